@@ -22,10 +22,16 @@ from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.derivative import differentiate, differentiate_in_time
 from inverse_service.expressions.inequalities import inequality
 from inverse_service.expressions.notation import Formula, listed, matrix, partial_derivative, row, theory
-from inverse_service.expressions.tree import ONE, TIME, Acceleration, Expression, Symbol, Velocity, node_count
+from inverse_service.expressions.tree import ONE, TIME, ZERO, Acceleration, Expression, Symbol, Velocity, node_count
 from inverse_service.field.exact_field import Budget, Quotient, TooLarge, quotient_tree, sum_of
 from inverse_service.field.matrices import determinant
-from inverse_service.mechanics.conditions import MotionInRing, connection, jacobi_endomorphism, motion_in_ring
+from inverse_service.mechanics.conditions import (
+    MotionInRing,
+    connection,
+    jacobi_endomorphism,
+    motion_in_ring,
+    one_matrix,
+)
 from inverse_service.mechanics.legendre.transform import legendre
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.search.protocol import SearchOutcome, describe
@@ -216,13 +222,21 @@ def of_one_coordinate(name: str, with_time: bool, is_found: bool) -> Step:
     )
 
 
-def not_found(space: SolutionSpace | None) -> Step:
-    """What is known without a closed form, and what to try."""
+def not_found(system: SecondOrderSystem, space: SolutionSpace | None) -> Step:
+    """What is known without a closed form, and what to try; where they leave one matrix its factor, by its slopes."""
     known = "" if space is None else f": {space.statement}"
+    found = one_matrix(system) if len(system.coordinates) > 1 else None
+    factor: list[Piece] = []
+    if found is not None:
+        places = itertools.combinations_with_replacement(range(len(system.coordinates)), 2)
+        entries = [row(f"G_{i + 1}{j + 1} = ", found[0][i][j]) for i, j in places if found[0][i][j] != ZERO]
+        integrand = separated([row("(", slope, ") d", variable) for variable, slope in found[1]], " + ")
+        factor = [" The conditions leave `g = e^u G` with ", *separated(entries), ", where `u` is the integral of ",
+                  *integrand, "; no elementary antiderivative of it was found."]  # fmt: skip
     return said(
-        f"There is a Lagrangian, and no closed form of one was found{known}. Give the search more time, or terms that "
-        "you expect in it, as `ansatz`."
-    )
+        f"There is a Lagrangian, and no closed form of one was found{known}.", *factor, " Give the search more time, "
+        "or terms that you expect in it, as `ansatz`."
+    )  # fmt: skip
 
 
 def _written(formula: Formula, given: str) -> Piece:

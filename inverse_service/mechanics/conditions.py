@@ -10,7 +10,8 @@
 Source: J. Douglas, Solution of the inverse problem of the calculus of variations, 1941; W. Sarlet, The
 Helmholtz conditions revisited, 1982; the sign of N in nabla is that of the definition of N here.
 
-The tensors N, Phi, nabla Phi, R of a system as exact expressions for people.
+The tensors N, Phi, nabla Phi, R of a system as exact expressions for people, and what follows where they leave one
+matrix.
 """
 
 from __future__ import annotations
@@ -18,11 +19,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from itertools import combinations, combinations_with_replacement
 from typing import Generic, Protocol, Self, TypeVar
 
 from inverse_service import bounds, deadline
 from inverse_service.expressions import tree as ex
-from inverse_service.field import exact_field
+from inverse_service.field import exact_field, matrices
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 
@@ -218,3 +220,61 @@ def conditions(system: SecondOrderSystem, time_limit: float = TIME_LIMIT) -> Ten
 def matrix_trees(ring: exact_field.ExactRing, matrix: tuple[tuple[exact_field.Quotient, ...], ...]) -> Matrix:
     """Each entry as a tree."""
     return tuple(tuple(exact_field.quotient_tree(ring, entry) for entry in row) for row in matrix)
+
+
+def one_matrix(system: SecondOrderSystem) -> tuple[Matrix, tuple[tuple[ex.Expression, ex.Expression], ...]] | None:
+    """(G, (variable, d log phi by it), …) where g T = (g T)^T for T = Phi, nabla Phi leaves one matrix, g = phi G.
+
+    With X_k = d log phi/dv^k from (H1) and S = Gamma(log phi) from (H2), both contracted with G^-1,
+
+        X_k = G^ij (dG_ik/dv^j - dG_ij/dv^k)/(n - 1),  S = G^ij (2 G N - Gamma G)_ij/n,
+        Q_k = dS/dv^k - Gamma(X_k) - X_j df^j/dv^k,  T = S - v^k Q_k - f^k X_k,
+
+    Q_k and T the slopes by q^k and t; those that are 0 are left out. None where more matrices are left, or a formula is
+    too large.
+    """
+    n = len(system.coordinates)
+    places = list(combinations_with_replacement(range(n), 2))
+    try:
+        exact = motion_in_ring(system, 6, exact_field.Budget(10 * bounds.TERMS, deadline.now() + TIME_LIMIT))
+        ring, motion, zero = exact.ring, exact.motion, exact.motion.zero
+        half, tensors = connection(motion), [jacobi_endomorphism(motion)]
+        tensors.append(nabla(motion, half, tensors[0]))
+        rows = []
+        for tensor, (i, j) in ((t, pair) for t in tensors for pair in combinations(range(n), 2)):
+            row = dict.fromkeys(places, zero)
+            for k in range(n):
+                row[min(i, k), max(i, k)] += tensor[k][j]
+                row[min(j, k), max(j, k)] -= tensor[k][i]
+            rows.append(tuple(row.values()))
+        found = list(matrices.null_space(rows, len(places), ring.constant(1)).values())
+        if len(found) != 1:
+            return None
+        entries = dict(zip(places, found[0], strict=True))
+        g = [[entries[min(i, j), max(i, j)] for j in range(n)] for i in range(n)]
+        unit = [[ring.constant(int(i == j)) for j in range(n)] for i in range(n)]
+        inverse = [matrices.solve_square(g, row) for row in unit]
+
+        def contracted(entry: Callable[[int, int], exact_field.Quotient], divisor: int) -> exact_field.Quotient:
+            parts = [row[j] * entry(i, j) for i, row in enumerate(inverse) if row is not None for j in range(n)]
+            return total(zero, parts).scaled(Fraction(1, divisor))
+
+        by, along = motion.by_velocity, motion.along
+        turned = [[matrices.dot(zero, row, [line[j] for line in half]) for j in range(n)] for row in g]
+        x = [contracted(lambda i, j, k=k: by[j](g[i][k]) - by[k](g[i][j]), n - 1) for k in range(n)]  # type: ignore[misc]
+        s = contracted(lambda i, j: turned[i][j].scaled(2) - along(g[i][j]), n)
+        slopes = [[by[k](f) for f in motion.accelerations] for k in range(n)]
+        q = [by[k](s) - along(x[k]) - matrices.dot(zero, slopes[k], x) for k in range(n)]
+        v = [ring.atoms[ex.Velocity(name)] for name in system.coordinates]
+        t = s - matrices.dot(zero, v, q) - matrices.dot(zero, motion.accelerations, x)
+        names: list[ex.Expression] = [
+            *map(ex.Symbol, system.coordinates),
+            *map(ex.Velocity, system.coordinates),
+            ex.TIME,
+        ]
+        pairs = [
+            (a, exact_field.quotient_tree(ring, b)) for a, b in zip(names, [*q, *x, t], strict=True) if not b.is_zero
+        ]
+        return matrix_trees(ring, tuple(map(tuple, g))), tuple(pairs)
+    except (exact_field.TooLarge, ZeroDivisionError):
+        return None

@@ -390,11 +390,11 @@ def _reasons(work: confirming.Work, with_time: bool) -> tuple[Step, ...]:
 def _by_existence(work: confirming.Work, decision: deciding.Decision) -> Answer:
     certificate = certify.of_decision(work.analysis, decision, work.options.series_order, work.options.seed)
     series = series_steps(work.analysis, decision, work.options.series_order)
-    steps, known = (not_found(decision.space), *series), existence_steps(decision)
+    steps, known = (not_found(work.analysis.system, decision.space), *series), existence_steps(decision)
     if len(work.analysis.system.coordinates) == 1:
         name = work.analysis.system.coordinates[0]
         steps = (of_one_coordinate(name, decision.with_time, is_found=False),)
-        known = (not_found(decision.space), *series)
+        known = (not_found(work.analysis.system, decision.space), *series)
     return Answer("variational", space=decision.space, certificate=certificate, explanation=steps, details=known)
 
 
