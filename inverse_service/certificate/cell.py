@@ -222,11 +222,14 @@ class Letters:
         (content, above), (other, below) = self.factors(w.above), self.factors(w.below)
         value = Quotient(self.one, self.one)
         left = [self.context.constant(content), self.context.constant(other)]
+        every_one = all((k * a) % 2 == 0 for _, k in (*above, *below))  # then it is |c|^a times squares
+        if every_one and content * other < 0:
+            left[0] = -left[0]
         for side, sign, found in ((0, 1, above), (1, -1, below)):
             for p, k in found:
                 simple = self.single(p)
                 positive = simple is not None and simple[0] in self.positive
-                if (k * a).denominator == 1 and (positive or (k % 2 == 0 and (k * a) % 2 == 0)):
+                if (k * a).denominator == 1 and (positive or every_one or (k % 2 == 0 and (k * a) % 2 == 0)):
                     value = self.raised(value, Quotient(p, self.one), int(sign * k * a))
                 else:
                     left[side] = left[side] * p**k
@@ -235,6 +238,11 @@ class Letters:
         if a == whole or (rest.above == 1 and rest.below == 1):
             return value
         inner, part = self.text(rest), a - whole
+        if rest.above.is_constant() and rest.below == 1:
+            number, degree = rest.above.leading_coefficient(), part.denominator
+            over, under = number.p.root(degree), number.q.root(degree)
+            if fmpq(over, under) ** degree == number:
+                return self.multiply(value, self.constant(Fraction(int(over), int(under)) ** part.numerator))
         text = f"sqrt({inner})" if part == Fraction(1, 2) else f"({inner})^({part})"
         place = self.letter(text, self.needs_of(rest) | frozenset(self.pieces(">", rest)))
         self.positive.add(place)
@@ -401,7 +409,7 @@ class Knowledge:
     def __init__(self, ring: Letters, needs: Iterable[Need] = ()) -> None:
         self.ring = ring
         self.nonzero, self.signs = set[str](), dict[str, int]()
-        self.wholes = list[Polynomial]()
+        self.wholes, self.found = list[Polynomial](), dict[tuple[str, int], int]()
         self.products, self.listed = list[tuple[int, list[Polynomial]]](), list[tuple[Polynomial, int]]()
         for need in needs:
             self.learn(need)
@@ -454,12 +462,18 @@ class Knowledge:
     def irreducible(self, p: Polynomial, depth: int) -> int:
         if (known := self.signs.get(str(p))) is not None:
             return known
+        self.ring.question.check_time()
+        if (key := (str(p), depth)) not in self.found:
+            self.found[key] = self.sign_of(p, depth)
+        return self.found[key]
+
+    def sign_of(self, p: Polynomial, depth: int) -> int:
         simple, same = self.ring.single(p), self.ring.same_sign(p)
         if same is not None and depth > 0 and (sign := self.sign(same, depth - 1)):
             return sign
         if (sign := self.by_facts(p) or self.by_terms(p)) or depth < 1:
             return sign
-        found = self.by_roots(p) or self.by_squares(p, depth)
+        found = self.by_roots(p) or self.by_squares(p, depth) or self.by_arctangents(p, depth)
         return found or self.by_norm(p, depth) or (0 if simple is None else self.by_quarter(simple[0], depth))
 
     def by_facts(self, p: Polynomial) -> int:
@@ -533,6 +547,17 @@ class Knowledge:
         roots: list[Any] = fmpz_poly(listed).complex_roots()  # pairs (root, multiplicity)
         real = any(root.imag.contains(0) for root, _ in roots)
         return 0 if real else 1 if listed[0] > 0 else -1
+
+    def by_arctangents(self, p: Polynomial, depth: int) -> int:
+        """b + c atan u has the sign of b + c pi/2 and b - c pi/2, one of which may be 0."""
+        half = self.ring.generators[0] / 2
+        for place in self.ring.odd:
+            if p.degrees()[place] == 1:
+                b, c = self.ring.parts_of(p, place, 1)
+                ends = {self.sign(end, depth - 1) for end in (b + c * half, b - c * half) if end != 0}
+                if len(ends) == 1:
+                    return ends.pop()
+        return 0
 
     def by_squares(self, p: Polynomial, depth: int) -> int:
         """a z^2 + b z + c has the sign of a where 4 a c - b^2 > 0."""

@@ -249,31 +249,35 @@ def _root_here(square: ex.Expression, table: real_point.RealTable) -> ex.Express
 
 
 def _circular_roots(formulas: Sequence[ex.Expression], table: real_point.RealTable | None) -> list[dict[str, str]]:
-    """sqrt(1 - sin(u)^2) = +-cos u, sqrt(2 - 2*cos(u)) = +-2 sin(u/2) and the like, on the side of the point."""
+    """sqrt(1 - sin(u)^2) = +-cos u, sqrt(sec(u)^2 - 1) = +-tan u and the like, on the side of the point.
+
+    So is each root whose radicand is a number times the square of a function in the formulas: sqrt((1 - x)/2) =
+    sin(acos(x)/2).
+    """
     found = list[dict[str, str]]()
+    others = [node for node in ex.distinct_nodes(formulas) if isinstance(node, ex.Apply) and real_point.varies(node)]
     for node in ex.distinct_nodes(formulas) if table is not None else ():
         if not isinstance(node, ex.Power) or not tower.is_even_root(node):
             continue
         angles = dict.fromkeys(angle for one in ex.walk(node.base) if (angle := _angle(one)) is not None)
         parts = [part for u in angles for part in (u, u / 2, u / 2 + ex.PI / 4)]
-        for value in (ex.apply(name, part) for part in parts for name in ("sin", "cos")):
+        for value in [*(ex.apply(name, part) for part in parts for name in _CIRCULAR), *others]:
             factor = _factor(node.base, value**2, table or {})
             if factor is not None:
                 sign = 1 if real_point.are_positive([value], table or {}) else -1
-                root = ex.square_root(node.base)
-                found.append(
-                    {
-                        "root": printing.to_text(root),
-                        "is": printing.to_text(sign * ex.square_root(ex.number(factor)) * value),
-                    }
-                )
+                root = printing.to_text(ex.square_root(node.base))
+                said = sign * ex.square_root(ex.number(factor)) * value
+                found.append({"root": root, "is": printing.to_text(said)})
                 break
     return found
 
 
+_CIRCULAR = ("sin", "cos", "tan", "sec", "csc", "cot")
+
+
 def _angle(node: ex.Expression) -> ex.Expression | None:
     match node:
-        case ex.Apply("sin" | "cos", u) if real_point.varies(u):
+        case ex.Apply(name, u) if name in _CIRCULAR and real_point.varies(u):
             return u
     return None
 

@@ -26,6 +26,7 @@ _LARGEST = 10_000
 _STARTS, _NODES = 4, (0, 1, -1, 2, -2, 3)  # of walks along the axes
 _FINEST = 720  # of parts of pi
 _TINY = mpmath.mpf(10) ** -12
+_HUGE = mpmath.mpf(10) ** 2000  # the balls of the checker tell numbers apart up to 2^8192 = 10^2466
 
 RealTable = dict[ex.Expression, mpmath.mpf]
 
@@ -49,7 +50,7 @@ def find_real_point(
                 for attempt in range(_TRIES_PER_SCALE):
                     table: RealTable = {name: _draw(generator, scale, attempt % 2 == 0) for name in names}
                     table[tower.RADIAN] = mpmath.mpf(1)
-                    if are_positive(inside, table) and is_defined(expressions, table):
+                    if are_positive(inside, table) and is_defined(expressions, table, _HUGE):
                         return table
         for _ in range(_STARTS if positive else 0):
             table = {tower.RADIAN: mpmath.mpf(1)}
@@ -128,11 +129,11 @@ def _draw(generator: random.Random, scale: mpmath.mpf, positive: bool) -> mpmath
     return magnitude if positive or generator.random() < 0.5 else -magnitude
 
 
-def is_defined(expressions: Sequence[ex.Expression], table: RealTable) -> bool:
-    """Whether all have finite values at the point."""
+def is_defined(expressions: Sequence[ex.Expression], table: RealTable, most: mpmath.mpf = mpmath.inf) -> bool:
+    """Whether all have finite values at the point, below `most`."""
     known = dict(table)
     try:
-        return all(mpmath.isfinite(evaluation.evaluate_once(expression, known)) for expression in expressions)
+        return all(abs(evaluation.evaluate_once(expression, known)) < most for expression in expressions)
     except evaluation.NoRealValue:
         return False
 

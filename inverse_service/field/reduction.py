@@ -446,13 +446,15 @@ def _power(content: Fraction, found: Factors, exponent: Fraction) -> ex.Expressi
 
 
 def _odd_root(content: Fraction, found: Factors, exponent: Fraction) -> list[Way]:
-    """Odd roots of perfect powers; bases of roots are positive."""
+    """Odd roots of perfect powers, where these are positive, as bases of roots are."""
     degree = exponent.denominator
     if not found or any(k % degree for k in found.values()):
         return []
-    root = _product({factor: k // degree for factor, k in found.items()})
-    value = ((1 if content > 0 else -1) * root) ** int(exponent.numerator)
-    return [(ex.number(abs(content)) ** exponent * value, ())]
+    root = {factor: k // degree for factor, k in found.items()}
+    sign = 1 if content > 0 else -1
+    odd = [factor for factor, k in root.items() if k % 2]
+    value = collecting.collect(ex.number(abs(content)) ** exponent) * (sign * _product(root)) ** int(exponent.numerator)
+    return [(value, (sign * _product(dict.fromkeys(odd, 1)),) if odd else ())]
 
 
 def root_factors(tree: ex.Expression) -> tuple[Fraction, Factors]:
