@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice, product
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from inverse_service import deadline
-from inverse_service.decision import deciding
+from inverse_service.certificate import checker
+from inverse_service.decision import certify, deciding
 from inverse_service.expressions import collecting
 from inverse_service.expressions.tree import Expression
 from inverse_service.field import real_point, tower
@@ -17,6 +18,7 @@ from inverse_service.mechanics import second_order_system
 
 Answer = TypeVar("Answer")
 _MOST_OUTSIDE = 64  # choices of one side of each cell
+_OTHER_POINTS = range(2, 8)  # seeds of points on other parts of a cell
 NO_TIME = "the time was over"
 NO_POINT = "no real point was found here"
 TOO_MANY = f"more than {second_order_system.MOST_BRANCHES} cells"
@@ -33,7 +35,7 @@ class Left:
 
 
 def answered(
-    branches: Sequence[second_order_system.SecondOrderSystem],
+    system: second_order_system.SecondOrderSystem,
     answer: Callable[
         [second_order_system.SecondOrderSystem, Sequence[second_order_system.SecondOrderSystem]],
         tuple[Answer, Sequence[Expression]],
@@ -42,40 +44,54 @@ def answered(
 ) -> tuple[list[Answer], list[Left]]:
     """The answers on all cells, and what is left.
 
-    `answer` is asked about a system, beside those that wait; it gives the answer and the trees that are positive on
-    its cell. What is beyond each of these, within the same branch, is a cell of its own. No further one is begun after
-    the `end`.
+    `answer` is asked about the system on a cell, beside those that wait; it gives the answer and the trees that are
+    positive on its cell. What is beyond each of these, within the same branch, is a cell of its own. No further one is
+    begun after the `end`. Left are, besides, cases without a known point, and a point that lies in none of the cells.
     """
-    waiting, found, left = [*branches], list[Answer](), list[Left]()
+    branches = second_order_system.branches_of(system)
+    waiting, found, left, known_sides = [*branches], list[Answer](), list[Left](), list[Sequence[Expression]]()
     while waiting:
-        system = waiting.pop(0)
-        if len(found) == second_order_system.MOST_BRANCHES or (system not in branches and deadline.now() > end):
+        cell = waiting.pop(0)
+        if len(found) == second_order_system.MOST_BRANCHES or (cell not in branches and deadline.now() > end):
             reason = TOO_MANY if len(found) == second_order_system.MOST_BRANCHES else NO_TIME
-            left.append(Left(tuple(map(collecting.collect, system.positive)), point_of(system), reason))
+            left.append(Left(tuple(map(collecting.collect, cell.positive)), point_of(cell), reason))
             continue
-        one, sides = answer(system, waiting)
+        one, sides = answer(cell, waiting)
         found.append(one)
-        known = {collecting.collect(tree) for tree in system.positive}
+        known_sides.append(sides)
+        known = {collecting.collect(tree) for tree in cell.positive}
         fresh = [side for side in sides if side not in known]
         for k, side in enumerate(fresh):
-            other = second_order_system.on_side(system, [*fresh[:k], collecting.collect(-side)])
+            other = second_order_system.on_side(cell, [*fresh[:k], collecting.collect(-side)])
             if other is not None and point_of(other) is not None:
                 waiting.append(other)
-    return found, left
-
-
-def beyond(system: second_order_system.SecondOrderSystem, cells: Sequence[Sequence[Expression]]) -> list[Left]:
-    """Cases without a known point, and sets that lie in none of the cells, each with a point."""
-    found = [
-        Left(tuple(map(collecting.collect, one.positive)), None, NO_POINT)
-        for one in second_order_system.unreached(system)
-    ]
-    for outside in islice(product(*cells), _MOST_OUTSIDE) if system.branch is None else ():
+    unreached = second_order_system.unreached(system)
+    left += [Left(tuple(map(collecting.collect, one.positive)), None, NO_POINT) for one in unreached]
+    for outside in islice(product(*known_sides), _MOST_OUTSIDE) if system.branch is None else ():
         other = second_order_system.on_side(system, [collecting.collect(-side) for side in outside])
         point = None if other is None else point_of(other)
         if other is not None and point is not None:
-            return [*found, Left(other.positive, point, BEYOND)]
-    return found
+            left.append(Left(other.positive, point, BEYOND))
+            break
+    return found, left
+
+
+def other_part(
+    system: second_order_system.SecondOrderSystem,
+    certificate: Mapping[str, Any],
+    sides: Sequence[Expression],
+    end: float,
+) -> tuple[real_point.RealTable, checker.CheckResult] | None:
+    """A point of a cell at which the proof found on one part of it is none, and what the checker says there.
+
+    One at which the claim is wrong, or else where it is not settled; None where it is proven at all points tried.
+    """
+    found = list[tuple[real_point.RealTable, checker.CheckResult]]()
+    for point in (point_of(system, seed) for seed in _OTHER_POINTS):
+        if point is not None and real_point.are_positive(sides, point) and deadline.now() < end:
+            moved = {**certificate, "near": certify.moved_to(certificate["near"], point)}
+            found.append((point, checker.check_certificate(moved, time_limit=deadline.left(end, 1.0))))
+    return next((one for verdict in ("invalid", "incomplete") for one in found if one[1].verdict == verdict), None)
 
 
 def point_of(system: second_order_system.SecondOrderSystem, seed: int = 1) -> real_point.RealTable | None:

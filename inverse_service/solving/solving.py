@@ -9,7 +9,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from inverse_service import bounds, deadline, errors
-from inverse_service.certificate import checker, formulas
+from inverse_service.certificate import formulas
 from inverse_service.decision import cells, certify, deciding
 from inverse_service.decision.solutions import Answer, Conditions, Solution, SolveOptions, Step
 from inverse_service.explanation import wording
@@ -25,7 +25,6 @@ from inverse_service.explanation.positive import (
 )
 from inverse_service.expressions import collecting, notation, printing
 from inverse_service.expressions import tree as ex
-from inverse_service.field import real_point
 from inverse_service.linear_pde import involution
 from inverse_service.mechanics import second_order_system
 from inverse_service.search import row_factors, terms, tidy
@@ -39,8 +38,7 @@ if TYPE_CHECKING:
 _SEARCH_SHARE = 0.5
 # Of the time left, what the decision on the first of two questions may take.
 _SHARE_OF_FIRST = 0.6
-# Seeds of points on other parts of a set.
-_OTHER_POINTS = range(2, 8)
+_UNCONNECTED = "this part is not connected with the one answered"
 _UNSOLVED = (
     "the accelerations, solved for, are too long to decide about, and the equations as given have no Lagrangian of "
     "their own that answers this"
@@ -96,25 +94,15 @@ def solve_branches(
             told((), lambda: (known, open_ones))
         return found, sides_of(found)
 
-    _, open_cells = cells.answered(branches, answer, end)
-    open_cells += cells.beyond(system, [sides_of(one) for one in solutions])
-    open_cells += (one for found in solutions if (one := _other_part(found, end)) is not None)
+    _, open_cells = cells.answered(system, answer, end)
+    for found in solutions:
+        for one in (found.autonomous, found.with_time):
+            if one is not None and one.one_side and one.certificate is not None:
+                other = cells.other_part(found.system, one.certificate, one.sides, end)
+                if other is not None:
+                    open_cells.append(cells.Left(sides_of(found), other[0], _UNCONNECTED))
+                    break
     return tuple(solutions), tuple(open_cells)
-
-
-def _other_part(solution: Solution, end: float) -> cells.Left | None:
-    """A point of the set of an answer for one part of it, at which its proof is none; None where all have it."""
-    for answer in (solution.autonomous, solution.with_time):
-        if answer is None or not answer.one_side or answer.certificate is None:
-            continue
-        for seed in _OTHER_POINTS:
-            point = cells.point_of(solution.system, seed)
-            if point is None or not real_point.are_positive(answer.sides, point) or deadline.now() > end:
-                continue
-            moved = dict(answer.certificate) | {"near": certify.moved_to(answer.certificate["near"], point)}
-            if checker.check_certificate(moved, time_limit=deadline.left(end, 1.0)).verdict != "valid":
-                return cells.Left(sides_of(solution), point, "this part is not connected with the one answered")
-    return None
 
 
 def sides_of(solution: Solution) -> tuple[ex.Expression, ...]:

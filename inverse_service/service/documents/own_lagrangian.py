@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
 import mpmath
 
-from inverse_service.certificate.checker import check_certificate
 from inverse_service.deadline import now
 from inverse_service.decision import cells, certify
 from inverse_service.decision.deciding import analyze, variables_of
@@ -22,7 +22,7 @@ from inverse_service.field.reduction import signed_factors
 from inverse_service.field.tower import to_kernels
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_residual, euler_lagrange_sums
 from inverse_service.mechanics.implicit_equations import linear_equation, solve_accelerations
-from inverse_service.mechanics.second_order_system import SecondOrderSystem, branches_of
+from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading.document_names import Declared, known_names
 from inverse_service.service.documents import accepting, canonical, translate
 
@@ -33,7 +33,7 @@ AS_WRITTEN = (
 )
 _SINGULAR = "The Hessian of L in the velocities is singular: L does not determine the accelerations."
 _DIGITS = 12  # of numbers that are shown
-_FARTHER = range(2, 8)  # seeds of points on other parts of a cell
+_ELSEWHERE = "Other parts of this set, which are not connected with this point, are not settled."
 
 
 def document_of(found: Any) -> Any:
@@ -56,8 +56,17 @@ def check_lagrangian(document: Any, text: str, time_limit: float = 60.0) -> dict
     schema = accepting.to_schema(document_of(document))
     lagrangian, system = _read(schema, accepting.to_solvable(schema), text)
     own, is_singular = _equations_of(lagrangian, system)
-    judging = _Judging(lagrangian, own, end)
-    found, left = _on_cells(judging, system, lagrangian)
+
+    def answer(one: SecondOrderSystem, _: object) -> tuple[dict[str, Any], Sequence[Expression]]:
+        """On a cell of f and L, which is written last."""
+        branch = one.branch and replace(one.branch, given=one.branch.given[:-1])
+        cell = replace(one, accelerations=one.accelerations[:-1], branch=branch)
+        return _judged(cell, one.accelerations[-1], lagrangian, own, end)
+
+    if system.is_unsolved:
+        found, left = [_judged(system, lagrangian, lagrangian, own, end)[0]], list[cells.Left]()
+    else:
+        found, left = cells.answered(replace(system, accelerations=(*system.accelerations, lagrangian)), answer)
     verdicts = {one["verdict"] for one in found} | ({"incomplete"} if left else set())
     wrong = verdicts & {"invalid"}
     verdict = verdicts.pop() if len(verdicts) == 1 else "differs" if wrong and "valid" in verdicts else (
@@ -72,7 +81,7 @@ def check_lagrangian(document: Any, text: str, time_limit: float = 60.0) -> dict
     return {
         "verdict": verdict,
         "statement": shown[0]["statement"] if shown and not is_singular else None,
-        "cells": [{key: one[key] for key in one if key not in ("statement", "reasons", "sides")} for one in found],
+        "cells": [{key: one[key] for key in one if key not in ("statement", "reasons")} for one in found],
         "contradictions": [],
         "not_checked": [],
         "reasons": reasons,
@@ -96,107 +105,77 @@ def _read(schema: Any, system: SecondOrderSystem, text: str) -> tuple[Expression
     return found, wider if more or functions else system
 
 
-def _on_cells(
-    judging: _Judging, system: SecondOrderSystem, lagrangian: Expression
-) -> tuple[list[dict[str, Any]], list[cells.Left]]:
-    if system.branch is not None:
-        return [judging.judge(system, lagrangian)[0]], []
-    both = replace(system, accelerations=(*system.accelerations, lagrangian))
+def _judged(
+    system: SecondOrderSystem,
+    lagrangian: Expression,
+    written: Expression,
+    own: Sequence[Expression] | None,
+    end: float,
+) -> tuple[dict[str, Any], Sequence[Expression]]:
+    """What the checker finds about L on a cell, as about one that was searched for; the trees that are positive there.
 
-    def answer(one: SecondOrderSystem, _: object) -> tuple[dict[str, Any], Sequence[Expression]]:
-        branch = one.branch and replace(one.branch, given=one.branch.given[:-1])
-        return judging.judge(replace(one, accelerations=one.accelerations[:-1], branch=branch), one.accelerations[-1])
+    `written` is L before its roots of squares were put as they are on the cell, `own` the accelerations that it has.
+    """
+    sides: list[Expression] = [*map(collect, system.positive)]
+    limit = max(1.0, (end - now()) / 4)
 
-    found, left = cells.answered(branches_of(both), answer)
-    return found, [*left, *cells.beyond(both, [one["sides"] for one in found])]
-
-
-class _Judging:
-    """Judges L on a cell by the checker, as a Lagrangian that was found."""
-
-    def __init__(self, lagrangian: Expression, own: tuple[Expression, ...] | None, end: float) -> None:
-        self.lagrangian, self.own, self.end = lagrangian, own, end
-
-    def judge(self, system: SecondOrderSystem, lagrangian: Expression) -> tuple[dict[str, Any], Sequence[Expression]]:
-        with_time = system.depends_on_time or TIME in walk(lagrangian)
-        try:
-            analysis = analyze(system)
-        except IrreducibleAtoms as problem:
-            analysis = None
-            reason = problem.detail
-        if analysis is None:
-            return self.cell(system, None, "incomplete", (reason,)), system.positive
-        limit = max(1.0, (self.end - now()) / 4)
-        claim = certify.of_lagrangian(analysis, lagrangian, with_time)
-        certificate, proof = certify.proved(analysis, claim, limit)
-        near = certificate.get("near", {})
-        if proof.verdict == "valid" and proof.formulas is not None:
-            where = certify.where_of(proof.formulas, system.names)
-            # The question is where L has these equations, not where there is some L.
-            own = replace(proof, cell=proof.formulas, by_theorem=False)
-            statement = canonical.of_certificate(certificate, own)
-            found = self.cell(system, near, "valid", proof.reasons)
-            # What was proven is L as it is written on this side, without a root or an inverse function.
-            written = found["domain"] if lagrangian != self.lagrangian else []
-            domain = list(dict.fromkeys([*written, *statement["domain"]]))
-            found |= {"domain": domain, "statement": statement | {"domain": domain}, "sides": where.sides}
-            if where.one_side:
-                found |= self.elsewhere(system, lagrangian, certificate, limit)
-            return found, where.sides
-        table = certify.point_of(analysis, lagrangian)
-        sides: list[Expression] = [*map(collect, system.positive)]
-        if table is not None:
-            try:
-                formulas = [*map(to_kernels, (*system.given, self.lagrangian))]
-                sides = list(dict.fromkeys([*sides, *signed_factors(requirements(formulas, table), table)]))
-            except (IrreducibleAtoms, NoRealValue):
-                pass
-        found = self.cell(system, near, proof.verdict, proof.reasons)
-        found |= {
-            "domain": list(map(inequality_text, strongest(t for t in sides if not isinstance(t, Power)))),
-            "sides": sides,
-        }
-        if proof.verdict == "invalid" and table is not None:
-            found |= self.failing(system, table)
-        return found, sides
-
-    def cell(self, system: SecondOrderSystem, near: Any, verdict: str, reasons: Sequence[str]) -> dict[str, Any]:
-        sides = [*map(collect, system.positive)]
-        where = " and ".join(map(inequality_text, sides))
+    def cell(domain: list[str], near: Any, verdict: str, reasons: Sequence[str]) -> dict[str, Any]:
+        where = " and ".join(map(inequality_text, map(collect, system.positive)))
         told = [f"Where {where}: {reason}" if where else reason for reason in reasons]
-        return {"domain": list(map(inequality_text, sides)), "near": near or {}, "verdict": verdict,
-                "reasons": told, "sides": sides}  # fmt: skip
+        return {"domain": domain, "near": near, "verdict": verdict, "reasons": told}
 
-    def elsewhere(
-        self, system: SecondOrderSystem, lagrangian: Expression, certificate: dict[str, Any], limit: float
-    ) -> dict[str, Any]:
-        """The same proof at points of other parts of the cell: wrong on one of them, or not settled on all."""
-        reason = "Other parts of this set, which are not connected with this point, are not settled."
-        for seed in _FARTHER:
-            point = cells.point_of(system, seed)
-            if point is None:
-                continue
-            moved = certificate | {"near": certify.moved_to(certificate["near"], point)}
-            found = check_certificate(moved, time_limit=limit)
-            if found.verdict == "invalid":
-                return {"verdict": "differs", "reasons": [found.reasons[0]]} | self.failing(system, point)
-        return {"verdict": "incomplete", "reasons": [reason]}
+    try:
+        analysis = analyze(system)
+    except IrreducibleAtoms as problem:
+        return cell([*map(inequality_text, sides)], {}, "incomplete", (problem.detail,)), sides
+    claim = certify.of_lagrangian(analysis, lagrangian, system.depends_on_time or TIME in walk(lagrangian))
+    certificate, proof = certify.proved(analysis, claim, limit)
+    near = certificate.get("near", {})
+    if proof.verdict == "valid":
+        where = certify.where_of(proof.formulas, system.names)
+        # The question is where L has these equations, not where there is some L; what was proven is L as it is
+        # written on this side, without a root or an inverse function.
+        statement = canonical.of_certificate(certificate, replace(proof, cell=proof.formulas, by_theorem=False))
+        known = [*map(inequality_text, sides)] if lagrangian != written else []
+        domain = [*dict.fromkeys([*known, *statement["domain"]])]
+        found = cell(domain, near, "valid", proof.reasons) | {"statement": statement | {"domain": domain}}
+        if where.one_side:
+            other = cells.other_part(system, certificate, where.sides, end)
+            if other is None or other[1].verdict != "invalid":
+                found |= {"verdict": "incomplete", "reasons": [_ELSEWHERE]}
+            else:
+                found |= {"verdict": "differs", "reasons": [other[1].reasons[0]]} | _failing(system, own, other[0])
+        return found, where.sides
+    table = certify.point_of(analysis, lagrangian)
+    if table is not None:
+        with suppress(IrreducibleAtoms, NoRealValue):
+            formulas = [*map(to_kernels, (*system.given, written))]
+            sides = list(dict.fromkeys([*sides, *signed_factors(requirements(formulas, table), table)]))
+    domain = list(map(inequality_text, strongest(t for t in sides if not isinstance(t, Power))))
+    found = cell(domain, near, proof.verdict, proof.reasons)
+    if proof.verdict == "invalid" and table is not None:
+        found |= _failing(system, own, table)
+    return found, sides
 
-    def failing(self, system: SecondOrderSystem, table: RealTable) -> dict[str, Any]:
-        """A point, and both accelerations there."""
-        own_names = {*variables_of(system)}  # and not the angle of one radian, which a table may hold
-        named = {("t" if key == TIME else translate.name_of(key)): value for key, value in table.items()
-                 if key in own_names}  # fmt: skip
-        shown = {name: mpmath.nstr(value, _DIGITS) for name, value in named.items()}
-        try:
-            given = [evaluate(to_kernels(f), table) for f in system.given]
-            own = [evaluate(to_kernels(f), table) for f in self.own or ()]
-        except (NoRealValue, KeyError):
-            return {"at": shown}
-        pairs = {"given": given, "lagrangian": own}
-        numbers = {key: {x: mpmath.nstr(value, _DIGITS) for x, value in zip(system.coordinates, values, strict=False)}
-                   for key, values in pairs.items()}  # fmt: skip
-        return {"at": shown, "accelerations": numbers} if self.own else {"at": shown}
+
+def _failing(system: SecondOrderSystem, own: Sequence[Expression] | None, table: RealTable) -> dict[str, Any]:
+    """A point, and both accelerations there."""
+    own_names = {*variables_of(system)}  # and not the angle of one radian, which a table may hold
+    named = {("t" if key == TIME else translate.name_of(key)): value for key, value in table.items()
+             if key in own_names}  # fmt: skip
+    shown = {"at": {name: mpmath.nstr(value, _DIGITS) for name, value in named.items()}}
+    try:
+        pairs = {"given": system.given, "lagrangian": own or ()}
+        numbers = {
+            key: {
+                x: mpmath.nstr(evaluate(to_kernels(f), table), _DIGITS)
+                for x, f in zip(system.coordinates, trees, strict=False)
+            }
+            for key, trees in pairs.items()
+        }
+    except (NoRealValue, KeyError):
+        return shown
+    return shown | {"accelerations": numbers} if own else shown
 
 
 def _where(left: cells.Left) -> str:
