@@ -139,19 +139,26 @@ def end_of(job: str) -> str:
     return f"end of {job}"
 
 
+class Waiting(asyncio.Event):
+    """One that waits; `job` is the one that ended, where it ended here."""
+
+    job: model.Job | None = None
+
+
 class Hub:
-    """One asyncio.Event for each waiting request, by the id of the job it waits for, its end, or ANY."""
+    """One event for each waiting request, by the id of the job it waits for, its end, or ANY."""
 
     def __init__(self) -> None:
         self._loop = asyncio.get_running_loop()
-        self._waiting: dict[str, set[asyncio.Event]] = defaultdict(set)
+        self._waiting: dict[str, set[Waiting]] = defaultdict(set)
         self.closing = False
 
-    def tell(self, id: str, what: str) -> None:
-        """A job changed (see `model.Change`); may be called from any thread."""
+    def tell(self, change: model.Change) -> None:
+        """A job changed; may be called from any thread."""
+        id, what, job = change
         keys = (id, end_of(id), ANY) if what in ("", *model.FINAL) else (id,)
         if any(key in self._waiting for key in keys):
-            self._loop.call_soon_threadsafe(self._set, keys)
+            self._loop.call_soon_threadsafe(self._set, keys, job)
 
     def close(self) -> None:
         """The service stops: everybody who waits goes on and looks at `closing`."""
@@ -159,9 +166,9 @@ class Hub:
         self._loop.call_soon_threadsafe(lambda: self._set(tuple(self._waiting)))
 
     @contextmanager
-    def waiting(self, id: str) -> Iterator[asyncio.Event]:
+    def waiting(self, id: str) -> Iterator[Waiting]:
         """An event that is set at each change; its user clears it before looking at the store."""
-        event = asyncio.Event()
+        event = Waiting()
         self._waiting[id].add(event)
         try:
             yield event
@@ -170,9 +177,10 @@ class Hub:
             if not self._waiting[id]:
                 del self._waiting[id]
 
-    def _set(self, keys: Iterable[str]) -> None:
+    def _set(self, keys: Iterable[str], job: model.Job | None = None) -> None:
         for key in keys:
             for event in self._waiting.get(key, ()):
+                event.job = job
                 event.set()
 
 

@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable, Sequence, Sized
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
+from dataclasses import replace
 from typing import Any, ParamSpec, TypeVar
 
 from inverse_service import __version__, errors
@@ -210,14 +211,14 @@ class Engine:
             return await self._until_final(job, viewer, seconds, ended)
 
     async def _until_final(
-        self, job: model.Job, viewer: model.Viewer, seconds: float, ended: asyncio.Event
+        self, job: model.Job, viewer: model.Viewer, seconds: float, ended: asking.Waiting
     ) -> model.Job:
         end = time.monotonic() + seconds
         while job.is_open and (left := end - time.monotonic()) > 0 and not self.hub.closing:
             await asking.until_set(ended, min(left, self.look_again))
             ended.clear()
-            job = await self.job(job.id, viewer) or job
-        return job
+            job = ended.job or await self.job(job.id, viewer) or job
+        return job if len(job.body or b"") <= PART else replace(job, body=None)
 
     async def dismiss(self, id: str, viewer: model.Viewer) -> model.Job | None:
         """Cancel a job for a client; its process is killed where nobody else waits for it."""

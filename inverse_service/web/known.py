@@ -9,6 +9,8 @@ import zlib
 from collections import OrderedDict
 from dataclasses import dataclass
 
+from inverse_service.service.jobs import model
+
 # For so long an answer is given without a look at the store: what is erased there is not told after it, s.
 KEPT = 5.0
 # Compressed bytes of all answers, and of one as it is; larger ones are read in parts.
@@ -63,8 +65,9 @@ class KnownAnswers:
             while self._bytes > MOST_BYTES:
                 self._forget(next(iter(self._answers)))
 
-    def drop(self, job: str, _: str) -> None:
-        """The job changed."""
+    def drop(self, change: model.Change) -> None:
+        """A job changed."""
+        job = change.id
         if job in self._keys:
             with self._lock:
                 for key in tuple(self._keys.get(job, ())):

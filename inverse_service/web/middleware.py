@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import logging
 import re
 import time
@@ -236,19 +235,22 @@ class StopWhenLeft(Middleware):
 
     async def handle(self, scope: Scope, receive: Receive, send: Send) -> None:
         messages: asyncio.Queue[Message] = asyncio.Queue(1)
+        work, is_left = asyncio.current_task(), False
+        assert work is not None
 
         async def read() -> None:
-            """Hand on the parts of the body; it ends when the client is gone."""
+            """Hand on the parts of the body; the work ends when the client is gone."""
+            nonlocal is_left
             while (message := await receive())["type"] != "http.disconnect":
                 await messages.put(message)
+            is_left = True
+            work.cancel()
 
-        work = asyncio.ensure_future(self.app(scope, messages.get, send))
         reader = asyncio.ensure_future(read())
         try:
-            await asyncio.wait((work, reader), return_when=asyncio.FIRST_COMPLETED)
+            await self.app(scope, messages.get, send)
+        except asyncio.CancelledError:
+            if not is_left or work.uncancel():
+                raise
         finally:
             reader.cancel()
-            is_left = not work.done()
-            work.cancel()
-        with contextlib.suppress(*[asyncio.CancelledError] if is_left else []):
-            await work

@@ -359,7 +359,7 @@ def test_pruning_by_size_forgets_the_oldest_first(store: JobStore) -> None:
 
 def test_listeners_hear_of_every_change(store: JobStore) -> None:
     heard: list[tuple[str, str]] = []
-    store.on_change(lambda id, what: heard.append((id, what)))
+    store.on_change(lambda change: heard.append((change.id, change.what)))
     store.submit([request("a")])
     (job,) = store.claim("o", 1)
     store.add_events([("a", Event(1, "status"))])

@@ -13,7 +13,7 @@ from typing import Any
 import httpx
 import pytest
 
-from inverse_service.service.jobs.model import Event, Job, StoreUnavailable
+from inverse_service.service.jobs.model import Change, Event, Job, StoreUnavailable
 from inverse_service.service.jobs.statements import Batch, BatchAnswer
 from inverse_service.settings import Settings
 from inverse_service.web import engine as engine_module
@@ -199,7 +199,7 @@ def test_a_stream_over_a_store_of_this_process_alone_waits_to_be_woken(monkeypat
         assert store.looks == 1
         store.status = "successful"
         engine = client._transport.app.state.engine  # type: ignore[attr-defined]
-        engine.hub.tell("a", "successful")
+        engine.hub.tell(Change("a", "successful"))
         answer = await asyncio.wait_for(stream, 10)
         assert store.looks == 2
         assert '"status": "successful"' in answer.text

@@ -7,6 +7,7 @@ from typing import Any
 
 import httpx
 
+from inverse_service.service.jobs.model import Change
 from inverse_service.web.known import KnownAnswers, digest
 
 SYSTEM = {"name": "known", "coordinates": ["x"], "equations": {"x": "-3*x"}}
@@ -47,7 +48,7 @@ def test_what_changes_is_forgotten_and_memory_is_bounded(monkeypatch: Any) -> No
     assert found is not None
     assert (found.body, found.headers) == (b"body" * 100, {"ETag": "1"})
     assert len(found.compressed) < 50
-    known.drop("job", "accepted")
+    known.drop(Change("job", "accepted"))
     assert (known.get(b"a"), known.get(b"b")) == (None, None)
     assert known.get(b"c") is not None
     monkeypatch.setattr("inverse_service.web.known.MOST_BYTES", 1_000)

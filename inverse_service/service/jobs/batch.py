@@ -518,7 +518,7 @@ class BatchEngine:
         self._changed: queue.SimpleQueue[str] = queue.SimpleQueue()
         self._open: dict[str, list[Line]] = {}
         self.duplicates = 0
-        store.on_change(lambda id, what: self._changed.put(id) if what in model.FINAL else None)
+        store.on_change(lambda change: self._changed.put(change.id) if change.what in model.FINAL else None)
 
     def answers(self, lines: Iterator[Line]) -> Iterator[tuple[Line, bytes]]:
         """Each line with its answer, as they come."""

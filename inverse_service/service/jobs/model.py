@@ -17,7 +17,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from decimal import Decimal
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, Literal, TypeVar
+from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple, TypeVar
 
 from inverse_service import __version__, errors
 
@@ -125,8 +125,15 @@ class Event:
     data: Mapping[str, Any] = field(default_factory=dict)
 
 
-# The id of a job ("": of several, or of any) and what it is now: a status, "event" for a new one, "" for unknown.
-Change = tuple[str, str]
+class Change(NamedTuple):
+    """The id of a job ("": of several, or of any) and what it is now: a status, "event" for a new one, "" for unknown.
+
+    `job` is the one that ended here, with its answer.
+    """
+
+    id: str
+    what: str
+    job: Job | None = None
 
 
 @dataclass(frozen=True, slots=True)

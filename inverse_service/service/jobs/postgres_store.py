@@ -60,8 +60,8 @@ class Changes:
     def announce(self, connection: Connection, told: list[model.Change]) -> None:
         """Tell the others of these jobs, when the transaction is committed."""
         if told:
-            few = told if len(told) <= MOST_NOTICES else [("", "")]
-            notices = [f"{self._origin}:{id}:{what}" for id, what in few]
+            few = told if len(told) <= MOST_NOTICES else [model.Change("", "")]
+            notices = [f"{self._origin}:{id}:{what}" for id, what, _ in few]
             connection.execute("SELECT pg_notify(%s, notice) FROM unnest(%s::text[]) AS notice", (CHANNEL, notices))
 
     def close(self) -> None:
@@ -80,12 +80,12 @@ class Changes:
 
     def _hear(self, connection: Connection) -> None:
         connection.execute(f"LISTEN {CHANNEL}")
-        self._tell([("", "")])  # whatever changed while nobody listened
+        self._tell([model.Change("", "")])  # whatever changed while nobody listened
         while not self._stopping.is_set():
             for notice in connection.notifies(timeout=LOOK):
                 origin, id, what = notice.payload.split(":")
                 if origin != self._origin:
-                    self._tell([(id, what)])
+                    self._tell([model.Change(id, what)])
                 if self._stopping.is_set():
                     return
 

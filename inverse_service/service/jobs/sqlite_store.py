@@ -39,6 +39,7 @@ class Writer:
     def __init__(self, connection: sqlite3.Connection, durable: bool = True) -> None:
         self._connection = connection
         self._durable = durable
+        self._synchronous = ""
         self._changes: queue.SimpleQueue[_Change | None] = queue.SimpleQueue()
         self._closed = False
         self._lock = threading.Lock()
@@ -83,10 +84,13 @@ class Writer:
         durable = self._durable and any(change.durable for change in changes)
         ended: list[tuple[_Change, Any, Exception | None]] = []
         try:
-            self._connection.execute(f"PRAGMA synchronous = {'FULL' if durable else 'NORMAL'}")
+            if (wanted := "FULL" if durable else "NORMAL") != self._synchronous:
+                self._connection.execute(f"PRAGMA synchronous = {wanted}")
+                self._synchronous = wanted
             self._connection.execute("BEGIN IMMEDIATE")
-            ended = [self._apply(change) for change in changes]
-            self._connection.execute("COMMIT")
+            ended = [self._apply(change, len(changes) == 1) for change in changes]
+            if self._connection.in_transaction:
+                self._connection.execute("COMMIT")
         except sqlite3.Error as error:  # disk full, for example: none of them happened
             if self._connection.in_transaction:
                 self._connection.execute("ROLLBACK")
@@ -97,15 +101,21 @@ class Writer:
             else:
                 change.answer.set_exception(problem)
 
-    def _apply(self, change: _Change) -> tuple[_Change, Any, Exception | None]:
-        self._connection.execute(SAVE)
+    def _apply(self, change: _Change, is_alone: bool) -> tuple[_Change, Any, Exception | None]:
+        """What a change of several in one transaction gives; one that fails is undone by itself."""
+        if not is_alone:
+            self._connection.execute(SAVE)
         try:
             value = change.function(self._connection)
         except Exception as error:  # handed to the caller, who is in another thread
-            self._connection.execute(UNDO)
-            self._connection.execute(KEEP)
+            if not is_alone:
+                self._connection.execute(UNDO)
+                self._connection.execute(KEEP)
+            elif self._connection.in_transaction:
+                self._connection.execute("ROLLBACK")
             return change, None, error
-        self._connection.execute(KEEP)
+        if not is_alone:
+            self._connection.execute(KEEP)
         return change, value, None
 
 

@@ -224,7 +224,7 @@ def submit(
     if not of_batch:
         waiting = [(request.id, request.client) for request in requests if found[request.id].is_open]
         session.many("INSERT INTO askers VALUES (?, ?, 0) ON CONFLICT (job, client) DO UPDATE SET gone = 0", waiting)
-        session.told.extend((request.id, "accepted") for request in new)
+        session.told.extend(model.Change(request.id, "accepted") for request in new)
     return [found[request.id] for request in requests]
 
 
@@ -239,7 +239,7 @@ def _to_be_asked(
     session: Session, wanted: Mapping[str, model.JobRequest], known: Mapping[str, model.Job]
 ) -> list[model.JobRequest]:
     """Those that have to be computed."""
-    now = first(session, "SELECT moment() AS now")["now"]
+    now = first(session, "SELECT moment() AS now")["now"] if known else 0.0
     return [r for r in wanted.values() if r.id not in known or known[r.id].is_to_be_asked(r.fresh, now)]
 
 
@@ -298,14 +298,17 @@ def claim(session: Session, owner: str, limit: int, client_running: int = model.
         session.lock(CLAIM_LOCK)
     if is_drained(session):
         return []
-    ids = [row["id"] for row in session.rows(NEXT, limit, client_running, limit)]
+    waiting = session.rows("SELECT id FROM jobs WHERE status = 'accepted' LIMIT 2")
+    if len(waiting) > 1 or client_running < model.NO_BOUND:  # whose turn it is takes longer to find out
+        waiting = session.rows(NEXT, limit, client_running, limit)
+    ids = [row["id"] for row in waiting]
     rows = session.rows(
         "UPDATE jobs SET status = 'running', owner = ?, heartbeat = moment(), started = moment(), "
         "attempt = attempt + 1 WHERE id IN (SELECT id FROM jobs WHERE id AMONG (?) AND status = 'accepted' "
         f"FOR UPDATE SKIP LOCKED) RETURNING {LISTED}",
         owner, ids,
     ) if ids else []  # fmt: skip
-    session.told.extend((id, "running") for id in ids)
+    session.told.extend(model.Change(id, "running") for id in ids)
     return sorted(jobs_of(rows), key=lambda job: ids.index(job.id))
 
 
@@ -317,7 +320,7 @@ def submit_and_claim(
     jobs = submit(session, requests, bounds)
     claimed = claim(session, owner, limit, client_running)
     begun = {job.id for job in claimed}
-    session.told[:] = [change for change in session.told if change[1] != "accepted" or change[0] not in begun]
+    session.told[:] = [change for change in session.told if change.what != "accepted" or change.id not in begun]
     return jobs, claimed
 
 
@@ -343,30 +346,31 @@ def finish(
     After `kept` s (None: never) the question is computed again where it is asked again.
     """
     add_events(session, [(id, event) for event in events])
-    session.told.append((id, status))
-    changed = first(
+    row = first(
         session,
         "UPDATE jobs SET status = ?, finished = moment(), expires = moment() + CAST(? AS DOUBLE PRECISION), "
         "revision = revision + 1, wall = ?, cpu = ?, memory = ?, owner = NULL "
-        "WHERE id = ? AND attempt = ? AND status = 'running' RETURNING client",
+        f"WHERE id = ? AND attempt = ? AND status = 'running' RETURNING {LISTED}",
         status, kept, usage.wall, usage.cpu, usage.memory, id, attempt,
     )  # fmt: skip
-    if changed is None:
+    if row is None:
         return False
+    job = model.Job(**dict(row), body=body)
+    session.told.append(model.Change(id, status, job))
     session.run("DELETE FROM askers WHERE job = ?", id)
     session.run(
         "INSERT INTO bodies (id, status, body) VALUES (?, ?, ?) "
         "ON CONFLICT (id) DO UPDATE SET status = excluded.status, body = excluded.body",
         id, status, body,
     )  # fmt: skip
-    count_use(session, changed["client"], usage)
+    count_use(session, job.client, usage)
     number_lines(session, "job = ?", (id,))
     return True
 
 
 def add_events(session: Session, events: Sequence[tuple[str, model.Event]]) -> None:
     """Append events (job id, event); those that are there already stay."""
-    session.told.extend((id, "event") for id in {id for id, _ in events})
+    session.told.extend(model.Change(id, "event") for id in {id for id, _ in events})
     rows = [(id, event.number, event.kind, json.dumps(dict(event.data))) for id, event in events]
     session.many("INSERT INTO events VALUES (?, ?, ?, ?) ON CONFLICT DO NOTHING", rows)
 
@@ -422,7 +426,7 @@ def release(
     What the run took is counted also where the job was dismissed meanwhile; that one keeps as its result what is
     `left`: what was finished of it.
     """
-    session.told.append((id, "accepted"))
+    session.told.append(model.Change(id, "accepted"))
     session.run(
         "UPDATE jobs SET status = 'accepted', owner = NULL, crashes = crashes + ? "
         "WHERE id = ? AND attempt = ? AND status = 'running'",
@@ -463,7 +467,7 @@ def dismiss(session: Session, id: str, client: str | None = None) -> tuple[model
     job = read_job(session, id)
     if job is None or not job.is_open:
         return job, False
-    session.told.append((id, "dismissed"))
+    session.told.append(model.Change(id, "dismissed"))
     if client is None:
         is_over = bool(dismiss_unwanted(session, [id], "1 = 1"))
         return read_job(session, id), is_over
@@ -506,7 +510,7 @@ def recover(session: Session, owner: str | None = None, lease: float = 0.0) -> l
         *arguments,
     )
     found = jobs_of(rows)
-    session.told.extend((job.id, "accepted") for job in found)
+    session.told.extend(model.Change(job.id, "accepted") for job in found)
     return found
 
 
@@ -666,7 +670,7 @@ def claim_key(session: Session, client: str, key: str, digest: str) -> bool:
 def add_lines(session: Session, id: str, lines: Sequence[BatchLine], bounds: model.Bounds) -> None:
     """Some lines and the jobs that are new; lines that are there already stay as they are."""
     submit(session, [line.request for line in lines if line.request is not None], bounds, of_batch=True)
-    session.told.append(("", "accepted"))
+    session.told.append(model.Change("", "accepted"))
     rows = [(id, x.number, x.identifier, None if x.request is None else x.request.id, x.problem) for x in lines]
     session.many("INSERT INTO lines VALUES (?, ?, ?, ?, ?, NULL, 0) ON CONFLICT DO NOTHING", rows)
     answered = f"(job IS NULL OR job IN (SELECT id FROM jobs WHERE {FINISHED}))"
@@ -695,7 +699,7 @@ def leave_some(session: Session, batch: str) -> tuple[int, list[str]]:
     lock_jobs(session, ids)
     dismiss_lines(session, "batch = ? AND job AMONG (?)", (batch, ids))
     over = dismiss_unwanted(session, ids)
-    session.told.extend((id, "dismissed") for id in ["", *over])
+    session.told.extend(model.Change(id, "dismissed") for id in ["", *over])
     return len(ids), over
 
 
@@ -755,7 +759,7 @@ def oldest_moment(session: Session, count: int) -> float | None:
 
 def drain(session: Session, drained: bool) -> None:
     """Let no job begin any more, or let them begin again."""
-    session.told.append(("", "accepted"))
+    session.told.append(model.Change("", "accepted"))
     session.run(
         "INSERT INTO counters VALUES ('drained', ?) ON CONFLICT (name) DO UPDATE SET value = excluded.value",
         int(drained),

@@ -55,7 +55,7 @@ class JobStore(ABC):
     address: str
 
     def __init__(self) -> None:
-        self._listeners: list[Callable[[str, str], None]] = []
+        self._listeners: list[Callable[[model.Change], None]] = []
 
     @abstractmethod
     def _read(self, function: Callable[[statements.Session], T]) -> T:
@@ -69,15 +69,15 @@ class JobStore(ABC):
     def _used_bytes(self) -> int:
         """Bytes that forgetting can make fewer."""
 
-    def on_change(self, listener: Callable[[str, str], None]) -> None:
-        """Call the listener with each `model.Change`."""
+    def on_change(self, listener: Callable[[model.Change], None]) -> None:
+        """Call the listener with each change."""
         self._listeners.append(listener)
 
     def tell(self, changes: Iterable[model.Change]) -> None:
         """Call the listeners."""
         for change in changes:
             for listener in self._listeners:
-                listener(*change)
+                listener(change)
 
     @abstractmethod
     def part(self, id: str, offset: int, size: int) -> tuple[int, bytes]:

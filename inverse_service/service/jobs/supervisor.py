@@ -471,13 +471,13 @@ class Supervisor:
             if id in lost and runs[id] == 1:  # with two, the later run may be ours
                 task.cancel()
 
-    def _changed(self, id: str, what: str) -> None:
+    def _changed(self, change: model.Change) -> None:
         """Claim what waits now; where another front end may have dismissed a job, look before the next heartbeat."""
-        if what in ("accepted", ""):
+        if change.what in ("accepted", ""):
             self._wake.set()
         if not self._store.exclusive:
             with self._lock:
-                self._doubtful = self._doubtful or any(job.id == id for job, _ in self._running.values())
+                self._doubtful = self._doubtful or any(job.id == change.id for job, _ in self._running.values())
 
     def _take_back(self, lease: float) -> None:
         for job in self._store.recover(None, lease):
