@@ -178,8 +178,9 @@ class Expansion:
         """The product up to a total degree: the order of monomials is that of degrees first."""
         total: Series = {}
         terms, above = sorted(right.items()), (degree + 1) << self.shift
-        for first, value in left.items():
-            self.question.check_time()
+        for place, (first, value) in enumerate(left.items()):
+            if not place % 64:  # to ask for the time takes as long as some ten products
+                self.question.check_time()
             for second, coefficient in terms[: bisect_left(terms, (above - first,))]:
                 total[first + second] = total.get(first + second, 0) + value * coefficient
         return self.settle(total)

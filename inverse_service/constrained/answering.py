@@ -108,7 +108,8 @@ class _Work:
     seed: int
     deadline: float
     progress: Callable[[str], None]
-    tell: Callable[[MotionAnswer], None] | None = None
+    tell: Callable[[MotionAnswer], None]
+    told: MotionAnswer | None = None
 
     def left(self) -> float:
         return self.deadline - now()
@@ -123,7 +124,7 @@ def answer_motion(
     progress: Callable[[str], None] = lambda _: None,
     positive: Sequence[Expression] = (),
     reduced: Answer | None = None,
-    tell: Callable[[MotionAnswer], None] | None = None,
+    tell: Callable[[MotionAnswer], None] = lambda _: None,
 ) -> MotionAnswer:
     """Both questions where all of `positive` are > 0; `known` are Lagrangians of associated systems.
 
@@ -131,23 +132,14 @@ def answer_motion(
     H for EquationsOfMotion. `tell` hears of a verdict that the checker confirmed while a Lagrangian is looked for; it
     stands where the time for that is over.
     """
-    told: list[MotionAnswer] = []
-    work = _Work(motion, known, seed, deadline, progress, None if tell is None else _remember_told(told, tell))
+    work = _Work(motion, known, seed, deadline, progress, tell)
     try:
         with until(deadline):
             return _answer_both_questions(work, time_dependent, analyze_motion(motion, positive), reduced)
     except IrreducibleAtoms as problem:
         return MotionAnswer("undetermined", "undetermined", problem.detail)
     except OutOfTime:
-        return told[-1] if told else MotionAnswer("undetermined", "undetermined", OUT_OF_TIME)
-
-
-def _remember_told(told: list[MotionAnswer], tell: Callable[[MotionAnswer], None]) -> Callable[[MotionAnswer], None]:
-    def both(answer: MotionAnswer) -> None:
-        told.append(answer)
-        tell(answer)
-
-    return both
+        return work.told or MotionAnswer("undetermined", "undetermined", OUT_OF_TIME)
 
 
 def _answer_both_questions(
@@ -222,13 +214,15 @@ def _decide_in_share(work: _Work, analyzed: AnalyzedMotion, with_time: bool) -> 
 def _answer_question(work: _Work, analyzed: AnalyzedMotion, found: Finding, with_time: bool) -> MotionAnswer:
     if found.exists is False:
         return _prove_verdict(work, analyzed, found, with_time, "not_variational")
-    if found.exists and work.tell is not None and not any(with_time or not one.with_time for one in work.known):
-        work.tell(_prove_verdict(work, analyzed, found, with_time, "variational"))
+    proven = None
+    if found.exists and not any(with_time or not one.with_time for one in work.known):
+        proven = work.told = _prove_verdict(work, analyzed, found, with_time, "variational")
+        work.tell(proven)
     for lagrangian in _propose_lagrangians(work, with_time):
         tree = lagrangian.lagrangian.expression
-        proven = _confirm_certificate(work, analyzed, existence.of_lagrangian(analyzed, tree, with_time), [tree])
-        if proven is not None:
-            certificate, exceptions = proven
+        confirmed = _confirm_certificate(work, analyzed, existence.of_lagrangian(analyzed, tree, with_time), [tree])
+        if confirmed is not None:
+            certificate, exceptions = confirmed
             steps = (
                 *finding_steps(analyzed, found, with_time),
                 *lagrangian_steps(lagrangian.lagrangian.expression, lagrangian.jet),
@@ -238,7 +232,7 @@ def _answer_question(work: _Work, analyzed: AnalyzedMotion, found: Finding, with
             return MotionAnswer("variational", "variational", "", proof, lagrangian, size, steps, exceptions)
     if found.exists is None:
         return MotionAnswer("undetermined", "undetermined", open_reason(found))
-    return _prove_verdict(work, analyzed, found, with_time, "variational")
+    return proven or _prove_verdict(work, analyzed, found, with_time, "variational")
 
 
 def _prove_verdict(

@@ -19,7 +19,7 @@ from itertools import combinations, count, islice
 
 from inverse_service import bounds, errors
 from inverse_service.constrained.reduced import reduced_system
-from inverse_service.deadline import OutOfTime, check, left, now, until
+from inverse_service.deadline import OutOfTime, check, left, now, until, within
 from inverse_service.decision import deciding
 from inverse_service.decision.solutions import Lagrangian, SolveOptions
 from inverse_service.expressions import collecting, derivative
@@ -37,6 +37,8 @@ from inverse_service.solving import solving
 
 # With 4,000 terms the inclined knife edge, which needs v^-3, has none.
 _MOST_TERMS, _MOST_PRODUCTS = 6_000, 30_000
+# In units of `deadline`: all that were found took up to 750,000; without an end, 15 to 37 s find none.
+_MOST_WORK = 2_000_000
 # The widest ansatz last: degree in the free velocities that change, lowest and highest power of those that do not,
 # letters of position in a product, degree in the coordinates.
 _WIDTHS = ((2, -1, 2, 2, 0), (2, -1, 2, 2, 1), (2, -2, 2, 2, 1), (2, -3, 2, 3, 1), (2, -3, 2, 2, 2), (2, -3, 3, 4, 2))
@@ -244,7 +246,7 @@ def first_system(motion: ConstrainedMotion) -> SecondOrderSystem:
 def find_lagrangians(motion: ConstrainedMotion, with_time: bool, seed: int, deadline: float) -> list[Lagrangian]:
     """Lagrangians on the whole tangent bundle, simplest first, of the first ansatz that has any within the time."""
     try:
-        with until(deadline):
+        with until(deadline), within(_MOST_WORK):
             constrained = {
                 v: tower.to_kernels(w) for v, w in motion.on_constraints.items() if isinstance(v, ex.Velocity)
             }

@@ -226,7 +226,7 @@ def answer_about(
     deadline: float,
     progress: Progress | None,
     reduced: solutions.Answer | None = None,
-    tell: Callable[[answering.MotionAnswer], None] | None = None,
+    tell: Callable[[answering.MotionAnswer], None] = lambda _: None,
 ) -> answering.MotionAnswer:
     """Whether any associated system has a Lagrangian; those found for the known ones are answers.
 
