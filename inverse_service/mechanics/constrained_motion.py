@@ -22,7 +22,7 @@ from inverse_service.deadline import now
 from inverse_service.errors import InputError, LimitError
 from inverse_service.expressions import tree as ex
 from inverse_service.expressions.collecting import collect
-from inverse_service.expressions.derivative import differentiate
+from inverse_service.expressions.derivative import differentiate, differentiate_in_time
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import TIME, ZERO, Expression, Symbol, Velocity, add, holds, substitute, walk
 from inverse_service.field.exact_field import (
@@ -46,6 +46,10 @@ TERM_LIMIT = 20_000
 TIME_LIMIT = 20.0
 # Derivatives of arbitrary functions provided for: two for the motion, more for brackets of brackets.
 ORDERS = 5
+_HOLONOMIC = (
+    "constraint {} contains no velocity, it restricts the positions (a holonomic constraint): eliminate a coordinate, "
+    "or write its derivative in time."
+)
 Matrix = tuple[tuple[Quotient, ...], ...]
 
 # Coordinates of a system with constraints.
@@ -221,11 +225,7 @@ def _constraint_parts(
     if all(entry.is_zero for entry in row):
         if offset.is_zero:
             raise InputError(f"constraint {place + 1} is zero identically: leave it out.", pointer)
-        raise InputError(
-            f"constraint {place + 1} contains no velocity, it restricts the positions (a holonomic constraint): "
-            "eliminate a coordinate, or write its derivative in time.",
-            pointer,
-        )
+        raise InputError(_HOLONOMIC.format(place + 1), pointer)
     return row, offset
 
 
@@ -574,6 +574,8 @@ def _constraints(constraints: Sequence[str] | str, names: Names, most: int) -> l
         with placed_at(pointer):
             pairs = read_equations(text, replace(names, forms=True))
         for left, right in pairs:
+            if len(pairs) == 1:
+                _refuse_holonomic(left - right, names, text, pointer, len(found) + 1)
             tree = _multiplied_out(substitute(left - right, dict(names.definitions)))
             found.append(_smooth(without_accelerations(tree, f"constraint {len(found) + 1}", pointer), pointer))
     if not found:
@@ -583,6 +585,16 @@ def _constraints(constraints: Sequence[str] | str, names: Names, most: int) -> l
     if len(found) > most:
         raise LimitError(f"there are {len(found)} constraints: the limit is {most}; write fewer.", "/constraints")
     return found
+
+
+def _refuse_holonomic(tree: Expression, names: Names, text: str, pointer: str, number: int) -> None:
+    """InputError for a constraint of positions, with its derivative in time as what may be written."""
+    nodes = {*walk(tree)}
+    moving = nodes & {Symbol(name) for name in names.coordinates}
+    if moving and not any(isinstance(node, Velocity | ex.Acceleration) for node in nodes):
+        slope = f"{to_text(differentiate_in_time(tree, names.coordinates))} = 0"
+        column = len(text) - len(text.lstrip()) + 1
+        raise InputError(_HOLONOMIC.format(number), pointer, column, (slope,), (column, len(text.rstrip()) + 1))
 
 
 def _multiplied_out(tree: Expression) -> Expression:

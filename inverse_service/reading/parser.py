@@ -682,7 +682,8 @@ class FormulaParser:
             if part.is_operator(",") or (part.text == "t" != token.text):
                 return False
         closed = len(group) < self._stream.left and depth == 1
-        return closed and sums and token.text not in MAY_BE_FUNCTIONS
+        moves = self._names.role(self._names.spelling(token.text)) == "coordinate"
+        return closed and sums and (moves or token.text not in MAY_BE_FUNCTIONS)
 
     def _coordinate(self, name: str, order: int, token: Token) -> ex.Expression:
         order += self._primes()
