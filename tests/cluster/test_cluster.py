@@ -16,23 +16,17 @@ from typing import Any
 import httpx
 import pytest
 
+from inverse_service import errors
+from inverse_service.service.cluster import front, remote
+from inverse_service.service.jobs import opening, tasks
+
 pytest.importorskip("distributed")
 pytestmark = [
     pytest.mark.skipif(sys.platform != "linux", reason="reads /proc"),
     # Dask leaves sockets and loops to the collector when it closes.
     pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::pytest.PytestUnraisableExceptionWarning"),
 ]
-
-from inverse_service.errors import InputError  # noqa: E402
-from inverse_service.service.cluster import front, remote  # noqa: E402
 from inverse_service.service.cluster.front import Cluster  # noqa: E402
-from inverse_service.service.cluster.remote import (  # noqa: E402
-    Terms,
-    difference,
-    fingerprint,
-)
-from inverse_service.service.jobs import tasks  # noqa: E402
-from inverse_service.service.jobs.opening import open_cluster  # noqa: E402
 from inverse_service.service.jobs.outcome import Call  # noqa: E402
 from tests.cluster import processes  # noqa: E402
 
@@ -162,31 +156,31 @@ def test_the_service_solves_on_the_cluster(machines: processes.Cluster, tmp_path
 def test_a_cluster_with_another_program_is_refused(
     machines: processes.Cluster, cluster: Cluster, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    other = fingerprint() | {"engine": "9.9"}
+    other = remote.fingerprint() | {"engine": "9.9"}
     monkeypatch.setattr(front, "fingerprint", lambda: other)
     stranger = Cluster(machines.address, MEMORY)
-    with pytest.raises(InputError, match=r"another program: engine .* instead of 9\.9; install the same"):
+    with pytest.raises(errors.InputError, match=r"another program: engine .* instead of 9\.9; install the same"):
         stranger.start()
-    answer = remote.perform("k", Call(tasks.load_engine, (), 1.0), Terms(other, MEMORY, "t"))
+    answer = remote.perform("k", Call(tasks.load_engine, (), 1.0), remote.Terms(other, MEMORY, "t"))
     assert isinstance(answer, str), "a worker that joins later must refuse too"
     assert "engine" in answer
 
 
 def test_what_differs_is_named() -> None:
-    ours = fingerprint()
-    assert difference(ours, ours) == ""
-    assert difference(ours, ours | {"python": "3.1"}) == f"python 3.1 instead of {ours['python']}"
+    ours = remote.fingerprint()
+    assert remote.difference(ours, ours) == ""
+    assert remote.difference(ours, ours | {"python": "3.1"}) == f"python 3.1 instead of {ours['python']}"
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("address", ["", "localhost:8786", "http://localhost:8786", "file:///x"])
 def test_an_address_of_something_else_is_refused(address: str) -> None:
-    with pytest.raises(InputError, match="tcp://"):
-        open_cluster(address, MEMORY)
+    with pytest.raises(errors.InputError, match="tcp://"):
+        opening.open_cluster(address, MEMORY)
 
 
 @pytest.mark.slow
 def test_an_absent_scheduler_is_said_to_be_absent(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(front, "CONNECT", 0.5)
-    with pytest.raises(InputError, match="No Dask scheduler answers"):
-        open_cluster("tcp://127.0.0.1:9", MEMORY).start()
+    with pytest.raises(errors.InputError, match="No Dask scheduler answers"):
+        opening.open_cluster("tcp://127.0.0.1:9", MEMORY).start()

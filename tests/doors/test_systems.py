@@ -12,24 +12,13 @@ from typing import Any
 
 import pytest
 
-from tests.doors import calls
-from tests.doors.judge import (
-    Equations,
-    equations_of,
-    faults_of_endomorphism,
-    faults_of_hamiltonian,
-    faults_of_lagrangian,
-    faults_of_motion,
-    same_formula,
-    same_lagrangian,
-)
-from tests.doors.rows import Row, cases, systems
+from tests.doors import calls, judge, rows
 
-SYSTEMS = systems()
+SYSTEMS = rows.systems()
 LONGER = 1.3  # a pair of brackets and a number more than a person needs
 
 
-def given_equations(row: Row) -> Equations | None:
+def given_equations(row: rows.Row) -> judge.Equations | None:
     """f from the row alone; None where only a reader of its notation knows it."""
     document = row["document"]
     equations = row.get("equations") or document.get("equations")
@@ -38,7 +27,7 @@ def given_equations(row: Row) -> Equations | None:
     parameters = document.get("parameters")
     values = {name: value for name, value in parameters.items() if value} if isinstance(parameters, dict) else {}
     names = document.get("coordinates") or list(equations)
-    return equations_of({"equations": equations, "coordinates": names, "time": document.get("time")}, values)
+    return judge.equations_of({"equations": equations, "coordinates": names, "time": document.get("time")}, values)
 
 
 def test_the_known_lagrangians_of_all_rows_hold() -> None:
@@ -48,7 +37,7 @@ def test_the_known_lagrangians_of_all_rows_hold() -> None:
     for row, text in known:
         given = given_equations(row)
         assert given is not None, row["id"]
-        assert faults_of_lagrangian(text, given) is None, row["id"]
+        assert judge.faults_of_lagrangian(text, given) is None, row["id"]
 
 
 def test_rows_agree_with_themselves() -> None:
@@ -58,12 +47,12 @@ def test_rows_agree_with_themselves() -> None:
         assert row["source"], row["id"]
         assert verdict != "variational" or with_time in ("variational", None), row["id"]
         assert not (row.get("known") and with_time == "not_variational"), row["id"]
-        coordinates = (given_equations(row) or Equations(("x", "y"), ())).coordinates
+        coordinates = (given_equations(row) or judge.Equations(("x", "y"), ())).coordinates
         assert len(coordinates) > 1 or with_time in ("variational", None), row["id"]
 
 
-@pytest.mark.parametrize(("row", "door"), cases(SYSTEMS))
-def test_a_system_is_answered_as_is_known(row: Row, door: str, request: pytest.FixtureRequest) -> None:
+@pytest.mark.parametrize(("row", "door"), rows.cases(SYSTEMS))
+def test_a_system_is_answered_as_is_known(row: rows.Row, door: str, request: pytest.FixtureRequest) -> None:
     service = request.getfixturevalue("patient") if door == "http" else None
     result = calls.solve(row["document"], door, service)
     assert not isinstance(result, calls.Refusal), result
@@ -72,18 +61,18 @@ def test_a_system_is_answered_as_is_known(row: Row, door: str, request: pytest.F
         assert calls.check(result, door, service) == "valid"
 
 
-def assert_as_known(row: Row, result: Mapping[str, Any]) -> None:
+def assert_as_known(row: rows.Row, result: Mapping[str, Any]) -> None:
     for key in ("verdict", "verdict_with_time"):
         assert row.get(key) in (None, result[key]), (key, result[key], result["reason"])
     answers = list(answers_of(result))
-    given = given_equations(row) or equations_of(result["system"])
+    given = given_equations(row) or judge.equations_of(result["system"])
     for answer in answers:
         assert_answer_holds(answer, given, result)
     if result["conditions"] and not result["branches"] and not result.get("nonholonomic"):
         shown = result["conditions"]["Phi"]
-        assert not shown or faults_of_endomorphism(shown, given, domain=result["domain"]) is None
+        assert not shown or judge.faults_of_endomorphism(shown, given, domain=result["domain"]) is None
     if result.get("nonholonomic") and not result["branches"] and not result["system"]["functions"]:
-        assert faults_of_motion(result["nonholonomic"], result["system"]["coordinates"]) is None
+        assert judge.faults_of_motion(result["nonholonomic"], result["system"]["coordinates"]) is None
     found = [answer for answer in answers if answer["lagrangian"]]
     plain = [answer for answer in found if given.time not in _names(answer)]
     for wanted in row.get("found", ()):
@@ -125,12 +114,12 @@ def assert_clock(wanted: Mapping[str, Any], result: Mapping[str, Any]) -> None:
     assert found["checked"] == "valid" or wanted["verdict"] == "undetermined"
     names = tuple(result["system"]["coordinates"])
     if "factor" in wanted:
-        assert same_formula(found["factor"], wanted["factor"], names)
+        assert judge.same_formula(found["factor"], wanted["factor"], names)
     for name, text in wanted.get("equations", {}).items():
-        assert same_formula(found["equations"][name], text, names)
+        assert judge.same_formula(found["equations"][name], text, names)
     if found["lagrangian"]:
-        given = equations_of({"equations": found["equations"]})
-        assert faults_of_lagrangian(found["lagrangian"]["text"], given, found["lagrangian"]["domain"]) is None
+        given = judge.equations_of({"equations": found["equations"]})
+        assert judge.faults_of_lagrangian(found["lagrangian"]["text"], given, found["lagrangian"]["domain"]) is None
 
 
 def assert_reduced(wanted: Mapping[str, Any], result: Mapping[str, Any]) -> None:
@@ -141,8 +130,8 @@ def assert_reduced(wanted: Mapping[str, Any], result: Mapping[str, Any]) -> None
     assert (with_clock and with_clock["verdict"]) == wanted["with_clock"]
     for part in (found, with_clock):
         if part and part["lagrangian"]:
-            given = equations_of(part)
-            assert faults_of_lagrangian(part["lagrangian"]["text"], given, part["lagrangian"]["domain"]) is None
+            given = judge.equations_of(part)
+            assert judge.faults_of_lagrangian(part["lagrangian"]["text"], given, part["lagrangian"]["domain"]) is None
 
 
 def assert_associated(wanted: Mapping[str, str], result: Mapping[str, Any]) -> None:
@@ -152,8 +141,8 @@ def assert_associated(wanted: Mapping[str, str], result: Mapping[str, Any]) -> N
         assert found[kind]["checked"] == "valid"
         lagrangian = found[kind]["lagrangian"]
         if lagrangian:
-            given = equations_of(found[kind] | {"coordinates": result["system"]["coordinates"]})
-            assert faults_of_lagrangian(lagrangian["text"], given, lagrangian["domain"]) is None
+            given = judge.equations_of(found[kind] | {"coordinates": result["system"]["coordinates"]})
+            assert judge.faults_of_lagrangian(lagrangian["text"], given, lagrangian["domain"]) is None
 
 
 def assert_motion(wanted: str, result: Mapping[str, Any]) -> None:
@@ -182,7 +171,7 @@ def answers_of(result: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
             yield branch["with_time"]
 
 
-def assert_answer_holds(answer: Mapping[str, Any], given: Equations, result: Mapping[str, Any]) -> None:
+def assert_answer_holds(answer: Mapping[str, Any], given: judge.Equations, result: Mapping[str, Any]) -> None:
     """What one answer shows: it was checked, it was explained, its formulas belong to each other."""
     if answer["verdict"] == "undetermined":
         return
@@ -198,15 +187,15 @@ def assert_answer_holds(answer: Mapping[str, Any], given: Equations, result: Map
         "near": near,
         "integrals": answer.get("integrals") or result.get("integrals"),
     }
-    assert faults_of_lagrangian(lagrangian["text"], given, **place) is None
+    assert judge.faults_of_lagrangian(lagrangian["text"], given, **place) is None
     if hamiltonian is not None:
-        assert faults_of_hamiltonian(hamiltonian, lagrangian["text"], given, **place) is None
+        assert judge.faults_of_hamiltonian(hamiltonian, lagrangian["text"], given, **place) is None
 
 
 def _names(answer: Mapping[str, Any]) -> set[str]:
     return set(re.findall(r"\w+", answer["lagrangian"]["text"]))
 
 
-def _same(answer: Mapping[str, Any], wanted: str, given: Equations) -> bool:
+def _same(answer: Mapping[str, Any], wanted: str, given: judge.Equations) -> bool:
     near = (answer["certificate"] or {}).get("near")
-    return same_lagrangian(answer["lagrangian"]["text"], wanted, given, answer["lagrangian"]["domain"], near=near)
+    return judge.same_lagrangian(answer["lagrangian"]["text"], wanted, given, answer["lagrangian"]["domain"], near=near)

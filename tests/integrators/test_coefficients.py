@@ -7,19 +7,13 @@ import math
 import numpy as np
 import pytest
 
-from inverse_service.integrators.method_table import ORDERS, STAGES, TABLEAUX, collocation, composition
-from inverse_service.integrators.variational import (
-    hamiltonian_step,
-    lagrange_dalembert_step,
-    raw_step,
-    symmetrised_hamiltonian_step,
-)
+from inverse_service.integrators import method_table, variational
 
 
-@pytest.mark.parametrize("order", ORDERS)
+@pytest.mark.parametrize("order", method_table.ORDERS)
 def test_compositions_are_symmetric_and_cancel_odd_powers(order: int) -> None:
     """Sum of w = 1, and of w^3, w^5, w^7 = 0 below the order."""
-    weights = composition(order)
+    weights = method_table.composition(order)
     assert weights == tuple(reversed(weights))
     assert len(weights) == {2: 1, 4: 5, 6: 9, 8: 17}[order]
     assert sum(weights) == pytest.approx(1, abs=1e-15)
@@ -29,12 +23,12 @@ def test_compositions_are_symmetric_and_cancel_odd_powers(order: int) -> None:
 
 def test_an_order_that_there_is_not() -> None:
     with pytest.raises(KeyError):
-        composition(10)
+        method_table.composition(10)
 
 
 def test_gauss_legendre_integrates_all_polynomials_of_its_order() -> None:
-    matrix, squared, weights, position_weights, nodes = collocation()
-    for power in range(2 * STAGES):
+    matrix, squared, weights, position_weights, nodes = method_table.collocation()
+    for power in range(2 * method_table.STAGES):
         value = sum(b * c**power for b, c in zip(weights, nodes, strict=True))
         assert value == pytest.approx(1 / (power + 1), rel=1e-14)
     assert np.allclose(np.array(matrix) @ np.array(matrix), squared, atol=1e-16)
@@ -42,9 +36,9 @@ def test_gauss_legendre_integrates_all_polynomials_of_its_order() -> None:
     assert np.allclose(np.array(matrix).sum(axis=1), nodes, atol=1e-16)
 
 
-@pytest.mark.parametrize("order", TABLEAUX)
+@pytest.mark.parametrize("order", method_table.TABLEAUX)
 def test_runge_kutta_quadrature_conditions(order: int) -> None:
-    tableau = TABLEAUX[order]
+    tableau = method_table.TABLEAUX[order]
     nodes = [sum(row) for row in tableau.rows]
     assert [len(row) for row in tableau.rows] == list(range(len(tableau.rows)))
     for power in range(order):
@@ -57,13 +51,13 @@ def test_formulas_hold_for_plain_numbers() -> None:
     q, p, h = [0.4], [0.7], 0.1
     d = h * (p[0] - h * q[0] / 2) / (1 + h * h / 4)
     e = -h * (q[0] + d / 2)
-    residuals, pushes = hamiltonian_step(q, p, [d], [e], h, 0.5, lambda x, y: x, lambda x, y: y)
+    residuals, pushes = variational.hamiltonian_step(q, p, [d], [e], h, 0.5, lambda x, y: x, lambda x, y: y)
     assert np.abs(residuals).max() < 1e-16
     assert pushes == [e]
-    residuals, pushes = raw_step(q, p, [d], h, (0.5,), lambda x, v: [-x[0]], lambda x, v: v)
+    residuals, pushes = variational.raw_step(q, p, [d], h, (0.5,), lambda x, v: [-x[0]], lambda x, v: v)
     assert abs(residuals[0]) < 1e-16
     assert pushes[0] == pytest.approx(e, rel=1e-15)
-    both, _ = symmetrised_hamiltonian_step(
+    both, _ = variational.symmetrised_hamiltonian_step(
         q, p, [d], ([d / h - p[0]], [d / h - p[0]]), h, 0.5, lambda x, y: x, lambda x, y: y
     )
     assert np.abs(both).max() < 1e-16
@@ -72,7 +66,7 @@ def test_formulas_hold_for_plain_numbers() -> None:
 def test_a_constraint_force_keeps_the_constraint() -> None:
     """A particle held to the line v1 = v2: momentum (1, 0) becomes (1/2, 1/2)."""
     d, m = [0.05, 0.05], [0.05]
-    residuals, changes = lagrange_dalembert_step(
+    residuals, changes = variational.lagrange_dalembert_step(
         [0.0, 0.0],
         [1.0, 0.0],
         d,

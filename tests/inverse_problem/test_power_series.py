@@ -7,23 +7,13 @@ from typing import Any
 
 import pytest
 
-from inverse_service.certificate.checker import check_certificate
-from inverse_service.decision import certify
-from inverse_service.decision.deciding import (
-    Analysis,
-    Decision,
-    analyze,
-    count,
-    decide,
-    is_rational,
-    prolonged,
-    regular_series,
-)
+from inverse_service.certificate import checker
+from inverse_service.decision import certify, deciding
 from inverse_service.decision.solutions import SolveOptions
-from inverse_service.field.tower import draw_point
-from inverse_service.linear_pde.equations import unknown_names
-from inverse_service.mechanics.reading import read_system
-from inverse_service.solving.solving import solve
+from inverse_service.field import tower
+from inverse_service.linear_pde import equations as pde
+from inverse_service.mechanics import reading
+from inverse_service.solving import solving
 
 HENON_HEILES = {"x": "-x-2*x*y", "y": "-y-x^2+y^2"}
 VAN_DER_POL = {"x": "-x+(1-x^2)*x'"}
@@ -39,10 +29,12 @@ SYSTEMS = [
 ]
 
 
-def decided(equations: dict[str, str], parameters: tuple[str, ...], with_time: bool) -> tuple[Analysis, Decision]:
-    system = read_system(list(equations), equations, parameters)
-    analysis = analyze(system)
-    return analysis, decide(system, with_time, analysis=analysis)
+def decided(
+    equations: dict[str, str], parameters: tuple[str, ...], with_time: bool
+) -> tuple[deciding.Analysis, deciding.Decision]:
+    system = reading.read_system(list(equations), equations, parameters)
+    analysis = deciding.analyze(system)
+    return analysis, deciding.decide(system, with_time, analysis=analysis)
 
 
 def certificate(equations: dict[str, str], parameters: tuple[str, ...], with_time: bool, order: int) -> dict[str, Any]:
@@ -58,31 +50,31 @@ def test_the_checker_confirms_the_series(
 ) -> None:
     found = certificate(equations, parameters, with_time, order)
     assert found["series"]["order"] == order
-    checked = check_certificate(found, seed=3)
+    checked = checker.check_certificate(found, seed=3)
     assert checked.verdict == "valid", checked.reasons
     assert "The series solves the" in checked.reasons[0]
 
 
 def test_a_changed_coefficient_is_refused() -> None:
     right = certificate(HENON_HEILES, (), False, 2)
-    assert check_certificate(right, seed=3).verdict == "valid"
+    assert checker.check_certificate(right, seed=3).verdict == "valid"
     for k in range(len(right["series"]["terms"])):
         wrong = copy.deepcopy(right)
         wrong["series"]["terms"][k][1] = str(int(wrong["series"]["terms"][k][1]) + 1)
-        assert check_certificate(wrong, seed=3).verdict == "invalid"
+        assert checker.check_certificate(wrong, seed=3).verdict == "invalid"
 
 
 def test_another_point_or_system_is_refused() -> None:
     for path, value in (("x", "5"), ("x'", "7")):
         wrong = certificate(VAN_DER_POL, (), False, 3)
         wrong["series"]["point"][path] = value
-        assert check_certificate(wrong, seed=3).verdict == "invalid"
+        assert checker.check_certificate(wrong, seed=3).verdict == "invalid"
 
 
 def test_a_series_without_its_first_terms_is_refused() -> None:
     wrong = certificate(VAN_DER_POL, (), False, 3)
     wrong["series"]["terms"] = [term for term in wrong["series"]["terms"] if sum(term[0]) > 2]
-    assert check_certificate(wrong, seed=3).verdict == "invalid"
+    assert checker.check_certificate(wrong, seed=3).verdict == "invalid"
 
 
 def test_a_series_that_is_prolonged_far_enough_goes_on() -> None:
@@ -90,11 +82,11 @@ def test_a_series_that_is_prolonged_far_enough_goes_on() -> None:
     analysis, decision = decided(HENON_HEILES, (), False)
     spare = decision.order - 1 - decision.degree
     assert spare > 0
-    series = regular_series(analysis, False, 1, seed=5, spare=spare)
-    longer = prolonged(analysis, draw_point(analysis.tower, 5), False, 4)
-    indices = [index for degree in range(5) for _, index in unknown_names(longer.unknowns, degree)]
+    series = deciding.regular_series(analysis, False, 1, seed=5, spare=spare)
+    longer = deciding.prolonged(analysis, tower.draw_point(analysis.tower, 5), False, 4)
+    indices = [index for degree in range(5) for _, index in pde.unknown_names(longer.unknowns, degree)]
     values = {tuple(index): int(value) for index, value in series["terms"]}
-    assert draw_point(analysis.tower, 5).prime == series["prime"]
+    assert tower.draw_point(analysis.tower, 5).prime == series["prime"]
     for row in longer.echelon.rows_within(0, longer.width(1)).values():
         assert sum(value * values.get(indices[k], 0) for k, value in row.items()) % series["prime"] == 0
 
@@ -103,18 +95,20 @@ def test_a_series_that_is_prolonged_far_enough_goes_on() -> None:
 @pytest.mark.parametrize("n", [1, 2, 3])
 def test_the_unknowns_are_counted_right(n: int, with_time: bool) -> None:
     equations = {name: f"-{name}" for name in "xyz"[:n]}
-    analysis = analyze(read_system(list(equations), equations))
-    prolongation = prolonged(analysis, draw_point(analysis.tower, 1), with_time, 3)
-    assert [count(n, with_time, order) for order in range(4)] == [prolongation.width(order) for order in range(4)]
+    analysis = deciding.analyze(reading.read_system(list(equations), equations))
+    prolongation = deciding.prolonged(analysis, tower.draw_point(analysis.tower, 1), with_time, 3)
+    assert [deciding.count(n, with_time, order) for order in range(4)] == [
+        prolongation.width(order) for order in range(4)
+    ]
 
 
 @pytest.mark.parametrize("force", ["sin(x)", "sqrt(x)", "exp(x')", "x^(1/3)", "log(x)*x'", "A(x)"])
 def test_only_rational_systems_have_a_series(force: str) -> None:
-    analysis = analyze(read_system(["x"], {"x": force}, (), {"A": ["x"]}))
-    assert not is_rational(analysis)
+    analysis = deciding.analyze(reading.read_system(["x"], {"x": force}, (), {"A": ["x"]}))
+    assert not deciding.is_rational(analysis)
     with pytest.raises(ValueError, match="rational"):
-        regular_series(analysis, False, 2, seed=1)
-    decision = decide(analysis.system, False, analysis=analysis)
+        deciding.regular_series(analysis, False, 2, seed=1)
+    decision = deciding.decide(analysis.system, False, analysis=analysis)
     assert "series" not in certify.of_decision(analysis, decision)
 
 
@@ -122,13 +116,13 @@ def test_a_long_series_is_cut_to_a_bearable_order() -> None:
     equations = {name: f"-{name}" for name in "xyzw"}
     analysis, decision = decided(equations, (), True)
     series = certify.of_decision(analysis, decision, series_order=8)["series"]
-    assert count(4, True, series["order"]) <= 5_000 < count(4, True, series["order"] + 1)
+    assert deciding.count(4, True, series["order"]) <= 5_000 < deciding.count(4, True, series["order"] + 1)
 
 
 @pytest.mark.slow
 def test_where_no_closed_form_is_found_the_series_has_the_order_asked_for() -> None:
-    system = read_system(["x"], VAN_DER_POL)
-    answer = solve(system, SolveOptions(time_dependent=False, series_order=5)).autonomous
+    system = reading.read_system(["x"], VAN_DER_POL)
+    answer = solving.solve(system, SolveOptions(time_dependent=False, series_order=5)).autonomous
     assert answer is not None
     assert answer.verdict == "variational"
     assert answer.lagrangian is None

@@ -10,21 +10,15 @@ from pathlib import Path
 
 import pytest
 
-from inverse_service.errors import InputError
-from inverse_service.service.jobs.batch import (
-    MAX_LINE_BYTES,
-    count_lines,
-    key_of,
-    open_output,
-    open_source,
-    read_lines,
-    replaced_path,
-)
+from inverse_service import errors
+from inverse_service.service.jobs import batch
 
 
 def lines(*texts: str) -> list[tuple[object, ...]]:
     stream = io.BytesIO("\n".join(texts).encode())
-    return [(line.number, line.identifier, line.fault is not None, line.duplicate_of) for line in read_lines(stream)]
+    return [
+        (line.number, line.identifier, line.fault is not None, line.duplicate_of) for line in batch.read_lines(stream)
+    ]
 
 
 def test_empty_lines_are_skipped_but_counted() -> None:
@@ -48,16 +42,16 @@ def test_an_unreadable_line_is_a_fault_and_the_rest_goes_on(text: str) -> None:
 
 
 def test_a_line_that_is_too_long_is_a_fault_and_the_rest_goes_on(tmp_path: Path) -> None:
-    long = '{"id": "' + "a" * (2 * MAX_LINE_BYTES) + '"}'
+    long = '{"id": "' + "a" * (2 * batch.MAX_LINE_BYTES) + '"}'
     assert lines(long, '{"id": "b"}') == [(1, None, True, None), (2, "b", False, None)]
     path = tmp_path / "in.ndjson"
     path.write_text(long + "\n{}\n")
-    assert count_lines(path) == 2
+    assert batch.count_lines(path) == 2
 
 
 def test_ids_one_and_text_one_are_two_ids() -> None:
-    found = list(read_lines(io.BytesIO(b'{"id": 1}\n{"id": "1"}')))
-    assert len({key_of(line) for line in found}) == 2
+    found = list(batch.read_lines(io.BytesIO(b'{"id": 1}\n{"id": "1"}')))
+    assert len({batch.key_of(line) for line in found}) == 2
 
 
 def answer(id: object, line: int = 1, **more: object) -> bytes:
@@ -69,7 +63,7 @@ def test_a_digest_is_of_document_and_options_and_not_of_the_id() -> None:
         '{"id": 1, "a": "x", "b": 1}', '{"b": 1, "a": "x"}', '{"a": "y", "b": 1}', '{"a": "x", "b": 1.0}',
         '{"a": "x", "b": 1, "options": {"seed": 2}}', '{"id": [], "a": "x", "b": 1}', "[", "[[",
     )  # fmt: skip
-    digests = [line.digest for line in read_lines(io.BytesIO("\n".join(texts).encode()))]
+    digests = [line.digest for line in batch.read_lines(io.BytesIO("\n".join(texts).encode()))]
     assert digests[0] == digests[1]
     assert len(set(digests[1:])) == len(texts) - 1
 
@@ -77,31 +71,31 @@ def test_a_digest_is_of_document_and_options_and_not_of_the_id() -> None:
 @pytest.mark.parametrize("name", ["out.ndjson", "out.ndjson.gz"])
 def test_what_was_half_written_is_cut_off_and_the_rest_kept(tmp_path: Path, name: str) -> None:
     path = tmp_path / name
-    with open_output(path) as output:
+    with batch.open_output(path) as output:
         assert output.known == {}
         output.add(answer("a"))
     whole = path.read_bytes()
     half = gzip.compress(answer("b"))[:-3] if name.endswith("gz") else b'{"id": "b", "li'
     path.write_bytes(whole + half)
-    with open_output(path) as output:
+    with batch.open_output(path) as output:
         assert set(output.known) == {'id "a"'}
         output.add(answer(None, 2))
     assert path.read_bytes().startswith(whole)
-    with open_output(path) as output:
+    with batch.open_output(path) as output:
         assert set(output.known) == {'id "a"', "line 2"}
 
 
 @pytest.mark.parametrize("name", ["out.ndjson", "out.ndjson.gz"])
 def test_an_answer_to_another_question_makes_place_and_is_kept_beside(tmp_path: Path, name: str) -> None:
     path = tmp_path / name
-    with open_output(path) as output:
+    with batch.open_output(path) as output:
         for line in (answer("a", 1, digest="old"), answer("b", 2)):
             output.add(line)
     path.chmod(0o640)
-    with open_output(path) as output:
+    with batch.open_output(path) as output:
         output.add(answer("a", 1, digest="new"))
     opened = gzip.open if name.endswith("gz") else open
-    with opened(path, "rb") as kept, opened(replaced_path(path), "rb") as replaced:
+    with opened(path, "rb") as kept, opened(batch.replaced_path(path), "rb") as replaced:
         assert kept.readlines() == [answer("b", 2), answer("a", 1, digest="new")]
         assert replaced.readlines() == [answer("a", 1, digest="old")]
     assert path.stat().st_mode & 0o777 == 0o640
@@ -113,7 +107,7 @@ def test_an_answer_to_another_question_makes_place_and_is_kept_beside(tmp_path: 
 def test_a_file_that_is_no_output_is_left_as_it_is(tmp_path: Path, content: str, name: str) -> None:
     path = tmp_path / name
     path.write_text(content + "rest")
-    with pytest.raises(InputError, match="choose another file"), open_output(path):
+    with pytest.raises(errors.InputError, match="choose another file"), batch.open_output(path):
         raise AssertionError
     assert path.read_text() == content + "rest"
 
@@ -121,7 +115,7 @@ def test_a_file_that_is_no_output_is_left_as_it_is(tmp_path: Path, content: str,
 def test_a_device_a_pipe_and_a_folder_are_no_output(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe")
     for path in (Path("/dev/full"), Path("/dev/null"), tmp_path / "pipe", tmp_path):
-        with pytest.raises(InputError, match="regular file"), open_output(path):
+        with pytest.raises(errors.InputError, match="regular file"), batch.open_output(path):
             raise AssertionError
 
 
@@ -130,11 +124,11 @@ def test_a_damaged_compressed_input_is_one_sentence(tmp_path: Path, damage: str)
     good = gzip.compress(b"{}\n" * 9)
     path = tmp_path / "in.ndjson.gz"
     path.write_bytes({"plain": b"{}\n", "cut": good[:-9], "foreign": good[:20] + b"abc" * 9}[damage])
-    with pytest.raises(InputError, match="damaged or end too"), open_source(path) as stream:
-        list(read_lines(stream))
+    with pytest.raises(errors.InputError, match="damaged or end too"), batch.open_source(path) as stream:
+        list(batch.read_lines(stream))
 
 
 def test_a_fault_at_the_end_of_a_line_is_told_on_that_line() -> None:
-    [line] = read_lines(io.BytesIO(b'{"broken"\n'))
+    [line] = batch.read_lines(io.BytesIO(b'{"broken"\n'))
     assert line.fault is not None
     assert "line 1, column 10" in line.fault.detail

@@ -8,16 +8,7 @@ from __future__ import annotations
 import random
 from fractions import Fraction
 
-from inverse_service.expressions.tree import (
-    Apply,
-    Expression,
-    Number,
-    Power,
-    Product,
-    Sum,
-    Symbol,
-    Velocity,
-)
+from inverse_service.expressions import tree as ex
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 # u is put in for the argument, already written and in brackets.
@@ -50,22 +41,22 @@ def rewritten(system: SecondOrderSystem, seed: int) -> dict[str, str]:
     return equations
 
 
-def written(expression: Expression, rng: random.Random) -> str:
+def written(expression: ex.Expression, rng: random.Random) -> str:
     """The text of the formula, in brackets where it needs them."""
     match expression:
-        case Number(value):
+        case ex.Number(value):
             return f"({value})"
-        case Symbol(name):
+        case ex.Symbol(name):
             return name
-        case Velocity(coordinate):
+        case ex.Velocity(coordinate):
             return f"{coordinate}'"
-        case Sum(terms):
+        case ex.Sum(terms):
             return "(" + "+".join(_shuffled(terms, rng)) + ")"
-        case Product(factors):
+        case ex.Product(factors):
             return _product(_shuffled(factors, rng), rng)
-        case Power(base, exponent):
+        case ex.Power(base, exponent):
             return _power(base, exponent, rng)
-        case Apply(function, argument):
+        case ex.Apply(function, argument):
             inside = f"({written(argument, rng)})"
             rules = FUNCTION_RULES.get(function, ())
             return _put(rng.choice(rules), u=inside) if rules and rng.random() < 0.7 else f"{function}{inside}"
@@ -73,7 +64,7 @@ def written(expression: Expression, rng: random.Random) -> str:
             raise ValueError(f"{type(expression).__name__} is not rewritten")
 
 
-def _shuffled(parts: tuple[Expression, ...], rng: random.Random) -> list[str]:
+def _shuffled(parts: tuple[ex.Expression, ...], rng: random.Random) -> list[str]:
     texts = [written(part, rng) for part in parts]
     rng.shuffle(texts)
     return texts
@@ -86,9 +77,9 @@ def _product(factors: list[str], rng: random.Random) -> str:
     return "(" + "*".join(factors) + ")"
 
 
-def _power(base: Expression, exponent: Expression, rng: random.Random) -> str:
+def _power(base: ex.Expression, exponent: ex.Expression, rng: random.Random) -> str:
     inside = f"({written(base, rng)})"
-    if not isinstance(exponent, Number):
+    if not isinstance(exponent, ex.Number):
         return f"{inside}^({written(exponent, rng)})"
     if exponent.value == Fraction(1, 2):
         return f"({_put(rng.choice(ROOT_RULES), u=inside)})"

@@ -13,25 +13,12 @@ from typing import Any
 
 import pytest
 
-from inverse_service.errors import Place
+from inverse_service import errors
 from inverse_service.service.documents import growing
-from inverse_service.service.jobs import tasks
-from inverse_service.service.jobs.model import (
-    MAX_CRASHES,
-    MAX_RESTARTS,
-    MAX_UNSTARTED,
-    Event,
-    Job,
-    JobOptions,
-    JobRequest,
-    read_options,
-    split_options,
-)
+from inverse_service.service.jobs import model, tasks, workers
 from inverse_service.service.jobs.outcome import Call, Outcome, Usage
 from inverse_service.service.jobs.sqlite_store import SqliteStore
 from inverse_service.service.jobs.supervisor import TICK, Supervisor, described
-from inverse_service.service.jobs.tasks import request_of
-from inverse_service.service.jobs.workers import Report, Running
 
 DONE = Outcome("done", tasks.Answer(b'{"verdict": "variational"}', "variational"))
 SYSTEM = {"coordinates": ["x"], "equations": {"x": "-x"}}
@@ -50,7 +37,7 @@ class Scripted:
 
     def stop(self) -> None: ...
 
-    def submit(self, call: Call, report: Report | None = None) -> Running:
+    def submit(self, call: Call, report: workers.Report | None = None) -> workers.Running:
         self.calls.append(call)
         running = Hanging(call, report)
         outcome = self._ends(call)
@@ -59,7 +46,7 @@ class Scripted:
         return running
 
 
-class Hanging(Running):
+class Hanging(workers.Running):
     """A task that ends when it is cancelled."""
 
     def cancel(self) -> None:
@@ -75,11 +62,11 @@ def store(tmp_path: Path) -> Iterator[SqliteStore]:
     store.close()
 
 
-def request(name: str = "") -> JobRequest:
-    return request_of("solve", SYSTEM | {"name": name}, JobOptions())
+def request(name: str = "") -> model.JobRequest:
+    return tasks.request_of("solve", SYSTEM | {"name": name}, model.JobOptions())
 
 
-def final(store: SqliteStore, id: str) -> Job:
+def final(store: SqliteStore, id: str) -> model.Job:
     end = time.monotonic() + 60
     while time.monotonic() < end:
         job = store.job(id)
@@ -89,7 +76,7 @@ def final(store: SqliteStore, id: str) -> Job:
     raise AssertionError("the job does not end")
 
 
-def run(store: SqliteStore, *outcomes: Outcome, understood: Outcome | None = None) -> tuple[Job, dict[str, Any]]:
+def run(store: SqliteStore, *outcomes: Outcome, understood: Outcome | None = None) -> tuple[model.Job, dict[str, Any]]:
     """The job, and its body, when its runs end like this, one after the other."""
     left = list(outcomes)
 
@@ -111,7 +98,7 @@ def test_a_result_is_stored_as_the_worker_wrote_it(store: SqliteStore) -> None:
 
 
 def test_a_refusal_is_a_failed_job_with_its_places(store: SqliteStore) -> None:
-    job, body = run(store, Outcome("refused", places=(Place("No.", "/equations/x", 3),)))
+    job, body = run(store, Outcome("refused", places=(errors.Place("No.", "/equations/x", 3),)))
     assert (job.status, body["status"], body["errors"][0]["column"]) == ("failed", 422, 3)
 
 
@@ -130,7 +117,7 @@ def test_a_worker_that_dies_is_tried_again_until_it_died_three_times(store: Sqli
 
 @pytest.mark.parametrize(("status", "code"), [("crash", 500), ("killed", 422)])
 def test_three_deaths_fail_a_job_with_the_reason(store: SqliteStore, status: Any, code: int) -> None:
-    job, body = run(store, *[Outcome(status, detail="a secret of the inside")] * MAX_CRASHES)
+    job, body = run(store, *[Outcome(status, detail="a secret of the inside")] * model.MAX_CRASHES)
     assert (job.status, body["status"]) == ("failed", code)
     assert "repeatedly" in body["detail"]
     assert "secret" not in str(body)
@@ -160,7 +147,7 @@ def test_however_a_run_ends_its_result_is_what_was_finished(store: SqliteStore, 
     left = list(ends)
 
     class Telling(Scripted):
-        def submit(self, call: Call, report: Report | None = None) -> Running:
+        def submit(self, call: Call, report: workers.Report | None = None) -> workers.Running:
             if len(left) == len(ends) and report is not None:
                 report(SO_FAR)
             return super().submit(call, report)
@@ -182,7 +169,7 @@ def test_what_was_finished_outlives_the_service(store: SqliteStore) -> None:
     (job,) = store.submit([request()])
     store.claim("a service that was killed", 1)
     event = growing.events(SO_FAR)
-    store.add_events([(job.id, Event(10_001 + k, "part", each)) for k, each in enumerate(event)])
+    store.add_events([(job.id, model.Event(10_001 + k, "part", each)) for k, each in enumerate(event)])
     supervisor = Supervisor(store, Scripted(lambda call: Outcome("deadline")))
     supervisor.start()
     body = json.loads(final(store, job.id).body or b"null")
@@ -191,10 +178,10 @@ def test_what_was_finished_outlives_the_service(store: SqliteStore) -> None:
 
 
 def test_a_job_that_is_cancelled_keeps_what_was_finished(store: SqliteStore) -> None:
-    reports: list[Report] = []
+    reports: list[workers.Report] = []
 
     class Telling(Scripted):
-        def submit(self, call: Call, report: Report | None = None) -> Running:
+        def submit(self, call: Call, report: workers.Report | None = None) -> workers.Running:
             assert report is not None
             reports.append(report)
             return super().submit(call, report)
@@ -221,7 +208,7 @@ def test_a_job_for_which_no_process_starts_waits_and_is_not_to_blame(store: Sqli
 
 
 def test_a_job_for_which_no_process_ever_starts_ends(store: SqliteStore) -> None:
-    job, body = run(store, *[Outcome("unstarted")] * MAX_UNSTARTED)
+    job, body = run(store, *[Outcome("unstarted")] * model.MAX_UNSTARTED)
     assert (job.status, job.crashes, body["status"]) == ("failed", 0, 503)
 
 
@@ -247,12 +234,12 @@ def test_jobs_that_run_when_the_service_stops_run_later(store: SqliteStore) -> N
 
 def test_jobs_of_a_service_that_died_run_again_but_not_for_ever(store: SqliteStore) -> None:
     (job,) = store.submit([request()])
-    for _ in range(MAX_RESTARTS - 1):
+    for _ in range(model.MAX_RESTARTS - 1):
         store.claim("dead", 1)
         store.recover()
     found = store.job(job.id)
     assert found is not None
-    assert found.restarts == MAX_RESTARTS - 1
+    assert found.restarts == model.MAX_RESTARTS - 1
     store.claim("dead", 1)
     supervisor = Supervisor(store, Scripted(lambda call: DONE))
     supervisor.start()
@@ -264,10 +251,10 @@ def test_jobs_of_a_service_that_died_run_again_but_not_for_ever(store: SqliteSto
 
 def test_the_short_lane_gives_no_answer_to_what_a_limit_stopped(store: SqliteStore) -> None:
     """How its system is understood waits for a worker, and is not the result of the job."""
-    waiting: list[Running] = []
+    waiting: list[workers.Running] = []
 
     class Waiting(Scripted):
-        def submit(self, call: Call, report: Report | None = None) -> Running:
+        def submit(self, call: Call, report: workers.Report | None = None) -> workers.Running:
             running = super().submit(call, report)
             if call.task is tasks.understand_job_task:
                 waiting.append(running)
@@ -311,8 +298,8 @@ def test_the_options_of_a_job_reach_its_worker(store: SqliteStore) -> None:
     executor = Scripted(lambda call: DONE)
     supervisor = Supervisor(store, executor)
     supervisor.start()
-    document, given = split_options(SYSTEM | {"options": {"time_limit": 3, "memory_limit": 2000, "seed": 5}})
-    (job,) = store.submit([request_of("solve", document, read_options(given, JobOptions()))])
+    document, given = model.split_options(SYSTEM | {"options": {"time_limit": 3, "memory_limit": 2000, "seed": 5}})
+    (job,) = store.submit([tasks.request_of("solve", document, model.read_options(given, model.JobOptions()))])
     final(store, job.id)
     supervisor.stop()
     (call,) = executor.calls
@@ -405,7 +392,7 @@ def test_a_short_question_is_answered_while_the_workers_have_long_ones(store: Sq
             return self.call.client == "alice"
 
     class Long(Scripted):
-        def submit(self, call: Call, report: Report | None = None) -> Running:
+        def submit(self, call: Call, report: workers.Report | None = None) -> workers.Running:
             return Busy(call, report)
 
     quick = Scripted(lambda call: DONE if "short" in call.arguments[1] else Outcome("deadline"))
