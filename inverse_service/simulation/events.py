@@ -589,7 +589,7 @@ class _Motion:
         if len(zero) > MOST_TOGETHER:
             return None
         passing = [found | dict(zip(zero, signs, strict=True)) for signs in product((1, -1), repeat=len(zero))]
-        fits = [sides for sides in passing if self._goes(sides, zero, state)]
+        fits = [sides for sides in passing if self.goes(sides, zero, state)]
         if len(fits) == 1:
             return fits[0]
         if fits:  # from one side only the way across is a motion
@@ -604,7 +604,7 @@ class _Motion:
                     sides = found | dict.fromkeys(stuck, STICKS) | dict(zip(others, signs, strict=True))
                     shares = self.at(list(self.shares(sides).values()), state)
                     inside = len(shares) == count and bool((np.abs(shares) <= 1 + AT_ZERO).all())
-                    if inside and self._goes(sides, others, state):
+                    if inside and self.goes(sides, others, state):
                         return sides
         return None
 
@@ -613,7 +613,7 @@ class _Motion:
         values = np.array([self.at(self.forces(sides), state) for sides in passing])
         return bool((np.ptp(values, axis=0) <= 1e-12 * np.abs(values).max(initial=0.0)).all())
 
-    def _goes(self, sides: Sides, zero: Sequence[ex.Expression], state: tuple[float, Array, Array]) -> bool:
+    def goes(self, sides: Sides, zero: Sequence[ex.Expression], state: tuple[float, Array, Array]) -> bool:
         """Whether the motion on these sides leaves each zero to its side."""
         for u in zero:
             own, forces = on_sides(u, sides), self.forces(sides)
@@ -746,7 +746,8 @@ class _Run:
                 float(self.motion.at([on_sides(u, sides)], (ran.times[k], ran.positions[k], velocities[k]))[0])
                 for k in rows
             ]
-            if side and values[0] == 0 and all(side * value < 0 for value in values[1:]):
+            turns = side and values[0] == 0 and all(side * value < 0 for value in values[1:])
+            if turns and not self.motion.goes(sides, [u], (float(ran.times[0]), ran.positions[0], velocities[0])):
                 return sides | {u: -side}
         return None
 
