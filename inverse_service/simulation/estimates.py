@@ -4,12 +4,8 @@ The method is run again with half the step h. With an error C h^p both are apart
 method with steps of its own gets a tenth of its tolerance too, where that is above round-off. What both runs do alike
 is not seen by this: the energy, a constant, and the true motion, where that is known, are looked at too.
 
-Whether the steps of a run saw what it moves through: a run to the end that leapt over something is `unresolved`.
-
-In two steps: the energy, a constant, changes by half of the kinetic energy; of a method with a tolerance, by far more
-than that. A run with a Lagrangian that has another motion there than the given equations is `off_domain`.
-
-A run that is none of these stays `completed`; how far it is from the motion, `estimates` says.
+A force that acts within a step, of which neither run knows, is looked for in the formulas between the points. A run
+with a Lagrangian that has another motion there than the given equations is `off_domain`.
 """
 
 from __future__ import annotations
@@ -19,7 +15,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from inverse_service.expressions import tree as ex
@@ -153,48 +148,12 @@ def _change_of_energy(run: observing.Observed) -> str:
     return VARIES.format(change, change / mean, start) if is_much else ""
 
 
-_JUMPS = "the change of the energy, a constant, in two steps: more than {} of the kinetic energy"
-_NOISE = 1e-6
-_ROUND_OFF = 1e-14  # of formulas such as log(cos(x)) near 0, whose parts are of size 1
-_ROUNDINGS = 4.0  # of the places at the ends of two steps
-_OF_TOLERANCE = 1e8  # tolerances that the energy may change in two steps, in kinetic energies: steps of their own may
-# enter a narrow force before they see it, and lose what it did until then
 _OTHER = "the Euler-Lagrange equations of the free Lagrangian at the motion"
 TOO_LARGE = 0.1  # of the size of the motion
 GOLDEN, MOST_MOMENTS, MOST_VALUES = 0.618033988749895, 64, 2**21
 ENDS_ELSEWHERE = (
     "`adaptive` on the peaks of the forces ends {:.3g} from there: one acts within a step. Take a smaller step."
 )
-_NEAR = 5  # steps
-
-
-def jump_of_energy(run: observing.Observed) -> trajectory.Outcome | None:
-    """The outcome where one step or two change the energy, a constant, by half of the kinetic energy, or by what the
-    tolerance of the method does not explain."""
-    choice = run.requested.choice
-    if choice is not None and not choice.guard:
-        return None
-    at, steps = run.trajectory, run.scene.grid.steps
-    known = energies_of(run) if 0 < steps < len(at.times) else None  # every step was recorded
-    if known is None:
-        return None
-    energies, kinetic = known
-    share, noise = 0.5, np.zeros(len(energies) - 1)
-    if choice is not None and choice.method in method_table.OWN_STEPS:
-        share, rounded = min(share, _OF_TOLERANCE * choice.tolerance), rounding_of_energy(run, energies)
-        noise = _ROUND_OFF + _ROUNDINGS * np.maximum(rounded[1:], rounded[:-1])
-    near = greatest_near(kinetic)[1:] + kinetic.max() / 10
-    allowed = share * near + min(_NOISE, share) * np.abs(energies[1:]) + noise
-    before = np.stack([energies[:-1], np.concatenate([energies[:1], energies[:-2]])])  # one step, and two
-    changes = energies[1:] - before
-    places = np.flatnonzero((np.abs(changes) > allowed).any(axis=0))
-    if not len(places):
-        return None
-    step = int(places[0])
-    change = float(changes[np.abs(changes[:, step]).argmax(), step])
-    return trajectory.Outcome(
-        "unresolved", step, float(at.times[step]), _JUMPS.format(f"{share:.1g}"), change, schemes.RESOLVE
-    )
 
 
 def energies_of(run: observing.Observed) -> tuple[trajectory.Array, trajectory.Array] | None:
@@ -207,25 +166,6 @@ def energies_of(run: observing.Observed) -> tuple[trajectory.Array, trajectory.A
         return None
     points = scene, at.positions, velocities, at.times
     return observing.point_energy(*points), observing.point_kinetic(*points)
-
-
-def rounding_of_energy(run: observing.Observed, energies: trajectory.Array) -> trajectory.Array:
-    """How far the next number after each place moves E, (m,): a motion near x = 10^9 is known to 10^-7 only."""
-    at, found = run.trajectory, np.zeros_like(energies)
-    if (velocities := observing.velocities_at_points(run)) is None:
-        return found
-    for k in range(at.positions.shape[1]):
-        places = at.positions.copy()
-        places[:, k] = np.nextafter(places[:, k], np.inf)
-        found += np.abs(observing.point_energy(run.scene, places, velocities, at.times) - energies)
-    return np.nan_to_num(found)
-
-
-def greatest_near(kinetic: trajectory.Array) -> trajectory.Array:
-    """The greatest of the few about each, along the last axis; nan counts for nothing."""
-    padded = np.pad(kinetic, [(0, 0)] * (kinetic.ndim - 1) + [(_NEAR, _NEAR)], "edge")
-    found: trajectory.Array = np.fmax.reduce(sliding_window_view(padded, 2 * _NEAR + 1, axis=-1), axis=-1)
-    return found
 
 
 def other_motion(run: observing.Observed) -> trajectory.Outcome | None:
@@ -254,11 +194,11 @@ def other_motion(run: observing.Observed) -> trajectory.Outcome | None:
 
 
 def moments_between(run: observing.Observed) -> trajectory.Array:
-    """Times, at most MOST_MOMENTS, at which a function or power in the formulas has a value that neither point about it
-    shows: a force that acts within a step, of which no method that leaps over it knows, nor half its steps.
+    """Times, at most MOST_MOMENTS, at which a function or power in the formulas rises to a value that half a step
+    before and after do not show: a force that acts within a step, of which a method that leaps over it knows nothing.
 
-    A function is extreme where its argument turns or passes 0; there, located on the cubic through the positions and
-    velocities of the points, its value is compared with those at the points. A sine or cosine whose argument moves by
+    A function is extreme where its argument turns or passes 0; that is located on the cubic through the positions and
+    velocities of the points. A sine or cosine whose argument moves by
     more than a half turn in a step counts as well. Of a long run the first MOST_VALUES values are looked at, and none
     where steps are not recorded.
     """
@@ -300,11 +240,17 @@ def moments_between(run: observing.Observed) -> trajectory.Array:
             left = height(a) > height(b)
             low, high = np.where(left, low, a), np.where(left, b, high)
         peaks = (low + high) / 2
-        heights = values(peaks, node)[0]
-        after = np.clip(np.searchsorted(times, peaks), 1, count - 1)
-        above = np.minimum(np.abs(heights - shown[after - 1]), np.abs(heights - shown[after]))
+        half = np.diff(times).min() / 2
+        begin, end = np.maximum(peaks - half, times[0]), np.minimum(peaks + half, times[-1])
+        before, heights, after = (values(moments, node)[0] for moments in (begin, peaks, end))
+        above = np.minimum(np.abs(heights - before), np.abs(heights - after))
         largest = np.nanmax(np.abs(np.concatenate([shown, heights])), initial=0.0)
-        found.append(peaks[(above > largest / 2) & (np.abs(shown[after] - shown[after - 1]) < above / 2)])
+        seen = (above > largest / 2) & (np.abs(after - before) < above / 2)
+        low, high, before, above = begin[seen], peaks[seen], before[seen], above[seen]
+        for _ in range(50):  # to half of its height, where a force that is its slope is strong
+            middle = (low + high) / 2
+            low, high = np.where(np.abs(values(middle, node)[0] - before) < above / 2, (middle, high), (low, middle))
+        found.append(high)
         if isinstance(node, ex.Apply) and node.function in ("sin", "cos"):
             far = np.flatnonzero(np.abs(np.diff(along)) > np.pi)[:1]
             found.append((times[far] + times[far + 1]) / 2)

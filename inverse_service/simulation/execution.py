@@ -26,7 +26,7 @@ from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.kernels.codegen import program as programs
 from inverse_service.kernels.codegen.compiled import Card, Compiled, compiled
 from inverse_service.kernels.codegen.kernel import CONTROL, MOST_TRIES
-from inverse_service.kernels.codegen.symengine_trees import ZERO, Formula, free_names, real_value
+from inverse_service.kernels.codegen.symengine_trees import ZERO, Formula, real_value
 from inverse_service.simulation import peers, schemes
 from inverse_service.simulation.numeric_formulas import MOMENT, Formulas, formulas_of
 from inverse_service.simulation.scene_data import Grid, MethodChoice, Observable, Observation, Problem, Start, Stop
@@ -91,7 +91,6 @@ def kernel_of(formulas: Formulas, choice: MethodChoice, observation: Observation
 
 
 NO_GUARD = "The guard was off: that each step took the root that belongs to small steps was not checked."
-FEW, MANY, HALF = 4, 4096, 0.5
 
 
 def run(
@@ -102,10 +101,8 @@ def run(
     values: Mapping[str, float],
     observation: Observation | None = None,
     stop: Stop | None = None,
-    begun: bool = False,
 ) -> Trajectory:
-    """One trajectory; `values` gives every parameter (free constants too) a number. With `begun` it is a further part
-    of one, whose first steps are not looked at.
+    """One trajectory; `values` gives every parameter (free constants too) a number.
 
     Where the method cannot go on, the outcome says so and the rows up to there are kept. InputError for a choice
     that the problem does not allow. `stop` is asked about ten times a second; True ends the run as "cancelled".
@@ -121,61 +118,11 @@ def run(
     begin = initial(formulas, choice, start, grid.step, parameters | {str(MOMENT): grid.begin})
     if begin.missing:
         return failed_start(start, begin.missing, grid.begin)
-    if choice.guard and not begun and choice.method not in method_table.OWN_STEPS and grid.steps >= FEW:
-        unresolved = _first_steps(formulas, choice, begin, grid, parameters)
-        if unresolved is not None:
-            return failed_start(start, unresolved, grid.begin)
-    found = _run(formulas, choice, begin, grid, parameters, observation, stop)
-    return found if choice.guard else replace(found, outcome=replace(found.outcome, note=NO_GUARD))
-
-
-def _run(
-    formulas: Formulas, choice: MethodChoice, begin: Initial, grid: Grid, parameters: Mapping[str, float],
-    observation: Observation, stop: Stop | None,
-) -> Trajectory:  # fmt: skip
     kernel = kernel_of(formulas, choice, observation)
     memory = memory_of(kernel.card, *lane_of(choice, begin, grid, parameters))
     done = execute(kernel, memory, weights_of(choice), grid, stop)
-    return trajectory_of(Ended(formulas, choice, kernel, done, begin, grid), observation)
-
-
-def _first_steps(
-    formulas: Formulas, choice: MethodChoice, begin: Initial, grid: Grid, parameters: Mapping[str, float]
-) -> Outcome | None:
-    """The outcome where FEW steps lead elsewhere than MANY over the same time, or pass a wall: what is watched later
-    sees only what steps have met. None where both agree, or where the long steps fail, which the run will say itself;
-    where only the short ones meet a wall, the long ones jump over it."""
-    bare = Observation(momenta=False, velocities=False)
-    ends: list[Array] = []
-    for count in (FEW, MANY):
-        short = replace(grid, step=FEW * grid.step / count, steps=count, record_every=count // FEW)
-        found = _run(formulas, choice, begin, short, parameters, bare, None)
-        if not found.outcome.completed:
-            jumped = bool(ends) and found.outcome.kind == "singular"
-            return replace(found.outcome, step=0, time=grid.begin) if jumped else None
-        passed = _wall_passed(formulas, found.positions, parameters)
-        if passed is not None:
-            return Outcome("singular", 0, grid.begin, *passed, schemes.SMALLER_STEP)
-        ends.append(found.positions[-1] - found.positions[0])
-    apart, moved = (float(np.linalg.norm(difference)) for difference in (ends[0] - ends[1], ends[1]))
-    if not apart > HALF * moved:
-        return None
-    return Outcome(
-        "unresolved", 0, grid.begin, f"the first {FEW} steps compared with {MANY} shorter ones", apart, schemes.RESOLVE
-    )
-
-
-def _wall_passed(formulas: Formulas, positions: Array, parameters: Mapping[str, float]) -> tuple[str, float] | None:
-    """(text, value at the start) of a wall of the positions that has another sign at the first points after it."""
-    known = {*(f"q{k}" for k in range(formulas.size)), *parameters}
-    problem = formulas.problem
-    for wall in formulas.walls_of([problem.free_hamiltonian, problem.lagrangian, *(problem.accelerations or ())]):
-        if free_names(wall.formula) <= known:
-            tables = ({**parameters, **{f"q{k}": float(x) for k, x in enumerate(row)}} for row in positions)
-            values = [real_value(wall.formula, table) for table in tables]
-            if any(value * values[0] < 0 for value in values):
-                return wall.text, values[0]
-    return None
+    found = trajectory_of(Ended(formulas, choice, kernel, done, begin, grid), observation)
+    return found if choice.guard else replace(found, outcome=replace(found.outcome, note=NO_GUARD))
 
 
 _FIRST_PIECE = 4096

@@ -207,11 +207,8 @@ def observed_run(
     observed = observing.Observed(scene, requested, found, problem, values, truth, pieces is not None)
     events: tuple[Found, ...] = () if pieces is None else pieces.events
     if pieces is None:
-        if (
-            found.outcome.completed
-            and (unseen := estimates.other_motion(observed) or estimates.jump_of_energy(observed)) is not None
-        ):
-            found = found.ended(found.times <= (unseen.time or 0.0), unseen)
+        if found.outcome.completed and (other := estimates.other_motion(observed)) is not None:
+            found = found.ended(found.times <= (other.time or 0.0), other)
             observed = replace(observed, trajectory=found)
         if scene.events and len(found.times) > 1:
             with derivation.timed(seconds, "events"):
@@ -252,7 +249,7 @@ def _integrated(
 
     def piece(what: Problem, choice: MethodChoice, start: Start, grid: Grid) -> Trajectory:
         own, observation = observed_problem(scene, what)
-        return execution.run(own, choice, start, grid, values, observation, stop, in_pieces)
+        return execution.run(own, choice, start, grid, values, observation, stop)
 
     in_pieces = derived is not None and has_pieces(scene, problem)
     try:
@@ -613,7 +610,7 @@ def _part(
     """A part of the run, with the events that act and the switches in it."""
 
     def piece(what: Problem, by: MethodChoice, begin: Start, over: Grid) -> Trajectory:
-        return execution.run(what, by, begin, over, dict(scene.values), Observation(momenta=False), stop, in_pieces)
+        return execution.run(what, by, begin, over, dict(scene.values), Observation(momenta=False), stop)
 
     acting = tuple(event for event in scene.events if event.acts)
     own = replace(scene, grid=replace(grid, record_every=1), events=acting)
