@@ -78,7 +78,7 @@ def test_the_pendulum_on_a_cart_that_sympy_builds_has_the_lagrangian_of_its_mass
     method = n_link_pendulum_on_cart(3, cart_force=False)
     speeds = [q.diff() for q in method.q]
     hessian = sp.hessian(solve(method).lagrangian, speeds)
-    assert (hessian - method.mass_matrix).expand() == sp.zeros(4)
+    assert (hessian - method.mass_matrix).expand(trig=True) == sp.zeros(4)
 
 
 def test_a_lagranges_method_with_constraints_is_asked_as_its_lagrangian_and_they_are() -> None:
