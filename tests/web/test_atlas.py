@@ -36,7 +36,7 @@ def test_some_lines_are_as_computed_now() -> None:
     [
         ({"q": "kepler polar"}, "kepler-polar"),
         ({"tag": "constraints", "q": "tilt"}, "tilting-disk"),
-        ({"equations": "m*u'' + c*u' + k*u = 0"}, "textbook-damped-c"),
+        ({"equations": "m*u'' + c*u' + k*u = 0"}, "textbook-damped-3"),
         # Other names, another order, other constants.
         ({"equations": "b'' = -2*R'*b'/R; R'' = R*b'^2 - 7/R^2"}, "kepler-polar"),
     ],

@@ -140,6 +140,7 @@ PICTURES = (
     "mobile-robot", "two-wheeled-carriage", "wind-drag-position-dependent", "poynting-robertson",
 )  # fmt: skip
 MOST_PICTURES = 20
+LONGEST_LINE = 120  # characters of the equations in a list
 
 
 def body_of(name: str) -> str:
@@ -182,7 +183,8 @@ def pictures() -> list[dict[str, Any]]:
 
 
 def _line(entry: dict[str, Any]) -> dict[str, Any]:
-    return {**entry, "text": "; ".join(entry["equations"])[:160]}
+    text = "; ".join(entry["equations"])
+    return {**entry, "text": text if len(text) <= LONGEST_LINE else f"{text[:LONGEST_LINE]}\u2026"}
 
 
 @router.get("/atlas/{name}")

@@ -302,6 +302,7 @@ def _case(
     if not brief:
         more += _answer_rows(shown, result, names)
     steps = () if brief else _steps(shown, names)
+    start = next((step for step in steps if "Suppose" in step), steps[0] if steps else Markup(""))
     proofs = [] if brief else [("", steps)] + [
         ("Without the time" if not other["timed"] else "With the time", _steps(other, names)) for other in others
     ]  # fmt: skip
@@ -312,7 +313,7 @@ def _case(
         tuple(_formulas(shown, result, names)),
         tuple(proof for proof in proofs if proof[1]),
         tuple(more),
-        (("Assumption", steps[0]), ("Contradiction", steps[-1])) if verdict == NO and len(steps) > 1 else (),
+        (("Assumption", start), ("Contradiction", steps[-1])) if verdict == NO and len(steps) > 1 else (),
     )
 
 

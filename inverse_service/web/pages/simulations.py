@@ -24,6 +24,8 @@ from inverse_service.web.pages.rendering import duration, method_name, page, sho
 
 PICTURES = {"svg": "image/svg+xml", "png": "image/png"}
 TABLES = {"csv": "text/csv", "npz": "application/zip"}
+PRIME = "\u2032"
+MOST_MEMBERS = 200  # of an ensemble on the page; the JSON has all
 FIELD = "See `conserved`: "  # of the JSON
 QUANTITIES = (
     ("max_energy_error", "energy error"),
@@ -46,6 +48,7 @@ def simulation_result(address: str, job: Mapping[str, Any], document: str) -> HT
         formulas=typesetting.formulas_of(result["system"]),
         start={name: f"{v or 0:.10g}" for name, v in start_of(result).items()},
         rows=[(m, _numbers(m, columns), _why(m), columns_of(m)) for m in result["methods"]],
+        ensembles=[(m["label"], *_members(of)) for m in result["methods"] if (of := m.get("members_columns"))],
         free=free_lagrangians(result),
         costs=costs(result),
         parts=part_costs(result),
@@ -57,10 +60,25 @@ def simulation_result(address: str, job: Mapping[str, Any], document: str) -> HT
     )
 
 
+def _members(columns: Mapping[str, Sequence[Any]]) -> tuple[list[str], list[list[str]]]:
+    """The headings and the first rows of the numbers of an ensemble, one row for each run."""
+    rows = zip(*columns.values(), strict=True)
+    shown = [[str(k), *map(short_number, row)] for k, row in enumerate(itertools.islice(rows, MOST_MEMBERS), 1)]
+    return list(map(_heading, columns)), shown
+
+
+def _heading(column: str) -> str:
+    """v_x_end as x\u2032 at the end."""
+    name, _, place = column.rpartition("_")
+    if place not in ("start", "end"):
+        return column.replace("_", " ")
+    return f"{name.removeprefix('v_')}{PRIME * name.startswith('v_')} at the {place}"
+
+
 def start_of(result: Mapping[str, Any]) -> dict[str, float]:
     """The values of the parameters, the coordinates and the velocities at the start."""
     initial = result["initial"]
-    velocities = {f"{name}\u2032": v for name, v in initial["velocities"].items()}
+    velocities = {f"{name}{PRIME}": v for name, v in initial["velocities"].items()}
     return {**result["system"]["parameters"], **initial["positions"], **velocities}
 
 

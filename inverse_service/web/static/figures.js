@@ -56,7 +56,7 @@ function axis(label, size, isLogarithmic) {
     const step = Math.max(1, Math.ceil((b - a) / 5));
     return Array.from({ length: Math.max(0, Math.floor(b / step) - Math.ceil(a / step) + 1) }, (_, i) => 10 ** (step * (Math.ceil(a / step) + i)));
   };
-  const text = isLogarithmic ? (v) => `10${raised(Math.round(Math.log10(v)))}` : (v) => String(Number(v.toPrecision(6))).replace("-", "\u2212");
+  const text = isLogarithmic ? (v) => `10${raised(Math.round(Math.log10(v)))}` : (v) => (Math.abs(v) >= 1e5 ? v.toExponential().replace("e+", "e") : String(Number(v.toPrecision(6)))).replace("-", "\u2212");
   return { label, size, labelSize: 18, labelGap: -6, font: "13px sans-serif", labelFont: "13px sans-serif", stroke: color("--soft"), grid: { stroke: color("--line"), width: 1 }, ticks: { show: false },
     filter: (chart, splits) => splits, values: (chart, splits) => splits.map(text), ...(isLogarithmic ? { splits: decades } : {}) };
 }

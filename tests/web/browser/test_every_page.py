@@ -91,6 +91,12 @@ SCENE: dict[str, Any] = {
     "observe": ["trajectory", "energy", "constraints", "matching_circle", "error"],
 }  # fmt: skip
 
+AT_REST = {"positions": {"x": 1}, "velocities": {"x": 0}}
+ENSEMBLE: dict[str, Any] = {
+    "system": {"catalogue": "sho"}, "initial": AT_REST, "step": 0.05, "steps": 100, "methods": ["runge-kutta"],
+    "ensemble": {"initial": [AT_REST, {"positions": {"x": 2}, "velocities": {"x": 0}}]},
+}  # fmt: skip
+
 
 def hard(function: str, seconds: float) -> dict[str, Any]:
     """A document that no one decides in this time."""
@@ -111,6 +117,7 @@ def documents() -> dict[str, tuple[str, dict[str, Any]]]:
         "undetermined": ("solve", hard("sin", 1)),
         "failed": ("simulate", {**SCENE, "initial": {"positions": {"phi": 0}}}),
         "simulation": ("simulate", SCENE),
+        "ensemble": ("simulate", ENSEMBLE),
         "precision": ("work-precision", {**SCENE, "steps": 20, "observe": []}),
     }
 
@@ -149,13 +156,21 @@ def test_axe_finds_nothing_and_nothing_is_too_wide(look: Visit, states: dict[str
     for name, path in states.items():
         look.go(path)
         if name in ("simulation", "precision"):
-            expect(look.page.locator("[data-drawn]")).to_be_visible()
+            expect(look.page.locator("[data-drawn], [data-told]")).to_be_visible()
         if name != "/atlas":
             open_all(look)
         found = violations(look)
         if found or is_too_wide(look):
             faults[name] = found or ["too wide"]
     assert faults == {}
+
+
+def test_each_run_of_an_ensemble_has_a_line(look: Visit, states: dict[str, str]) -> None:
+    look.go(states["ensemble"])
+    runs = look.page.get_by_role("region", name="The runs of").locator("tbody tr")
+    expect(runs).to_have_count(2)
+    expect(runs.last).to_contain_text("2")
+    expect(look.page.get_by_role("columnheader", name="x\u2032 at the end")).to_be_visible()
 
 
 def test_work_that_is_open_has_no_violation(look: Visit) -> None:
