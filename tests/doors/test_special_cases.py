@@ -96,6 +96,14 @@ def test_a_special_case_that_is_variational_shows_a_proven_lagrangian(henon_heil
     for at, node in special:
         assert node["checked"] == "valid"
         assert not {f"{at}/{key}" for key in ("lagrangian", "verdict", "equations")} & {*report["not_checked"]}
+        assert f"{at}/conditions/0/latex" not in report["not_checked"]
+
+
+def test_latex_of_a_condition_that_is_another_is_not_checked(henon_heiles: dict[str, Any]) -> None:
+    forged = copy.deepcopy(henon_heiles)
+    at, node = next(pair for pair in nodes(forged["special_cases"]["tree"]) if pair[1]["lagrangian"])
+    node["conditions"][0]["latex"] += " + 1"
+    assert f"{at}/conditions/0/latex" in check(forged)["not_checked"]
 
 
 @pytest.mark.parametrize(

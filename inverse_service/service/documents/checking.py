@@ -503,6 +503,7 @@ class Examination:
 
     def cases(self, document: Any) -> None:
         """The Lagrangians of special cases that conditions on the parameters give."""
+        names = canonical.names_of(_system(self.result))
         waiting = [("/special_cases/tree", _object(_object(self.result.get("special_cases")).get("tree")))]
         while waiting:
             at, node = waiting.pop()
@@ -516,7 +517,10 @@ class Examination:
             key = "verdict_with_time" if question == "time_dependent" and node.get("verdict_with_time") else "verdict"
             if self.agree(f"{at}/{key}", node.get(key) == "variational", node.get(key), "It is variational."):
                 self.about_another(at, node | {"verdict": "variational"}, found, ("equations",))
-                self.claim(*(f"{at}/conditions/{k}/text" for k in range(len(texts))))
+                for k, condition in enumerate(node["conditions"]):
+                    sides = [to_latex(read_formula(side, names)) for side in condition["text"].split(" = ")]
+                    same = condition.get("latex") == " = ".join(sides)
+                    self.claim(f"{at}/conditions/{k}/text", *[f"{at}/conditions/{k}/latex"] * same)
 
     def about_another(
         self, at: str, part: dict[str, Any], found: CheckResult | None, compared: Sequence[str] = _OF_ANOTHER
