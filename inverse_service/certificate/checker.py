@@ -1,10 +1,11 @@
 """The independent checker of certificates: its doors.
 
-FORMAT.md beside this file says what is checked, and why that is enough. The room imports nothing of the project, draws
-its own points, primes and directions, never searches and never repairs. To be read in this order: `checker` (here),
-`question` (the checks), `formulas` (the grammar), `series` (Taylor series and elimination), `numbers` (residues modulo
-a prime, which decide what is zero, and balls, which decide what is not), `cell` and `exceptions` (where a claim holds);
-`kinds` and `constraints` are questions of other forms.
+FORMAT.md beside this file says what is checked, and why that is enough. The room imports nothing of
+the project, draws its own points, primes and directions, never searches and never repairs. To be
+read in this order: `checker` (here), `question` (the checks), `formulas` (the grammar), `series`
+(Taylor series and elimination), `numbers` (residues modulo a prime, which decide what is zero, and
+balls, which decide what is not), `cell` and `exceptions` (where a claim holds); `kinds` and
+`constraints` are questions of other forms.
 """
 
 from __future__ import annotations
@@ -31,28 +32,37 @@ class CheckResult:
 
     verdict: Literal["valid", "incomplete", "invalid"]
     reasons: tuple[str, ...] = ()
-    # Of a certificate that is valid: where its claim holds, where its formulas do, the parameters for which it is not
-    # proven, and whether the theorem on one coordinate proves it beyond the formulas.
+    # Of a certificate that is valid: where its claim holds, where its formulas do, the parameters
+    # for which it is not proven, and whether the theorem on one coordinate proves it beyond them.
     cell: Cell | None = None
     formulas: Cell | None = None
     exceptions: tuple[str, ...] = ()
     by_theorem: bool = False
 
 
-def judged(work: Callable[[Tools], Iterable[str]], time_limit: float, seed: int | None) -> CheckResult:
+def judged(
+    work: Callable[[Tools], Iterable[str]],
+    time_limit: float,
+    seed: int | None,
+) -> CheckResult:
     """The sentences that the work gives, or how it ended; the work raises nothing else."""
+    tools = Tools(random.Random(seed), time.thread_time() + time_limit)
     try:
-        return CheckResult("valid", tuple(work(Tools(random.Random(seed), time.thread_time() + time_limit))))
+        return CheckResult("valid", tuple(work(tools)))
     except Ended as end:
-        return CheckResult(end.args[0], end.args[1:])
+        return CheckResult(end.verdict, end.reasons)
     except (Undefined, Unsettled, StopIteration):
         return CheckResult("incomplete", ("A number in the document could not be computed.",))
     except (RecursionError, MemoryError, OverflowError):
         return CheckResult("incomplete", ("The document is beyond the memory of the checker.",))
 
 
-def check_certificate(certificate: object, time_limit: float = 60.0, seed: int | None = None) -> CheckResult:
-    """The verdict on a certificate by itself; never raises. `seed` makes the checker's choices repeatable."""
+def check_certificate(
+    certificate: object,
+    time_limit: float = 60.0,
+    seed: int | None = None,
+) -> CheckResult:
+    """The verdict on a certificate by itself; never raises. `seed` makes its choices repeatable."""
     proven = list[CheckResult]()
 
     def work(tools: Tools) -> tuple[str, ...]:
@@ -71,18 +81,19 @@ def check_text(text: str, time_limit: float = 60.0, seed: int | None = None) -> 
             raise ValueError
         return dict(pairs)
 
-    try:
-        document = json.loads(text, object_pairs_hook=members, parse_constant=int)  # int("NaN") is a ValueError
+    try:  # int("NaN") is a ValueError
+        document = json.loads(text, object_pairs_hook=members, parse_constant=int)
     except (ValueError, TypeError, RecursionError):
-        return CheckResult("invalid", ("The text is no JSON document, repeats a key, or is nested too deeply.",))
+        reason = "The text is no JSON document, repeats a key, or is nested too deeply."
+        return CheckResult("invalid", (reason,))
     return check_certificate(document, time_limit, seed)
 
 
 def certified(document: Any, tools: Tools) -> CheckResult:
-    """What a certificate proves, with the cell and the exceptions of its claim; Ended where it does not.
+    """What a certificate proves, with the cell and the exceptions of its claim; else Ended.
 
-    At the end: the document has the shape of FORMAT.md, its claim is the one that its kind proves, and the method of
-    the question that is named like the kind has returned.
+    At the end: the document has the shape of FORMAT.md, its claim is the one that its kind proves,
+    and the method of the question that is named like the kind has returned.
     """
     began = time.thread_time()
     if isinstance(document, dict) and document.get("format") == OLD_FORMAT:
@@ -123,8 +134,9 @@ def certified(document: Any, tools: Tools) -> CheckResult:
 def near_points(name: str, timed: bool) -> str:
     """Where an equation of one coordinate has a regular Lagrangian (Sonin 1886, Darboux 1894).
 
-    Its Hessian g solves Gamma(g) + g df/dv = 0 with Gamma = v d/dx + f d/dv, and d/dt besides where L may contain t. A
-    linear equation along Gamma has a solution with g = 1 near each point at which Gamma is not 0, and g gives L.
+    Its Hessian g solves Gamma(g) + g df/dv = 0 with Gamma = v d/dx + f d/dv, and d/dt besides where
+    L may contain t. A linear equation along Gamma has a solution with g = 1 near each point at
+    which Gamma is not 0, and g gives L.
     """
     moving = "" if timed else f" and {name}', {name}'' are not both 0"
     return f"near every point at which f is analytic{moving}"

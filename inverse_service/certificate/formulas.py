@@ -42,6 +42,10 @@ RESULT = {"format": RESULT_FORMAT, "system": {}, "question?": r"L\((t, )?q, q'\)
 class Ended(Exception):
     """The check ends, with a verdict and a sentence: "invalid" or, where nothing can be said, "incomplete"."""
 
+    def __init__(self, verdict: Any, *reasons: str) -> None:
+        super().__init__(verdict, *reasons)
+        self.verdict, self.reasons = verdict, reasons
+
 
 def require(condition: object, sentence: str) -> None:
     if not condition:

@@ -13,7 +13,7 @@ from typing import Any
 
 from .formulas import MAX_NAMES, NUMBER, TEXT, Ended, Reader, check_shape, is_irrational, read_tokens, require
 from .numbers import Arithmetic, Series, Unsettled
-from .question import KindsOfRows, Question, RowKind, Tools
+from .question import KindsOfRows, Question, RowKind, Tools, Zero
 from .series import Elimination, Expansion, Term
 
 KINDS = "natural|riemannian|finsler|positive_definite|rayleigh|rayleigh_general"
@@ -130,17 +130,17 @@ class OfKind(Question):
         more = [text for text in self.texts()[len(super().texts()) :] if text]
         super().prepare(lambda ring: (read(ring), [Reader(ring, text).value for text in more]), formulas, rational)
 
-    def residuals(self, ring: Any, lagrangian: Series) -> Iterator[tuple[Series, str]]:
+    def residuals(self, ring: Any, lagrangian: Series) -> Iterator[Zero]:
         """Of L, E_i - dD/dv^i; then what has to be zero for L to be of the kind, and D quadratic and homogeneous."""
         drag = Reader(ring, self.drag).value if self.drag else {}
         for v, (value, sentence) in zip(ring.v, super().residuals(ring, lagrangian), strict=True):
-            yield ring.add([value, ring.value([Term(-1, ring.one, (v,))], drag)]), sentence
+            yield Zero(ring.add([value, ring.value([Term(-1, ring.one, (v,))], drag)]), sentence)
         exact = [(parts, weight, lagrangian) for parts, weight, holds in ring.derivations if holds]
         for parts, weight, series in [*exact, *[(ring.speeds, 2, drag)] * (self.kind == "rayleigh")]:
-            yield ring.value(ring.multiplied(parts, weight), series), "It is not homogeneous, or not invariant."
+            yield Zero(ring.value(ring.multiplied(parts, weight), series), "It is not homogeneous, or not invariant.")
         thirds = combinations_with_replacement(ring.v, 3) if self.kind in NATURAL else ()
         for series, by in product([lagrangian, drag], thirds):
-            yield ring.value([Term(1, ring.one, by)], series), "It is not quadratic in the velocities."
+            yield Zero(ring.value([Term(1, ring.one, by)], series), "It is not quadratic in the velocities.")
 
     def existence(self, document: dict[str, Any]) -> str:
         if self.moves or self.kind == "rayleigh":

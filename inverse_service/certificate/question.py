@@ -11,7 +11,6 @@ import random
 import re
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from fractions import Fraction
 from itertools import accumulate
 from typing import Any, NamedTuple
@@ -123,17 +122,35 @@ class Found(NamedTuple):
     symbol: Symbol
 
 
-@dataclass(slots=True)
-class Claims:
-    """What has to be zero in the ring, and which matrices regular at the point; a sentence says what else is wrong."""
+class Zero(NamedTuple):
+    """What has to be zero in the ring, and a sentence for where it is not."""
 
-    zeros: list[tuple[Series, str]]
-    regular: list[tuple[list[list[Number]], str]]
+    value: Series
+    sentence: str
+
+
+class Regular(NamedTuple):
+    """A matrix that has to be regular at the point, and a sentence for where it is not."""
+
+    matrix: list[list[Number]]
+    sentence: str
+
+
+class Claims(NamedTuple):
+    zeros: list[Zero]
+    regular: list[Regular]
+
+
+class Outcome(NamedTuple):
+    """What the rows of a nonexistence certificate give at one point."""
+
+    steps: list[Step]
+    regular: bool  # whether g(p) of a random solution is
 
 
 def no_claims(ring: Expansion) -> Claims:
     ring.question.read(ring)
-    return Claims([(tie, "A root is not what it is said to be.") for tie in ring.ties], [])
+    return Claims([Zero(tie, "A root is not what it is said to be.") for tie in ring.ties], [])
 
 
 class Question:
@@ -241,7 +258,9 @@ class Question:
     ) -> None:
         """Bounds by a count; where not all is rational in everything, a point and a plan of the atoms first.
 
-        `read` reads what the certificate has beside f, and is called with rings of all kinds.
+        `read` reads what the certificate has beside f, and is called with rings of all kinds. At the end: there is a
+        point where all is defined and the conditions hold (in balls, or modulo a prime where all is rational), the
+        plan relates the atoms there, degrees are bounded, and each root named is what it is said to be.
         """
         self.rational, self.read = rational and not any(map(is_irrational, [*self.texts(), *formulas])), read
         if self.conditions or self.near or not self.rational:
@@ -284,7 +303,7 @@ class Question:
                 try:
                     self.held, arithmetic = False, Balls(self, Place(self.generator, values), None)
                     zeros = claims(self.expansion(arithmetic, degree)).zeros
-                    good = all(value.contains(0) for zero, _ in zeros for value in zero.values())
+                    good = all(number.contains(0) for zero in zeros for number in zero.value.values())
                     require(good, "What is claimed does not hold wherever the conditions hold.")
                     seen += 1
                 except Undefined:
@@ -340,7 +359,10 @@ class Question:
         return not open_ones
 
     def in_balls(self, degree: int, work: Callable[[Expansion], Any], classes: list[int] | None = None) -> Any:
-        """The work in balls at the point, with more digits until they suffice."""
+        """The work in balls at the point, with more digits until they suffice.
+
+        At the end: what is returned was computed without a comparison that balls leave open.
+        """
         for bits in PRECISIONS:
             self.check_time()
             with ctx.workprec(bits):
@@ -357,7 +379,11 @@ class Question:
             raise Ended("incomplete", sentence) from None
 
     def modulo(self, degree: int, work: Callable[[Expansion], Any], count: int = 2) -> list[Any]:
-        """What the work gives at random points modulo so many random primes, for each choice of the roots there."""
+        """What the work gives at random points modulo so many random primes, for each choice of the roots there.
+
+        At the end: there are `count` times as many outcomes as choices, and at all points the same arguments of
+        functions were found to be equal.
+        """
         found, prime, choices = list[Any](), 0, self.plan.choices
         for attempt in range(2000 + 30 * self.plan.split):
             prime = prime if attempt % 8 else self.prime()
@@ -383,7 +409,10 @@ class Question:
         raise Ended("incomplete", "No point was found at which every formula is defined.")
 
     def prime(self) -> int:
-        """A random prime of 61 bits modulo which all numbers have the roots that the plan takes of them."""
+        """A random prime of 61 bits modulo which all numbers have the roots that the plan takes of them.
+
+        It is drawn after the text is read: no text can be made so that it vanishes modulo the prime.
+        """
         fine = [2 * pair.scale for pair in self.plan.pairs if pair.number < 0]
         step = math.lcm(24 * math.lcm(*[2 * pair.scale for pair in self.plan.pairs if pair.logarithm]), *fine)
         roots = [(pair.number, pair.scale) for pair in self.plan.pairs if pair.number > 1]
@@ -397,23 +426,28 @@ class Question:
         raise Ended("incomplete", "No prime was found modulo which all numbers have their roots.")
 
     def settle(self, degree: int, claims: Callable[[Expansion], Claims], count: int = 2) -> None:
-        """Zeros by algebra, regular matrices by balls; what is not zero in the ring may be refuted by balls."""
+        """Zeros by algebra, regular matrices by balls; what is not zero in the ring may be refuted by balls.
+
+        At the end: every zero is one at all points drawn and for all roots there, every matrix is regular. Else it is
+        invalid where a ball excludes 0 or all is rational, and incomplete everywhere else.
+        """
         doubts, self.claimed = dict[int, str](), (claims, degree)
         needed, regular = dict[int, str](), set[int]()  # which matrices, and which are for some choice of the roots
 
         def exact(ring: Expansion) -> None:
             found = claims(ring)
-            doubts.update({k: text for k, (value, text) in enumerate(found.zeros) if ring.arithmetic.settle(value)})
-            needed.update({k: text for k, (_, text) in enumerate(found.regular)})
-            here = [ring.arithmetic.regular(matrix) for matrix, _ in found.regular]
+            open_ones = (k for k, zero in enumerate(found.zeros) if ring.arithmetic.settle(zero.value))
+            doubts.update({k: found.zeros[k].sentence for k in open_ones})
+            needed.update({k: one.sentence for k, one in enumerate(found.regular)})
+            here = [ring.arithmetic.regular(one.matrix) for one in found.regular]
             regular.update(k for k, good in enumerate(here) if good)
             self.partly |= not all(here)
 
         def real(ring: Expansion) -> None:
             found = claims(ring)
             for k, sentence in doubts.items():
-                require(all(value.contains(0) for value in found.zeros[k][0].values()), sentence)
-            if doubts or not all(ring.arithmetic.regular(matrix) for matrix, _ in found.regular):
+                require(all(number.contains(0) for number in found.zeros[k].value.values()), sentence)
+            if doubts or not all(ring.arithmetic.regular(one.matrix) for one in found.regular):
                 raise Unsettled
 
         self.modulo(degree, exact, count)
@@ -426,7 +460,11 @@ class Question:
             self.proven_in_balls(degree, real, told)
 
     def lagrangian(self, document: dict[str, Any]) -> str:
-        """All conditions on L itself hold, and the matrix L_(v_i v_j) is regular."""
+        """All conditions on L itself hold, and the matrix L_(v_i v_j) is regular.
+
+        At the end: each residual is zero in the ring for every choice of its roots, and the matrix is regular modulo a
+        prime for one of them and, where not all is rational, in balls at P.
+        """
         formula = read_tokens(document.get("lagrangian"), "certificate.lagrangian")
         tokens = formula + self.read_integrals(document.get("integrals") or {})
         require(self.letters.isdisjoint(tokens), "The Lagrangian contains accelerations.")
@@ -435,9 +473,10 @@ class Question:
         def claims(ring: Expansion) -> Claims:
             lagrangian = Reader(ring, formula).value
             found = self.residuals(ring, lagrangian)
-            zeros = [(ring.settle(v), t) for v, t in (self.against(ring, found, factors) if self.unsolved else found)]
+            found = self.against(ring, found, factors) if self.unsolved else found
+            zeros = [Zero(ring.settle(one.value), one.sentence) for one in found]
             singular = f"The Hessian of the Lagrangian is singular{self.where}."
-            return Claims(zeros, [(ring.hessian(lagrangian), singular)])
+            return Claims(zeros, [Regular(ring.hessian(lagrangian), singular)])
 
         factors = self.read_factors(document)
         lines = [text for pair in zip(factors, self.unsolved, strict=True) for text in pair]
@@ -451,12 +490,12 @@ class Question:
         there = self.where and " there"
         return f"The Euler-Lagrange equations of the Lagrangian hold{self.where} and its Hessian is regular{there}."
 
-    def residuals(self, ring: Expansion, lagrangian: Series) -> Iterator[tuple[Series, str]]:
+    def residuals(self, ring: Expansion, lagrangian: Series) -> Iterator[Zero]:
         """What has to be zero at the point, and what is wrong otherwise."""
         for kind, names in (("free", self.free), ("dependent", self.bound)):
             for i, name in enumerate(names):
                 sentence = f"The Euler-Lagrange equation of {name} does not hold{self.where}."
-                yield ring.value(ring.terms(kind, i), lagrangian), sentence
+                yield Zero(ring.value(ring.terms(kind, i), lagrangian), sentence)
 
     def read_factors(self, document: dict[str, Any]) -> list[tuple[str, ...]]:
         """c_i(t, q, q') for each equation that is not solved, 1 where none are given."""
@@ -468,14 +507,13 @@ class Question:
         require(self.timed or not any("t" in text for text in found), "A factor contains t, but the question does not.")
         return found
 
-    def against(
-        self, ring: Expansion, residuals: Iterable[tuple[Series, str]], factors: list[tuple[str, ...]]
-    ) -> Iterator[tuple[Series, str]]:
+    def against(self, ring: Expansion, residuals: Iterable[Zero], factors: list[tuple[str, ...]]) -> Iterator[Zero]:
         """Where the equations are not solved: what is zero if the residual is c E or -c E, for all q''."""
         for (residual, sentence), factor, equation in zip(residuals, factors, self.unsolved, strict=True):
             value = {0: Reader(ring, factor).value.get(0, 0)}
             own = ring.multiply(value, {0: Reader(ring, equation).value.get(0, 0)}, 0)
-            yield ring.multiply(ring.add([residual, own], [1, -1]), ring.add([residual, own]), 0), sentence
+            either = ring.multiply(ring.add([residual, own], [1, -1]), ring.add([residual, own]), 0)
+            yield Zero(either, sentence)
 
     def read_integrals(self, listed: dict[str, Any]) -> tuple[str, ...]:
         """The functions that are known by one derivative, which may hold those before them; the tokens of all."""
@@ -542,30 +580,41 @@ class Question:
         return rows, max(depths)
 
     def nonexistence(self, document: dict[str, Any]) -> str:
+        """The rows named leave no regular g(p).
+
+        At the end: at all points the same rows are independent with the same pivots, in balls too where not all is
+        rational, and det g(p) is zero on the solutions of these rows.
+        """
         rows, most = self.listed(document)
         require(len(set(rows)) == len(rows), "A row is named twice.")
 
-        def work(ring: Expansion) -> tuple[list[Step], bool]:
+        def work(ring: Expansion) -> Outcome:
             echelon = Elimination(ring.arithmetic, ring.shift)
             for row in rows:
                 echelon.insert(ring.row(*row), row)
-            return echelon.script(), ring.arithmetic.regular(ring.matrix(echelon))
+            return Outcome(echelon.script(), ring.arithmetic.regular(ring.matrix(echelon)))
 
         def real(ring: Expansion) -> None:
             echelon = followed(ring, steps)
-            if regular:  # or it raises Unsettled
-                ring.arithmetic.regular(ring.matrix(echelon))
+            if regular and not ring.arithmetic.regular(ring.matrix(echelon)):
+                raise Unsettled
 
         self.prepare(lambda ring: None)
-        scripts, outcomes = zip(*self.modulo(most, work), strict=True)
-        steps, regular = self.agreed(scripts), any(outcomes)
+        outcomes: list[Outcome] = self.modulo(most, work)
+        steps = self.agreed(outcome.steps for outcome in outcomes)
+        regular = any(outcome.regular for outcome in outcomes)
         if not self.rational:
             self.proven_in_balls(most, real, "Balls at the real point do not show that the rows are independent.")
         require(not regular, "The rows leave a regular multiplier g(p).")
-        self.generic = Generic(work, most, lambda outcome: not outcome[1], telescopes=True)
+        self.generic = Generic(work, most, lambda outcome: not outcome.regular, telescopes=True)
         return f"{len(rows)} linear conditions, recomputed from the equations, leave only singular Hessians."
 
     def existence(self, document: dict[str, Any]) -> str:
+        """The prolonged system is involutive in the degree named, and leaves a regular g(p).
+
+        At the end: the dimensions are those named, at the order named and the next one, at all points and in balls;
+        the symbol passes Cartan's test with them; g(p) of a random solution is regular.
+        """
         count, orders = range(10**9), range(1, MAX_ORDER + 1)
         symbol = {"dimension": count, "prolonged": count, "characters": [count, len(self.variables)]}
         shape = {"order": orders, "degree": orders, "dimensions": [count, MAX_ORDER + 1], "symbol": symbol}
@@ -597,8 +646,8 @@ class Question:
             names = dict(symbol_rows(echelon, ring, degree, directions))
             for step in killing:
                 killed.follow(names[step.row], step)
-            if first.regular:  # or it raises Unsettled
-                ring.arithmetic.regular(ring.matrix(echelon))
+            if first.regular and not ring.arithmetic.regular(ring.matrix(echelon)):
+                raise Unsettled
 
         self.prepare(lambda ring: None)
         results: list[Found] = self.modulo(most, work)

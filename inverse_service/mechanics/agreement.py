@@ -159,7 +159,8 @@ def _examined(
     def claims(ring: Ring) -> checks.Claims:
         found = parts(ring)
         matrix = [[entry.get(0, 0) for entry in row] for row in found.matrix]
-        return checks.Claims(found.zeros, [(matrix, sentences[1])])
+        zeros = [checks.Zero(*pair) for pair in found.zeros]
+        return checks.Claims(zeros, [checks.Regular(matrix, sentences[1])])
 
     def work(tools: Any) -> list[str]:
         question = checks.Question(tools, canonical.system, True, canonical.claim)

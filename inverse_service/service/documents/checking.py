@@ -93,7 +93,7 @@ def check_plain(result: object, document: object = None) -> dict[str, Any]:
     try:
         examination.examine()
     except (Ended, InputError, KeyError, TypeError, ValueError, AttributeError, IndexError, RecursionError) as error:
-        why = error.args[1] if isinstance(error, Ended) and len(error.args) > 1 else "A part has another form."
+        why = error.reasons[0] if isinstance(error, Ended) and error.reasons else "A part has another form."
         examination.contradict("", str(why)[:200], "")
     return examination.report()
 

@@ -197,7 +197,7 @@ def lacking(
     try:
         missing, beyond = cell.lacking(question, stated, proven)
     except formulas.Ended as end:
-        return ([*end.args[1:]], set()) if end.args[0] == "invalid" else ([], {*range(len(stated))})
+        return ([*end.reasons], set()) if end.verdict == "invalid" else ([], {*range(len(stated))})
     return missing, {*beyond}
 
 
@@ -317,14 +317,16 @@ def _agreed(certificate: Mapping[str, Any], shown: Any, notes: dict[str, bool], 
         slopes = [{0: ring.arithmetic.settle({0: whole.get(ring.units[v], 0)}).get(0, 0)} for v in ring.v]
         pairs = zip(p.values(), slopes, strict=True)
         zeros = [ring.add([{0: value.get(0, 0)}, slope], [1, -1]) for value, slope in pairs]
-        return checks.Claims([(ring.settle({0: zero.get(0, 0)}), _WRONG) for zero in (difference, *zeros)], [])
+        return checks.Claims(
+            [checks.Zero(ring.settle({0: zero.get(0, 0)}), _WRONG) for zero in (difference, *zeros)], []
+        )
 
     question.claimed, notes["proven"] = (claims, 1), True
     try:
         question.prepare(parts, [lagrangian, energy, *momenta.values()])
         question.settle(1, claims)
     except formulas.Ended as end:
-        if end.args[0] == "invalid" or question.rational or not question.place.values:
+        if end.verdict == "invalid" or question.rational or not question.place.values:
             raise
         notes["proven"] = False
         question.look_around()  # which may refute it
