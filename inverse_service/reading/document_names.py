@@ -419,7 +419,7 @@ def inferred_coordinates(texts: Mapping[str, str], declared: Names, order: int =
 
 
 # What stands before an acceleration without a sign: m, ml, I, r.
-_FACTOR_OF_MOTION = re.compile("([mMIJLCRlrabckgh][0-9]?){1,3}")
+_FACTOR_OF_MOTION = re.compile("([mMIJLCRlrabckghqGQ][0-9]?){1,4}")
 
 
 def key_coordinate(key: str, names: Names, pointer: str) -> str:
@@ -623,6 +623,10 @@ def _guessed(texts: Mapping[str, str], declared: Names) -> Guess:
             if _takes_argument(line, place) and (parts := known_words.split_before_argument(token.text, declared)):
                 splits[token.text] = parts
                 continue
+            ending = next((each for each in known_words.ENDINGS if token.text.endswith(each)), "")
+            if ending and not followed and _takes_argument(line, place):
+                meant = f"{token.text.removesuffix(ending)}*{ending}"
+                raise known_words.undeclared(token.text, token.column, (meant,)).at(pointer)
             if arguments and "_" in token.text:
                 called.setdefault(token.text, (pointer, token))
             if arguments and not _looks_like_a_function(token.text):
@@ -639,7 +643,7 @@ def _guessed(texts: Mapping[str, str], declared: Names) -> Guess:
     known_names = Names(coordinates, declared.parameters, {**declared.functions, **found_functions})
     held = [token.text for pointer, line in lines.items() if pointer.startswith("/constraints") for token in line]
     rolls = "r" in held and GREEK_NAMES & {*coordinates}  # then r is the radius of a wheel
-    splits |= _ask_back({name: at for name, at in guessed.items() if name != "r" or not rolls}, known_names)
+    splits |= _ask_back({name: at for name, at in guessed.items() if name != "r" or not rolls}, known_names, raised)
     return Guess(tuple(name for name in guessed if name not in splits), found_functions, splits)
 
 
@@ -687,9 +691,10 @@ def _is_one_of_many(name: str, coordinates: Sequence[str]) -> bool:
 
 
 def _takes_argument(line: Sequence[Token], place: int) -> bool:
-    """Whether a bracket, a name or a number follows at once: Rcos(x), Rcos x of Rcos and a Greek letter."""
+    """Whether an argument follows the cos of Rcos: a bracket, a name or a number; of ln one without a space."""
     after = at(line, place + 1)
-    return after.is_operator("(") or (after.kind in ("name", "number") and not after.space_before)
+    touches = not after.space_before or (after.kind == "name" and not line[place].text.endswith("ln"))
+    return after.is_operator("(") or (after.kind in ("name", "number") and touches)
 
 
 _COMPONENTS = frozenset("ABEFJPVpv")  # Fx and Fy are two components to most
@@ -712,11 +717,14 @@ def _called_with(line: Sequence[Token], place: int, declared: Names) -> int:
     return count
 
 
-def _ask_back(guessed: Mapping[str, tuple[str, Token]], names: Names) -> dict[str, tuple[str, ...]]:
+def _ask_back(
+    guessed: Mapping[str, tuple[str, Token]], names: Names, raised: Collection[str] = ()
+) -> dict[str, tuple[str, ...]]:
     """The runs of letters that are products to every reader; InputError for the first name that may be no constant."""
     words = [name for name in guessed if 1 < len(name) < 4 and name.isalpha() and name[0] != "d"]
     shared = {letter for first, second in itertools.combinations(words, 2) for letter in {*first} & {*second}}
-    letters = (*(name for name in guessed if len(name) == 1), *shared)  # ml and mgl are products
+    plain = [name for name in guessed if re.fullmatch("[A-Za-z][0-9]*", name)]
+    letters = (*plain, *shared)  # ml and mgl are products
     together = Names(names.coordinates, (*names.parameters, *letters), names.functions)
     seen: dict[str, str] = {}
     splits: dict[str, tuple[str, ...]] = {}
@@ -729,6 +737,11 @@ def _ask_back(guessed: Mapping[str, tuple[str, Token]], names: Names) -> dict[st
         column = token.column
         if name not in components and (parts := known_words.only_split(name, together)):
             splits[name] = parts
+            continue
+        if name in raised and name not in plain and (parts := known_words.factors_of(name)):
+            if not _FACTOR_OF_MOTION.fullmatch(name):
+                raise known_words.undeclared(name, column, ("*".join(parts),)).at(pointer)
+            splits[name] = parts  # ml^2 is m*l^2
             continue
         if meant := known_words.readings(name, together):
             raise known_words.undeclared(name, column, meant).at(pointer)

@@ -306,16 +306,25 @@ def readings(name: str, names: Names) -> tuple[str, ...]:
     return (*motion, written_product(cut, names))
 
 
-_BEFORE = re.compile("(?![dDaA])(?:[A-Za-z]{1,2}|[A-Za-z]_?[0-9]+)")
+_LETTER = re.compile("[A-Za-z](?:_?[0-9]+)?")
+_BEFORE = re.compile(rf"(?![dDaA])(?:{_LETTER.pattern}){{1,5}}")
+ENDINGS = ("sinh", "cosh", "tanh", "sqrt", "sin", "cos", "tan", "exp", "log", "ln")
 
 
 def split_before_argument(name: str, names: Names) -> tuple[str, ...]:
-    """R and cos for Rcos, which an argument follows; nothing where no function ends the run."""
-    for function in ("sinh", "cosh", "tanh", "sqrt", "sin", "cos", "tan", "exp", "log", "ln"):
+    """m, g and cos for mgcos, which an argument follows; nothing where no function ends the run."""
+    for function in ENDINGS:
         before = name.removesuffix(function)
         if before != name and _BEFORE.fullmatch(before):
-            return (*(only_split(before, names) or (before,)), function)
+            return (*(only_split(before, names) or _LETTER.findall(before)), function)
     return ()
+
+
+def factors_of(name: str) -> tuple[str, ...]:
+    """The letters, with their numbers, of a short run such as ml or m2l1; nothing for other names."""
+    found = tuple(_LETTER.findall(name))
+    named = name in GREEK_NAMES or name == "ell" or name[0] == "d"
+    return found if 1 < len(found) < 5 and "".join(found) == name and not named else ()
 
 
 _OF_NUMBERS = ("sqrt", "cbrt", "ln", "log")
@@ -331,7 +340,9 @@ def _parts(name: str, names: Names) -> list[str]:
     known = {*names.declared(), *moving, "t", "pi", "ln"} | {word for word in FUNCTIONS if len(word) > 2}
     letters, cut = _cut(name, known)
     moves = any(part in names.coordinates or part in moving for part in cut)
-    if len(cut) < 2 or letters > 1 + moves or (cut[-1] in FUNCTIONS and not names.role(cut[-1])):
+    called = next((place for place, part in enumerate(cut) if part in FUNCTIONS and not names.role(part)), len(cut))
+    most = 4 if 0 < called < len(cut) - 1 and all(part in known for part in cut[called:]) else 1 + moves  # mglcosx
+    if len(cut) < 2 or letters > most or (cut[-1] in FUNCTIONS and not names.role(cut[-1])):
         return []
     return cut
 
