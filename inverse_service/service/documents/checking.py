@@ -19,6 +19,7 @@ from inverse_service.deadline import now
 from inverse_service.errors import CertificateRefused, InputError
 from inverse_service.expressions.printing import to_latex
 from inverse_service.mechanics.agreement import Canonical
+from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading.reader import read_formula
 from inverse_service.service.documents import accepting, canonical, comparison, derived, translate
 from inverse_service.service.documents.comparison import compared_claim, compared_with_document
@@ -34,7 +35,6 @@ _NO_CLAIM: Final = "This answer claims no verdict, so there is nothing to check;
 _NO_RESULT: Final = "The document is no result: it has no format, system, and verdict that are known."
 _OPEN: Final = "A verdict is undetermined, or no certificate proves it."
 _VERDICTS: Final = ("variational", "not_variational", "undetermined")
-_OF_ANOTHER: Final = ("verdict", "kind", "equations", "factor", "conditions", "clock")
 # What the checker reads of a certificate.
 _READ: Final = {
     "format", "system", "question", "claim", "kind", "near", "conditions", "roots", "among", "lagrangian",
@@ -142,6 +142,8 @@ class Shown:
     system: dict[str, Any]
     kind: str = ""
     around: Any = None  # the domain of the answer around one about a kind
+    key: str = "verdict"  # under which the verdict is
+    follows: bool = False  # whether it is about another system, that follows from the one of the document
 
 
 @dataclass(slots=True)
@@ -315,7 +317,7 @@ class Examination:
         at, part, certificate = shown.at, shown.part, shown.part.get("certificate")
         if certificate is None:
             if shown.verdict == "undetermined":
-                self.claim(f"{at}/verdict")
+                self.claim(f"{at}/{shown.key}")
             for key in ("lagrangian", "hamiltonian", "dissipation"):
                 if part.get(key) is not None:
                     self.contradict(f"{at}/{key}", _text(part[key]), "Nothing is proven here.")
@@ -329,7 +331,7 @@ class Examination:
             self.contradict(f"{at}/certificate", certificate.get("claim"), proof.reasons[0])
             return None
         good = self.fits(shown, certificate)
-        self.agree(f"{at}/verdict", good, shown.verdict, "Its certificate claims another thing.")
+        self.agree(f"{at}/{shown.key}", good, shown.verdict, "Its certificate claims another thing.")
         same = _same_system(_system(certificate), shown.system)
         self.agree(f"{at}/certificate/system", same, "", "It is about another system.")
         if proof.verdict == "incomplete":
@@ -338,12 +340,13 @@ class Examination:
         if not good or not same:
             return None
         self.reasons.extend(proof.reasons)
-        self.with_document(certificate)
+        if not shown.follows:
+            self.with_document(certificate)
+            self.exceptions(shown, proof)
         if "checked" in part:
             self.agree(f"{at}/checked", part["checked"] == "valid", part["checked"], "The checker says valid.")
         self.formulas(shown, certificate)
         self.domains(shown, certificate, proof)
-        self.exceptions(shown, proof)
         self.energy(shown, certificate)
         return certificate
 
@@ -498,8 +501,12 @@ class Examination:
         if kind not in ("parameters", "reduced"):
             self.contradict("/instead/kind", str(kind), "It is none of time, rayleigh, parameters, reduced.")
             return
-        found = derived.compared_instead(document, self.result, self.end - now())
-        self.about_another("/instead", part, found)
+        if kind == "parameters":
+            found = derived.system_there(document, part.get("conditions"))
+            self.about_another("/instead", part, found, ("kind", "equations", "conditions"))
+        else:  # which is compared itself
+            good = derived.is_of_reduced(part, _object(self.result.get("reduced")))
+            self.agree("/instead", good, kind, "It is not the reduced system.")
 
     def cases(self, document: Any) -> None:
         """The Lagrangians of special cases that conditions on the parameters give."""
@@ -512,59 +519,55 @@ class Examination:
             shows = any(node.get(key) for key in ("lagrangian", "hamiltonian", "certificate"))
             if not shows or any("(" in str(text).split(" = ")[0] for text in texts):
                 continue  # a case of functions is not made again: it is not checked
-            found = derived.compared_values(document, node, texts, self.end - now())
             question = _object(node.get("certificate")).get("question")
             key = "verdict_with_time" if question == "time_dependent" and node.get("verdict_with_time") else "verdict"
             if self.agree(f"{at}/{key}", node.get(key) == "variational", node.get(key), "It is variational."):
-                self.about_another(at, node | {"verdict": "variational"}, found, ("equations",))
+                self.about_another(at, node, derived.system_there(document, texts), ("equations",), key)
                 for k, condition in enumerate(node["conditions"]):
                     sides = [to_latex(read_formula(side, names)) for side in condition["text"].split(" = ")]
                     same = condition.get("latex") == " = ".join(sides)
                     self.claim(f"{at}/conditions/{k}/text", *[f"{at}/conditions/{k}/latex"] * same)
 
     def about_another(
-        self, at: str, part: dict[str, Any], found: CheckResult | None, compared: Sequence[str] = _OF_ANOTHER
+        self,
+        at: str,
+        part: dict[str, Any],
+        system: SecondOrderSystem | None,
+        compared: Sequence[str] = ("equations", "factor"),
+        key: str = "verdict",
     ) -> None:
-        """An answer about a system that follows from that of the document; that these fields do was compared."""
-        if found is not None and found.verdict == "invalid":
-            self.contradict(at, part.get("verdict") or part.get("kind"), found.reasons[0])
-        elif found is not None and found.verdict != "valid":
-            self.unsettled(found.reasons[0])
-        elif isinstance(part.get("certificate"), dict):
-            certificate = part["certificate"]
-            verdict = part.get("verdict", certificate.get("claim"))
-            shown = Shown(at, part, str(certificate.get("question")), verdict, _system(certificate))
-            proof = self.proof(certificate)
-            self.claim(*(f"{at}/{key}" for key in compared))
-            self.claim(*(f"{at}/certificate/{key}" for key in _READ))
-            if "checked" in part:
-                self.agree(f"{at}/checked", part["checked"] == "valid", part["checked"], "The checker says valid.")
-            if proof.verdict == "valid":
-                self.formulas(shown, certificate)
-                self.domains(shown, certificate, proof)
-                self.energy(shown, certificate)
-            elif proof.verdict == "invalid":
-                self.contradict(f"{at}/certificate", certificate.get("claim"), proof.reasons[0])
-            else:
-                self.unsettled(proof.reasons[0])
-        elif part.get("verdict") != "undetermined":
+        """An answer about a system that follows from that of the document; with it these fields are compared."""
+        verdict = part.get(key, "variational")
+        if verdict == "undetermined" and not part.get("certificate") and not part.get("equations"):
+            self.claim(f"{at}/{key}", f"{at}/factor")  # nothing was found
+            return
+        equations = None if system is None else translate.equation_fields(system)["equations"]
+        if system is None or part.get("equations") != equations:
+            self.contradict(at, verdict, "It is not about the system that follows from the document's.")
+            return
+        self.claim(*(f"{at}/{name}" for name in compared))
+        own = {"coordinates": list(system.coordinates), "parameters": list(system.parameters), "equations": equations,
+               "functions": translate.function_fields(system)}  # fmt: skip
+        certificate, questions = _object(part.get("certificate")), derived.questions_of(part, system)
+        if system.positive and not derived.is_inside(system, certificate.get("near") or {}):
+            self.contradict(f"{at}/certificate/near", "", "It is about another case of signs.")
+        question = certificate.get("question") if certificate.get("question") in questions else questions[0]
+        found = self.answer(Shown(at, part, str(question), verdict, own, key=key, follows=True))
+        if found is None and verdict != "undetermined":
             self.unsettled(f"{at}: no certificate proves it.")
-        else:
-            self.claim(f"{at}/verdict", f"{at}/equations", f"{at}/factor")
 
     def others(self, document: Any, plain: Any, own: dict[str, Any]) -> None:
         """The system with another clock, and the reduced one."""
         if clock := _object(self.result.get("with_clock")):
-            self.about_another("/with_clock", clock, derived.compared_clock(document, clock, self.end - now()))
-        if reduced := _object(self.result.get("reduced")):
-            if document is own:
-                return
-            from inverse_service.service.documents.nonholonomic_documents import compared_reduced
+            self.about_another("/with_clock", clock, derived.system_with_clock(document, clock))
+        reduced = _object(self.result.get("reduced"))
+        if reduced and document is not own:
+            from inverse_service.service.documents.nonholonomic_documents import systems_of_reduced
 
-            found = compared_reduced(document, reduced, self.end - now())
+            found, clocked = systems_of_reduced(document, reduced)
             self.about_another("/reduced", reduced, found)
             if clock := _object(reduced.get("with_clock")):
-                self.about_another("/reduced/with_clock", clock, found)
+                self.about_another("/reduced/with_clock", clock, clocked)
 
     def motions(self, document: Any, plain: Any, timed: bool) -> None:
         """What is said of a motion on constraints, on each branch."""

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any
 
 from api_schemas import result as schemas
 from inverse_service import deadline, errors
-from inverse_service.certificate import checker
 from inverse_service.decision import deciding
 from inverse_service.decision.solutions import Answer, Solution, SolveOptions
 from inverse_service.explanation import positive
@@ -38,7 +37,6 @@ SEARCH = "search"
 SHARE_OF_TREE = 0.7  # of the time for special cases; their Lagrangians have the rest
 _MOST_CASES = 6
 _SHOWN = ("lagrangian", "hamiltonian", "certificate", "checked")
-_WRONG = checker.CheckResult("invalid", ("It is not about the system that follows from the document's.",))
 Values = Mapping[ex.Expression, ex.Expression]
 
 
@@ -296,90 +294,58 @@ def of_reduced(reduced: ReducedPart | None) -> schemas.InsteadPart | None:
     return None
 
 
-# What `check` does with these: the system is made again from the document.
+# What `check` compares these with: the system, made again from the document; None where they are about no such system.
 
 
-def compared_clock(document: Any, part: dict[str, Any], time_limit: float) -> checker.CheckResult | None:
-    """The checker's verdict on `with_clock`, whose system has to be that of the document with its clock."""
+def system_with_clock(document: Any, part: Mapping[str, Any]) -> SecondOrderSystem | None:
+    """That of the document, in the clock of `with_clock`, which is the one that the document names if it names one."""
     try:
         schema = accepting.to_schema(preparing.prepared(document).document)
         system = accepting.to_system(schema)
-        if to_clock(schema, system) is None and part.get("verdict") == "undetermined":
-            return None
         factor = to_clock(schema, system) or read_clock(system, str(part.get("factor")), schema)
     except errors.InputError:
-        return _WRONG
-    return compared_clocked(part, system, factor, time_limit)
+        return None
+    return in_clock(part, system, factor)
 
 
-def compared_clocked(
-    part: dict[str, Any], system: SecondOrderSystem, factor: ex.Expression, time_limit: float
-) -> checker.CheckResult | None:
-    """The same for an answer with this clock."""
+def in_clock(part: Mapping[str, Any], system: SecondOrderSystem, factor: ex.Expression) -> SecondOrderSystem | None:
     from inverse_service.solving.of_kind import clock
 
-    changed = clock.with_clock(system, factor)
-    if changed is None or part.get("factor") != printing.to_text(factor):
-        return _WRONG
-    return compared_answer(part, changed, time_limit)
+    return clock.with_clock(system, factor) if part.get("factor") == printing.to_text(factor) else None
 
 
-def compared_instead(document: Any, result: dict[str, Any], time_limit: float) -> checker.CheckResult | None:
-    """The checker's verdict on an `instead` about another system than the document's; None where there is none."""
-    part = result.get("instead")
-    if not isinstance(part, dict) or part.get("kind") not in ("reduced", "parameters"):
-        return None
-    if part["kind"] == "parameters":
-        return compared_values(document, part, part.get("conditions"), time_limit)
-    reduced = result.get("reduced") or {}  # which is compared itself
-    known = [reduced, reduced.get("with_clock") or {}]
-    good = any(all(one.get(key) == part.get(key) for key in (*_SHOWN, "equations")) for one in known)
-    return None if good else _WRONG
-
-
-def compared_values(document: Any, part: dict[str, Any], conditions: Any, time_limit: float) -> checker.CheckResult:
-    """The checker's verdict on a *yes* for special values of the parameters, given as texts "name = value"."""
+def system_there(document: Any, conditions: Any) -> SecondOrderSystem | None:
+    """That of the document for special values of the parameters, given as texts "name = value"."""
     try:
         system = accepting.to_system(accepting.to_schema(preparing.prepared(document).document))
         names = Names(parameters=system.parameters, time=False)  # constants: a = x is no condition
         pairs = [text.split(" = ") for text in conditions]
         values = {reader.read_formula(name, names): reader.read_formula(value, names) for name, value in pairs}
     except (errors.InputError, KeyError, ValueError, AttributeError, TypeError):
-        return _WRONG
+        return None
     held = {node for tree in values.values() for node in ex.walk(tree)}
     known = {ex.Symbol(name) for name in system.parameters} - held
-    if not values or len(values) < len(pairs) or not {*values} <= known:
-        return _WRONG
-    return compared_answer({**part, "verdict": "variational"}, specialised(system, values), time_limit) or _WRONG
+    good = values and len(values) == len(pairs) and {*values} <= known
+    return specialised(system, values) if good else None
 
 
-def compared_answer(part: dict[str, Any], system: SecondOrderSystem, time_limit: float) -> checker.CheckResult | None:
-    """The checker's verdict on an answer for this system, `invalid` where it is for another; None where it is open."""
-    equations, certificate = translate.equation_fields(system)["equations"], part.get("certificate")
-    if part.get("equations") != equations:
-        return _WRONG
-    if not isinstance(certificate, dict):
-        return None if part.get("verdict") == "undetermined" else _WRONG
-    shown, named = part.get("lagrangian"), certificate.get("system")
-    named = named if isinstance(named, dict) else {}
-    good = named.get("equations") == equations and certificate.get("among") is None
-    good = good and named.get("parameters") == list(system.parameters)
-    good = good and certificate.get("claim") == part.get("verdict")
-    good = good and certificate.get("question") in _questions(part, system)
-    text = shown.get("text") if isinstance(shown, dict) else None
-    good = good and (not system.positive or _is_inside(system, certificate.get("near") or {}))
-    if not good or text != certificate.get("lagrangian"):
-        return _WRONG
-    return checker.check_certificate(certificate, time_limit=max(1.0, time_limit))
+def is_of_reduced(part: Mapping[str, Any], reduced: Mapping[str, Any]) -> bool:
+    """Whether `instead` repeats the reduced system, or this with its clock."""
+    known = [reduced, reduced.get("with_clock") or {}]
+    return any(
+        all(one.get(key) == part.get(key) for key in (*_SHOWN, "equations"))
+        and one.get("factor", "") == part.get("clock", "")
+        for one in known
+    )
 
 
-def _questions(part: Mapping[str, Any], system: SecondOrderSystem) -> Sequence[str]:
+def questions_of(part: Mapping[str, Any], system: SecondOrderSystem) -> Sequence[str]:
     """Those that an answer may be about: a special case may have an L(t, q, q') alone, and says so."""
     timed = system.depends_on_time or ("dimension" in part and part.get("verdict_with_time") == "variational")
     return ("time_dependent",) if system.depends_on_time else ("autonomous", *["time_dependent"] * timed)
 
 
-def _is_inside(system: SecondOrderSystem, near: dict[str, str]) -> bool:
+def is_inside(system: SecondOrderSystem, near: Mapping[str, str]) -> bool:
     """Whether the point is one of the case of signs that the formulas of the system are for."""
     try:
         return real_point.are_positive(system.positive, real_point.table_at(near)) or any(

@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Any
 
 from api_schemas.base import ParseAnswer
 from inverse_service import errors
-from inverse_service.certificate import checker
 from inverse_service.deadline import now
 from inverse_service.decision.solutions import SolveOptions
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
@@ -269,53 +268,19 @@ def parse_system(schema: SystemDocument) -> ParseAnswer:
 
 
 def checked(result: ResultDocument, time_limit: float) -> dict[str, Any]:
-    """The document with the checker's verdict on each definite answer.
+    """The document, its system compared with the document as given; CertificateRefused where an answer is unchecked.
 
-    The solver has its certificates checked itself; only what it left unchecked is checked here. An
-    answer that the checker finds incomplete becomes undetermined: no verdict leaves unchecked, nor
-    before its system was compared with the document as given.
+    The solver has its certificates checked itself: no definite verdict leaves that the checker did not call valid.
     """
-    end = now() + time_limit
-    document = _certified(result.model_dump(mode="json"), time_limit)
-    checking.compare_before_leaving(document, end - now())
-    return document
-
-
-def _certified(document: dict[str, Any], time_limit: float) -> dict[str, Any]:
-    """The document, each answer with the checker's verdict; those of `branches` as the main ones."""
-    for place, branch in enumerate(document["branches"]):
-        found = _judged({**document, **branch, "branches": []}, time_limit)
-        document["branches"][place] = {key: found[key] for key in branch}
-    if document["branches"]:
-        return {**document, **document["branches"][0]}
-    return _judged(document, time_limit)
-
-
-def _judged(document: dict[str, Any], time_limit: float) -> dict[str, Any]:
-    _check_answer(document, time_limit)
-    other = document["with_time"]
-    if other is None:
-        if document["verdict"] == "undetermined" and document["verdict_with_time"] is not None:
-            document["verdict_with_time"] = "undetermined"
-        return document
-    _check_answer(other, time_limit)
-    document["verdict_with_time"] = other["verdict"]
+    document = result.model_dump(mode="json")
+    answers = [document, *document["branches"]]
+    for answer in filter(None, [*answers, *(one["with_time"] for one in answers)]):
+        if answer["verdict"] != "undetermined" and answer["checked"] != "valid":
+            raise errors.CertificateRefused("an answer was left unchecked")
+    checking.compare_before_leaving(document, time_limit)
     return document
 
 
 def ordered(document: dict[str, Any]) -> dict[str, Any]:
     """The fields in the order of the contract, which is the order in which a person reads them."""
     return {key: document[key] for key in FIRST_FIELDS} | document
-
-
-def _check_answer(answer: dict[str, Any], time_limit: float) -> None:
-    if answer["verdict"] == "undetermined" or answer["checked"] == "valid":
-        return
-    found = checker.check_certificate(answer["certificate"], time_limit=max(1.0, time_limit))
-    answer["checked"] = found.verdict
-    if found.verdict == "invalid":
-        raise errors.CertificateRefused("our checker refused our certificate: " + "; ".join(found.reasons)[:500])
-    if found.verdict == "incomplete":
-        verdict, reasons = answer["verdict"].replace("_", " "), "; ".join(found.reasons)
-        answer["verdict"] = "undetermined"
-        answer["reason"] = f"The solver found {verdict}, but the independent check could not confirm it: {reasons}"

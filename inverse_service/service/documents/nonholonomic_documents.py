@@ -15,7 +15,6 @@ from api_schemas import nonholonomic as schemas
 from api_schemas.base import ParseAnswer
 from api_schemas.result import AdvicePart, HamiltonianPart
 from inverse_service import errors
-from inverse_service.certificate.checker import CheckResult
 from inverse_service.constrained import answering, nonholonomic_study
 from inverse_service.constrained import reduced as deciding
 from inverse_service.constrained.hamiltonise import Comparison, Hamiltonisation
@@ -380,7 +379,6 @@ def read_given_motion(schema: schemas.MotionDocument) -> constrained_motion.Cons
 
 QUADRATURE = "Along a solution of these equations the other coordinates are integrals over t of the right sides."
 CLOSED = "The equations of these coordinates hold no others; the others follow from the equations of motion."
-_WRONG = CheckResult("invalid", ("reduced is not the reduced system of the document, or has another clock.",))
 
 
 def decided_reduced(
@@ -425,24 +423,19 @@ def _part(found: deciding.Reduced) -> schemas.ReducedPart:
     )
 
 
-def compared_reduced(document: Any, part: dict[str, Any], time_limit: float) -> CheckResult | None:
-    """The checker's verdicts on `reduced` and its `with_clock`, whose systems have to be those of the document."""
-    end = now() + time_limit
+def systems_of_reduced(
+    document: Any, part: dict[str, Any]
+) -> tuple[SecondOrderSystem | None, SecondOrderSystem | None]:
+    """The reduced system of the document, and this in the clock of `with_clock`; None where there is none."""
+    clock = part.get("with_clock")
     try:
         system = _of_document(preparing.prepared(document).document)
-    except errors.InputError:
-        return _WRONG
-    if system is None:
-        return _WRONG
-    found = derived.compared_answer(part, system, end - now())
-    clock = part.get("with_clock")
-    if (found is not None and found.verdict != "valid") or not isinstance(clock, dict):
-        return found
-    try:
+        if system is None or not isinstance(clock, dict):
+            return system, None
         factor = derived.read_clock(system, str(clock.get("factor")))
     except errors.InputError:
-        return _WRONG
-    return derived.compared_clocked(clock, system, factor, end - now()) or found
+        return None, None
+    return system, derived.in_clock(clock, system, factor)
 
 
 def _of_document(document: Any) -> SecondOrderSystem | None:
