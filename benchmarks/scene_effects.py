@@ -17,9 +17,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from inverse_service.expressions.tree import add
 from inverse_service.reading.names import Names
 from inverse_service.reading.reader import read_formula
-from inverse_service.simulation.derivation import derive, lagrangian_parts, problem_of, with_effects
+from inverse_service.simulation.derivation import derive, lagrangian_parts, problem_of
 from inverse_service.simulation.running import MethodRun, observed_problem, run_method
 from inverse_service.simulation.running import operations as operations_of
 from inverse_service.simulation.scene_data import (
@@ -69,10 +70,11 @@ def scene_of(effects: Named, observe: Named, steps: int) -> Scene:
     """The disk with these effects and observed quantities, and nothing else."""
     names = Names(COORDINATES, tuple(VALUES))
     parts = lagrangian_parts(read_formula(LAGRANGIAN, names), COORDINATES)
-    terms = {name: read_formula(text, names) for name, text in TERMS.items()}
+    parts |= {name: read_formula(text, names) for name, text in TERMS.items()}
+    lagrangian = add(*(tree for name, tree in parts.items() if name in ("kinetic", *effects)))
     constraints = tuple(read_formula(text, names) for text in CONSTRAINTS) if "constraints" in effects else ()
     return Scene(
-        name="", coordinates=COORDINATES, values=VALUES, lagrangian=with_effects(parts, terms, effects),
+        name="", coordinates=COORDINATES, values=VALUES, lagrangian=lagrangian,
         constraints=constraints, accelerations=None, effects=effects, positions=np.array([0.3, 0.0, 1.0, 0.0]),
         velocities=np.array([1.0, 0.5, 0.5 * np.cos(0.3), 0.5 * np.sin(0.3)]),
         grid=Grid(0.01, steps, max(1, steps // 10)), methods=(METHOD,), observe=observe, circle=(2, 3),

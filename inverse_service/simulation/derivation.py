@@ -26,25 +26,16 @@ KINETIC, POTENTIAL, MAGNETIC, CONSTRAINTS = "kinetic", "potential", "magnetic", 
 BUILT_IN = (CONSTRAINTS, POTENTIAL, MAGNETIC, KINETIC)
 
 
-@dataclass(frozen=True, slots=True)
-class LagrangianParts:
-    """L = kinetic + magnetic + potential, each zero where L has no such terms (`potential` is -V)."""
-
-    kinetic: Expression
-    magnetic: Expression
-    potential: Expression
-
-
-def lagrangian_parts(lagrangian: Expression, coordinates: Sequence[str]) -> LagrangianParts:
-    """The terms of L by their kind; a term is taken as a whole, and multiplied out only where it is of several kinds:
-    the terms of (x - 10^6)^2 would lose 12 digits."""
+def lagrangian_parts(lagrangian: Expression, coordinates: Sequence[str]) -> dict[str, Expression]:
+    """L = kinetic + magnetic + potential, each zero where L has no such terms ("potential" is -V); a term is taken as a
+    whole, and multiplied out only where it is of several kinds: the terms of (x - 10^6)^2 would lose 12 digits."""
     kinds: dict[str, list[Expression]] = {KINETIC: [], MAGNETIC: [], POTENTIAL: []}
     for term in _terms(lagrangian):
         parts = _terms(collect(term))
         found = [_kind(part, coordinates) for part in parts]
         for kind, part in zip(found, parts, strict=True) if len(set(found)) > 1 else ((found[0], term),):
             kinds[kind].append(part)
-    return LagrangianParts(*(add(*kinds[kind]) for kind in (KINETIC, MAGNETIC, POTENTIAL)))
+    return {kind: add(*terms) for kind, terms in kinds.items()}
 
 
 def _terms(tree: Expression) -> tuple[Expression, ...]:
@@ -58,16 +49,6 @@ def _kind(term: Expression, coordinates: Sequence[str]) -> str:
     slopes = [differentiate(term, rate) for rate in rates]
     linear = all(collect(differentiate(slope, rate)) == ZERO for slope in slopes for rate in rates)
     return MAGNETIC if linear else KINETIC
-
-
-def with_effects(parts: LagrangianParts, terms: Mapping[str, Expression], named: Sequence[str]) -> Expression:
-    """The Lagrangian of a scene: the kinetic part and what `named` lists; all else is not there at all."""
-    chosen = [parts.kinetic]
-    if MAGNETIC in named:
-        chosen.append(parts.magnetic)
-    if POTENTIAL in named:
-        chosen.append(parts.potential)
-    return add(*chosen, *(tree for name, tree in terms.items() if name in named))
 
 
 COMPARED = frozenset({"error", "phase"})

@@ -64,11 +64,9 @@ class Many:
 
     def outcome(self, member: int) -> Outcome:
         """How one of them ended."""
-        halt = stopped(self.card, self.memory[:, member], self.names)
-        if halt is None:
-            return Outcome("cancelled" if self.cancelled else "completed", self.grid.steps, float(self.times[-1]))
-        when = self.grid.begin + halt.step * self.grid.step
-        return Outcome(halt.kind, halt.step, when, halt.quantity, halt.value, halt.remedy)
+        kind = "cancelled" if self.cancelled else "completed"
+        whole = Outcome(kind, self.grid.steps, float(self.times[-1]))
+        return stopped(self.card, self.memory[:, member], self.names, self.grid) or whole
 
 
 def lanes_here() -> int:

@@ -25,7 +25,10 @@ from inverse_service.simulation import scene_data as data
 
 MOST_STEPS = 1_000_000
 CHANGED, TIGHTER, TIGHTEST, LEAST_RANGE, ROUND_OFF = 0.1, 0.1, 1e-14, 0.01, 1e-15
-VARIES = "The energy, a constant, changes by {:.3g}, {:.2g} times the mean kinetic energy (at the start it is {:.3g})."
+VARIES = (
+    "The energy, a constant, changes by {:.3g}, {:.2g} times the mean kinetic energy (at the start it is {:.3g}). Take "
+    "a smaller step or `adaptive`."
+)
 HALF = "half the step"
 STRICTER, LOOSER = f"{HALF} and a tenth of the tolerance", f"{HALF} and ten times the tolerance"
 AGAIN, TRUE = "With {} the method", "The true motion"

@@ -133,7 +133,7 @@ _UNDEFINED = "begin elsewhere, stop before, or leave the quantity out of observe
 _NO_VALUE = "take a smaller step; where a formula has no value, stop before"
 _ENDS = "stop before"
 _FASTER = "take a smaller step or a larger tolerance; where something decays fast, `stiff`"
-_KINDS = {"resolution": "unresolved", "bound": "guard", "map": "off_domain", "domain": "off_domain"}
+_KINDS = {"bound": "guard", "map": "off_domain", "domain": "off_domain"}
 # Newton that fails after the determinant has sunk below this part of its first value fails because of that.
 NEARLY_SINGULAR = 0.25
 
@@ -207,18 +207,7 @@ def _portion(piece: int, left: int, until: int) -> tuple[int, int]:
     return min(piece, left - 1), until
 
 
-@dataclass(frozen=True, slots=True)
-class Stopped:
-    """Why a run stopped: kind, quantity, value, remedy; `step` counts from 0."""
-
-    kind: str
-    step: int
-    quantity: str
-    value: float
-    remedy: str
-
-
-def stopped(card: Card, memory: Array, unknown_names: Mapping[str, str]) -> Stopped | None:
+def stopped(card: Card, memory: Array, unknown_names: Mapping[str, str], grid: Grid) -> Outcome | None:
     """The meaning of the status in the memory (places,), None where the run went to the end."""
     layout = card.layout
     code = int(memory[layout.place(programs.STATUS)])
@@ -226,38 +215,41 @@ def stopped(card: Card, memory: Array, unknown_names: Mapping[str, str]) -> Stop
         return None
     step = int(memory[layout.place(programs.STOPPED_AT)])
     value = float(memory[layout.place(programs.STOPPED_VALUE)])
+
+    def ends(kind: str, quantity: str, value: float, remedy: str) -> Outcome:
+        return Outcome(kind, step, grid.begin + step * grid.step, quantity, value, remedy)
+
     if code >= programs.UNOBSERVABLE:
         quantity = f"{card.observed[code - programs.UNOBSERVABLE]}, which has no finite value"
-        return Stopped("off_domain", step, quantity, value, _UNDEFINED)
+        return ends("off_domain", quantity, value, _UNDEFINED)
     if code >= programs.WATCHED:
         kind, quantity, remedy = card.watches[code - programs.WATCHED]
-        remedy = _NO_VALUE if kind == "resolution" and math.isnan(value) else remedy
         value = abs(value) if kind == "bound" else value
-        return Stopped(_KINDS.get(kind, "singular"), step, quantity, value, remedy)
+        return ends(_KINDS.get(kind, "singular"), quantity, value, remedy)
     if code >= programs.GUARDED:
         quantity = f"1 - det/det(h -> 0): {_determinant(card, code - programs.GUARDED, unknown_names)}"
-        return Stopped("guard", step, quantity, value, _REMEDY)
+        return ends("guard", quantity, value, _REMEDY)
     if code >= programs.SINGULAR:
-        place = code - programs.SINGULAR
-        return Stopped("singular", step, _determinant(card, place, unknown_names), value, _REMEDY)
+        return ends("singular", _determinant(card, code - programs.SINGULAR, unknown_names), value, _REMEDY)
     if code >= programs.NO_CONVERGENCE:
         place = code - programs.NO_CONVERGENCE
         quantity = _determinant(card, place, unknown_names)
         if place < len(card.solves):
             first, last = (float(memory[layout.place(f"{which}_{place}")]) for which in ("first", "last"))
             if abs(last) < NEARLY_SINGULAR * abs(first):
-                return Stopped("singular", step, quantity, last, _REMEDY)
+                return ends("singular", quantity, last, _REMEDY)
         remedy = _NO_VALUE if math.isnan(value) else _REMEDY
-        return Stopped("no_convergence", step, quantity, value if place < len(card.solves) else math.nan, remedy)
+        return ends("no_convergence", quantity, value if place < len(card.solves) else math.nan, remedy)
     if code == programs.NO_START:
-        return Stopped("off_domain", 0, "the state at the start, which has no finite value", value, _UNDEFINED)
+        step = 0
+        return ends("off_domain", "the state at the start, which has no finite value", value, _UNDEFINED)
     if code == programs.TOO_MANY:
         quantity = f"a step of its own: {MOST_TRIES} such steps do not reach the next point"
-        return Stopped("unresolved", step, quantity, value, _FASTER)
+        return ends("unresolved", quantity, value, _FASTER)
     if code == programs.TOO_SHORT:
-        return Stopped("singular", step, "a step within the tolerance", value, _ENDS)
+        return ends("singular", "a step within the tolerance", value, _ENDS)
     assert code == programs.NOT_FINITE
-    return Stopped("not_finite", step, "a coordinate or momentum", math.nan, _REMEDY)
+    return ends("not_finite", "a coordinate or momentum", math.nan, _REMEDY)
 
 
 def _determinant(card: Card, place: int, unknown_names: Mapping[str, str]) -> str:
@@ -289,9 +281,14 @@ class Ended:
         return self.kernel.card
 
     @cached_property
-    def halt(self) -> Stopped | None:
+    def halt(self) -> Outcome | None:
         """Why it stopped; None where it went to the end."""
-        return stopped(self.card, self.run.memory, unknown_names(self.f))
+        return stopped(self.card, self.run.memory, unknown_names(self.f), self.grid)
+
+    @property
+    def done(self) -> int:
+        """How many steps it made."""
+        return self.run.done if self.halt is None else self.halt.step or 0
 
     @cached_property
     def last(self) -> dict[str, float]:
@@ -307,14 +304,14 @@ class Ended:
 
 def trajectory_of(ended: Ended, observation: Observation) -> Trajectory:
     """The run as a trajectory."""
-    card, run, begin, grid, halt = ended.card, ended.run, ended.begin, ended.grid, ended.halt
-    kept = run.steps_at <= (halt.step if halt else run.done)
+    card, run, begin, grid = ended.card, ended.run, ended.begin, ended.grid
+    kept = run.steps_at <= ended.done
     columns = {name: run.rows[kept, place] for place, name in enumerate(card.layout.columns)}
     size = ended.f.size
     letter = "v" if ended.choice.method in method_table.POINT_METHODS else "p"
     carried = _with_start(columns, begin, [f"{letter}{k}" for k in range(size)])
     velocities = carried if letter == "v" else _velocities(columns, begin, card, size)
-    taken = int(run.memory[card.layout.place("clock")]) if halt is None else halt.step
+    taken = int(run.memory[card.layout.place("clock")]) if ended.halt is None else ended.done
     return Trajectory(
         times=grid.begin + np.concatenate([[0.0], run.steps_at[kept] * grid.step]),
         positions=_with_start(columns, begin, [f"q{k}" for k in range(size)]),
@@ -381,20 +378,19 @@ def _outcome(ended: Ended) -> Outcome:
     if halt is None:
         kind = "cancelled" if ended.run.cancelled and ended.run.done < grid.steps else "completed"
         return Outcome(kind, ended.run.done, grid.begin + ended.run.done * grid.step)
-    when = grid.begin + halt.step * grid.step
     if choice.method == "modified" and halt.kind == "singular" and len(schemes.parts_of(choice)) == 1:
         # Its own singular set: smooth through the zeros of A_alpha, whatever passes 0 nearby.
-        return Outcome(halt.kind, halt.step, when, halt.quantity, halt.value, _remedy(f, choice))
+        return replace(halt, remedy=_remedy(f, choice))
     if halt.kind in ("no_convergence", "not_finite", "singular") and (cause := _vanished(ended)):
-        return Outcome("singular", halt.step, when, *cause, _remedy(f, choice))
+        return replace(halt, kind="singular", quantity=cause[0], value=cause[1], remedy=_remedy(f, choice))
     if cause := _pole(ended):
-        return Outcome("singular", halt.step, when, *cause, schemes.where_it_ends(f))
-    remedy = halt.remedy
+        return replace(halt, kind="singular", quantity=cause[0], value=cause[1], remedy=schemes.where_it_ends(f))
     if halt.kind == "guard" and halt.value:
         # The determinant differs from its limit by h^2 at alpha = 1/2, other guards are proportional to h.
-        excess = math.sqrt(halt.value) if halt.quantity.startswith("1 - det") else abs(halt.value)
-        remedy += f"; |step| below {abs(grid.step) / excess:.3g} passes here; guard = false continues unchecked"
-    return Outcome(halt.kind, halt.step, when, halt.quantity, halt.value, remedy)
+        excess = math.sqrt(halt.value) if (halt.quantity or "").startswith("1 - det") else abs(halt.value)
+        passes = f"|step| below {abs(grid.step) / excess:.3g} passes here; guard = false continues unchecked"
+        return replace(halt, remedy=f"{halt.remedy}; {passes}")
+    return halt
 
 
 # So far ahead a pole is felt by the guard or by Newton; the way there is nearly straight.

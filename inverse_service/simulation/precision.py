@@ -40,10 +40,10 @@ LATE = "not measured: the time limit was near"
 
 @dataclass(frozen=True, slots=True)
 class Setting:
-    """One method at one step, measured. Times in seconds; `reason` is empty where `error` is a number.
+    """One method at one step, measured; `reason` is empty where `error` is a number.
 
-    `first` is the first call with compiling; `compile` is the part of it before the run; `best` and `median` are of
-    `repeats` later runs.
+    `first_seconds` are those of the first call with compiling, `compile_seconds` the part of it before the run; the
+    best and the median are of `repeats` later runs.
     `at_floor`: a smaller step than that of the least error. Where `tolerance` is not None the method took steps of its
     own, and `step` is only the distance of the times at which it is seen.
     """
@@ -53,10 +53,10 @@ class Setting:
     steps: int
     error: float | None = None
     reason: str = ""
-    compile: float = 0.0
-    first: float = 0.0
-    best: float | None = None
-    median: float | None = None
+    compile_seconds: float = 0.0
+    first_seconds: float = 0.0
+    best_seconds: float | None = None
+    median_seconds: float | None = None
     repeats: int = 0
     force_evaluations: int = 0
     newton_iterations: int = 0
@@ -161,8 +161,8 @@ def _refined(
     found: list[Setting] = []
     for blank in blanks:
         # The next one takes as long as all before it together.
-        if sum(one.best or 0.0 for one in found) > seconds / 2:
-            return [*found, replace(blank, reason=TOO_SLOW.format(found[-1].best))]
+        if sum(one.best_seconds or 0.0 for one in found) > seconds / 2:
+            return [*found, replace(blank, reason=TOO_SLOW.format(found[-1].best_seconds))]
         found.append(run(blank))
         errors = [one.error for one in found if one.error is not None]
         if found[-1].reason == LATE or (errors and errors[-1] <= max(FINEST * scale, truth.uncertainty)):
@@ -227,12 +227,12 @@ def _first(scene: data.Scene, blank: Setting, derived: derivation.Derived, truth
     run = running.observed_run(replace(scene, grid=_grid(length, blank.steps)), blank.requested, derived, None)
     first, at = time.perf_counter() - begun, run.trajectory
     if at is None or not run.outcome.completed:
-        return replace(blank, reason=reason_of(run), first=first)
+        return replace(blank, reason=reason_of(run), first_seconds=first)
     error = float(np.abs(at.positions - truth.positions).max())
     if not np.isfinite(error):
-        return replace(blank, reason="the result is not finite", first=first)
+        return replace(blank, reason="the result is not finite", first_seconds=first)
     return replace(
-        blank, error=error, compile=at.compile_seconds, first=first, best=at.run_seconds,
+        blank, error=error, compile_seconds=at.compile_seconds, first_seconds=first, best_seconds=at.run_seconds,
         force_evaluations=at.force_evaluations, newton_iterations=at.newton_iterations,
     )  # fmt: skip
 
@@ -267,13 +267,15 @@ def _repeated(
                 break
             one = settings[k]
             if turn == 0:
-                times[k].append(one.best or 0.0)
+                times[k].append(one.best_seconds or 0.0)
                 continue
             run = running.observed_run(replace(scene, grid=_grid(length, one.steps)), one.requested, derived, None)
             if run.trajectory is not None and run.outcome.completed:
                 times[k].append(run.trajectory.run_seconds)
     return [
-        replace(s, best=min(times[k]), median=statistics.median(times[k]), repeats=len(times[k])) if times.get(k) else s
+        replace(s, best_seconds=min(found), median_seconds=statistics.median(found), repeats=len(found))
+        if (found := times.get(k))
+        else s
         for k, s in enumerate(settings)
     ]
 
@@ -304,7 +306,7 @@ def curves(measured: Precision) -> dict[str, list[Setting]]:
     found: dict[str, list[Setting]] = {}
     for setting in measured.settings:
         own = found.setdefault(setting.requested.label, [])
-        if setting.error and setting.best is not None and not setting.at_floor:
+        if setting.error and setting.best_seconds is not None and not setting.at_floor:
             own.append(setting)
     return found
 
@@ -328,7 +330,7 @@ def price_of(curve: Sequence[Setting], coarsest: Setting, error: float) -> Price
     """What it costs by a method to get below an error, interpolated between the points of its curve; None if it never
     does. `coarsest` is its first setting: where that failed a longer step is not faster."""
     for a, b in pairwise(curve):
-        if a.error and b.error and a.best and b.best and a.error > error >= b.error:
+        if a.error and b.error and a.best_seconds and b.best_seconds and a.error > error >= b.error:
             share = math.log(a.error / error) / math.log(a.error / b.error)
 
             def between(x: float, y: float, share: float = share) -> float:
@@ -336,17 +338,17 @@ def price_of(curve: Sequence[Setting], coarsest: Setting, error: float) -> Price
 
             own = a.tolerance is not None
             return Price(
-                between(a.best, b.best),
+                between(a.best_seconds, b.best_seconds),
                 None if own else between(a.step, b.step),
                 between(a.tolerance or 0.0, b.tolerance or 0.0) if own else None,
                 between(a.force_evaluations, b.force_evaluations),
                 False,
             )
-    if not curve or not curve[0].error or not curve[0].best or curve[0].error > error:
+    if not curve or not curve[0].error or not curve[0].best_seconds or curve[0].error > error:
         return None
     one = curve[0]
     step = one.step if one.tolerance is None else None
-    return Price(one.best or 0.0, step, one.tolerance, float(one.force_evaluations), one is coarsest)
+    return Price(one.best_seconds or 0.0, step, one.tolerance, float(one.force_evaluations), one is coarsest)
 
 
 def prices(measured: Precision) -> dict[float, dict[str, Price]]:
@@ -373,8 +375,8 @@ def _long_runs(measured: Precision, derived: derivation.Derived, budget: float) 
     begun, scene = time.process_time(), measured.scene
     wanted = [next((s for s in curve if (s.error or 1.0) <= TARGETS[0] * measured.scale), curve[-1])
               for curve in curves(measured).values() if curve]  # fmt: skip
-    for one in sorted(wanted, key=lambda setting: setting.best or 0.0):
-        expected = LONG * (one.best or 0.0)
+    for one in sorted(wanted, key=lambda setting: setting.best_seconds or 0.0):
+        expected = LONG * (one.best_seconds or 0.0)
         if time.process_time() - begun + expected > budget or one.steps * LONG > 10 * MOST_STEPS:
             yield LongRun(one, reason=f"not measured: it takes about {expected:.1g} s")
             continue

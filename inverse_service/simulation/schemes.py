@@ -257,11 +257,10 @@ def runge_kutta(f: Formulas, choice: MethodChoice, observation: Observation) -> 
         known = ", ".join(map(str, TABLEAUX))
         raise InputError(f"Explicit Runge-Kutta methods have order {known}, not {choice.order}.")
     statements, stages, changes = _explicit(f, choice.order)
-    ends = ([STEP * force for force in stage[1]] for stage in (stages[0], stages[-1]))
     # Stages on both sides of a jump of the force can cancel, so that no step ever ends beyond it.
     names = [symbol(f"{letter}{len(stages) - 1}_{k}") for letter in "xy" for k in range(f.size)]
     last = dict(zip([*f.symbols("q"), *f.symbols("v"), MOMENT], [*names, moment_at(number(1.0))], strict=True))
-    watches = [*resolution_watches(f, changes, *ends), *motion_walls(f, last)] if choice.guard else []
+    watches = [*motion_walls(f, point_after(f, changes)), *motion_walls(f, last)] if choice.guard else []
     return _point_program(f, observation, statements, changes, watches, len(stages))
 
 
@@ -398,7 +397,7 @@ def gauss_legendre(f: Formulas, choice: MethodChoice, observation: Observation) 
     changes = [
         STEP * (v[k] + sum((number(position_weights[i]) * u[i][k] for i in stages), number(0))) for k in range(f.size)
     ] + [sum((number(weights[i]) * u[i][k] for i in stages), number(0)) for k in range(f.size)]
-    watches = resolution_watches(f, changes, u[0], u[-1]) if choice.guard else []
+    watches = motion_walls(f, point_after(f, changes)) if choice.guard else []
     return _point_program(f, observation, (block,), changes, watches, 0)
 
 
@@ -426,12 +425,8 @@ RANK = "the rank of the constraints, det(w(q) w(q_next)^T)"
 RANK_LOST, LOST = "the rank of the constraints, det(w(q) w(q)^T)", 1e-12
 RANK_REMEDY = "begin elsewhere, or divide the constraints by what vanishes"
 MAP_LIMIT = 1e-12
-RESOLVE = f"{SMALLER_STEP} or `adaptive`; guard = false continues unchecked"
 REGULAR_MOTION = "take a smaller step or `adaptive`; where the forces have a pole, stop before"
-RESOLUTION = "the error of a step compared with its change of the velocity, squared"
-# The ratio squared; that of a force which acts in the last stage alone is a tenth.
-RESOLVED = 0.05
-ROUND_OFF, SMALLEST = 1e-18, 1e-300
+SMALLEST = 1e-300
 
 
 def where_it_ends(f: Formulas) -> str:
@@ -526,28 +521,16 @@ def root_guards(f: Formulas, point: dict[Formula, Formula]) -> list[programs.Wat
     return watches
 
 
-def resolution_watches(
-    f: Formulas, changes: Sequence[Formula], first: Sequence[Formula], last: Sequence[Formula]
-) -> list[programs.Watch]:
-    """The increments of v against the rule of the two ends: far apart where a step jumps over what the force does.
-
-    For an oscillation they differ by (h omega)^2/12 of themselves. Walls of the accelerations end the run too: behind
-    one even a motion that is smooth has lost its accuracy, because small errors were divided by what vanished.
-    """
-    moved = changes[f.size :]
-    difference = sum(((d - (a + b) / 2) ** 2 for d, a, b in zip(moved, first, last, strict=True)), number(0))
-    size = sum((d**2 + a**2 + b**2 for d, a, b in zip(moved, first, last, strict=True)), number(0))
-    used = {name for force in f.accelerations for name in force.free_symbols}
-    steps = [*(x / STEP for x in f.symbols("q") if x in used), *(v for v in f.symbols("v") if v in used)]
-    noise = number(ROUND_OFF) * sum((x**2 for x in steps), number(0))
-    # Where the force passes 0 the velocity is what counts.
-    size += sum((v**2 for v in f.symbols("v")), number(0)) / 100
-    ratio = difference / (size + noise + number(SMALLEST))
-    after = [x + d for x, d in zip((*f.symbols("q"), *f.symbols("v")), changes, strict=True)]
-    point = dict(zip([*f.symbols("q"), *f.symbols("v"), MOMENT], [*after, moment_at(ONE)], strict=True))
-    return [*motion_walls(f, point), programs.Watch("resolution", ratio, RESOLUTION, RESOLVE, RESOLVED)]
+def point_after(f: Formulas, changes: Sequence[Formula]) -> dict[Formula, Formula]:
+    """q, v and t at the end of a step."""
+    names = [*f.symbols("q"), *f.symbols("v")]
+    after = [x + change for x, change in zip(names, changes, strict=True)]
+    return dict(zip([*names, MOMENT], [*after, moment_at(ONE)], strict=True))
 
 
 def motion_walls(f: Formulas, point: dict[Formula, Formula]) -> list[programs.Watch]:
-    """Poles, ends and kinks of the accelerations, watched at a point of q, v and t."""
+    """Poles, ends and kinks of the accelerations, watched at a point of q, v and t.
+
+    Behind one even a motion that is smooth has lost its accuracy, because small errors were divided by what vanished.
+    """
     return sign_watches(f.walls_of(f.problem.accelerations or ()), point, REGULAR_MOTION)

@@ -121,7 +121,7 @@ def test_the_machine_and_the_truth_are_told(found: dict[str, Any]) -> None:
 
 
 def setting(step: float, error: float | None, best: float = 1.0) -> Setting:
-    return Setting(METHOD, step, round(1 / step), error, "" if error is not None else "failed", best=best,
+    return Setting(METHOD, step, round(1 / step), error, "" if error is not None else "failed", best_seconds=best,
                    force_evaluations=1)  # fmt: skip
 
 

@@ -468,7 +468,7 @@ class Kernel:
                 continue
             if watch.kind in ("positive", "domain"):
                 good = w.compare(">", value, zero)
-            elif watch.kind in ("bound", "resolution"):
+            elif watch.kind == "bound":
                 good = w.compare("<", w.absolute(value), limit)
             else:
                 beyond = w.compare(">", w.absolute(value), limit)

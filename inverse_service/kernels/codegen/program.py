@@ -119,7 +119,7 @@ class Watch:
     """A quantity tested after each step.
 
     "sign" must keep its sign, "rank" also the share `limit` of its first size, "positive" and "domain" must be above 0,
-    "bound" and "resolution" must stay below `limit` and have a value, "map" must stay below it where it has one.
+    "bound" must stay below `limit` and have a value, "map" must stay below it where it has one.
     """
 
     kind: str

@@ -33,7 +33,7 @@ from inverse_service.errors import InputError, LimitError
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.derivative import Definitions, define_functions, differentiate
 from inverse_service.expressions.refusals import shorten
-from inverse_service.expressions.tree import TIME, ZERO, Expression, Number, Symbol, Velocity, holds, walk
+from inverse_service.expressions.tree import TIME, ZERO, Expression, Number, Symbol, Velocity, add, holds, walk
 from inverse_service.integrators.method_table import GEOMETRIC, METHODS, OWN_STEPS
 from inverse_service.integrators.trajectory import Array
 from inverse_service.reading.document_names import Declared
@@ -45,7 +45,7 @@ from inverse_service.service.documents.preparing import prepared_scene
 from inverse_service.service.scenes import scene_system
 from inverse_service.service.scenes.scene_system import SYSTEM
 from inverse_service.simulation import scene_data as data
-from inverse_service.simulation.derivation import BUILT_IN, CONSTRAINTS, KINETIC, lagrangian_parts, with_effects
+from inverse_service.simulation.derivation import BUILT_IN, CONSTRAINTS, KINETIC, lagrangian_parts
 from inverse_service.simulation.initial import check_constraints, initial_velocities, velocities_from_momenta
 from inverse_service.simulation.numeric_formulas import NoValue, array_value
 
@@ -415,12 +415,13 @@ def _with_effects(
             raise InputError(detail, pointer)
         return None, (), (), (), ()
     whole = define_functions(system.lagrangian, definitions)
-    parts = lagrangian_parts(whole, system.names.coordinates)
+    parts = [*lagrangian_parts(whole, system.names.coordinates).items(), *terms.items()]
     given = tuple(define_functions(w, definitions) for w in system.constraints)
 
     def acting(names: Sequence[str]) -> tuple[Expression, Constraints, Constraints]:
         forces = read_forces(schema, system, definitions, tuple(names))
-        return with_effects(parts, terms, names), given if CONSTRAINTS in names else (), forces
+        chosen = (tree for name, tree in parts if name in (KINETIC, *names))  # all else is not there at all
+        return add(*chosen), given if CONSTRAINTS in names else (), forces
 
     whole_scene = acting(named)
     found = []

@@ -22,6 +22,7 @@ from inverse_service.simulation import derivation, estimates, precision, scene_d
 
 FORMAT = "inverse-service/work-precision/1"
 FEWEST_STEPS = 8
+MEASURED = tuple(one.name for one in dataclasses.fields(precision.Setting) if one.name != "requested")
 PACKAGES = ("numpy", "llvmlite", "symengine", "heyoka", "scipy")
 AFTER = 'What wins in a long run is measured with `--long`, or `"long": true` in the scene.'
 
@@ -133,42 +134,25 @@ def _targets(measured: precision.Precision, named: dict[str, scene_data.Requeste
 
 
 def _setting(setting: precision.Setting, scale: float) -> dict[str, Any]:
-    return {
-        "step": setting.step if setting.tolerance is None else None,
-        "steps": setting.steps if setting.tolerance is None else None,
-        "tolerance": setting.tolerance,
-        "error": setting.error,
-        "relative_error": None if setting.error is None else setting.error / scale,
-        "compile_seconds": setting.compile,
-        "first_seconds": setting.first,
-        "best_seconds": setting.best,
-        "median_seconds": setting.median,
-        "repeats": setting.repeats,
-        "force_evaluations": setting.force_evaluations,
-        "newton_iterations": setting.newton_iterations,
-        "at_floor": setting.at_floor,
-        "reason": setting.reason,
-    }
+    """All that is known of a run; a step only where it is one of the method."""
+    found = {name: getattr(setting, name) for name in MEASURED}
+    found |= {} if setting.tolerance is None else {"step": None, "steps": None}
+    return found | {"relative_error": None if setting.error is None else setting.error / scale}
 
 
 def _run(setting: precision.Setting, scale: float) -> dict[str, Any]:
     """One line of the list of all runs, for curves and tables."""
     whole = _setting(setting, scale)
     short = {key: whole[key] for key in ("step", "tolerance", "at_floor", "reason")}
-    numbers = {"error": whole["relative_error"], "seconds": setting.best, "evaluations": setting.force_evaluations}
+    numbers = {"error": whole["relative_error"], "seconds": setting.best_seconds}
+    numbers["evaluations"] = setting.force_evaluations
     return {"method": setting.requested.label, "order": estimates.order_of(setting.requested)} | short | numbers
 
 
 def _long(run: precision.LongRun) -> dict[str, Any]:
-    one = run.setting
-    return {
-        "method": one.requested.label,
-        "step": one.step if one.tolerance is None else None,
-        "tolerance": one.tolerance,
-        **{name: getattr(run, name) for name in (
-            "seconds", "energy_error", "energy_drift", "constraint_error", "shape_change", "reason",
-        )},
-    }  # fmt: skip
+    whole = _setting(run.setting, 1.0)
+    named = {"method": run.setting.requested.label, "step": whole["step"], "tolerance": whole["tolerance"]}
+    return named | {one.name: getattr(run, one.name) for one in dataclasses.fields(run) if one.name != "setting"}
 
 
 def machine() -> dict[str, Any]:
