@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from collections.abc import Iterator
+from typing import Any
 
 import httpx
 import pytest
@@ -59,6 +61,28 @@ def test_every_kind_of_answer_can_be_written(service: str, document: dict[str, o
         answer = httpx.post(f"{service}/v1/solve", json=document, headers=headers, timeout=60)
         assert answer.status_code == 200, answer.text
         assert answer.headers["content-type"].startswith(media_type)
+
+
+def lagrangians(part: Any) -> Iterator[dict[str, str]]:
+    """Every L in a result, with its text and its LaTeX."""
+    for key, value in part.items() if isinstance(part, dict) else enumerate(part) if isinstance(part, list) else ():
+        if key == "lagrangian" and isinstance(value, dict) and "latex" in value:
+            yield value
+        yield from lagrangians(value)
+
+
+def test_text_and_latex_say_the_same(service: str) -> None:
+    """The motion, the associated systems, the reduced system and that with another clock."""
+    document = {"lagrangian": "(x'^2 + y'^2 + z'^2)/2", "constraints": ["z' + x*y'"]}
+    plain, text, latex = (
+        httpx.post(f"{service}/v1/solve", json=document, headers={"Accept": form, "Prefer": "wait=20"}, timeout=60)
+        for form in ("application/json", "text/plain", "application/x-latex")
+    )
+    found = list(lagrangians(plain.json()))
+    assert len({one["text"] for one in found}) >= 4
+    assert [one["text"] for one in found if one["text"] not in text.text] == []
+    assert [one["latex"] for one in found if one["latex"] not in latex.text] == []
+    assert text.text.count("independent check: valid") == latex.text.lower().count("independent check: valid")
 
 
 def test_a_refusal_stays_a_problem_document(service: str) -> None:

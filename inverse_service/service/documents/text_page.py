@@ -1,9 +1,9 @@
-"""A result as plain text for a person to read."""
+"""What a result says to a person, line by line, and these lines as plain text."""
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 from inverse_service import errors
@@ -14,6 +14,9 @@ from inverse_service.service.documents import canonical
 
 LONG = 300
 MOST_OF_CONDITIONS = 5_000
+CONDITIONS = (
+    "Conditions: g Phi and g nabla_Phi must be symmetric, and the cyclic sums of g R must vanish. Entries not 0:"
+)
 QUESTIONS = {False: "L(q, q')", True: "L(t, q, q')"}
 SENTENCES = {
     "variational": "Variational{where}: a regular Lagrangian {question} exists.",
@@ -22,38 +25,85 @@ SENTENCES = {
 }
 
 
+Side = str | Mapping[str, Any]  # a formula; or its "text", and its "latex" or what this is made of, the "whole"
+Formula = Side | tuple[Side, Side]
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """One line of an answer: words and formulas in turn, an equation by its two sides, and where it holds.
+
+    `text` is the same without what LaTeX shows on lines of its own.
+    """
+
+    depth: int = 0
+    parts: tuple[Formula, ...] = ()
+    conditions: tuple[str, ...] = ()
+    text: str = ""
+
+
+EMPTY = Line()
+
+
 def text_page(result: dict[str, Any], explain: bool) -> str:
     """The whole page, ending with a newline."""
-    if is_forward_result(result):
-        return forward_text(result)
-    part = result.get("nonholonomic")
-    parameters = (result["system"] or {}).get("parameters") or ()
-    lines = [line for each in motions_of(result) for line in any_associated_lines(each, explain, parameters)]
-    lines += [] if part is None else [*nonholonomic_lines(part), ""]
-    lines += [f"  {words}" for words in guessed_words(result)]
-    lines += [*_system(result["system"]), *_cases(result)]
-    for place, branch in enumerate(() if asks_motion_alone(result) else branches_of(result)):
-        lines += [""] * (place > 0) + list(_both_answers(branch, result, explain))
-    if part is None and result.get("first_integrals"):
-        lines += ["", *first_integral_lines(result["first_integrals"])]
-    if result.get("special_cases") is not None:
-        lines += ["", *special_cases_lines(result["special_cases"])]
-    if result.get("instead"):
-        told, part = instead_answered(result["instead"]), result["instead"]
-        lines += ["", told, *_formulas(part, "  "), f"  independent check: {part['checked']}"] if told else [""]
-    if result.get("reduced"):
-        lines += ["", *reduced_lines(result["reduced"])]
-        lines += _answer({"solution_space": None, "explanation": [], **result["reduced"]}, False, False)
-    part = result.get("with_clock") or (result.get("reduced") or {}).get("with_clock")
-    if part:
-        lines += ["", f"With the clock dtau = ({part['factor']}) dt, x' being dx/dtau:"]
-        lines += _answer({"solution_space": None, "explanation": [], **part}, False, False)
-    if result.get("kinds"):
-        lines += ["", "Lagrangians of a kind:"]
-        lines += [line for told, part in kinds_answered(result) for line in (f"  {told}", *_formulas(part, "    "))]
-    if explain:
-        lines += ["", *_conditions(result["conditions"])]
+    lines = [written for line in outline(result, explain) for written in _written(line)]
     return "\n".join(lines) + "\n"
+
+
+def _written(line: Line) -> Iterator[str]:
+    if line.parts or not line.conditions:
+        yield f"{'  ' * line.depth}{line.text or ''.join(map(_plain, line.parts))}"
+    yield from (f"{'  ' * (line.depth + 2)}where {condition}" for condition in line.conditions)
+
+
+def _plain(formula: Formula) -> str:
+    sides = formula if isinstance(formula, tuple) else (formula,)
+    return " = ".join(side if isinstance(side, str) else side["text"] for side in sides)
+
+
+def _said(depth: int, words: str) -> Line:
+    return Line(depth, (words,))
+
+
+def _formula(depth: int, left: Side, right: Side, conditions: Iterable[str] = ()) -> Line:
+    return Line(depth, ("", (left, right)), tuple(conditions))
+
+
+def outline(result: dict[str, Any], explain: bool) -> Iterator[Line]:
+    """All that a result says, line by line; text and LaTeX print these."""
+    if is_forward_result(result):
+        yield from _forward(result)
+        return
+    part, parameters = result.get("nonholonomic"), (result["system"] or {}).get("parameters") or ()
+    for each in motions_of(result):
+        yield from _any_associated(each, explain, parameters)
+    if part is not None:
+        yield from (*_nonholonomic(part), EMPTY)
+    yield from (_said(1, words) for words in guessed_words(result))
+    yield from (*_system(result["system"]), *_cases(result))
+    for place, branch in enumerate(() if asks_motion_alone(result) else branches_of(result)):
+        yield from (*[EMPTY] * (place > 0), *_both_answers(branch, result, explain))
+    if part is None and result.get("first_integrals"):
+        yield from (EMPTY, *_first_integrals(result["first_integrals"]))
+    if result.get("special_cases") is not None:
+        yield from (EMPTY, *_special_cases(result["special_cases"]))
+    if part := result.get("instead"):
+        yield EMPTY
+        if told := instead_answered(part):
+            yield from (_said(0, told), *_formulas(part, 1), _said(1, f"independent check: {part['checked']}"))
+    if result.get("reduced"):
+        yield from (EMPTY, *_reduced(result["reduced"]))
+        yield from _answer({"solution_space": None, "explanation": [], **result["reduced"]}, False, False)
+    if part := result.get("with_clock") or (result.get("reduced") or {}).get("with_clock"):
+        yield from (EMPTY, Line(0, ("With the clock dtau = (", part["factor"], ") dt, x' being dx/dtau:")))
+        yield from _answer({"solution_space": None, "explanation": [], **part}, False, False)
+    if result.get("kinds"):
+        yield from (EMPTY, _said(0, "Lagrangians of a kind:"))
+        for told, part in kinds_answered(result):
+            yield from (_said(1, told), *_formulas(part, 2))
+    if explain:
+        yield from (EMPTY, *_conditions(result["conditions"]))
 
 
 def asks_motion_alone(result: Mapping[str, Any]) -> bool:
@@ -113,41 +163,42 @@ def instead_answered(part: Mapping[str, Any]) -> str:
     return ""
 
 
-def _formulas(part: Mapping[str, Any], indent: str) -> Iterator[str]:
+def _formulas(part: Mapping[str, Any], depth: int) -> Iterator[Line]:
     """L and D, and where L is one."""
-    yield from (f"{indent}{sign} = {part[key]['text']}" for sign, key in FORMULAS if part[key])
+    found = [_formula(depth, sign, part[key]) for sign, key in FORMULAS if part[key]]
     if part["lagrangian"]:
-        yield from (f"{indent}    where {condition}" for condition in part["lagrangian"]["domain"])
-        yield from (f"{indent}    {where}" for where in regular_where(part["lagrangian"]))
+        found[-1] = replace(found[-1], conditions=tuple(part["lagrangian"]["domain"]))
+        found += [_said(depth + 2, where) for where in regular_where(part["lagrangian"])]
+    yield from found
 
 
 FORMULAS = (("L", "lagrangian"), ("D", "dissipation"))
 DEFINITE = "positive_definite"
 
 
-def _cases(result: dict[str, Any]) -> Iterator[str]:
+def _cases(result: dict[str, Any]) -> Iterator[Line]:
     branches, left = branches_of(result), result.get("not_answered") or []
     if len(branches) > 1 or left:
-        yield f"{len(branches)} cases{', which differ' * (common_verdict(branches) == 'mixed')}:"
-        yield from (f"  {', '.join(each['domain'])}: {spaced(each['verdict'])}" for each in branches)
-        yield from (f"  {place_of(each)}: not answered, {each['reason']}" for each in left)
-        yield ""
+        yield _said(0, f"{len(branches)} cases{', which differ' * (common_verdict(branches) == 'mixed')}:")
+        for each in branches:
+            yield Line(1, ("", ", ".join(each["domain"]), f": {_spaced(each['verdict'])}"))
+        yield from (Line(1, ("", _place_of(each), f": not answered, {each['reason']}")) for each in left)
+        yield EMPTY
 
 
-def place_of(part: Mapping[str, Any]) -> str:
+def _place_of(part: Mapping[str, Any]) -> str:
     """Where a cell is: its conditions, or a point of it."""
     return ", ".join(part["domain"]) or ", ".join(f"{name} = {value}" for name, value in part["near"].items())
 
 
-def _both_answers(branch: Mapping[str, Any], result: dict[str, Any], explain: bool) -> Iterator[str]:
+def _both_answers(branch: Mapping[str, Any], result: dict[str, Any], explain: bool) -> Iterator[Line]:
     for place, (answer, with_time) in enumerate(answers_of(branch, result)):
-        yield from [""] * place
+        yield from [EMPTY] * place
         yield from _answer(answer, with_time, explain, result["system"]["parameters"])
     if branch["with_time"] is None and branch["verdict_with_time"] is not None and not asks_for_time(result):
-        yield ""
-        yield verdict_sentence(branch["verdict_with_time"], True, branch.get("domain"))
+        yield from (EMPTY, _verdict_line(branch["verdict_with_time"], True, branch.get("domain")))
         if branch["verdict"] == branch["verdict_with_time"] == "undetermined" and branch["reason"]:
-            yield "  for the same reason"
+            yield _said(1, "for the same reason")
 
 
 def guessed_words(result: Mapping[str, Any]) -> list[str]:
@@ -236,44 +287,53 @@ def asks_for_time(result: Mapping[str, Any]) -> bool:
 LONGEST_IMPLICIT = 300
 
 
-def verdict_sentence(verdict: str, with_time: bool, domain: Sequence[str] | None = None) -> str:
+def _verdict_line(verdict: str, with_time: bool, domain: Sequence[str] | None = None) -> Line:
     """The verdict as a sentence that says which question it answers, and on which set."""
-    where = f" on {', '.join(domain)}, at generic points" if domain else ""
-    return SENTENCES[verdict].format(question=QUESTIONS[with_time], where=where)
+    begin, end = SENTENCES[verdict].format(question=QUESTIONS[with_time], where="\n").split("\n")
+    return Line(0, (f"{begin} on ", ", ".join(domain), f", at generic points{end}") if domain else (begin + end,))
 
 
-def _system(system: dict[str, Any] | None) -> Iterator[str]:
+def _system(system: dict[str, Any] | None) -> Iterator[Line]:
     if system is None:
         return
     if system["name"]:
-        yield system["name"]
-    yield from (f"  {reader.equation_line(*pair)}" for pair in system["equations"].items())
-    yield ""
+        yield _said(0, system["name"])
+    for name, text in system["equations"].items():
+        yield Line(1, ("", {"text": reader.equation_line(name, text), "latex": system["latex"][name]}))
+    yield EMPTY
 
 
-def _answer(answer: Mapping[str, Any], with_time: bool, explain: bool, parameters: Sequence[str] = ()) -> Iterator[str]:
-    yield verdict_sentence(answer["verdict"], with_time, answer.get("domain"))
-    if answer.get("exceptions"):
-        yield f"  {canonical.in_general(parameters, answer['exceptions'])}"
-    if answer["reason"]:
-        yield f"  {answer['reason']}"
-    if answer["checked"] is not None:
-        yield f"  independent check: {answer['checked']}"
+def _answer(
+    answer: Mapping[str, Any], with_time: bool, explain: bool, parameters: Sequence[str] = ()
+) -> Iterator[Line]:
+    yield _verdict_line(answer["verdict"], with_time, answer.get("domain"))
+    yield from _reason_and_check(answer, parameters)
     if answer["lagrangian"] is not None:
-        yield f"  L = {answer['lagrangian']['text']}"
-        yield from (f"      with {line}" for line in _integrals(answer.get("integrals") or {}))
-        yield from (f"      where {condition}" for condition in answer["lagrangian"]["domain"])
-        yield from (f"      {where}" for where in regular_where(answer["lagrangian"]))
+        yield _formula(1, "L", answer["lagrangian"])
+        yield from _integrals(answer.get("integrals") or {})
+        if domain := answer["lagrangian"]["domain"]:
+            yield Line(1, conditions=tuple(domain))
+        yield from (_said(3, where) for where in regular_where(answer["lagrangian"]))
     elif answer["verdict"] == "variational":
-        yield "  no Lagrangian in closed form was found" + ("" if explain else "; --explain says what was tried")
+        yield _said(1, "no Lagrangian in closed form was found" + "; --explain says what was tried" * (not explain))
     if answer["hamiltonian"] is not None:
         yield from _hamiltonian(answer["hamiltonian"])
     if answer["solution_space"] is not None:
-        yield f"  {answer['solution_space']['statement']}"
+        yield _said(1, answer["solution_space"]["statement"])
     if explain:
+        yield from ([EMPTY] if answer["explanation"] else [])
         yield from _steps(answer["explanation"])
         if answer.get("details"):
-            yield "  (How it was found, and what else proves it: `details` of --format json.)"
+            yield _said(1, "(How it was found, and what else proves it: `details` of --format json.)")
+
+
+def _reason_and_check(part: Mapping[str, Any], parameters: Sequence[str]) -> Iterator[Line]:
+    if part.get("exceptions"):
+        yield _said(1, canonical.in_general(parameters, part["exceptions"]))
+    if part["reason"]:
+        yield _said(1, part["reason"])
+    if part["checked"]:
+        yield _said(1, f"independent check: {part['checked']}")
 
 
 def regular_where(lagrangian: Mapping[str, Any]) -> list[str]:
@@ -282,53 +342,59 @@ def regular_where(lagrangian: Mapping[str, Any]) -> list[str]:
     return [] if told in ("", "everywhere") else [f"regular {told}"]
 
 
-def _integrals(integrals: dict[str, Any]) -> Iterator[str]:
+def _integrals(integrals: dict[str, Any]) -> Iterator[Line]:
     """F(t) = ∫ f(t) dt, or the derivatives where there are several."""
     for name, known in integrals.items():
-        whole = f"{name}({', '.join(known['arguments'])})"
-        if len(known["derivatives"]) == 1:
-            ((variable, slope),) = known["derivatives"].items()
-            yield f"{whole} = ∫ ({slope}) d{variable}" if " " in slope else f"{whole} = ∫ {slope} d{variable}"
-        else:
-            yield from (f"d{whole}/d{variable} = {slope}" for variable, slope in known["derivatives"].items())
+        whole, slopes = f"{name}({', '.join(known['arguments'])})", known["derivatives"]
+        for variable, slope in slopes.items():
+            integrand = f"({slope})" if " " in slope else slope
+            sides = (whole, f"∫ {integrand} d{variable}") if len(slopes) == 1 else (f"d{whole}/d{variable}", slope)
+            yield Line(3, ("with ", sides))
 
 
-def _hamiltonian(hamiltonian: dict[str, Any]) -> Iterator[str]:
+def _hamiltonian(hamiltonian: dict[str, Any]) -> Iterator[Line]:
     if hamiltonian["implicit"] and len(hamiltonian["text"]) > LONGEST_IMPLICIT:
-        yield "  energy in the velocities: p v - L"
+        yield Line(1, ("energy in the velocities: ", "p v - L"))
     else:
-        name = "energy in the velocities" if hamiltonian["implicit"] else "H"
-        yield f"  {name} = {hamiltonian['text']}"
-        yield from (f"      where {condition}" for condition in hamiltonian.get("domain", ()))
+        yield _with_domain("H", hamiltonian, len(hamiltonian["text"]))
     if hamiltonian.get("reason"):
-        yield f"      {hamiltonian['reason']}"
-    yield from (f"      {momentum} = {text}" for momentum, text in hamiltonian["momenta"].items())
-    yield from (f"      constraint {text} = 0" for text in hamiltonian["constraints"])
+        yield _said(3, hamiltonian["reason"])
+    yield from (_formula(3, momentum, text) for momentum, text in hamiltonian["momenta"].items())
+    yield from (Line(3, ("constraint ", (text, "0"))) for text in hamiltonian["constraints"])
 
 
-def _steps(steps: list[dict[str, str]]) -> Iterator[str]:
-    if not steps:
-        return
-    yield ""
+def _steps(steps: Iterable[Mapping[str, Any]]) -> Iterator[Line]:
     for k, step in enumerate(steps, 1):
-        yield f"  {k}. {step['text']}"
+        first, *rest = _parts(step, "text")
+        yield Line(1, (f"{k}. {first}", *rest), text=f"{k}. {step['text']}")
 
 
-def _conditions(conditions: dict[str, Any] | None) -> Iterator[str]:
+def _parts(said: Mapping[str, Any], key: str) -> tuple[str, ...]:
+    """Words and formulas of a sentence, in turn."""
+    parts = said.get("parts") or [said[key]]
+    return (said[key],) if isinstance(parts[0], Mapping) else tuple(parts)  # of an older version
+
+
+def _conditions(conditions: dict[str, Any] | None) -> Iterator[Line]:
     if conditions is None:
         return
-    yield "Conditions: g Phi and g nabla_Phi must be symmetric, and the cyclic sums of g R must vanish. Entries not 0:"
+    words = (
+        "Conditions: g Phi and g nabla_Phi must be symmetric, and the cyclic sums of g R must vanish. Entries not 0:"
+    )
+    yield _said(0, words)
     left = MOST_OF_CONDITIONS
     for name in ("Phi", "nabla_Phi", "R"):
         found = [(place, text) for place, text in _entries(conditions[name], ()) if text != "0"]
         size = sum(len(text) for _, text in found)
         if not found:
-            yield f"  {name} = 0"
+            yield _formula(1, name, "0")
         elif size > left:
-            yield f"  {name}: {size} characters, in `conditions` of --format json"
+            yield _said(1, f"{name}: {size} characters, in `conditions` of --format json")
         else:
             left -= size
-            yield from (f"  {name}[{', '.join(map(str, place))}] = {text}" for place, text in found)
+            for place, text in found:
+                entry = f"{name}[{', '.join(map(str, place))}]"
+                yield _formula(1, {"text": entry, "whole": entry.replace("_", " ")}, text)
 
 
 def _entries(part: Any, place: tuple[int, ...]) -> Iterator[tuple[tuple[int, ...], str]]:
@@ -339,7 +405,7 @@ def _entries(part: Any, place: tuple[int, ...]) -> Iterator[tuple[tuple[int, ...
             yield from _entries(inner, (*place, k))
 
 
-def spaced(verdict: str) -> str:
+def _spaced(verdict: str) -> str:
     """not_variational as people write it."""
     return verdict.replace("_", " ")
 
@@ -349,178 +415,155 @@ def is_forward_result(result: dict[str, Any]) -> bool:
     return str(result.get("format", "")).startswith("inverse-service/forward")
 
 
-def forward_rows(result: dict[str, Any], form: str) -> Iterator[tuple[str, str]]:
-    """(left side, right side) of every formula, `form` being text or latex."""
-    yield "L", result["lagrangian"][form]
-    for name, found in result["equations"].items():
-        if form == "latex":
-            left, _, right = result["system"]["latex"][name].partition(" = ")
-            yield left, right
-        else:
-            yield f"{name}''", found["text"]
-    for symbol, momentum in zip(result["hamiltonian"]["momenta"], result["momenta"].values(), strict=True):
-        yield symbol if form == "text" else f"p_{{{symbol.partition('_')[2]}}}", momentum[form]
-    yield "H", result["hamiltonian"][form]
-    for found in result["conserved"]:
-        yield found["name"] if form == "text" else rf"\text{{{found['name']}}}", found[form]
-
-
-def forward_text(result: dict[str, Any]) -> str:
+def _forward(result: dict[str, Any]) -> Iterator[Line]:
     """Equations, momenta, Hamiltonian, and what is conserved, one a line."""
-    title = [result["system"]["name"]] if result["system"]["name"] else []
-    guessed = [f"  {words}" for words in guessed_words(result)]
-    where = [f"      where {condition}" for condition in result["hamiltonian"].get("domain", ())]
-    lines = ([f"  {left} = {right}", *(where if left == "H" else ())] for left, right in forward_rows(result, "text"))
-    return "\n".join([*title, *guessed, *itertools.chain(*lines)]) + "\n"
+    system, hamiltonian = result["system"], result["hamiltonian"]
+    if system["name"]:
+        yield _said(0, system["name"])
+    yield from (_said(1, words) for words in guessed_words(result))
+    yield _formula(1, "L", result["lagrangian"])
+    for name, found in result["equations"].items():
+        yield _formula(1, f"{name}''", {"text": found["text"], "latex": system["latex"][name].partition(" = ")[2]})
+    for symbol, momentum in zip(hamiltonian["momenta"], result["momenta"].values(), strict=True):
+        yield _formula(1, symbol, momentum)
+    yield _formula(1, "H", hamiltonian, hamiltonian.get("domain", ()))
+    yield from (Line(1, (f"{found['name']} = ", found)) for found in result["conserved"])
 
 
-def special_cases_lines(part: dict[str, Any]) -> Iterator[str]:
+def _special_cases(part: dict[str, Any]) -> Iterator[Line]:
     """The answer first, then the tree, then what is not known."""
-    yield "For which parameters?"
-    yield from cases_answered(part["variational_when"], "  A Lagrangian exists", "text")
+    yield _said(0, "For which parameters?")
+    yield from _cases_answered(part["variational_when"], "A Lagrangian exists")
     if part["variational_when_with_time"] not in (None, part["variational_when"]):
-        yield from cases_answered(part["variational_when_with_time"], "  A Lagrangian L(t, q, q') exists", "text")
-    yield f"  Tree of cases ({part['examined']} examined):"
-    yield from _tree(part["tree"], "    ")
+        yield from _cases_answered(part["variational_when_with_time"], "A Lagrangian L(t, q, q') exists")
+    yield _said(1, f"Tree of cases ({part['examined']} examined):")
+    yield from _tree(part["tree"], 2)
     if part["complete"]:
-        yield "  The tree is complete: no other case has another verdict."
+        yield _said(1, "The tree is complete: no other case has another verdict.")
     else:
         only = " for L(q, q'); for L(t, q, q') it is" if part["complete_with_time"] else ""
-        yield f"  The tree may not be complete{only}:"
-        yield from (f"    {reason}" for reason in part["reasons"])
+        yield _said(1, f"The tree may not be complete{only}:")
+        yield from (_said(2, reason) for reason in part["reasons"])
 
 
-def _tree(node: dict[str, Any], indent: str) -> Iterator[str]:
-    verdict = spaced(node["verdict"])
+def _tree(node: dict[str, Any], depth: int) -> Iterator[Line]:
+    verdict = _spaced(node["verdict"])
     if node["verdict_with_time"] not in (None, node["verdict"]):
-        verdict += f" (with t: {spaced(node['verdict_with_time'])})"
-    found = f", L = {node['lagrangian']['text']}" if node.get("lagrangian") else ""
-    yield f"{indent}{where(node['conditions'], 'text')}: {verdict}{found}"
+        verdict += f" (with t: {_spaced(node['verdict_with_time'])})"
+    found = node.get("lagrangian")
+    end: tuple[Formula, ...] = (f": {verdict}, ", ("L", found)) if found else (f": {verdict}",)
+    yield Line(depth, _joined("", node["conditions"], end))
     for child in node["children"]:
-        yield from _tree(child, indent + "  ")
+        yield from _tree(child, depth + 1)
 
 
-def cases_answered(cases: list[dict[str, Any]], opening: str, form: str) -> Iterator[str]:
-    ending = r" \\" if form == "latex" else ""
+def _cases_answered(cases: list[dict[str, Any]], opening: str) -> Iterator[Line]:
     if not cases:
-        yield f"{opening} in none of the cases found.{ending}"
+        yield _said(1, f"{opening} in none of the cases found.")
     for case in cases:
-        line = f"{opening} {where(case['conditions'], form)}"
-        if case["exceptions"]:
-            line += ", except " + "; ".join(where(conditions, form) for conditions in case["exceptions"])
-        yield f"{line}.{ending}"
+        end: tuple[Formula, ...] = (".",)
+        for place, conditions in reversed([*enumerate(case["exceptions"])]):
+            end = _joined("; " if place else ", except ", conditions, end)
+        yield Line(1, _joined(f"{opening} ", case["conditions"], end))
 
 
-def where(conditions: list[dict[str, str]], form: str) -> str:
+def _joined(words: str, conditions: Sequence[Mapping[str, str]], end: tuple[Formula, ...]) -> tuple[Formula, ...]:
+    """The words, the conditions of a case, and what follows them, which begins with words."""
     if not conditions:
-        return "in general"
-    texts = [f"${c['latex']}$" if form == "latex" else c["text"] for c in conditions]
-    return "where " + ", ".join(texts)
+        return (f"{words}in general{end[0]}", *end[1:])
+    listed = [part for each in conditions for part in (", ", each)][1:]
+    return (f"{words}where ", *listed, *end)
 
 
-def any_associated_lines(part: dict[str, Any], explain: bool, parameters: Sequence[str] = ()) -> list[str]:
-    """The answer about the motion itself, line by line."""
-    lines = [part["statement"]]
-    if part.get("exceptions"):
-        lines.append(f"  {canonical.in_general(parameters, part['exceptions'])}")
-    lines += [f"  {part['reason']}"] if part["reason"] else []
-    lines += [f"  independent check: {part['checked']}"] if part["checked"] else []
+def _any_associated(part: dict[str, Any], explain: bool, parameters: Sequence[str] = ()) -> Iterator[Line]:
+    """The answer about the motion itself: L, its restriction and transverse momenta, H and the image."""
+    yield _statement(part)
+    yield from _reason_and_check(part, parameters)
     found = part["lagrangian"]
     if found is not None:
-        lines += [
-            *_with_domain("L", found),
-            f"  on the constraints l = {_short(found['on_constraints']['text'])}",
-        ]
-        lines += [f"  lambda_{k} = {_short(one['text'])}" for k, one in enumerate(found["transverse_momenta"], 1)]
+        yield _with_domain("L", found)
+        yield Line(1, ("on the constraints ", ("l", _brief(found["on_constraints"]))))
+        yield from _numbered("lambda_{}", found["transverse_momenta"])
     elif part["verdict_with_time"] == "variational":
-        lines.append("  no Lagrangian in closed form was found" + "; --explain shows how one begins" * (not explain))
+        yield _said(1, "no Lagrangian in closed form was found" + "; --explain shows how one begins" * (not explain))
     if part["hamiltonian"] is not None:
-        lines += _with_domain("H", part["hamiltonian"])
-    lines += [f"  image {_short(one['text'])} = 0" for one in part["image"]]
+        yield _with_domain("H", part["hamiltonian"])
+    yield from (Line(1, ("image ", (_brief(one), "0"))) for one in part["image"])
     if part["freedom"]:
-        lines.append(f"  up to total derivatives, L along the constraints depends on {part['freedom']}")
-    if explain:
-        lines += [f"  {k}. {step['text']}" for k, step in enumerate(part["explanation"], 1)]
-    return [*lines, ""]
+        yield _said(1, f"up to total derivatives, L along the constraints depends on {part['freedom']}")
+    yield from _steps(part["explanation"] if explain else ())
+    yield EMPTY
 
 
-def nonholonomic_lines(part: dict[str, Any]) -> Iterator[str]:
+def _statement(part: Mapping[str, Any]) -> Line:
+    return Line(0, _parts(part, "statement"), text=part["statement"])
+
+
+def _numbered(left: str, found: Iterable[Mapping[str, Any]]) -> Iterator[Line]:
+    yield from (_formula(1, left.format(k), _brief(one)) for k, one in enumerate(found, 1))
+
+
+def _nonholonomic(part: dict[str, Any]) -> Iterator[Line]:
     """The motion, what it keeps, the associated systems and the Hamiltonisations, line by line."""
-    motion = part["equations_of_motion"]
-    yield "Nonholonomic motion:"
-    yield from (f"  {name}'' = {_short(found['text'])}" for name, found in motion["second_order"].items())
-    yield from (f"  {name}' = {_short(found['text'])}" for name, found in motion["first_order"].items())
-    yield from (f"  lambda_{k} = {_short(found['text'])}" for k, found in enumerate(motion["multipliers"], 1))
-    yield from _kept(part)
-    yield ""
-    yield "Associated second-order systems:"
-    for one in part["associated"]:
-        yield f"  {one['kind']}: {_verdict(one)}"
-        if not one["defined"]:
-            yield f"    {one['explanation']}"
-    yield from _hamiltonisations(part["hamiltonisation"])
-    yield ""
-    yield f"The rest is about the associated system '{part['main']}':"
-
-
-def reduced_lines(part: dict[str, Any]) -> Iterator[str]:
-    """The reduced system and how the other coordinates follow; its answer comes after it."""
-    yield f"The reduced system in {', '.join(part['coordinates'])}:"
-    yield from (f"  {name}'' = {_short(text)}" for name, text in part["equations"].items())
-    yield f"  {part['statement']}"
-    yield from (f"  {name}' = {_short(text)}" for name, text in part["reconstruction"].items())
-
-
-def _kept(part: dict[str, Any]) -> Iterator[str]:
-    yield ""
-    yield part["paper_class"]["statement"]
-    yield part["integrable"]["statement"]
-    yield from (f"  constant: {found['text']}" for found in part["integrable"]["integrals"])
-    measure = part["measure_density"]
-    yield measure["statement"]
+    motion, measure = part["equations_of_motion"], part["measure_density"]
+    yield _said(0, "Nonholonomic motion:")
+    yield from (_formula(1, f"{name}''", _brief(found)) for name, found in motion["second_order"].items())
+    yield from (_formula(1, f"{name}'", _brief(found)) for name, found in motion["first_order"].items())
+    yield from _numbered("lambda_{}", motion["multipliers"])
+    yield from (EMPTY, _statement(part["paper_class"]), _statement(part["integrable"]))
+    yield from (Line(1, ("constant: ", found)) for found in part["integrable"]["integrals"])
+    yield _statement(measure)
     if measure["density"] is not None:
-        yield f"  N = {_short(measure['density']['text'])}"
-    yield from first_integral_lines(part["first_integrals"])
-
-
-def first_integral_lines(found: list[dict[str, Any]]) -> Iterator[str]:
-    """What is constant along the motion, each with the symmetry behind it."""
-    if found:
-        yield "Constant along the motion:"
-    for one in found:
-        symmetry = f"   [{one['symmetry']}]" if one["symmetry"] else ""
-        yield f"  {one['name']}: {_short(one['text'])}{symmetry}"
-
-
-def _verdict(one: dict[str, Any]) -> str:
-    checked = f" (independent check: {one['checked']})" if one["checked"] is not None else ""
-    where = f" where {', '.join(one['domain'])}" if one.get("domain") else ""
-    return (one["verdict"] or "not defined").replace("_", " ") + where + checked
-
-
-def _hamiltonisations(reports: list[dict[str, Any]]) -> Iterator[str]:
-    for one in reports:
-        yield ""
-        yield f"Hamiltonized by the {one['associated']} system, {one['label']}:"
-        yield f"  L = {_short(one['lagrangian']['text'])}"
+        yield _formula(1, "N", _brief(measure["density"]))
+    yield from (*_first_integrals(part["first_integrals"]), EMPTY, _said(0, "Associated second-order systems:"))
+    for one in part["associated"]:
+        checked = f" (independent check: {one['checked']})" if one["checked"] is not None else ""
+        verdict, domain = _spaced(one["verdict"] or "not defined"), ", ".join(one.get("domain") or ())
+        where: tuple[Formula, ...] = (f"{one['kind']}: {verdict} where ", domain, checked)
+        yield Line(1, where if domain else (f"{one['kind']}: {verdict}{checked}",))
+        if not one["defined"]:
+            yield _said(2, one["explanation"])
+    for one in part["hamiltonisation"]:
+        yield from (EMPTY, _said(0, f"Hamiltonized by the {one['associated']} system, {one['label']}:"))
+        yield _formula(1, "L", _brief(one["lagrangian"]))
         if one["hamiltonian"] is not None:
-            yield from _with_domain("H", one["hamiltonian"])
-        yield from (f"  constraint {_short(found['text'])} = 0" for found in one["constraints"])
-        yield from (f"  {each['verdict']}: {each['text']}" for each in one["statements"])
-        flow = one["trajectory"]
-        if flow is not None:
-            yield (
-                f"  both flows over t = {flow['time']:g} from one start: positions differ by at most "
+            yield _with_domain("H", one["hamiltonian"])
+        yield from (Line(1, ("constraint ", (_brief(found), "0"))) for found in one["constraints"])
+        yield from (_said(1, f"{each['verdict']}: {each['text']}") for each in one["statements"])
+        if (flow := one["trajectory"]) is not None:
+            words = (
+                f"both flows over t = {flow['time']:g} from one start: positions differ by at most "
                 f"{flow['difference']:.1e}, constraints by {flow['constraint']:.1e}, H by {flow['energy']:.1e}"
             )
+            yield _said(1, words)
+    yield from (EMPTY, _said(0, f"The rest is about the associated system '{part['main']}':"))
 
 
-def _with_domain(letter: str, part: dict[str, Any]) -> list[str]:
-    where = (f"      where {condition}" for condition in part.get("domain", ()))
+def _reduced(part: dict[str, Any]) -> Iterator[Line]:
+    """The reduced system and how the other coordinates follow; its answer comes after it."""
+    yield _said(0, f"The reduced system in {', '.join(part['coordinates'])}:")
+    yield from (_formula(1, f"{name}''", _brief({"text": text})) for name, text in part["equations"].items())
+    yield _said(1, part["statement"])
+    yield from (_formula(1, f"{name}'", _brief({"text": text})) for name, text in part["reconstruction"].items())
+
+
+def _first_integrals(found: Sequence[Mapping[str, Any]]) -> Iterator[Line]:
+    """What is constant along the motion, each with the symmetry behind it."""
+    if found:
+        yield _said(0, "Constant along the motion:")
+    for one in found:
+        symmetry = f"   [{one['symmetry']}]" if one["symmetry"] else ""
+        yield Line(1, (f"{one['name']}: ", _brief(one), symmetry))
+
+
+def _with_domain(letter: str, part: Mapping[str, Any], most: int = LONG) -> Line:
     # H without momenta is the energy.
-    name = "energy in the velocities" if part.get("implicit") else letter
-    return [f"  {name} = {_short(part['text'])}", *where]
+    energy = {"text": "energy in the velocities", "latex": r"\text{energy in the velocities}"}
+    return _formula(1, energy if part.get("implicit") else letter, _brief(part, most), part.get("domain", ()))
 
 
-def _short(text: str) -> str:
-    return text if len(text) <= LONG else f"({len(text)} characters; see --format json)"
+def _brief(part: Mapping[str, Any], most: int = LONG) -> Mapping[str, Any]:
+    """The formula, of which a text names the length alone if it is long."""
+    text = part["text"]
+    short = text if len(text) <= most else f"({len(text)} characters; see --format json)"
+    return {"text": short, "latex": part.get("latex"), "whole": text}
