@@ -176,16 +176,11 @@ async def exercise(request: Request) -> Response:
     if found.judged is not None and found.judged.verdict == sheets.YES and student:
         code = code_of(question_of(query), student, datetime.now(UTC).date().isoformat())
     shown = rendering.page(
-        "exercise.html", active="", exercise=found, fields=fields, title=query.get("title", "")[:120],
-        ask=ask, question=ASKED[ask][1], letter=ASKED[ask][2], answer=answer, own=own, student=student, code=code,
+        "exercise.html", active="", exercise=found, title=query.get("title", "")[:120],
+        question=ASKED[ask][1], letter=ASKED[ask][2], answer=answer, own=own, student=student, code=code,
         hints=query.get("hints", "yes") != "no", kept=dict(parse_qsl(question_of(query))),
     )  # fmt: skip
-    origins = " ".join(("'self'", *engine.settings.frame_origins))
-    shown.headers["Content-Security-Policy"] = rendering.POLICY.replace(
-        "frame-ancestors 'none'", f"frame-ancestors {origins}"
-    )
-    shown.headers["X-Frame-Options"] = "SAMEORIGIN"
-    return shown
+    return rendering.framed(shown, engine.settings.frame_origins)
 
 
 def question_of(query: Mapping[str, str]) -> str:

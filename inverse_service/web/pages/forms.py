@@ -14,7 +14,7 @@ from urllib.parse import parse_qs, parse_qsl, urlencode
 
 from markupsafe import Markup
 
-from inverse_service import catalogue, errors
+from inverse_service import errors
 from inverse_service.expressions import letters, printing
 from inverse_service.expressions.tree import Acceleration, Symbol
 from inverse_service.reading import reader
@@ -204,8 +204,7 @@ def _questions(fields: Mapping[str, str]) -> dict[str, Any]:
         found["time_dependent_lagrangian"] = TIME[fields["time"]]
     if fields["special_cases"]:
         found["special_cases"] = True
-    terms = _terms(fields["ansatz"])
-    if terms:
+    if terms := [term for term in typesetting.split(fields["ansatz"], ",;\n") if term]:
         found["ansatz"] = terms
     if fields["time_limit"]:
         found["options"] = {"time_limit": _seconds(fields["time_limit"])}
@@ -220,18 +219,6 @@ def _seconds(text: str) -> float:
     if not math.isfinite(seconds):
         raise errors.InputError("The time limit must be a number of seconds such as 30.", "/options/time_limit")
     return seconds
-
-
-def _terms(text: str) -> list[str]:
-    """The parts between commas and line ends that stand in no bracket."""
-    found, depth = [""], 0
-    for character in text:
-        depth += (character in "([{") - (character in ")]}")
-        if character in ",;\n" and depth == 0:
-            found.append("")
-        else:
-            found[-1] += character
-    return [part.strip() for part in found if part.strip()]
 
 
 def _names(text: str) -> list[str]:
@@ -397,13 +384,13 @@ class Line:
 
 @dataclass(frozen=True, slots=True)
 class Understood:
-    """Groups of formulas under headings, and rows of names with what they stand for.
+    """Groups of formulas under headings, and names after the words that say what they stand for.
 
     `readings` are what was read otherwise than it was typed: the text, its meaning, and what a button for a name sends.
     """
 
     groups: list[tuple[str, list[Line]]]
-    names: list[tuple[str, Markup, str]]
+    names: list[tuple[str, Markup]]
     readings: list[tuple[str, str, str]]
 
 
@@ -480,22 +467,14 @@ def _formulas(found: Any, heading: str) -> list[Line]:
     return lines
 
 
-def _names_understood(answer: Mapping[str, Any]) -> list[tuple[str, Markup, str]]:
-    rows = [("Coordinates", _symbols(answer["coordinates"]), "")]
-    if answer["parameters"]:
-        guessed = [name for name in answer["parameters"] if name in answer["guessed"]]
-        one = len(answer["parameters"]) == 1
-        note = "\u2013 a constant" if one else "\u2013 constants"
-        if guessed:
-            which = "" if len(guessed) == len(answer["parameters"]) else f": {', '.join(guessed)}"
-            note += f"; not declared, so treated as constant{which}"
-        rows.append(("Parameters", _symbols(answer["parameters"]), note))
+def _names_understood(answer: Mapping[str, Any]) -> list[tuple[str, Markup]]:
+    rows = [("with constants", _symbols(answer["parameters"]))] if answer["parameters"] else []
     if answer["functions"]:
         names = Names(tuple(answer["coordinates"]), (), {k: tuple(v) for k, v in answer["functions"].items()})
         texts = [f"{name}({', '.join(arguments)})" for name, arguments in answer["functions"].items()]
-        rows.append(("Functions", Markup(", ").join(typesetting.formula(text, names) for text in texts), "arbitrary"))
+        rows.append(("with any", Markup(", ").join(typesetting.formula(text, names) for text in texts)))
     if answer.get("depends_on_time"):
-        rows.append(("Time", _symbols(["t"]), "occurs in the equations"))
+        rows.append(("containing", _symbols(["t"])))
     return rows
 
 
@@ -623,20 +602,12 @@ class Sent:
 def sent_task(body: bytes, content_type: str) -> Sent:
     """The sent solve form to what it says."""
     form = form_of(body, content_type)
-    fields, example = fields_of(form), form.text("example")
+    fields = fields_of(form)
     try:
-        document = _example(example) if example else document_of(form)
+        document = document_of(form)
     except errors.InputError as error:
         return Sent(fields, fields, problem=problem_of_error(error, fields))
-    is_shown = example or "document" in form.files
-    return Sent(fields, fields_from(document) if is_shown else fields, document)
-
-
-def _example(name: str) -> dict[str, Any]:
-    try:
-        return catalogue.document(name)
-    except errors.InputError:
-        raise errors.InputError("The catalogue has no system of this name; /atlas shows them.") from None
+    return Sent(fields, fields_from(document) if "document" in form.files else fields, document)
 
 
 def echo_sent_task(body: bytes, content_type: str) -> tuple[Fields, dict[str, Any]]:

@@ -207,7 +207,6 @@ async def atlas_entry(name: str) -> HTMLResponse:
         body=body_of(name),
         alike=[one for one in atlas.search(form=found["form"]) if one["name"] != name][:12] if found["form"] else [],
         question=forms.question_address(found["document"]),
-        can_simulate=rendering.can_simulate(),
         cite=routes_atlas.CITE,
     )
 

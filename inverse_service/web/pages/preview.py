@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
@@ -110,48 +111,79 @@ def _distance(left: Sequence[Sequence[float]], right: Sequence[Sequence[float]])
     return max(math.dist(p, q) for p, q in zip(*points, strict=True))
 
 
-def motion_of_result(result: Mapping[str, Any], domain: Sequence[str] = ()) -> dict[str, Any] | None:
-    """What the script needs to move a result: trees, names, and the conditions that the start keeps; None without.
+@dataclass(frozen=True, slots=True)
+class Moving:
+    """The formulas of a result's motion: the accelerations of its coordinates, the velocities that the constraints
+    give, and the constraints; arbitrary functions have a formula of their own, as on the form of a simulation."""
 
-    Arbitrary functions get a formula of their own, as on the form of a simulation.
-    """
-    system = result["system"]
-    constrained = (result.get("nonholonomic") or {}).get("equations_of_motion")
+    names: Names
+    accelerations: tuple[trees.Expression, ...]
+    velocities: dict[str, trees.Expression]
+    constraints: tuple[trees.Expression, ...]
+    definitions: dict[str, tuple[tuple[str, ...], trees.Expression]]
+
+    def read(self, text: str) -> trees.Expression:
+        """A formula or a condition with the functions defined."""
+        is_condition = any(sign in text for sign in (" > ", " < ", " != "))
+        tree = (reader.read_condition if is_condition else reader.read_formula)(text, self.names)
+        return derivative.define_functions(tree, self.definitions)
+
+
+def moving_of(result: Mapping[str, Any]) -> Moving | None:
+    """None where the accelerations are not solved for or cannot be read."""
+    system, part = result["system"], result.get("nonholonomic") or {}
     if system is None or any(reader.has_acceleration(text) for text in system["equations"].values()):
         return None
-    parameters, functions = tuple(system["parameters"]), system.get("functions") or {}
-    time = system.get("time", "t")
+    motion, time = part.get("equations_of_motion") or {}, system.get("time", "t")
+    functions, parameters = system.get("functions") or {}, tuple(system["parameters"])
     names = Names(tuple(system["coordinates"]), (*parameters, *((time,) if time != "t" else ())), functions)
-    equations = {name: f["text"] for name, f in constrained["accelerations"].items()} if constrained else {}
-    lines = [equations.get(name) or system["equations"][name] for name in system["coordinates"]]
-    constraints = [one["text"] for one in (result.get("nonholonomic") or {}).get("constraints") or ()]
+    texts = system["equations"] | {name: f["text"] for name, f in motion.get("accelerations", {}).items()}
     try:
-        formulas = [reader.read_formula(text, names) for text in (*lines, *constraints)]
-        sides = [(reader.read_condition(text, names), " > " in text or " < " in text) for text in domain]
+        definitions = {
+            name: (tuple(of), reader.read_formula(f"1 + {of[0]}^2/4", names)) for name, of in functions.items()
+        }
+        found = Moving(names, (), {}, (), definitions)
+        return replace(
+            found,
+            accelerations=tuple(found.read(texts[name]) for name in names.coordinates),
+            velocities={name: found.read(one["text"]) for name, one in motion.get("first_order", {}).items()},
+            constraints=tuple(found.read(one["text"]) for one in part.get("constraints") or ()),
+        )
     except (errors.InputError, ValueError):
         return None
-    definitions = {name: (tuple(of), reader.read_formula(f"1 + {of[0]}^2/4", names)) for name, of in functions.items()}
-    formulas = [derivative.define_functions(tree, definitions) for tree in formulas] if definitions else formulas
+
+
+def motion_of_result(result: Mapping[str, Any], domain: Sequence[str] = ()) -> dict[str, Any] | None:
+    """What the script needs to move a result: trees, names, and the conditions that the start keeps; None without."""
+    moving = moving_of(result)
+    if moving is None:
+        return None
+    formulas = (*moving.accelerations, *moving.constraints)
     if sum(map(trees.node_count, formulas)) > MOST_NODES:
         return None
-    split = len(lines)
     try:
-        listed_formulas = [listed(formula) for formula in formulas]
-        listed_sides = [(listed(derivative.define_functions(side, definitions)), sign) for side, sign in sides]
-    except errors.InputError:
+        equations, constraints = (
+            [listed(tree) for tree in part] for part in (moving.accelerations, moving.constraints)
+        )
+        sides = [listed(moving.read(text)) for text in domain]
+    except (errors.InputError, ValueError):
         return None
+    system = result["system"]
     given = system["given"].get("parameters") if isinstance(system.get("given"), Mapping) else None
     values = given if isinstance(given, Mapping) else {}
+    constrained = (result.get("nonholonomic") or {}).get("equations_of_motion")
     return {
         "coordinates": list(system["coordinates"]),
-        "labels": {name: letters.greek_letter(name) or name for name in (*system["coordinates"], *parameters)},
-        "time": time,
-        "values": {name: float(Fraction(values[name])) if values.get(name) else 1 for name in parameters},
-        "equations": listed_formulas[:split],
-        "constraints": listed_formulas[split:],
+        "labels": {
+            name: letters.greek_letter(name) or name for name in (*system["coordinates"], *system["parameters"])
+        },
+        "time": system.get("time", "t"),
+        "values": {name: float(Fraction(values[name])) if values.get(name) else 1 for name in system["parameters"]},
+        "equations": equations,
+        "constraints": constraints,
         "free": constrained["free"] if constrained else None,
-        "domain": [side for side, _ in listed_sides],
-        "signs": [sign for _, sign in listed_sides],
+        "domain": sides,
+        "signs": [" > " in text or " < " in text for text in domain],
         "angles": angles_of(system["coordinates"], formulas),
     }
 

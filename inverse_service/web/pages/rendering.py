@@ -8,7 +8,7 @@ import hashlib
 import importlib.util
 import re
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from contextvars import ContextVar
 from dataclasses import dataclass
 from functools import lru_cache
@@ -161,18 +161,14 @@ async def require_visitor(request: Request) -> None:
 def _visitor(request: Request, client: str) -> Visitor:
     takes_gzip = "gzip" in request.headers.get("accept-encoding", "")
     known = request.headers.get("if-none-match", "") if request.method == "GET" else ""
-    return Visitor(_theme(request), client, _address(request), takes_gzip, known)
+    chosen = request.cookies.get(THEME_COOKIE, "")
+    return Visitor(chosen if chosen in THEMES else "", client, _address(request), takes_gzip, known)
 
 
 def local_address(text: str) -> str:
     """An address on this service, the start page where the text is another or none."""
     is_local = text.startswith("/") and not text.startswith(("//", "/\\")) and text.isprintable() and len(text) < 2_000
     return text if is_local else "/"
-
-
-def _theme(request: Request) -> str:
-    chosen = request.cookies.get(THEME_COOKIE, "")
-    return chosen if chosen in THEMES else ""
 
 
 def _address(request: Request) -> str:
@@ -315,6 +311,15 @@ def render(template: str, **values: Any) -> str:
 def page(template: str, status: int = 200, **values: Any) -> HTMLResponse:
     """A whole page under the policy of the pages."""
     return sent(render(template, **values), "text/html", {"Content-Security-Policy": POLICY}, status)
+
+
+def framed(response: HTMLResponse, origins: Iterable[str]) -> HTMLResponse:
+    """The page with leave to be shown in frames of this service and of other sites."""
+    allowed = " ".join(("'self'", *origins))
+    response.headers["Content-Security-Policy"] = POLICY.replace("frame-ancestors 'none'", f"frame-ancestors {allowed}")
+    # The older header knows no list; whoever reads the policy does not read it.
+    response.headers["X-Frame-Options"] = "SAMEORIGIN"
+    return response
 
 
 def sent(text: str, media_type: str, headers: Mapping[str, str], status: int = 200) -> HTMLResponse:

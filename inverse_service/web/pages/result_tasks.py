@@ -112,7 +112,7 @@ def page_task(store: str, id: str, job: Mapping[str, Any], look: Look, check: Ma
     if job["kind"] == "work-precision":
         return simulations.precision_result(whole, simulations.pretty(document))
     # A job whose result has no page of its own: its JSON.
-    return rendering.page("plain.html", active="", job=whole, text=simulations.pretty(body))
+    return rendering.page("plain.html", active="", text=simulations.pretty(body))
 
 
 def so_far_task(job: Mapping[str, Any], look: Look, waited: int) -> HTMLResponse:

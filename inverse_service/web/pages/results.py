@@ -31,7 +31,7 @@ from inverse_service.web.clients import client_of, viewer_of
 from inverse_service.web.engine import LONG_DEADLINE, QUICK_DEADLINE, Engine
 from inverse_service.web.job_answers import MINIMAL, REVALIDATE, is_known, stored_response
 from inverse_service.web.pages import forms, result_tasks, sheets, simulations
-from inverse_service.web.pages.rendering import POLICY, VISITOR, packed, page
+from inverse_service.web.pages.rendering import VISITOR, framed, packed, page
 from inverse_service.web.problems import Refusal
 
 T = TypeVar("T")
@@ -146,11 +146,7 @@ async def embedded(request: Request, identifier: str) -> Response:
     if answer is None or answer.value["kind"] != "solve":
         return missing()
     found = await made(request, identifier, result_tasks.embed_task, VISITOR.get())
-    origins = " ".join(("'self'", *request.app.state.engine.settings.frame_origins))
-    found.headers["Content-Security-Policy"] = POLICY.replace("frame-ancestors 'none'", f"frame-ancestors {origins}")
-    # The older header knows no list; whoever reads the policy does not read it.
-    found.headers["X-Frame-Options"] = "SAMEORIGIN"
-    return found
+    return framed(found, request.app.state.engine.settings.frame_origins)
 
 
 @router.get("/results/{identifier}/result.json")

@@ -126,8 +126,7 @@ async def _sent_form(request: Request, sent: Form) -> tuple[SceneForm, dict[str,
         empty, base = await _form_of_scene(request, sent.text("scene"))
     else:
         empty, base = await _empty_form(request, sent.text("system"), sent.text("job"))
-    # A button of the start page sends the form as it is filled.
-    return empty if sent.text("filled") else with_sent(empty, sent), base
+    return with_sent(empty, sent), base
 
 
 def simulate_page(form: SceneForm, problem: forms.Problem | None = None, status: int = 200) -> HTMLResponse:

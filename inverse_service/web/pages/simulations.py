@@ -47,7 +47,9 @@ def simulation_result(address: str, job: Mapping[str, Any], document: str) -> HT
         headings=[heading for _, heading in columns],
         formulas=typesetting.formulas_of(result["system"]),
         start={name: f"{v or 0:.10g}" for name, v in start_of(result).items()},
-        rows=[(m, _numbers(m, columns), _why(m), columns_of(m)) for m in result["methods"]],
+        rows=[
+            (m, [short_number(_value(m, key)) for key, _ in columns], _why(m), columns_of(m)) for m in result["methods"]
+        ],
         ensembles=[(m["label"], *_members(of)) for m in result["methods"] if (of := m.get("members_columns"))],
         free=free_lagrangians(result),
         costs=costs(result),
@@ -135,7 +137,6 @@ def precision_result(job: Mapping[str, Any], document: str) -> HTMLResponse:
         errors=[power(target["error"]) for target in result["targets"]],
         prices=[[price_of(target, curve) for target in result["targets"]] for curve in measured],
         missing=[(", ".join(names), reason) for reason, names in missing.items()],
-        method_of={curve.label: curve.name for curve in curves},
         scene=document,
     )
 
@@ -310,10 +311,6 @@ def quantities(result: Mapping[str, Any]) -> list[tuple[str, str]]:
     return found
 
 
-def _numbers(method: Mapping[str, Any], columns: list[tuple[str, str]]) -> list[str]:
-    return [short_number(_value(method, key)) for key, _ in columns]
-
-
 def _why(method: Mapping[str, Any]) -> str:
     """Why a method stopped or did not begin, or where what it did is not the motion."""
     stopped = (method.get("stopped") or {}).get("sentence")
@@ -471,11 +468,9 @@ def _positive(value: float | None) -> float | None:
 
 def figure_data(result: Mapping[str, Any]) -> list[dict[str, Any]]:
     """What the script draws: each figure with its axes and its lines."""
-    return [_figure(name, title, result) for name, title in figure_names(result)]
-
-
-def _figure(name: str, title: str, result: Mapping[str, Any]) -> dict[str, Any]:
-    return {"name": name, "title": title, "views": _views(name, title, result)}
+    return [
+        {"name": name, "title": title, "views": _views(name, title, result)} for name, title in figure_names(result)
+    ]
 
 
 def _views(name: str, title: str, result: Mapping[str, Any]) -> list[dict[str, Any]]:

@@ -16,14 +16,13 @@ from matplotlib.figure import Figure
 
 from inverse_service.deadline import now
 from inverse_service.errors import InputError
-from inverse_service.expressions.derivative import define_functions
 from inverse_service.expressions.tree import Expression, Symbol
 from inverse_service.integrators.trajectory import Array
 from inverse_service.reading.names import Names
-from inverse_service.reading.reader import has_acceleration, read_condition, read_formula
+from inverse_service.reading.reader import read_condition, read_formula
 from inverse_service.service.scenes.simulating import simulate
 from inverse_service.simulation.numeric_formulas import array_value, table_of, walls
-from inverse_service.web.pages.preview import accelerations_of
+from inverse_service.web.pages.preview import accelerations_of, moving_of
 from inverse_service.web.pages.simulate import SceneForm, scene_document
 
 # Positions and velocities in turn of the first coordinates, the last of each for all further ones.
@@ -65,7 +64,8 @@ def with_good_start(
         return _where_all_methods_begin(form, system, further or {})
     if found is None:
         return form
-    watched += _walls(scene, found)
+    moving: set[Expression] = {Symbol(name) for name in scene.coordinates}
+    watched += tuple(dict.fromkeys(wall for tree in found for wall in walls(tree, moving)))
     q, v = every_start(len(scene.coordinates))
     steps_lasted, evenness, _ = lasted(scene, (*found, *watched), hessian, q, v, int(form.steps))
     best = int(np.argmax(steps_lasted + evenness))
@@ -118,11 +118,6 @@ def _as_long_as_it_runs(form: SceneForm, system: Mapping[str, Any]) -> SceneForm
     # What a busy machine does not finish says nothing about the motion.
     ended = [m["steps"] for m in methods if m["outcome"] not in ("completed", "unavailable", "cancelled")]
     return replace(form, steps=str(max(1, int(SHARE * min(ended))))) if ended else form
-
-
-def _walls(scene: Any, accelerations: Sequence[Expression]) -> tuple[Expression, ...]:
-    moving: set[Expression] = {Symbol(name) for name in scene.coordinates}
-    return tuple(dict.fromkeys(wall for tree in accelerations for wall in walls(tree, moving)))
 
 
 def every_start(n: int) -> Array:
@@ -185,28 +180,18 @@ def motion_of(result: Mapping[str, Any]) -> tuple[Array, tuple[str, str]] | None
 
     Parameters are 1. None where the accelerations cannot be evaluated.
     """
-    system = result["system"]
-    if system is None or any(has_acceleration(text) for text in system["equations"].values()):
+    moving = moving_of(result)
+    if moving is None:
         return None
-    coordinates, functions = tuple(system["coordinates"]), system.get("functions") or {}
-    time = system.get("time", "t")
-    values = dict.fromkeys(system["parameters"], 1.0) | ({time: 0.0} if time != "t" else {})
-    names = Names(coordinates, tuple(values), functions)
-    moving = (result.get("nonholonomic") or {}).get("equations_of_motion")
-    texts = {name: f["text"] for name, f in moving["accelerations"].items()} if moving else system["equations"]
-    dependent = moving["first_order"] if moving else {}
+    coordinates, time = moving.names.coordinates, result["system"].get("time", "t")
+    values = dict.fromkeys(moving.names.parameters, 1.0) | ({time: 0.0} if time != "t" else {})
     try:
-        definitions = {name: (tuple(of), read_formula(f"1 + {of[0]}^2/4", names)) for name, of in functions.items()}
-        f = [define_functions(read_formula(texts[name], names), definitions) for name in coordinates]
-        slopes = {
-            name: define_functions(read_formula(one["text"], names), definitions) for name, one in dependent.items()
-        }
         q, v = every_start(len(coordinates))
         table = table_of(coordinates, q, v, values)
-        for name, slope in slopes.items():
-            v[:, coordinates.index(name)] = array_value(define_functions(slope, definitions), table)
+        for name, slope in moving.velocities.items():
+            v[:, coordinates.index(name)] = array_value(slope, table)
         scene: Any = SimpleNamespace(coordinates=coordinates, values=values, grid=SimpleNamespace(step=STEP))
-        steps, _, motion = lasted(scene, f, (), q, v, STEPS)
+        steps, _, motion = lasted(scene, moving.accelerations, (), q, v, STEPS)
     except (InputError, KeyError, ValueError, ArithmeticError):
         return None
     best = int(np.argmax(steps))

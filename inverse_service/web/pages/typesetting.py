@@ -77,7 +77,7 @@ def math(inner: str, display: bool = False) -> Markup:
 def formula(text: str, names: Names) -> Markup:
     """A formula or a relation such as "x' != 0"; a long one may be broken between its terms."""
     found = _breakable(text, names)
-    return _copied(found, text) if found is not None else code(text)
+    return found if found is not None else code(text)
 
 
 def equation(letter: str, text: str, names: Names) -> Markup:
@@ -86,12 +86,7 @@ def equation(letter: str, text: str, names: Names) -> Markup:
     if found is None:
         return code(f"{letter} = {text}")
     left = inner_mathml(letter, names) or f"<mi>{letter}</mi>"
-    return _copied(math(f"<mrow>{left}<mo>=</mo></mrow>") + found, f"{letter} = {text}")
-
-
-def _copied(found: Markup, text: str) -> Markup:
-    """With the text that the button next to it copies."""
-    return Markup(found.replace("<math", Markup('<math data-text="{}"').format(text), 1))
+    return math(f"<mrow>{left}<mo>=</mo></mrow>") + found
 
 
 def integrals(found: Mapping[str, Any], names: Names) -> list[Markup]:
@@ -130,14 +125,10 @@ def _breakable(text: str, names: Names) -> Markup | None:
         inner = inner_mathml(term, names) if term else ""
         if inner is None:
             return None
-        parts.append(f"{_sign(sign)}{inner}")
+        parts.append(f'<mo form="infix">{escape(sign)}</mo>{inner}' if sign else inner)
     if len(parts) > 1 and _terms(text)[1][0] in RELATIONS.values():  # no line ends behind the left side
         parts[:2] = ["".join(parts[:2])]
     return Markup(" ").join(math(f"<mrow>{part}</mrow>") for part in parts)
-
-
-def _sign(sign: str) -> str:
-    return f'<mo form="infix">{escape(sign)}</mo>' if sign else ""
 
 
 def _terms(text: str) -> list[tuple[str, str]]:
@@ -220,7 +211,7 @@ def proposition(text: str, names: Names) -> Markup:
 
 def _side_mathml(side: str, names: Names) -> str:
     if side.startswith("[[") and side.endswith("]]"):
-        found = matrix_inner([_split(row[1:-1], ",") for row in _split(side[1:-1], ",")], names)
+        found = matrix_inner([split(row[1:-1], ",") for row in split(side[1:-1], ",")], names)
         if found is not None:
             return found
     return (inner_mathml(side, names) or spaced(_theory(side))) if side else ""
@@ -252,12 +243,12 @@ def _between(before: Sequence[str], text: str) -> str:
     return found + '<mspace width="0.17em"/>' if found.endswith("</mfrac>") else found
 
 
-def _split(text: str, mark: str) -> list[str]:
+def split(text: str, marks: str) -> list[str]:
     """The parts of a text between the marks outside brackets."""
     found, depth = [""], 0
     for letter in text:
-        depth += (letter in "([") - (letter in ")]")
-        if letter == mark and not depth:
+        depth += (letter in "([{") - (letter in ")]}")
+        if letter in marks and not depth:
             found.append("")
         else:
             found[-1] += letter

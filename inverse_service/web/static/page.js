@@ -152,7 +152,6 @@ function drafts(form, ask) {
   const keep = () => sessionStorage.setItem(name, JSON.stringify(Object.fromEntries(fields.map((field) => [field.name, field.value]))));
   form.addEventListener("input", keep);
   form.addEventListener("submit", keep);
-  form.addEventListener("filled", keep);
 }
 
 // One's own Lagrangian survives a reload until it has been sent.
@@ -268,7 +267,6 @@ function remembering() {
     const kept = [{ path, title: result.dataset.history }, ...asked().filter((one) => one.path !== path)];
     localStorage.setItem(HISTORY, JSON.stringify(kept.slice(0, MOST_KEPT)));
   }
-  document.getElementById("history")?.append(...asked().map((one) => new Option(one.title, one.path)));
   const list = document.querySelector("[data-history-list]");
   if (!list || !asked().length) return;
   list.hidden = false;
