@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 import time
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -262,7 +262,10 @@ def run_members(scene: data.Scene, derived: Derived, requested: data.Requested, 
     except InputError as error:
         return EnsembleRun(requested, Outcome("unavailable", remedy=error.detail), None)
     ran = time.perf_counter()
-    _mark(many, np.flatnonzero(initial.without_value(scene)), NO_START)
+    lost = initial.without_value(scene) & (many.memory[many.card.layout.place(STATUS)] == 0)
+    for name, value in ((STATUS, NO_START), (STOPPED_AT, 0.0), (STOPPED_VALUE, np.nan)):
+        many.memory[many.card.layout.place(name), lost] = value
+    many.positions[lost, 1:] = many.rates[lost, 1:] = np.nan
     velocities = _point_velocities(scene, problem, requested, many, values)
     series, numbers = _observed(scene, many, velocities, values)
     seconds = {"run": ran - begun, "observed": time.perf_counter() - ran}
@@ -307,16 +310,6 @@ def _part(
     """Values and momenta of some members."""
     own = {name: value[rows] if isinstance(value, np.ndarray) else value for name, value in values.items()}
     return own, None if momenta is None else momenta[rows]
-
-
-def _mark(many: Many, members: Iterable[int], code: int, step: float = 0.0, size: float = np.nan) -> None:
-    """End these members after a step, those that went on so far."""
-    status, at, value = (many.memory[many.card.layout.place(name)] for name in (STATUS, STOPPED_AT, STOPPED_VALUE))
-    lost = many.times > many.grid.begin + (step + 0.5) * many.grid.step
-    for member in members:
-        if status[member] == 0:
-            status[member], at[member], value[member] = code, step, size
-            many.positions[member, lost] = many.rates[member, lost] = np.nan
 
 
 def _momenta(

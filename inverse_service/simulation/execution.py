@@ -546,20 +546,17 @@ def _momenta(f: Formulas, choice: MethodChoice, table: Mapping[str, float]) -> l
     """dL/dv; of L~ with the constraints put in where they hold, so that common factors A_alpha cancel."""
     velocities = f.symbols("v")
     if choice.method == "nonholonomic":
-        return f.evaluator("momenta of L", lambda: [f.lagrangian.diff(v) for v in velocities])(table)
+        return f.values([f.lagrangian.diff(v) for v in velocities], table)
     if not f.forms or not _holds(f, table):
-        return f.evaluator("momenta of L~", lambda: [f.free_lagrangian.diff(v) for v in velocities])(table)
+        return f.values([f.free_lagrangian.diff(v) for v in velocities], table)
     given = {velocities[k]: value for k, value in f.dependent.items()}
-    key = "momenta of L~ on the constraints"
-    return f.evaluator(key, lambda: [f.free_lagrangian.diff(v).subs(given) for v in velocities])(table)
+    return f.values([f.free_lagrangian.diff(v).subs(given) for v in velocities], table)
 
 
 def _holds(f: Formulas, table: Mapping[str, float]) -> bool:
     """Whether velocities are those that the constraints give, to round-off."""
     size = max((abs(table[f"v{k}"]) for k in range(f.size)), default=0.0)
-    values = f.evaluator(
-        "constraints", lambda: [_along(row, f.symbols("v")) + c for row, c in zip(f.forms, f.drifts, strict=True)]
-    )(table)
+    values = f.values([_along(row, f.symbols("v")) + c for row, c in zip(f.forms, f.drifts, strict=True)], table)
     return all(abs(value) <= OFF_CONSTRAINTS * size for value in values)
 
 
@@ -625,7 +622,7 @@ def no_one_motion(f: Formulas, choice: MethodChoice, table: Mapping[str, float])
 def _a_little_later(f: Formulas, table: Mapping[str, float]) -> Numbers:
     """q + v s + f s^2/2 and v + f s."""
     moved = dict(table)
-    for k, force in enumerate(f.evaluator("accelerations", lambda: f.accelerations)(table)):
+    for k, force in enumerate(f.values(f.accelerations, table)):
         moved[f"q{k}"] += LATER * (table[f"v{k}"] + LATER * force / 2)
         moved[f"v{k}"] += LATER * force
     return moved
@@ -634,12 +631,13 @@ def _a_little_later(f: Formulas, table: Mapping[str, float]) -> Numbers:
 def _steep(f: Formulas, table: Mapping[str, float]) -> NDArray[np.bool_]:
     """Of each force, whether it changes as a power below 1 of the distance: along q_k, v_k or oblique to them all."""
     names = [f"{letter}{k}" for letter in "qv" for k in range(f.size)]
-    forces = f.evaluator("accelerations", lambda: f.accelerations)
     oblique = np.random.default_rng(0).normal(size=(4, len(names)))
     steep = np.zeros(f.size, dtype=bool)
     for way in (*np.eye(len(names)), *-np.eye(len(names)), *oblique):
         places = [dict(zip(names, size * way, strict=True)) for size in (0.0, *NEARER)]
-        values = np.array([forces({**table} | {x: table[x] + place[x] for x in names}) for place in places])
+        values = np.array(
+            [f.values(f.accelerations, {**table} | {x: table[x] + place[x] for x in names}) for place in places]
+        )
         with np.errstate(all="ignore"):
             first, last = -np.diff(np.log10(np.abs(values[1:] - values[0])), axis=0) / NEARER_BY
         steep |= (last > FLAT) & (last < STRAIGHT) & (np.abs(first - last) < SAME_POWER)

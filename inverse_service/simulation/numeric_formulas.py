@@ -215,16 +215,10 @@ class Formulas:
         rest = dict.fromkeys(self.symbols("v"), se.ZERO)
         return [se.translate(tree, self.table).subs(rest) for tree in self.problem.constraints]
 
-    @cached_property
-    def _evaluators(self) -> dict[str, se.Evaluator]:
-        return {}
-
-    def evaluator(self, key: str, make: Callable[[], Sequence[se.Formula]]) -> se.Evaluator:
-        """Values of formulas over q, v and the parameters; made when `key` is first asked for."""
-        if key not in self._evaluators:
-            names = [*(str(name) for letter in "qv" for name in self.symbols(letter)), *self.parameters, str(MOMENT)]
-            self._evaluators[key] = se.Evaluator(make(), names)
-        return self._evaluators[key]
+    def values(self, formulas: Sequence[se.Formula], table: Mapping[str, float]) -> list[float]:
+        """Those of formulas over q, v, the parameters and t; nan or infinite where there is none."""
+        names = [*(str(name) for letter in "qv" for name in self.symbols(letter)), *self.parameters, str(MOMENT)]
+        return [float(value) for value in se.closure(names, formulas)([table[name] for name in names]).ravel()]
 
     def gradient(
         self, formula: se.Formula, letter: str, first: str = "q", second: str = "v", moment: se.Formula = MOMENT

@@ -201,7 +201,7 @@ def circle_numbers(points: Array, exact: Array | None, every: int = 1, reach: fl
     `every` says which steps were recorded, `reach` how long the way between two of them is at the start: a revolution
     is seen only where that turns by less than half of one.
     """
-    drift = circle_drift(points) if every == 1 else recorded_drift(points, reach)
+    drift = circle_drift(points, 0.0 if every == 1 else reach)
     if drift is None:
         return {"circle": None}
     numbers: dict[str, Any] = {
@@ -692,57 +692,33 @@ def _cost(points: Array, center: Array) -> float:
     return float(((distances - distances.mean()) ** 2).sum())
 
 
-def circle_drift(points: Array) -> CircleDrift | None:
+def circle_drift(points: Array, reach: float = 0.0) -> CircleDrift | None:
     """Matching circles of the first and the last revolution of a path, (m, 2); None where there is no circle.
 
     A revolution has as many points as steps fit into it, the chords turning by less than 2 pi: no direction counts
-    twice. The first point is given and not computed: the first revolution starts after it.
+    twice. The first point is given and not computed: the first revolution starts after it. `reach` is the length of
+    the way between two points, where not every step is known: chords that turn by more than LARGEST_TURN do not show
+    revolutions, which are nan then, and the circles are those of the first and the last SHARE of the points.
     """
     points = np.asarray(points, dtype=float)
-    if len(points) < 3 or not np.isfinite(points).all():
+    whole = least_squares_circle(points)
+    if whole is None:
         return None
-    turning = np.abs(turned(points))
-    back = np.abs(turned(points[::-1]))
+    turning, back = np.abs(turned(points)), np.abs(turned(points[::-1]))
     revolutions = float(turning[-1]) / (2 * np.pi)
-    whole = 2 * np.pi * (1 - 1e-9)
-    counts = [int((np.maximum.accumulate(angles) < whole).sum()) - 1 for angles in (turning, back)]
+    full = 2 * np.pi * (1 - 1e-9)
+    counts = [int((np.maximum.accumulate(angles) < full).sum()) - 1 for angles in (turning, back)]
+    if reach:
+        share = max(FEWEST_POINTS, int(SHARE * len(points)))
+        near = least_squares_circle(points[1 : 1 + share]) or whole
+        angle, chord = reach / near.radius, float(np.hypot(*(points[2] - points[1])))
+        expected = 2 * near.radius * np.sin(angle / 2)
+        if not (angle < LARGEST_TURN and abs(chord - expected) <= SAME_CHORD * expected):
+            revolutions, counts = float("nan"), [share, share]
     if max(counts) + 2 >= len(points) or min(counts) < 3:
-        circle = least_squares_circle(points)
-        return None if circle is None else CircleDrift(circle, circle, revolutions)
+        return CircleDrift(whole, whole, revolutions)
     first, last = least_squares_circle(points[1 : 1 + counts[0]]), least_squares_circle(points[-counts[1] :])
-    if first is None or last is None:
-        return None
-    return CircleDrift(first, last, revolutions)
-
-
-def sparse_drift(points: Array) -> CircleDrift | None:
-    """Matching circles of the first and the last SHARE of the points, for a path of which not every step is known.
-
-    Its chords may turn by any angle, so revolutions cannot be counted (`revolutions` is nan).
-    """
-    points = np.asarray(points, dtype=float)
-    count = max(FEWEST_POINTS, int(SHARE * len(points)))
-    if len(points) < 2 * count + 1:
-        circle = least_squares_circle(points)
-        return None if circle is None else CircleDrift(circle, circle, float("nan"))
-    first, last = least_squares_circle(points[1 : 1 + count]), least_squares_circle(points[-count:])
-    return None if first is None or last is None else CircleDrift(first, last, float("nan"))
-
-
-def recorded_drift(points: Array, reach: float) -> CircleDrift | None:
-    """The drift of a path of which not every step is known; `reach` is speed times the time between two points.
-
-    Where that turns by less than LARGEST_TURN, and the chords say so too, revolutions are counted as in `circle_drift`.
-    """
-    found = sparse_drift(points)
-    if found is None:
-        return None
-    angle = reach / found.first.radius
-    chord = float(np.hypot(*(points[2] - points[1]))) if len(points) > 2 else 0.0
-    expected = 2 * found.first.radius * np.sin(angle / 2)
-    if not (angle < LARGEST_TURN and abs(chord - expected) <= SAME_CHORD * expected):
-        return found
-    return circle_drift(points) or found
+    return None if first is None or last is None else CircleDrift(first, last, revolutions)
 
 
 def turned(points: Array) -> Array:

@@ -81,15 +81,15 @@ def test_a_moving_center_and_a_growing_radius_are_told_apart() -> None:
 def test_a_path_known_at_few_steps_has_its_circles_too() -> None:
     """Chords that turn by 10 radians are no revolutions, but the points are on the circle all the same."""
     angles = 10.0 * np.arange(20_000)
-    drift = observing.sparse_drift(arc((0, 0), 2, angles) + np.column_stack([1e-6 * angles, 0 * angles]))
+    drift = observing.circle_drift(arc((0, 0), 2, angles) + np.column_stack([1e-6 * angles, 0 * angles]), 20.0)
     assert drift is not None
     assert np.isnan(drift.revolutions)
     assert drift.last.radius == pytest.approx(2, rel=1e-3)
     assert drift.centre_drift == pytest.approx(0.2, rel=0.02)
-    short = observing.sparse_drift(arc((0, 0), 2, angles[:10]))
+    short = observing.circle_drift(arc((0, 0), 2, angles[:10]), 20.0)
     assert short is not None
     assert short.first == short.last
-    assert observing.sparse_drift(np.zeros((500, 2))) is None
+    assert observing.circle_drift(np.zeros((500, 2)), 20.0) is None
 
 
 def test_less_than_a_revolution_is_said() -> None:
@@ -131,7 +131,7 @@ def test_no_chord_has_no_phase_error(count: int) -> None:
 def test_revolutions_are_counted_over_recorded_points_too(turn: float) -> None:
     angles = turn * np.arange(4000)
     spiral = arc((0, 0), 1, angles) * (1 - 1e-5 * angles)[:, None]
-    found = observing.recorded_drift(spiral, turn)
+    found = observing.circle_drift(spiral, turn)
     assert found is not None
     assert found.revolutions == pytest.approx(angles[-1] / (2 * np.pi), rel=1e-2)
     assert found == observing.circle_drift(spiral)
@@ -140,11 +140,11 @@ def test_revolutions_are_counted_over_recorded_points_too(turn: float) -> None:
 def test_points_more_than_half_a_turn_apart_do_not_say_how_often_the_path_turned() -> None:
     angles = (2 * np.pi + 0.3) * np.arange(4000)
     points = arc((0, 0), 1, angles)
-    found = observing.recorded_drift(points, 2 * np.pi + 0.3)
+    found = observing.circle_drift(points, 2 * np.pi + 0.3)
     assert found is not None
     assert np.isnan(found.revolutions)
     assert found.first.radius == pytest.approx(1)
     # A speed that does not fit the chords is not believed.
-    other = observing.recorded_drift(points, 1.5)
+    other = observing.circle_drift(points, 1.5)
     assert other is not None
     assert np.isnan(other.revolutions)

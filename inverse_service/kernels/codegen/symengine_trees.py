@@ -114,19 +114,6 @@ def closure(names: Sequence[str], formulas: Sequence[Formula]) -> Any:
     return symengine.Lambdify([symbol(name) for name in names], list(formulas), backend="lambda")
 
 
-class Evaluator:
-    """Values of formulas at many points: compiled to closures once; NaN or infinity where there is no value."""
-
-    def __init__(self, formulas: Sequence[Formula], names: Sequence[str]) -> None:
-        self._names = tuple(names)
-        self._function = closure(names, formulas) if formulas else None
-
-    def __call__(self, table: Mapping[str, float]) -> list[float]:
-        if self._function is None:
-            return []
-        return [float(value) for value in self._function([table[name] for name in self._names]).ravel()]
-
-
 def slope(formula: Formula, variable: Formula) -> Formula:
     """The derivative for an iteration, with a value where a root in the formula is 0, as for v |v| at v = 0.
 
