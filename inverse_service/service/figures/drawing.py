@@ -55,23 +55,36 @@ def coordinate_figure(
 def portrait_figure(result: Mapping[str, Any], tables: Mapping[str, Mapping[str, Array]]) -> tuple[Figure, str] | None:
     """Velocity against position, one panel a coordinate; None where no method has velocities."""
     names = result["system"]["coordinates"][:MOST_COORDINATES]
-    lines = [(styles.look(place, m["method"]), m["label"], table) for place, m in enumerate(result["methods"])
+    drawn = [(k, m["label"], table) for k, m in enumerate(result["methods"])
              if (table := tables.get(m["label"])) is not None and f"v_{names[0]}" in table]  # fmt: skip
-    if not lines:
+    if not drawn:
         return None
-    wide = min(3, len(names))
-    every = max(1, max(len(table["t"]) for _, _, table in lines) // MOST_POINTS)
-    with styles.panels(len(names), wide, max(5.2, 3.1 * wide + 0.4), 2.8) as (figure, panels):
-        for axes, name in zip(panels, names, strict=False):
-            for style, label, table in lines:
-                axes.plot(
-                    table[name][::every], table[f"v_{name}"][::every], color=style.color, linewidth=0.9,
-                    linestyle="none" if every > 1 else style.line, marker="." if every > 1 else "",
-                    markersize=1.5, label=styles.plain(label),
-                )  # fmt: skip
-            axes.set(xlabel=styles.with_unit(name, result), ylabel=f"{name}'")
+    every = max(1, max(len(table["t"]) for _, _, table in drawn) // MOST_POINTS)
+    panels = [
+        (styles.with_unit(name, result), f"{name}'", "",
+         [(k, label, table[name][::every], table[f"v_{name}"][::every]) for k, label, table in drawn])
+        for name in names
+    ]  # fmt: skip
     dots = f" Dots are one point of {every}." if every > 1 else ""
-    return figure, f"{result['name'] or 'Phase portrait'}: velocity against position of each coordinate.{dots}"
+    caption = f"{result['name'] or 'Phase portrait'}: velocity against position of each coordinate.{dots}"
+    return _planes(panels, dots=every > 1), caption
+
+
+Panel = tuple[str, str, str, list[tuple[int, str, Array, Array]]]
+
+
+def _planes(panels: Sequence[Panel], dots: bool, wide: int = 3) -> Figure:
+    """Panels (x, y, title, lines) of curves or dots in a plane; a line has the place of its method, label, x, y."""
+    wide = min(wide, len(panels))
+    with styles.panels(len(panels), wide, max(5.2, 3.1 * wide + 0.4), 2.8) as (figure, grid):
+        for axes, (x, y, title, lines) in zip(grid, panels, strict=False):
+            for place, label, across, up in lines:
+                style = styles.look(place, "")
+                look_of_line: Any = {"linestyle": "none", "marker": ".", "markersize": 2} if dots else {
+                    "linestyle": style.line, "linewidth": 0.9}  # fmt: skip
+                axes.plot(across, up, color=style.color, label=styles.plain(label), **look_of_line)
+            axes.set(xlabel=x, ylabel=y, title=styles.plain(title))
+    return figure
 
 
 def view_figure(views: Sequence[Mapping[str, Any]], width: float, height: float) -> Figure:
@@ -152,45 +165,35 @@ def section_figure(result: Mapping[str, Any]) -> tuple[Figure, str] | None:
     methods = [(k, m) for k, m in enumerate(result["methods"]) if any(e["count"] > 1 for e in m.get("events", ()))]
     if not methods:
         return None
-    panels = [(k, name) for k, event in enumerate(methods[0][1]["events"]) for name in names if name != event["when"]]
-    wide = min(3, len(panels))
-    with styles.panels(len(panels), wide, 3.4 * wide + 0.6, 3.0) as (figure, grid):
-        for axes, (k, name) in zip(grid, panels, strict=False):
-            for place, method in methods:
-                columns = method["events"][k]["columns"]
-                axes.plot(
-                    columns[name], columns[f"v_{name}"], ".", color=styles.look(place, method["method"]).color,
-                    markersize=3, label=styles.plain(method["label"]),
-                )  # fmt: skip
-            title = styles.plain(f"{methods[0][1]['events'][k]['when']} = 0")
-            axes.set(xlabel=styles.with_unit(name, result), ylabel=f"{name}'", title=title)
-    return figure, f"{result['name'] or 'Section'}: the states at which each event happens."
+    panels: list[Panel] = []
+    for place, event in enumerate(methods[0][1]["events"]):
+        columns = [(k, m["label"], m["events"][place]["columns"]) for k, m in methods]
+        panels += [
+            (styles.with_unit(name, result), f"{name}'", f"{event['when']} = 0",
+             [(k, label, own[name], own[f"v_{name}"]) for k, label, own in columns])
+            for name in names if name != event["when"]
+        ]  # fmt: skip
+    return _planes(panels, dots=True), f"{result['name'] or 'Section'}: the states at which each event happens."
 
 
 def sweep_figure(result: Mapping[str, Any], tables: Mapping[str, Mapping[str, Array]]) -> tuple[Figure, str] | None:
     """What members of an ensemble end with, against the parameter that differs; None where none or several do."""
-    methods = [(k, method) for k, method in enumerate(result["methods"]) if method["label"] in tables]
-    columns = {
-        m["label"]: {name.removeprefix("member_"): column for name, column in tables[m["label"]].items()
-                     if name.startswith("member_")}
-        for _, m in methods
-    }  # fmt: skip
-    first = columns[methods[0][1]["label"]]
+    columns = [
+        (k, m["label"], {name.removeprefix("member_"): column for name, column in tables[m["label"]].items()
+                         if name.startswith("member_")})
+        for k, m in enumerate(result["methods"]) if m["label"] in tables
+    ]  # fmt: skip
+    first = columns[0][2]
     varied = [name for name in result["system"]["parameters"] if name in first and np.ptp(first[name])]
     shown = [name for name in first if name.endswith("_end") or name == "max_energy_error"][:MOST_COORDINATES]
     if len(varied) != 1 or not shown:
         return None
-    with styles.panels(len(shown), 1, 7.0, 1.7, sharex=True) as (figure, panels):
-        for axes, name in zip(panels, shown, strict=True):
-            for place, method in methods:
-                own = columns[method["label"]]
-                axes.plot(
-                    own[varied[0]], own[name], ".", color=styles.look(place, method["method"]).color, markersize=3,
-                    label=styles.plain(method["label"]),
-                )  # fmt: skip
-            axes.set_ylabel(name.replace("_", " "))
-        panels[-1].set_xlabel(varied[0])
-    return figure, f"{result['name'] or 'Sweep'}: the end of each member against {varied[0]}."
+    panels = [
+        (varied[0], name.replace("_", " "), "", [(k, label, own[varied[0]], own[name]) for k, label, own in columns])
+        for name in shown
+    ]
+    caption = f"{result['name'] or 'Sweep'}: the end of each member against {varied[0]}."
+    return _planes(panels, dots=True, wide=2), caption
 
 
 def draw_simulation(
@@ -202,32 +205,26 @@ def draw_simulation(
     """Write the figures of what was observed; the names of the files with their captions."""
     if not tables:
         return []
-    found = []
     observed = set(result["observe"])
+    drawn: dict[str, tuple[Figure, str] | None] = {}
     if any("members" in method for method in result["methods"]):
-        pairs = {"ensemble": ensemble_figure(result, tables), "sweep": sweep_figure(result, tables)}
-        return [
-            {"files": styles.save(pair[0], folder, name, pair[1]), "caption": pair[1]}
-            for name, pair in pairs.items()
-            if pair
-        ]
-    if observed & {"trajectory", "matching_circle"} and _is_round(result, tables):
-        figure, caption = path_figure(result, tables, truth)
-        found.append({"files": styles.save(figure, folder, "path", caption), "caption": caption})
-    elif "trajectory" in observed:
-        figure, caption = coordinate_figure(result, tables, truth)
-        found.append({"files": styles.save(figure, folder, "coordinates", caption), "caption": caption})
-    if observed >= {"trajectory", "velocities"} and (drawn := portrait_figure(result, tables)) is not None:
-        found.append({"files": styles.save(drawn[0], folder, "phase-portrait", drawn[1]), "caption": drawn[1]})
-    if (drawn := section_figure(result)) is not None:
-        found.append({"files": styles.save(drawn[0], folder, "section", drawn[1]), "caption": drawn[1]})
-    for name in time_series.QUANTITIES:
-        asked = name in observed or (name == "discrete_energy" and "energy" in observed)
-        drawn = time_series.series_figure(name, result, tables, truth) if asked else None
-        if drawn is not None:
-            figure, caption = drawn
-            found.append({"files": styles.save(figure, folder, name, caption), "caption": caption})
-    return found
+        drawn = {"ensemble": ensemble_figure(result, tables), "sweep": sweep_figure(result, tables)}
+    else:
+        if observed & {"trajectory", "matching_circle"} and _is_round(result, tables):
+            drawn["path"] = path_figure(result, tables, truth)
+        elif "trajectory" in observed:
+            drawn["coordinates"] = coordinate_figure(result, tables, truth)
+        if observed >= {"trajectory", "velocities"}:
+            drawn["phase-portrait"] = portrait_figure(result, tables)
+        drawn["section"] = section_figure(result)
+        for name in time_series.QUANTITIES:
+            if name in observed or (name == "discrete_energy" and "energy" in observed):
+                drawn[name] = time_series.series_figure(name, result, tables, truth)
+    return [
+        {"files": styles.save(pair[0], folder, name, pair[1]), "caption": pair[1]}
+        for name, pair in drawn.items()
+        if pair is not None
+    ]
 
 
 def _is_round(result: Mapping[str, Any], tables: Mapping[str, Mapping[str, Array]]) -> bool:
