@@ -554,7 +554,7 @@ def _formula(text: str, names: Names, what: str, pointer: str) -> Expression:
 def read_lagrangian(text: str, names: Names) -> Expression:
     """L(t, q, q') of a text; InputError where an acceleration is in it, or no velocity."""
     pointer = "/lagrangian"
-    tree = _formula(text, names, "the Lagrangian", pointer)
+    tree = _formula(text, replace(names, energy=True), "the Lagrangian", pointer)
     if not any(isinstance(node, Velocity) for node in walk(tree)):
         raise InputError("the Lagrangian contains no velocity: write kinetic minus potential energy.", pointer)
     return _smooth(tree, pointer)

@@ -371,16 +371,14 @@ def moving_products(texts: Mapping[str, str], declared: Names, order: int = 2) -
     found: dict[str, tuple[str, ...]] = {}
     for line in lines:
         for name in moving_names(line, order):
-            if (
-                name in alone | GREEK_NAMES
-                or declared.role(declared.spelling(name))
-                or not name.replace("_", "").isalnum()
-            ):
+            if name in GREEK_NAMES or declared.role(declared.spelling(name)) or not name.replace("_", "").isalnum():
                 continue
             for cut in range(1, len(name)):
                 factor, moving = name[:cut], name[cut:]
                 single = len(moving) == 1 or moving in GREEK_NAMES or re.fullmatch("[A-Za-z]_?[0-9]", moving)
                 elsewhere = moving in alone | primed
+                if name in alone and (moving not in primed or known_words.is_momentum(name, (moving,))):
+                    continue
                 mechanical = _FACTOR_OF_MOTION.fullmatch(factor) or factor in GREEK_NAMES
                 named = (known_words.looks_like_a_coordinate(moving) or moving in GREEK_NAMES) and mechanical
                 plain = mechanical or (len(factor) < 3 and factor.isalpha() and not {*factor} & {*"dDeij"})
@@ -593,7 +591,8 @@ def _guessed(texts: Mapping[str, str], declared: Names) -> Guess:
     splits: dict[str, tuple[str, ...]] = {}
     slopes = _slopes(lines.values(), declared)
     known = {*coordinates, *declared.declared(), *NEVER_GUESSED}
-    raised = {a.text for line in lines.values() for a, b in itertools.pairwise(line) if b.is_operator("^")}
+    powers = [line[k : k + 3] for line in lines.values() for k in range(len(line) - 2) if line[k + 1].is_operator("^")]
+    raised = {name.text: exponent.kind == "number" for name, _, exponent in powers}
     if "E" not in raised and not any(_PROGRAMS.search(text) for text in texts.values()):
         known -= {"E"}  # a field
     calls = {
@@ -620,12 +619,14 @@ def _guessed(texts: Mapping[str, str], declared: Names) -> Guess:
                 arguments = found_functions.get(token.text, arguments)
             if len(arguments) == 1 and _is_apart(line, place):
                 raise _product_or_function(line, place, arguments[0], texts[pointer]).at(pointer)
-            if _takes_argument(line, place) and (parts := known_words.split_before_argument(token.text, declared)):
+            parts = known_words.split_at_function(token.text, declared)
+            ends = token.text.endswith(known_words.ENDINGS)
+            if parts and (not ends or _takes_argument(line, place)):
                 splits[token.text] = parts
                 continue
-            ending = next((each for each in known_words.ENDINGS if token.text.endswith(each)), "")
-            if ending and not followed and _takes_argument(line, place):
-                meant = f"{token.text.removesuffix(ending)}*{ending}"
+            if ends and not parts and not followed and _takes_argument(line, place):
+                function = next(each for each in known_words.ENDINGS if token.text.endswith(each))
+                meant = f"{token.text.removesuffix(function)}*{function}"
                 raise known_words.undeclared(token.text, token.column, (meant,)).at(pointer)
             if arguments and "_" in token.text:
                 called.setdefault(token.text, (pointer, token))
@@ -718,7 +719,7 @@ def _called_with(line: Sequence[Token], place: int, declared: Names) -> int:
 
 
 def _ask_back(
-    guessed: Mapping[str, tuple[str, Token]], names: Names, raised: Collection[str] = ()
+    guessed: Mapping[str, tuple[str, Token]], names: Names, raised: Mapping[str, bool] | None = None
 ) -> dict[str, tuple[str, ...]]:
     """The runs of letters that are products to every reader; InputError for the first name that may be no constant."""
     words = [name for name in guessed if 1 < len(name) < 4 and name.isalpha() and name[0] != "d"]
@@ -738,8 +739,9 @@ def _ask_back(
         if name not in components and (parts := known_words.only_split(name, together)):
             splits[name] = parts
             continue
-        if name in raised and name not in plain and (parts := known_words.factors_of(name)):
-            if not _FACTOR_OF_MOTION.fullmatch(name):
+        if raised and name in raised and name not in plain and (parts := known_words.factors_of(name)):
+            mechanical = name if raised[name] else name.removesuffix("e")  # k e^(-x)
+            if not _FACTOR_OF_MOTION.fullmatch(mechanical):
                 raise known_words.undeclared(name, column, ("*".join(parts),)).at(pointer)
             splits[name] = parts  # ml^2 is m*l^2
             continue

@@ -168,7 +168,7 @@ class Names:
     `time` says whether `t` may occur. `pi` is always there, `e` and `E` mean exp(1) unless declared. `definitions`
     are the formulas for which some of the parameters stand: their derivatives are those of the formulas.
     `guesses`: what is not declared may be a name all the same. `splits`: runs of letters that are products, as kx.
-    `forms`: dz is the velocity of z, as in dz - y dx = 0.
+    `forms`: dz is the velocity of z, as in dz - y dx = 0. `energy`: 1/2m x'^2 is a kinetic energy.
     """
 
     coordinates: tuple[str, ...] = ()
@@ -179,6 +179,7 @@ class Names:
     guesses: bool = False
     splits: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     forms: bool = False
+    energy: bool = False
 
     def role(self, name: str) -> Role | None:
         """What the name was declared as, None if it was not."""
@@ -303,21 +304,31 @@ def readings(name: str, names: Names) -> tuple[str, ...]:
     if not (cut := _parts(name, names)):
         return ()
     motion = (f"{name[1:]}'",) if name[0] == "d" and name[1:] in names.coordinates else ()
-    return (*motion, written_product(cut, names))
+    inverse = cut[0][:1] == "a" and cut[0] in FUNCTIONS and len(cut) > 1  # asinx is a*sin(x) to some
+    separate = (f"a*{written_product([cut[0][1:], *cut[1:]], names)}",) if inverse else ()
+    return (*motion, written_product(cut, names), *separate)
 
 
 _LETTER = re.compile("[A-Za-z](?:_?[0-9]+)?")
-_BEFORE = re.compile(rf"(?![dDaA])(?:{_LETTER.pattern}){{1,5}}")
 ENDINGS = ("sinh", "cosh", "tanh", "sqrt", "sin", "cos", "tan", "exp", "log", "ln")
+_CALLED_INSIDE = re.compile(rf"((?:{_LETTER.pattern}){{1,5}}?)({'|'.join(ENDINGS)})([0-9]*)([A-Za-z]\w*)?")
 
 
-def split_before_argument(name: str, names: Names) -> tuple[str, ...]:
-    """m, g and cos for mgcos, which an argument follows; nothing where no function ends the run."""
-    for function in ENDINGS:
-        before = name.removesuffix(function)
-        if before != name and _BEFORE.fullmatch(before):
-            return (*(only_split(before, names) or _LETTER.findall(before)), function)
-    return ()
+def split_at_function(name: str, names: Names) -> tuple[str, ...]:
+    """m, g and cos for mgcos, which an argument follows; q, cos, 2 and t for qcos2t; nothing where no function is.
+
+    Neither where one reads asin or dsin, or where what the function is of is no known name.
+    """
+    match = _CALLED_INSIDE.fullmatch(name)
+    if match is None or match[1] in ("a", "d", "D") or match[1].lower() in ("ar", "arc") or names.role(name):
+        return ()
+    before, function, digits, rest = match.groups("")
+    known = names.role(rest) or rest in (*GREEK_NAMES, "t", "")
+    inner = (rest,) if known else only_split(rest, names)
+    if not inner or (digits and not rest):
+        return ()
+    factors = only_split(before, names) or _LETTER.findall(before)
+    return (*factors, function, *([digits] * bool(digits)), *filter(None, inner))
 
 
 def factors_of(name: str) -> tuple[str, ...]:

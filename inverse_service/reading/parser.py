@@ -33,6 +33,7 @@ from inverse_service.reading.names import (
     MAY_BE_FUNCTIONS,
     PIECEWISE,
     Names,
+    Role,
     call,
     unknown_name,
 )
@@ -294,6 +295,8 @@ class FormulaParser:
         stream, ahead = self._stream, self._stream.ahead
         name = self._names.spelling(ahead.text) if ahead.kind == "name" else ""
         role = self._names.role(name)
+        if self._names.energy and self._is_half(start, slash, role):
+            return True
         if not ahead.space_before:
             return False
         if (name in FUNCTIONS or name in DERIVATIVE_NAMES) and role is None:
@@ -305,6 +308,15 @@ class FormulaParser:
         moves = role == "coordinate" or name == "t" or self._names.derivative(name) is not None
         numbers = all(token.kind == "number" or token.is_operator("*", "(", ")", "^") for token in above)
         return len(below) == 1 and below[0].kind == "number" and (numbers or moves or ahead.is_operator("("))
+
+    def _is_half(self, start: int, slash: int, role: Role | None) -> bool:
+        """Whether 1/2m, 1/2x'^2 or m/2(x'^2 + y'^2) stands in a Lagrangian; 1/2r^2 may be 1/(2 r^2)."""
+        stream, ahead = self._stream, self._stream.ahead
+        over, under = stream.source(start, slash - 1), stream.source(slash, stream.position)
+        bracket = ahead.is_operator("(") and any(token.kind == "prime" for token in stream.group())
+        moves = role == "coordinate" and stream.look(1).kind == "prime"
+        factor = role == "parameter" or moves or ahead.is_operator("(")
+        return under == "2" and (bracket or (over == "1" and factor))
 
     def _check_adjacent(self, after_division: bool) -> None:
         ahead, column = self._stream.ahead, self._stream.ahead.column
@@ -322,9 +334,19 @@ class FormulaParser:
         last, before = self._stream.look(-1), self._stream.look(-2)
         if before.is_operator("-"):
             before = self._stream.look(-3)
-        if last.kind == "number" and before.is_operator("^") and not ahead.space_before:
+        raises = last.kind == "number" and before.is_operator("^") and not ahead.space_before
+        if raises and not self._multiplies(ahead):
             said, span = "where the power ends is not clear", (last.column, column)
             raise refusals.refusal(said, column, "write x^2*y or x^(2*y)", (f"{last.text}*",), span)
+
+    def _multiplies(self, ahead: Token) -> bool:
+        """Whether a coordinate after the power of a name or bracket is a factor: w^2x, and not e^2x, x^2n, k**2x."""
+        distance = -2 - self._stream.look(-2).is_operator("-")
+        base, caret, number = (self._stream.look(place) for place in (distance - 1, distance, -1))
+        name = self._names.spelling(ahead.text)
+        moves = self._names.role(name) == "coordinate" or self._names.derivative(name) is not None
+        euler = base.text in ("e", "E") and self._names.role(base.text) is None
+        return moves and base.kind != "number" and not euler and number.column == caret.column - distance - 1
 
     def _unclear_quotient(self, column: int) -> errors.InputError:
         """The refusal of a/b c, with both readings where what follows can be read."""
