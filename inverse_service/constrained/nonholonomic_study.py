@@ -22,7 +22,7 @@ from inverse_service.mechanics import first_integrals as kept
 from inverse_service.mechanics.first_integrals import FirstIntegral
 from inverse_service.mechanics.legendre.transform import LegendreTransform
 from inverse_service.solving import solving
-from inverse_service.solving.confirming import Progress
+from inverse_service.solving.solving import Progress
 
 # Of the time left, what the associated systems may take; the rest is for the Hamiltonisation report.
 _SHARE_OF_SOLVING = 0.85

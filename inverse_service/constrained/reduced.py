@@ -34,8 +34,7 @@ from inverse_service.mechanics.legendre.transform import LegendreTransform, lege
 from inverse_service.mechanics.nonholonomic_integrals import MeasureDensity
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.search import protocol
-from inverse_service.solving import solving
-from inverse_service.solving.of_kind import clock
+from inverse_service.solving import clock, solving
 
 CONSTRAINED = "constrained Lagrangian"
 # What looking for a clock among factors of f may take, s: each of some 26 candidates is decided.

@@ -2,38 +2,41 @@
 
 from __future__ import annotations
 
+import logging
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from inverse_service import bounds, deadline, errors
-from inverse_service.certificate import formulas
+from inverse_service.certificate import checker, formulas
 from inverse_service.decision import cells, certify, deciding
-from inverse_service.decision.solutions import Answer, Conditions, Solution, SolveOptions, Step
+from inverse_service.decision.solutions import Answer, Conditions, Lagrangian, Solution, SolveOptions, Step
 from inverse_service.explanation import wording
 from inverse_service.explanation.positive import (
     as_given_steps,
     branch_steps,
     existence_steps,
+    hamiltonian_of,
+    legendre_steps,
     not_found,
     of_lagrangian,
     of_one_coordinate,
     search_steps,
     series_steps,
+    verification_steps,
 )
 from inverse_service.expressions import collecting, notation, printing
 from inverse_service.expressions import tree as ex
 from inverse_service.linear_pde import involution
 from inverse_service.mechanics import second_order_system
 from inverse_service.search import row_factors, terms, tidy
-from inverse_service.search.protocol import SearchOutcome
-from inverse_service.solving import confirming
+from inverse_service.search.protocol import Found, SearchOutcome, describe, is_multiple, why_shown
 
 if TYPE_CHECKING:
+    from inverse_service.decision.solutions import SoFar
     from inverse_service.mechanics.first_integrals import FirstIntegral
-
 # Of the time left after the decision, the part that the search for a closed form may take.
 _SEARCH_SHARE = 0.5
 # Of the time left, what the decision on the first of two questions may take.
@@ -58,7 +61,7 @@ _QUICK, _FAIR = 1.9, 3.65
 
 
 def solve_branches(
-    system: second_order_system.SecondOrderSystem, options: SolveOptions, progress: confirming.Progress | None = None
+    system: second_order_system.SecondOrderSystem, options: SolveOptions, progress: Progress | None = None
 ) -> tuple[tuple[Solution, ...], tuple[cells.Left, ...]]:
     """The answers on all cells of the system, and the cells without one.
 
@@ -88,7 +91,7 @@ def solve_branches(
         solutions.append(found)
         if told is not None and not alone:
             open_ones = tuple(
-                cells.Left(tuple(map(collecting.collect, each.positive)), None, confirming.NOT_YET) for each in waiting
+                cells.Left(tuple(map(collecting.collect, each.positive)), None, NOT_YET) for each in waiting
             )
             known = tuple(solutions)
             told((), lambda: (known, open_ones))
@@ -113,7 +116,7 @@ def sides_of(solution: Solution) -> tuple[ex.Expression, ...]:
 
 
 def solve(
-    system: second_order_system.SecondOrderSystem, options: SolveOptions, progress: confirming.Progress | None = None
+    system: second_order_system.SecondOrderSystem, options: SolveOptions, progress: Progress | None = None
 ) -> Solution:
     """The answers on the first branch of the system; mathematics that cannot be settled is an outcome.
 
@@ -123,9 +126,7 @@ def solve(
         return _solve(system, options, progress)
 
 
-def _solve(
-    system: second_order_system.SecondOrderSystem, options: SolveOptions, progress: confirming.Progress | None
-) -> Solution:
+def _solve(system: second_order_system.SecondOrderSystem, options: SolveOptions, progress: Progress | None) -> Solution:
     began = deadline.now()
     system = second_order_system.branches_of(system)[0]
     if max(len(printing.to_text(tree)) for tree in system.accelerations) > formulas.MAX_TEXT:
@@ -146,8 +147,8 @@ def _solve(
     except errors.IrreducibleAtoms as problem:
         return _unreduced(system, options, printed, problem.detail)
     seconds["analysis"] = deadline.now() - began - seconds["conditions"]
-    work = confirming.Work(analysis, options, report, began + options.time_limit, seconds, began=began, printed=printed)
-    confirming.hand_over(work, "conditions")
+    work = Work(analysis, options, report, began + options.time_limit, seconds, began=began, printed=printed)
+    hand_over(work, "conditions")
     autonomous, with_time = _placed(_explained(_answers(work), system), system)
     provenance: dict[str, Any] = {
         "seed": options.seed,
@@ -162,7 +163,7 @@ def _solve(
     return Solution(system, autonomous, with_time, printed, provenance, work.cut, kept)
 
 
-def _first_integrals(work: confirming.Work, *answers: Answer | None) -> tuple[FirstIntegral, ...]:
+def _first_integrals(work: Work, *answers: Answer | None) -> tuple[FirstIntegral, ...]:
     """What is constant along the motion: by the Lagrangian where there is one, by the equations alone where not."""
     system = work.analysis.system
     if not work.options.first_integrals or system.is_unsolved:
@@ -188,7 +189,7 @@ def _unreduced(
     return Solution(system, autonomous, with_time, found, {"seed": options.seed})
 
 
-def _answers(work: confirming.Work) -> tuple[Answer | None, Answer | None]:
+def _answers(work: Work) -> tuple[Answer | None, Answer | None]:
     """(L(q, v), L(t, q, v)); an autonomous Lagrangian answers the second question too."""
     wanted, depends = work.options.time_dependent, work.analysis.system.depends_on_time
     given = _as_given(work)
@@ -207,7 +208,7 @@ def _answers(work: confirming.Work) -> tuple[Answer | None, Answer | None]:
     return autonomous, _answer(work, with_time=True)
 
 
-def _as_given(work: confirming.Work) -> Answer | None:
+def _as_given(work: Work) -> Answer | None:
     """The answer by factors for each equation as written, without t where there is one; needs no decision."""
     system, table = work.analysis.system, work.analysis.real_point
     began = deadline.now()
@@ -223,7 +224,7 @@ def _as_given(work: confirming.Work) -> Answer | None:
                 (
                     f
                     for f in dict.fromkeys((tidy.tidied(tree, system), tree))
-                    if confirming.is_confirmed(work, f, ex.holds(f, ex.TIME))
+                    if is_confirmed(work, f, ex.holds(f, ex.TIME))
                 ),
                 best,
             )
@@ -237,7 +238,7 @@ def _as_given(work: confirming.Work) -> Answer | None:
     short = short and sum(map(ex.node_count, system.accelerations)) <= bounds.TERMS
     decision = _decide(work, with_time, _MOST_FOR_FREEDOM) if short else None
     found = of_lagrangian(work.analysis, with_time, best, AS_GIVEN, as_given_steps(), decision)
-    return confirming.completed(work, replace(found, checked="valid"), None, with_time)
+    return completed(work, replace(found, checked="valid"), None, with_time)
 
 
 def _holds_time(answer: Answer) -> bool:
@@ -275,7 +276,7 @@ def _is_complete(answer: Answer) -> bool:
     return answer.lagrangian is not None and answer.hamiltonian is not None and not answer.hamiltonian.implicit
 
 
-def _with_time_instead(work: confirming.Work, autonomous: Answer) -> Answer:
+def _with_time_instead(work: Work, autonomous: Answer) -> Answer:
     """Where L(q, v) was not found, has no closed H or is hard to read: a better L(t, q, v), if there is one."""
     from inverse_service.search.factors import is_free_of_divergence
 
@@ -305,27 +306,27 @@ def _expression(answer: Answer) -> ex.Expression:
     return answer.lagrangian.expression
 
 
-def _without_time(work: confirming.Work, answer: Answer) -> Answer | None:
+def _without_time(work: Work, answer: Answer) -> Answer | None:
     """The answer to the question for L(q, v), where a search for L(t, q, v) found one that holds no t."""
     if answer.lagrangian is None or _holds_time(answer) or work.autonomous is None:
         return None
     found = _proposed(work, work.autonomous, answer.lagrangian.expression)
-    if confirming.check(work, found.certificate or {}).verdict != "valid":
+    if check(work, found.certificate or {}).verdict != "valid":
         return None
-    return confirming.completed(work, replace(found, checked="valid"), None, with_time=False)
+    return completed(work, replace(found, checked="valid"), None, with_time=False)
 
 
-def _answer(work: confirming.Work, with_time: bool) -> Answer:
+def _answer(work: Work, with_time: bool) -> Answer:
     decision = _decide(work, with_time)
     work.autonomous = work.autonomous if with_time else decision
     if decision.verdict == "undetermined":
         return Answer("undetermined", reason=decision.reason)
     if decision.verdict == "not_variational":
         return _negative(work, decision)
-    return _by_lagrangian(work, decision) or confirming.confirmed(work, _by_existence(work, decision))
+    return _by_lagrangian(work, decision) or confirmed(work, _by_existence(work, decision))
 
 
-def _decide(work: confirming.Work, with_time: bool, unknowns: int = involution.MOST_UNKNOWNS) -> deciding.Decision:
+def _decide(work: Work, with_time: bool, unknowns: int = involution.MOST_UNKNOWNS) -> deciding.Decision:
     if work.analysis.system.is_unsolved:
         return deciding.Decision("undetermined", with_time, 0, _UNSOLVED)
     stage = "decision with time" if with_time else "decision"
@@ -340,17 +341,17 @@ def _decide(work: confirming.Work, with_time: bool, unknowns: int = involution.M
     work.seconds[stage] = decision.seconds
     work.points.extend(decision.points)
     if decision.reason.startswith(involution.OUT_OF_TIME):
-        work.cut[confirming.named("existence", with_time)] = decision.reason
+        work.cut[named("existence", with_time)] = decision.reason
     return decision
 
 
-def _negative(work: confirming.Work, decision: deciding.Decision) -> Answer:
+def _negative(work: Work, decision: deciding.Decision) -> Answer:
     """The proof that the checker confirms, and then what it says in sentences."""
     certificate = certify.of_decision(work.analysis, decision)
-    answer = confirming.confirmed(work, Answer("not_variational", certificate=certificate))
+    answer = confirmed(work, Answer("not_variational", certificate=certificate))
     if answer.verdict == "undetermined":
         return answer
-    confirming.tell(work, answer, decision.with_time)
+    tell(work, answer, decision.with_time)
     began = deadline.now()
     work.progress("explanation")
     try:
@@ -361,7 +362,7 @@ def _negative(work: confirming.Work, decision: deciding.Decision) -> Answer:
     return replace(answer, explanation=steps)
 
 
-def _reasons(work: confirming.Work, with_time: bool) -> tuple[Step, ...]:
+def _reasons(work: Work, with_time: bool) -> tuple[Step, ...]:
     """Why there is no Lagrangian; algebraic conditions exclude it with t as without, and are argued once."""
     from inverse_service.explanation.hierarchy import smallest_sufficient_set
     from inverse_service.explanation.negative import explain_negative
@@ -375,7 +376,7 @@ def _reasons(work: confirming.Work, with_time: bool) -> tuple[Step, ...]:
     return steps
 
 
-def _by_existence(work: confirming.Work, decision: deciding.Decision) -> Answer:
+def _by_existence(work: Work, decision: deciding.Decision) -> Answer:
     certificate = certify.of_decision(work.analysis, decision, work.options.series_order, work.options.seed)
     series = series_steps(work.analysis, decision, work.options.series_order)
     steps, known = (not_found(work.analysis.system, decision.space), *series), existence_steps(decision)
@@ -386,17 +387,17 @@ def _by_existence(work: confirming.Work, decision: deciding.Decision) -> Answer:
     return Answer("variational", space=decision.space, certificate=certificate, explanation=steps, details=known)
 
 
-def _by_lagrangian(work: confirming.Work, decision: deciding.Decision, highest: float = math.inf) -> Answer | None:
+def _by_lagrangian(work: Work, decision: deciding.Decision, highest: float = math.inf) -> Answer | None:
     """A Lagrangian that the checker confirms, with its Hamiltonian; None where none is found up to that cost."""
     work.outcome = _searched(work, decision, highest)
     if work.outcome.found is None:
         return None
     found = work.outcome.found
     answer = replace(_proposed(work, decision, _as_written(work, decision, found.lagrangians[0])), checked="valid")
-    return confirming.completed(work, answer, replace(found, lagrangians=found.lagrangians[1:]), decision.with_time)
+    return completed(work, answer, replace(found, lagrangians=found.lagrangians[1:]), decision.with_time)
 
 
-def _as_written(work: confirming.Work, decision: deciding.Decision, tree: ex.Expression) -> ex.Expression:
+def _as_written(work: Work, decision: deciding.Decision, tree: ex.Expression) -> ex.Expression:
     """The confirmed Lagrangian, or its multiple with the masses and roots of the equations as written, if confirmed."""
     system = work.analysis.system
     given = tuple(second_order_system.on_branch(equation, system) for equation in work.options.given)
@@ -404,17 +405,17 @@ def _as_written(work: confirming.Work, decision: deciding.Decision, tree: ex.Exp
     form = tree if multiple is None else tidy.tidied(multiple, system)
     with suppress(terms.TooManyTerms):
         form = tidy.with_written_roots(form, system, work.analysis.real_point or {}) or form
-    return form if form != tree and confirming.is_confirmed(work, form, decision.with_time) else tree
+    return form if form != tree and is_confirmed(work, form, decision.with_time) else tree
 
 
-def _proposed(work: confirming.Work, decision: deciding.Decision, tree: ex.Expression) -> Answer:
+def _proposed(work: Work, decision: deciding.Decision, tree: ex.Expression) -> Answer:
     assert work.outcome is not None
     assert work.outcome.found is not None
     how = search_steps(work.outcome)
     return of_lagrangian(work.analysis, decision.with_time, tree, work.outcome.found.family, how, decision)
 
 
-def _searched(work: confirming.Work, decision: deciding.Decision, highest: float) -> SearchOutcome:
+def _searched(work: Work, decision: deciding.Decision, highest: float) -> SearchOutcome:
     """The search for Lagrangians that the checker confirms; the checker's time counts as its own."""
     from inverse_service.search.ladder import search
 
@@ -426,12 +427,191 @@ def _searched(work: confirming.Work, decision: deciding.Decision, highest: float
             decision.with_time,
             work.options.seed,
             math.inf,
-            confirming.telling(work, decision),
+            telling(work, decision),
             work.options.ansatz,
-            lambda tree: confirming.is_confirmed(work, tree, decision.with_time),
+            lambda tree: is_confirmed(work, tree, decision.with_time),
             highest,
         )
     work.add_seconds("search", began + work.seconds.get("check", 0.0) - checked)
     if outcome.found is None and deadline.now() >= limit:
-        work.cut[confirming.named("lagrangian", decision.with_time)] = "The time for the search was over."
+        work.cut[named("lagrangian", decision.with_time)] = "The time for the search was over."
     return outcome
+
+
+# What leaves as an answer: the checker confirms each Lagrangian and certificate first.
+
+Progress = Callable[[str], None]
+# Work that takes longer tells what is confirmed meanwhile, s.
+_AT_ONCE = 0.05
+NOT_YET = "This is not settled yet."
+log = logging.getLogger(__name__)
+
+
+@dataclass(slots=True)
+class Work:
+    """What the stages of one solve share."""
+
+    analysis: deciding.Analysis
+    options: SolveOptions
+    progress: Progress
+    end: float
+    seconds: dict[str, float] = field(default_factory=dict)
+    points: list[Mapping[str, int]] = field(default_factory=list)
+    outcome: SearchOutcome | None = None
+    autonomous: deciding.Decision | None = None
+    reasons: tuple[Step, ...] = ()
+    refused: set[tuple[str, bool]] = field(default_factory=set)
+    began: float = field(default_factory=deadline.now)
+    # The conditions written out, what is confirmed of each question (with t: True), and the
+    # parts for which the time was over.
+    printed: Conditions | None = None
+    answers: dict[bool, Answer] = field(default_factory=dict)
+    cut: dict[str, str] = field(default_factory=dict)
+
+    def add_seconds(self, stage: str, began: float) -> None:
+        self.seconds[stage] = self.seconds.get(stage, 0.0) + deadline.now() - began
+
+    def left(self) -> float:
+        return self.end - deadline.now()
+
+    def open_answer(self) -> Answer:
+        """That of a question which is not settled."""
+        return Answer("undetermined", reason=NOT_YET)
+
+
+def _on_its_set(work: Work, answer: Answer) -> Answer:
+    """The answer with the set on which the checker proved it."""
+    if answer.certificate is None:
+        return answer
+    certificate, proof = certify.proved(work.analysis, dict(answer.certificate), deadline.left(work.end, 1.0))
+    names = work.analysis.system.names
+    integrals = {name: tuple(one["arguments"]) for name, one in certificate.get("integrals", {}).items()}
+    where = certify.where_of(proof.cell, replace(names, functions={**names.functions, **integrals}))
+    return replace(
+        answer,
+        certificate=certificate,
+        positive=where.positive,
+        nonzero=where.nonzero,
+        sides=where.sides,
+        one_side=where.one_side,
+        exceptions=proof.exceptions,
+    )
+
+
+def telling(work: Work, decision: deciding.Decision) -> Progress:
+    """The progress of a search; one that takes longer tells that there is a Lagrangian, once the checker agrees."""
+
+    def report(stage: str) -> None:
+        is_known = decision.with_time in work.answers
+        if work.options.hand_over is not None and not is_known and deadline.now() - work.began > _AT_ONCE:
+            work.answers[decision.with_time] = work.open_answer()  # once, also where the checker does not agree
+            certificate = certify.of_decision(work.analysis, decision, 1, work.options.seed)
+            if check(work, certificate).verdict == "valid":
+                tell(work, Answer("variational", certificate=certificate, checked="valid"), decision.with_time)
+        work.progress(stage)
+
+    return report
+
+
+def tell(work: Work, answer: Answer, with_time: bool) -> None:
+    """Hand over a confirmed answer while there is more to find."""
+    found = answer.lagrangian
+    work.answers[with_time] = answer = _on_its_set(work, answer)
+    is_main = with_time is (work.analysis.system.depends_on_time or work.options.time_dependent is True)
+    parts = [named("existence", with_time), "certificate"]
+    # L(q, q') answers both questions, without L(t, q, q') there is no L(q, q'), and one question has both names.
+    if with_time is (answer.verdict == "not_variational") or (with_time and is_main):
+        parts.append(named("existence", not with_time))
+    parts += [named("lagrangian", not is_main)] if found is not None else []
+    parts += ["hamiltonian"] if answer.hamiltonian is not None and is_main else []
+    hand_over(work, *parts)
+
+
+def hand_over(work: Work, *parts: str) -> None:
+    """Say that these parts are finished and checked."""
+    if work.options.hand_over is not None:
+        work.options.hand_over(parts, lambda: _so_far(work))
+
+
+def named(part: str, with_time: bool) -> str:
+    """The name of a part of the one question or the other."""
+    return f"{part}_with_time" if with_time else part
+
+
+def _so_far(work: Work) -> SoFar:
+    """What is confirmed; a question that is not settled is undetermined."""
+    system, wanted = work.analysis.system, work.options.time_dependent
+    depends = system.depends_on_time
+    autonomous = None if depends or wanted is True else work.answers.get(False, work.open_answer())
+    with_time = None if wanted is False and not depends else work.answers.get(True, work.open_answer())
+    if autonomous is not None and with_time is not None:
+        if autonomous.verdict == "variational" and with_time.lagrangian is None:
+            with_time = autonomous
+        elif with_time.verdict == "not_variational" and autonomous.verdict == "undetermined":
+            autonomous = with_time
+    return (Solution(system, autonomous, with_time, work.printed),), ()
+
+
+def is_confirmed(work: Work, tree: ex.Expression, with_time: bool) -> bool:
+    """Whether the checker finds the Lagrangian valid; one that it refused is logged, counted and not offered again."""
+    certificate = certify.of_lagrangian(work.analysis, tree, with_time)
+    offered = (certificate["lagrangian"], with_time)
+    if offered in work.refused:
+        return False
+    found = check(work, certificate)
+    if found.verdict != "valid":
+        work.refused.add(offered)
+        log.warning("The checker refused the Lagrangian %s: %s", printing.to_text(tree), "; ".join(found.reasons))
+    return found.verdict == "valid"
+
+
+def completed(work: Work, answer: Answer, others: Found | None, with_time: bool) -> Answer:
+    """With the Hamiltonian, and those Lagrangians besides its own that were found and the checker confirms."""
+    answer = _on_its_set(work, answer)
+    assert answer.lagrangian is not None
+    tell(work, answer, with_time)
+    began = deadline.now()
+    work.progress("Hamiltonian")
+    names = work.analysis.system.coordinates
+    hamiltonian = hamiltonian_of(answer.lagrangian.expression, names, answer.lagrangian.positive)
+    steps = (*answer.details, *verification_steps(work.analysis, answer.lagrangian), *legendre_steps(hamiltonian))
+    work.add_seconds("Hamiltonian", began)
+    answer = replace(answer, hamiltonian=hamiltonian, details=steps)
+    tell(work, answer, with_time)
+    assert answer.lagrangian is not None
+    described: list[Lagrangian] = []
+    for other in () if others is None else others.lagrangians:
+        known = [answer.lagrangian, *described]
+        if any(is_multiple(one.expression, other, names, work.analysis.real_point) for one in known):
+            continue
+        why = why_shown(answer.lagrangian.expression, other, names, work.analysis.real_point)
+        if why and all(why != one.reason for one in described) and is_confirmed(work, other, with_time):
+            described.append(replace(describe(work.analysis, other, others.family if others else ""), reason=why))
+    return replace(answer, other_lagrangians=tuple(described))
+
+
+def check(work: Work, certificate: Mapping[str, Any]) -> checker.CheckResult:
+    began = deadline.now()
+    work.progress("check")
+    _, found = certify.proved(work.analysis, dict(certificate), deadline.left(work.end, 1.0))
+    work.add_seconds("check", began)
+    return found
+
+
+def confirmed(work: Work, answer: Answer) -> Answer:
+    """The answer with the checker's verdict; one that it cannot confirm is undetermined."""
+    assert answer.certificate is not None
+    found = check(work, answer.certificate)
+    if found.verdict == "invalid" and not _has_signed_functions(work.analysis.system):
+        raise errors.CertificateRefused("; ".join(found.reasons))
+    if found.verdict != "valid":
+        reason = f"found {answer.verdict}, but the checker could not confirm it: {'; '.join(found.reasons)}"
+        if work.left() <= 0:
+            work.cut["certificate"] = reason
+        return Answer("undetermined", reason=reason)
+    return replace(_on_its_set(work, answer), checked="valid")
+
+
+def _has_signed_functions(system: second_order_system.SecondOrderSystem) -> bool:
+    """Whether the sign of an arbitrary function belongs to the branch: a checker may draw it otherwise."""
+    return any(isinstance(node, ex.Arbitrary) for tree in system.positive for node in ex.walk(tree))

@@ -17,7 +17,7 @@ from inverse_service.service.documents import growing
 from inverse_service.service.documents.checking import check_plain
 from inverse_service.service.documents.documents import solve_document
 from inverse_service.service.jobs.supervisor import described
-from inverse_service.solving import confirming
+from inverse_service.solving import solving
 from inverse_service.web.pages.rendering import Visitor
 from inverse_service.web.pages.result_tasks import Look, so_far_task
 
@@ -66,7 +66,7 @@ def states(messages: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
 @pytest.fixture(autouse=True)
 def at_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(confirming, "_AT_ONCE", -1.0)
+    monkeypatch.setattr(solving, "_AT_ONCE", -1.0)
     monkeypatch.setattr(growing, "AT_ONCE", -1.0)
 
 
@@ -111,7 +111,7 @@ def test_first_that_a_lagrangian_exists_is_told_and_then_which() -> None:
     assert {state["checked"] for state in known} == {"valid"}
     with_lagrangian = next(state for state in known if state["lagrangian"])
     assert with_lagrangian["lagrangian"]["text"] == result["lagrangian"]["text"]
-    assert with_lagrangian["domain"] == result["domain"] != []
+    assert with_lagrangian["lagrangian"]["domain"] == result["lagrangian"]["domain"] != []
 
 
 def test_of_constraints_the_motion_comes_first_and_the_verdict_on_it_before_its_lagrangian() -> None:

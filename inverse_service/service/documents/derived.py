@@ -30,8 +30,7 @@ from inverse_service.solving import solving
 if TYPE_CHECKING:
     from api_schemas.nonholonomic import ReducedPart
     from api_schemas.system import SystemDocument
-    from inverse_service.solving.special_cases.case_tree import Node
-    from inverse_service.solving.special_cases.cases import Progress
+    from inverse_service.solving.special_cases.case_tree import Node, Progress
 
 SEARCH = "search"
 SHARE_OF_TREE = 0.7  # of the time for special cases; their Lagrangians have the rest
@@ -65,7 +64,7 @@ def to_clock(schema: SystemDocument, system: SecondOrderSystem) -> ex.Expression
 
 def read_clock(system: SecondOrderSystem, text: str, schema: SystemDocument | None = None) -> ex.Expression:
     """N(q) of a text, parameters with values in the document put in; InputError as above."""
-    from inverse_service.solving.of_kind import clock
+    from inverse_service.solving import clock
 
     factor = accepting.formula_about(text, system.names, schema, "/clock")
     if any(node == ex.TIME or isinstance(node, ex.Velocity | ex.Acceleration) for node in ex.walk(factor)):
@@ -79,7 +78,7 @@ def clock_part(
     system: SecondOrderSystem, factor: ex.Expression | None, asked: SolveOptions, time_limit: float
 ) -> schemas.ClockPart:
     """The answer for L(q, q') of the system with the other clock, on its first branch; found where there is none."""
-    from inverse_service.solving.of_kind import clock
+    from inverse_service.solving import clock
 
     end = deadline.now() + time_limit
     if factor is None:
@@ -142,9 +141,9 @@ def _node(node: Node, seed: int, end: float) -> schemas.CaseNode:
 
 def _lagrangian_there(node: Node, seed: int, end: float) -> dict[str, Any] | None:
     """Equations and a Lagrangian that was checked, of a special case that has one; None where there is no time."""
-    from inverse_service.solving.special_cases import cases
+    from inverse_service.solving.special_cases import case_tree
 
-    pairs = cases.conditions(node.case)
+    pairs = case_tree.conditions(node.case)
     if "variational" not in node.case.verdicts or not pairs or deadline.now() > end:
         return None
     values = dict(pairs)
@@ -175,14 +174,14 @@ def _variational(node: Node, timed: bool, inside: bool) -> Iterator[schemas.Vari
 
 def _conditions_of(node: Node) -> list[schemas.Formula]:
     from inverse_service.expressions import printing
-    from inverse_service.solving.special_cases import cases
+    from inverse_service.solving.special_cases import case_tree
 
     return [
         schemas.Formula(
             text=f"{printing.to_text(left)} = {printing.to_text(right)}",
             latex=f"{printing.to_latex(left)} = {printing.to_latex(right)}",
         )
-        for left, right in cases.conditions(node.case)
+        for left, right in case_tree.conditions(node.case)
     ]
 
 
@@ -253,7 +252,7 @@ def _with_time(result: schemas.ResultDocument) -> schemas.InsteadPart | None:
 
 
 def _with_friction(solution: Solution, asked: SolveOptions, end: float) -> schemas.InsteadPart | None:
-    from inverse_service.solving.of_kind.rayleigh import quick_rayleigh
+    from inverse_service.solving.kind_answers import quick_rayleigh
 
     given = [second_order_system.on_branch(equation, solution.system) for equation in asked.given]
     found = quick_rayleigh(deciding.analyze(solution.system), given, end)
@@ -309,7 +308,7 @@ def system_with_clock(document: Any, part: Mapping[str, Any]) -> SecondOrderSyst
 
 
 def in_clock(part: Mapping[str, Any], system: SecondOrderSystem, factor: ex.Expression) -> SecondOrderSystem | None:
-    from inverse_service.solving.of_kind import clock
+    from inverse_service.solving import clock
 
     return clock.with_clock(system, factor) if part.get("factor") == printing.to_text(factor) else None
 

@@ -19,9 +19,8 @@ from inverse_service.mechanics.second_order_system import SecondOrderSystem, on_
 from inverse_service.reading.names import Names
 from inverse_service.service.documents.accepting import formula_about
 from inverse_service.service.documents.translate import formula, lagrangian_part, plain
-from inverse_service.solving.of_kind.definite import answer_definite
-from inverse_service.solving.of_kind.kind_answers import KindAnswer, answer_kind
-from inverse_service.solving.of_kind.rayleigh import answer_rayleigh
+from inverse_service.solving.definite import answer_definite
+from inverse_service.solving.kind_answers import KindAnswer, answer_kind, answer_rayleigh
 from inverse_service.solving.solving import solve
 
 # Of the time for a Lagrangian with friction, what the search for one without may take.

@@ -1,12 +1,18 @@
 """Sets of parameter values: some parameters are functions of the others, which are free.
 
-The functions are rational, or one root of a quadratic equation; `splitting` makes them from equations.
+The functions are rational, or one root of a quadratic equation.
+
+Polynomial equations between parameters split into pieces that are solved.
+
+Equations are split by factors over Q; A a + B = 0 is solved for a where A is not zero, and A = B = 0 is a
+piece of its own, so that no value is lost. Equations of degree above two in every parameter stay
+unsolved, and the stratum says so.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from flint import Ordering, fmpq_mpoly, fmpq_mpoly_ctx
@@ -149,3 +155,181 @@ def factors(polynomial: fmpq_mpoly) -> list[fmpq_mpoly]:
         return []
     found = [factor for factor, _ in exact_field.factor_polynomial(polynomial)[1] if not factor.is_constant()]
     return [factor / factor.leading_coefficient() for factor in found]
+
+
+# Equations split into pieces that are solved.
+
+# A piece that would need more splits than this is left as it is, unsolved.
+MOST_SPLITS = 200
+
+
+@dataclass(frozen=True)
+class _Open:
+    """Equations still to be used, and what is solved so far."""
+
+    left: tuple[fmpq_mpoly, ...]
+    stratum: Stratum
+
+
+def split(space: ParameterSpace, equations: Sequence[fmpq_mpoly], domain: Sequence[fmpq_mpoly] = ()) -> list[Stratum]:
+    """Strata whose union is the set where all equations vanish and no factor of `domain` does."""
+    waiting = [_Open(tuple(equations), Stratum(space))]
+    found: list[Stratum] = []
+    for _ in range(MOST_SPLITS):
+        if not waiting:
+            break
+        following = _step(waiting.pop())
+        waiting += [item for item in following if not _is_excluded(item.stratum, domain)]
+        if not following:
+            continue
+        done = [item for item in waiting if not item.left]
+        waiting = [item for item in waiting if item.left]
+        found += [item.stratum for item in done]
+    found += [replace(item.stratum, equations=(*item.stratum.equations, *item.left), unsolved=item.left)
+              for item in waiting]  # fmt: skip
+    return _without_contained(found)
+
+
+def _is_excluded(stratum: Stratum, domain: Sequence[fmpq_mpoly]) -> bool:
+    return any(stratum.vanishes(factor) for factor in (*domain, *stratum.excluded))
+
+
+def _without_contained(strata: Sequence[Stratum]) -> list[Stratum]:
+    kept: list[Stratum] = []
+    for stratum in sorted(strata, key=lambda s: (-s.dimension, len(s.equations))):
+        if not any(other.contains(stratum) for other in kept):
+            kept.append(stratum)
+    return kept
+
+
+def _step(item: _Open) -> list[_Open]:
+    """One equation used: solved, or split by its factors."""
+    table = _distinct(item.left)
+    if any(not parts for parts in table):
+        return []
+    if not table:
+        return [_Open((), item.stratum)]
+    simple = next((k for k, parts in enumerate(table) if len(parts) == 1 and _has_number_slope(parts[0])), None)
+    if simple is not None:
+        chosen = table[simple][0]
+        rest = [_product(parts) for k, parts in enumerate(table) if k != simple]
+        return _solved_linear([chosen], item.stratum, rest)
+    if any(len(parts) > 1 for parts in table):
+        chosen_parts = min((parts for parts in table if len(parts) > 1), key=lambda parts: (len(parts), _size(parts)))
+        rest = [_product(parts) for parts in table if parts is not chosen_parts]
+        return [_Open((part, *rest), item.stratum) for part in chosen_parts]
+    plain = [parts[0] for parts in table]
+    return _solved_linear(plain, item.stratum, ()) or _solved_quadratic(plain, item.stratum)
+
+
+def _distinct(equations: Sequence[fmpq_mpoly]) -> list[list[fmpq_mpoly]]:
+    """The factors of each equation that is not implied by another; [] for one that holds nowhere."""
+    table = {frozenset(map(str, parts)): parts for parts in (factors(p) for p in equations if not p.is_zero())}
+    least = [key for key in table if not any(other < key for other in table)]
+    return [table[key] for key in least]
+
+
+def _has_number_slope(equation: fmpq_mpoly) -> bool:
+    """Whether the equation is linear in some parameter with a number before it."""
+    return any(
+        degree == 1 and coefficients_in(equation, index)[1].is_constant()
+        for index, degree in enumerate(equation.degrees())
+    )
+
+
+def _product(parts: Sequence[fmpq_mpoly]) -> fmpq_mpoly:
+    product = parts[0]
+    for part in parts[1:]:
+        product = product * part
+    return product
+
+
+def _size(parts: Sequence[fmpq_mpoly]) -> int:
+    return sum(map(len, parts))
+
+
+def _linear_choices(equations: Sequence[fmpq_mpoly]) -> Iterator[tuple[tuple[int, int, int], int, int]]:
+    for place, equation in enumerate(equations):
+        for index, degree in enumerate(equation.degrees()):
+            if degree == 1:
+                low, high = coefficients_in(equation, index)
+                yield (0 if high.is_constant() else len(high), len(low) + len(high), index), place, index
+
+
+def _solved_linear(equations: Sequence[fmpq_mpoly], stratum: Stratum, others: Sequence[fmpq_mpoly]) -> list[_Open]:
+    """A a + B = 0 solved for a; A = B = 0 in addition. Empty where none of `equations` is linear in a parameter."""
+    choice = min(_linear_choices(equations), default=None)
+    if choice is None:
+        return []
+    _, place, index = choice
+    equation = equations[place]
+    rest = [*others, *(p for k, p in enumerate(equations) if k != place)]
+    low, high = coefficients_in(equation, index)
+    value = Fraction(-low, high)
+    solved = replace(
+        stratum,
+        equations=(*stratum.equations, equation),
+        excluded=stratum.excluded if high.is_constant() else (*stratum.excluded, *factors(high)),
+        values={**{k: _updated(old, index, value) for k, old in stratum.values.items()}, index: value},
+        roots=tuple(_updated_root(root, index, value) for root in stratum.roots),
+    )
+    found = [_Open(tuple(put_in(p, index, value) for p in rest), solved)]
+    if not high.is_constant():
+        found.append(_Open((high, low, *rest), stratum))
+    return found
+
+
+def _updated(old: Fraction, index: int, value: Fraction) -> Fraction:
+    """A value found before, with the new one put in."""
+    parts = (old.numerator, old.denominator)
+    degree = max(part.degrees()[index] for part in parts)
+    numerator, denominator = (put_in(part, index, value, degree) for part in parts)
+    if denominator.is_zero():
+        return Fraction(numerator, denominator + 1)  # what is excluded vanishes there; the piece is dropped
+    common = numerator.gcd(denominator)
+    return Fraction(numerator / common, denominator / common)
+
+
+def _updated_root(root: Root, index: int, value: Fraction) -> Root:
+    """The coefficients of a quadratic equation with the new value put in."""
+    own, high, middle, low = root
+    x = high.context().gen(own)
+    parts = coefficients_in(put_in(high * x * x + middle * x + low, index, value), own)
+    return own, parts[2], parts[1], parts[0]
+
+
+def _solved_quadratic(equations: list[fmpq_mpoly], stratum: Stratum) -> list[_Open]:
+    """A a^2 + B a + C = 0: by its real zeros where the discriminant is nowhere positive, else by a root."""
+    choices = [
+        (len(equation), place, index)
+        for place, equation in enumerate(equations)
+        for index, degree in enumerate(equation.degrees())
+        if degree == 2
+    ]
+    if not choices:
+        return [_Open((), replace(stratum, equations=(*stratum.equations, *equations), unsolved=tuple(equations)))]
+    _, place, index = min(choices)
+    equation = equations[place]
+    rest = [p for k, p in enumerate(equations) if k != place]
+    low, middle, high = coefficients_in(equation, index)
+    discriminant = middle * middle - high * low * 4
+    x = equation.context().gen(index)
+    if is_nowhere_positive(discriminant):
+        squares = [equation.context().from_dict({e: 1}) for e, _ in discriminant.terms()]
+        return [_Open((*squares, high * x * 2 + middle, equation, *rest), stratum)] if squares else []
+    reduced = [pseudo_remainder(p, equation, index) for p in rest]
+    if any(p.degrees()[index] for p in reduced if not p.is_zero()):
+        return [_Open((equation, *reduced), stratum)]
+    solved = replace(
+        stratum,
+        equations=(*stratum.equations, equation),
+        excluded=(*stratum.excluded, *factors(high)),
+        roots=(*stratum.roots, (index, high, middle, low)),
+    )
+    found = [_Open(tuple(reduced), solved)]
+    return found if high.is_constant() else [*found, _Open((high, middle * x + low, *rest), stratum)]
+
+
+def is_nowhere_positive(polynomial: fmpq_mpoly) -> bool:
+    """Whether it is minus a sum of even monomials: then it is negative, or zero where all of them are."""
+    return all(value < 0 and not any(int(e) % 2 for e in exponents) for exponents, value in polynomial.terms())

@@ -1,4 +1,6 @@
-"""Natural Lagrangians with friction: E_i = dD/dv_i along f for L = T + A v - V, D = D_ij(q) v_i v_j/2.
+"""The answers about kinds of Lagrangians, each with a certificate that the checker confirms.
+
+Natural Lagrangians with friction, the lower half: E_i = dD/dv_i along f for L = T + A v - V, D = D_ij(q) v_i v_j/2.
 
 E_i is g_ij f^j and terms of degree 2, 1, 0 in v, so f is quadratic in v. With f = f_e + f_o, even and odd in v, T - V
 is a Lagrangian of f_e, and g f_o = C v with D the symmetric part of C and dA its antisymmetric part (Mestdag, Sarlet,
@@ -7,26 +9,121 @@ Crampin, arXiv:1004.0674, with D homogeneous).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import chain, combinations, combinations_with_replacement, product
+from typing import Any
 
-from inverse_service.deadline import now
-from inverse_service.decision import certify
+from inverse_service import errors
+from inverse_service.certificate import checker
+from inverse_service.deadline import left, now
+from inverse_service.decision import certify, deciding, solutions
 from inverse_service.decision.deciding import Analysis, Decision
 from inverse_service.decision.kinds.helmholtz import ANY_FRICTION, LagrangianKind, kind_named
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import Expression, Symbol, Velocity, add, substitute
 from inverse_service.field.matrices import kernel
+from inverse_service.linear_pde.involution import Limits
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_residual
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.search.gradients import Integrator
 from inverse_service.search.protocol import describe
 from inverse_service.search.row_factors import lagrangian_as_given
 from inverse_service.search.terms import EMPTY, TooManyTerms, collected, terms_of, tree_of
-from inverse_service.solving.of_kind.kind_answers import NOT_FOUND, KindAnswer, confirmed, decided
+
+_NO_TIME = "the time limit came before this question"
+NOT_FOUND = "the conditions on the multiplier leave such a Lagrangian possible, but none was found"
+_HOMOGENEOUS = ("riemannian", "finsler")
+
+
+@dataclass(frozen=True, slots=True)
+class KindAnswer:
+    """Whether there is a regular Lagrangian of a kind; `dissipation` is D where it is one with friction.
+
+    The proof is one for general parameters: `exceptions` are equations between them where it is none.
+    """
+
+    verdict: solutions.Verdict
+    reason: str = ""
+    certificate: Mapping[str, Any] | None = None
+    lagrangian: solutions.Lagrangian | None = None
+    dissipation: Expression | None = None
+    exceptions: tuple[str, ...] = ()
+
+
+def answer_kind(
+    solution: solutions.Solution, kind: LagrangianKind, asked: solutions.SolveOptions, deadline: float
+) -> KindAnswer:
+    """The answer on the first branch, of L(q, q'), of L(t, q, q') where f contains t.
+
+    A Lagrangian that was found already and is of the kind is a yes; else the conditions on all multipliers of the
+    kind are decided.
+    """
+    main = solution.main
+    if solution.system.depends_on_time and kind.name in _HOMOGENEOUS:
+        return KindAnswer("undetermined", "f contains t: no homogeneous Lagrangian is looked for")
+    if main is not None and main.verdict == "not_variational" and main.checked == "valid":
+        return of_no(main)
+    try:
+        analysis = deciding.analyze(solution.system)
+        return _of_known(analysis, main, kind, deadline) or decided(analysis, kind, asked.seed, deadline)
+    except errors.IrreducibleAtoms as problem:
+        return KindAnswer("undetermined", problem.detail)
+
+
+def _of_known(
+    analysis: deciding.Analysis, main: solutions.Answer | None, kind: LagrangianKind, deadline: float
+) -> KindAnswer | None:
+    """The first Lagrangian of an answer that the checker finds to be of the kind."""
+    with_time = analysis.system.depends_on_time
+    for lagrangian in lagrangians_of(main):
+        certificate = certify.of_lagrangian(analysis, lagrangian.expression, with_time, kind)
+        found = confirmed(KindAnswer("variational", "", certificate, lagrangian), deadline)
+        if found is not None:
+            return found
+    return None
+
+
+def lagrangians_of(main: solutions.Answer | None) -> Sequence[solutions.Lagrangian]:
+    return () if main is None or main.lagrangian is None else (main.lagrangian, *main.other_lagrangians)
+
+
+def decided(
+    analysis: deciding.Analysis, kind: LagrangianKind, seed: int, deadline: float, even: SecondOrderSystem | None = None
+) -> KindAnswer:
+    """By the conditions on all multipliers of the kind; those of a system `even` where the kind speaks of that."""
+    if now() > deadline:
+        return KindAnswer("undetermined", _NO_TIME)
+    with_time, limits = analysis.system.depends_on_time, Limits(deadline=deadline)
+    own = None if even is not None else analysis
+    found = deciding.decide(even or analysis.system, with_time, seed, limits, analysis=own, among=kind.derivations)
+    if found.verdict == "undetermined":
+        return KindAnswer("undetermined", found.reason)
+    answer = KindAnswer(found.verdict, "", certify.of_decision(analysis, found, kind=kind))
+    if (proven := confirmed(answer, deadline)) is not None:
+        return proven
+    words = found.verdict.replace("_", " ")
+    return KindAnswer(
+        "undetermined",
+        NOT_FOUND if found.verdict == "variational" else f"found {words}, but the check could not confirm it",
+    )
+
+
+def of_no(main: solutions.Answer) -> KindAnswer:
+    """Where there is no Lagrangian there is none of a kind."""
+    reason = "no Lagrangian of any kind exists"
+    return KindAnswer("not_variational", reason, main.certificate, exceptions=main.exceptions)
+
+
+def confirmed(answer: KindAnswer, deadline: float) -> KindAnswer | None:
+    """The answer, where the checker confirms its certificate in the time that is left."""
+    proof = checker.check_certificate(answer.certificate, time_limit=left(deadline, 1.0))
+    return replace(answer, exceptions=proof.exceptions) if proof.verdict == "valid" else None
+
+
+# Natural Lagrangians with friction.
 
 FAMILY = "natural, with friction"
 HALF = Fraction(1, 2)

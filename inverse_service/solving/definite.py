@@ -25,7 +25,7 @@ from inverse_service.field.point import Point, SingularPoint, number_value
 from inverse_service.linear_pde import equations, involution
 from inverse_service.mechanics import euler_lagrange
 from inverse_service.search import members, protocol
-from inverse_service.solving.of_kind import kind_answers
+from inverse_service.solving import kind_answers
 
 Near = Mapping[ex.Symbol | ex.Velocity, Fraction]
 

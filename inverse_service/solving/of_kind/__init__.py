@@ -1,1 +1,0 @@
-"""Lagrangians of one kind: which there are, found among those that are known or proven to exist."""
