@@ -1,68 +1,54 @@
-"""The service under load: many clients at once, the cost of a request, and how busy a batch keeps the cores.
+"""The service under load next to a bare endpoint, and how busy a batch keeps the cores.
 
-    python -m benchmarks service [--clients 200] [--seconds 60] [--lines 1000] [--output DIR]
+    python -m benchmarks service [--clients 1 20 100] [--seconds 8] [--lines 1000] [--output DIR]
                                 [--page docs/records/reliability.md]
 
-Starts a service of its own on loopback with an empty store in a temporary folder.
+Starts a service of its own on loopback with an empty store in a temporary folder. The bare endpoint is FastAPI with a
+pool of processes that run the same task, and a dictionary of answers: nothing durable, no limits, no deadlines. Both
+are measured by turns, so that other work on the machine slows both.
 """
 
 from __future__ import annotations
 
 import argparse
 import asyncio
+import contextlib
 import json
 import os
 import random
+import socket
 import statistics
 import subprocess
 import sys
 import tempfile
 import time
-from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import httpx
+from fastapi import FastAPI, Request, Response
 
 from benchmarks.measured import conditions, put
 from benchmarks.tables import table
 
-SMALL = {"coordinates": ["x"], "equations": {"x": "-x"}}
-SHARE_OF_FRESH = 0.05
-THINK = 1.0
-
-
-@dataclass(slots=True)
-class Latencies:
-    """Seconds of the answers of one sort, and the statuses that came."""
-
-    name: str
-    seconds: list[float] = field(default_factory=list)
-    statuses: Counter[int] = field(default_factory=Counter)
-
-    def row(self) -> dict[str, Any]:
-        """Count, p50 and p99 in ms, statuses."""
-        ordered = sorted(self.seconds) or [float("nan")]
-        return {
-            "sort": self.name,
-            "count": len(self.seconds),
-            "p50_ms": round(1e3 * statistics.median(ordered), 2),
-            "p99_ms": round(1e3 * ordered[int(0.99 * (len(ordered) - 1))], 2),
-            "statuses": {str(status): count for status, count in sorted(self.statuses.items())},
-        }
+KNOWN = b'{"equations": "x\'\' = -x"}'
 
 
 @dataclass(frozen=True, slots=True)
-class Overhead:
-    """What the service adds to a request, in ms (medians)."""
+class Loaded:
+    """Answers a second, the median and the 99th percentile in ms, ms of processor time of the web process an answer."""
 
-    cached_ms: float
-    fresh_ms: float
-    compute_ms: float
-    added_ms: float
+    where: str
+    question: str
+    clients: int
+    rate: float
+    p50: float
+    p99: float
+    processor: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,6 +61,29 @@ class Busy:
     lines_per_second: float
     busy_by_service: float
     busy_machine: float
+
+
+def bare() -> Any:
+    """The endpoint to compare with, an application for uvicorn."""
+    application, answers = FastAPI(), dict[bytes, bytes]()
+    pool = ProcessPoolExecutor(2)
+
+    @application.post("/v1/solve")
+    async def solve(request: Request) -> Response:
+        body = await request.body()
+        if body not in answers:
+            answers[body] = await asyncio.wrap_future(pool.submit(solved, body))
+        return Response(answers[body], media_type="application/json")
+
+    return application
+
+
+def solved(body: bytes) -> bytes:
+    """A document to its result, as the workers of the service have it."""
+    from inverse_service.decision.solutions import SolveOptions
+    from inverse_service.service.jobs.tasks import solve_task
+
+    return json.dumps(solve_task(json.loads(body), SolveOptions())).encode()
 
 
 def fresh_system(dice: random.Random) -> dict[str, Any]:
@@ -96,64 +105,89 @@ def service(**settings: str) -> Iterator[tuple[str, int]]:
         ):
             assert process.stdout is not None
             address = process.stdout.readline().strip()
-            httpx.get(f"{address}/readyz", timeout=60).raise_for_status()
             try:
+                _wait_until(lambda: httpx.get(f"{address}/readyz", timeout=60).status_code == 200)
                 yield address, process.pid
             finally:
                 process.terminate()
 
 
-async def load(address: str, clients: int, seconds: float) -> list[Latencies]:
-    """Clients that ask, read the answer, and think for a second on average."""
-    sorts = {"cached": Latencies("cached"), "fresh": Latencies("fresh n = 2")}
-    end = time.monotonic() + seconds
-    limits = httpx.Limits(max_connections=clients, max_keepalive_connections=clients)
-    async with (
-        httpx.AsyncClient(base_url=address, timeout=60, trust_env=False, limits=limits) as client,
-        asyncio.TaskGroup() as group,
-    ):
-        for k in range(clients):
-            group.create_task(_client(client, random.Random(k), end, sorts))
-    return list(sorts.values())
+@contextmanager
+def bare_service() -> Iterator[tuple[str, int]]:
+    """The address and the process of the bare endpoint."""
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = free.getsockname()[1]
+    command = [sys.executable, "-m", "uvicorn", "benchmarks.service:bare", "--factory", "--port", str(port)]
+    with subprocess.Popen([*command, "--log-level", "error"]) as process:
+        try:
+            address = f"http://127.0.0.1:{port}"
+            _wait_until(lambda: httpx.post(f"{address}/v1/solve", content=KNOWN, timeout=60).status_code == 200)
+            yield address, process.pid
+        finally:
+            process.terminate()
 
 
-async def _client(client: httpx.AsyncClient, dice: random.Random, end: float, sorts: dict[str, Latencies]) -> None:
-    await asyncio.sleep(dice.uniform(0, THINK))
+def _wait_until(is_ready: Callable[[], bool]) -> None:
+    end = time.monotonic() + 120
     while time.monotonic() < end:
-        is_fresh = dice.random() < SHARE_OF_FRESH
-        document = fresh_system(dice) if is_fresh else SMALL
-        found = sorts["fresh" if is_fresh else "cached"]
-        begin = time.perf_counter()
-        response = await client.post("/v1/solve", json=document, headers={"Prefer": "wait=20"})
-        found.seconds.append(time.perf_counter() - begin)
-        found.statuses[response.status_code] += 1
-        await asyncio.sleep(dice.expovariate(1 / THINK))
+        with contextlib.suppress(httpx.HTTPError):
+            if is_ready():
+                return
+        time.sleep(0.2)
+    raise TimeoutError("the service does not get ready")
 
 
-def overhead(address: str, count: int) -> Overhead:
-    """One client, one question after the other."""
-    dice = random.Random(7)
-    with httpx.Client(base_url=address, timeout=60, trust_env=False) as client:
-        client.post("/v1/solve", json=SMALL)
-        cached = [_timed(client, SMALL)[0] for _ in range(count)]
-        fresh = [_timed(client, fresh_system(dice)) for _ in range(count)]
-        computed = [_computed(client, place) for _, place in fresh]
-    added = [seconds - compute for (seconds, _), compute in zip(fresh, computed, strict=True)]
-    middle = [statistics.median(values) for values in (cached, [seconds for seconds, _ in fresh], computed, added)]
-    return Overhead(*(round(1e3 * value, 2) for value in middle))
+def compared(clients: Sequence[int], seconds: float) -> list[Loaded]:
+    """Known and new questions by so many clients, of the bare endpoint and of the service by turns."""
+    dice, found = random.Random(), list[Loaded]()
+
+    def new() -> bytes:
+        return json.dumps({"equations": f"x'' = -{dice.randrange(10**12)}*x"}).encode()
+
+    with bare_service() as one, service() as two:
+        for question, body in (("known", lambda: KNOWN), ("new", new)):
+            for count in clients:
+                for where, (address, pid) in (("bare", one), ("service", two)):
+                    asyncio.run(load(address, body, count, min(1.0, seconds)))  # loads what is loaded once
+                    spent = _thread_time(pid)
+                    times = asyncio.run(load(address, body, count, seconds))
+                    spent, ordered = _thread_time(pid) - spent, sorted(times)
+                    figures = (statistics.median(ordered), ordered[int(0.99 * (len(ordered) - 1))], spent / len(times))
+                    row = Loaded(where, question, count, len(times) / seconds, *(1e3 * figure for figure in figures))
+                    print(row, file=sys.stderr, flush=True)
+                    found.append(row)
+    return found
 
 
-def _timed(client: httpx.Client, document: dict[str, Any]) -> tuple[float, str]:
-    begin = time.perf_counter()
-    response = client.post("/v1/solve", json=document, headers={"Prefer": "wait=20"})
-    seconds = time.perf_counter() - begin
-    response.raise_for_status()
-    return seconds, response.headers["location"]
+async def load(address: str, body: Callable[[], bytes], clients: int, seconds: float) -> list[float]:
+    """Seconds of each answer to clients that ask again at once, each on one connection."""
+    host, port = address.removeprefix("http://").split(":")
+    head = "POST /v1/solve HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\nPrefer: wait=20\r\n"
+    end, found = time.monotonic() + seconds, list[float]()
+
+    async def client() -> None:
+        reader, writer = await asyncio.open_connection(host, int(port))
+        while time.monotonic() < end:
+            begin, content = time.perf_counter(), body()
+            writer.write(f"{head}Content-Length: {len(content)}\r\n\r\n".encode() + content)
+            answer = (await reader.readuntil(b"\r\n\r\n")).lower()
+            if not answer.startswith(b"http/1.1 200"):
+                raise ValueError(answer.decode())
+            await reader.readexactly(int(answer.partition(b"content-length: ")[2].partition(b"\r\n")[0]))
+            found.append(time.perf_counter() - begin)
+        writer.close()
+
+    await asyncio.gather(*(client() for _ in range(clients)))
+    return found
 
 
-def _computed(client: httpx.Client, place: str) -> float:
-    """Seconds that the worker says it spent on a job."""
-    return float(client.get(place).json()["usage"]["wall"])
+def _thread_time(pid: int) -> float:
+    """Seconds of processor that the threads of a process have used that are alive."""
+    found = 0.0
+    for path in Path(f"/proc/{pid}/task").glob("*/schedstat"):
+        with contextlib.suppress(OSError):
+            found += int(path.read_text().split()[0]) / 1e9
+    return found
 
 
 def busy(address: str, pid: int, lines: int, workers: int) -> Busy:
@@ -200,21 +234,18 @@ def _machine() -> tuple[float, float]:
 def main(arguments: Sequence[str] | None = None) -> None:
     """Measure and print JSON."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks service", description=__doc__)
-    parser.add_argument("--clients", type=int, default=200)
-    parser.add_argument("--seconds", type=float, default=60.0)
-    parser.add_argument("--lines", type=int, default=1000)
-    parser.add_argument("--count", type=int, default=200, help="questions for the overhead")
+    parser.add_argument("--clients", type=int, nargs="+", default=[1, 20, 100])
+    parser.add_argument("--seconds", type=float, default=8.0, help="of each row")
+    parser.add_argument("--lines", type=int, default=1000, help="of the batch; 0: no batch")
     parser.add_argument("--workers", type=int, default=2, help="most workers of the batch")
     parser.add_argument("--output", type=Path, help="folder for service.json")
     parser.add_argument("--page", type=Path, help="page whose place `load` gets the tables")
     chosen = parser.parse_args(arguments)
     found: dict[str, Any] = {"batch": []}
-    for workers in range(1, chosen.workers + 1):
+    for workers in range(1, chosen.workers + 1 if chosen.lines else 0):
         with service(WORKERS=str(workers)) as (address, pid):
             found["batch"].append(asdict(busy(address, pid, chosen.lines, workers)))
-    with service() as (address, _):
-        found["overhead"] = asdict(overhead(address, chosen.count))
-        found["load"] = [sort.row() for sort in asyncio.run(load(address, chosen.clients, chosen.seconds))]
+    found["load"] = [asdict(row) for row in compared(chosen.clients, chosen.seconds)]
     found["conditions"] = conditions()
     text = json.dumps(found, indent=1)
     print(text)
@@ -222,33 +253,24 @@ def main(arguments: Sequence[str] | None = None) -> None:
         chosen.output.mkdir(parents=True, exist_ok=True)
         (chosen.output / "service.json").write_text(text, encoding="utf-8")
     if chosen.page:
-        put(chosen.page, "load", markdown(found, chosen.clients, chosen.seconds))
+        put(chosen.page, "load", markdown(found, chosen.seconds))
 
 
-def markdown(found: dict[str, Any], clients: int, seconds: float) -> str:
+def markdown(found: dict[str, Any], seconds: float) -> str:
     """The tables of docs/records/reliability.md."""
-    asked = [
-        [row["sort"], str(row["count"]), f"{row['p50_ms']:.3g}", f"{row['p99_ms']:.3g}",
-         ", ".join(f"{count} of {status}" for status, count in row["statuses"].items())]
-        for row in found["load"]
-    ]  # fmt: skip
+    rows = []
+    for one, two in zip(found["load"][::2], found["load"][1::2], strict=True):
+        cells = [f"{row[key]:.3g}" for row in (two, one) for key in ("rate", "p50", "p99", "processor")]
+        rows.append([two["question"], str(two["clients"]), *cells, f"{two['rate'] / one['rate']:.2f}"])
+    head = ["question", "clients", "service, 1/s", "p50, ms", "p99, ms", "web process, ms", "bare, 1/s", "p50, ms"]
+    text = f"{found['conditions']}; {seconds:g} s for each row, both by turns:\n\n"
+    text += table([*head, "p99, ms", "web process, ms", "ratio of rates"], rows)
     batches = [
-        [
-            str(row["workers"]),
-            str(row["lines"]),
-            f"{row['lines_per_second']:.3g}",
-            f"{100 * row['busy_by_service']:.0f} %",
-        ]
+        [str(row["workers"]), str(row["lines"]), f"{row['lines_per_second']:.3g}", f"{row['busy_by_service']:.0%}"]
         for row in found["batch"]
     ]
-    one = found["overhead"]
-    return (
-        f"{found['conditions']}. {clients} clients for {seconds:g} s, each asks about once a second:\n\n"
-        + table(["question", "answers", "p50, ms", "p99, ms", "statuses"], asked)
-        + f"\nOne client, one question after the other, medians: {one['cached_ms']:.2g} ms from the store, "
-        f"{one['fresh_ms']:.3g} ms for a new system of which its worker spent {one['compute_ms']:.3g} ms.\n\n"
-        + table(["workers", "lines of a batch", "lines a second", "of all cores' time, the service"], batches)
-    )
+    head = ["workers", "lines of a batch", "lines a second", "of all cores' time, the service"]
+    return f"{text}\n{table(head, batches)}" if batches else text
 
 
 if __name__ == "__main__":
