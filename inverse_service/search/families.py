@@ -22,9 +22,8 @@ them in a second round. Potentials and linear terms come later.
 from __future__ import annotations
 
 import itertools
-import math
 import random
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from itertools import combinations_with_replacement
@@ -34,7 +33,7 @@ import numpy as np
 from flint import nmod_mat
 
 from inverse_service import bounds
-from inverse_service.deadline import STEP, check
+from inverse_service.deadline import check
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.tree import (
     TIME,
@@ -61,16 +60,17 @@ from inverse_service.field.sample_points import SamplePoints
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_residual
 from inverse_service.search.ansatz import LetterTable, helmholtz_matrix, letters_of, sampler_of, table_at, to_montgomery
 from inverse_service.search.factors import Factors, position_monomials, products
-from inverse_service.search.material import Material, antiderivatives, distinct, moving_letters, oriented
+from inverse_service.search.gradients import Integrator
+from inverse_service.search.material import Material, antiderivatives, distinct, moving_letters
 from inverse_service.search.terms import (
     EMPTY,
     Monomial,
-    MotionTerms,
+    Terms,
     TooManyTerms,
-    euler_lagrange,
+    add_terms,
     has_velocity,
+    is_linear,
     monomial,
-    rank,
     split_velocities,
     terms_of,
     times,
@@ -233,56 +233,6 @@ def exponentials(material: Material) -> list[Monomial]:
     return distinct(list(found))
 
 
-def closed(material: Material, seeds: Sequence[Monomial], depth: int, bound: int) -> list[Monomial]:
-    """The seeds, and terms whose Euler-Lagrange expressions can cancel those of the terms before.
-
-    A residual T(q) w(v) in equation i is cancelled by B(q) w v_i / v_j with dB/dq_j = T; only the
-    velocity shapes of the seeds, 1 and v_k are admitted. Stops at `bound` terms beyond the seeds.
-    """
-    shapes = {split_velocities(key)[1] for key in seeds}
-    shapes |= {EMPTY, *(monomial(v) for v in material.motion.velocities)}
-    found = dict.fromkeys(seeds)
-    fresh, room = list(seeds), bound
-    for _ in range(depth):
-        added: dict[Monomial, None] = {}
-        for key in fresh:
-            added.update(dict.fromkeys(extra for extra in _cancelling(material, key, shapes) if extra not in found))
-            if len(added) > 2 * room:
-                break
-        fresh = sorted(added, key=rank)[:room]
-        room -= len(fresh)
-        found.update(dict.fromkeys(fresh))
-    return list(found)
-
-
-def _cancelling(material: Material, key: Monomial, shapes: set[Monomial]) -> list[Monomial]:
-    """Admissible terms that answer the residuals of one candidate."""
-    check(STEP)
-    try:
-        residuals = euler_lagrange(material.motion, key)
-    except TooManyTerms:
-        return []
-    found: dict[Monomial, None] = {}
-    motion = material.motion
-    answered: dict[Monomial, list[tuple[Symbol, Monomial]]] = {}
-    for v, residual in zip(motion.velocities, residuals, strict=True):
-        for term in residual:
-            position, moving = split_velocities(term)
-            whole = times(moving, monomial(v))
-            if whole not in answered:
-                answered[whole] = _answering(motion, whole, shapes)
-            for q, shape in answered[whole]:
-                found.update(dict.fromkeys(times(m, shape) for m in antiderivatives(position, q)))
-    found.update(dict.fromkeys(m for extra in list(found) for m in without_squares(extra)))
-    return list(found)
-
-
-def _answering(motion: MotionTerms, whole: Monomial, shapes: set[Monomial]) -> list[tuple[Symbol, Monomial]]:
-    """(q_j, w v_i / v_j) for the admitted shapes among these, `whole` being w v_i."""
-    every = zip(motion.coordinates, motion.velocities, strict=True)
-    return [(q, shape) for q, w in every if (shape := times(whole, monomial(w), -1)) in shapes]
-
-
 def without_squares(key: Monomial) -> list[Monomial]:
     """With sin^2 u or cos^2 u also the monomial without it, 1 = sin^2 u + cos^2 u; sinh and cosh likewise."""
     return [
@@ -308,37 +258,6 @@ def each_once(terms: Sequence[Monomial]) -> list[Monomial]:
     return [key for key in terms if not is_sum(key)]
 
 
-def potentials(material: Material, seeds: Iterable[Monomial], bound: int) -> list[Monomial]:
-    """B(q) and B(q) v_k with dB/dq_j = phi T, phi the factor of a seed that holds v_i, T from f^i.
-
-    In f^i = g^-1 (dL/dq - …) the potential and the linear terms of L stand undivided, so T runs over
-    the terms of f^i with all that holds velocities left out. At most `bound` of each kind.
-    """
-    motion = material.motion
-    found: dict[Monomial, None] = {}
-    linear: dict[Monomial, None] = {}
-    for product in sorted(_forces_of_seeds(material, seeds), key=rank)[: 4 * bound]:
-        for q in motion.coordinates:
-            for m in antiderivatives(product, q):
-                found[m] = None
-                linear.update(dict.fromkeys(times(m, monomial(v)) for v in motion.velocities))
-    for extra in list(found):
-        found.update(dict.fromkeys(without_squares(extra)))
-    return [*sorted(found, key=rank)[:bound], *sorted(linear, key=rank)[:bound]]
-
-
-def _forces_of_seeds(material: Material, seeds: Iterable[Monomial]) -> set[Monomial]:
-    """phi T for the factor phi of each seed and the position parts T of the forces on its velocities."""
-    motion = material.motion
-    parts = [{split_velocities(key)[0] for key in terms} for terms in motion.forces]
-    factors = set()
-    for seed in seeds:
-        position, moving = split_velocities(seed)
-        nodes = {node for letter, _ in moving for node in walk(letter)}
-        factors |= {(position, i) for i, v in enumerate(motion.velocities) if v in nodes}
-    return {times(position, part) for position, i in factors for part in parts[i]}
-
-
 def is_admissible(material: Material, key: Monomial) -> bool:
     """L may contain t only where asked for, and a pure constant is no term."""
     if all(isinstance(letter, Number) for letter, _ in key):
@@ -346,42 +265,22 @@ def is_admissible(material: Material, key: Monomial) -> bool:
     return material.motion.with_time or not any(holds(letter, TIME) for letter, _ in key)
 
 
-def answers(material: Material, combination: Mapping[Monomial, Fraction]) -> list[Monomial]:
-    """B and B v_k for the residuals of a combination; none where they are too large to be written out."""
-    system = material.analysis.system
+def with_potential(material: Material, combination: Mapping[Monomial, Fraction]) -> Terms:
+    """The combination, whose Hessian is a multiplier, with A_i(t, q) v_i - V(t, q) that make it a Lagrangian.
+
+    Its Euler-Lagrange expressions are affine in the velocities then. Empty where no A and V are found.
+    """
+    system, motion = material.analysis.system, material.motion
+    symbols: list[Symbol | Velocity] = [TIME, *motion.coordinates, *motion.velocities]
     try:
         check()
         trees = euler_lagrange_residual(tree_of(combination), system.coordinates, system.accelerations)
-        motion, point = material.motion, material.analysis.real_point
-        symbols: list[Symbol | Velocity] = [TIME, *motion.coordinates, *motion.velocities]
-        parts = _linear_parts(material, (key for tree in trees for key in oriented(terms_of(tree), point)))
-        sums = {letter for key in combination for letter, e in key if isinstance(letter, Sum) and e > 0}
-        # With 3 x^2 + 1 in L, and below f, each term of (3 x^2 + 1)/(3 x^2 + 1) has a divisor that cancels.
-        if any(part is None or any(letter in sums and e < 0 for letter, e in part) for part in parts):
-            quotients = factored(list(trees), symbols, Budget.long())
-            parts = _linear_parts(material, (key for tree in quotients for key in oriented(terms_of(tree), point)))
+        quotients = factored(list(trees), symbols, Budget.long())
+        wanted = [add_terms({}, terms_of(tree), -1) for tree in quotients]
+        rest = Integrator(system, material.analysis.real_point).linear_terms(wanted)
     except (TooLarge, TooManyTerms, ZeroDivisionError, KeyError):
-        return []
-    return _primitives(material, [position for position in parts if position is not None])[: bounds.SMALL]
-
-
-def _linear_parts(material: Material, keys: Iterable[Monomial]) -> list[Monomial | None]:
-    """T for each term T or T v_j, None for any other."""
-    linear = {EMPTY, *map(monomial, material.motion.velocities)}
-    pairs = (split_velocities(key) for key in keys)
-    return [position if moving in linear else None for position, moving in pairs]
-
-
-def _primitives(material: Material, parts: Iterable[Monomial]) -> list[Monomial]:
-    """B and B v_k for each T."""
-    motion = material.motion
-    found: dict[Monomial, None] = {}
-    for position in parts:
-        for q in motion.coordinates:
-            raised = antiderivatives(position, q)
-            found.update(dict.fromkeys(raised))
-            found.update(dict.fromkeys(times(m, monomial(v)) for m in raised for v in motion.velocities))
-    return distinct(list(found))
+        return {}
+    return {} if rest is None else add_terms(dict(combination), rest)
 
 
 _NO_POINTS = (IrreducibleAtoms, SingularPoint, ValueError)
@@ -615,38 +514,6 @@ def _fitted(material: Material, factors: Factors, shape: Monomial) -> Iterator[M
         if exponent and len(shape) <= 2:
             for degree in {exponent - 2, Fraction(-1), Fraction(-2)}:
                 yield from factors.of_degree(i, degree)
-
-
-def all_terms(material: Material, family: Family, chosen: Sequence[Monomial]) -> list[Monomial]:
-    """Chosen kinetic terms with the potentials and linear terms that can go with them."""
-    depth = 3 if is_polynomial(material) else 1
-    own = family.shapes(material) if family.given else ()
-    every = [*closed(material, chosen, depth, bounds.SMALL), *(key for key in own if is_linear(key))]
-    every += _fitting(material, bounds.COLUMNS)[1 : bounds.COLUMNS]
-    every += potentials(material, chosen, bounds.SMALL)
-    return [key for key in distinct(every) if is_admissible(material, key)]
-
-
-def _fitting(material: Material, room: int) -> list[Monomial]:
-    """Products of up to three letters where there is room for all of them, else of two."""
-    units = len(position_monomials(material, 1)) - 1
-    return position_monomials(material, 3 if math.comb(units + 3, 3) <= room else 2)
-
-
-def is_polynomial(material: Material) -> bool:
-    """Whether f is a polynomial in positions, velocities and parameters: only then are deep closures finite."""
-    return all(
-        isinstance(letter, Symbol | Velocity) and e > 0
-        for terms in material.motion.forces
-        for key in terms
-        for letter, e in key
-    )
-
-
-def is_linear(key: Monomial) -> bool:
-    """Whether a term is a function of position times at most one velocity."""
-    moving = [(letter, e) for letter, e in key if has_velocity(letter)]
-    return not moving or (len(moving) == 1 and isinstance(moving[0][0], Velocity) and moving[0][1] == 1)
 
 
 def label(family: Family, terms: Sequence[Monomial]) -> str:

@@ -8,7 +8,6 @@ import random
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from fractions import Fraction
 
 import mpmath
 
@@ -35,8 +34,8 @@ from inverse_service.search import (
 )
 from inverse_service.search.factors import NO_FACTORS, Factors, find_factors
 from inverse_service.search.material import Material, gather
-from inverse_service.search.members import Member, best_members, needed_combinations
-from inverse_service.search.terms import Monomial, TooManyTerms, collected, terms_of, tree_of
+from inverse_service.search.members import best_members, needed_combinations
+from inverse_service.search.terms import Monomial, TooManyTerms, tree_of
 
 Rung = protocol.Leaf | protocol.Reduction | families.Family
 
@@ -343,81 +342,12 @@ def _solve(material: Material, family: families.Family, terms: Sequence[Monomial
             chosen = list(dict.fromkeys(key for k in members for key in space.combinations[k]))
             if not any(map(families.without_squares, chosen)):
                 break
-        residuals = [families.answers(material, space.combinations[k]) for k in members]
-        further = dict.fromkeys(key for group in residuals for key in group)
-        return _with_potentials(material, family, chosen, list(further), len(members), seed) if chosen else None
+        found = [families.with_potential(material, space.combinations[k]) for k in members]
+        space = ansatz.LagrangianSpace(sampler, tuple(one for one in found if one))
+        best = best_members(space, seed)
     except _NO_POINTS:
         return None
-
-
-def _sampler(material: Material, terms: Sequence[Monomial]) -> ansatz.Sampler:
-    return ansatz.make_sampler(material.analysis, dict.fromkeys(item for term in terms for item in term))
-
-
-def _with_potentials(
-    material: Material,
-    family: families.Family,
-    chosen: Sequence[Monomial],
-    further: Sequence[Monomial],
-    count: int,
-    seed: int,
-) -> protocol.Found | None:
-    """The best Lagrangians with the chosen terms, which make `count` multipliers, and with potentials.
-
-    What answers the residuals of all of these suffices where it is made of letters that are there already. Over a sum
-    all of it would be multiplied out; sin^2 and cos^2 can be written in several ways, of which one is the shortest.
-    """
-    members: list[Member] = []
-    if further and not any(map(families.without_squares, chosen)):
-        given = filter(families.is_linear, family.shapes(material)) if family.given else ()
-        with suppress(*_NO_POINTS):
-            members = _members(material, list(dict.fromkeys([*chosen, *further, *given])), chosen, count, seed)
-    known = _known_letters(material, chosen)
-    potentials = [key for member in members[:1] for key in member.terms if families.is_linear(key)]
-    divisors = [p for key in potentials for p, e in key if isinstance(p, ex.Sum) and e < 0]
-    plain = len(set(divisors)) == len(divisors) and all(_is_made_of(known, p, e) for key in potentials for p, e in key)
-    if not members or not plain:
-        members = _members(material, families.all_terms(material, family, [*chosen, *further]), chosen, 1, seed)
-    if not members:
+    if not best:
         return None
-    trees = dict.fromkeys(tree_of(member.terms) for member in members)
-    return protocol.Found(tuple(trees), families.label(family, chosen), tuple(map(tree_of, members[0].parts)))
-
-
-def _members(
-    material: Material, terms: Sequence[Monomial], chosen: Sequence[Monomial], count: int, seed: int
-) -> list[Member]:
-    """The best members in the span of the terms; none where fewer than `count` of its Lagrangians have a Hessian.
-
-    Letters that only antiderivatives bring in may have no value where f has one: then without them.
-    """
-    try:
-        space = ansatz.solve_ansatz(_sampler(material, terms), terms, seed)
-    except _NO_POINTS:
-        known = _known_letters(material, chosen)
-        terms = [key for key in terms if all(letter in known for letter, _ in key)]
-        space = ansatz.solve_ansatz(_sampler(material, terms), terms, seed)
-    with_hessian = sum(not all(map(families.is_linear, combination)) for combination in space.combinations)
-    return best_members(space, seed) if with_hessian >= count else []
-
-
-def _known_letters(material: Material, chosen: Sequence[Monomial]) -> set[ex.Expression]:
-    """The letters of f and of the chosen terms, and logarithms of these."""
-    motion = material.motion
-    known = {*motion.coordinates, *motion.velocities, *material.position_letters, *material.velocity_letters}
-    known |= {letter for key in (*chosen, *material.parameter_monomials) for letter, _ in key}
-    known |= {ex.Apply("log", letter) for letter in material.position_letters}
-    return known | set(map(_written_out, known))
-
-
-def _is_made_of(known: set[ex.Expression], letter: ex.Expression, exponent: Fraction) -> bool:
-    """Whether it is one of these, or a sum of products of these to a positive power."""
-    if _written_out(letter) in known:
-        return True
-    is_polynomial = isinstance(letter, ex.Sum) and exponent.denominator == 1 and exponent > 0
-    return is_polynomial and all(_is_made_of(known, p, e) for key in terms_of(letter) for p, e in key)
-
-
-def _written_out(letter: ex.Expression) -> ex.Expression:
-    """cos(x (x + 1)) as cos(x^2 + x), which antiderivatives hold."""
-    return ex.Apply(letter.function, collected(letter.argument)) if isinstance(letter, ex.Apply) else collected(letter)
+    trees = dict.fromkeys(tree_of(member.terms) for member in best)
+    return protocol.Found(tuple(trees), families.label(family, chosen), tuple(map(tree_of, best[0].parts)))

@@ -27,7 +27,16 @@ from inverse_service.expressions import tree as ex
 from inverse_service.field import point, real_point
 from inverse_service.mechanics import euler_lagrange
 from inverse_service.search import ansatz
-from inverse_service.search.terms import Monomial, add_terms, has_velocity, monomial_tree, rank, times, tree_of
+from inverse_service.search.terms import (
+    Monomial,
+    add_terms,
+    has_velocity,
+    is_linear,
+    monomial_tree,
+    rank,
+    times,
+    tree_of,
+)
 
 IntegerMatrix = list[list[int]]
 # Eigenvalues below this part of the largest are zero.
@@ -36,7 +45,8 @@ _TINY = mpmath.mpf(10) ** -20
 
 def hessians(space: ansatz.LagrangianSpace, seed: int) -> tuple[int, list[IntegerMatrix]]:
     """(prime, d2L/dv dv of each combination at one random point)."""
-    candidates = list(dict.fromkeys(key for c in space.combinations for key in c))
+    every = dict.fromkeys(key for c in space.combinations for key in c)
+    candidates = [key for key in every if not is_linear(key)]
     letters = ansatz.letters_of(candidates)
     table = ansatz.letter_table(space.sampler, letters, 1, seed)
     index = {letter: k for k, letter in enumerate(letters)}
@@ -46,6 +56,9 @@ def hessians(space: ansatz.LagrangianSpace, seed: int) -> tuple[int, list[Intege
         key: _hessian(table, [(index[p], e) for p, e in key], value)
         for key, value in zip(candidates, values, strict=True)
     }
+    if not single:
+        size = table.derivatives.size
+        return table.prime, [[[0] * size for _ in range(size)] for _ in space.combinations]
     return table.prime, [_combined(single, c, table.prime) for c in space.combinations]
 
 
@@ -64,8 +77,8 @@ def _hessian(table: ansatz.LetterTable, letters: Sequence[tuple[int, Fraction]],
 def _combined(single: dict[Monomial, IntegerMatrix], combination: ansatz.Combination, prime: int) -> IntegerMatrix:
     n = len(next(iter(single.values())))
     total = [[0] * n for _ in range(n)]
-    for key, a in combination.items():
-        weight = point.number_value(a, prime)
+    for key in combination.keys() & single.keys():
+        weight = point.number_value(combination[key], prime)
         for i in range(n):
             for j in range(n):
                 total[i][j] = (total[i][j] + weight * single[key][i][j]) % prime
@@ -153,16 +166,11 @@ def reduced(total: ansatz.Combination, gauge: Sequence[ansatz.Combination]) -> a
 
 def scaled(combination: ansatz.Combination) -> ansatz.Combination:
     """The simplest term that is not linear in the velocities gets coefficient 1/2 if quadratic, else 1."""
-    moving = [key for key in combination if velocity_degree(key) not in (0, 1)] or list(combination)
+    moving = [key for key in combination if not is_linear(key)] or list(combination)
     leading = min(moving, key=rank)
     target = Fraction(1, 2) if any(e == 2 and has_velocity(letter) for letter, e in leading) else Fraction(1)
     factor = target / combination[leading]
     return {key: a * factor for key, a in combination.items()}
-
-
-def velocity_degree(key: Monomial) -> Fraction:
-    """0 without velocities, 1 for a single velocity, else a number above 1."""
-    return sum((1 + abs(e - 1) for letter, e in key if has_velocity(letter)), Fraction(0))
 
 
 def signature(space: ansatz.LagrangianSpace, hessian: Sequence[Sequence[ex.Expression]]) -> tuple[int, int] | None:
@@ -313,7 +321,7 @@ def _divided(member: Member, parameters: frozenset[ex.Symbol], table: real_point
 
 def _constants(terms: ansatz.Combination, parameters: frozenset[ex.Symbol]) -> list[Monomial]:
     """The letters of each kinetic term that hold nothing but parameters."""
-    kinetic = [key for key in terms if velocity_degree(key) not in (0, 1)]
+    kinetic = [key for key in terms if not is_linear(key)]
     return [frozenset(item for item in key if _is_constant(item[0], parameters)) for key in kinetic]
 
 
@@ -394,7 +402,7 @@ def _real_hessian(space: ansatz.LagrangianSpace, combination: ansatz.Combination
     """d2L/dv dv at the real point; None where it vanishes or has no value."""
     deadline.check()
     table = space.sampler.real_point
-    if table is None or not any(velocity_degree(key) not in (0, 1) for key in combination):
+    if table is None or not any(not is_linear(key) for key in combination):
         return None
     names = space.sampler.analysis.system.coordinates
     with mpmath.workdps(20):

@@ -11,8 +11,8 @@ The equations of motion as terms, and the Euler-Lagrange expressions of monomial
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
 from math import gcd, lcm
@@ -356,78 +356,16 @@ def derivative_of_terms(terms: Mapping[Monomial, Fraction], variable: ex.Express
 
 @dataclass(frozen=True, slots=True)
 class MotionTerms:
-    """q'' = f with f expanded; `with_time` says whether L may contain t.
-
-    `known` keeps what the residuals of monomials are made of, and these: families share many monomials.
-    """
+    """q'' = f with f expanded; `with_time` says whether L may contain t."""
 
     coordinates: tuple[ex.Symbol, ...]
     velocities: tuple[ex.Velocity, ...]
     forces: tuple[Terms, ...]
     with_time: bool
-    known: dict[Hashable, Terms] = field(default_factory=dict, compare=False, repr=False)
 
     @property
     def size(self) -> int:
         return len(self.coordinates)
-
-
-def euler_lagrange(motion: MotionTerms, candidate: Monomial) -> tuple[Terms, ...]:
-    """sum_j f^j m_{v_i v_j} + v^j m_{v_i q_j} + m_{v_i t} - m_{q_i} for each i.
-
-    For m = prod p^e this is m times sum_p e_p (Gamma(V_i p) - Q_i p) + sum_pr e_p e_r G(p) V_i r, with the logarithmic
-    derivatives V_i p = p_{v_i}/p, Q_i p = p_{q_i}/p and G(p) = Gamma(p)/p.
-    """
-    return tuple(_residual(motion, candidate, i) for i in range(motion.size))
-
-
-def _residual(motion: MotionTerms, candidate: Monomial, i: int) -> Terms:
-    key = candidate, i
-    if key not in motion.known:
-        total: Terms = {}
-        moving = [(r, e) for r, e in candidate if _slope(motion, r, motion.velocities[i])]
-        for p, e in candidate:
-            _add(total, _own_part(motion, p, i), e)
-            for r, factor in moving:
-                _add(total, _common_part(motion, p, r, i), e * factor)
-        motion.known[key] = {times(part, candidate): value for part, value in total.items() if value}
-    return motion.known[key]
-
-
-def _add(total: Terms, terms: Terms, factor: Fraction) -> None:
-    for key, value in terms.items():
-        more = value if factor == 1 else factor * value
-        total[key] = total[key] + more if key in total else more
-
-
-def _own_part(motion: MotionTerms, p: ex.Expression, i: int) -> Terms:
-    """Gamma(V_i p) - Q_i p."""
-    key = "own part", p, i
-    if key not in motion.known:
-        rate = along(motion, _slope(motion, p, motion.velocities[i]))
-        motion.known[key] = add_terms(rate, _slope(motion, p, motion.coordinates[i]), -1)
-    return motion.known[key]
-
-
-def _common_part(motion: MotionTerms, p: ex.Expression, r: ex.Expression, i: int) -> Terms:
-    """G(p) V_i r."""
-    key = "common part", p, r, i
-    if key not in motion.known:
-        rate = _divided(along(motion, {monomial(p): Fraction(1)}), p)
-        motion.known[key] = multiply_terms(rate, _slope(motion, r, motion.velocities[i]))
-    return motion.known[key]
-
-
-def _slope(motion: MotionTerms, p: ex.Expression, variable: ex.Symbol | ex.Velocity) -> Terms:
-    """The derivative of log p."""
-    key = "slope", p, variable
-    if key not in motion.known:
-        motion.known[key] = _divided(letter_derivative(p, variable), p)
-    return motion.known[key]
-
-
-def _divided(terms: Terms, p: ex.Expression) -> Terms:
-    return {times(key, monomial(p), -1): value for key, value in terms.items()}
 
 
 def along(motion: MotionTerms, terms: Mapping[Monomial, Fraction]) -> Terms:
@@ -448,6 +386,12 @@ def split_velocities(key: Monomial) -> tuple[Monomial, Monomial]:
     """(letters without velocities, letters with)."""
     moving = frozenset(item for item in key if has_velocity(item[0]))
     return key - moving, moving
+
+
+def is_linear(key: Monomial) -> bool:
+    """Whether a term is a function of position times at most one velocity."""
+    _, moving = split_velocities(key)
+    return not moving or (len(moving) == 1 and all(isinstance(letter, ex.Velocity) and e == 1 for letter, e in moving))
 
 
 @lru_cache(maxsize=1024)
