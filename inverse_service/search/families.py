@@ -24,6 +24,7 @@ from __future__ import annotations
 import itertools
 import random
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from fractions import Fraction
 from itertools import combinations_with_replacement
@@ -272,15 +273,16 @@ def with_potential(material: Material, combination: Mapping[Monomial, Fraction])
     """
     system, motion = material.analysis.system, material.motion
     symbols: list[Symbol | Velocity] = [TIME, *motion.coordinates, *motion.velocities]
-    try:
+    trees = euler_lagrange_residual(tree_of(combination), system.coordinates, system.accelerations)
+    integrator = Integrator(system, material.analysis.real_point)
+    # As they stand sums are integrated term by term; over one denominator what is not affine cancels.
+    for form in (lambda: trees, lambda: factored(list(trees), symbols, Budget.long())):
         check()
-        trees = euler_lagrange_residual(tree_of(combination), system.coordinates, system.accelerations)
-        quotients = factored(list(trees), symbols, Budget.long())
-        wanted = [add_terms({}, terms_of(tree), -1) for tree in quotients]
-        rest = Integrator(system, material.analysis.real_point).linear_terms(wanted)
-    except (TooLarge, TooManyTerms, ZeroDivisionError, KeyError):
-        return {}
-    return {} if rest is None else add_terms(dict(combination), rest)
+        with suppress(TooLarge, TooManyTerms, ZeroDivisionError, KeyError):
+            rest = integrator.linear_terms([add_terms({}, terms_of(tree), -1) for tree in form()])
+            if rest is not None:
+                return add_terms(dict(combination), rest)
+    return {}
 
 
 _NO_POINTS = (IrreducibleAtoms, SingularPoint, ValueError)
