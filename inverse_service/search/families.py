@@ -1,22 +1,14 @@
 """The rows of the ansatz: functions of the velocities, their coefficients, and what has to go with them.
 
-Functions of the velocities that ansätze are built from, in sets that grow.
-
-Terms that an ansatz needs besides its kinetic ones: what can cancel the residuals of these.
-
-Of a single term the residuals T(q) w(v) are answered by B(q) w v_i / v_j with dB/dq_j = T. Those of a combination
-that has a multiplier as Hessian are the Euler-Lagrange expressions of some A_i(q) v_i - V(q), so they are linear in
-the velocities, at the latest once everything is put over one denominator: terms T(q) and T(q) v_j, answered by B(q)
-and B(q) v_k with dB/dq_j = T. Closures term by term cannot see this where polynomials in the velocities are letters,
-as their relations to the velocities are used only there.
+What has a multiplier as Hessian has Euler-Lagrange expressions that are affine in the velocities: those of A_i(t, q) v_i
+- V(t, q), which are integrated.
 
 The ansatz, deepened by weight: functions of the velocities times functions of position.
 
 Which functions of the velocities a multiplier can be made of is seen at one place: for g = sum_k c_k(t, q) Hessian(s_k)
 the coefficients and their derivatives are numbers at one place (t, q), and (H2), (H3) are linear in them for every v
 there. What has to vanish in all solutions is left out before coefficients are guessed; where no solution is regular, no
-ansatz in these shapes holds a Lagrangian. Only what is left gets factors: short products of what f is made of, more of
-them in a second round. Potentials and linear terms come later.
+ansatz in these shapes holds a Lagrangian. Only what is left gets factors: short products of what f is made of.
 """
 
 from __future__ import annotations

@@ -44,6 +44,7 @@ from inverse_service.field import null_vectors, real_point
 from inverse_service.field.point import SingularPoint, number_value
 from inverse_service.search import ansatz, members, quadratures
 from inverse_service.search.factors import Factors, find_factors
+from inverse_service.search.gradients import ONE_TERM, Integrator
 from inverse_service.search.material import Material, antiderivatives
 from inverse_service.search.terms import (
     EMPTY,
@@ -563,24 +564,26 @@ def _of_function(material: Material, function: ex.Expression) -> ex.Expression |
     in_time = quadratures.factored(rate - v * along, [x, v])
     if ex.holds(along, v, ex.TIME) or ex.holds(in_time, v, x) or (in_time != ex.ZERO and not material.motion.with_time):
         return None
-    phi = ex.multiply(
-        *(quadratures.exponential_of_integral(c, q, material.analysis) for c, q in ((in_time, ex.TIME), (along, x)))
-    )
-    names = quadratures.fresh_names(system, phi)
+    integrator, phi = Integrator(system, material.analysis.real_point, signs=True), ONE_TERM
+    for c, q in ((in_time, ex.TIME), (along, x)):
+        logarithm = integrator.function_of([q], [terms_of(c)])
+        if logarithm is None:
+            return None
+        phi = multiply_terms(phi, integrator.exponential(logarithm))
     integrals = []
     for slope, c in ((1 / function, in_time), (v / function, along)):
         known = quadratures.antiderivative(system, tree_of(terms_of(slope)), v, material.analysis.real_point)
         if known is None and c != ex.ZERO:
             return None
-        tree = ex.Integral(next(names), (v,), (0,), (tree_of(terms_of(slope)),)) if known is None else known
+        tree = ex.Integral(next(integrator.names), (v,), (0,), (tree_of(terms_of(slope)),)) if known is None else known
         integrals.append(tree)
         rest = rest + c * tree if c != ex.ZERO else rest
-    force = phi * quadratures.factored(rest, [x, v])
-    kinetic = phi * (v * integrals[0] - integrals[1])
-    potential_part = quadratures.potential_with_integrals(
-        system, kinetic, terms_of(-force), material.analysis.real_point
-    )
-    return None if potential_part is None else tree_of(terms_of(kinetic)) + potential_part
+    force = terms_of(tree_of(phi) * quadratures.factored(rest, [x, v]))
+    if any(has_velocity(letter) for key in force for letter, _ in key):
+        return None
+    potential_part = integrator.function_of([x], [force])
+    kinetic = terms_of(tree_of(phi) * (v * integrals[0] - integrals[1]))
+    return None if potential_part is None else tree_of(kinetic) + tree_of(potential_part)
 
 
 # With 60 a force of many terms takes 6 s in vain.

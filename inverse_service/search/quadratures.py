@@ -1,16 +1,4 @@
-"""Antiderivatives and what is made of them: A and V of a Lagrangian, quadratures, formulas written shorter.
-
-Formulas in t, x and v put over one denominator, factored, and their roots and signs.
-
-Terms A_i(t, q) v_i - V(t, q) with given Euler-Lagrange expressions, by exact linear algebra.
-
-What has to come out is affine in the velocities: a term T of E_i is answered by B with dB/dq_i = T, a term T v_j by
-B v_i with dB/dq_j = T. What the derivatives of these leave over is answered again.
-
-Exponentials of integrals and potentials, with an integral sign where no elementary antiderivative is found.
-
-What is left under an integral sign is one function of one variable where that is possible, constant factors outside.
-"""
+"""Antiderivatives by one variable; formulas in t, x and v over one denominator, factored, their roots and signs."""
 
 from __future__ import annotations
 
@@ -209,41 +197,6 @@ def _with_constants(x: ex.Symbol, columns: Iterable[Monomial], wanted: Terms) ->
 _NAMES = ("F", "G", "H", "K", "P", "Q", "S", "U", "W", "Z")
 
 
-def exponential_of_integral(
-    slope: ex.Expression, variable: ex.Expression, analysis: deciding.Analysis
-) -> ex.Expression:
-    """exp(int slope dx) for a slope that holds no other variable."""
-    found = _elementary_factors(slope, variable, analysis)
-    if found is not None:
-        return ex.multiply(*found)
-    integral = ex.Integral(next(fresh_names(analysis.system)), (variable,), (0,), (slope,))
-    return ex.Apply("exp", integral)
-
-
-def _elementary_factors(
-    slope: ex.Expression, variable: ex.Expression, analysis: deciding.Analysis
-) -> list[ex.Expression] | None:
-    """Factors of exp(int slope dx), powers for the logarithms; None where no elementary antiderivative is found."""
-    found = antiderivative(analysis.system, slope, variable, analysis.real_point)
-    if found is None:
-        return None
-    powers: dict[ex.Expression, list[ex.Expression]] = {}
-    rest: Terms = {}
-    for key, value in terms_of(found).items():
-        logarithm = next((p for p, e in key if isinstance(p, ex.Apply) and p.function == "log" and e == 1), None)
-        others = key - {(logarithm, Fraction(1))} if logarithm else key
-        if logarithm and not any(ex.holds(p, variable) for p, _ in others):
-            powers.setdefault(logarithm.argument, []).append(tree_of({others: value}))
-        else:
-            rest[key] = value
-    table = analysis.real_point
-    factors = [
-        (base if table is None or real_point.real_sign(base, table) > 0 else ex.negated(base)) ** ex.add(*exponents)
-        for base, exponents in powers.items()
-    ]
-    return [*factors, *([ex.Apply("exp", tree_of(rest))] if rest else [])]
-
-
 def antiderivative(
     system: SecondOrderSystem, slope: ex.Expression, variable: ex.Expression, table: real_point.RealTable | None
 ) -> ex.Expression | None:
@@ -383,34 +336,6 @@ def _has_slope(tree: ex.Expression, slope: ex.Expression, x: ex.Symbol, table: r
     except errors.IrreducibleAtoms:
         return False
     return checker.check_certificate(certificate, time_limit=deadline.left(deadline.end())).verdict == "valid"
-
-
-def potential_with_integrals(
-    system: SecondOrderSystem, phi: ex.Expression, wanted: Terms, table: real_point.RealTable | None
-) -> ex.Expression | None:
-    """-V(t, x) with dV/dx = wanted for one coordinate x; None where that holds a velocity."""
-    x = ex.Symbol(system.coordinates[0])
-    if any(isinstance(node, ex.Velocity) for key in wanted for letter, _ in key for node in ex.walk(letter)):
-        return None
-    fresh = fresh_names(system, phi)
-    groups: dict[Monomial, Terms] = {}
-    for key, value in wanted.items():
-        own: Monomial = frozenset(item for item in key if ex.holds(item[0], x))
-        groups.setdefault(own, {})[key - own] = value
-    total: list[ex.Expression] = []
-    for own, outside in groups.items():
-        rest = antiderivative(system, monomial_tree(own), x, table)
-        if rest is None:
-            rest = _integral(monomial_tree(own), x, next(fresh))
-        total.append(tree_of(outside) * (-rest))
-    return ex.add(*total)
-
-
-def _integral(slope: ex.Expression, x: ex.Symbol, name: str) -> ex.Integral:
-    """The integral over x of a formula that may also hold t, whose derivative by t is then left open."""
-    if ex.holds(slope, ex.TIME):
-        return ex.Integral(name, (ex.TIME, x), (0, 0), (None, slope))
-    return ex.Integral(name, (x,), (0,), (slope,))
 
 
 def fresh_names(system: SecondOrderSystem, *trees: ex.Expression) -> Iterator[str]:
