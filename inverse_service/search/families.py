@@ -1,7 +1,7 @@
 """The rows of the ansatz: functions of the velocities, their coefficients, and what has to go with them.
 
-What has a multiplier as Hessian has Euler-Lagrange expressions that are affine in the velocities: those of A_i(t, q) v_i
-- V(t, q), which are integrated.
+What has a multiplier as Hessian has Euler-Lagrange expressions that are affine in the velocities: those of
+A_i(t, q) v_i - V(t, q), which are integrated.
 
 The ansatz, deepened by weight: functions of the velocities times functions of position.
 
