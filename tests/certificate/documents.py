@@ -9,8 +9,11 @@ from typing import Any
 
 from inverse_service.certificate.checker import CheckResult
 from inverse_service.service.documents.checking import check_plain
+from tests.doors.rows import rows
 
 Document = dict[str, Any]
+FORMAT = "inverse-service/certificate/2"
+CLAIMS = {row["id"]: row for row in rows("certificates")}
 
 FORCES: dict[str, dict[str, str]] = {
     "free": {"x": "0"},
@@ -80,7 +83,7 @@ def all_rows(coordinates: int, variables: int, order: int) -> list[list[Any]]:
 def certificate(name: str, kind: str, question: str = "autonomous", **content: Any) -> Document:
     """A certificate about a named system."""
     return {
-        "format": "inverse-service/certificate/2",
+        "format": FORMAT,
         "system": system(name),
         "question": question,
         "claim": "not_variational" if kind == "nonexistence" else "variational",
@@ -122,6 +125,23 @@ def result(name: str, verdict: str, proof: Document | None, **content: Any) -> D
         "lagrangian": {"text": text, "latex": "", "domain": []} if text else None,
         **content,
     }
+
+
+def motion(equations: dict[str, str], velocities: object, **more: object) -> Document:
+    """A motion on constraints, as a certificate has it."""
+    dependent = list(velocities) if isinstance(velocities, dict) else []
+    return {"coordinates": [*equations, *dependent], "equations": equations, "velocities": velocities, **more}
+
+
+def claim(system: Document, lagrangian: str = "", **more: object) -> Document:
+    """That this system has this Lagrangian, or what more says."""
+    head = {"format": FORMAT, "system": system, "question": "autonomous", "claim": "variational"}
+    return head | ({"kind": "lagrangian", "lagrangian": lagrangian} if lagrangian else {}) | more
+
+
+def known(name: str) -> Document:
+    """A certificate of the corpus."""
+    return copy.deepcopy(CLAIMS[name]["certificate"])
 
 
 def changed(document: Document, path: str, value: Any) -> Document:

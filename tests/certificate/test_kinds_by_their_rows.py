@@ -5,7 +5,7 @@ from __future__ import annotations
 import random
 import time
 from fractions import Fraction
-from itertools import combinations, combinations_with_replacement
+from itertools import combinations, combinations_with_replacement, product
 from typing import Any
 
 import pytest
@@ -17,9 +17,48 @@ from inverse_service.certificate.formulas import Reader, read_tokens
 from inverse_service.certificate.kinds import OfKind, is_definite
 from inverse_service.certificate.numbers import Balls, Unsettled
 from inverse_service.certificate.question import Tools
-from tests.certificate.test_forged_kinds import FINSLER, GENERAL, HOMOGENEOUS, PLACE, TURN, claim, definite, no, rows_of
+from tests.certificate.documents import FORMAT, Document
 
-Document = dict[str, Any]
+GENERAL = "rayleigh_general"
+
+
+def claim(kind: object, lagrangian: str = "", /, *forces: str, **more: object) -> Document:
+    names = ["x", "y", "z"][: len(forces)]
+    system = {"coordinates": names, "equations": dict(zip(names, forces, strict=True)), "parameters": ["a"]}
+    head = {"format": FORMAT, "system": system, "question": "autonomous", "claim": "variational", "among": kind}
+    return head | ({"kind": "lagrangian", "lagrangian": lagrangian} if lagrangian else {}) | more
+
+
+def rows_of(kinds: dict[str, int], variables: int, order: int) -> list[Any]:
+    """All rows of two coordinates, by the order of each condition."""
+    found = []
+    for kind, (i, j) in product(kinds, ((0, 0), (0, 1), (1, 1))):
+        if ((kind[:1] in "CD" or kind == "H3") and i == j) or (kind[0] == "S" and i < j):
+            continue
+        least = order - kinds[kind]
+        alphas = (list(a) for a in product(range(least + 1), repeat=variables) if sum(a) <= least)
+        found += [[kind, i, j, alpha] for alpha in alphas]
+    return found
+
+
+NATURAL = {"H2": 1, "H3": 0, "K0": 1, "K1": 1}
+HOMOGENEOUS = NATURAL | {"K2": 1, "S2": 0}
+FINSLER = {"H2": 1, "H3": 0, "K0": 1, "S0": 0}
+
+
+def no(kind: object, rows: list[Any], /, *forces: str, **more: object) -> Document:
+    more = {"claim": "not_variational", "kind": "nonexistence", "order": 2, "rows": rows} | more
+    return claim(kind, "", *forces, **more)
+
+
+TURN: Document = {"invariant": [{"x": "-y", "y": "x"}]}
+PLACE = {"t": "1", "a": "1", "x": "1", "y": "1", "x'": "1", "y'": "1"}
+
+
+def definite(lagrangian: str, /, *forces: str, **more: object) -> Document:
+    return claim("positive_definite", lagrangian, *forces, **{"near": PLACE, **more})
+
+
 # u'' = (1 - u^2) u' - u, w'' = -2 w for u = x + y, w = y: what is left is g = a du^2 + b dw^2.
 COUPLED = ("(1 - (x + y)^2)*(x' + y') - (x + y) + 2*y", "-2*y")
 LEFT = {"kind": "existence", "order": 2, "degree": 1, "dimensions": [2, 4],

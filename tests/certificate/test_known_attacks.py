@@ -115,68 +115,6 @@ def integral(slope: str, by: str = "t") -> Document:
 
 
 TIMED = {"question": "time_dependent"}
-HIDING = {
-    "velocities in a derivative by t": of_lagrangian(
-        "x^2+y^2", "0", "x'^2/2+y'^2/2+F(t)", integrals=integral("-(x^2+y^2)*x'"), **TIMED
-    ),
-    "a coordinate in a derivative by another": of_lagrangian(
-        "x^2+y^2", "0", "x'^2/2+y'^2/2+F(y)", integrals=integral("x'*y", "y")
-    ),
-    "a coordinate in a derivative by a velocity": of_lagrangian(
-        "x^2+y^2", "0", "x'^2/2+y'^2/2+F(x')", integrals=integral("(x^2+y^2)*x'", "x'")
-    ),
-    "a velocity in a derivative by another": of_lagrangian(
-        "-y'", "x'", "x'^2/2+y'^2/2+F(x')", integrals=integral("y'", "x'")
-    ),
-    "a derivative of an integral by the velocity": of_lagrangian(
-        "0", "0", "x'^2/2+y'^2/2+F'(x')", integrals=integral("1", "x'")
-    ),
-    "an integral that holds one of another argument": of_lagrangian(
-        "x^2+y^2", "0", "x'^2/2+y'^2/2+F(t)",
-        integrals={"G": integral("x", "x")["F"], **integral("-(x^2+y^2)*x'+G(x)")}, **TIMED
-    ),
-    "an equation that holds an integral": of_lagrangian(
-        "F(x)", "0", "x'^2/2+y'^2/2+x*F(x)", integrals=integral("0", "x")
-    ),
-    "a force that is only declared as an integral": of_lagrangian(
-        "F(t)", "0", "x'^2/2+y'^2/2+F(t)*x", integrals=integral("t"), **TIMED
-    ),
-    "a condition on an integral": of_lagrangian(
-        "0", "0", "x'^2/2+y'^2/2", integrals=integral("1"), conditions=["F(t) > 0"], **TIMED
-    ),
-    "two derivatives": of_lagrangian(
-        "y", "0", "x'^2/2+y'^2/2+F(x, y)",
-        integrals={"F": {"arguments": ["x", "y"], "derivatives": {"x": "y", "y": "0"}}},
-    ),
-    "the time by way of an integral": of_lagrangian("0", "0", "x'^2/2+y'^2/2+F(t)", integrals=integral("1")),
-    "an integral named like a coordinate": of_lagrangian(
-        "0", "0", "x'^2/2+y'^2/2", integrals={"x": integral("1")["F"]}, **TIMED
-    ),
-    "an integral over a velocity with another derivative": of_lagrangian(
-        "-1/(1+x'^2)", "0", "F(x')-x+y'^2",
-        integrals={"G": integral("1+x'^3", "x'")["F"], "F": integral("G(x')", "x'")["F"]},
-    ),
-    "an integral over a velocity that holds a coordinate": of_lagrangian(
-        "-x^3/(1+x'^2)", "0", "F(x')-x+y'^2",
-        integrals={"G": integral("(1+x'^2)/x^3", "x'")["F"], "F": integral("G(x')", "x'")["F"]},
-    ),
-    "a velocity by way of an integral of another": of_lagrangian(
-        "-x'*y'", "0", "F(x')-x+y'^2",
-        integrals={"G": {"arguments": ["x'", "y'"], "derivatives": {"x'": "1/(x'*y')"}},
-                   "F": integral("G(x', y')", "x'")["F"]},
-    ),
-    "an integral over a velocity that holds itself": of_lagrangian(
-        "-1", "0", "F(x')-x+y'^2", integrals=integral("F(x')", "x'")
-    ),
-    "friction in an integral of both": of_lagrangian(
-        "-x'", "0", "F(x, x')-x+y'^2",
-        integrals={"G": {"arguments": ["x", "x'"], "derivatives": {"x'": "1/x'"}},
-                   "F": {"arguments": ["x", "x'"], "derivatives": {"x'": "G(x, x')"}}},
-    ),
-    "an integral without curvature": of_lagrangian("0", "0", "F(x')+y'^2", integrals=integral("1", "x'")),
-    "a number for the integrals": of_lagrangian("0", "0", "x'^2/2+y'^2/2", integrals=5),
-    "a list for the integrals": of_lagrangian("0", "0", "x'^2/2+y'^2/2", integrals=["F"]),
-}  # fmt: skip
 
 
 def test_an_integral_may_hold_those_before_it_only() -> None:
@@ -187,45 +125,6 @@ def test_an_integral_may_hold_those_before_it_only() -> None:
     turned = check_certificate({**made, "integrals": {"F": second, "G": first}})
     assert turned.verdict == "invalid"
     assert any("integrals.F may hold integrals" in reason for reason in turned.reasons)
-
-
-@pytest.mark.parametrize("name", HIDING)
-def test_an_integral_hides_nothing(name: str) -> None:
-    found = check_certificate(HIDING[name])
-    assert found.verdict == ("incomplete" if name == "two derivatives" else "invalid"), found.reasons
-
-
-# --- format 2: branches, arguments that overlap, primes that a text could know
-STEP = "(x+1/10^300/10^300)"
-TURN = f"atan(A{STEP})+atan(1/A{STEP})-pi/2"  # 0 or -pi, by the sign of A there
-ROOTS = "*".join(f"{q}^(1/{n})" for q, n in ((2, 16), (3, 9), (5, 5), (7, 7), (11, 11), (13, 13)))
-UNSETTLED = {
-    "an angle that a value very near decides": of_lagrangian(
-        f"({TURN})*y'", "0*A(x)", "x'^2/2+y'^2/2", functions={"A": ["x"]}, conditions=["A(x) > 0"]
-    ),
-    "one function at two names with one value": of_lagrangian(
-        "(A(x)-A(y))*y'+0*exp(x)", "0", "x'^2/2+y'^2/2", functions={"A": ["x"]}, near={"x": "1/2", "y": "1/2"}
-    ),
-    "roots that few primes have": of_lagrangian(f"0*exp(x)*{ROOTS}", "0", "x'^2/2+y'^2/2"),
-    "conditions that exclude each other": of_lagrangian(
-        "0", "0", "x'^2/2+y'^2/2", conditions=["x > 1", "x < 1"]
-    ),
-    "a condition without a point": of_lagrangian("0", "0", "x'^2/2+y'^2/2", conditions=["0 > x^2"]),
-    "a condition that does not hold at the point": of_lagrangian(
-        "0", "0", "x'^2/2+y'^2/2", conditions=["x > 0"], near={"x": "-1e-99"}
-    ),
-    "a point where the force is not defined": of_lagrangian(
-        "-1/x^2", "0", "x'^2/2+y'^2/2+1/x", near={"x": "0"}
-    ),
-}  # fmt: skip
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", UNSETTLED)
-def test_what_is_not_settled_is_incomplete(name: str) -> None:
-    for seed in range(4):
-        found = check_certificate(UNSETTLED[name], seed=seed)
-        assert found.verdict in ("incomplete", "invalid"), found.reasons
 
 
 @pytest.mark.slow

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import reduce
+from typing import Any
 
 import pytest
 
@@ -10,13 +11,18 @@ from inverse_service.certificate.checker import check_certificate
 from inverse_service.certificate.question import Question
 from tests.certificate.documents import Document, check_result
 from tests.certificate.test_known_attacks import certificate, of_lagrangian, result_of
-from tests.certificate.test_second_attack import FLAT, times
+from tests.certificate.test_second_attack import FLAT
 
 ZERO = reduce(lambda cosine, _: f"(2*{cosine}^2-1)", range(9), "cos(pi/1024)")  # cos(pi/2): too fine for the ring
 
 
 def verdicts(document: Document, seeds: int) -> set[str]:
     return {check_certificate(document, seed=seed).verdict for seed in range(seeds)}
+
+
+def times(factor: str, **content: Any) -> Document:
+    """The free particle's L for x'' = factor y', which is false as far as the factor is not 0."""
+    return of_lagrangian(f"({factor})*y'", "0", FLAT, **content)
 
 
 TRUE = [

@@ -7,8 +7,7 @@ from typing import Any
 import pytest
 
 from inverse_service.certificate.checker import check_certificate
-from tests.certificate.documents import Document, all_rows
-from tests.certificate.test_forged_motions import claim, motion
+from tests.certificate.documents import Document, all_rows, claim, motion
 from tests.certificate.test_known_attacks import certificate, of_lagrangian
 
 

@@ -7,9 +7,9 @@ from typing import Any
 import pytest
 
 from inverse_service.certificate.checker import check_certificate
-from tests.certificate.documents import Document, changed, check_result, existence
+from tests.certificate.documents import Document, changed, check_result, claim, existence, motion
 from tests.certificate.test_brackets_along_a_solution import HEAD, SLEIGH
-from tests.certificate.test_forged_motions import AT_SOME_TIME, MAIN, claim, motion
+from tests.certificate.test_forged_motions import AT_SOME_TIME, MAIN
 from tests.certificate.test_known_attacks import of_lagrangian, result_of
 
 FLAT = "x'^2/2 + y'^2/2"

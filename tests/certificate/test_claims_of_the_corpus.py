@@ -1,0 +1,16 @@
+"""Certificates of the corpus, true ones and forgeries, are judged as is known."""
+
+from __future__ import annotations
+
+import pytest
+
+from inverse_service.certificate.checker import check_certificate
+from tests.certificate.documents import CLAIMS
+from tests.doors.rows import Row, marks
+
+
+@pytest.mark.parametrize("row", [pytest.param(row, id=name, marks=marks(row)) for name, row in CLAIMS.items()])
+def test_a_claim_is_judged_as_is_known(row: Row) -> None:
+    for seed in row["seeds"]:
+        found = check_certificate(row["certificate"], seed=seed)
+        assert found.verdict in row["verdict"], found.reasons
