@@ -19,6 +19,7 @@ from inverse_service.reading.names import Names
 from inverse_service.service.documents import canonical, text_page
 from inverse_service.web.pages import forms, rendering, typesetting
 
+ARROW = "\u2192"
 YES, NO, OPEN, DIFFERS = "yes", "no", "open", "differs"
 VERDICTS = {"variational": YES, "not_variational": NO}
 BADGES = {YES: "a Lagrangian", NO: "no Lagrangian", OPEN: "undetermined", DIFFERS: "differs by case"}
@@ -358,7 +359,9 @@ def _formulas(part: Mapping[str, Any], result: Mapping[str, Any], names: Names) 
 
 
 def formula_of(letter: str, part: Mapping[str, Any], names: Names, notes: Sequence[Markup] = ()) -> Formula:
-    """A formula of a result."""
+    """A formula of a result after its letter, or alone."""
+    if not letter:
+        return Formula("", typesetting.formula(part["text"], names), part["text"], notes=tuple(notes))
     math = typesetting.equation(letter, part["text"], names)
     return Formula(letter, math, f"{letter} = {part['text']}", f"{letter} = {part.get('latex', '')}", tuple(notes))
 
@@ -478,8 +481,9 @@ def _answer_rows(shown: Mapping[str, Any], result: Mapping[str, Any], names: Nam
 
 def _conserved(one: Mapping[str, Any], names: Names) -> Row:
     """A first integral with the symmetry behind it."""
-    hint = "; ".join(part for part in (one["name"], one.get("symmetry")) if part)
-    return Row("Conserved", hint, formulas=(formula_of("", one, names),))
+    symmetry = one.get("symmetry") or ""
+    hint = one["name"] + f", by the symmetry {symmetry.replace('->', ARROW)}" * bool(symmetry)
+    return Row("Conserved", _capital(hint), formulas=(formula_of("", one, names),))
 
 
 def _more(result: Mapping[str, Any], names: Names) -> Iterable[Row]:
@@ -741,7 +745,7 @@ def _forward(result: Mapping[str, Any], names: Names) -> Sheet:
         typesetting.equation(f"p_{name}", part["text"], names) for name, part in result["momenta"].items()
     )
     energy = formula_of("H", result["hamiltonian"], names, [Markup("with {}").format(momenta)])
-    rows = [Row("Conserved", part["name"], formulas=(formula_of("", part, names),)) for part in result["conserved"]]
+    rows = [_conserved(part, names) for part in result["conserved"]]
     case = Case("", Markup("These are its equations of motion."), (), (*_equations(system, names), energy), (), ())
     return Sheet(
         title_of({**result, "system": {**system, "given": {"lagrangian": given}}}), "", "", case.sentence, (),

@@ -9,6 +9,7 @@ const FAULT_PAUSE = 900; // a half-typed equation is no mistake
 const ANSWER_PAUSE = 350; // a complete reading that is left alone is answered
 const BUSY_PAUSE = 3000; // a busy service is asked again, for an answer three times
 const LOOK_PAUSE = 150; // ms between two looks at a result that grows
+const TALL = 20; // CSS pixels by which what scrolls down is higher than its box; brackets are a few higher
 const DRAFT = "draft:";
 
 function echo(form) {
@@ -163,8 +164,8 @@ function keeping(box) {
 
 // A formula is a stop of the tab key only where there is something to scroll to.
 function focusWide(within) {
-  for (const place of within.querySelectorAll(".formula, .scroll, .proof > li, .manual > table")) {
-    if (place.scrollWidth > place.clientWidth + 1) place.tabIndex = 0;
+  for (const place of within.querySelectorAll(".formula, .asked, .scroll, .proof > li, .manual > table")) {
+    if (place.scrollWidth > place.clientWidth + 1 || place.scrollHeight > place.clientHeight + TALL) place.tabIndex = 0;
     else place.removeAttribute("tabindex");
   }
 }

@@ -173,6 +173,12 @@ def test_each_run_of_an_ensemble_has_a_line(look: Visit, states: dict[str, str])
     expect(look.page.get_by_role("columnheader", name="x\u2032 at the end")).to_be_visible()
 
 
+def test_the_verdict_is_on_the_first_screen_below_long_equations(look: Visit, states: dict[str, str]) -> None:
+    look.go(states["undetermined"])
+    expect(look.page.locator("h1")).to_be_in_viewport()
+    expect(look.page.locator(".asked")).to_have_attribute("tabindex", "0")
+
+
 def test_work_that_is_open_has_no_violation(look: Visit) -> None:
     with httpx.Client(base_url=look.address, timeout=PATIENCE, headers={"Prefer": "respond-async"}) as client:
         id = post(client, "/v1/solve", hard("tan", 10))
