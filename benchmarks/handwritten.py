@@ -16,7 +16,7 @@ import numpy as np
 from benchmarks.problems import HENON_HEILES
 from inverse_service.integrators.method_table import composition
 from inverse_service.simulation.execution import run
-from inverse_service.simulation.scene_data import Grid, MethodChoice, Observation, Start
+from inverse_service.simulation.scene_data import Grid, MethodChoice, Start
 
 START = Start((0.0, 0.1), (0.3, 0.1))
 STEPS, STEP = 20_000, 0.05
@@ -36,7 +36,7 @@ def handwritten_row(rounds: int) -> HandwrittenRow:
     """Best of `rounds`, alternating."""
     times: dict[str, list[float]] = {"ours": [], "unwatched": [], "by hand": []}
     by_hand, ends = _compiled(), {}
-    bare = Observation(momenta=False, velocities=False)
+    bare = ()
     for _ in range(rounds):
         for name, guard in (("ours", True), ("unwatched", False)):
             choice = MethodChoice("variational", 0.0, True, 8, "verlet", guard)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,7 +45,7 @@ class HardCase:
     bound: float
     allowed: tuple[str, ...] = ("completed",)
     long: bool = False
-    observation: Observation = field(default_factory=Observation)
+    observation: Observation = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -234,12 +234,12 @@ def non_reversible() -> Iterator[HardCase]:
     for order, bound in ((2, 0.06), (4, 1e-3), (8, 1e-7)):
         yield _case("not reversible", f"contact oscillator, nonholonomic, order {order}", CONTACT,
                     MethodChoice("nonholonomic", 0.5, order=order), contact_start(), Grid(0.05, 2000, 10),
-                    values={"k": 0.3}, bound=bound, observation=Observation(observables=(CONTACT_ENERGY,)))  # fmt: skip
+                    values={"k": 0.3}, bound=bound, observation=(CONTACT_ENERGY,))  # fmt: skip
 
 
 def long_runs() -> Iterator[HardCase]:
     """10^6 and 10^7 steps, with energy and constraint recorded on the way."""
-    observed = Observation(observables=(DISK_ENERGY, *DISK_CONSTRAINTS))
+    observed = (DISK_ENERGY, *DISK_CONSTRAINTS)
     for count in (10**6, 10**7):
         for method in ("variational", "nonholonomic"):
             # The phase of the variational disk drifts at a rate of order C h^2.

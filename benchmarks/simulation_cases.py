@@ -12,7 +12,7 @@ from inverse_service.simulation.numeric_formulas import Formulas
 from inverse_service.simulation.scene_data import Grid, MethodChoice, Observation, Problem, Start
 from inverse_service.simulation.schemes import program_of
 
-BARE = Observation(velocities=False)
+BARE: Observation = ()
 STEP, CONSTANT = 0.01, 1e-2
 
 

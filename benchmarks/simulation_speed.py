@@ -22,7 +22,7 @@ from inverse_service.mechanics.legendre.transform import legendre
 from inverse_service.simulation.ensembles import run_ensemble
 from inverse_service.simulation.execution import kernel_of, run
 from inverse_service.simulation.numeric_formulas import Formulas
-from inverse_service.simulation.scene_data import Grid, MethodChoice, Observation, Start
+from inverse_service.simulation.scene_data import Grid, MethodChoice, Start
 
 Report = Callable[[str], None]
 # Many short rounds: on a machine that does other work too, the best of them is undisturbed.
@@ -183,7 +183,7 @@ def long_rows(report: Report, steps: int = 10**7) -> list[LongRow]:
     rows = []
     for method in ("variational", "nonholonomic"):
         report(f"{steps:,} steps, {method}")
-        observed = Observation(observables=(DISK_ENERGY, *DISK_CONSTRAINTS))
+        observed = (DISK_ENERGY, *DISK_CONSTRAINTS)
         choice = MethodChoice(method, 0.5)
         run(DISK, choice, disk_start(), Grid(0.05, 1000, 10), {"c": 1e-2}, observed)
         before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
@@ -216,9 +216,8 @@ def effect_rows(report: Report, rounds: int = ROUNDS, steps: int = 10_000) -> li
     all_three = (DISK_ENERGY, *DISK_CONSTRAINTS)
     variants = {
         "disk, nonholonomic, nothing observed": (DISK, disk_start(), {"c": 1.0}, BARE),
-        "… velocities recorded": (DISK, disk_start(), {"c": 1.0}, Observation()),
-        "… energy": (DISK, disk_start(), {"c": 1.0}, replace(BARE, observables=(DISK_ENERGY,))),
-        "… energy and both constraints": (DISK, disk_start(), {"c": 1.0}, replace(BARE, observables=all_three)),
+        "… energy": (DISK, disk_start(), {"c": 1.0}, (DISK_ENERGY,)),
+        "… energy and both constraints": (DISK, disk_start(), {"c": 1.0}, all_three),
         "robot, nonholonomic, without potential": (level, start, {}, BARE),
         "robot, nonholonomic, with potential": (ROBOT, start, {"k": 1.0}, BARE),
     }

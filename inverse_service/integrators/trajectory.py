@@ -64,8 +64,7 @@ class Trajectory:
     """m + 1 recorded points of a motion with n coordinates; row 0 is the start.
 
     `times` (m + 1,), `positions` (m + 1, n). `momenta` (m + 1, n) are the discrete momenta of methods that have
-    them. `velocities[k]` (m + 1, n) is the discrete velocity (q_k - q_(k-1))/h over the step that ends at k, row 0
-    that of the first step; for Runge-Kutta methods and reference solutions it is the velocity at the point.
+    them, `velocities` (m + 1, n) the velocities at the points of those that carry them.
     `series[name]` (m + 1,) is an observed quantity at the recorded steps (row 0 that of the first step),
     `maxima[name]` its greatest absolute value over all steps, recorded or not.
     """

@@ -99,7 +99,7 @@ def run_ensemble(
     if choice.method in ("heyoka", "modified"):
         raise InputError(ALL_METHODS)
     f = Formulas(problem)
-    kernel = kernel_of(f, choice, data.Observation(momenta=False, velocities=False), lanes_here())
+    kernel = kernel_of(f, choice, (), lanes_here())
     count = len(positions)
     times = np.full(count, grid.begin) if begins is None else begins
     columns = _columns(f, choice, positions, velocities, momenta, values, times)

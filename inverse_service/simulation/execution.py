@@ -99,7 +99,7 @@ def run(
     start: Start,
     grid: Grid,
     values: Mapping[str, float],
-    observation: Observation | None = None,
+    observation: Observation = (),
     stop: Stop | None = None,
 ) -> Trajectory:
     """One trajectory; `values` gives every parameter (free constants too) a number.
@@ -108,7 +108,6 @@ def run(
     that the problem does not allow. `stop` is asked about ten times a second; True ends the run as "cancelled".
     """
     check(problem, choice, [grid])
-    observation = observation or Observation()
     if choice.method == "heyoka":
         return peers.run_heyoka(problem, start, grid, values, observation, choice.tolerance, stop)
     if choice.method in method_table.SCIPY:
@@ -121,7 +120,7 @@ def run(
     kernel = kernel_of(formulas, choice, observation)
     memory = memory_of(kernel.card, *lane_of(choice, begin, grid, parameters))
     done = execute(kernel, memory, weights_of(choice), grid, stop)
-    found = trajectory_of(Ended(formulas, choice, kernel, done, begin, grid), observation)
+    found = trajectory_of(Ended(formulas, choice, kernel, done, begin, grid))
     return found if choice.guard else replace(found, outcome=replace(found.outcome, note=NO_GUARD))
 
 
@@ -302,7 +301,7 @@ class Ended:
         return {name: float(self.run.memory[layout.argument_place(name)]) for name in layout.arguments if name != "h"}
 
 
-def trajectory_of(ended: Ended, observation: Observation) -> Trajectory:
+def trajectory_of(ended: Ended) -> Trajectory:
     """The run as a trajectory."""
     card, run, begin, grid = ended.card, ended.run, ended.begin, ended.grid
     kept = run.steps_at <= ended.done
@@ -310,13 +309,12 @@ def trajectory_of(ended: Ended, observation: Observation) -> Trajectory:
     size = ended.f.size
     letter = "v" if ended.choice.method in method_table.POINT_METHODS else "p"
     carried = _with_start(columns, begin, [f"{letter}{k}" for k in range(size)])
-    velocities = carried if letter == "v" else _velocities(columns, begin, card, size)
     taken = int(run.memory[card.layout.place("clock")]) if ended.halt is None else ended.done
     return Trajectory(
         times=grid.begin + np.concatenate([[0.0], run.steps_at[kept] * grid.step]),
         positions=_with_start(columns, begin, [f"q{k}" for k in range(size)]),
-        momenta=carried if letter == "p" and observation.momenta and not np.isnan(carried).any() else None,
-        velocities=velocities if observation.velocities or letter == "v" else None,
+        momenta=carried if letter == "p" and not np.isnan(carried).any() else None,
+        velocities=carried if letter == "v" else None,
         outcome=_outcome(ended),
         force_evaluations=_evaluations(ended.choice, card, taken, run.iterations),
         newton_iterations=0 if ended.choice.method in method_table.OWN_STEPS else run.iterations,
@@ -345,15 +343,6 @@ def _with_start(columns: dict[str, Array], begin: Initial, names: list[str]) -> 
     for k, name in enumerate(names):
         table[0, k] = begin.state.get(name, math.nan)
         table[1:, k] = columns.get(name, table[0, k])
-    return table
-
-
-def _velocities(columns: dict[str, Array], begin: Initial, card: Card, size: int) -> Array | None:
-    if not card.displacement:
-        return None
-    table = np.stack([_headed(columns[f"velocity_{k}"]) for k in range(size)], axis=1)
-    if len(table) == 1:
-        table[0] = [begin.rates.get(f"d{k}", math.nan) for k in range(size)]
     return table
 
 

@@ -15,8 +15,7 @@ Velocities at the points of a trajectory, from the momenta of its method.
 variational     v = dH~/dp(q_k, p_k)
 nonholonomic    v = g^-1 (p_k - b) with L_v = g v + b, put on the constraints: p_k still holds half a reaction
 
-They are as accurate as the method, where the discrete velocity (q_(k+1) - q_k)/h is of order 2 at best. Methods of
-order 2 without them have the mean of the discrete velocities on both sides.
+They are as accurate as the method. Methods of order 2 without them have differences of the positions about each point.
 
 The observed quantities of one run: which numbers belong to which name, and what each cost.
 
@@ -84,7 +83,7 @@ def without_noise(energies: Array, kinetic: Array) -> Array:
     return np.where(np.abs(energies) <= ROUND_OFF * kinetic, 0.0, energies)
 
 
-def observables(scene: data.Scene) -> tuple[data.Observable, ...]:
+def observables(scene: data.Scene) -> data.Observation:
     """The formulas that the kernel evaluates at every step: those of the observed quantities, no others."""
     found = []
     if "energy" in scene.observe and scene.lagrangian is not None:
@@ -93,12 +92,6 @@ def observables(scene: data.Scene) -> tuple[data.Observable, ...]:
     if "constraints" in scene.observe:
         found += [data.Observable(f"constraint_{k}", w) for k, w in enumerate(scene.constraints, 1)]
     return tuple(found)
-
-
-def observation_of(scene: data.Scene) -> data.Observation:
-    """What the integrator records for a scene."""
-    # Momenta are the state itself: they cost a column, and velocities at the points follow from them.
-    return data.Observation(momenta=True, velocities="velocities" in scene.observe, observables=observables(scene))
 
 
 def conserved_momenta(scene: data.Scene, problem: data.Problem) -> list[int]:
@@ -448,10 +441,9 @@ def _quantity(name: str, run: Observed, true: Array | None) -> tuple[dict[str, A
         drifts = np.abs(trajectory.momenta - trajectory.momenta[0]).max(axis=0)
         kept = [float(drifts[k]) for k in conserved_momenta(scene, problem)]
         return {"max_momentum_drift": max(kept, default=None)}, columns_of(scene, trajectory.momenta, "p_")
-    if name == "velocities" and (points := velocities_at_points(run)) is not None:
-        return {}, columns_of(scene, points, "v_")
-    if name == "velocities" and trajectory.velocities is not None:
-        return {}, columns_of(scene, trajectory.velocities, "discrete_v_")
+    if name == "velocities":
+        points = velocities_at_points(run)
+        return ({"velocities_note": _NO_VELOCITIES}, {}) if points is None else ({}, columns_of(scene, points, "v_"))
     if name == "matching_circle":
         if scene.circle is None:
             return {"circle": None}, {}

@@ -57,7 +57,7 @@ def run_heyoka(
     good = int(np.isfinite(rows).all(axis=1).sum()) if rows.size else 0
     outcome, shown = _outcome(code, good, steps, times), rows[:good] if good else state[None]
     table = _table(problem, shown, values, times[: len(shown)])
-    series = {item.name: array_value(item.expression, table) for item in observation.observables} if good else {}
+    series = {item.name: array_value(item.expression, table) for item in observation} if good else {}
     positions, velocities = np.split(shown, 2, axis=1)
     maxima = {name: float(np.abs(column).max()) for name, column in series.items()}
     return Trajectory(times[: len(shown)], positions, None, velocities, outcome, 0, 0, *seconds, series, maxima)

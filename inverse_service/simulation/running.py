@@ -276,14 +276,14 @@ def _again(
 
 def observed_problem(scene: Scene, problem: Problem) -> tuple[Problem, Observation]:
     """The problem with the parameters that the observed formulas need, and what is recorded."""
-    observation = observing.observation_of(scene)
-    if observation.observables and "energy" in scene.observe:
+    observation = observing.observables(scene)
+    if observation and "energy" in scene.observe:
         problem = replace(problem, parameters=(*problem.parameters, observing.ENERGY_START))
-    return problem.with_used_parameters([one.expression for one in observation.observables]), observation
+    return problem.with_used_parameters([one.expression for one in observation]), observation
 
 
 COST = "cost"
-IN_KERNEL = ("energy", "constraints", "momenta", "velocities")
+IN_KERNEL = ("energy", "constraints")
 TIMED_STEPS, MORE_STEPS = 20_000, 8  # steps that are timed at most, and how many times as many where they are too few
 REPEATS, LEAST_REPEATS, LONG_ENOUGH = 15, 3, 0.03  # runs for one measurement, and their seconds
 LARGE = 8  # coordinates beyond which the operations of effects are counted where the cost is observed only
@@ -446,7 +446,6 @@ def _truth(scene: Scene, derived: derivation.Derived, stop: Stop | None) -> Trut
 
 PARTS = 200
 CHOICE = MethodChoice("adaptive", tolerance=1e-10)
-BARE = Observation(momenta=False)
 OVER = "The time was over before the exponent was found; take fewer methods or steps, or a longer time limit."
 ENDED = "The motion ends at t = {:.6g}, before the exponent has settled."
 
@@ -466,7 +465,7 @@ def largest_exponent(
     for part in range(PARTS):
         begin = scene.grid.begin + part * length / PARTS
         start = Start((*positions, *tangent[:n]), velocities=(*velocities, *tangent[n:]))
-        found = execution.run(problem, CHOICE, start, Grid(length / PARTS, 1, 1, begin), dict(scene.values), BARE, stop)
+        found = execution.run(problem, CHOICE, start, Grid(length / PARTS, 1, 1, begin), dict(scene.values), (), stop)
         if stop is not None and stop():
             return {"largest": None, "note": OVER}
         if not found.outcome.completed or found.velocities is None:
@@ -610,7 +609,7 @@ def _part(
     """A part of the run, with the events that act and the switches in it."""
 
     def piece(what: Problem, by: MethodChoice, begin: Start, over: Grid) -> Trajectory:
-        return execution.run(what, by, begin, over, dict(scene.values), Observation(momenta=False), stop)
+        return execution.run(what, by, begin, over, dict(scene.values), (), stop)
 
     acting = tuple(event for event in scene.events if event.acts)
     own = replace(scene, grid=replace(grid, record_every=1), events=acting)

@@ -127,15 +127,7 @@ class Observable:
     expression: ex.Expression
 
 
-@dataclass(frozen=True, slots=True)
-class Observation:
-    """What is recorded; nothing else is computed."""
-
-    momenta: bool = True
-    velocities: bool = True
-    observables: tuple[Observable, ...] = field(default=())
-
-
+Observation = tuple[Observable, ...]  # what is recorded besides the state; nothing else is computed
 Stop = Callable[[], bool]
 Progress = Callable[[str], None]
 

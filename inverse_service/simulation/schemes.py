@@ -214,11 +214,10 @@ def _program(
     places = range(f.size) if momenta is None else momenta
     state = (*(f"q{k}" for k in range(f.size)), *(f"p{k}" for k in places))
     q, d = f.symbols("q"), f.symbols("d")
-    observed = tuple(_observed(f, item, choice, q, d) for item in observation.observables)
+    observed = tuple(_observed(f, item, choice, q, d) for item in observation)
     state, changes = with_clock(f, state, changes, observed)
     updates = tuple(None if number(0) in (change, known.get(change)) else change for change in changes)
-    displacement = tuple(d) if observation.velocities else ()
-    needed = [*(u for u in updates if u is not None), *displacement]
+    needed = [u for u in updates if u is not None]
     needed += [*(watch.formula for watch in watches), *(formula for _, formula in observed)]
     return programs.Program(
         state=state,
@@ -226,7 +225,6 @@ def _program(
         statements=programs.used_only(statements, needed),
         updates=updates,
         watches=tuple(watches),
-        displacement=displacement,
         observed=observed,
         forces=0 if any(not isinstance(statement, programs.Assign) for statement in statements) else 1,
     )
@@ -408,7 +406,7 @@ def _point_program(
     carried = tuple(str(name) for letter in "qv" for name in f.symbols(letter))
     ends = [q + d for q, d in zip(f.symbols("q"), changes, strict=False)]
     watches = [*watches, *rank_watches(f, ends, bool(further))]
-    observed = tuple((item.name, translate(item.expression, f.table)) for item in observation.observables)
+    observed = tuple((item.name, translate(item.expression, f.table)) for item in observation)
     state, updates = with_clock(f, carried, changes, observed)
     needed = [*updates, *further, *(watch.formula for watch in watches), *(formula for _, formula in observed)]
     return programs.Program(

@@ -20,7 +20,7 @@ from inverse_service.service.scenes.scene_reading import read_scene, scene_schem
 from inverse_service.service.scenes.simulating import MOST_POINTS, simulate, simulate_tables
 from inverse_service.simulation.derivation import derive, problem_of
 from inverse_service.simulation.numeric_formulas import Formulas
-from inverse_service.simulation.observing import ENERGY_START, observation_of
+from inverse_service.simulation.observing import ENERGY_START, observables
 from inverse_service.simulation.scene_data import Problem
 from inverse_service.simulation.schemes import program_of
 
@@ -110,7 +110,7 @@ def kernel(document: dict[str, Any]) -> str:
     assert isinstance(problem, Problem)
     assert choice is not None
     problem = replace(problem, parameters=(*problem.parameters, ENERGY_START))
-    return kernel_text(program_of(Formulas(problem), choice, observation_of(found)))
+    return kernel_text(program_of(Formulas(problem), choice, observables(found)))
 
 
 @pytest.mark.slow

@@ -23,7 +23,7 @@ from benchmarks.problems import (
 )
 from inverse_service.errors import InputError
 from inverse_service.simulation.execution import run
-from inverse_service.simulation.scene_data import Grid, MethodChoice, Observable, Observation, Problem, Start
+from inverse_service.simulation.scene_data import Grid, MethodChoice, Observable, Problem, Start
 
 C = {"c": 1.0}
 
@@ -113,7 +113,7 @@ def test_discrete_constraints_are_kept(method: str, alpha: float, symmetrised: b
     choice = MethodChoice(method, alpha, symmetrised)
     start = Start((0.3, 0.0, 0.0, 0.0), (1.0, 0.2, 0.2 * math.cos(0.3), 0.2 * math.sin(0.3)))
     steps = 20 if symmetrised and method == "modified" else 300
-    found = run(DISK, choice, start, Grid(0.05, steps), C, Observation(observables=DISK_CONSTRAINTS))
+    found = run(DISK, choice, start, Grid(0.05, steps), C, DISK_CONSTRAINTS)
     assert found.outcome.completed, found.outcome
     assert max(found.maxima.values()) < 1e-14
 
@@ -135,7 +135,7 @@ def test_third_type_keeps_its_constraint_exactly() -> None:
 def test_energy_of_a_free_hamiltonian_does_not_drift() -> None:
     energy = Observable("energy", problem("u", lagrangian="1/2*u'^2 - cos(u)").lagrangian)  # type: ignore[arg-type]
     found = run(PENDULUM, MethodChoice("variational", 0.5), Start((2.0,), (0.3,)), Grid(0.1, 100_000, 100),
-                {"k": 1.0}, Observation(observables=(energy,)))  # fmt: skip
+                {"k": 1.0}, (energy,))  # fmt: skip
     series = found.series["energy"]
     assert found.outcome.completed
     assert abs(series[-100:].mean() - series[:100].mean()) < 1e-3
@@ -171,7 +171,7 @@ def test_records_are_decimated_and_the_last_step_is_always_there() -> None:
 
 
 def test_maxima_count_every_step() -> None:
-    observed = Observation(observables=(DISK_ENERGY,))
+    observed = (DISK_ENERGY,)
     every = run(DISK, MethodChoice("variational", 0.0), disk_start(), Grid(0.1, 500), C, observed)
     some = run(DISK, MethodChoice("variational", 0.0), disk_start(), Grid(0.1, 500, 499), C, observed)
     assert some.maxima["energy"] == every.maxima["energy"] == np.abs(every.series["energy"]).max()
@@ -183,7 +183,8 @@ def test_short_runs(steps: int, every: int) -> None:
     found = run(DISK, MethodChoice("variational", 0.5), disk_start(), Grid(0.1, steps, every), C)
     assert found.outcome.completed
     assert found.times[-1] == pytest.approx(0.1 * steps)
-    assert len(found.times) == len(found.positions) == len(found.velocities if found.velocities is not None else [])
+    assert found.momenta is not None
+    assert len(found.times) == len(found.positions) == len(found.momenta)
 
 
 def test_a_run_can_be_stopped() -> None:

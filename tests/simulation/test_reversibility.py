@@ -12,7 +12,7 @@ from benchmarks.problems import CONTACT, CONTACT_ENERGY, CONTACT_REVERSIBLE
 from inverse_service.integrators.trajectory import Array
 from inverse_service.simulation.execution import run
 from inverse_service.simulation.numeric_formulas import array_value, table_of
-from inverse_service.simulation.scene_data import Grid, MethodChoice, Observation, Problem
+from inverse_service.simulation.scene_data import Grid, MethodChoice, Problem
 
 K = {"k": 0.3}
 # The reflections of space that keep x' + y z' = 0.
@@ -37,7 +37,7 @@ def reversors(problem: Problem) -> list[tuple[int, int, int]]:
 def drift(problem: Problem, method: MethodChoice, step: float, length: float) -> float:
     """The slope of E/E_0 times the length of the run, by least squares over all of it."""
     count = round(length / step)
-    observation = Observation(observables=(CONTACT_ENERGY,))
+    observation = (CONTACT_ENERGY,)
     found = run(problem, method, contact_start(), Grid(step, count, count // 500), K, observation)
     assert found.outcome.completed
     energy = found.series["energy"][1:]

@@ -11,7 +11,7 @@ from benchmarks.hard_cases import particle_start
 from benchmarks.problems import DISK, DISK_CONSTRAINTS, DISK_ENERGY, KNIFE, PARTICLE
 from inverse_service.simulation.execution import run
 from inverse_service.simulation.observing import circle_drift
-from inverse_service.simulation.scene_data import Grid, MethodChoice, Observation, Start
+from inverse_service.simulation.scene_data import Grid, MethodChoice, Start
 
 # method, alpha, radial distance / R, R_last / R_first - 1, energy, discrete constraint; None where it is round-off.
 TABLE = [
@@ -25,7 +25,7 @@ TABLE = [
 START = Start(
     (0.3, 0.0, 0.0, 0.0), (1.0, 0.5, 0.5 * math.cos(0.3), 0.5 * math.sin(0.3)), convention="discrete_constraint"
 )
-OBSERVED = Observation(observables=(DISK_ENERGY, *DISK_CONSTRAINTS))
+OBSERVED = (DISK_ENERGY, *DISK_CONSTRAINTS)
 
 
 @pytest.mark.slow

@@ -121,7 +121,6 @@ class Card:
     solves: tuple[tuple[str, ...], ...]
     watches: tuple[tuple[str, str, str], ...]
     observed: tuple[str, ...]
-    displacement: int
     forces: int
     lanes: int
 
@@ -203,7 +202,6 @@ def card_of(program: Program, lanes: int = 1) -> Card:
         solves=tuple(block.unknowns for block in program.blocks if isinstance(block, Solve)),
         watches=tuple((watch.kind, watch.quantity, watch.remedy) for watch in program.watches),
         observed=tuple(name for name, _ in program.observed),
-        displacement=len(program.displacement),
         forces=program.forces,
         lanes=lanes,
     )

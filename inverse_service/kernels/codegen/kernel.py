@@ -409,8 +409,6 @@ class Kernel:
             w.counter(name)
             w.write_counter(name, w.load_counter("control", place))
         w.counter("stage")
-        for name in self._sums():
-            w.slot(name)
         for place in range(len(self.program.observed)):
             w.slot(f"seen_{place}")
 
@@ -421,8 +419,6 @@ class Kernel:
         w.branch(left, "begin_step", "finish")
         w.open("begin_step")
         w.write_counter("stage", "0")
-        for name in self._sums():
-            w.write(name, w.number(0.0))
         w.label("next_stage")
         stage = w.read_counter("stage")
         with self.emitter.inner():
@@ -505,18 +501,10 @@ class Kernel:
             w.write(f"seen_{place}", value)
 
     def _update(self) -> None:
-        w, e = self.writer, self.emitter
         names = programs.changing(self.program)
-        moves = self.program.displacement
-        values = e.write([*(update for update in self.program.updates if update is not None), *moves])
-        for name, value in zip(names, values, strict=False):
+        values = self.emitter.write([update for update in self.program.updates if update is not None])
+        for name, value in zip(names, values, strict=True):
             self._add_compensated(name, self._alive(value))
-        for name, value in zip(self._sums(), values[len(names) :], strict=True):
-            w.write(name, w.binary("+", w.read(name), value))
-
-    def _sums(self) -> list[str]:
-        """What is added up over the substeps of a composition."""
-        return [f"moved_{k}" for k in range(len(self.program.displacement))]
 
     def _add_compensated(self, name: str, increment: str) -> None:
         """Kahan (1965): the low part is what the sum lost."""
@@ -555,8 +543,6 @@ class Kernel:
         row = w.read_counter("rows")
         first = w.multiply_counters(row, str(len(self.layout.columns)))
         values = [w.read(name) for name in programs.changing(self.program)]
-        moved = range(len(self.program.displacement))
-        values += [w.binary("/", w.read(f"moved_{k}"), self._whole_step) for k in moved]
         values += [w.read(f"seen_{k}") for k in range(len(self.program.observed))]
         for place, value in enumerate(values):
             w.store("record", w.add_counters(first, str(place)), value)

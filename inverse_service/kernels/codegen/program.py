@@ -72,7 +72,6 @@ def layout_of(program: Program) -> Layout:
     ]
     columns = (
         *changing(program),
-        *(f"velocity_{k}" for k in range(len(program.displacement))),
         *(f"observed_{k}" for k in range(len(program.observed))),
     )
     return Layout(tuple(persistent), program.arguments, columns)
@@ -141,9 +140,9 @@ def size_name(block: int, unknown: str) -> str:
 class Program:
     """`statements` compute the increments, `updates[k]` is the increment of `state[k]` (None: it never changes).
 
-    `arguments` are read-only and given at run time; "h" is the (sub)step. `displacement` are the position
-    increments where discrete velocities are recorded, `observed` formulas of old state and increments. `error` is the
-    squared norm of the error of a step that chooses its own length, which falls with its power `order`.
+    `arguments` are read-only and given at run time; "h" is the (sub)step. `observed` are formulas of old
+    state and increments. `error` is the squared norm of the error of a step that chooses its own length, which falls
+    with its power `order`.
     """
 
     state: tuple[str, ...]
@@ -151,7 +150,6 @@ class Program:
     statements: tuple[Statement, ...]
     updates: tuple[Formula | None, ...]
     watches: tuple[Watch, ...] = ()
-    displacement: tuple[Formula, ...] = ()
     observed: tuple[tuple[str, Formula], ...] = ()
     forces: int = 0
     error: Formula | None = None

@@ -202,7 +202,7 @@ def read_observables(
 
 def _columns(coordinates: Sequence[str]) -> frozenset[str]:
     """The names of the columns that a table may have besides the coordinates and the observables by formula."""
-    return TAKEN.union(f"{kind}_{name}" for kind in ("v", "p", "discrete_v") for name in coordinates)
+    return TAKEN.union(f"{kind}_{name}" for kind in ("v", "p") for name in coordinates)
 
 
 def read_events(
