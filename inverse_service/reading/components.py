@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 from inverse_service.errors import InputError
 from inverse_service.expressions.refusals import refusal
-from inverse_service.reading.tokens import Token, Tokens, TokenStream, closing, split_at_commas
+from inverse_service.reading.tokens import Token, Tokens, TokenStream, closing, split, split_at_commas
 
 MATRICES = ("matrix", "pmatrix", "bmatrix")
 ROW, CELL, BEGIN, END = "\\", "&", "begin matrix", "end matrix"
@@ -48,18 +48,14 @@ def holds_vector(text: str) -> bool:
 
 def _statements(pieces: Tokens) -> list[Tokens]:
     """The pieces between separators that stand in no bracket and no matrix."""
-    found: list[Tokens] = [[]]
-    depth = 0
     last = max((place for place, piece in enumerate(pieces) if piece.is_operator("=")), default=0)
-    for place, piece in enumerate(pieces):
-        depth += piece.is_operator("(", "[", "{") + piece.is_command(BEGIN)
-        depth -= piece.is_operator(")", "]", "}") + piece.is_command(END)
+    inside = list(itertools.accumulate(piece.is_command(BEGIN) - piece.is_command(END) for piece in pieces))
+
+    def ends(place: int, piece: Token) -> bool:
         listed = piece.is_operator(",") and place < last
-        if depth == 0 and (piece.is_command(ROW) or piece.is_operator(";") or listed):
-            found.append([])
-        else:
-            found[-1].append(piece)
-    return [statement for statement in found if statement]
+        return not inside[place] and (piece.is_command(ROW) or piece.is_operator(";") or listed)
+
+    return [statement for statement, _ in split(pieces, ends) if statement]
 
 
 def _name(pieces: Sequence[Token], place: int) -> tuple[str, int]:

@@ -18,7 +18,17 @@ from inverse_service.expressions import refusals
 from inverse_service.expressions import tree as ex
 from inverse_service.reading import notations, parser
 from inverse_service.reading.names import FUNCTIONS, MAY_BE_FUNCTIONS, Names, written_product
-from inverse_service.reading.tokens import COMPARED, TOTAL, Kind, Token, at, refuse_decimal_commas, tokenize
+from inverse_service.reading.tokens import (
+    COMPARED,
+    TOTAL,
+    Kind,
+    Token,
+    at,
+    outside,
+    refuse_decimal_commas,
+    split,
+    tokenize,
+)
 
 _GREEK_OF_MATHEMATICA = re.compile(r"\\\[(?:Curly)?(?:Capital)?([A-Z][a-z]+)\]")
 _TO = r"subject\s+to|s\.\s?t\."
@@ -103,8 +113,8 @@ def read_tokens(formula: str, names: Names | None = None) -> list[Token]:
     else:
         tokens = notations.in_our_words(_with_products(tokenize(formula, names.declared()), names), names)
     refuse_decimal_commas(tokens)
-    tokens = _without_names_of_forms(_with_forms(tokens, names), names) if names.forms else tokens
-    return _without_remarks(tokens, formula, names)
+    tokens = _without_remarks(_with_forms(tokens, names) if names.forms else tokens, formula, names)
+    return _without_names_of_forms(tokens, names) if names.forms else tokens
 
 
 _OF_A_FORM = "d"  # the text of the prime that stands for a differential
@@ -141,20 +151,14 @@ def _without_names_of_forms(tokens: list[Token], names: Names) -> list[Token]:
     A form is no number, so it can only be its own name that is equal to it.
     """
     found: list[Token] = []
-    groups = [[]] if not tokens else [[tokens[0]]]
-    for token in tokens[1:]:
-        if token.kind == "newline" or token.is_operator(";", ","):
-            groups.append([])
-        groups[-1].append(token)
-    for group in groups:
-        line = group[group[:1] != [] and (group[0].kind == "newline" or group[0].is_operator(";", ",")) :]
+    for line, end in split(tokens, lambda _, token: token.kind == "newline" or token.is_operator(";", ",")):
         named = len(line) > 2 and line[0].kind == "name" and line[1].is_operator("=")
         last = [token.text for token in line[-2:]] == ["=", "0"] and len(line) > 4
         form = any(token.text == _OF_A_FORM for token in line)
         if named and (last or form) and names.role(names.spelling(line[0].text)) != "coordinate":
             note(f"{line[0].text} =", LEFT_OUT)
-            group = group[: len(group) - len(line)] + line[2:]
-        found += group
+            line = line[2:]
+        found += [*line, *([end] if end else [])]
     return found
 
 
@@ -185,18 +189,15 @@ def _without_remarks(tokens: list[Token], formula: str, names: Names) -> list[To
     marks = {token.text for token in tokens}
     if not (marks & {*COMPARED, *_JOINS} or ("=" in marks and any(token.kind == "number" for token in tokens))):
         return tokens
-    groups: list[tuple[list[Token], Token | None]] = []  # with what ends each
-    current: list[Token] = []
-    depth = 0
-    for place, token in enumerate(tokens):
-        depth += token.is_operator("(", "[") - token.is_operator(")", "]")
-        joins = depth == 0 and token.kind == "name" and _joins(tokens, place, names)
-        if depth == 0 and (token.is_operator(";", ",") or token.kind == "newline" or joins):
-            groups.append((current, Token("operator", ";", token.column) if joins else token))
-            current = []
-        else:
-            current.append(token)
-    groups.append((current, None))
+
+    def ends(place: int, token: Token) -> bool:
+        joins = token.kind == "name" and _joins(tokens, place, names)
+        return joins or token.kind == "newline" or token.is_operator(";", ",")
+
+    groups = [
+        (group, Token("operator", ";", end.column) if end is not None and end.kind == "name" else end)
+        for group, end in split(tokens, ends)
+    ]
     equations = any(_has(group, "=") and not _is_initial(group) for group, _ in groups)
     found: list[Token] = []
     for place, (group, end) in enumerate(groups):
@@ -216,13 +217,9 @@ def _joins(tokens: Sequence[Token], place: int, names: Names) -> bool:
     wanted = _JOINS.get(tokens[place].text, ())
     if not wanted or names.role(tokens[place].text):
         return False
-    depth = 0
-    for token in tokens[place + 1 :]:
-        depth += token.is_operator("(", "[") - token.is_operator(")", "]")
-        if depth == 0 and token.is_operator(*wanted):
-            return True
-        if depth == 0 and (token.is_operator(";", ",") or token.text in _BRANCHES):
-            return False
+    for _, token in outside(tokens[place + 1 :]):
+        if token.is_operator(*wanted, ";", ",") or token.text in _BRANCHES:
+            return token.is_operator(*wanted)
     return False
 
 
@@ -230,12 +227,7 @@ _BRANCHES = ("else", "then", "otherwise")
 
 
 def _has(group: Sequence[Token], *signs: str) -> bool:
-    depth = 0
-    for token in group:
-        depth += token.is_operator("(", "[") - token.is_operator(")", "]")
-        if depth == 0 and token.is_operator(*signs):
-            return True
-    return False
+    return any(token.is_operator(*signs) for _, token in outside(group))
 
 
 def _is_condition(group: Sequence[Token]) -> bool:
@@ -329,19 +321,14 @@ def split_equations(formula: str, names: Names) -> list[EquationTokens]:
     """
     tokens = read_tokens(formula, names)
     _refuse_bullets(tokens)
-    groups: list[EquationTokens] = []
-    commas: list[Token] = []
-    current: list[Token] = []
-    open_brackets = 0
-    for place, token in enumerate(tokens):
-        open_brackets += token.is_operator("(", "[") - token.is_operator(")", "]")
-        if _separates(tokens, place, current, open_brackets):
-            groups.append(EquationTokens(tuple(current), token.column))
-            commas += [token] * token.is_operator(",")
-            current = []
-        elif token.kind != "newline":
-            current.append(token)
-    groups.append(EquationTokens(tuple(current), len(formula) + 1))
+    parts = split(tokens, lambda place, token: _separates(tokens, place))
+    commas = [end for _, end in parts if end is not None and end.is_operator(",")]
+    groups = [
+        EquationTokens(
+            tuple(token for token in part if token.kind != "newline"), end.column if end else len(formula) + 1
+        )
+        for part, end in parts
+    ]
     found = [group for group in groups if group.tokens]
     if commas and len({any(token.is_operator("=") for token in group.tokens) for group in found}) > 1:
         raise refusals.refusal(
@@ -352,13 +339,7 @@ def split_equations(formula: str, names: Names) -> list[EquationTokens]:
 
 def _refuse_bullets(tokens: Sequence[Token]) -> None:
     """InputError for lines that all begin with "- ", which is a bullet to most; -x'' = x in one line is none."""
-    lines: list[list[Token]] = [[]]
-    for token in tokens:
-        if token.kind == "newline":
-            lines.append([])
-        else:
-            lines[-1].append(token)
-    full = [line for line in lines if line]
+    full = [line for line, _ in split(tokens, lambda _, token: token.kind == "newline") if line]
     listed = (line[0].is_operator("-") and line[1:] and line[1].space_before for line in full)
     if len(full) > 1 and all(listed) and all(any(token.is_operator("=") for token in line) for line in full):
         raise refusals.refusal(
@@ -366,18 +347,16 @@ def _refuse_bullets(tokens: Sequence[Token]) -> None:
         )
 
 
-def _separates(tokens: Sequence[Token], place: int, current: list[Token], open_brackets: int) -> bool:
+def _separates(tokens: Sequence[Token], place: int) -> bool:
+    """Whether an equation ends at a token outside brackets."""
     token = tokens[place]
-    if token.is_operator(";"):
-        return True
-    if token.is_operator(","):
-        return open_brackets <= 0
-    return token.kind == "newline" and open_brackets <= 0 and not _continues(tokens, place, current)
+    return token.is_operator(";", ",") or (token.kind == "newline" and not _continues(tokens, place))
 
 
-def _continues(tokens: Sequence[Token], place: int, current: list[Token]) -> bool:
+def _continues(tokens: Sequence[Token], place: int) -> bool:
     """Whether the equation goes on after a line end: an operator before or after it asks for more."""
-    if not current or current[-1].is_operator(*_EXPECTS_MORE):
+    before = next((token for token in reversed(tokens[:place]) if token.kind != "newline"), None)
+    if before is None or before.is_operator(*_EXPECTS_MORE, ";"):
         return True
     following = next((token for token in tokens[place:] if token.kind != "newline"), None)
     if following is None or following.is_operator(*_GOES_ON):

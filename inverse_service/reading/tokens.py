@@ -86,17 +86,29 @@ def closing(tokens: Sequence[Token], opening: int) -> int:
     return len(tokens)
 
 
+def outside(tokens: Sequence[Token]) -> Iterator[tuple[int, Token]]:
+    """The tokens that stand in no bracket, with their places; the brackets themselves are left out."""
+    depth = 0
+    for place, token in enumerate(tokens):
+        depth -= token.is_operator(")", "]", "}")
+        if depth <= 0 and not token.is_operator("(", "[", "{"):
+            yield place, token
+        depth += token.is_operator("(", "[", "{")
+
+
+def split(tokens: Sequence[Token], ends: Callable[[int, Token], bool]) -> list[tuple[Tokens, Token | None]]:
+    """The parts between separators that stand in no bracket, each with the separator that ends it."""
+    places = [place for place, token in outside(tokens) if ends(place, token)]
+    starts = [0, *(place + 1 for place in places)]
+    return [
+        (list(tokens[start:end]), tokens[end] if end < len(tokens) else None)
+        for start, end in zip(starts, [*places, len(tokens)], strict=True)
+    ]
+
+
 def split_at_commas(tokens: Sequence[Token]) -> list[Tokens]:
     """The parts between commas that stand in no bracket."""
-    parts: list[Tokens] = [[]]
-    depth = 0
-    for token in tokens:
-        depth += token.is_operator("(") - token.is_operator(")")
-        if depth == 0 and token.is_operator(","):
-            parts.append([])
-        else:
-            parts[-1].append(token)
-    return parts
+    return [part for part, _ in split(tokens, lambda _, token: token.is_operator(","))]
 
 
 def refuse_decimal_commas(tokens: Sequence[Token]) -> None:
