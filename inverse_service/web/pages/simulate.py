@@ -30,6 +30,10 @@ CONSTRAINED = ("name", "coordinates", "lagrangian", "constraints", "parameters",
 FIRST_SYSTEM = "vertically-rolling-disk"
 WITHOUT_LAGRANGIAN = ("runge-kutta", "reference")
 LONGEST_TITLE = 60
+# What a price is compared with, besides the methods that are ticked.
+COMPARED: tuple[dict[str, Any], ...] = (
+    {"method": "adaptive"}, {"method": "runge-kutta"}, {"method": "runge-kutta", "order": 8}, {"method": "reference"},
+)  # fmt: skip
 CALLS = {"simulate": "/v1/simulate", "work-precision": "/v1/work-precision"}
 
 
@@ -57,6 +61,8 @@ async def run(request: Request) -> Response:
     except errors.InputError as error:
         return simulate_page(filled, forms.problem_of_error(error, {}), 422)
     kind = "work-precision" if sent.text("kind") == "work-precision" else "simulate"
+    if kind == "work-precision":
+        scene["methods"] += [one for one in COMPARED if one not in scene["methods"]]
     answer = await results.call(request, "POST", CALLS[kind], scene, {"Prefer": "respond-async"})
     if answer.is_problem:
         return simulate_page(filled, forms.problem_of(answer.value, {}), answer.status)

@@ -327,6 +327,8 @@ def test_error_is_measured_against_time(browser: Browser, patient: str) -> None:
     told = page.locator("[data-told]")
     expect(told).to_contain_text("error about", timeout=60_000)
     assert page.locator("table.prices .best").count() >= 4
+    for name in ("Variational", "Adaptive", "Runge\u2013Kutta 8"):  # ticked, or compared with
+        expect(page.locator(".pick")).to_contain_text(name)
     picture, table = (page.locator(place).first.bounding_box() for place in (".prices-plot", "table.prices"))
     assert picture is not None
     assert table is not None
