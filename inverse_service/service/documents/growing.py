@@ -37,8 +37,8 @@ _STAGES: Final = {
     "ansatz": "lagrangian", "method": "lagrangian", "any": "any_associated",
     "first integrals": "first_integrals",
 }  # fmt: skip
-# What ends sooner is not handed over in parts, s.
-AT_ONCE = 0.05
+# What is finished sooner after a message waits for the next part to begin: to make a result so far takes some ms, s.
+AT_ONCE = 0.1
 _TO_COME = "It is being worked on."
 _MORE: Final = {
     "existence": "A longer time limit lets the decision go on.",
@@ -54,7 +54,8 @@ class Growing:
 
     def __init__(self, tell: Tell | None, outward: Callable[[Any], Any] = lambda value: value) -> None:
         self._tell, self._outward = tell, outward
-        self._began = self._since = time.monotonic()
+        self._told = self._since = time.monotonic()
+        self._waiting: Callable[[], Mapping[str, Any]] | None = None
         self._part, self._seconds = "understood", dict[str, float]()
         self._known: dict[str, Any] = {}
         self._untold: list[str] = []
@@ -66,13 +67,16 @@ class Growing:
         """A stage begins."""
         head, _, rest = text.partition(": ")
         part = _STAGES.get(head) or _STAGES.get(rest.partition(": ")[0])
-        if part is not None:
-            self.begin(part)
+        self.begin(part or self._part)
         if self._tell is not None:
             self._tell(text)
 
     def begin(self, part: str) -> None:
         """The time from now on is that of this part."""
+        self._send_waiting()
+        self._count_from_now(part)
+
+    def _count_from_now(self, part: str) -> None:
         moment = time.monotonic()
         self._seconds[self._part] = self._seconds.get(self._part, 0.0) + moment - self._since
         self._part, self._since = part, moment
@@ -83,16 +87,22 @@ class Growing:
         new = [part for part in parts if part not in self.finished]
         self.finished += new
         self._untold += new
-        if self._tell is None or time.monotonic() - self._began < AT_ONCE:
+        if self._tell is not None:
+            self._waiting = make
+            self._send_waiting()
+
+    def _send_waiting(self) -> None:
+        if self._waiting is None or time.monotonic() - self._told < AT_ONCE:
             return
-        part = self._part
-        self.begin("certificate")
+        make, self._waiting, part = self._waiting, None, self._part
+        self._count_from_now("certificate")
         self._send(dict(make()))
-        self.begin(part)
+        self._count_from_now(part)
+        self._told = time.monotonic()
 
     def end(self, result: dict[str, Any]) -> dict[str, Any]:
         """The whole result: with the seconds of its parts, and those for which the time was over."""
-        self.begin(self._part)
+        self._count_from_now(self._part)
         result["provenance"] = result["provenance"] | {"seconds": self.seconds}
         result["incomplete"] = [entry(part, reason) for part, reason in self.cut.items()]
         self._untold = [part for part in self.wanted if part not in (*self.cut, *self.finished)] + self._untold
