@@ -50,3 +50,10 @@ def test_the_knife_edge_in_a_central_spring_has_a_lagrangian_in_closed_form() ->
     answer = inverse_service.solve(document, time_limit=20)["any_associated"]
     assert (answer["verdict"], answer["checked"]) == ("variational", "valid")
     assert len(answer["lagrangian"]["text"]) < 200
+
+
+def test_other_equations_than_those_of_the_document_are_refused() -> None:
+    forged = copy.deepcopy(dict(solved(1)))
+    forged["system"]["equations"]["x1"] += " + 1"
+    found = inverse_service.check(forged)
+    assert "/system/equations" in [one["field"] for one in found["contradictions"]]

@@ -457,7 +457,8 @@ class Examination:
                 self.unsettled(found.reasons[0])
             else:
                 self.reasons.extend(found.reasons)
-                self.claim("/system/equations", "/system/coordinates", "/system/parameters", "/system/functions")
+                if not moving:  # a motion on constraints is not the associated system that is shown
+                    self.claim(*(f"/system/{name}" for name in _system({})))
 
     def kinds(self, plain: Any, own: dict[str, Any], moving: bool) -> None:
         """Answers about kinds of Lagrangians, each of which is a kind of the document."""
@@ -541,13 +542,11 @@ class Examination:
         if verdict == "undetermined" and not part.get("certificate") and not part.get("equations"):
             self.claim(f"{at}/{key}", f"{at}/factor")  # nothing was found
             return
-        equations = None if system is None else translate.equation_fields(system)["equations"]
-        if system is None or part.get("equations") != equations:
+        own = None if system is None else _fields_of(system)
+        if system is None or own is None or part.get("equations") != own["equations"]:
             self.contradict(at, verdict, "It is not about the system that follows from the document's.")
             return
         self.claim(*(f"{at}/{name}" for name in compared))
-        own = {"coordinates": list(system.coordinates), "parameters": list(system.parameters), "equations": equations,
-               "functions": translate.function_fields(system)}  # fmt: skip
         certificate, questions = _object(part.get("certificate")), derived.questions_of(part, system)
         if system.positive and not derived.is_inside(system, certificate.get("near") or {}):
             self.contradict(f"{at}/certificate/near", "", "It is about another case of signs.")
@@ -630,6 +629,18 @@ class Examination:
         """The associated system of the main fields is the one that the document names; the image of D is that of D."""
         result = self.result
         asked = plain.get("associated") if isinstance(plain, dict) else None
+        if self.has_document and (is_motion(plain) or asked == "any"):
+            from inverse_service.service.documents.documents import use_cases
+
+            cases = use_cases(plain)
+            made = _fields_of(cases.system(cases.look(plain)))
+            for name in ("coordinates", "parameters", "functions"):
+                self.agree(
+                    f"/system/{name}", own[name] == made[name], str(own[name]), f"The document has {made[name]}."
+                )
+            same = comparison.same_formulas(own["equations"], made["equations"], canonical.names_of(own))
+            if same is not None:
+                self.agree("/system/equations", same, "", "They are not those of the document.")
         if asked in ("first", "second", "third") and "multiples" not in plain:
             from inverse_service.service.documents.nonholonomic_documents import (
                 parse_associated,
@@ -715,6 +726,12 @@ def _system(holder: Mapping[str, Any]) -> dict[str, Any]:
     system = _object(holder.get("system"))
     empty: dict[str, Any] = {"coordinates": [], "equations": {}, "parameters": [], "functions": {}}
     return {key: system.get(key) or other for key, other in empty.items()}
+
+
+def _fields_of(system: SecondOrderSystem) -> dict[str, Any]:
+    """The same of a system."""
+    return {"coordinates": list(system.coordinates), "equations": translate.equation_fields(system)["equations"],
+            "parameters": list(system.parameters), "functions": translate.function_fields(system)}  # fmt: skip
 
 
 def _object(value: Any) -> dict[str, Any]:
