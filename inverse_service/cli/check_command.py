@@ -263,7 +263,10 @@ def batch(
     except KeyboardInterrupt:
         print(f"{_how_far(summary, total)}; the same command goes on where it was.", file=sys.stderr)
         return cli.ExitCode.INTERRUPTED
-    _show(summary, plan, time.monotonic() - began)
+    sentences = summary_sentences(summary, time.monotonic() - began)
+    if summary.replaced:
+        sentences.append(f"Answers that were replaced are in {batches.replaced_path(output)}.")
+    print("\n".join(sentences), file=sys.stderr)
     code = cli.ExitCode.FAULT if summary.labels["fault"] else cli.ExitCode(min(1, summary.labels["error"]))
     if expect is None and junit is None:
         return code
@@ -299,23 +302,6 @@ def summary_sentences(summary: batches.Summary, seconds: float) -> list[str]:
         if label in summary.first:
             sentences.append(f"The first {NAMES.get(label, (label,))[0]}: {summary.first[label]}")
     return sentences
-
-
-def _show(summary: batches.Summary, plan: batches.BatchPlan, seconds: float) -> None:
-    """A table on a terminal, sentences elsewhere."""
-    sentences = summary_sentences(summary, seconds)
-    if sys.stderr.isatty():
-        from rich.console import Console
-        from rich.table import Table
-
-        table = Table("lines", "", title="Batch", caption=f"{seconds:.1f} s")
-        for name, count in rows_of(summary):
-            table.add_row(name, str(count))
-        Console(stderr=True).print(table)
-        sentences = sentences[1:]
-    if summary.replaced:
-        sentences.append(f"Answers that were replaced are in {batches.replaced_path(plan.output)}.")
-    print("\n".join(sentences), file=sys.stderr)
 
 
 def _how_far(summary: batches.Summary, total: int | None) -> str:

@@ -61,7 +61,7 @@ class Engine:
         self.started = time.time()
         self.counters = Counters()
         self.known = KnownAnswers()
-        self._working: workers.Executor = _executor(settings)
+        self._working = opening.executor(settings.cluster, settings.workers, settings.memory_limit)
         self._quick = workers.Workers(clients.QUICK_PROCESSES, settings.memory_limit, clients.QUICK_SHARE)
         self._threads = ThreadPoolExecutor(STORE_THREADS, thread_name_prefix="store")
         self._cleaner: Cleaner | None = None
@@ -370,12 +370,3 @@ class Engine:
             await asyncio.sleep(LAG_EVERY)
             late = max(0.0, time.monotonic() - began - LAG_EVERY)
             self.counters.observe("inverse_service_loop_lag_seconds", "How late the event loop was.", late)
-
-
-def _executor(settings: Settings) -> workers.Executor:
-    """The pool of this machine, or a cluster where the settings name one."""
-    if settings.cluster is None:
-        return workers.Workers(settings.workers, settings.memory_limit)
-    from inverse_service.service.jobs.opening import open_cluster
-
-    return open_cluster(settings.cluster, settings.memory_limit)

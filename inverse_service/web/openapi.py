@@ -48,6 +48,7 @@ def body_of(*schemas: str, others: dict[str, Any] | None = None) -> dict[str, An
 SOLVED = answers_of("NonholonomicResult", "ResultDocument", "ForwardResult")
 PARSED = answers_of("ForwardParseAnswer", "NonholonomicParseAnswer", "ParseAnswer")
 KEY_AND_RATE = refusals(401, 429, 503)
+UNKNOWN = refusals(404) | KEY_AND_RATE
 BAD_BODY = refusals(400, 413, 415, 422, 500) | KEY_AND_RATE | refusals(410)
 SYSTEM_BODY = body_of("SystemDocument", "NonholonomicDocument", "LagrangianDocument")
 JOB_HEADERS = {

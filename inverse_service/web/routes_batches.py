@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import time
 from collections.abc import AsyncIterator
-from dataclasses import replace
 from typing import Any, Literal
 
 from fastapi import APIRouter, Depends
@@ -15,10 +14,9 @@ from starlette.responses import JSONResponse, Response, StreamingResponse
 from api_schemas.job import Batch as BatchDocument
 from inverse_service.errors import InputError
 from inverse_service.service.jobs import model, statements
-from inverse_service.service.jobs.batch import BatchTerms
-from inverse_service.service.jobs.tasks import batch_task
+from inverse_service.service.jobs.tasks import Terms, batch_task
 from inverse_service.web import asking, clients, job_answers, openapi
-from inverse_service.web.engine import LONG_DEADLINE, Engine
+from inverse_service.web.engine import KEEP_ALIVE, LONG_DEADLINE, Engine
 from inverse_service.web.journal import StreamCut
 from inverse_service.web.problems import Refusal
 from inverse_service.web.routes_jobs import engine_of
@@ -26,7 +24,6 @@ from inverse_service.web.routes_jobs import engine_of
 router = APIRouter(dependencies=[Depends(clients.require_client)])
 NDJSON = "application/x-ndjson"
 NDJSON_TYPES = frozenset({NDJSON, "application/ndjson", "application/jsonl", "application/x-jsonlines"})
-KEEP_ALIVE = 10.0
 KindName = Literal["solve", "check", "simulate", "work-precision"]
 # A stream that wakes for every job would read the store more than it writes answers.
 LINES = {"type": "array", "items": {"type": "object", "description": "The answer of a line, with its `id`."}}
@@ -69,8 +66,8 @@ async def create(request: Request, kind: KindName = "solve") -> Response:
     if media_type not in NDJSON_TYPES and not asking.is_json(media_type):
         raise Refusal(415, "content-type", f"Send 'Content-Type: {NDJSON}' or 'Content-Type: application/json'.")
     server, client, key = engine.server_options, clients.client_of(request), asking.batch_key_of(request)
-    options = replace(server, time_limit=asking.time_limit_of(request, server) or server.time_limit)
-    terms = BatchTerms(kind, options, server, client, engine.settings.max_lines, asking.wants_fresh(request))
+    limit, fresh = asking.time_limit_of(request, server), asking.wants_fresh(request)
+    terms = Terms(kind, server, limit, client, fresh, engine.settings.max_lines)
     try:
         async with asking.body_of(request, asking.FACTORS["batch"] * engine.settings.max_body) as body:
             form = (body, asking.is_json(media_type), terms)
@@ -87,17 +84,13 @@ async def create(request: Request, kind: KindName = "solve") -> Response:
     return JSONResponse(job_answers.batch_fields(stored), 202, headers)
 
 
-@router.get(
-    "/v1/batches/{id}", response_model=BatchDocument, responses={**openapi.refusals(404), **openapi.KEY_AND_RATE}
-)
+@router.get("/v1/batches/{id}", response_model=BatchDocument, responses={**openapi.UNKNOWN})
 async def batch(request: Request, id: str) -> Response:
     """A batch with the number of its lines in each status."""
     return JSONResponse(job_answers.batch_fields(await _known(request, id)))
 
 
-@router.delete(
-    "/v1/batches/{id}", response_model=BatchDocument, responses={**openapi.refusals(404), **openapi.KEY_AND_RATE}
-)
+@router.delete("/v1/batches/{id}", response_model=BatchDocument, responses={**openapi.UNKNOWN})
 async def dismiss(request: Request, id: str) -> Response:
     """Cancel the lines that are still open in a batch; work that nobody else waits for stops."""
     await engine_of(request).dismiss_batch(id, clients.viewer_of(request))
@@ -109,8 +102,7 @@ async def dismiss(request: Request, id: str) -> Response:
     response_class=StreamingResponse,
     responses={
         200: {"content": {NDJSON: {"schema": {"type": "string"}}, "application/json": {"schema": LINES}}},
-        **openapi.refusals(404),
-        **openapi.KEY_AND_RATE,
+        **openapi.UNKNOWN,
     },
 )
 async def results(request: Request, id: str) -> Response:

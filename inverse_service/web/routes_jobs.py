@@ -50,7 +50,7 @@ async def ask(request: Request, kind: str) -> Response:
     engine = engine_of(request)
     preference = asking.preference_of(request)
     client, server, viewer = clients.client_of(request), engine.server_options, clients.viewer_of(request)
-    terms = tasks.AskingTerms(kind, server, asking.time_limit_of(request, server), client, asking.wants_fresh(request))
+    terms = tasks.Terms(kind, server, asking.time_limit_of(request, server), client, asking.wants_fresh(request))
     media_type, whose = job_answers.media_type_of(request) or "", "" if viewer.sees_all else viewer.name
     async with asking.json_body_of(request, asking.FACTORS[kind] * engine.settings.max_body) as body:
         key = digest(kind, whose, media_type, str(terms.time_limit), body)
@@ -96,8 +96,7 @@ async def list_jobs(
         200: {"model": JobDocument, "headers": {"ETag": {"schema": {"type": "string"}}}},
         202: {"model": JobDocument},
         304: {"description": "The caller has this answer already."},
-        **openapi.refusals(404),
-        **openapi.KEY_AND_RATE,
+        **openapi.UNKNOWN,
     },
 )
 async def job(request: Request, id: str) -> Response:
@@ -106,9 +105,7 @@ async def job(request: Request, id: str) -> Response:
     return await job_answers.job_response(request, _known(await engine.job(id, clients.viewer_of(request))), engine)
 
 
-@router.delete(
-    "/v1/jobs/{id}", responses={200: {"model": JobDocument}, **openapi.refusals(404), **openapi.KEY_AND_RATE}
-)
+@router.delete("/v1/jobs/{id}", responses={200: {"model": JobDocument}, **openapi.UNKNOWN})
 async def dismiss(request: Request, id: str) -> Response:
     """Cancel a job that is open; one that is done stays as it is, with its result.
 
@@ -124,8 +121,7 @@ async def dismiss(request: Request, id: str) -> Response:
     response_class=StreamingResponse,
     responses={
         200: {"content": {"text/event-stream": {"schema": {"type": "string"}}}},
-        **openapi.refusals(404),
-        **openapi.KEY_AND_RATE,
+        **openapi.UNKNOWN,
     },
 )
 async def events(request: Request, id: str) -> Response:

@@ -33,7 +33,7 @@ from typing import IO, Any
 from inverse_service.errors import InputError, LimitError
 from inverse_service.service.documents import answers
 from inverse_service.service.documents.plain_data import read_json
-from inverse_service.service.jobs import locks, model, statements, tasks, workers
+from inverse_service.service.jobs import locks, model, opening, statements, tasks, workers
 from inverse_service.service.jobs.sqlite_store import SqliteStore
 from inverse_service.service.jobs.supervisor import Supervisor
 
@@ -151,18 +151,6 @@ def _bounded_lines(stream: IO[bytes]) -> Iterator[bytes | None]:
         raise InputError(f"The input cannot be read to its end: {reason.lower()}.") from None
 
 
-@dataclass(frozen=True, slots=True)
-class BatchTerms:
-    """What holds for all lines: kind, options of a line that has none, who asks, how many there may be."""
-
-    kind: str
-    options: model.JobOptions
-    server: model.JobOptions
-    client: str
-    most: int
-    fresh: bool
-
-
 def lines_of_array(values: Any) -> Iterator[Line]:
     """Every element of a JSON array, numbered from 1. Raises InputError where it is no array."""
     if not isinstance(values, list):
@@ -171,7 +159,7 @@ def lines_of_array(values: Any) -> Iterator[Line]:
     return (marked(line_of(number, value), first_with) for number, value in enumerate(values, 1))
 
 
-def batch_lines(lines: Iterable[Line], terms: BatchTerms) -> list[statements.BatchLine]:
+def batch_lines(lines: Iterable[Line], terms: tasks.Terms) -> list[statements.BatchLine]:
     """The lines as the store takes them. Raises LimitError for too many, InputError for none."""
     found: list[statements.BatchLine] = []
     for line in lines:
@@ -183,14 +171,15 @@ def batch_lines(lines: Iterable[Line], terms: BatchTerms) -> list[statements.Bat
     return found
 
 
-def batch_line(line: Line, terms: BatchTerms) -> statements.BatchLine:
+def batch_line(line: Line, terms: tasks.Terms) -> statements.BatchLine:
     """A line as its question, or as the problem document of one that is none."""
     identifier = json.dumps(line.identifier)
     try:
         if line.fault is not None:
             raise line.fault
         document, given = model.split_options(line.document)
-        options = terms.options if given is None else model.read_options(given, terms.server)
+        limit = (terms.time_limit if given is None else None) or terms.server.time_limit
+        options = model.read_options(given, replace(terms.server, time_limit=limit))
         request = tasks.request_of(terms.kind, document, options, terms.client, model.BULK, terms.fresh)
     except InputError as error:
         return statements.BatchLine(line.number, identifier, problem=answers.as_bytes(answers.of_input_error(error)))
@@ -514,7 +503,7 @@ class BatchEngine:
         self, store: SqliteStore, options: model.JobOptions, executor: workers.Executor, kind: str = "solve"
     ) -> None:
         self._store, self._executor = store, executor
-        self._terms = BatchTerms(kind, options, options, "", model.NO_BOUND, False)
+        self._terms = tasks.Terms(kind, options)
         self._changed: queue.SimpleQueue[str] = queue.SimpleQueue()
         self._open: dict[str, list[Line]] = {}
         self.duplicates = 0
@@ -558,7 +547,7 @@ def _engine(plan: BatchPlan) -> Iterator[BatchEngine]:
     """A store, a supervisor and its processes for the time of one run."""
     with locks.temporary_folder() as folder:
         store = SqliteStore(folder / locks.DATABASE, durable=False)
-        working = _executor(plan)
+        working = opening.executor(plan.cluster, plan.workers, plan.options.memory_limit)
         try:
             working.start()
             supervisor = Supervisor(store, working)
@@ -571,14 +560,6 @@ def _engine(plan: BatchPlan) -> Iterator[BatchEngine]:
         finally:
             working.stop()
             store.close()
-
-
-def _executor(plan: BatchPlan) -> workers.Executor:
-    if plan.cluster is None:
-        return workers.Workers(plan.workers, plan.options.memory_limit)
-    from inverse_service.service.jobs.opening import open_cluster
-
-    return open_cluster(plan.cluster, plan.options.memory_limit)
 
 
 def _answer(line: Line, job: model.Job) -> bytes:

@@ -16,7 +16,7 @@ from inverse_service import errors
 from inverse_service.service.jobs import locks, sqlite_store
 from inverse_service.service.jobs.model import DatabaseTaken, WrongVersion
 from inverse_service.service.jobs.store import JobStore
-from inverse_service.service.jobs.workers import Executor
+from inverse_service.service.jobs.workers import Executor, Workers
 
 log = logging.getLogger(__name__)
 POSTGRES = ("postgresql://", "postgres://")
@@ -107,32 +107,28 @@ def stored_answer(address: str, id: str) -> tuple[str, bytes]:
 
     For worker processes, so that large answers do not pass through the service.
     """
-    row = _postgres_row(address, id) if address.startswith(POSTGRES) else _sqlite_row(address, id)
+    is_postgres = address.startswith(POSTGRES)
+    module: Any = importlib.import_module(POSTGRES_MODULE) if is_postgres else sqlite_store
+    with contextlib.closing(module.connect(address)) as connection:
+        row = connection.execute(ANSWER.format("%s" if is_postgres else "?"), (id,)).fetchone()
     if row is None:
         raise KeyError(id)
-    return row[0], bytes(row[1])
-
-
-def _sqlite_row(path: str, id: str) -> Any:
-    with contextlib.closing(sqlite_store.connect(path, read_only=True)) as connection:
-        return connection.execute(ANSWER.format("?"), (id,)).fetchone()
-
-
-def _postgres_row(address: str, id: str) -> Any:
-    module = importlib.import_module(POSTGRES_MODULE)
-    with contextlib.closing(module.connect(address)) as connection:
-        row = connection.execute(ANSWER.format("%s"), (id,)).fetchone()
-    return None if row is None else (row["document"], row["body"])
+    return row["document"], bytes(row["body"])
 
 
 SCHEMES = ("tcp://", "tls://", "ucx://", "ws://", "wss://")
 
 
-def open_cluster(address: str, memory_limit: int) -> Executor:
-    """The executor, which connects when it is started; `memory_limit` is in MiB a process.
+def executor(cluster: str | None, count: int, memory_limit: int) -> Executor:
+    """A pool of so many processes, or a cluster at an address, which connects when it is started; MiB a process.
 
     Raises InputError: the address is none, or the extra `dask` is not installed.
     """
+    return Workers(count, memory_limit) if cluster is None else open_cluster(cluster, memory_limit)
+
+
+def open_cluster(address: str, memory_limit: int) -> Executor:
+    """The executor on a cluster."""
     if not address.startswith(SCHEMES):
         raise errors.InputError("The address of a cluster must be that of a Dask scheduler, such as tcp://host:8786.")
     if find_spec("distributed") is None:

@@ -8,6 +8,7 @@ First the progress of running jobs; at the end what becomes of a job when its ta
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import json
 import logging
@@ -344,15 +345,8 @@ class Supervisor:
         if is_known or not is_undetermined(job, outcome) or self._stopping.is_set():
             self._ended.put((job, outcome))
             return
-        call = Call(
-            tasks.understand_job_task,
-            (job.document,),
-            answers.UNDERSTAND_DEADLINE,
-            None,
-            False,
-            workers.FIRST,
-            job.client,
-        )
+        deadline = answers.UNDERSTAND_DEADLINE
+        call = Call(tasks.understand_job_task, (job.document,), deadline, priority=workers.FIRST, client=job.client)
         self._run(job, call, lambda job, found: self._ended.put((job, answers.with_understood(outcome, found))))
 
     def _try_short(self, quick: workers.Executor) -> None:
@@ -389,7 +383,8 @@ class Supervisor:
                 self._insist(job, outcome)
             except Exception:  # the thread must live
                 log.exception("an answer could not be stored", extra={"job": job.id})
-                self._fail(job)
+                with contextlib.suppress(Exception):  # claimed again after a restart; nobody else would end this job
+                    fail(self._store, job, "The answer was computed and could not be stored.")
             finally:
                 with self._lock:
                     self._running.pop((job.id, job.attempt), None)
@@ -408,13 +403,6 @@ class Supervisor:
                 told = True
             if self._stopping.wait(POLL):
                 return None
-
-    def _fail(self, job: model.Job) -> None:
-        """The answer is lost by a fault of ours: say so, for nobody would ever end this job."""
-        try:
-            fail(self._store, job, "The answer was computed and could not be stored.")
-        except Exception:  # claimed again after a restart
-            log.exception("a fault could not be stored", extra={"job": job.id})
 
     def _finish(self, job: model.Job, outcome: Outcome) -> None:
         events = self.events.pending(job.id)

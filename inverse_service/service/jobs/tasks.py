@@ -18,7 +18,6 @@ from inverse_service.service.documents import plain_data
 from inverse_service.service.jobs import model
 
 if TYPE_CHECKING:
-    from inverse_service.service.jobs.batch import BatchTerms
     from inverse_service.service.jobs.statements import BatchLine
 
 # What a command loads only for the questions that need it, and a worker before its first.
@@ -109,22 +108,25 @@ NO_RESULT = "The body is not a result: send the JSON object that /v1/solve answe
 
 
 @dataclass(frozen=True, slots=True)
-class AskingTerms:
-    """What a request says besides its body: the kind, the server's options, a time limit of its own, who asks."""
+class Terms:
+    """What a call says besides its documents: the kind, the server's options, a time limit of its own, who asks.
+
+    `most`: how many lines a batch may have.
+    """
 
     kind: str
     server: model.JobOptions
-    time_limit: float | None
-    client: str
-    fresh: bool
+    time_limit: float | None = None
+    client: str = ""
+    fresh: bool = False
+    most: int = model.NO_BOUND
 
 
-def ask_task(body: bytes, terms: AskingTerms) -> model.JobRequest:
-    """A question to its JobRequest."""
+def ask_task(body: bytes, terms: Terms) -> model.JobRequest:
+    """A question to its JobRequest; the time limit of the call goes before that of the document."""
     document, given = model.split_options(_read(body))
     options = model.read_options(given, terms.server)
-    if terms.time_limit is not None:
-        options = replace(options, time_limit=terms.time_limit)
+    options = replace(options, time_limit=terms.time_limit or options.time_limit)
     return request_of(terms.kind, document, options, terms.client, fresh=terms.fresh)
 
 
@@ -143,7 +145,7 @@ def check_body_task(body: bytes) -> dict[str, Any]:
     return check_task(plain_data.decode(body))
 
 
-def batch_task(body: bytes, is_array: bool, terms: BatchTerms) -> list[BatchLine]:
+def batch_task(body: bytes, is_array: bool, terms: Terms) -> list[BatchLine]:
     """A batch to its lines."""
     from inverse_service.service.jobs import batch
 
@@ -188,41 +190,6 @@ class Kind:
     limit_is_answer: bool = False
 
 
-def _solve(document: Any, options: model.JobOptions, report: Report) -> Any:
-    return solve_task(document, solve_options(options), report)
-
-
-def _check(document: Any, options: model.JobOptions, report: Report) -> Any:
-    return check_task(model.write_json(document))
-
-
-def _simulate(document: Any, options: model.JobOptions, report: Report) -> Any:
-    from inverse_service.service.scenes.simulating import simulate
-
-    return simulate(document, report, options.time_limit)
-
-
-def _work_precision(document: Any, options: model.JobOptions, report: Report) -> Any:
-    return work_precision_task(document, options.time_limit, report)
-
-
-def _look_at_scene(document: Any) -> None:
-    from inverse_service.service.scenes.scene_reading import scene_schema
-
-    scene_schema(document)
-
-
-def _look_at_system(document: Any) -> None:
-    from inverse_service.service.documents.documents import look
-
-    look(document)
-
-
-def _look_at_object(document: Any) -> None:
-    if not isinstance(document, dict):
-        raise errors.InputError("The document must be a JSON object.")
-
-
 def solve_options(options: model.JobOptions) -> SolveOptions:
     """The solver's view of the options of a job."""
     return SolveOptions(seed=options.seed, time_limit=options.time_limit)
@@ -234,11 +201,26 @@ def label_of(result: Any) -> str:
     return verdict if isinstance(verdict, str) else "done"
 
 
+def _looked_at(value: Any) -> None:
+    if not isinstance(value, dict):
+        raise errors.InputError("The document must be a JSON object.")
+
+
+def _later(module: str, name: str) -> Any:
+    """A function of the engine, which is imported when it is called."""
+    return lambda *given: getattr(importlib.import_module(f"inverse_service.service.{module}"), name)(*given)
+
+
+_look_at_system: Look = _later("documents.documents", "look")
+_look_at_scene: Look = _later("scenes.scene_reading", "scene_schema")
+_simulate = _later("scenes.simulating", "simulate")
 KINDS: Final[dict[str, Kind]] = {
-    "solve": Kind(_solve, _look_at_system, limit_is_answer=True),
-    "check": Kind(_check, _look_at_object),
-    "simulate": Kind(_simulate, _look_at_scene),
-    "work-precision": Kind(_work_precision, _look_at_scene),
+    "solve": Kind(
+        lambda d, o, report: solve_task(d, solve_options(o), report), _later("documents.documents", "look"), True
+    ),
+    "check": Kind(lambda d, o, report: check_task(model.write_json(d)), _looked_at),
+    "simulate": Kind(lambda d, o, report: _simulate(d, report, o.time_limit), _look_at_scene),
+    "work-precision": Kind(lambda d, o, report: work_precision_task(d, o.time_limit, report), _look_at_scene),
 }
 
 
