@@ -1,6 +1,7 @@
 // The figures of a simulation, drawn by uPlot: each has views to choose from, values at the cursor, a zoom.
 
-const color = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+const probe = document.body.appendChild(Object.assign(document.createElement("i"), { hidden: true }));
+const color = (name) => { probe.style.color = `var(${name})`; return getComputedStyle(probe).color; };
 // On dark paper the darkest blue of the palette is lifted; the others are told apart as they are.
 const LIFTED = { ink: "--ink", "#0072B2": "--line-1" };
 const inked = (name) => (name in LIFTED ? color(LIFTED[name]) : name);

@@ -164,7 +164,7 @@ function keeping(box) {
 
 // A formula is a stop of the tab key only where there is something to scroll to.
 function focusWide(within) {
-  for (const place of within.querySelectorAll(".formula, .asked, .scroll, .proof > li, .manual > table")) {
+  for (const place of within.querySelectorAll(".formula, .asked, .answer > div > div, .scroll, .proof > li, .manual > table")) {
     if (place.scrollWidth > place.clientWidth + 1 || place.scrollHeight > place.clientHeight + TALL) place.tabIndex = 0;
     else place.removeAttribute("tabindex");
   }
