@@ -167,7 +167,7 @@ class _Reader:
             if factor is not None and self._stream.ahead.is_operator("^"):
                 factor = self._power(factor)
             if factor is None:
-                scalar += self._scalar()
+                scalar += self._stream.take_group()
             elif value is None:
                 before = scalar[: len(scalar) - bool(scalar and scalar[-1].is_command("cdot"))]
                 value, scalar = self._scaled(before, factor), []
@@ -182,21 +182,12 @@ class _Reader:
 
     def _power(self, base: Value) -> Value:
         """A power of a scalar, and v . v where v^2 stands; InputError for other powers of vectors."""
-        power = [self._stream.take(), *self._scalar()]
+        power = [self._stream.take(), *self._stream.take_group()]
         if len(base) == len(base[0]) == 1:
             return [[[*_bracketed(base[0][0]), *power]]]
         if [piece.text for piece in power if piece.text not in ("^", "{", "}")] != ["2"]:
             raise self._refused()
         return self._product(base, base, "cdot")
-
-    def _scalar(self) -> Tokens:
-        """The next piece, and all that is in the bracket that it opens."""
-        found = [self._stream.take()]
-        depth = int(found[0].is_operator("(", "[", "{"))
-        while depth and self._stream.ahead.kind != "end":
-            found.append(self._stream.take())
-            depth += found[-1].is_operator("(", "[", "{") - found[-1].is_operator(")", "]", "}")
-        return found
 
     def _sign(self, text: str) -> Token:
         return Token("operator", text, self._at.column, True)

@@ -233,20 +233,6 @@ def _opened(part: str, before: tuple[int, int, int]) -> tuple[int, int, int]:
     return before[0] + braces, before[1] + round_ones, before[2] + square
 
 
-_TIME_ARGUMENTS = (["{", "left", "(", "t", "right", ")", "}"], ["left", "(", "t", "right", ")"], ["(", "t", ")"])
-
-
-def time_argument(pieces: Sequence[Token]) -> int:
-    r"""How many pieces {\left(t \right)}, \left(t\right) or (t) takes where it comes first, else 0."""
-    texts = [piece.text for piece in pieces]
-    return next((len(each) for each in _TIME_ARGUMENTS if texts[: len(each)] == each), 0)
-
-
-def open_brackets(tokens: Sequence[Token]) -> int:
-    """How many brackets are opened and not closed."""
-    return sum(token.is_operator("(") - token.is_operator(")") for token in tokens)
-
-
 def role_before(tokens: Sequence[Token], names: Names) -> Role | None:
     """What the name was declared as that came last, in x as in x' and x^{2}; None for anything else."""
     place = _before_power(tokens)
@@ -260,9 +246,8 @@ def _before_power(tokens: Sequence[Token]) -> int:
     last = len(tokens) - 1
     if last < 0 or not tokens[last].is_operator(")"):
         return last
-    balances = itertools.accumulate(open_brackets([token]) for token in reversed(tokens))
-    opening = next((last - back for back, balance in enumerate(balances) if balance == 0), 0)
-    return opening - 2 if opening > 0 and tokens[opening - 1].is_operator("^") else -1
+    start = plain.opening(tokens, last)
+    return start - 2 if start > 0 and tokens[start - 1].is_operator("^") else -1
 
 
 FONTS = ("mathrm", "operatorname", "operatorname*", "text", "mathit")
@@ -362,15 +347,14 @@ class LatexTranslator:
             raise self._misplaced(raw)
 
     def _group_or_time(self, raw: Token) -> None:
-        pieces = time_argument([raw, *self._raw.rest(6)])
-        role = role_before(self._tokens, self._names) if pieces else None
-        if role == "parameter":
+        constant = self._raw.ahead.is_command("left") and role_before(self._tokens, self._names) == "parameter"
+        if constant and [piece.text for piece in self._raw.rest(6)] == ["left", "(", "t", "right", ")", "}"]:
             raise refusal("a parameter depends on time", raw.column, "", declare="functions")
-        if self._raw.ahead.is_command("left") and role_before(self._tokens, self._names) != "parameter":
+        if self._raw.ahead.is_command("left") and not constant:
             start = len(self._tokens)
             self._group(raw)  # the arguments in A^{2}{\left(x \right)}, in one pair of brackets
             inner = self._tokens[start + 1 : -1]
-            if all(itertools.accumulate(open_brackets([token]) for token in inner[:-1])):
+            if plain.closing(inner, 0) >= len(inner) - 1:
                 self._tokens[start:] = inner
             self._tokens[start] = replace(self._tokens[start], space_before=False)
         else:
@@ -460,14 +444,7 @@ class LatexTranslator:
 
     def _holds_a_sum(self) -> bool:
         """Whether a + or - stands between the ( just read and its ): r(r - 2M) is a product, f(x) may be none."""
-        depth = 1
-        for raw in self._raw.rest():
-            depth += raw.is_operator("(", "{", "[") - raw.is_operator(")", "}", "]")
-            if depth == 0 or depth > LIMITS.depth:
-                return False
-            if depth == 1 and raw.is_operator("+", "-"):
-                return True
-        return False
+        return any(raw.is_operator("+", "-") for _, raw in plain.outside(self._raw.inside()))
 
     def _closes_later(self) -> bool:
         """Whether the \\left just read is ended by a real bracket and not by \\right."""
@@ -595,11 +572,7 @@ class LatexTranslator:
         if last is None or last.kind != "name" or "_" in last.text or last.text in FUNCTIONS:
             return False
         raw = self._raw.ahead
-        group = [self._raw.take()]
-        depth = int(group[0].is_operator("{"))
-        while depth and self._raw.ahead.kind != "end":
-            group.append(self._raw.take())
-            depth += group[-1].is_operator("{") - group[-1].is_operator("}")
+        group = self._raw.take_group()
         if not self._raw.ahead.is_operator("_") or raw.kind == "command":
             self._raw.position = start
             return False
@@ -651,12 +624,8 @@ class LatexTranslator:
 
     def _refuse_raised_brackets(self, caret: Token) -> None:
         """InputError for f^{(2)} and x^{\\left(n\\right)}: a derivative or a component to most; e^{(x)} is exp(x)."""
-        depth, inside = 0, ""
-        for raw in self._raw.rest():
-            depth += raw.is_operator("{") - raw.is_operator("}")
-            if depth == 0 or len(inside) > LIMITS.name_characters:
-                break
-            inside += "" if raw.is_command("left", "right") else raw.text
+        pieces = self._raw.group()[: LIMITS.name_characters]
+        inside = "".join(raw.text for raw in pieces if not raw.is_command("left", "right"))
         raised = re.fullmatch(r"\{*[(\[]\{*(\w+)\}*[)\]]\}*", inside)
         base = self._tokens[-2] if len(self._tokens) > 1 else caret
         if raised and base.kind != "number" and base.text not in ("e", "E"):

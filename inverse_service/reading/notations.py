@@ -30,6 +30,7 @@ from inverse_service.reading.tokens import (
     at,
     closing,
     never_closed,
+    opening,
     split_at_commas,
     unexpected,
 )
@@ -196,12 +197,7 @@ def _operand(found: Tokens) -> int:
     """Where the name, the call or the bracket that came last begins."""
     place = len(found) - 1
     if place >= 0 and found[place].is_operator(")"):
-        depth = 0
-        while place >= 0:
-            depth += found[place].is_operator(")") - found[place].is_operator("(")
-            if depth == 0:
-                break
-            place -= 1
+        place = opening(found, place)
         place -= place > 0 and found[place - 1].kind in ("name", "prime")
     while place > 0 and found[place].kind == "prime":
         place -= 1

@@ -37,7 +37,7 @@ from inverse_service.reading.names import (
     call,
     unknown_name,
 )
-from inverse_service.reading.tokens import END, Token, TokenStream, unexpected
+from inverse_service.reading.tokens import END, Token, TokenStream, outside, unexpected
 
 _BITS_PER_DIGIT = 3.3219280948873626
 _LARGEST_FACTORIAL = 20
@@ -697,13 +697,14 @@ class FormulaParser:
 
     def _is_factor(self, token: Token) -> bool:
         """Whether what is in brackets next to a name is a factor to every reader: mu(1 - x^2), R(cos phi), J(x')^2."""
-        depth, sums = 0, self._stream.look(1).text in FUNCTIONS
-        for place, part in enumerate(group := self._stream.group()):
-            depth += part.is_operator("(", "[") - part.is_operator(")", "]")
-            sums = sums or (depth == 1 and place > 1 and (part.is_operator("+", "-") or part.kind == "prime"))
-            if part.is_operator(",") or (part.text == "t" != token.text):
-                return False
-        closed = len(group) < self._stream.left and depth == 1
+        group = self._stream.group()
+        parts = [part for place, part in outside(group[1:]) if place]
+        sums = self._stream.look(1).text in FUNCTIONS or any(
+            part.is_operator("+", "-") or part.kind == "prime" for part in parts
+        )
+        if any(part.is_operator(",") or part.text == "t" != token.text for part in group):
+            return False
+        closed = len(group) < self._stream.left
         moves = self._names.role(self._names.spelling(token.text)) == "coordinate"
         return closed and sums and (moves or token.text not in MAY_BE_FUNCTIONS)
 

@@ -24,6 +24,7 @@ from inverse_service.reading.tokens import (
     Kind,
     Token,
     at,
+    opening,
     outside,
     refuse_decimal_commas,
     split,
@@ -412,12 +413,8 @@ def remark(line: Sequence[Token], place: int) -> errors.InputError | None:
 
 def _is_power(line: Sequence[Token], end: int) -> bool:
     """Whether the power of a function, as in sin^{2} (omega t), ends there; then its argument follows."""
-    depth = 0
-    for place in range(end - 1, 1, -1):
-        depth += line[place].is_operator(")") - line[place].is_operator("(")
-        if depth == 0:
-            return line[place - 1].is_operator("^") and line[place - 2].text in FUNCTIONS
-    return False
+    start = opening(line, end - 1)
+    return start > 1 and line[start - 1].is_operator("^") and line[start - 2].text in FUNCTIONS
 
 
 def _is_edge(token: Token) -> bool:

@@ -80,10 +80,20 @@ def closing(tokens: Sequence[Token], opening: int) -> int:
     """The place of the bracket that closes the one at `opening`; the end where none does."""
     depth = 0
     for place in range(opening, len(tokens)):
-        depth += tokens[place].is_operator("(", "[") - tokens[place].is_operator(")", "]")
+        depth += tokens[place].is_operator("(", "[", "{") - tokens[place].is_operator(")", "]", "}")
         if depth == 0:
             return place
     return len(tokens)
+
+
+def opening(tokens: Sequence[Token], end: int) -> int:
+    """The place of the bracket that the one at `end` closes; -1 where none does."""
+    depth = 0
+    for place in range(end, -1, -1):
+        depth += tokens[place].is_operator(")", "]", "}") - tokens[place].is_operator("(", "[", "{")
+        if depth == 0:
+            return place
+    return -1
 
 
 def outside(tokens: Sequence[Token]) -> Iterator[tuple[int, Token]]:
@@ -216,6 +226,16 @@ class TokenStream:
     def group(self) -> Sequence[Token]:
         """The tokens of the bracket ahead, up to its end or that of the formula."""
         return self._tokens[self.position : closing(self._tokens, self.position)]
+
+    def inside(self) -> Sequence[Token]:
+        """What is in the bracket that was taken last; nothing where it is not closed."""
+        end = closing(self._tokens, self.position - 1)
+        return self._tokens[self.position : end] if end < len(self._tokens) else ()
+
+    def take_group(self) -> Tokens:
+        """The next token, and all that is in the bracket that it opens."""
+        opens = self.ahead.is_operator("(", "[", "{")
+        return [self.take() for _ in range(min(len(self.group()) + 1, self.left) if opens else 1)]
 
     @contextmanager
     def nested(self, opening: Token | None = None) -> Iterator[None]:
