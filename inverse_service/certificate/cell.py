@@ -613,7 +613,7 @@ def cells_of(question: Question, by_theorem: bool = False) -> tuple[Cell, Cell]:
 
     def cell(needs: Iterable[Need]) -> Cell:
         kept = strongest(ring, [*hints, *cut, *needs])
-        one_side = bool(cut) and not all(is_affine(ring, need.polynomial) for need in kept if need.kind == ">")
+        one_side = bool(cut) and not all(is_convex(ring, need.polynomial) for need in kept if need.kind == ">")
         return Cell(written(ring, kept), written(ring, sides), one_side, ring.unknown)
 
     formulas = cell(ring.needs)
@@ -699,9 +699,11 @@ def primitive(polynomial: Polynomial) -> Polynomial:
     return polynomial * scale
 
 
-def is_affine(ring: Letters, polynomial: Polynomial) -> bool:
-    names = len(ring.question.names) + 1
-    return polynomial.total_degree() == 1 and all(k < names for k in ring.holds(polynomial))
+def is_convex(ring: Letters, polynomial: Polynomial) -> bool:
+    """Whether the set where it is positive is seen to be convex: it is affine in the names, minus squares of them."""
+    shapes = [([e for e in map(int, exponents) if e], c) for exponents, c in polynomial.terms()]
+    plain = all(sum(shape) <= 1 or (shape == [2] and c < 0) for shape, c in shapes)
+    return plain and all(k < len(ring.question.names) + 1 for k in ring.holds(polynomial))
 
 
 def lacking(question: Question, stated: Sequence[str], cell: Cell) -> tuple[list[str], list[int]]:
