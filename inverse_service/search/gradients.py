@@ -211,14 +211,19 @@ class Integrator:
         found, done = dict[int, Terms](), set[int]()
         rest = {pair: dict(terms) for pair, terms in fields.items()}
         while rest := {pair: terms for pair, terms in rest.items() if terms and not is_zero(terms)}:
-            k = max(
-                sorted({j for pair in rest for j in pair}),
-                key=lambda k: sum(_holds(t, symbols[k]) for t in rest.values()),
-            )
-            for i, j in [pair for pair in rest if pair[1] == k]:
-                part, left = self.integral(rest[i, j], symbols[k])
-                if left and not self.signs:
+            held = {
+                k: sum(_holds(t, symbols[k]) for t in rest.values()) for k in sorted({j for pair in rest for j in pair})
+            }
+            for k in sorted(held, key=lambda k: -held[k]):
+                parts = {i: self.integral(rest[i, k], symbols[k]) for i, j in rest if j == k}
+                if not any(left for _, left in parts.values()):
+                    break
+            else:
+                if not self.signs:
                     return None
+                k = max(held, key=lambda k: held[k])
+                parts = {i: self.integral(rest[i, k], symbols[k]) for i, j in rest if j == k}
+            for i, (part, left) in parts.items():
                 if left:
                     part = add_terms(part, {monomial(self.under_a_sign(tree_of(left), symbols[k])): Fraction(1)})
                 found[i] = add_terms(found.get(i, {}), part)
