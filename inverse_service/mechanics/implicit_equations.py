@@ -114,7 +114,7 @@ def vanishes(tree: ex.Expression) -> bool:
     with mp.workdps(bounds.DIGITS):
         for attempt in range(_ATTEMPTS):
             try:
-                values.append(_is_small(tree, _point(tree, source, 1 + attempt % 5)))
+                values.append(is_small(tree, _point(tree, source, 1 + attempt % 5)))
             except evaluation.NoRealValue:
                 continue
             if not values[-1] or len(values) == _POINTS:
@@ -140,13 +140,13 @@ def _point(tree: ex.Expression, source: random.Random, width: int) -> dict[ex.Ex
     return table
 
 
-def _is_small(tree: ex.Expression, table: Mapping[ex.Expression, evaluation.Real]) -> bool:
+def is_small(tree: ex.Expression, table: Mapping[ex.Expression, evaluation.Real]) -> bool:
     """Whether a factor is 0 to the working precision; a sum is measured against the sizes of its terms."""
     match tree:
         case ex.Power(base, _):
-            return _is_small(base, table)
+            return is_small(base, table)
         case ex.Product(factors):
-            return any(_is_small(factor, table) for factor in factors)
+            return any(is_small(factor, table) for factor in factors)
         case ex.Sum(terms):
             values = [evaluation.evaluate(term, table) for term in terms]
         case _:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 import random
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
@@ -18,7 +18,7 @@ from inverse_service.expressions import evaluation
 from inverse_service.expressions import tree as ex
 from inverse_service.field import real_point
 from inverse_service.field.point import SingularPoint
-from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.mechanics import euler_lagrange, implicit_equations
 from inverse_service.search import (
     ansatz,
     families,
@@ -115,78 +115,44 @@ RUNGS: tuple[Rung, ...] = (*LEAVES, *ANSATZ, *REDUCTIONS)
 REASONS = {rung.name: rung.reason for rung in (*LEAVES, *REDUCTIONS)}
 
 
-_DIGITS = 180
-_STEP_DIGITS = 40
-_TOLERANCE = mpmath.mpf(10) ** -40
 _SMALLEST_DETERMINANT = mpmath.mpf(10) ** -25
-
-Direction = Mapping[ex.Expression, mpmath.mpf]
 
 
 def holds_numerically(analysis: deciding.Analysis, tree: ex.Expression, seed: int) -> bool:
-    """Whether the Euler-Lagrange equations hold to 40 digits and g is regular at points near a real one."""
+    """Whether the Euler-Lagrange expressions vanish to 50 digits and g is regular at points near a real one."""
     system = analysis.system
+    residuals = euler_lagrange.euler_lagrange_sums(tree, system.coordinates, system.accelerations)
+    form = euler_lagrange.hessian(tree, system.coordinates)
+    functions = [
+        node for node in ex.distinct_nodes((*residuals, *itertools.chain(*form))) if isinstance(node, ex.Arbitrary)
+    ]
     for table in (
         analysis.real_point,
         real_point.find_real_point([*system.accelerations, tree], deciding.variables_of(system), seed),
     ):
         generator = random.Random(seed)
-        try:
-            with mpmath.workdps(_DIGITS):
-                # Two points will do; with four, systems of four coordinates take half as long again.
-                points = [_perturbed(table, generator) for _ in range(2)] if table else []
-                if points:
-                    return all(_holds_at(system, tree, point) for point in points)
-        except evaluation.NoRealValue:
-            continue
+        with mpmath.workdps(bounds.DIGITS), suppress(evaluation.NoRealValue):
+            # Two points will do; with four, systems of four coordinates take half as long again.
+            for _ in range(2 if table else 0):
+                # Near the given one, so on the same branch of all roots; values of functions are their own letters.
+                near = {name: value * (1 + _small(generator) / 10**5) for name, value in (table or {}).items()}
+                point = {node: _small(generator) for node in functions} | near
+                entries = [[evaluation.evaluate(entry, point) for entry in row] for row in form]
+                if not (_is_regular(entries) and all(implicit_equations.is_small(one, point) for one in residuals)):
+                    return False
+            if table:
+                return True
     return False
 
 
-def _perturbed(table: real_point.RealTable, generator: random.Random) -> real_point.RealTable:
-    """A point near the given one, so that it lies on the same branch of all roots."""
-    return {name: value * (1 + mpmath.mpf(generator.randrange(1, 1000)) / 10**8) for name, value in table.items()}
-
-
-def _holds_at(system: SecondOrderSystem, tree: ex.Expression, point: real_point.RealTable) -> bool:
-    names = system.coordinates
-    motion: dict[ex.Expression, mpmath.mpf] = {ex.TIME: mpmath.mpf(1)}
-    for name, f in zip(names, system.accelerations, strict=True):
-        motion[ex.Symbol(name)] = point[ex.Velocity(name)]
-        motion[ex.Velocity(name)] = evaluation.evaluate(f, point)
-    one = mpmath.mpf(1)
-    for name in names:
-        along = _second(tree, point, {ex.Velocity(name): one}, motion)
-        if abs(along - _first(tree, point, {ex.Symbol(name): one})) > _TOLERANCE * (1 + abs(along)):
-            return False
-    form = [[_second(tree, point, {ex.Velocity(a): one}, {ex.Velocity(b): one}) for a in names] for b in names]
-    return _is_regular(form)
+def _small(generator: random.Random) -> mpmath.mpf:
+    return mpmath.mpf(generator.randrange(1, 1000)) / 1000
 
 
 def _is_regular(form: Sequence[Sequence[mpmath.mpf]]) -> bool:
     matrix = mpmath.matrix(form)
     size = max(abs(entry) for entry in matrix)
     return bool(size and abs(mpmath.det(matrix / size)) > _SMALLEST_DETERMINANT)
-
-
-def _first(tree: ex.Expression, point: real_point.RealTable, direction: Direction) -> mpmath.mpf:
-    """The derivative along a direction."""
-    h = mpmath.mpf(10) ** -_STEP_DIGITS
-    return (
-        evaluation.evaluate(tree, _at(point, direction, h)) - evaluation.evaluate(tree, _at(point, direction, -h))
-    ) / (2 * h)
-
-
-def _second(tree: ex.Expression, point: real_point.RealTable, one: Direction, other: Direction) -> mpmath.mpf:
-    """The derivative along both directions, the second one held constant."""
-    h = mpmath.mpf(10) ** -_STEP_DIGITS
-    return (_first(tree, _at(point, other, h), one) - _first(tree, _at(point, other, -h), one)) / (2 * h)
-
-
-def _at(point: real_point.RealTable, direction: Direction, h: mpmath.mpf) -> real_point.RealTable:
-    moved = dict(point)
-    for name, part in direction.items():
-        moved[name] = moved.get(name, mpmath.mpf(0)) + h * part
-    return moved
 
 
 # An ansatz whose terms have no common points (a vanishing denominator, a missing root) finds nothing.
