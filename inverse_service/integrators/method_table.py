@@ -26,6 +26,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from mpmath import mp
 
 
@@ -81,7 +82,8 @@ Rows = tuple[tuple[float, ...], ...]
 def collocation(stages: int = STAGES) -> tuple[Rows, Rows, tuple[float, ...], tuple[float, ...], tuple[float, ...]]:
     """(A, A A, b, b A, c): the last forms serve q'' = f(q, q') without a detour."""
     with mp.workdps(40):
-        nodes = _nodes(stages)
+        legendre = np.polynomial.legendre.leg2poly([0] * stages + [1])  # exact: its coefficients are dyadic
+        nodes = sorted((1 + zero) / 2 for zero in mp.polyroots([mp.mpf(float(c)) for c in legendre[::-1]], 200))
         powers = mp.matrix(stages, stages)
         integrals = mp.matrix(stages, stages)
         for i, node in enumerate(nodes):
@@ -95,21 +97,6 @@ def collocation(stages: int = STAGES) -> tuple[Rows, Rows, tuple[float, ...], tu
             _rounded(matrix), _rounded(matrix * matrix), _rounded(weights)[0], _rounded(weights * matrix)[0],
             tuple(float(node) for node in nodes),
         )  # fmt: skip
-
-
-def _nodes(stages: int) -> list[Any]:
-    """Zeros of the Legendre polynomial by Newton, moved to [0, 1]."""
-    zeros = [mp.cos(mp.pi * (mp.mpf(k) + 0.75) / (stages + 0.5)) for k in range(stages)]
-    for _ in range(8):
-        zeros = [zero - _newton_step(zero, stages) for zero in zeros]
-    return sorted((1 + zero) / 2 for zero in zeros)
-
-
-def _newton_step(x: Any, stages: int) -> Any:
-    before, value = mp.mpf(1), x
-    for k in range(2, stages + 1):
-        before, value = value, ((2 * k - 1) * x * value - (k - 1) * before) / k
-    return value * (x * x - 1) / (stages * (x * value - before))
 
 
 def _rounded(matrix: Any) -> Rows:

@@ -5,7 +5,6 @@ The members of an ensemble of a scene: started, run and observed.
 
 from __future__ import annotations
 
-import os
 import time
 from collections import Counter
 from collections.abc import Mapping
@@ -17,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from inverse_service import settings
 from inverse_service.errors import InputError
 from inverse_service.integrators.method_table import OWN_STEPS, POINT_METHODS, USES_FREE
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
@@ -72,10 +72,6 @@ class Many:
 def lanes_here() -> int:
     """Doubles that a core takes at once."""
     return 8 if "+avx512f" in processor_features() else 4
-
-
-def cores() -> int:
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def run_ensemble(
@@ -187,11 +183,11 @@ def _run_groups(
                 kernel.machine.call_groups(memory[groups], substeps, control[1, groups], record[groups, whole:])
         return True
 
-    parts = [part for part in np.array_split(np.arange(len(memory)), cores()) if len(part)]
+    parts = [part for part in np.array_split(np.arange(len(memory)), settings.cores()) if len(part)]
     if len(memory) * grid.steps * len(substeps) < WORTH_THREADS:
         ran = list(map(call, parts))
     else:
-        with ThreadPoolExecutor(cores()) as pool:
+        with ThreadPoolExecutor(settings.cores()) as pool:
             ran = list(pool.map(call, parts))
     return record, int(control[:, :, CONTROL.index("iterations")].sum()), not all(ran)
 

@@ -107,7 +107,7 @@ EXPECTED: dict[Steps, str] = {
     ("repeats",): "an integer from 1 to 50",
 }
 
-IMPACTS = "Impacts are not simulated: stop at an event, and begin again at its point with the velocities after it."
+IMPACTS = """Write an impact as an event: {"when": "y", "direction": -1, "do": {"set": {"y'": "-0.8*y'"}}}."""
 NOISE = (
     "Noise is not simulated: every motion follows from its start; write a force that is a formula of t and the state."
 )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import os
 import platform
 import sys
 import time
@@ -14,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from api_schemas.scene import SceneDocument, SceneMethod
-from inverse_service import __version__, errors
+from inverse_service import __version__, errors, settings
 from inverse_service.integrators import method_table
 from inverse_service.mechanics import method_advice
 from inverse_service.service.scenes import scene_lagrangian, scene_reading, simulating
@@ -159,7 +158,7 @@ def machine() -> dict[str, Any]:
     """Processor, cores and versions that the times belong to."""
     return {
         "processor": _processor(),
-        "cores": len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count(),
+        "cores": settings.cores(),
         "system": f"{platform.system()} {platform.machine()}",
         "python": sys.version.split()[0],
         **{name: found for name in PACKAGES if (found := _version(name)) is not None},
