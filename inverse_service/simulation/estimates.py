@@ -209,8 +209,7 @@ def moments_between(run: observing.Observed) -> trajectory.Array:
     velocities = observing.velocities_at_points(run)
     if problem is None or choice is None or not choice.guard or velocities is None or scene.grid.record_every > 1:
         return np.empty(0)
-    trees = (problem.lagrangian, problem.free_lagrangian, *(problem.accelerations or ()), *problem.forces)
-    nodes = dict.fromkeys(node for tree in trees if tree is not None for node in ex.walk(tree))
+    nodes = ex.distinct_nodes(tree for tree in problem.formulas if tree is not problem.free_hamiltonian)
     moving = {ex.TIME, *map(ex.Symbol, scene.coordinates), *map(ex.Velocity, scene.coordinates)}
     pairs = [
         (node, node.argument if isinstance(node, ex.Apply) else node.base)

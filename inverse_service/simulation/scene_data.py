@@ -39,27 +39,20 @@ class Problem:
     domain: tuple[ex.Expression, ...] = ()
 
     @property
+    def formulas(self) -> tuple[ex.Expression, ...]:
+        """All that are known."""
+        known = (self.lagrangian, self.free_lagrangian, self.free_hamiltonian, *(self.accelerations or ()))
+        return tuple(tree for tree in (*known, *self.forces, *self.constraints, *self.domain) if tree is not None)
+
+    @property
     def depends_on_time(self) -> bool:
         """Whether t occurs in any of the formulas."""
-        trees = (
-            self.lagrangian,
-            self.free_lagrangian,
-            self.free_hamiltonian,
-            *(self.accelerations or ()),
-            *self.forces,
-            *self.domain,
-        )
-        return any(node == ex.TIME for tree in trees if tree is not None for node in ex.walk(tree))
+        return any(ex.holds(tree, ex.TIME) for tree in self.formulas)
 
     def with_used_parameters(self, observed: Sequence[ex.Expression] = ()) -> Problem:
         """The problem with the parameters that its formulas, or those `observed`, contain: no kernel loads another."""
-        trees = [
-            self.lagrangian, self.free_lagrangian, self.free_hamiltonian, *(self.accelerations or ()), *self.forces,
-            *self.constraints, *self.domain, *observed,
-        ]  # fmt: skip
-        used = {
-            node.name for tree in trees if tree is not None for node in ex.walk(tree) if isinstance(node, ex.Symbol)
-        }
+        nodes = ex.distinct_nodes([*self.formulas, *observed])
+        used = {node.name for node in nodes if isinstance(node, ex.Symbol)}
         return replace(self, parameters=tuple(name for name in self.parameters if name in used))
 
 

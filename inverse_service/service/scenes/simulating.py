@@ -221,10 +221,13 @@ def _method(scene: Scene, run: MethodRun) -> dict[str, Any]:
 
 def _event(scene: Scene, found: Found) -> dict[str, Any]:
     """Where an event was found: columns t, coordinates and velocities, at most MOST_EVENTS points."""
-    columns = {"t": found.times, **columns_of(scene, found.positions), **columns_of(scene, found.velocities, "v_")}
-    columns = {name: column[:MOST_EVENTS] for name, column in columns.items()}
+    columns = {name: column[:MOST_EVENTS] for name, column in _event_columns(scene, found).items()}
     note = {"note": found.note} if found.note else {}
     return {"when": to_text(found.event.formula), "count": len(found.times), "columns": columns, **note}
+
+
+def _event_columns(scene: Scene, found: Found) -> dict[str, Array]:
+    return {"t": found.times, **columns_of(scene, found.positions), **columns_of(scene, found.velocities, "v_")}
 
 
 def _switches(switches: tuple[Switch, ...]) -> dict[str, Any]:
@@ -241,12 +244,8 @@ def _switches(switches: tuple[Switch, ...]) -> dict[str, Any]:
 
 def event_table(scene: Scene, events: tuple[Found, ...]) -> dict[str, Any]:
     """All points of all events: the number of the event, t, the coordinates and velocities."""
-    columns: dict[str, Any] = {"event": np.concatenate([np.full(len(one.times), k) for k, one in enumerate(events, 1)])}
-    columns["t"] = np.concatenate([one.times for one in events])
-    for k, name in enumerate(scene.coordinates):
-        columns[name] = np.concatenate([one.positions[:, k] for one in events])
-        columns[f"v_{name}"] = np.concatenate([one.velocities[:, k] for one in events])
-    return columns
+    parts = [{"event": np.full(len(one.times), k)} | _event_columns(scene, one) for k, one in enumerate(events, 1)]
+    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 
 def _final(scene: Scene, final: tuple[float, Any, Any]) -> dict[str, Any]:
