@@ -32,21 +32,7 @@ def inequality_text(tree: ex.Expression) -> str:
 
 def is_plainly_positive(tree: ex.Expression, known: Collection[ex.Expression] = ()) -> bool:
     """Whether it is > 0 wherever it is defined and all of `known` are > 0, seen from its form: 1 + x^2, exp(u)."""
-    if tree in known:
-        return True
-    match tree:
-        case ex.Number(value):
-            return value > 0
-        case ex.Sum(terms):
-            no_less = all(_is_plainly_no_less(term, known) for term in terms)
-            return (no_less and any(is_plainly_positive(term, known) for term in terms)) or _range(tree, {}).is_positive
-        case ex.Product(factors):
-            return all(is_plainly_positive(factor, known) for factor in factors)
-        case ex.Power(base, ex.Number(exponent)) if exponent < 0:
-            return _is_plainly_no_less(tree, known)  # and not 0: 1/u^2, 1/sqrt(u)
-        case ex.Power(base, _):
-            return is_plainly_positive(base, known)
-    return isinstance(tree, ex.Apply) and tree.function in ("exp", "cosh")
+    return _range(tree, dict.fromkeys(known, Range(0))).is_positive
 
 
 @lru_cache(maxsize=4096)
@@ -83,16 +69,6 @@ def _polynomial(tree: ex.Expression) -> fmpq_poly | None:
             fits = inner is not None and inner.degree() * exponent <= _DEGREE
             return inner ** int(exponent) if inner is not None and fits else None
     return None
-
-
-def _is_plainly_no_less(tree: ex.Expression, known: Collection[ex.Expression]) -> bool:
-    """The same for >= 0."""
-    match tree:
-        case ex.Sum(parts) | ex.Product(parts):
-            return tree in known or all(_is_plainly_no_less(part, known) for part in parts)
-        case ex.Power(base, ex.Number(exponent)):
-            return exponent.numerator % 2 == 0 or exponent.denominator % 2 == 0 or _is_plainly_no_less(base, known)
-    return tree == ex.ZERO or is_plainly_positive(tree, known)
 
 
 def is_plainly_nonzero(tree: ex.Expression, known: Collection[ex.Expression]) -> bool:
@@ -195,6 +171,8 @@ def _bounded(tree: ex.Expression) -> tuple[ex.Expression, Range] | None:
 
 def _range(tree: ex.Expression, bounds: Mapping[ex.Expression, Range]) -> Range:
     """Where the values of the tree lie, at least."""
+    if tree in bounds:
+        return bounds[tree]
     match tree:
         case ex.Number(value):
             return Range(value, value, False, False)
@@ -210,9 +188,13 @@ def _range(tree: ex.Expression, bounds: Mapping[ex.Expression, Range]) -> Range:
             return reduce(_times, (_range(factor, bounds) for factor in factors))
         case ex.Power(base, ex.Number(exponent)):
             return _power_of(_range(base, bounds), exponent)
+        case ex.Power(base, _) if _range(base, bounds).is_positive:
+            return Range(0)
         case ex.Apply("sin" | "cos"):
             return Range(-1, 1, False, False)
-    return bounds.get(tree, Range(0) if is_plainly_positive(tree) else Range())
+        case ex.Apply("exp" | "cosh"):
+            return Range(0)
+    return Range()
 
 
 def _times(one: Range, other: Range) -> Range:
@@ -234,6 +216,10 @@ def _ends(one: Range) -> tuple[Bound, Bound]:
 
 def _power_of(base: Range, exponent: Fraction) -> Range:
     is_even = exponent.denominator == 1 and exponent.numerator % 2 == 0
+    if exponent.denominator % 2 == 0 and base.low < 0:
+        base = Range(Fraction(0), base.high, False, base.high_open)  # of u >= 0
+    elif exponent.denominator > 1 and exponent.numerator % 2 == 0 and base.low < 0:
+        base = Range(Fraction(0), math.inf, False)
     if is_even and base.high <= 0:
         base = base.turned
     if exponent.numerator > _HIGHEST:
