@@ -1,8 +1,10 @@
-"""A batch on this machine's own pool and on a Dask cluster on loopback: lines a second, efficiency.
+"""A batch on this machine's own pool, on a Dask cluster on loopback, and on front ends over PostgreSQL: lines a second.
 
     python -m benchmarks cluster [--lines N] [--rounds N] [--workers N] [--output DIR] [--page docs/records/scaling.md]
+                                [--postgres postgresql://...]
 
-The pool and the cluster take turns, so that a machine that is busy with other things is so for both.
+They take turns, so that a machine that is busy with other things is so for all. A front end is a service with one
+worker; all share the store at the address of --postgres, whose server is not counted.
 """
 
 from __future__ import annotations
@@ -10,6 +12,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import dataclasses
+import functools
 import json
 import os
 import socket
@@ -18,11 +21,13 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from benchmarks import families
+import httpx
+
+from benchmarks import families, service
 from benchmarks.measured import conditions, put
 from benchmarks.tables import table
 
@@ -61,8 +66,8 @@ class Sample:
     processor: float
 
 
-def measure(lines: int, rounds: int, most: int) -> list[ClusterRow]:
-    """Each load on pool and cluster with 1 to `most` workers."""
+def measure(lines: int, rounds: int, most: int, postgres: str | None) -> list[ClusterRow]:
+    """Each load on pool, cluster, and front ends over `postgres`, with 1 to `most` workers."""
     rows = []
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -70,16 +75,18 @@ def measure(lines: int, rounds: int, most: int) -> list[ClusterRow]:
             source = folder / f"{load}.ndjson"
             count = max(20, int(lines * share))
             _write(source, size, count)
-            rows += _rows(load, source, count, rounds, most)
+            rows += _rows(load, source, count, rounds, most, postgres)
     return rows
 
 
-def _rows(load: str, source: Path, count: int, rounds: int, most: int) -> list[ClusterRow]:
-    cases = [(where, workers) for workers in range(1, most + 1) for where in ("pool", "cluster")]
+def _rows(load: str, source: Path, count: int, rounds: int, most: int, postgres: str | None) -> list[ClusterRow]:
+    places = ("pool", "cluster", *(["front ends"] if postgres else []))
+    cases = [(where, workers) for workers in range(1, most + 1) for where in places]
     samples: dict[tuple[str, int], list[Sample]] = {case: [] for case in cases}
     for turn in range(rounds):
         for where, workers in cases:
-            sample = _run(source, count, where, workers)
+            is_front = where == "front ends"
+            sample = _fronts(source, count, workers, str(postgres)) if is_front else _run(source, count, where, workers)
             samples[where, workers].append(sample)
             told = f"{sample.rate:.3g} lines/s, {sample.processor:.3g} ms of processor time a line"
             print(f"{load}, round {turn + 1}: {where} of {workers}: {told}", file=sys.stderr, flush=True)
@@ -105,23 +112,42 @@ def _run(source: Path, count: int, where: str, workers: int) -> Sample:
         more = ["--cluster", address] if address else ["--workers", str(workers)]
         with subprocess.Popen([*command, *more], stderr=subprocess.DEVNULL, start_new_session=True) as process:
             try:
-                return _sample(output, count, {process.pid, *sessions})
+                answered = functools.partial(_lines_of, output)
+                return _sample(answered, count, functools.partial(_processor_time, {process.pid, *sessions}))
             finally:
                 process.terminate()
 
 
-def _sample(output: Path, count: int, sessions: set[int]) -> Sample:
+def _fronts(source: Path, count: int, workers: int, postgres: str) -> Sample:
+    """A batch given to the first of so many services with a worker each; its lines are new to the store."""
+    with contextlib.ExitStack() as stack:
+        settings = {"DATABASE": postgres, "WORKERS": "1", "LOG_LEVEL": "error"}
+        fronts = [stack.enter_context(service.service(**settings)) for _ in range(workers)]
+        client = stack.enter_context(httpx.Client(base_url=fronts[0][0], timeout=60, trust_env=False))
+        headers = {"Content-Type": "application/x-ndjson", "Cache-Control": "no-cache"}
+        place = client.post("/v1/batches", content=source.read_bytes(), headers=headers).headers["location"]
+        return _sample(
+            lambda: int(client.get(place).json()["counts"].get("successful", 0)), count,
+            lambda: sum(service.cpu_below(pid) for _, pid in fronts),
+        )  # fmt: skip
+
+
+def _sample(answered: Callable[[], int], count: int, processor_time: Callable[[], float]) -> Sample:
     end, first, began, spent = time.monotonic() + LIMIT, 0, 0.0, 0.0
     while time.monotonic() < end:
-        done = output.read_bytes().count(b"\n") if output.exists() else 0
+        done = answered()
         if not first and done >= WARM * count:
-            first, began, spent = done, time.monotonic(), _processor_time(sessions)
+            first, began, spent = done, time.monotonic(), processor_time()
         if done >= LAST * count:
             lines = done - first
-            processor = 1000 * (_processor_time(sessions) - spent) / lines
+            processor = 1000 * (processor_time() - spent) / lines
             return Sample(lines / (time.monotonic() - began), processor)
-        time.sleep(0.01)
+        time.sleep(0.05)
     raise TimeoutError(f"the batch did not end within {LIMIT:g} s")
+
+
+def _lines_of(output: Path) -> int:
+    return output.read_bytes().count(b"\n") if output.exists() else 0
 
 
 def _processor_time(sessions: set[int]) -> float:
@@ -176,10 +202,11 @@ def main(arguments: Sequence[str]) -> None:
     parser.add_argument("--lines", type=int, default=500, help="lines of the small load (default 500)")
     parser.add_argument("--rounds", type=int, default=3, help="turns; the median counts (default 3)")
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="most workers (default: cores)")
+    parser.add_argument("--postgres", help="address of a database for front ends")
     parser.add_argument("--page", type=Path, help="page whose place `cluster` gets the table")
     parser.add_argument("--output", type=Path, help="folder for cluster.md and cluster.json")
     chosen = parser.parse_args(arguments)
-    rows = measure(chosen.lines, chosen.rounds, chosen.workers)
+    rows = measure(chosen.lines, chosen.rounds, chosen.workers, chosen.postgres)
     text = f"{conditions()}, the medians of {chosen.rounds} rounds.\n\n{markdown(rows)}"
     print(text)
     if chosen.page:

@@ -196,17 +196,17 @@ def busy(address: str, pid: int, lines: int, workers: int) -> Busy:
     body = "".join(json.dumps(fresh_system(dice)) + "\n" for _ in range(lines))
     with httpx.Client(base_url=address, timeout=None, trust_env=False) as client:
         response = client.post("/v1/batches", content=body, headers={"Content-Type": "application/x-ndjson"})
-        before, idle, begin = _cpu_below(pid), _machine(), time.monotonic()
+        before, idle, begin = cpu_below(pid), _machine(), time.monotonic()
         text = client.get(response.headers["location"] + "/results").text
     seconds = time.monotonic() - begin
     assert sum(map(bool, text.splitlines())) == lines
-    used, (total, free) = _cpu_below(pid) - before, (b - a for a, b in zip(idle, _machine(), strict=True))
+    used, (total, free) = cpu_below(pid) - before, (b - a for a, b in zip(idle, _machine(), strict=True))
     cores = len(os.sched_getaffinity(0))
     shares = (round(used / seconds / cores, 3), round(1 - free / total, 3))
     return Busy(workers, lines, round(seconds, 2), round(lines / seconds, 1), *shares)
 
 
-def _cpu_below(pid: int) -> float:
+def cpu_below(pid: int) -> float:
     """Seconds of processor used by a process and its descendants that live (workers live through a batch)."""
     parents: dict[int, list[int]] = {}
     used: dict[int, float] = {}

@@ -97,6 +97,21 @@ def test_a_result_is_stored_as_the_worker_wrote_it(store: SqliteStore) -> None:
     assert (job.status, body) == ("successful", {"verdict": "variational"})
 
 
+def test_a_new_question_takes_two_commits(store: SqliteStore, monkeypatch: pytest.MonkeyPatch) -> None:
+    commits = list[int]()
+    commit = store._writer._commit
+    supervisor, heard = Supervisor(store, Scripted(lambda call: DONE)), list[model.Change]()
+    store.on_change(heard.append)
+    supervisor.start()
+    monkeypatch.setattr(store._writer, "_commit", lambda changes: (commits.append(len(changes)), commit(changes)))
+    jobs = [supervisor.submit(request(str(k)), model.Bounds()) for k in range(3)]
+    assert {final(store, job.id).status for job in jobs} == {"successful"}
+    supervisor.stop()
+    assert sum(commits) == 2 * 3, "one when it is accepted and begins, one when it ends"
+    ended = [change.job for change in heard if change.what == "successful"]
+    assert [job.body for job in ended if job is not None] == [DONE.value.body] * 3
+
+
 def test_a_refusal_is_a_failed_job_with_its_places(store: SqliteStore) -> None:
     job, body = run(store, Outcome("refused", places=(errors.Place("No.", "/equations/x", 3),)))
     assert (job.status, body["status"], body["errors"][0]["column"]) == ("failed", 422, 3)
