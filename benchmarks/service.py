@@ -256,11 +256,16 @@ def main(arguments: Sequence[str] | None = None) -> None:
         put(chosen.page, "load", markdown(found, chosen.seconds))
 
 
+def number(value: float) -> str:
+    """Three digits, and all of an integer part."""
+    return f"{value:.0f}" if value >= 100 else f"{value:.3g}"
+
+
 def markdown(found: dict[str, Any], seconds: float) -> str:
     """The tables of docs/records/reliability.md."""
     rows = []
     for one, two in zip(found["load"][::2], found["load"][1::2], strict=True):
-        cells = [f"{row[key]:.3g}" for row in (two, one) for key in ("rate", "p50", "p99", "processor")]
+        cells = [number(row[key]) for row in (two, one) for key in ("rate", "p50", "p99", "processor")]
         rows.append([two["question"], str(two["clients"]), *cells, f"{two['rate'] / one['rate']:.2f}"])
     head = ["question", "clients", "service, 1/s", "p50, ms", "p99, ms", "web process, ms", "bare, 1/s", "p50, ms"]
     text = f"{found['conditions']}; {seconds:g} s for each row, both by turns:\n\n"

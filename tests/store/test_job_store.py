@@ -82,7 +82,7 @@ def test_the_life_of_a_job(store: JobStore) -> None:
 def test_the_same_question_is_answered_from_the_store_until_it_is_asked_anew(store: JobStore) -> None:
     run(store, "a", b"1")
     (job,) = store.submit([request("a")])
-    assert (job.status, job.body) == ("successful", b"1")
+    assert (job.status, job.body) == ("successful", None), "an answer may be large, and is read by itself"
     (job,) = store.submit([request("a", fresh=True)])
     assert (job.status, job.body) == ("accepted", None)
     (job,) = store.submit([request("a", fresh=True)])
@@ -99,8 +99,8 @@ def test_failures_are_kept_and_a_dismissed_job_is_accepted_again(store: JobStore
     store.submit([request("a"), request("b")])
     a, b = store.claim("o", 2)
     assert store.finish("a", a.attempt, b'{"detail": "x"}', USAGE, status="failed")
-    (job,) = store.submit([request("a")])
-    assert (job.status, job.body) == ("failed", b'{"detail": "x"}')
+    assert store.submit([request("a")])[0].status == "failed"
+    assert store.job("a").body == b'{"detail": "x"}'  # type: ignore[union-attr]
     dismissed, is_over = store.dismiss("b")
     assert dismissed is not None
     assert (dismissed.status, is_over) == ("dismissed", True)

@@ -163,17 +163,12 @@ class PostgresStore(JobStore):
             self.address = address
             first = connect(address)
             prepare(first)
-        except psycopg.OperationalError as error:
-            reason = str(error).strip().partition("\n")[0][:300]
-            raise errors.InputError(
-                f"The PostgreSQL database of INVERSE_SERVICE_DATABASE cannot be used: {reason}"
-            ) from None
         except (psycopg.Error, model.WrongVersion, UnicodeError) as error:
-            name = type(error).__name__
-            reason = str(error) if isinstance(error, model.WrongVersion) else f"wrong address or rights ({name})"
-            raise errors.InputError(
-                f"The PostgreSQL database of INVERSE_SERVICE_DATABASE cannot be used: {reason}."
-            ) from None
+            name, text = type(error).__name__, str(error).strip().partition("\n")[0][:300].rstrip(".")
+            is_said = isinstance(error, psycopg.OperationalError | model.WrongVersion)
+            reason = text if is_said else f"wrong address or rights ({name})"
+            detail = f"The PostgreSQL database of INVERSE_SERVICE_DATABASE cannot be used: {reason}."
+            raise errors.InputError(detail) from None
         # A place for each connection there may be; a thread has one for the time of one transaction.
         self._places: queue.LifoQueue[Connection | None] = queue.LifoQueue()
         for place in [*[None] * (MOST - 1), first]:

@@ -18,7 +18,7 @@ from typing import Any, TypeVar
 
 from inverse_service.service.jobs import model, statements
 from inverse_service.service.jobs.locks import SupervisorLock
-from inverse_service.service.jobs.store import JobStore
+from inverse_service.service.jobs.store import JobStore, writing
 
 MOST_AT_ONCE = 200
 SAVE, UNDO, KEEP = "SAVEPOINT change", "ROLLBACK TO change", "RELEASE change"
@@ -230,6 +230,8 @@ class SqliteStore(JobStore):
     """
 
     exclusive = True
+    # A power failure that takes an answer takes the service and its streams too; the job is accepted, and runs again.
+    finish = writing(statements.finish, durable=False)
 
     def __init__(self, path: Path, durable: bool = True, guest: bool = False) -> None:
         super().__init__()

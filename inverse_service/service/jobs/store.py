@@ -34,7 +34,7 @@ def _reading(statement: Callable[Concatenate[statements.Session, P], T]) -> Call
     return read
 
 
-def _writing(
+def writing(
     statement: Callable[Concatenate[statements.Session, P], T], durable: bool = True
 ) -> Callable[Concatenate[JobStore, P], T]:
     """The method that changes the store by this statement."""
@@ -95,15 +95,15 @@ class JobStore(ABC):
     def close(self) -> None:
         """Give the store up; nothing that was acknowledged is lost."""
 
-    submit = _writing(statements.submit)
-    submit_and_claim = _writing(statements.submit_and_claim)
-    claim = _writing(statements.claim, durable=False)
-    heartbeat = _writing(statements.heartbeat, durable=False)
-    finish = _writing(statements.finish)
-    release = _writing(statements.release)
-    dismiss = _writing(statements.dismiss)
-    recover = _writing(statements.recover)
-    add_events = _writing(statements.add_events, durable=False)
+    submit = writing(statements.submit)
+    submit_and_claim = writing(statements.submit_and_claim)
+    claim = writing(statements.claim, durable=False)
+    heartbeat = writing(statements.heartbeat, durable=False)
+    finish = writing(statements.finish)
+    release = writing(statements.release)
+    dismiss = writing(statements.dismiss)
+    recover = writing(statements.recover)
+    add_events = writing(statements.add_events, durable=False)
     job = _reading(statements.read_job)
     jobs = _reading(statements.list_jobs)
     events = _reading(statements.read_events)
@@ -111,7 +111,7 @@ class JobStore(ABC):
     is_waiting = _reading(statements.is_waiting)
     oldest = _reading(statements.oldest)
     used_today = _reading(statements.used_today)
-    claim_key = _writing(statements.claim_key, durable=False)
+    claim_key = writing(statements.claim_key, durable=False)
     batch = _reading(statements.read_batch)
     batch_answers = _reading(statements.answers)
 
@@ -171,10 +171,10 @@ class JobStore(ABC):
 
     # What follows is for an operator; a service that runs over the same store hears of it within seconds.
     is_drained = _reading(statements.is_drained)
-    drain = _writing(statements.drain)
+    drain = writing(statements.drain)
     clients = _reading(statements.clients)
-    rank_client = _writing(statements.rank_client)
-    prioritise_batch = _writing(statements.prioritise_batch)
+    rank_client = writing(statements.rank_client)
+    prioritise_batch = writing(statements.prioritise_batch)
 
     def dismiss_client(self, client: str) -> list[str]:
         """Dismiss whatever is open for a client; the ids of the jobs that nobody else waits for, which stop."""
