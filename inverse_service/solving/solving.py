@@ -149,7 +149,7 @@ def _solve(system: second_order_system.SecondOrderSystem, options: SolveOptions,
     seconds["analysis"] = deadline.now() - began - seconds["conditions"]
     work = Work(analysis, options, report, began + options.time_limit, seconds, began=began, printed=printed)
     hand_over(work, "conditions")
-    autonomous, with_time = _placed(_explained(_answers(work), system), system)
+    autonomous, with_time = _explained(_answers(work), system)
     provenance: dict[str, Any] = {
         "seed": options.seed,
         "time_limit": options.time_limit,
@@ -248,17 +248,10 @@ def _holds_time(answer: Answer) -> bool:
 def _explained(
     answers: tuple[Answer | None, Answer | None], system: second_order_system.SecondOrderSystem
 ) -> tuple[Answer | None, Answer | None]:
-    """Both with a word on letters that have two meanings; one answer to both questions stays one."""
-    autonomous, with_time = (answer and wording.with_shared_letters(answer, system) for answer in answers)
-    return autonomous, autonomous if answers[0] is answers[1] else with_time
+    """Both with a word on letters that have two meanings and on their sets; one answer to both questions stays one."""
 
-
-def _placed(
-    answers: tuple[Answer | None, Answer | None], system: second_order_system.SecondOrderSystem
-) -> tuple[Answer | None, Answer | None]:
-    """Both with a word on the set on which they hold; one answer to both questions stays one."""
-
-    def placed(answer: Answer | None) -> Answer | None:
+    def explained(answer: Answer | None) -> Answer | None:
+        answer = answer and wording.with_shared_letters(answer, system)
         if answer is None or not answer.explanation:
             return answer
         steps = branch_steps(system, answer.positive, answer.nonzero)
@@ -267,8 +260,8 @@ def _placed(
             steps += (of_one_coordinate(system.coordinates[0], _holds_time(answer), is_found=True),)
         return replace(answer, explanation=(*steps, *answer.explanation))
 
-    autonomous = placed(answers[0])
-    return autonomous, autonomous if answers[0] is answers[1] else placed(answers[1])
+    autonomous = explained(answers[0])
+    return autonomous, autonomous if answers[0] is answers[1] else explained(answers[1])
 
 
 def _is_complete(answer: Answer) -> bool:
@@ -444,6 +437,7 @@ Progress = Callable[[str], None]
 # Work that takes longer tells what is confirmed meanwhile, s.
 _AT_ONCE = 0.05
 NOT_YET = "This is not settled yet."
+OPEN = Answer("undetermined", reason=NOT_YET)  # that of a question which is not settled
 log = logging.getLogger(__name__)
 
 
@@ -474,10 +468,6 @@ class Work:
     def left(self) -> float:
         return self.end - deadline.now()
 
-    def open_answer(self) -> Answer:
-        """That of a question which is not settled."""
-        return Answer("undetermined", reason=NOT_YET)
-
 
 def _on_its_set(work: Work, answer: Answer) -> Answer:
     """The answer with the set on which the checker proved it."""
@@ -504,7 +494,7 @@ def telling(work: Work, decision: deciding.Decision) -> Progress:
     def report(stage: str) -> None:
         is_known = decision.with_time in work.answers
         if work.options.hand_over is not None and not is_known and deadline.now() - work.began > _AT_ONCE:
-            work.answers[decision.with_time] = work.open_answer()  # once, also where the checker does not agree
+            work.answers[decision.with_time] = OPEN  # once, also where the checker does not agree
             certificate = certify.of_decision(work.analysis, decision, 1, work.options.seed)
             if check(work, certificate).verdict == "valid":
                 tell(work, Answer("variational", certificate=certificate, checked="valid"), decision.with_time)
@@ -542,8 +532,8 @@ def _so_far(work: Work) -> SoFar:
     """What is confirmed; a question that is not settled is undetermined."""
     system, wanted = work.analysis.system, work.options.time_dependent
     depends = system.depends_on_time
-    autonomous = None if depends or wanted is True else work.answers.get(False, work.open_answer())
-    with_time = None if wanted is False and not depends else work.answers.get(True, work.open_answer())
+    autonomous = None if depends or wanted is True else work.answers.get(False, OPEN)
+    with_time = None if wanted is False and not depends else work.answers.get(True, OPEN)
     if autonomous is not None and with_time is not None:
         if autonomous.verdict == "variational" and with_time.lagrangian is None:
             with_time = autonomous

@@ -20,17 +20,16 @@ from inverse_service.deadline import now
 from inverse_service.decision.solutions import SolveOptions
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading import reader
-from inverse_service.service.documents import accepting, answers, checking, preparing, translate
+from inverse_service.service.documents import accepting, answers, checking, derived, preparing, translate
 from inverse_service.service.documents.growing import Growing
 from inverse_service.solving import solving
 
 if TYPE_CHECKING:
-    from api_schemas.result import ResultDocument, SpecialCasesPart
+    from api_schemas.result import ResultDocument
     from api_schemas.system import SystemDocument
     from inverse_service.decision.cells import Left
     from inverse_service.decision.kinds.helmholtz import LagrangianKind
     from inverse_service.decision.solutions import Solution
-    from inverse_service.expressions.tree import Expression
 
 # What ends the mathematics of a document that is well written, and what is said of it then.
 REASONS = {
@@ -174,7 +173,8 @@ def solve_system(document: Any, options: SolveOptions, grow: Growing | None = No
         series_order=schema.series_order,
         first_integrals=schema.first_integrals,
     )
-    kinds, factor = _kinds(schema, system), _clock(schema, system)
+    kinds = _kinds(schema, system)
+    factor = None if schema.clock is None else derived.to_clock(schema, system)
     grow.wanted = _wanted(schema, system, bool(kinds))
 
     def tell(parts: Sequence[str], make: Callable[[], tuple[tuple[Solution, ...], tuple[Left, ...]]]) -> None:
@@ -188,10 +188,7 @@ def solve_system(document: Any, options: SolveOptions, grow: Growing | None = No
     solution, grow.cut = solutions[0], {part: why for each in solutions for part, why in each.cut.items()}
     result = _result(solutions, schema, left)
     limit = now() + SHARE_OF_SOLVER * (end - now())
-    # What follows is loaded when asked for, so that others start sooner.
     if result.verdict == "not_variational":
-        from inverse_service.service.documents import derived
-
         grow.begin("kinds")
         result = derived.with_instead(result, solution, asked, min(limit, now() + QUICKLY))
     if kinds:
@@ -201,15 +198,19 @@ def solve_system(document: Any, options: SolveOptions, grow: Growing | None = No
         result = with_kinds(result, solution, schema, kinds, asked, limit)
         grow.hand_over(("explanation", "kinds"), partial(checked, result, 1.0))
     if schema.clock is not None:
-        from inverse_service.service.documents import derived
-
         grow.begin("clock")
         part = derived.clock_part(system, factor, asked, SHARE_OF_SOLVER * (end - now()))
         result = result.model_copy(update={"with_clock": part})
         grow.hand_over(("explanation", "clock"), partial(checked, result, 1.0))
     if schema.special_cases:
         grow.begin("special_cases")
-        result = result.model_copy(update={"special_cases": special_cases(system, asked, end, grow)})
+        result = result.model_copy(
+            update={
+                "special_cases": derived.special_cases(
+                    system, asked, now() + SHARE_OF_SOLVER * (end - now()), grow.stage
+                )
+            }
+        )
     grow.begin("certificate")
     return with_one_verdict(ordered(grow.end(checked(result, end - now()))))
 
@@ -244,26 +245,13 @@ def _kinds(schema: SystemDocument, system: SecondOrderSystem) -> tuple[Lagrangia
     return to_kinds(schema, system)
 
 
-def _clock(schema: SystemDocument, system: SecondOrderSystem) -> Expression | None:
-    if schema.clock is None:
-        return None
-    from inverse_service.service.documents import derived
-
-    return derived.to_clock(schema, system)
-
-
-def special_cases(system: SecondOrderSystem, asked: SolveOptions, end: float, grow: Growing) -> SpecialCasesPart:
-    """The tree of special cases, found in the time that is left."""
-    from inverse_service.service.documents import derived
-
-    return derived.special_cases(system, asked, now() + SHARE_OF_SOLVER * (end - now()), grow.stage)
-
-
 def parse_system(schema: SystemDocument) -> ParseAnswer:
     """What was understood of a System document; raises InputError."""
     system = accepting.to_solvable(schema)
     accepting.to_ansatz(schema, system)
-    _kinds(schema, system), _clock(schema, system)
+    _kinds(schema, system)
+    if schema.clock is not None:
+        derived.to_clock(schema, system)
     return translate.to_parse_answer(system, schema)
 
 

@@ -524,7 +524,8 @@ def solve_nonholonomic(document: Any, options: solutions.SolveOptions, grow: Gro
     if schema.special_cases:
         assert main.associated.system is not None
         grow.begin("special_cases")
-        cases = documents.special_cases(main.associated.system, asked, end, grow)
+        limit = now() + documents.SHARE_OF_SOLVER * (end - now())
+        cases = derived.special_cases(main.associated.system, asked, limit, grow.stage)
         whole = whole.model_copy(update={"special_cases": cases})
     if whole.verdict == "not_variational" and not whole.branches and made.answers[0].verdict != "variational":
         whole = whole.model_copy(update={"instead": derived.of_reduced(whole.reduced)})
