@@ -111,7 +111,7 @@ def run(
     if choice.method == "heyoka":
         return peers.run_heyoka(problem, start, grid, values, observation, choice.tolerance, stop)
     if choice.method in method_table.SCIPY:
-        return peers.run_scipy(problem, choice, start, grid, values)
+        return peers.run_scipy(problem, choice, start, grid, values, stop)
     formulas = formulas_of(problem)
     parameters = parameter_values(problem, values)
     begin = initial(formulas, choice, start, grid.step, parameters | {str(MOMENT): grid.begin})

@@ -183,8 +183,9 @@ def _applied(function: str, argument: Any, heyoka: Any) -> Any:
 
 
 def run_scipy(
-    problem: Problem, choice: MethodChoice, start: Start, grid: Grid, values: Mapping[str, float]
-) -> Trajectory:
+    problem: Problem, choice: MethodChoice, start: Start, grid: Grid, values: Mapping[str, float],
+    stop: Callable[[], bool] | None = None,
+) -> Trajectory:  # fmt: skip
     """The motion at the recorded steps; the tolerance is relative, and absolute times the size of the start."""
     try:
         from scipy.integrate import solve_ivp
@@ -197,15 +198,21 @@ def run_scipy(
     size = f.size
 
     def rates(t: float, state: np.ndarray) -> np.ndarray:
+        if stop is not None and stop():
+            raise TimeoutError
         return np.concatenate([state[size:], function([*state, t, *numbers]).ravel()])
 
     begin = np.array([*start.positions, *(start.velocities or ())], dtype=float)
     steps, times = grid.recorded, grid.times
     first = time.perf_counter()
-    found = solve_ivp(
-        rates, (times[0], times[-1]), begin, SCIPY[choice.method], times, rtol=max(choice.tolerance, 3e-14),
-        atol=choice.tolerance * float(np.abs(begin).max() or 1.0),
-    )  # fmt: skip
+    try:
+        found = solve_ivp(
+            rates, (times[0], times[-1]), begin, SCIPY[choice.method], times, rtol=max(choice.tolerance, 3e-14),
+            atol=choice.tolerance * float(np.abs(begin).max() or 1.0),
+        )  # fmt: skip
+    except TimeoutError:
+        ended = Outcome("cancelled", 0, float(times[0]))
+        return Trajectory(times[:1], begin[None, :size], None, begin[None, size:], ended, 0, 0, 0.0, 0.0)
     passed = time.perf_counter() - first
     kind = "completed" if found.success and len(found.t) == len(times) else "not_finite"
     outcome = Outcome(kind, int(steps[len(found.t) - 1]), float(found.t[-1]), None if found.success else found.message)

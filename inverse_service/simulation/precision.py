@@ -31,11 +31,12 @@ MOST_STEPS = 4_000_000
 ROUND_OFF, NOISE = 1e-12, 4.0  # errors below this share of the motion are round-off, whose noise is about this factor
 STALLED = 0.5  # of the error before: less gain than this, twice, is the round-off floor
 SECONDS = 0.2  # for each of the repeats: of the first runs of all methods together, and of their later ones
-SHARE_OF_FIRST, SHARE_OF_REPEATS = 0.6, 0.2  # of the time limit
+SHARE_OF_FIRST, SHARE_OF_REPEATS, SHARE_OF_ONE = 0.6, 0.2, 0.05  # of the time limit, the last for a single run
 LONG = 100  # times the time of the scene
 PARTS = 20  # of a long run: the first and the last are compared
 TOO_SLOW = "not measured: the one before took {:.1g} s"
 LATE = "not measured: the time limit was near"
+CUT = "it takes too long"
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,7 +133,10 @@ def measure(
             at = f"{blank.steps} steps" if blank.tolerance is None else f"tolerance {blank.tolerance:g}"
             progress(f"{blank.requested.label}, {at}")
         late = time.process_time() - begun > SHARE_OF_FIRST * time_limit
-        return replace(blank, reason=LATE) if late else _first(plain, blank, derived, truth, length)
+        if late:
+            return replace(blank, reason=LATE)
+        end = time.process_time() + SHARE_OF_ONE * time_limit
+        return _first(plain, blank, derived, truth, length, lambda: time.process_time() > end)
 
     settings: list[Setting] = []
     seconds = SECONDS * repeats / len(methods)
@@ -165,7 +169,7 @@ def _refined(
             return [*found, replace(blank, reason=TOO_SLOW.format(found[-1].best_seconds))]
         found.append(run(blank))
         errors = [one.error for one in found if one.error is not None]
-        if found[-1].reason == LATE or (errors and errors[-1] <= max(FINEST * scale, truth.uncertainty)):
+        if found[-1].reason in (LATE, CUT) or (errors and errors[-1] <= max(FINEST * scale, truth.uncertainty)):
             break
         if len(errors) > 2 and errors[-3] < COARSEST * scale and min(errors[-2:]) > STALLED * errors[-3]:
             break
@@ -222,12 +226,15 @@ def _grid(length: float, count: int) -> data.Grid:
     return data.Grid(length / count, count, count // CHECKS)
 
 
-def _first(scene: data.Scene, blank: Setting, derived: derivation.Derived, truth: data.Truth, length: float) -> Setting:
+def _first(
+    scene: data.Scene, blank: Setting, derived: derivation.Derived, truth: data.Truth, length: float, stop: data.Stop
+) -> Setting:
     begun = time.perf_counter()
-    run = running.observed_run(replace(scene, grid=_grid(length, blank.steps)), blank.requested, derived, None)
+    run = running.observed_run(replace(scene, grid=_grid(length, blank.steps)), blank.requested, derived, None, stop)
     first, at = time.perf_counter() - begun, run.trajectory
     if at is None or not run.outcome.completed:
-        return replace(blank, reason=reason_of(run), first_seconds=first)
+        reason = CUT if run.outcome.kind == "cancelled" else reason_of(run)
+        return replace(blank, reason=reason, first_seconds=first)
     error = float(np.abs(at.positions - truth.positions).max())
     if not np.isfinite(error):
         return replace(blank, reason="the result is not finite", first_seconds=first)
