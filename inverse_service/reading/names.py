@@ -54,7 +54,10 @@ _SPECIAL_FUNCTIONS = (
     "erf", "erfc", "besselj", "bessely", "besseli", "besselk", "sn", "cn", "dn", "airyai", "airybi", "LambertW",
     "lambertw", "ellipk", "ellipe",
 )  # fmt: skip
-_HOW_TO_DECLARE = 'declare it as an arbitrary function, "functions": {"%s": %s}, for which the answer then holds'
+_HOW_TO_DECLARE = (
+    'declare it as an arbitrary function, "functions": {"%s": %s}: a Lagrangian that is found then holds for it too, '
+    'while "not variational" may not'
+)
 _VECTORS = ("belongs to vectors", "write an equation for each component")
 _WORDS = ("where", "if", "then", "else", "for", "all", "forall", "with", "let", "given", "equation", "equations",
           "model", "system", "when", "const", "constant", "begin", "end", "is", "the", "and", "or", "not", "xor",
@@ -351,9 +354,7 @@ def _parts(name: str, names: Names) -> list[str]:
     known = {*names.declared(), *moving, "t", "pi", "ln"} | {word for word in FUNCTIONS if len(word) > 2}
     letters, cut = _cut(name, known)
     moves = any(part in names.coordinates or part in moving for part in cut)
-    called = next((place for place, part in enumerate(cut) if part in FUNCTIONS and not names.role(part)), len(cut))
-    most = 4 if 0 < called < len(cut) - 1 and all(part in known for part in cut[called:]) else 1 + moves  # mglcosx
-    if len(cut) < 2 or letters > most or (cut[-1] in FUNCTIONS and not names.role(cut[-1])):
+    if len(cut) < 2 or letters > 1 + moves or (cut[-1] in FUNCTIONS and not names.role(cut[-1])):
         return []
     return cut
 
