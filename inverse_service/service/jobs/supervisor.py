@@ -106,7 +106,9 @@ class EventLog:
             return furthest
         if job.restarts == 0 or job.priority >= model.BULK:
             return {}
-        so_far = growing.merged(e.data["value"] for e in self._store.events(job.id) if e.kind == PART)
+        so_far: dict[str, Any] = {}
+        with contextlib.suppress(*AWAY):  # the job is claimed, and begins in any case
+            so_far = growing.merged(e.data["value"] for e in self._store.events(job.id) if e.kind == PART)
         return {"so_far": so_far, "seconds": {}} if so_far else {}
 
     def report(self, job: model.Job, began: float, value: Any) -> None:
