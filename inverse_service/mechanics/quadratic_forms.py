@@ -13,6 +13,7 @@ from itertools import islice, permutations
 
 from flint import fmpq, fmpq_mpoly_ctx
 
+from inverse_service import bounds
 from inverse_service.expressions import tree as ex
 from inverse_service.expressions.collecting import Monomial, Term, expand, terms_tree
 
@@ -25,7 +26,7 @@ _MOST_ORDERS, _MOST_TERMS = 24, 60
 def short_forms(tree: Expression, letters: Collection[Expression]) -> Iterator[Expression]:
     """The tree with its quadratic part in the letters as sums of squares, or its parts of higher degree as powers.
 
-    What is not a polynomial in the letters stays as it is.
+    What is not a polynomial in the letters stays as it is. None of a quadratic part that is long: its squares are, too.
     """
     parts: dict[int, Terms] = {}
     rest: list[Expression] = []
@@ -38,6 +39,8 @@ def short_forms(tree: Expression, letters: Collection[Expression]) -> Iterator[E
             table = parts.setdefault(_degree(monomial, letters) or 0, {})
             table[monomial] = table.get(monomial, Fraction(0)) + value
     quadratic = {key: value for key, value in parts.pop(2, {}).items() if value}
+    if len(quadratic) > bounds.SMALL:
+        return
     higher = [_as_power([(key, value) for key, value in part.items() if value]) for part in parts.values()]
     groups = list(_by_exponentials(quadratic).values())
     own = [v for v in letters if any(v in dict(key) for key in quadratic)]

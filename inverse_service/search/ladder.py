@@ -25,7 +25,6 @@ from inverse_service.search import (
     linear_systems,
     one_coordinate,
     one_matrix,
-    plain_forces,
     protocol,
     quadratures,
     reductions,
@@ -189,7 +188,7 @@ def search(
     tried: list[tuple[str, int]] = []
     found = None
     with suppress(OutOfTime), until(deadline):
-        analysis = plain_forces.plain(analysis)
+        analysis = tidy.with_plain_forces(analysis)
         candidates = _climb(analysis, with_time, seed, progress, own_terms, tried, highest)
         found = next((kept for one in candidates if (kept := _kept(one, analysis, holds)) is not None), None)
     return protocol.SearchOutcome(found, tuple(tried))
