@@ -63,7 +63,11 @@ def test_coq_refuses_the_proof_for_another_f(tmp_path: Path) -> None:
 @needs_coq
 @pytest.mark.parametrize(
     "equations",
-    [{"x": "-x/(x^2 + y^2)^(3/2)", "y": "-y/(x^2 + y^2)^(3/2)"}, {"theta": "-sin(theta) - t"}, {"x": "-k*x - c*x'"}],
+    [
+        pytest.param({"x": "-x/(x^2 + y^2)^(3/2)", "y": "-y/(x^2 + y^2)^(3/2)"}, marks=pytest.mark.slow),
+        {"theta": "-sin(theta) - t"},
+        {"x": "-k*x - c*x'"},
+    ],
 )
 def test_coq_differentiates_the_lagrangian(equations: dict[str, str], tmp_path: Path) -> None:
     text = proof_document(solved({"equations": equations, "parameters": "guess"}), "coq", 1)
