@@ -127,9 +127,8 @@ def _read(name: str) -> dict[str, Any]:
         text = model.write_json(plain_data.read_document(text, name))
     found = plain_data.read_json(text)
     if not isinstance(found, dict):
-        raise errors.InputError(
-            "The file is not a result: a JSON object with verdict, system and certificate is needed."
-        )
+        detail = "The file is not a result: a JSON object with verdict, system and certificate is needed."
+        raise errors.InputError(detail)
     return found
 
 
@@ -378,9 +377,8 @@ def _wanted(path: Path) -> dict[str, Mapping[str, Any]]:
         for line in batches.read_lines(stream):
             value = _object(line.raw)
             if value is None or len(value) < 2 or "id" not in value:
-                raise errors.InputError(
-                    f"Line {line.number} of the expected answers has no 'id' and key, such as 'verdict'."
-                )
+                detail = f"Line {line.number} of the expected answers has no 'id' and key, such as 'verdict'."
+                raise errors.InputError(detail)
             found[_name(value["id"], line.number)] = value
     return found
 

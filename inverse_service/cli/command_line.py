@@ -161,9 +161,8 @@ def read_bytes(name: str, limit: int = MAX_BYTES) -> bytes:
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or "the name is not a file name"
         shown = "".join(c if c.isprintable() else "?" for c in name[:200])
-        raise errors.InputError(
-            f"The file '{shown}' cannot be read: {reason}; name a file, or - for standard input."
-        ) from None
+        detail = f"The file '{shown}' cannot be read: {reason}; name a file, or - for standard input."
+        raise errors.InputError(detail) from None
     if len(data) > limit:
         raise errors.LimitError(f"The file is larger than {limit} bytes; a document of one system is far smaller.")
     return data
@@ -182,6 +181,5 @@ def write(text: str, target: Path | None = None) -> None:
     except BrokenPipeError:
         raise
     except OSError as error:
-        raise errors.InputError(
-            f"The output cannot be written: {(error.strerror or 'it is closed').lower()}."
-        ) from None
+        detail = f"The output cannot be written: {(error.strerror or 'it is closed').lower()}."
+        raise errors.InputError(detail) from None

@@ -151,9 +151,8 @@ def _listen(host: str, port: int) -> socket.socket:
     except (OSError, UnicodeError) as error:
         code = getattr(error, "errno", None)
         reason = os.strerror(code).lower() if code is not None and code > 0 else "there is no such address"
-        raise errors.InputError(
-            f"Port {port} of {host} cannot be listened on: {reason}; choose another --port or --host."
-        ) from None
+        detail = f"Port {port} of {host} cannot be listened on: {reason}; choose another --port or --host."
+        raise errors.InputError(detail) from None
     # Connections inherit it. Without it each answer waits 40 ms for an acknowledgement (Nagle): asyncio only sets it
     # on sockets that were made with the protocol named.
     listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)

@@ -76,9 +76,8 @@ def made_folder(output: Path) -> Path:
     try:
         output.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise errors.InputError(
-            f"The directory of --output cannot be created: {error.strerror}; name another."
-        ) from None
+        detail = f"The directory of --output cannot be created: {error.strerror}; name another."
+        raise errors.InputError(detail) from None
     return output
 
 

@@ -102,9 +102,8 @@ class Keys:
             with self._file.open("rb") as stream:
                 lines = stream.read(LARGEST_FILE).decode().splitlines()
         except (OSError, ValueError) as error:
-            raise errors.InputError(
-                f"{PLACE} cannot be read: {getattr(error, 'strerror', None) or 'not UTF-8'}."
-            ) from None
+            detail = f"{PLACE} cannot be read: {getattr(error, 'strerror', None) or 'not UTF-8'}."
+            raise errors.InputError(detail) from None
         return tuple(_key(number, line) for number, line in enumerate(lines, 1) if line.partition("#")[0].strip())
 
 
@@ -115,9 +114,8 @@ def _key(number: int, line: str) -> Key:
         client, digest = read_key(text)
         return Key(client, digest, datetime.date.fromisoformat(day.strip()) if day.strip() else None)
     except (ValueError, errors.InputError):
-        raise errors.InputError(
-            f"{PLACE} is wrong in line {number}; a line is 'alice:HASH' or 'alice:HASH 2030-12-31'."
-        ) from None
+        detail = f"{PLACE} is wrong in line {number}; a line is 'alice:HASH' or 'alice:HASH 2030-12-31'."
+        raise errors.InputError(detail) from None
 
 
 # Holds the key after a person logged in on the page; scripts cannot read it, and other sites never send it.

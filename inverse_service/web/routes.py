@@ -65,9 +65,8 @@ async def catalogue_entry(name: str) -> Response:
     try:
         entry = catalogue.entry(name)
     except errors.InputError:
-        raise Refusal(
-            404, "not-found", "The catalogue has no system of this name; GET /v1/catalogue lists them."
-        ) from None
+        detail = "The catalogue has no system of this name; GET /v1/catalogue lists them."
+        raise Refusal(404, "not-found", detail) from None
     entry = {key: entry[key] for key in base.CatalogueEntry.model_fields if key in entry}
     return JSONResponse(entry)
 

@@ -37,9 +37,8 @@ class SupervisorLock:
             lock(self._descriptor)
         except OSError:
             self.release()
-            raise DatabaseTaken(
-                "Another service works on this database; stop it, or set INVERSE_SERVICE_DATABASE to another file."
-            ) from None
+            detail = "Another service works on this database; stop it, or set INVERSE_SERVICE_DATABASE to another file."
+            raise DatabaseTaken(detail) from None
 
     def release(self) -> None:
         """Let the next one in; the file stays, as removing it would let two in."""

@@ -40,9 +40,8 @@ def open_store(database: str | None, guest: bool = False) -> JobStore:
     except DatabaseTaken as error:
         raise errors.InputError(error.detail) from None
     except (OSError, sqlite3.Error, WrongVersion) as error:
-        raise errors.InputError(
-            f"The file INVERSE_SERVICE_DATABASE cannot be used as a database: {_reason(error)}."
-        ) from None
+        detail = f"The file INVERSE_SERVICE_DATABASE cannot be used as a database: {_reason(error)}."
+        raise errors.InputError(detail) from None
 
 
 def _existing(path: Path) -> Path:
@@ -74,9 +73,8 @@ def _postgres_store(address: str) -> JobStore:
     try:
         module = importlib.import_module(POSTGRES_MODULE)
     except ImportError:
-        raise errors.InputError(
-            "A PostgreSQL database needs the extra: pip install 'inverse-service[postgres]'."
-        ) from None
+        detail = "A PostgreSQL database needs the extra: pip install 'inverse-service[postgres]'."
+        raise errors.InputError(detail) from None
     store: JobStore = module.PostgresStore(address)
     return store
 

@@ -262,9 +262,8 @@ def refuse_too_many(session: Session, new: Sequence[model.JobRequest], bounds: m
     """Raises TooManyJobs, LimitError for a batch that would never have room. Well below the limits no lock is taken: it
     dominates the rate."""
     if len(new) > (most := min(bounds.total, bounds.client)):
-        raise errors.LimitError(
-            f"The batch asks {len(new)} new questions, and at most {most} may be open; send it in parts."
-        )
+        detail = f"The batch asks {len(new)} new questions, and at most {most} may be open; send it in parts."
+        raise errors.LimitError(detail)
     clients = {request.client for request in new}
     if bounds.daily < model.NO_BOUND:
         used = "SELECT client FROM uses WHERE client AMONG (?) AND day = today() AND cpu >= ?"
