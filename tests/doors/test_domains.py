@@ -74,3 +74,12 @@ def test_several_coordinates_have_the_domain_of_the_proof() -> None:
     said = inverse_service.check(result)
     assert result["domain"] == said["statement"]["domain"]
     assert "lagrangian_domain" not in said["statement"]
+
+
+@pytest.mark.parametrize("name", ["t", "tau"])
+def test_the_name_of_the_time_is_that_of_the_document(name: str) -> None:
+    result = json.loads(inverse_service.solve({"equations": {"x": f"-x - {name}*x'"}, "time": name}).to_json())
+    found = inverse_service.check(result)
+    assert (found["verdict"], "/system/time" in found["not_checked"]) == ("valid", False)
+    result["system"]["time"] = "s"
+    assert inverse_service.check(result)["verdict"] == "invalid"

@@ -217,7 +217,10 @@ class Examination:
             self.reasons.append("The equations as given were not compared: there is no document.")
         elif given is not None and self.handed is None and isinstance(given, dict):
             self.claim(*(f"/system/given/{key}" for key in given if key in _OF_DOCUMENT))
-        plain = prepared(document).document
+        ready = prepared(document)
+        plain = ready.document
+        if "time" in system:  # one with another name was put back to t
+            self.agree("/system/time", system["time"] == ready.time, system["time"], f"It is called {ready.time}.")
         if isinstance(document, dict) and "id" in document:
             self.agree("/id", result.get("id", document["id"]) == document["id"], result.get("id"), "the id as given")
             self.claim("/system/given/id")
@@ -342,7 +345,8 @@ class Examination:
         self.reasons.extend(proof.reasons)
         if not shown.follows:
             self.with_document(certificate)
-            self.exceptions(shown, proof)
+            # A part of a result that an older program wrote has no list.
+            self.exceptions(at, part.get("exceptions", proof.exceptions if shown.kind else []), proof.exceptions)
         if "checked" in part:
             self.agree(f"{at}/checked", part["checked"] == "valid", part["checked"], "The checker says valid.")
         self.formulas(shown, certificate)
@@ -402,13 +406,8 @@ class Examination:
                 continue
             self.claim(*(f"{place}/{k}" for k in range(len(stated)) if k not in beyond))
 
-    def exceptions(self, shown: Shown, proof: CheckResult) -> None:
+    def exceptions(self, at: str, stated: Sequence[str], found: Sequence[str]) -> None:
         """The stated list has all values of parameters for which the proof is none, each of which is proven one."""
-        # A part of a result that an older program wrote has no list.
-        stated = shown.part.get("exceptions", proof.exceptions if shown.kind else [])
-        self.agreed_exceptions(shown.at, stated, proof.exceptions)
-
-    def agreed_exceptions(self, at: str, stated: Sequence[str], found: Sequence[str]) -> None:
         place = f"{at}/exceptions"
         if any(one.startswith("single values") for one in (*found, *stated)):
             return  # for one of both the time was over
@@ -619,7 +618,7 @@ class Examination:
         if part.get("checked") is not None and certificates:
             self.agree(f"{at}/checked", part["checked"] == "valid", part["checked"], "The checker says valid.")
         found = [one for certificate in certificates for one in self.proof(certificate).exceptions]
-        self.agreed_exceptions(at, part.get("exceptions", found), found)
+        self.exceptions(at, part.get("exceptions", found), found)
         if "undetermined" in (part.get("verdict"), part.get("verdict_with_time")):
             only = isinstance(plain, dict) and ("motion" in plain or plain.get("associated") == "any")
             if only:
