@@ -325,7 +325,8 @@ def _free_variable(plain: Mapping[str, Any]) -> str:
     moving = {*document_names.moving_names(tokens, 1)}
     words = {token.text for token in tokens if token.kind == "name"}
     names = Names((), ("x", *moving))
-    if any([part.text for part in tokens[k : k + 2]] == ["x", "="] for k in range(len(tokens))):
+    starts = (k for k in range(len(tokens)) if not k or tokens[k - 1].text in (";", ",", "\n"))
+    if any([part.text for part in tokens[k : k + 2]] == ["x", "="] for k in starts):
         return ""  # x = l sin(theta) is a definition
     occurs = any(word == "x" or "x" in only_split(word, names) for word in words)
     timed = any(token.text == "t" for text in texts for token in reader.undifferentiated(text))
