@@ -145,13 +145,54 @@ def _of_one_square(key: Monomial) -> Terms:
     return {key: Fraction(1)}
 
 
+# SymPy is not asked about higher numbers, and no higher powers are divided.
+_HIGHEST = 12
+
+
+def _proper(terms: Terms, x: ex.Symbol) -> Terms:
+    """The terms `in_one_square`, and x^3/(x^2 + a) as x - a x/(x^2 + a): no such power of x over its divisor."""
+    left, result = in_one_square(terms), Terms()
+    while left:
+        deadline.check()
+        key = max(left, key=lambda one: dict(one).get(x, Fraction(0)))
+        value, parts = left.pop(key), _divided(key, x)
+        if parts is None:
+            result[key] = value
+        else:
+            left = add_terms(left, parts, value)
+    return result
+
+
+def _divided(key: Monomial, x: ex.Symbol) -> Terms | None:
+    """By x^d = (D - the rest of D)/c for a divisor D = c x^d + ..., c a number; None where there is none to be used."""
+    power = dict(key).get(x, Fraction(0))
+    for letter, e in key:
+        if (
+            not 2 <= power <= _HIGHEST
+            or e > -1
+            or e.denominator > 1
+            or not isinstance(letter, ex.Sum)
+            or not ex.holds(letter, x)
+        ):
+            continue
+        rest = terms_of(letter)
+        degree = max(dict(part).get(x, Fraction(0)) for part in rest)
+        lead: Monomial = frozenset({(x, degree)})
+        plain = all(p == x or not ex.holds(p, x) for part in rest for p, _ in part)
+        if plain and lead in rest and 2 <= degree <= power and sum((x, degree) in part for part in rest) == 1:
+            value, less = rest.pop(lead), times(key, lead, -1)
+            found = {times(less, monomial(letter), 1): 1 / value}
+            return add_terms(found, {times(less, part, 1): a / value for part, a in rest.items()}, -1)
+    return None
+
+
 def primitive(x: ex.Symbol, wanted: Terms) -> ex.Expression | None:
     """A sum of monomials with the derivative `wanted` by x, by linear algebra over what may have its terms as a part.
 
     The coefficients are rational where that is enough, else they hold letters without x. None where none is found.
     """
     columns: dict[Monomial, Terms] = {}
-    wanted = in_one_square(wanted)
+    wanted = _proper(wanted, x)
     fresh, most = list(wanted), 2 * bounds.COLUMNS + 4 * len(wanted)
     for _ in range(bounds.FEW):
         raised = dict.fromkeys(m for key in fresh for m in material.antiderivatives(key, x) if m not in columns)
@@ -159,7 +200,7 @@ def primitive(x: ex.Symbol, wanted: Terms) -> ex.Expression | None:
         if columns and not added:
             return None
         deadline.check(len(added))
-        columns |= {m: in_one_square(derivative_of_terms({m: Fraction(1)}, x)) for m in added}
+        columns |= {m: _proper(derivative_of_terms({m: Fraction(1)}, x), x) for m in added}
         fresh = [key for m in added for key in columns[m]]
         rational = solution(list(columns.values()), wanted)
         if rational is not None:
@@ -173,7 +214,7 @@ def primitive(x: ex.Symbol, wanted: Terms) -> ex.Expression | None:
 def _with_constants(x: ex.Symbol, columns: Iterable[Monomial], wanted: Terms) -> ex.Expression | None:
     """The same with coefficients from the field of the letters without x."""
     varying = dict.fromkeys(frozenset(item for item in m if ex.holds(item[0], x)) for m in columns)
-    plain = {m: in_one_square(derivative_of_terms({m: Fraction(1)}, x)) for m in varying if m}
+    plain = {m: _proper(derivative_of_terms({m: Fraction(1)}, x), x) for m in varying if m}
     if not plain or len(varying) > bounds.COLUMNS:
         return None
     sides: list[dict[Monomial, Terms]] = [{} for _ in range(len(plain) + 1)]
@@ -262,8 +303,8 @@ def _at_most(seconds: float) -> Iterator[None]:
         sys.setprofile(before if callable(before) else None)  # that of cProfile cannot be set again
 
 
-# For SymPy, in s of processor time: most integrals that it finds take a tenth of that. Higher numbers are not asked.
-_SECONDS, _HIGHEST = 2.5, 12
+# For SymPy, in s of processor time: most integrals that it finds take a tenth of that.
+_SECONDS = 2.5
 _CALLS = 500  # between two looks at the time
 # What was asked for the whole time in vain: parts of a potential come again and again in one search.
 _VAIN: set[tuple[ex.Expression, frozenset[tuple[ex.Symbol, int]]]] = set()
