@@ -577,13 +577,15 @@ class _Motion:
             self.known[key] = found
         return self.known[key]  # type: ignore[return-value]
 
-    def sides_at(self, state: tuple[float, Array, Array], before: Sides, zero: Sequence[ex.Expression]) -> Sides | None:
-        """The sides on which the motion goes on where the functions `zero` are zero; None where there is none, or where
-        there are several."""
+    def sides_at(
+        self, state: tuple[float, Array, Array], before: Sides, zero: Sequence[ex.Expression], known: Sides
+    ) -> Sides | None:
+        """The sides on which the motion goes on where the functions `zero` are zero and others are on `known` sides;
+        None where there is none, or where there are several."""
         found: Sides = {}
         for u in self.functions:
             value = float(self.at([on_sides(u, before | found)], state)[0])
-            found[u] = before.get(u, STICKS) if u in zero else (1 if value > 0 else -1)
+            found[u] = before.get(u, STICKS) if u in zero else known.get(u, 1 if value > 0 else -1)
         if not zero:
             return found
         if len(zero) > MOST_TOGETHER:
@@ -761,14 +763,13 @@ class _Run:
         for u in zero:
             if before.get(u) == STICKS:  # it is released to the side to which its share has come
                 released[u] = 1 if self.motion.at([self.motion.shares(before)[u]], state)[0] > 0 else -1
-        rest = [u for u in zero if u not in released]
-        found = self.motion.sides_at(state, before, rest)
-        if found is None:
-            return None
-        # What sticks stays so, as far as it is not released.
-        found |= {u: STICKS for u, side in before.items() if side == STICKS and u not in zero} | released
-        if before:
-            self.switches += [Switch(u, state[0], found[u]) for u in zero if found[u] != before[u]]
+        # What sticks elsewhere is decided with them: its force may not hold any more, and an event may have moved it.
+        size = float(np.abs(np.concatenate(state[1:])).max()) + 1e-300
+        stuck = [u for u, side in before.items() if side == STICKS and u not in zero
+                 and abs(self.motion.at([on_sides(u, before)], state)[0]) <= AT_ZERO * size]  # fmt: skip
+        found = self.motion.sides_at(state, before, [u for u in (*zero, *stuck) if u not in released], released)
+        if found is not None and before:
+            self.switches += [Switch(u, state[0], found[u]) for u in (*zero, *stuck) if found[u] != before[u]]
         return found
 
     def _first(
