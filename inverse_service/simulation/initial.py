@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 from inverse_service.errors import InputError
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.derivative import differentiate
-from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.tree import ZERO, Apply, Expression, Number, Symbol, Velocity, add, children, walk
+from inverse_service.expressions.tree import ZERO, Apply, Expression, Number, Symbol, Velocity, children, walk
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.mechanics.euler_lagrange import hessian, momenta
 from inverse_service.simulation.numeric_formulas import array_value, table_of
@@ -40,7 +39,7 @@ def check_constraints(
     for place, constraint in enumerate(constraints, 1):
         slopes = [collect(differentiate(constraint, rate)) for rate in rates]
         if all(slope == ZERO for slope in slopes):
-            raise InputError(_without_velocity(place, constraint, names), "/system")
+            raise InputError(f"constraint {place} has no velocity in it: leave it out.", "/system")
         if any(isinstance(node, Velocity) for slope in slopes for node in walk(slope)):
             raise InputError(
                 f"constraint {place} is not linear in the velocities: only such constraints are simulated.", "/system"
@@ -53,14 +52,6 @@ def check_constraints(
                          "/system")  # fmt: skip
     if rank >= len(names):
         raise InputError(f"{rank} constraints on {len(names)} coordinates leave no motion: leave some out.", "/system")
-
-
-def _without_velocity(place: int, constraint: Expression, names: Sequence[str]) -> str:
-    """What to write in the place of a constraint on the positions."""
-    rate = collect(add(*(differentiate(constraint, Symbol(name)) * Velocity(name) for name in names)))
-    if rate == ZERO:
-        return f"constraint {place} has no velocity in it: leave it out."
-    return f"constraint {place} has no velocity in it: write its derivative, {to_text(rate)} = 0, and begin on it."
 
 
 def _rows_nearby(
