@@ -13,7 +13,7 @@ TERMS = 4_000
 EXPANSION = 500
 # Terms of a long ansatz, and nodes of roots that are written shorter. With half the pendulum on a hoop has no L.
 LARGE = 1_000
-# Terms of a short ansatz, of a potential or of a closure: elimination takes the third power. With 120 four of 1,000
+# Terms of a short ansatz, of a potential or of a form: elimination takes the third power. With 120 four of 1,000
 # generated systems had no L; with 400 the pendulum on a hoop has none.
 SMALL = 200
 # Columns of a small linear system, whose coefficients may hold parameters. Twice as many complete a kinetic energy:
