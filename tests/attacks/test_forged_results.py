@@ -274,8 +274,8 @@ def falsified(value: Any) -> Any:
     )
 
 
-# Of a point of the proof: another one is as good where the proof holds there.
-AS_GOOD = ("near",)
+# Another point, and another order of prolongation at which it was made again, prove the same.
+AS_GOOD = ("near", "order")
 
 
 @pytest.mark.parametrize("name", [name if name == "oscillator" else pytest.param(name, marks=pytest.mark.slow)

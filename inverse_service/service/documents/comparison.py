@@ -335,11 +335,13 @@ def _agreed(certificate: Mapping[str, Any], shown: Any, notes: dict[str, bool], 
         question.read_all(ring)
         _, p, difference = parts(ring)
         moving = {ring.texts.index(v) for v in speeds}
-        held = [need for need in before if not moving & {*ring.holds(need.polynomial)}]  # which L needs of positions
+        # What L needs of positions alone has to be listed, also where it is a factor of what it needs of velocities.
+        each = [one for need in before for one in _apart(ring, need, moving)]
+        held = [need for need in each if not moving & {*ring.holds(need.polynomial)}]
         needed = [*held, *ring.needs, *ring.needs_of(difference), *ring.cut]
         stated = [list(cell.needs_of_text(ring, text, p)) for text in shown.get("domain") or []]
         known = cell.Knowledge(
-            ring, [*(need for need in before if need not in held), *(n for one in stated for n in one)]
+            ring, [*(need for need in each if need not in held), *(n for one in stated for n in one)]
         )
         follow = cell.Knowledge(ring, [*before, *needed])
         notes["whole"] = all(map(known.implies, needed)) and all(follow.implies(n) for one in stated for n in one)
@@ -347,6 +349,13 @@ def _agreed(certificate: Mapping[str, Any], shown: Any, notes: dict[str, bool], 
     if notes["proven"]:
         cell.letters_of(question, read)
     return [""]
+
+
+def _apart(ring: cell.Letters, need: cell.Need, moving: set[int]) -> list[cell.Need]:
+    """The need, or that none of its factors is zero where some contain the letters `moving` and some do not."""
+    found = [p for p, _ in ring.factors(need.polynomial)[1]]
+    moves = {bool(moving & {*ring.holds(p)}) for p in found}
+    return [cell.need_of("!=", p) for p in found] if len(moves) == 2 else [need]
 
 
 def same_formulas(one: Mapping[str, str], other: Mapping[str, str], names: Names) -> bool | None:

@@ -259,10 +259,15 @@ def _is_regular_everywhere(lagrangian: solutions.Lagrangian) -> bool:
 
 
 def _domain(nonzero: Iterable[ex.Expression], positive: Sequence[ex.Expression]) -> list[str]:
-    """Each condition that is not seen to hold everywhere, once."""
-    unequal = (tree for tree in nonzero if tree not in positive and not inequalities.is_plainly_nonzero(tree, ()))
-    above = (inequalities.inequality_text(tree) for tree in positive if not inequalities.is_plainly_positive(tree))
-    return list(dict.fromkeys([*(f"{printing.to_text(tree)} != 0" for tree in unequal), *above]))
+    """Each condition once that is not seen to hold everywhere, or to follow from the others."""
+    unequal = [tree for tree in nonzero if tree not in positive and not inequalities.is_plainly_nonzero(tree, ())]
+    above: list[ex.Expression] = []
+    for tree in dict.fromkeys(positive):
+        if not inequalities.is_plainly_positive(tree, [*above, *(ex.power(other, 2) for other in unequal)]):
+            above.append(tree)
+    return list(
+        dict.fromkeys([*(f"{printing.to_text(u)} != 0" for u in unequal), *map(inequalities.inequality_text, above)])
+    )
 
 
 def hamiltonian_part(
