@@ -109,7 +109,7 @@ def read(text: str, names: dict[str, Any], number: Callable[[Fraction], Any]) ->
     tokens, at = list[str](), 0
     while at < len(text):
         found = TOKEN.match(text, at)
-        require(found, f"Column {at + 1} is no part of a formula.")
+        require(found, f"Column {at + 1} is not part of a formula.")
         tokens, at = [*tokens, found[1]], found.end()  # type: ignore[index]
     tokens.reverse()
 
@@ -280,7 +280,7 @@ def compare(c: Any) -> None:
         len(c["system"]["coordinates"]),
     )
     known = ["t", *system["coordinates"], *(x + "'" for x in system["coordinates"]), *(system.get("parameters") or [])]
-    require({*near} <= {*known}, "near holds a name that the system does not know.")
+    require({*near} <= {*known}, "near contains a name that the system does not declare.")
     for text in system["equations"].values():
         unknown = dict.fromkeys(known[1 - timed :], Degrees(1, 0))
         read(text, unknown, lambda x: Degrees(x.numerator.bit_length(), x.denominator.bit_length()))

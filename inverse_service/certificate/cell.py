@@ -582,7 +582,7 @@ def letters_of(question: Question, read: Callable[[Letters], object]) -> Letters
             size *= 2
             if size > MAX_LETTERS:
                 raise Ended(
-                    "incomplete", "The formulas hold too many functions to say where they are defined."
+                    "incomplete", "The formulas contain too many functions to determine where they are defined."
                 ) from None
 
 

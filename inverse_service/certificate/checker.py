@@ -54,7 +54,7 @@ def judged(
     except (Undefined, Unsettled, StopIteration):
         return CheckResult("incomplete", ("A number in the document could not be computed.",))
     except (RecursionError, MemoryError, OverflowError):
-        return CheckResult("incomplete", ("The document is beyond the memory of the checker.",))
+        return CheckResult("incomplete", ("The document is too large for the memory of the checker.",))
 
 
 def check_certificate(
@@ -84,7 +84,7 @@ def check_text(text: str, time_limit: float = 60.0, seed: int | None = None) -> 
     try:  # int("NaN") is a ValueError
         document = json.loads(text, object_pairs_hook=members, parse_constant=int)
     except (ValueError, TypeError, RecursionError):
-        reason = "The text is no JSON document, repeats a key, or is nested too deeply."
+        reason = "The text is not a JSON document, repeats a key, or is nested too deeply."
         return CheckResult("invalid", (reason,))
     return check_certificate(document, time_limit, seed)
 
@@ -104,7 +104,7 @@ def certified(document: Any, tools: Tools) -> CheckResult:
     require(document["claim"] == proven, f"A certificate of kind {kind} has to claim {proven}.")
     about: type[Question] = Question
     if document["system"].get("velocities") is not None:
-        require(among is None, "A motion on constraints is asked about with all Lagrangians.")
+        require(among is None, "For a motion on constraints, the claim must be about all Lagrangians.")
         along = kind == "nonexistence" and document.get("along") is not None
         about = Along if along else Motion
     elif among is not None:

@@ -88,7 +88,7 @@ def read_tokens(text: Any, where: str) -> tuple[str, ...]:
     check_shape(text, TEXT, where)
     tokens = list(TOKEN.finditer(DERIVATIVE.sub(rewritten, text)))
     strange = next((token.start(2) + 1 for token in tokens if token[2]), 0)
-    require(not strange, f"{where}: what stands at column {strange} is no part of a formula.")
+    require(not strange, f"{where}: the text at column {strange} is not part of a formula.")
     return tuple(token[1] for token in tokens)
 
 
@@ -212,7 +212,7 @@ def _called(ring: Any, token: str, values: list[Any]) -> Any:
     if name in ring.question.integrals:
         return ring.integral(name, orders, values)
     good = len(values) == len(orders) == len(ring.question.functions.get(name, ()))
-    require(good and sum(orders) <= MAX_ORDER, f"{token[:40]} is no function of {len(values)} arguments.")
+    require(good and sum(orders) <= MAX_ORDER, f"{token[:40]} is not a function of {len(values)} arguments.")
     return ring.function(name, tuple(orders), values)
 
 

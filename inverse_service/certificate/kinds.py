@@ -101,7 +101,7 @@ class OfKind(Question):
         words = {token for move in self.moves for text in move.values() for token in text if token[:1].isalpha()}
         good = all(move and {*move} <= {*self.coordinates} for move in self.moves) and bool(self.moves) == invariant
         require(good, "A vector field has components along coordinates.")
-        require(words <= {*self.coordinates, *self.parameters}, "A field may hold coordinates and parameters only.")
+        require(words <= {*self.coordinates, *self.parameters}, "A field may contain only coordinates and parameters.")
         require(not any(is_irrational(text) for move in self.moves for text in move.values()), "It is irrational.")
 
     def listed_rows(self) -> KindsOfRows:
@@ -144,7 +144,7 @@ class OfKind(Question):
 
     def existence(self, document: dict[str, Any]) -> str:
         if self.moves or self.kind == "rayleigh":
-            raise Ended("incomplete", "Of this kind only a Lagrangian itself proves that there is one.")
+            raise Ended("incomplete", "For this type, only an explicit Lagrangian proves existence.")
         return super().existence(document)
 
 
@@ -178,7 +178,7 @@ class DefiniteExpansion(Expansion):
         for pivot, row in zip(elimination.pivots, elimination.rows, strict=True):
             if pivot >> self.shift == self.offset:
                 solved = self.solved(row | {pivot: one}, values)
-                require(solved, "The multiplier is not one that is left at the point.")
+                require(solved, "The multiplier does not satisfy the conditions at the point.")
         return self.hessian(values)
 
 
@@ -201,7 +201,7 @@ class Definite(Question):
         if not degree or not (self.member or self.orthogonal):
             return super().modulo(degree, work, count)
         if self.functions or any("pi" in text or is_irrational(text) for text in self.texts()):
-            raise Ended("incomplete", "Where f is not rational only a Lagrangian itself proves anything.")
+            raise Ended("incomplete", "If f is not rational, only an explicit Lagrangian proves anything.")
         found = super().modulo(degree, work, count) if self.member else []
         self.pinned = True
         found += super().modulo(degree, work, count)

@@ -223,7 +223,7 @@ class Plan:
             rest = exact - sum([self.values[j][0] * fmpq(a.numerator, a.denominator) for j, a in parts.items()])
             whole = (rest / arb.pi() * part).unique_fmpz()
             if whole is None:
-                raise Ended("incomplete", "The branch of an arctangent could not be told.")
+                raise Ended("incomplete", "The branch of an arctangent could not be determined.")
             parts, times = parts | {PI: Fraction(int(whole), part)}, 2 * part
         return Entry(0, tuple((j, a) for j, a in parts.items() if a), times)
 

@@ -188,14 +188,14 @@ class Question:
         self.free, self.bound = self.coordinates[: len(forces)], self.coordinates[len(forces) :]
         good = self.free and all(self.functions.values()) and len({*names} - RESERVED) == len(names)
         good = good and ({*forces}, {*rates}) == ({*self.free}, {*self.bound})
-        require(good, "system has to declare names once, none with a meaning of its own, and an equation for each.")
+        require(good, "system must declare each name once, none of them reserved, and an equation for each.")
         self.force_texts = [read_tokens(forces[name], f"system.equations.{name}") for name in self.free]
         self.force_texts += [read_tokens(rates[name], f"system.velocities.{name}") for name in self.bound]
         self.letters, self.unsolved = {name + "''" for name in self.coordinates}, list[tuple[str, ...]]()
         if not all(map(self.letters.isdisjoint, self.force_texts)):  # E(t, q, q', q'') = 0
             require(not self.bound, "The equations of a motion on constraints have to be solved.")
             free = not any(bounded(text, self.letters) for text in self.force_texts)
-            require(free, "Accelerations may stand in sums and products only.")
+            require(free, "Accelerations may occur in sums and products only.")
             self.parameters = [*self.parameters, *sorted(self.letters)]
             self.unsolved, self.force_texts = self.force_texts, [(name + "''", "") for name in self.coordinates]
         self.motion = [*self.force_texts, *self.unsolved]
@@ -213,7 +213,7 @@ class Question:
     def set_of_claim(self, claim: dict[str, Any]) -> None:
         near, shape = claim.get("near") or {}, {"conditions?": [TEXT, MAX_LISTED], "roots?": [{}, MAX_LISTED]}
         check_shape(near, dict.fromkeys(near, NUMBER), "near")
-        require({*near} <= self.names, "near holds a name that the system does not know.")
+        require({*near} <= self.names, "near contains a name that the system does not declare.")
         self.near = {name: Fraction(value) for name, value in near.items()}
         check_shape(claim, shape, "certificate")
         self.conditions = [read_condition(text) for text in claim.get("conditions") or []]
@@ -455,7 +455,7 @@ class Question:
             require(k in regular, sentence)
         require(not (doubts and self.rational), next(iter(doubts.values()), ""))
         if not self.rational:
-            told = f"It could not be settled whether this is so: {next(iter(doubts.values()))}" if doubts else (
+            told = f"It is undecided whether the following holds: {next(iter(doubts.values()))}" if doubts else (
                 "Balls at the real point do not show that a matrix is regular.")  # fmt: skip
             self.proven_in_balls(degree, real, told)
 
@@ -501,7 +501,7 @@ class Question:
         """c_i(t, q, q') for each equation that is not solved, 1 where none are given."""
         listed = document.get("factors", ["1"] * len(self.unsolved))
         check_shape(listed, [TEXT, len(self.unsolved)], "certificate.factors")
-        require(len(listed) == len(self.unsolved), "There has to be a factor for each equation that is not solved.")
+        require(len(listed) == len(self.unsolved), "Each equation that is not solved must have a factor.")
         found = [read_tokens(text, "certificate.factors") for text in listed]
         require(all(map(self.letters.isdisjoint, found)), "A factor contains accelerations.")
         require(self.timed or not any("t" in text for text in found), "A factor contains t, but the question does not.")
@@ -521,23 +521,23 @@ class Question:
         check_shape(listed, {key: {"arguments": [NAME + "'?", 6], "derivatives": {}} for key in listed}, "integrals")
         check_shape(list(listed), [NAME, MAX_NAMES], "integrals")
         taken = {*self.names, *self.functions} | RESERVED
-        require(taken.isdisjoint(listed), "An integral has the name of another thing.")
-        require(all(map({*listed}.isdisjoint, self.texts())), "Only the Lagrangian may hold integrals.")
+        require(taken.isdisjoint(listed), "An integral has a name that is already in use.")
+        require(all(map({*listed}.isdisjoint, self.texts())), "Only the Lagrangian may contain integrals.")
         tokens: tuple[str, ...] = ()
         for name, one in listed.items():
             arguments, slopes = one["arguments"], one["derivatives"]
             require(0 < len(arguments) == len({*arguments}), f"integrals.{name} has to name its arguments once.")
-            require({*arguments} <= {"t", *self.variables}, f"integrals.{name} may hold t, q and q' only.")
-            require({*slopes} <= {*arguments}, f"integrals.{name} has a derivative by what is no argument.")
+            require({*arguments} <= {"t", *self.variables}, f"integrals.{name} may contain only t, q and q'.")
+            require({*slopes} <= {*arguments}, f"integrals.{name} has a derivative by a name that is not an argument.")
             if len(slopes) != 1:
                 raise Ended("incomplete", f"integrals.{name} has to have one derivative.")
             ((by, text),) = slopes.items()
             slope = read_tokens(text, f"integrals.{name}")
             known = {t for t in slope if t in listed}
-            require(known <= {*self.integrals}, f"integrals.{name} may hold integrals before it only.")
+            require(known <= {*self.integrals}, f"integrals.{name} may contain only the integrals listed before it.")
             moving = {"t", *self.coordinates, *(name + "'" for name in self.coordinates)}
             strange = {*slope} & moving - {*arguments}
-            require(not strange, f"integrals.{name} has a derivative that holds what is no argument.")
+            require(not strange, f"integrals.{name} has a derivative that contains a name that is not an argument.")
             self.integrals[name] = Integral(arguments, by, slope)
             tokens += (*arguments, *slope)
         return tokens
@@ -569,7 +569,7 @@ class Question:
         for kind, *place, alpha in document["rows"]:
             order, depth, _ = self.kinds_of_rows[kind]
             good = (*place,) in places[kind]
-            require(good, f"A row of {kind} does not stand at {place}: see FORMAT.md.")
+            require(good, f"A row of {kind} does not belong at {place}: see FORMAT.md.")
             row = Row(kind, (*place,), self.multi_index(alpha, document["order"] - order))
             rows.append(row)
             degrees[row] = sum(alpha) + order
@@ -623,7 +623,7 @@ class Question:
         require(degree <= order, "degree has to be at most order.")
         if self.is_one_coordinate(document):
             self.prepare(lambda ring: None)
-            return "Of one coordinate every equation has a Lagrangian (Sonin 1886, Darboux 1894)."
+            return "Every equation in one coordinate has a Lagrangian (Sonin 1886, Darboux 1894)."
         idle, degrees = set[Row](), range(degree + 1)
         most = order + 1 + max(depth - own for own, depth, _ in self.kinds_of_rows.values())
         directions: list[list[int]] = []
@@ -660,7 +660,7 @@ class Question:
             self.proven_in_balls(most, real, "Balls at the real point do not show that the ranks are the generic ones.")
         same = first.dimensions == [dimensions] * 2
         require(same, "The dimensions are not those of this and the next order.")
-        require(first.regular, "No multiplier g(p) that is left is regular.")
+        require(first.regular, "Every remaining multiplier g(p) is singular.")
         found, claimed = first.symbol, claimed_symbol(document, len(first.symbol.characters))
         require(claimed == found, "The symbol has other dimensions.")
         prolonged = sum(k * a for k, a in enumerate(found.characters, 1))
@@ -698,7 +698,7 @@ class Question:
             terms = {self.multi_index(a, order + 2): field.number(Fraction(b)) for a, b in series["terms"]}
             ring = self.expansion(field, order + 2)
         except Undefined:
-            raise Ended("invalid", "The series stands at a point where f is not defined.") from None
+            raise Ended("invalid", "The point of the series is one where f is not defined.") from None
         for name in (name for degree in range(order + 1) for name in ring.rows(degree)):
             require(ring.solved(ring.row(*name), terms), "The series does not solve the rows.")
         require(field.regular(ring.hessian(terms)), "The series has a singular g(p).")

@@ -239,7 +239,7 @@ class Expansion:
         names, known, slope = self.question.integrals[name]
         written = len(arguments) == len(names) and not any(orders)
         written = written and all(a is self.names[b] for a, b in zip(arguments, names, strict=True))
-        require(written, f"{name} is to be written with its own arguments.")
+        require(written, f"{name} must be written with its own arguments.")
         axes = {self.question.variables.index(argument) for argument in names}
         axis = self.question.variables.index(known)
         free = [key for d in range(self.degree + 1) for key in self.monomials(d) if not self.exponent(key, axis)]

@@ -130,7 +130,7 @@ def exit_codes() -> Iterator[None]:
         missing = errors.missing_extra(error) if isinstance(error, ImportError) else None
         if missing is not None:
             stop(missing.detail, ExitCode.BAD_INPUT)
-        stop(f"The program failed ({type(error).__name__}); that is a fault of the program.", ExitCode.FAULT)
+        stop(f"The program failed ({type(error).__name__}); this is an error in the program.", ExitCode.FAULT)
 
 
 def stop(sentence: str, code: ExitCode) -> None:

@@ -69,10 +69,10 @@ def values_at(
 FAMILY = "a sum with a definite Hessian"
 IRRATIONAL = "f is not rational, and no Lagrangian that was found has a definite Hessian at this point"
 _OPEN = (
-    "no matrix of rational numbers was found that settles this; one of algebraic numbers may, which is not looked for"
+    "no matrix of rational numbers was found that decides this; matrices of algebraic numbers may, but are not tried"
 )
-OUTSIDE = "f has no value at this point, or it is one of another case of signs"
-_SPECIAL = "the check could not confirm that the values of g at this point are those of a generic one"
+OUTSIDE = "f has no value at this point, or the point belongs to another branch of signs"
+_SPECIAL = "the check could not confirm that g takes the same values at this point as at a generic one"
 _DIGITS = 2
 
 

@@ -33,7 +33,7 @@ from inverse_service.search.protocol import describe
 from inverse_service.search.row_factors import lagrangian_as_given
 from inverse_service.search.terms import EMPTY, TooManyTerms, collected, terms_of, tree_of
 
-_NO_TIME = "the time limit came before this question"
+_NO_TIME = "the time limit was reached before this question"
 NOT_FOUND = "the conditions on the multiplier leave such a Lagrangian possible, but none was found"
 _HOMOGENEOUS = ("riemannian", "finsler")
 

@@ -43,8 +43,8 @@ _SEARCH_SHARE = 0.5
 _SHARE_OF_FIRST = 0.6
 _UNCONNECTED = "this part is not connected with the one answered"
 _UNSOLVED = (
-    "the accelerations, solved for, are too long to decide about, and the equations as given have no Lagrangian of "
-    "their own that answers this"
+    "the accelerations in solved form are too long to decide about, and no Lagrangian of the equations as "
+    "given answers this"
 )
 AS_GIVEN = "the equations as given"
 # Coordinates of systems whose conditions are printed and whose freedom is counted beside a known Lagrangian.
@@ -131,7 +131,7 @@ def _solve(system: second_order_system.SecondOrderSystem, options: SolveOptions,
     system = second_order_system.branches_of(system)[0]
     if max(len(printing.to_text(tree)) for tree in system.accelerations) > formulas.MAX_TEXT:
         reason = (
-            f"an acceleration, solved for, has more than {formulas.MAX_TEXT:,} characters, too many for a certificate"
+            f"an acceleration in solved form has more than {formulas.MAX_TEXT:,} characters, too many for a certificate"
         )
         return _unreduced(system, options, None, reason)
     report = progress or (lambda _: None)
@@ -427,7 +427,7 @@ def _searched(work: Work, decision: deciding.Decision, highest: float) -> Search
         )
     work.add_seconds("search", began + work.seconds.get("check", 0.0) - checked)
     if outcome.found is None and deadline.now() >= limit:
-        work.cut[named("lagrangian", decision.with_time)] = "The time for the search was over."
+        work.cut[named("lagrangian", decision.with_time)] = "The time for the search expired."
     return outcome
 
 
@@ -436,7 +436,7 @@ def _searched(work: Work, decision: deciding.Decision, highest: float) -> Search
 Progress = Callable[[str], None]
 # Work that takes longer tells what is confirmed meanwhile, s.
 _AT_ONCE = 0.05
-NOT_YET = "This is not settled yet."
+NOT_YET = "This is not decided yet."
 OPEN = Answer("undetermined", reason=NOT_YET)  # that of a question which is not settled
 log = logging.getLogger(__name__)
 

@@ -141,7 +141,7 @@ def test_two_verdicts_on_one_question_are_refused() -> None:
         )
         found = check_result(document, seed=1)
         assert found.verdict == "invalid"
-        assert "one question differently" in found.reasons[0]
+        assert "the same question differ" in found.reasons[0]
 
 
 # Rows

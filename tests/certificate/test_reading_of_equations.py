@@ -25,7 +25,7 @@ def test_accelerations_may_stand_in_sums_and_products_beside_anything_else() -> 
 def test_accelerations_stand_in_no_power_divisor_or_argument(term: str) -> None:
     for zero in (f"0*{term}", f"{term}-{term}"):
         found = check_certificate(of_lagrangian(f"x''+x+{zero}", "y''", OSCILLATOR), seed=1)
-        assert found.reasons == ("Accelerations may stand in sums and products only.",)
+        assert found.reasons == ("Accelerations may occur in sums and products only.",)
 
 
 @pytest.mark.parametrize("text", ["x''+x)", "x''+x)^2", "(x''+x", ")x''+x"])

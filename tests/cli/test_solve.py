@@ -182,7 +182,7 @@ def test_a_fault_of_the_program_is_exit_3_and_no_traceback(
     monkeypatch.setattr(solving, "solve_branches", lambda *arguments: 1 // 0)
     found = call("solve", written(tmp_path, OSCILLATOR))
     assert (found.code, found.err.count("\n")) == (3, 1)
-    assert "fault of the program" in found.err
+    assert "error in the program" in found.err
 
 
 @pytest.mark.slow

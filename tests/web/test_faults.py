@@ -49,7 +49,7 @@ def test_an_exception_of_ours_is_a_problem_without_its_text(monkeypatch: pytest.
 def test_a_failed_task_is_a_problem_and_its_details_go_to_the_log(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, status: Any
 ) -> None:
-    with pytest.raises(Exception, match="fault of the program") as raised:
+    with pytest.raises(Exception, match="error in the program") as raised:
         value_of(Outcome(status, "KeyError", detail="Traceback: a secret of the inside"))
     response = answer_of(monkeypatch, raised.value)
     assert response.status_code == 500

@@ -36,7 +36,7 @@ def result_document(
         result["provenance"] |= {"options": {"time_limit": options.time_limit, "seed": options.seed}}
         return result
     if outcome.status in ("deadline", "memory"):
-        return undetermined(outcome.value, f"{reason[:-1]} before a verdict was proven.", options)
+        return undetermined(outcome.value, f"{reason[:-1]} before a verdict could be proved.", options)
     found: dict[str, Any] = value_of(outcome)
     return found
 
@@ -71,16 +71,16 @@ PREFIX = "urn:inverse-service:problem:"
 TITLES = {
     400: "The document cannot be read",
     401: "A key is needed",
-    404: "There is nothing at this address",
-    405: "This address does not take this method",
+    404: "Not found",
+    405: "Method not allowed",
     410: "The job was dismissed",
     413: "The body is too large",
-    415: "The body has another content type",
+    415: "Unsupported content type",
     421: "Another host is meant",
     422: "The document cannot be accepted",
-    429: "Too much at a time",
+    429: "Too many requests",
     431: "The header is too large",
-    500: "A fault of the service",
+    500: "Internal error",
     503: "The service is busy",
 }
 
@@ -126,14 +126,14 @@ def of_outcome(outcome: Outcome, time_limit: float, memory_limit: int) -> dict[s
     if outcome.status == "refused":
         return problem_document(422, outcome.places[0].code, outcome.places[0].detail, outcome.places)
     sentences = {
-        "deadline": f"The work was stopped at its time limit of {time_limit:g} s; ask for less or for more time.",
-        "memory": f"The work was stopped at its memory limit of {memory_limit} MiB; ask for less.",
-        "killed": "The worker process was killed repeatedly, most likely because it ran out of memory; ask for less.",
-        "crash": "The worker process died repeatedly on this document; that is a fault of the program.",
+        "deadline": f"The time limit of {time_limit:g} s was reached; simplify the request, or raise the limit.",
+        "memory": f"The memory limit of {memory_limit} MiB was reached; simplify the request.",
+        "killed": "The worker process was killed repeatedly, probably for lack of memory; simplify the request.",
+        "crash": "The worker process died repeatedly on this document; this is an error in the program.",
         "cancelled": "The job was dismissed.",
         "unstarted": "No worker process could be started for a long time; submit the request again.",
     }
     kind = f" ({outcome.value})" if isinstance(outcome.value, str) and outcome.value else ""
-    fault = f"The program failed on this document{kind}; that is a fault of the program."
+    fault = f"The program failed on this document{kind}; this is an error in the program."
     status, short = ENDS.get(outcome.status, (500, "fault"))
     return problem_document(status, short, sentences.get(outcome.status, fault))

@@ -28,11 +28,11 @@ from inverse_service.service.documents.plain_data import read_json
 from inverse_service.service.documents.preparing import inward, is_motion, is_nonholonomic, prepared
 
 TIME_LIMIT = 60.0  # of processor time: what a busy machine does decides no verdict
-OPEN_MOTION = "Whether this motion can be given a Hamiltonian by any associated system is open."
+OPEN_MOTION = "It is undecided whether any associated system gives this motion a Hamiltonian."
 # Answers without a verdict; each says what was computed and claims nothing that a certificate could prove.
 _WITHOUT_CLAIM: Final = ("inverse-service/forward/", "inverse-service/simulation/", "inverse-service/work-precision/")
 _NO_CLAIM: Final = "This answer claims no verdict, so there is nothing to check; to check L, solve its equations."
-_NO_RESULT: Final = "The document is no result: it has no format, system, and verdict that are known."
+_NO_RESULT: Final = "The document is not a result: it has no known format, system, and verdict."
 _OPEN: Final = "A verdict is undetermined, or no certificate proves it."
 _VERDICTS: Final = ("variational", "not_variational", "undetermined")
 # What the checker reads of a certificate.
@@ -234,14 +234,14 @@ class Examination:
         for key in ("verdict", "verdict_with_time"):
             if key in first or result.get(key) == "differs":
                 good = (result.get(key) == "differs") is (key in first)
-                self.agree(f"/{key}", good, result.get(key), "It is not what the verdicts of the cells make it.")
+                self.agree(f"/{key}", good, result.get(key), "It does not follow from the verdicts of the cells.")
         for place, branch in enumerate(result.get("branches") or []):
             at = f"/branches/{place}"
             if place == 0:
                 for key, value in branch.items():
                     several = key in ("verdict", "verdict_with_time") and self.differ(key)
                     if value != result.get(key) and not several:
-                        self.contradict(f"{at}/{key}", value, "The first branch is not what the main fields say.")
+                        self.contradict(f"{at}/{key}", value, "The first branch does not agree with the main fields.")
             main = self.main(branch, at, timed, own) and main
         self.kinds(plain, own, moving)
         self.instead(document, plain, own)
@@ -284,7 +284,7 @@ class Examination:
         verdict, later, other = part.get("verdict"), part.get("verdict_with_time"), part.get("with_time")
         asked = "time_dependent" if timed else "autonomous"
         if timed and later not in (None, verdict):
-            self.contradict(f"{at}/verdict_with_time", later, "Both answer one question differently.")
+            self.contradict(f"{at}/verdict_with_time", later, "The two answers to the same question differ.")
         for key, value in (("verdict", verdict), ("verdict_with_time", later)):
             if value not in (*_VERDICTS, None) and (at or value != "differs"):
                 self.contradict(f"{at}/{key}", value, "It is no verdict.")
@@ -334,7 +334,7 @@ class Examination:
             self.contradict(f"{at}/certificate", certificate.get("claim"), proof.reasons[0])
             return None
         good = self.fits(shown, certificate)
-        self.agree(f"{at}/{shown.key}", good, shown.verdict, "Its certificate claims another thing.")
+        self.agree(f"{at}/{shown.key}", good, shown.verdict, "Its certificate makes a different claim.")
         same = _same_system(_system(certificate), shown.system)
         self.agree(f"{at}/certificate/system", same, "", "It is about another system.")
         if proof.verdict == "incomplete":
@@ -420,7 +420,7 @@ class Examination:
         if energy is None:
             return
         if not isinstance(energy, dict) or not isinstance(certificate.get("lagrangian"), str):
-            self.contradict(at, _text(energy), "No Lagrangian is proven that it could belong to.")
+            self.contradict(at, _text(energy), "It belongs to no Lagrangian that a certificate proves.")
             return
         found = comparison.judge_hamiltonian(certificate, energy, self.end - now())
         if found.verdict == "invalid":
@@ -474,7 +474,7 @@ class Examination:
         for name, part in listed.items():
             at, among = f"/kinds/{name}", _object(part.get("certificate")).get("among")
             if name not in (*KINDS.split("|"), "invariant"):
-                self.contradict(at, name, "There is no such kind.")
+                self.contradict(at, name, "No such type exists.")
                 continue
             if "given" in self.result["system"] or self.handed is not None:
                 good = name in known and among in (None, known[name])
@@ -499,7 +499,7 @@ class Examination:
             self.claim("/instead/kind")
             return
         if kind not in ("parameters", "reduced"):
-            self.contradict("/instead/kind", str(kind), "It is none of time, rayleigh, parameters, reduced.")
+            self.contradict("/instead/kind", str(kind), "It is not one of time, rayleigh, parameters, reduced.")
             return
         if kind == "parameters":
             found = derived.system_there(document, part.get("conditions"))
@@ -591,7 +591,7 @@ class Examination:
                 return
             moving = not alone or certificate["claim"] == "variational"
             good = moving and certificate.get("among") is None
-            if not self.agree(f"{at}/{key}/system", good, "", "It is about another thing."):
+            if not self.agree(f"{at}/{key}/system", good, "", "It is about a different system."):
                 return
             if proof.verdict == "incomplete":
                 self.unsettled(proof.reasons[0])
@@ -650,7 +650,7 @@ class Examination:
             wanted = {name: one["text"] for name, one in found.get("equations", {}).items()}
             same = comparison.same_formulas(own["equations"], wanted, canonical.names_of(own))
             if same is None:
-                self.unsettled("Whether this is the associated system that the document names was not settled.")
+                self.unsettled("It could not be decided whether this is the associated system that the document names.")
             else:
                 self.agree("/system/given/associated", same, asked, "The equations are another associated system.")
         energy = result.get("hamiltonian")
@@ -752,7 +752,7 @@ def compare_before_leaving(result: dict[str, Any], time_limit: float) -> None:
         found = compared_with_document(result["system"]["given"], each, max(1.0, end - now()))
         if found.verdict == "invalid":
             why = "; ".join(found.reasons)
-            raise CertificateRefused(f"what was solved is not what was given: {why}"[:500])
+            raise CertificateRefused(f"the solved system differs from the given one: {why}"[:500])
         if found.verdict != "valid":
             _leave_open(result, "; ".join(found.reasons))
             return

@@ -228,15 +228,15 @@ def gaps(
     for point in filter(None, points):
         if not any(real_point.are_positive(cell, point) for cell in cells):
             place = ", ".join(f"{key} = {float(value):.4g}" for key, value in list(point.items())[:6])
-            return f"No cell holds the point {place}."
+            return f"No cell contains the point {place}."
     return ""
 
 
 _SHAPE = {"text": r"(?s:.*)", "momenta": {}, "domain?": [formulas.TEXT, formulas.MAX_LISTED]}
 _WRONG = "The Hamiltonian of an answer is not that of its Lagrangian."
 _NAMED = "The momenta are not p_x for each coordinate x."
-_VELOCITIES = "A Hamiltonian that is not implicit holds no velocities."
-_IMPLICIT = "A Hamiltonian that is implicit holds velocities."
+_VELOCITIES = "A Hamiltonian that is not implicit must not contain velocities."
+_IMPLICIT = "An implicit Hamiltonian must contain velocities."
 
 
 @dataclass(frozen=True, slots=True)

@@ -56,9 +56,9 @@ def _solved(system: SecondOrderSystem, timed: bool, seed: int, end: float) -> tu
 
 
 def to_clock(schema: SystemDocument, system: SecondOrderSystem) -> ex.Expression | None:
-    """N(q), None where it is looked for; InputError where it is no function of coordinates, or f holds t."""
+    """N(q), None where it is looked for; InputError where it is not a function of coordinates, or f holds t."""
     if system.depends_on_time:
-        raise errors.InputError("the equations contain t, so no other clock can be put in its place.", "/clock")
+        raise errors.InputError("the equations contain t, so the time cannot be changed.", "/clock")
     return None if schema.clock == SEARCH else read_clock(system, schema.clock or "", schema)
 
 

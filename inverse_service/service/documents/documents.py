@@ -33,9 +33,9 @@ if TYPE_CHECKING:
 
 # What ends the mathematics of a document that is well written, and what is said of it then.
 REASONS = {
-    OverflowError: "A number of the calculation, most often an exponent, has more than 64 bits; nothing was decided.",
+    OverflowError: "A number in the computation, usually an exponent, exceeds 64 bits, so no verdict was reached.",
     errors.CertificateRefused: "The independent checker refused the certificate of this answer, so there is none; "
-    "that is a fault of the program.",
+    "this is an error in the program.",
 }
 Progress = Callable[[Any], None]
 # The solver stops by itself a little before its process is killed, so that it can say how far it came.

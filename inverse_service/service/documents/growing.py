@@ -39,14 +39,14 @@ _STAGES: Final = {
 }  # fmt: skip
 # What is finished sooner after a message waits for the next part to begin: to make a result so far takes some ms, s.
 AT_ONCE = 0.1
-_TO_COME = "It is being worked on."
+_TO_COME = "The computation is in progress."
 _MORE: Final = {
-    "existence": "A longer time limit lets the decision go on.",
-    "existence_with_time": "A longer time limit lets the decision go on.",
-    "lagrangian": "A longer time limit lets the search for a closed form go on.",
-    "lagrangian_with_time": "A longer time limit lets the search for a closed form go on.",
+    "existence": "A longer time limit lets the decision continue.",
+    "existence_with_time": "A longer time limit lets the decision continue.",
+    "lagrangian": "A longer time limit lets the search for a closed form continue.",
+    "lagrangian_with_time": "A longer time limit lets the search for a closed form continue.",
 }
-_MORE_OF_OTHERS = "A longer time limit brings it."
+_MORE_OF_OTHERS = "A longer time limit allows this."
 
 
 class Growing:
@@ -164,5 +164,5 @@ def cut_off(so_far: Mapping[str, Any], reason: str, seconds: Mapping[str, float]
         taken[names[0]] = round(taken.get(names[0], 0.0) + max(0.0, wall - sum(taken.values())), 4)
     found = dict(so_far) | {"incomplete": left, "provenance": so_far["provenance"] | {"seconds": taken}}
     if found["verdict"] == "undetermined" and "existence" in names:
-        found["reason"] = f"{reason[:-1]} before a verdict was proven."
+        found["reason"] = f"{reason[:-1]} before a verdict could be proved."
     return found

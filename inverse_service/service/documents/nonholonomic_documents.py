@@ -41,7 +41,7 @@ T = TypeVar("T")
 def to_nonholonomic_schema(document: Any) -> schemas.NonholonomicDocument:
     """The document in its schema; raises DocumentRefused with every fault found."""
     if isinstance(document, dict) and "equations" in document:
-        sentence = "'equations' and a Lagrangian or constraints are both given: keep the one or the other."
+        sentence = "'equations' and a Lagrangian or constraints are both given: keep only one of the two."
         raise errors.DocumentRefused((errors.Place(sentence, "/equations"),))
     return accepting.validated(document, schemas.NonholonomicDocument)
 
@@ -128,7 +128,7 @@ def _motion(motion: constrained_motion.EquationsOfMotion) -> schemas.MotionPart:
 def _integrability(report: nonholonomic_study.MotionReport) -> schemas.IntegrabilityPart:
     found, count = report.integrability, len(report.motion.system.constraints)
     if found is None:
-        text = "Whether constraints are integrable was not settled, their brackets are too large."
+        text = "It could not be decided whether constraints are integrable, because their brackets are too large."
         nothing: dict[str, Any] = {"holonomic": False, "integrable": 0, "count": count, "growth": [], "integrals": []}
         return schemas.IntegrabilityPart(**nothing, **_stated(text))
     if found.integrable == 0:
@@ -210,7 +210,7 @@ def _belongs_to(found: answering.MotionLagrangian) -> schemas.BelongsTo:
 _MEASURE = {
     "found": "N times the volume of phase space is invariant; its momenta are those of the free velocities.",
     "does_not_exist": "No density `N(q)` makes a volume invariant: the equations for log N contradict each other.",
-    "not_found": "A density `N(q)` was not found in closed form; whether there is one was not settled.",
+    "not_found": "A density `N(q)` was not found in closed form; it is undecided whether one exists.",
 }
 
 
@@ -316,7 +316,7 @@ def _trajectory(comparison: Comparison) -> schemas.TrajectoryPart:
 # Of the time, what the equations of the free coordinates alone may take.
 SHARE_OF_REDUCED = 0.25
 MOST_FOR_INTEGRALS = 2.0  # s
-ONLY_THE_MOTION = "Only the motion was asked about: see any_associated."
+ONLY_THE_MOTION = "Only the motion was requested: see any_associated."
 
 
 def look_motion(document: Any) -> schemas.MotionDocument:
@@ -330,7 +330,7 @@ def solve_motion(document: Any, options: solutions.SolveOptions, grow: Growing) 
     schema = look_motion(document)
     if schema.special_cases:
         raise errors.InputError(
-            "special cases are not looked for where the motion itself is given: leave it out.", "/special_cases"
+            "special cases are not available where the motion itself is given: leave this key out.", "/special_cases"
         )
     motion = read_given_motion(schema)
     question = schema.time_dependent_lagrangian
@@ -378,7 +378,7 @@ def read_given_motion(schema: schemas.MotionDocument) -> constrained_motion.Cons
 
 
 QUADRATURE = "Along a solution of these equations the other coordinates are integrals over t of the right sides."
-CLOSED = "The equations of these coordinates hold no others; the others follow from the equations of motion."
+CLOSED = "The equations of these coordinates contain no other coordinates; those follow from the equations of motion."
 
 
 def decided_reduced(

@@ -33,7 +33,7 @@ AS_WRITTEN = (
 )
 _SINGULAR = "The Hessian of L in the velocities is singular: L does not determine the accelerations."
 _DIGITS = 12  # of numbers that are shown
-_ELSEWHERE = "Other parts of this set, which are not connected with this point, are not settled."
+_ELSEWHERE = "Other parts of this set, which are not connected with this point, are undecided."
 
 
 def document_of(found: Any) -> Any:
@@ -72,7 +72,7 @@ def check_lagrangian(document: Any, text: str, time_limit: float = 60.0) -> dict
     verdict = verdicts.pop() if len(verdicts) == 1 else "differs" if wrong and "valid" in verdicts else (
         "invalid" if wrong else "incomplete")  # fmt: skip
     reasons = list(dict.fromkeys(reason for one in found for reason in one["reasons"]))
-    reasons += [f"Not settled {_where(one)}: {one.reason}." for one in left]
+    reasons += [f"Undecided {_where(one)}: {one.reason}." for one in left]
     if is_singular:
         verdict, reasons = "invalid", [_SINGULAR]
     elif system.is_unsolved and verdict == "invalid":  # the checker compares E_i with the i-th equation alone

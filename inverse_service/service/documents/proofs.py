@@ -72,7 +72,7 @@ def _of_certificate(certificate: dict[str, Any], seed: int) -> Sequence[Theorem]
     if certificate["kind"] == "nonexistence":
         return [_negative(system, seed, budget)]
     if certificate["kind"] == "existence":
-        raise NoTheorem("no Lagrangian in closed form was found, its existence rests on involution")
+        raise NoTheorem("no Lagrangian in closed form was found; its existence follows from involution")
     if certificate.get("integrals"):
         raise NoTheorem("the Lagrangian holds integrals")
     names = Names(system.coordinates, system.parameters, functions)

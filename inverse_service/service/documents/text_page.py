@@ -21,7 +21,7 @@ QUESTIONS = {False: "L(q, q')", True: "L(t, q, q')"}
 SENTENCES = {
     "variational": "Variational{where}: a regular Lagrangian {question} exists.",
     "not_variational": "Not variational{where}: no regular Lagrangian {question} exists.",
-    "undetermined": "Undetermined{where}: whether a regular Lagrangian {question} exists was not settled.",
+    "undetermined": "Undetermined{where}: the program could not decide whether a regular Lagrangian {question} exists.",
 }
 
 
@@ -485,7 +485,7 @@ def _any_associated(part: dict[str, Any], explain: bool, parameters: Sequence[st
         yield Line(1, ("on the constraints ", ("l", _brief(found["on_constraints"]))))
         yield from _numbered("lambda_{}", found["transverse_momenta"])
     elif part["verdict_with_time"] == "variational":
-        yield _said(1, "no Lagrangian in closed form was found" + "; --explain shows how one begins" * (not explain))
+        yield _said(1, "no Lagrangian in closed form was found" + "; --explain shows how one starts" * (not explain))
     if part["hamiltonian"] is not None:
         yield _with_domain("H", part["hamiltonian"])
     yield from (Line(1, ("image ", (_brief(one), "0"))) for one in part["image"])
@@ -536,7 +536,7 @@ def _nonholonomic(part: dict[str, Any]) -> Iterator[Line]:
                 f"{flow['difference']:.1e}, constraints by {flow['constraint']:.1e}, H by {flow['energy']:.1e}"
             )
             yield _said(1, words)
-    yield from (EMPTY, _said(0, f"The rest is about the associated system '{part['main']}':"))
+    yield from (EMPTY, _said(0, f"The remaining lines are about the associated system '{part['main']}':"))
 
 
 def _reduced(part: dict[str, Any]) -> Iterator[Line]:

@@ -98,7 +98,7 @@ def value_of(outcome: Outcome) -> Any:
     if outcome.status == "unstarted":
         raise errors.NoWorker("No worker process can be started; try again in some seconds.")
     kind = f" ({outcome.value})" if outcome.value else ""
-    raise errors.WorkerFailed(f"The program failed on this document{kind}; that is a fault of the program.")
+    raise errors.WorkerFailed(f"The program failed on this document{kind}; this is an error in the program.")
 
 
 def outcome_of_exit(exitcode: int | None) -> Outcome:

@@ -143,7 +143,7 @@ SO_FAR = {
     "seconds": {"motion": 0.5},
     "value": {
         "format": "inverse-service/result/1", "verdict": "not_variational", "provenance": {},
-        "incomplete": [{"part": "any_associated", "reason": "", "more_time": "A longer time limit brings it."}],
+        "incomplete": [{"part": "any_associated", "reason": "", "more_time": "A longer time limit allows this."}],
     },
 }  # fmt: skip
 
@@ -175,7 +175,7 @@ def test_however_a_run_ends_its_result_is_what_was_finished(store: SqliteStore, 
     body = json.loads(job.body or b"null")
     assert (job.status, body["verdict"], left) == ("successful", "not_variational", [])
     assert body["incomplete"] == [
-        {"part": "any_associated", "reason": reason, "more_time": "A longer time limit brings it."}
+        {"part": "any_associated", "reason": reason, "more_time": "A longer time limit allows this."}
     ]
     assert body["provenance"]["seconds"] == {"motion": 0.5, "any_associated": 1.5}
 
