@@ -122,7 +122,7 @@ def problem_of(scene: Scene, requested: Requested, derived: Derived) -> Problem 
     if scene.lagrangian is None and method in ("nonholonomic", "modified"):
         return Unavailable(f"The method {method} needs the Lagrangian of the system; the scene gives only equations.")
     if method == "modified" and scene.forces:
-        return Unavailable("The modified method is for motions without further forces: use nonholonomic.")
+        return Unavailable("The modified method does not support additional forces: use nonholonomic.")
     if method == "modified" and not scene.constraints:
         return Unavailable("The modified method needs constraints; this scene has none.")
     if method == "nonholonomic":
@@ -160,7 +160,7 @@ def _exact(scene: Scene) -> motions.ExactMotion | motions.NoExactMotion:
     if scene.lagrangian is None:
         return motions.NoExactMotion("The system is given by its equations.")
     if scene.forces or any(event.acts for event in scene.events):
-        return motions.NoExactMotion("Further forces, or events, act.")
+        return motions.NoExactMotion("Additional forces or events act on the motion.")
     if initial.is_degenerate(scene):
         return motions.NoExactMotion(_DEGENERATE)
     return motions.motion_by_quadrature(scene.coordinates, scene.lagrangian, scene.constraints, scene.values)

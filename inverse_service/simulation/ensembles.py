@@ -217,7 +217,7 @@ def _gathered(
 
 MOST_SHARPER = 2**22  # steps of all members together
 ELSEWHERE = (
-    "{} of {} members lead elsewhere with {}, by more than a tenth of the range of a coordinate; the first is "
+    "{} of {} members differ with {} by more than a tenth of the range of a coordinate. The first one of them is "
     "member {}."
 )
 
@@ -295,7 +295,7 @@ def _estimated(
     errors, shares = errors_of(many.positions[rows, :points], found.positions, initial.angles(scene), again.part)
     estimates[rows] = np.where(many.completed[rows], errors.max(axis=(1, 2)), np.nan)
     far = (shares > TOO_LARGE).any(axis=(1, 2)) & many.completed[rows]
-    looked = f"{len(rows):,}" if len(rows) == count else f"{len(rows):,} looked at, of {count:,},"
+    looked = f"{len(rows):,}" if len(rows) == count else f"{len(rows):,} examined (of {count:,})"
     doubt = ELSEWHERE.format(f"{far.sum():,}", looked, again.how, rows[far.argmax()]) if far.any() else ""
     return {"estimated_error": estimates}, doubt
 

@@ -26,15 +26,15 @@ from inverse_service.simulation import scene_data as data
 MOST_STEPS = 1_000_000
 CHANGED, TIGHTER, TIGHTEST, LEAST_RANGE, ROUND_OFF = 0.1, 0.1, 1e-14, 0.01, 1e-15
 VARIES = (
-    "The energy, a constant, changes by {:.3g}, {:.2g} times the mean kinetic energy (at the start it is {:.3g}). Take "
-    "a smaller step or `adaptive`."
+    "The energy should be constant but changes by {:.3g}, {:.2g} times the mean kinetic energy (initial energy: "
+    "{:.3g}). Take a smaller step or `adaptive`."
 )
 HALF = "half the step"
 STRICTER, LOOSER = f"{HALF} and a tenth of the tolerance", f"{HALF} and ten times the tolerance"
-AGAIN, TRUE = "With {} the method", "The true motion"
-ELSEWHERE = "{} leads elsewhere: from t = {:.6g} on {} is off by about {:.3g}. Take a smaller step or tolerance."
+AGAIN, TRUE = "With {}, the trajectory", "The true motion"
+ELSEWHERE = "{} differs: from t = {:.6g} on, {} is off by about {:.3g}. Take a smaller step or tolerance."
 GOES_ON = ("completed", "cancelled")
-ENDS_EARLY = "With {} the run ends at t = {:.6g}, {}."
+ENDS_EARLY = "With {}, the run ends at t = {:.6g}: {}."
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,7 +155,7 @@ _OTHER = "the Euler-Lagrange equations of the free Lagrangian at the motion"
 TOO_LARGE = 0.1  # of the size of the motion
 GOLDEN, MOST_MOMENTS, MOST_VALUES = 0.618033988749895, 64, 2**21
 ENDS_ELSEWHERE = (
-    "`adaptive` on the peaks of the forces ends {:.3g} from there: one acts within a step. Take a smaller step."
+    "`adaptive`, stopping at the peaks of the forces, ends {:.3g} away: one acts within a step. Take a smaller step."
 )
 
 

@@ -53,13 +53,13 @@ TOUCH, TOUCH_FROM = 1e-13, 1e-6  # of its greatest value, and of a step from the
 LOOKED_AGAIN, OFF_GRID = 512, (0.1, 0.23, 0.382)  # places between those looked at, in parts of their distance
 NOT_SHOWN, OFTEN = 0.25, 0.01  # of the change nearby, and of the places
 UNSEEN = (
-    "The formula changes faster than the places that were looked at show, at most 16 in a step: events may be missing; "
-    "take a smaller step."
+    "The formula varies too fast for the examined points, at most 16 in a step, so events may be missing. "
+    "Take a smaller step."
 )
-TOUCHED = "At t = {:.7g} the formula is 0 within round-off and its sign stays: that is no event."
+TOUCHED = "At t = {:.7g} the formula is 0 within round-off but does not change its sign, so this is not an event."
 ENDED = "The run was ended by an event at t = {:.12g}."
-NO_VALUE = "The formula has no value at {} of the {} points of the run: there is no event there."
-NO_SIZE = "The formula is 0 within round-off all along the run: none of its changes of sign is an event."
+NO_VALUE = "The formula has no value at {} of the {} points of the run, so no event is found there."
+NO_SIZE = "The formula is 0 within round-off during the whole run, so its changes of sign are not events."
 NO_PERIOD = "A period needs velocities and every step recorded."
 NO_VELOCITIES = "The method has no velocities at its points, which the event needs."
 
@@ -385,9 +385,9 @@ SOON = 1e-10  # of a step or of the time: events that follow each other so soon 
 MOST_TOGETHER = 3  # switching functions that are zero at once
 STICKS, PASSES = 0, "passes"
 ZENO = "the times between two such events, which become ever shorter"
-ZENO_REMEDY = "stop before, or let the motion go on without the event from there"
+ZENO_REMEDY = "stop before, or let the motion continue without the event from there"
 MANY = "After {} events the run was ended at t = {:.12g}."
-NO_MOTION = "more than one motion begins, or none goes on, where {} = 0"
+NO_MOTION = "the motion has several continuations, or none, where {} = 0"
 BEGIN_ELSEWHERE = "begin elsewhere"
 
 Integrate = Callable[[data.Problem, data.MethodChoice, data.Start, data.Grid], Trajectory | data.Unavailable]

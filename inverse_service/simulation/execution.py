@@ -37,7 +37,7 @@ __all__ = ["Grid", "MethodChoice", "Observable", "Observation", "Problem", "Star
 def check(problem: Problem, choice: MethodChoice, grids: Sequence[Grid]) -> None:
     """InputError with one sentence for a choice that makes no sense."""
     if choice.method not in method_table.METHODS:
-        raise InputError(f"There is no method of this name; there are {', '.join(method_table.METHODS)}.")
+        raise InputError(f"There is no method of this name. The methods are {', '.join(method_table.METHODS)}.")
     if not 0.0 <= choice.alpha <= 1.0:
         raise InputError("alpha must be from 0 to 1.")
     if choice.form not in ("hamiltonian", "raw", "verlet"):
@@ -45,7 +45,7 @@ def check(problem: Problem, choice: MethodChoice, grids: Sequence[Grid]) -> None
     if choice.method in method_table.GEOMETRIC:
         _check_order(choice)
     if choice.symmetrised and choice.alpha != 0.5 and choice.form != "verlet" and problem.depends_on_time:
-        raise InputError("Symmetrised steps are for systems without t: take alpha = 1/2, which has order 2 too.")
+        raise InputError("Symmetrised steps require a system without t: take alpha = 1/2, which also has order 2.")
     for grid in grids:
         if not (abs(grid.step) > 0 and grid.step - grid.step == 0 and grid.steps >= 0 and grid.record_every >= 1):
             raise InputError("A grid needs a finite step other than 0, 0 or more steps, record_every of 1 or more.")
@@ -90,7 +90,7 @@ def kernel_of(formulas: Formulas, choice: MethodChoice, observation: Observation
     return compiled(identity, lambda: schemes.program_of(formulas, choice, observation), lanes)
 
 
-NO_GUARD = "The guard was off: that each step took the root that belongs to small steps was not checked."
+NO_GUARD = "The guard was off, so it was not checked that each step took the root that belongs to small steps."
 
 
 def run(
@@ -243,7 +243,7 @@ def stopped(card: Card, memory: Array, unknown_names: Mapping[str, str], grid: G
         step = 0
         return ends("off_domain", "the state at the start, which has no finite value", value, _UNDEFINED)
     if code == programs.TOO_MANY:
-        quantity = f"a step of its own: {MOST_TRIES} such steps do not reach the next point"
+        quantity = f"the step chosen by the method: {MOST_TRIES} such steps do not reach the next point"
         return ends("unresolved", quantity, value, _FASTER)
     if code == programs.TOO_SHORT:
         return ends("singular", "a step within the tolerance", value, _ENDS)
@@ -442,7 +442,7 @@ def _has_two_places(choice: MethodChoice) -> bool:
 
 def _remedy(f: Formulas, choice: MethodChoice) -> str:
     if _has_two_places(choice):
-        return "leave symmetrised out: its two places lie on different sides there; alpha = 1/2 has order 2 too"
+        return "leave out `symmetrised`, whose two points lie on different sides there; alpha = 1/2 also has order 2"
     if choice.method == "variational" and choice.form == "raw":
         return "use the Hamiltonian form, which is smooth there"
     if choice.method == "modified":
@@ -604,7 +604,7 @@ def no_one_motion(f: Formulas, choice: MethodChoice, table: Mapping[str, float])
     for name, is_steep in zip(f.problem.coordinates, steep, strict=True):
         if is_steep:
             quantity = f"the force on {name}: its slope is infinite at the start, where more than one motion may begin"
-            return Outcome("singular", 0, table[str(MOMENT)], quantity, None, "begin beside it")
+            return Outcome("singular", 0, table[str(MOMENT)], quantity, None, "begin next to it")
     return None
 
 

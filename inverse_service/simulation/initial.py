@@ -42,13 +42,13 @@ def check_constraints(
             raise InputError(f"constraint {place} has no velocity in it: leave it out.", "/system")
         if any(isinstance(node, Velocity) for slope in slopes for node in walk(slope)):
             raise InputError(
-                f"constraint {place} is not linear in the velocities: only such constraints are simulated.", "/system"
+                f"constraint {place} is not linear in the velocities: only linear ones can be simulated.", "/system"
             )
     if not constraints:
         return
     rank = max(np.linalg.matrix_rank(rows) for rows in _rows_nearby(names, constraints, values, positions))
     if rank < len(constraints):
-        raise InputError(f"only {rank} of the {len(constraints)} constraints are independent: leave the others out.",
+        raise InputError(f"only {rank} of the {len(constraints)} constraints are independent: leave out the others.",
                          "/system")  # fmt: skip
     if rank >= len(names):
         raise InputError(f"{rank} constraints on {len(names)} coordinates leave no motion: leave some out.", "/system")

@@ -55,8 +55,8 @@ MOST_NODES = 2_000_000
 INTERVALS_AT_ONCE = 5_000
 TOLERANCE = 4e-16
 RANK_LOST = (
-    "on the way the constraints lose rank, or the kinetic energy along them is not positive, so the exact motion is "
-    "not determined: change a parameter or the start"
+    "along the motion the constraints lose rank, or the kinetic energy is not positive on them, so the exact motion "
+    "is not determined: change a parameter or the start"
 )
 
 
@@ -115,7 +115,7 @@ def _with_one_direction(found: ExactMotion) -> ExactMotion | NoExactMotion:
     if np.delete(found.mass[k], k).any():
         return NoExactMotion(f"The kinetic energy couples {names[k]} with another coordinate.")
     if len(found.constraints) != len(names) - 2:
-        return NoExactMotion(f"The constraints leave more than one direction besides {names[k]}.")
+        return NoExactMotion(f"The constraints leave more than one direction in addition to {names[k]}.")
     return found
 
 

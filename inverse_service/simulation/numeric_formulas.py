@@ -152,7 +152,7 @@ class Formulas:
 
     @cached_property
     def hamiltonian(self) -> se.Formula:
-        what = "the Hamiltonian of a free Lagrangian in closed form (the raw form does without)"
+        what = "the Hamiltonian of a free Lagrangian in closed form (not needed by the raw form)"
         return self.of(self.problem.free_hamiltonian, what)
 
     @cached_property

@@ -44,10 +44,10 @@ from inverse_service.simulation import scene_data as data
 
 WITH_TIME = "The Lagrangian contains t, so its energy changes."
 FORCED = "Forces do work, so the energy T + V changes: see its balance with the work."
-ACTED = "Events change the motion, so the energy is no constant."
+ACTED = "Events change the motion, so the energy is not constant."
 MOVING_CONSTRAINTS = (
-    "A constraint has a part without velocities and may do work, so the energy is no constant of the motion: there is "
-    "no error to tell."
+    "A constraint has a part without velocities and may do work, so the energy is not a constant of the motion, "
+    "and no error is reported."
 )
 ENERGY_START = "energy_of_the_start"
 ROUND_OFF = 1e-14
@@ -177,7 +177,7 @@ def end_of_energy(scene: data.Scene, positions: Array, velocities: Array, times:
         if not (np.isfinite(values).all() and (values.min() > 0 or values.max() < 0)):
             return f"ends where {printing.to_text(wall)} = 0, and the motion passes there"
     apart = motions.distance_of_motion(scene.found.lagrangian, scene.coordinates, scene.accelerations or (), table)
-    return "has another motion than the equations on a part of the way" if (apart > motions.NOTICED).any() else None
+    return "does not give the motion of the equations everywhere" if (apart > motions.NOTICED).any() else None
 
 
 def point_constraints(scene: data.Scene, positions: Array, velocities: Array) -> dict[str, Any]:
@@ -209,10 +209,10 @@ def circle_numbers(points: Array, exact: Array | None, every: int = 1, reach: fl
     }
     if np.isnan(drift.revolutions):
         numbers["note"] = (
-            "Too few steps are recorded to count revolutions: the circles are those of the first and last 1 % of them."
+            "Too few steps are recorded to count revolutions: the circles are fitted to the first and last 1 % of them."
         )
     elif drift.revolutions < 1:
-        numbers["note"] = "The path is less than one revolution, so both circles are that of the whole path."
+        numbers["note"] = "The path is less than one revolution, so both circles are fitted to the whole path."
     reference = None if exact is None else least_squares_circle(exact)
     if reference is not None and reference.misfit <= 1e-6 * reference.radius:
         numbers["exact_radius"] = reference.radius
@@ -337,7 +337,7 @@ def _solved(matrices: Array, right: Array) -> Array:
 
 KEPT = "See `conserved`: {} is constant."
 _NO_VELOCITIES = "The method has no velocities at the recorded points: record every step."
-_NO_ENERGY = "The system is given by its equations, and no Lagrangian of it was found, so there is no energy."
+_NO_ENERGY = "The system is given by its equations and no Lagrangian was found, so no energy is defined."
 _NO_VALUE = "The formula has no value at {} of the {} recorded points, the first at t = {:.7g}."
 _WALL = "The energy is that of a Lagrangian that was found, which {}."
 

@@ -108,8 +108,8 @@ def _outcome(code: str, good: int, steps: Any, times: Any) -> Outcome:
     if "cb_stop" in code:
         return Outcome("cancelled", *at)
     if "step_limit" in code:
-        remedy = "take a shorter time or a larger tolerance, or stop before, where the motion ends there"
-        return Outcome("unresolved", *at, f"heyoka, after {MOST_STEPS} steps of its own", None, remedy)
+        remedy = "take a shorter time or a larger tolerance, or stop before the motion ends"
+        return Outcome("unresolved", *at, f"heyoka, after {MOST_STEPS} internal steps", None, remedy)
     remedy = "the accelerations have no finite value there: use a regular form of the motion"
     return Outcome("not_finite", *at, "the Taylor series", None, remedy)
 

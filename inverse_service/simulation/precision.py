@@ -34,8 +34,8 @@ SECONDS = 0.2  # for each of the repeats: of the first runs of all methods toget
 SHARE_OF_FIRST, SHARE_OF_REPEATS, SHARE_OF_ONE = 0.6, 0.2, 0.05  # of the time limit, the last for a single run
 LONG = 100  # times the time of the scene
 PARTS = 20  # of a long run: the first and the last are compared
-TOO_SLOW = "not measured: the one before took {:.1g} s"
-LATE = "not measured: the time limit was near"
+TOO_SLOW = "not measured: the previous setting took {:.1g} s"
+LATE = "not measured: the time limit was almost reached"
 CUT = "it takes too long"
 
 

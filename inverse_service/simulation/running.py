@@ -60,8 +60,8 @@ from inverse_service.simulation.scene_data import (
     Unavailable,
 )
 
-LATE = "The time was over before its turn; take fewer methods or steps, or a longer time limit."
-FAULT = "This method failed by a fault of the program ({}): please report the scene."
+LATE = "The time limit was reached before this method could run. Take fewer methods or steps, or a longer time limit."
+FAULT = "This method failed because of a fault of the program ({}): please report the scene."
 
 
 @dataclass(frozen=True, slots=True)
@@ -287,9 +287,9 @@ IN_KERNEL = ("energy", "constraints")
 TIMED_STEPS, MORE_STEPS = 20_000, 8  # steps that are timed at most, and how many times as many where they are too few
 REPEATS, LEAST_REPEATS, LONG_ENOUGH = 15, 3, 0.03  # runs for one measurement, and their seconds
 LARGE = 8  # coordinates beyond which the operations of effects are counted where the cost is observed only
-NOT_IN_STEPS = "The cost of parts is measured for methods that step with a kernel."
-TOO_SHORT = "The run is too short for its steps to be timed: take more of them."
-TOGETHER = "The free Lagrangian belongs to all effects together: they cannot be taken out of it one by one."
+NOT_IN_STEPS = "The cost of parts is measured only for methods that step with a kernel."
+TOO_SHORT = "The run is too short to time its steps: take more steps."
+TOGETHER = "The free Lagrangian belongs to all effects together, so single effects cannot be removed from it."
 _OPERATION = re.compile(r"= (?:fadd|fsub|fmul|fdiv|fneg|fcmp|(?:tail )?call)\b")
 
 
@@ -352,7 +352,7 @@ def part_costs(
             part["note"] = f"Without it: {found.reason}"
         else:
             part["operations"] = whole[1] - found[1]
-            part |= {"step_ns": whole[0] - found[0]} if whole[0] > found[0] else {"note": "Its time is in the noise."}
+            part |= {"step_ns": whole[0] - found[0]} if whole[0] > found[0] else {"note": "Its time is below noise."}
         parts.append(part)
     note = TOO_SHORT if np.isnan(whole[0]) else TOGETHER if together and scene.parts else ""
     numbers = dict(zip(("step_ns", "operations", "steps"), whole, strict=True))
@@ -446,8 +446,8 @@ def _truth(scene: Scene, derived: derivation.Derived, stop: Stop | None) -> Trut
 
 PARTS = 200
 CHOICE = MethodChoice("adaptive", tolerance=1e-10)
-OVER = "The time was over before the exponent was found; take fewer methods or steps, or a longer time limit."
-ENDED = "The motion ends at t = {:.6g}, before the exponent has settled."
+OVER = "The time limit was reached before the exponent was found. Take fewer methods or steps, or a longer time limit."
+ENDED = "The motion ends at t = {:.6g}, before the exponent has converged."
 
 
 def largest_exponent(
@@ -511,7 +511,7 @@ MOST_STEPS = 1_000_000
 TAYLOR, EXPLICIT, IMPLICIT = (
     MethodChoice("heyoka", tolerance=1e-15), MethodChoice("adaptive", tolerance=1e-13), MethodChoice("reference"),
 )  # fmt: skip
-NONE_FOUND = "No reference solution was found: the reference integrators did not get through."
+NONE_FOUND = "No reference solution was found: the reference integrators did not complete the run."
 PARTED = "The true motion is known until t = {:.6g} only: {}."
 
 
@@ -529,7 +529,7 @@ def true_motion(scene: Scene, derived: derivation.Derived, stop: Stop | None = N
 def exact_trajectory(scene: Scene, derived: derivation.Derived) -> Trajectory | Unavailable:
     """The exact solution as a trajectory, at the recorded times."""
     if not isinstance(derived.exact, motions.ExactMotion):
-        reason = derived.exact.reason if derived.exact is not None else "It was not asked for."
+        reason = derived.exact.reason if derived.exact is not None else "It was not requested."
         return Unavailable(f"No exact solution is known for this scene. {reason}")
     if initial.ended_at_start(scene) is not None:
         return Unavailable(initial.NO_VALUE)
@@ -649,7 +649,7 @@ def _judged(times: Array, first: Array, second: Array, by: str, begun: float) ->
     rows[until:] = np.nan
     if until < len(times):
         ended = bool(np.isnan(first[until]).any() or np.isnan(second[until]).any())
-        why = "the reference solutions end there" if ended else "from there on reference solutions part"
+        why = "the reference solutions end there" if ended else "from there on, the reference solutions differ"
         reason = PARTED.format(times[until - 1], why)
     n = rows.shape[1] // 2
     bounds = SAFETY * np.where(good, distances, np.nan)

@@ -36,7 +36,7 @@ from inverse_service.simulation.numeric_formulas import MOMENT, Denominator, For
 from inverse_service.simulation.scene_data import MethodChoice, Observable, Observation
 
 NOT_SEPARABLE = (
-    "Stormer and Verlet need H = T(p) + V(q): constant masses, no magnetic terms, no further forces; take variational."
+    "Stormer-Verlet requires H = T(p) + V(q): constant masses and no magnetic or additional forces. Use variational."
 )
 
 
@@ -147,7 +147,7 @@ def modified(f: Formulas, choice: MethodChoice, observation: Observation) -> pro
     if not f.forms:
         raise InputError("The modified method needs constraints.")
     if any(drift != number(0) for drift in f.drifts):
-        raise InputError("The modified method is for constraints without a part that is free of velocities.")
+        raise InputError("The modified method requires constraints that are homogeneous in the velocities.")
     q, d, alpha = f.symbols("q"), f.symbols("d"), alpha_of(choice)
     base = [k for k in range(f.size) if k not in f.dependent]
     if len(parts_of(choice)) == 2 or any(contains(value, q[k]) for value in f.dependent.values() for k in f.dependent):
@@ -418,10 +418,10 @@ def _point_program(
 SMALLER_STEP = "take a smaller step"
 GUARD_REMEDY = "take a smaller step, or smaller free constants"
 OTHER_LAGRANGIAN = "give another free_lagrangian, or use `adaptive`"
-OTHER_MOTION = "use `adaptive`, or begin there again with the free_lagrangian that holds there"
+OTHER_MOTION = "use `adaptive`, or restart there with the free_lagrangian that is valid there"
 RANK = "the rank of the constraints, det(w(q) w(q_next)^T)"
 RANK_LOST, LOST = "the rank of the constraints, det(w(q) w(q)^T)", 1e-12
-RANK_REMEDY = "begin elsewhere, or divide the constraints by what vanishes"
+RANK_REMEDY = "begin elsewhere, or divide the constraints by the factor that vanishes"
 MAP_LIMIT = 1e-12
 REGULAR_MOTION = "take a smaller step or `adaptive`; where the forces have a pole, stop before"
 SMALLEST = 1e-300

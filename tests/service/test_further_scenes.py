@@ -292,7 +292,7 @@ def test_lyapunov_exponents_come_from_the_variational_equations() -> None:
 
 def test_an_exponent_for_which_the_time_was_over_says_so() -> None:
     long = scene({"coordinates": ["x"], "equations": ["x'' = -sin(x)"]}, ["adaptive"], time=5, observe=["lyapunov"])
-    assert simulate(long, None, 0.001)["lyapunov"]["note"].startswith("The time was over")
+    assert simulate(long, None, 0.001)["lyapunov"]["note"].startswith("The time limit was reached")
 
 
 @pytest.mark.slow

@@ -143,7 +143,7 @@ def ensemble_figure(result: Mapping[str, Any], tables: Mapping[str, Mapping[str,
             panels[-1][column].set_xlabel("t")
     count = methods[0][1]["members"]
     members = f"{count} member{'s' if count != 1 else ''}"
-    caption = f"{members}: the median, the range of all, and {min(DRAWN, count)} of them as thin lines."
+    caption = f"{members}: the median, the full range, and {min(DRAWN, count)} of them as thin lines."
     return figure, caption
 
 
@@ -380,7 +380,7 @@ NO_BODY = (
 def animate(path: Path, result: Mapping[str, Any], tables: Mapping[str, Mapping[str, Array]]) -> None:
     """Write the run of the first method that has one to a .gif or .mp4 file."""
     if path.suffix not in ENDINGS:
-        raise InputError("The moving picture of --animate is a file that ends with .gif or .mp4.")
+        raise InputError("--animate needs the name of a file that ends with .gif or .mp4.")
     table = next((tables[m["label"]] for m in result["methods"] if m["label"] in tables), None)
     bodies = {name: (table[x], table[y]) for name, (x, y) in result["bodies"].items()} if table is not None else {}
     if not bodies and table is not None and {"x", "y"} <= set(result["system"]["coordinates"]):

@@ -172,7 +172,7 @@ def _signed(axes: Axes, label: str, lines: Sequence[Line]) -> str:
         styles.draw_line(axes, times, values, styles.look(place, method["method"]), method["label"])
     axes.axhline(0, color="#888888", linewidth=0.6, zorder=1)
     axes.set(ylabel=styles.plain(label), ylim=(-1.08 * reach, 1.08 * reach))
-    return " What is larger leaves the signed panels." if largest > reach else ""
+    return " Larger values are outside the signed panels." if largest > reach else ""
 
 
 def _sizes(axes: Axes, lines: Sequence[Line], label: str) -> int:

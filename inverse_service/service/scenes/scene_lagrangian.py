@@ -36,7 +36,7 @@ from inverse_service.simulation.scene_data import FreeLagrangian, Observable, Sc
 SOLVE_SECONDS, CONSERVED_SECONDS = 15.0, 3.0  # of processor time
 MOST_CONSERVED = 3  # coordinates, and constants of the motion
 NO_INVERSE = (
-    "The momenta at the start do not give back its velocities: the Lagrangian is singular there, or its Hamiltonian "
+    "The momenta at the start do not reproduce its velocities: the Lagrangian is singular there, or its Hamiltonian "
     "belongs to another branch. Begin elsewhere, or take another method."
 )
 Exact = motions.ExactMotion | motions.NoExactMotion
@@ -71,7 +71,7 @@ def _found(
         found = _with_hamiltonian(scene, scene.lagrangian, {}, "the Lagrangian of the scene")
         return replace(found, forced=bool(scene.forces)) if isinstance(found, FreeLagrangian) else found
     if scene.forces:
-        return Unavailable("With further forces the constrained motion has no free Lagrangian here: use nonholonomic.")
+        return Unavailable("With added forces the constrained motion has no free Lagrangian here: use nonholonomic.")
     if wanted is None and system.known:
         return _first_fitting(scene, system, system.known, constants, system.source)
     if wanted in (None, "second") and isinstance(exact, motions.ExactMotion):
@@ -125,9 +125,9 @@ def _given(
     domain = _domain(scene, system, conditions, values)
     if domain is None:
         where = ", ".join(conditions)
-        return Unavailable(f"The Lagrangian that is {source} holds where {where}: the motion begins elsewhere.")
+        return Unavailable(f"The Lagrangian that is {source} is valid where {where}, but the motion begins elsewhere.")
     if accelerations is not None and motions.keeps_motion(scene, tree, accelerations, values, domain) is False:
-        detail = "the motion of this scene is no solution of this Lagrangian"
+        detail = "the motion of this scene does not solve the equations of this Lagrangian"
         if pointer == "/system":
             return Unavailable(f"For the Lagrangian that is {source}, {detail}: the effects of the scene changed it.")
         raise InputError(f"{detail}: give one of an associated system of it, or leave it out.", pointer)

@@ -109,9 +109,9 @@ EXPECTED: dict[Steps, str] = {
 
 IMPACTS = """Write an impact as an event: {"when": "y", "direction": -1, "do": {"set": {"y'": "-0.8*y'"}}}."""
 NOISE = (
-    "Noise is not simulated: every motion follows from its start; write a force that is a formula of t and the state."
+    "Noise is not simulated, since every motion is deterministic. Write each force as a formula of t and of the state."
 )
-DELAYS = "Delays are not simulated: a force depends on t and on the state at t."
+DELAYS = "Delays are not simulated: a force may depend only on t and on the state at t."
 NOT_SIMULATED = {
     **dict.fromkeys(("contact", "contacts", "impact", "impacts", "collision", "collisions"), IMPACTS),
     **dict.fromkeys(("noise", "random", "stochastic"), NOISE),
@@ -191,7 +191,7 @@ def read_observables(
         for name, text in item.items() if isinstance(item, dict) else ():
             pointer = f"/observe/{place}/{escape(name)}"
             if name in taken or name in found:
-                raise InputError("this name is taken by another column: give the observable another.", pointer)
+                raise InputError("another column already has this name: rename the observable.", pointer)
             found[name] = data.Observable(name, _read(text, system, definitions, pointer))
     for body, texts in schema.points.items():
         for axis, text in zip("xy", texts, strict=True):
@@ -243,7 +243,7 @@ def beginning(schema: SceneDocument) -> tuple[float, SceneInitial]:
         begin = 0.0 if schema.start_time is None else number_of(schema.start_time, "/start_time")
         return begin, schema.initial
     if schema.initial is not None or schema.start_time is not None:
-        raise InputError("a scene that restarts begins where the result ended: leave initial and start_time out.",
+        raise InputError("a scene that restarts begins where the result ended: leave out initial and start_time.",
                          "/restart")  # fmt: skip
     final = _final(schema.restart)
     try:
@@ -269,8 +269,8 @@ def _final(result: dict[str, Any]) -> dict[str, Any]:
 
 Constraints = tuple[Expression, ...]
 TIME_REFUSED = (
-    "constraints that depend on the time t are not simulated: write a further coordinate for t, with kinetic energy of "
-    "its own, and start it at 0 with velocity 1."
+    "constraints that depend on the time t are not simulated: add a coordinate for t with its own kinetic "
+    "energy, and start it at 0 with velocity 1."
 )
 
 
@@ -281,7 +281,7 @@ def _refuse_other_halves(initial: SceneInitial, system: scene_system.MechanicalS
         for name in getattr(initial, part) or {}:
             if name not in system.names.coordinates and f"{name}'" in equations:
                 raise InputError(
-                    f"of these first-order equations only {known} has a position, and the rest is its velocity: "
+                    f"in these first-order equations only {known} has a position; the other variables are velocities: "
                     f"leave '{escape(name)}' out, and give positions and velocities of {known}.",
                     f"/initial/{part}/{escape(name)}",
                 )
@@ -294,7 +294,7 @@ def read_scene(schema: SceneDocument) -> tuple[data.Scene, scene_system.Mechanic
     _refuse_unknown(system, extra, _has_formulas(schema))
     names = system.names
     if taken := _columns(names.coordinates).intersection(names.coordinates):
-        raise InputError(f"the motion has another column {min(taken)}: give the coordinate another name.", "/system")
+        raise InputError(f"the motion already has a column {min(taken)}: rename the coordinate.", "/system")
     values = _values(schema, system)
     definitions = scene_system.read_definitions(schema.functions, names)
     lagrangian, constraints, forces, effects, parts = _with_effects(schema, system, definitions)
@@ -385,7 +385,7 @@ def _refuse_dissipation(schema: SceneDocument) -> None:
     for name in schema.terms:
         if name.casefold() in DISSIPATION and not schema.as_lagrangian:
             detail = (
-                f"a term of L called '{name}' dissipates no energy, it changes the masses: write the force in "
+                f"a term of L called '{name}' changes the masses and dissipates no energy: write the force in "
                 """"forces", as in {"x": "-c*x'"}, or "rayleigh": "c*x'^2/2"; or set "as_lagrangian": true."""
             )
             raise InputError(detail, f"/terms/{escape(name)}")
@@ -406,7 +406,7 @@ def _with_effects(
     named = tuple(dict.fromkeys(schema.effects if schema.effects is not None else known))
     for place, name in enumerate(named):
         if name not in known:
-            detail = f"'{escape(name)}' is no effect of this scene: use {', '.join(known)}."
+            detail = f"'{escape(name)}' is not an effect of this scene: use {', '.join(known)}."
             raise InputError(detail, f"/effects/{place}")
     if system.lagrangian is None:
         if terms or further or schema.effects is not None:
@@ -456,7 +456,7 @@ def read_grid(schema: SceneDocument, begin: float = 0.0) -> tuple[data.Grid, tup
     step = number_of(schema.step, "/step")
     if step <= 0:
         raise InputError(
-            "the step must be a positive number: to run backwards, write -t for t in the system, which turns the signs "
+            "the step must be a positive number: to run backwards, write -t for t in the system, which flips the signs "
             "of the velocities and of all terms that are odd in them.",
             "/step",
         )
@@ -466,14 +466,14 @@ def read_grid(schema: SceneDocument, begin: float = 0.0) -> tuple[data.Grid, tup
     notes: tuple[str, ...] = ()
     length = None if schema.time is None else number_of(schema.time, "/time")
     if length is not None and abs(steps * step - length) > 1e-9 * length:
-        notes = (f"The run takes {steps * step:.10g}, to the first point of the grid beyond {length:.10g}.",)
+        notes = (f"The run covers a time of {steps * step:.10g}, up to the first grid point beyond {length:.10g}.",)
     if steps > MAX_STEPS:
-        raise LimitError(f"the scene has {steps} steps: the limit is {MAX_STEPS}; take a larger step.", "/time")
+        raise LimitError(f"the scene has {steps} steps, but the limit is {MAX_STEPS}: take a larger step.", "/time")
     every = schema.record_every or 1
     if schema.events:
         if every > 1 or steps > MOST_WITH_EVENTS:
             raise InputError(
-                f"events need every step, and at most {MOST_WITH_EVENTS}: leave record_every out.", "/events"
+                f"events need every step, and at most {MOST_WITH_EVENTS} of them: leave out record_every.", "/events"
             )
         return data.Grid(step, steps, 1, begin), notes
     if steps // every <= MOST_RECORDED:
@@ -519,7 +519,7 @@ def _requested(schema: SceneDocument, given: SceneMethod, pointer: str) -> data.
     order = given.order or (allowed[0] if allowed else 2)
     tolerance = _tolerance(given, method, pointer)
     if verlet and (given.alpha is not None or given.symmetrised or given.form != "hamiltonian"):
-        raise InputError("stormer-verlet has an order, and no alpha, form or symmetrised.", pointer)
+        raise InputError("stormer-verlet accepts an order, but not alpha, form or symmetrised.", pointer)
     choice_of = data.MethodChoice(method, alpha, given.symmetrised, order, given.form, given.guard, tolerance)
     if verlet:
         choice_of = replace(choice_of, alpha=0.0, symmetrised=True, form="verlet")
@@ -543,7 +543,7 @@ def _tolerance(given: SceneMethod, method: str, pointer: str) -> float:
     if given.tolerance is None:
         return METHODS[method].tolerance or 0.0
     if method not in OWN_STEPS:
-        raise InputError(f"the method {given.method} takes steps, not a tolerance.", f"{pointer}/tolerance")
+        raise InputError(f"the method {given.method} takes a step, not a tolerance.", f"{pointer}/tolerance")
     tolerance = number_of(given.tolerance, f"{pointer}/tolerance")
     if not 1e-18 <= tolerance <= 0.1:
         raise InputError("the tolerance must be a number from 1e-18 to 0.1.", f"{pointer}/tolerance")
@@ -598,7 +598,7 @@ def read_circle(schema: SceneDocument, names: Names) -> tuple[int, int] | None:
                 known = ", ".join(names.coordinates)
                 raise InputError(f"this is not a coordinate: the coordinates are {known}.", f"/circle/{place}")
         if pair[0] == pair[1]:
-            raise InputError("the two coordinates of the circle are the same: name two.", "/circle")
+            raise InputError("the two coordinates of the circle are the same: name two different ones.", "/circle")
     elif {"x", "y"} <= set(names.coordinates):
         pair = ["x", "y"]
     elif len(names.coordinates) >= 2:
@@ -659,7 +659,7 @@ def _by_coordinate(given: Mapping[str, str], names: Names, pointer: str) -> dict
 
 
 MOST_NUMBERS = 40_000_000
-TOO_LARGE = "the ensemble is too large: the limit is {} numbers; take fewer members or a larger record_every."
+TOO_LARGE = "the ensemble is too large (the limit is {} numbers): take fewer members or a larger record_every."
 OF_MEMBERS = ("trajectory", "velocities", "energy")
 
 
@@ -705,7 +705,7 @@ def _one_by_one(
 ) -> data.Members:
     """Each start with each value of the parameters, on which momenta and constraints may depend."""
     if isinstance(starts, MemberColumns):
-        raise InputError("columns of starts need velocities: give these in the scene in the place of momenta.",
+        raise InputError("columns of starts need velocities: give velocities in the scene instead of momenta.",
                          "/initial")  # fmt: skip
     found, each = [], len(next(iter(values.values()), starts)) // len(starts)
     for place, one in enumerate(starts):

@@ -46,7 +46,7 @@ def read_definitions(given: Mapping[str, str], names: Names) -> derivative.Defin
         tree = trees.substitute(tree, moving)
         foreign = [n for n in trees.walk(tree) if isinstance(n, trees.Velocity) or _is_other(n, arguments, names)]
         if foreign:
-            raise errors.InputError(f"{name} depends on {', '.join(arguments)} only: write it in these.", pointer)
+            raise errors.InputError(f"{name} depends on {', '.join(arguments)} only: use only these.", pointer)
         found[name] = (arguments, tree)
     return found
 
@@ -140,7 +140,7 @@ def _of_result(result: Mapping[str, Any], extra: Sequence[str]) -> MechanicalSys
     result = preparing.inward(result)
     system = result.get("system")
     if not isinstance(system, Mapping):
-        raise errors.InputError("The result has no part 'system'; give the whole result that solve answered.")
+        raise errors.InputError("The result has no key 'system': give the whole result of solve.")
     given = system.get("given")
     if isinstance(given, Mapping) and "lagrangian" in given:
         found = _of_document(given, extra)
@@ -183,11 +183,11 @@ def _of_document(document: Mapping[str, Any], extra: Sequence[str]) -> Mechanica
     ready = preparing.prepared(document)
     if preparing.uses_the_letter_t(ready):
         raise errors.InputError(
-            "the motion has a column t for the time: give the coordinate t another name.", "/coordinates"
+            "the motion already has a column t for the time: rename the coordinate t.", "/coordinates"
         )
     document = ready.document
     if "lagrangian" in document and "equations" in document:
-        raise errors.InputError("The system has both 'lagrangian' and 'equations': keep the one that is meant.")
+        raise errors.InputError("The system has both 'lagrangian' and 'equations': keep only one of them.")
     try:
         if "lagrangian" in document:
             return _of_lagrangian(document, extra)

@@ -23,7 +23,7 @@ FORMAT = "inverse-service/work-precision/1"
 FEWEST_STEPS = 8
 MEASURED = tuple(one.name for one in dataclasses.fields(precision.Setting) if one.name != "requested")
 PACKAGES = ("numpy", "llvmlite", "symengine", "heyoka", "scipy")
-AFTER = 'What wins in a long run is measured with `--long`, or `"long": true` in the scene.'
+AFTER = 'To find the best method for a long run, use `--long`, or `"long": true` in the scene.'
 
 
 @np.errstate(all="ignore")
@@ -202,7 +202,7 @@ def long_run(measured: precision.Precision) -> str:
     """Which method keeps the energy, or the shape of the orbit, best over a long time."""
     done = [run for run in measured.long if not run.reason]
     if not done:
-        return AFTER if not measured.long else "No method got through a hundred times the time."
+        return AFTER if not measured.long else "No method completed a run of a hundred times the time."
     key = "energy_drift" if any(run.energy_drift is not None for run in done) else "shape_change"
     what = {"energy_drift": "the energy drifts", "shape_change": "the shape changes"}[key]
     known = [(getattr(run, key), run) for run in done if getattr(run, key) is not None]
