@@ -1,4 +1,4 @@
-"""Which method to take for a scene, seen from its formulas."""
+"""Recommend a method for a scene from its formulas."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from inverse_service.mechanics import method_advice
 from inverse_service.simulation import initial, numeric_formulas
 from inverse_service.simulation import scene_data as data
 
-STIFF = 1e3  # decay times that a run is long, beyond which an explicit method spends its steps on what has decayed
+STIFF = 1e3  # length of a run in decay times beyond which an explicit method spends its steps on decayed components
 SHARE = 10.0  # real parts compared with imaginary ones
 
 
@@ -21,7 +21,7 @@ def advice(
 ) -> dict[str, Any] | None:
     """{method, order, alpha, reason}: separable, constrained, conservative, stiff or none of these.
 
-    `free` is a Lagrangian that was found for a system given by its equations. None where L is degenerate.
+    `free` is a Lagrangian that was found for a system given by its equations. Return None if L is degenerate.
     """
     lagrangian = free.lagrangian if scene.lagrangian is None and free is not None else scene.lagrangian
     decays = scene.lagrangian is None or scene.forces

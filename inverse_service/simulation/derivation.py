@@ -1,4 +1,4 @@
-"""Only what a scene's methods and observables need is derived: accelerations, exact motion, free Lagrangians.
+"""Derive what the methods and observables of a scene need: accelerations, exact motion, free Lagrangians.
 
 The parts of a Lagrangian that can be left out of a scene:
 
@@ -61,7 +61,7 @@ Find = Callable[[Scene, str | None, motions.ExactMotion | motions.NoExactMotion]
 
 @dataclass(frozen=True, slots=True)
 class Derived:
-    """What was derived for a scene; None (or no entry) is what nothing asked for. `seconds` says what each took."""
+    """The formulas derived for a scene; None (or no entry) if not requested. `seconds` are the times they took."""
 
     exact: motions.ExactMotion | motions.NoExactMotion | None
     accelerations: tuple[Expression, ...] | Unavailable | None
@@ -70,7 +70,7 @@ class Derived:
 
 
 def derive(scene: Scene, find: Find) -> Derived:
-    """Derive by need; `find` looks for the free Lagrangian of a name (None: the scene's own)."""
+    """Derive what is needed; `find` looks for the free Lagrangian of a name (None: that of the scene)."""
     seconds: dict[str, float] = {}
     used = {requested.method for requested in scene.methods}
     wanted = dict.fromkeys(requested.free for requested in scene.methods if requested.method in USES_FREE)
@@ -100,7 +100,7 @@ def derive(scene: Scene, find: Find) -> Derived:
 
 
 def derived_for_truth(scene: Scene, derived: Derived) -> Derived:
-    """With the accelerations, where nothing that the scene asks for needed them."""
+    """Add the accelerations if no part of the scene has required them."""
     return derived if derived.accelerations is not None else replace(derived, accelerations=_accelerations(scene))
 
 
@@ -113,7 +113,7 @@ def with_energy(scene: Scene, derived: Derived) -> Scene:
 
 
 def problem_of(scene: Scene, requested: Requested, derived: Derived) -> Problem | Unavailable:
-    """The problem as one method needs it, with nothing that it does not use; or the reason why it cannot run."""
+    """The problem with only the parts that one method uses, or the reason why the method cannot run."""
     method = requested.method
     if scene.lagrangian is not None and initial.is_degenerate(scene):
         return Unavailable(_DEGENERATE)

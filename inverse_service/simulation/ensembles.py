@@ -32,8 +32,8 @@ from inverse_service.simulation.estimates import TOO_LARGE, errors_of, finer
 from inverse_service.simulation.execution import check, kernel_of, stopped, unknown_names, weights_of
 from inverse_service.simulation.numeric_formulas import MOMENT, Formulas, NoValue, array_value, table_of
 
-WORTH_THREADS = 2_000  # steps of groups: to begin a thread takes as long
-STEPS_AT_ONCE = 100_000  # of groups, after which it is asked whether to stop
+WORTH_THREADS = 2_000  # steps of groups that take as long as starting a thread
+STEPS_AT_ONCE = 100_000  # steps of groups between two checks for a request to stop
 ALL_METHODS = "Ensembles are run by methods that step with kernels: variational, nonholonomic, runge-kutta, and so on."
 
 
@@ -58,19 +58,19 @@ class Many:
 
     @cached_property
     def completed(self) -> NDArray[np.bool_]:
-        """Which went to the end, (N,)."""
+        """Which trajectories reached the end, (N,)."""
         found: NDArray[np.bool_] = self.memory[self.card.layout.place(STATUS)] == 0
         return found & (not self.cancelled)
 
     def outcome(self, member: int) -> Outcome:
-        """How one of them ended."""
+        """The outcome of one trajectory."""
         kind = "cancelled" if self.cancelled else "completed"
         whole = Outcome(kind, self.grid.steps, float(self.times[-1]))
         return stopped(self.card, self.memory[:, member], self.names, self.grid) or whole
 
 
 def lanes_here() -> int:
-    """Doubles that a core takes at once."""
+    """The number of doubles that a core processes at once."""
     return 8 if "+avx512f" in processor_features() else 4
 
 
@@ -88,8 +88,8 @@ def run_ensemble(
 ) -> Many:
     """N trajectories from `positions` and `velocities` (N, n), or `momenta` where they are known.
 
-    `values` gives each parameter a number or (N,) numbers; `steps` (N,) are steps of their own in the place of that of
-    the grid, `begins` times of their own at the start. InputError for what a single run would refuse.
+    `values` gives each parameter a number or (N,) numbers; `steps` (N,) are individual steps that replace that of
+    the grid, `begins` individual start times. InputError for input that a single run would refuse.
     """
     check(problem, choice, [grid])
     if choice.method in ("heyoka", "modified"):
@@ -141,7 +141,7 @@ def _start_momenta(f: Formulas, choice: data.MethodChoice, columns: Mapping[str,
 
 
 def _memory(card: Card, columns: Mapping[str, Array], count: int) -> Array:
-    """(groups, places, lanes); lanes that are left over repeat the last member."""
+    """(groups, places, lanes); unused lanes repeat the last member."""
     layout, lanes = card.layout, card.lanes
     groups = -(-count // lanes)
     places = np.minimum(np.arange(groups * lanes), count - 1)
@@ -196,7 +196,7 @@ def _gathered(
     f: Formulas, choice: data.MethodChoice, card: Card, columns: Mapping[str, Array], rows: Array, memory: Array,
     grid: data.Grid, cancelled: bool, iterations: int,
 ) -> Many:  # fmt: skip
-    """Records by member, with the start in front; what never changes is repeated."""
+    """Records by member, beginning with the start; constant values are repeated."""
     letter = "v" if choice.method in POINT_METHODS else "p"
     places = {name: k for k, name in enumerate(card.layout.columns)}
     tables = []
@@ -272,7 +272,7 @@ def run_members(scene: data.Scene, derived: Derived, requested: data.Requested, 
 
 
 def _kind(many: Many) -> str:
-    """How the members ended: all completed, some, or, where none did, as most of them."""
+    """The common outcome: all members completed, some did, or, if none did, the most frequent outcome."""
     if many.completed.any():
         return "completed" if many.completed.all() else "partly"
     return Counter(many.outcome(member).kind for member in range(len(many.positions))).most_common(1)[0][0]
@@ -282,8 +282,8 @@ def _estimated(
     scene: data.Scene, problem: data.Problem, requested: data.Requested, many: Many,
     values: Mapping[str, float | Array], momenta: Array | None,
 ) -> tuple[dict[str, Array], str]:  # fmt: skip
-    """({estimated_error: (N,)}, how many members lead elsewhere with half the step, or a smaller tolerance), of as many
-    as MOST_SHARPER allows; nan of the others and of those that did not get to the end."""
+    """({estimated_error: (N,)}, how many members differ with half the step, or a smaller tolerance), for as many
+    members as MOST_SHARPER allows; nan for other members and those that did not reach the end."""
     members, count, again = scene.ensemble, len(many.positions), finer(requested, scene.grid)
     choice, most = again.requested.choice, max(1, MOST_SHARPER // max(again.grid.steps, 1))
     assert members is not None
@@ -311,7 +311,7 @@ def _part(
 def _momenta(
     free: data.FreeLagrangian | None, members: data.Members, values: Mapping[str, float | Array]
 ) -> Array | None:
-    """Those that L~ gives itself (they may be 0/0 in the velocities), member by member where parameters differ."""
+    """The momenta that L~ gives directly (they may be 0/0 in the velocities), by member if parameters differ."""
     if free is None or free.start_momenta is None:
         return None
     if not members.values:

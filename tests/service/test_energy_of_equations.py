@@ -62,7 +62,7 @@ def test_a_motion_without_a_lagrangian_has_no_energy() -> None:
     scene = {"system": system, "initial": initial, "step": 0.05, "steps": 10, "methods": ["runge-kutta"]}
     (found,) = simulate(scene | {"observe": ["energy"]})["methods"]
     assert found["max_energy_error"] is None
-    assert "no Lagrangian of it" in found["energy_note"]
+    assert "no Lagrangian was found" in found["energy_note"]
 
 
 @pytest.mark.slow

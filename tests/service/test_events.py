@@ -69,7 +69,7 @@ def test_a_hop_that_is_shorter_than_the_step_ends_on_the_ground(method: str, hei
 def test_a_formula_that_is_round_off_has_no_events() -> None:
     found = events("sin(x)^2 + cos(x)^2 - 1")
     assert found["count"] == 0
-    assert "0 within round-off all" in found["note"]
+    assert "0 within round-off during" in found["note"]
 
 
 def test_a_zero_at_the_start_is_no_event() -> None:

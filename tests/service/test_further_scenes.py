@@ -87,7 +87,7 @@ def test_observables_by_formula() -> None:
         assert method["observables"]["Lz"]["greatest"] - method["observables"]["Lz"]["least"] < 1e-10
         assert method["observables"]["r"]["least"] == pytest.approx(0.8**2 / (1 + 0.36), rel=2e-2)
         assert set(method["points"]["columns"]) == {"t", "Lz", "r"}
-    with pytest.raises(InputError, match="taken by another column"):
+    with pytest.raises(InputError, match="another column already has this name"):
         simulate(scene(OSCILLATOR, ["adaptive"], observe=[{"energy": "x"}]))
 
 

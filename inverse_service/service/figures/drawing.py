@@ -1,7 +1,7 @@
-"""All figures of a simulation: coordinates against time, ensembles, paths, observed quantities, and moving pictures.
+"""All figures of a simulation: coordinates against time, ensembles, paths, observed quantities, and animations.
 
-A path in a plane of two coordinates has one panel a method, all at one scale with equal axes. A moving picture shows
-the bodies of a scene with their trails, in real time or as long as SECONDS.
+A path in a plane of two coordinates has one panel per method, all at one scale with equal axes. An animation shows
+the bodies of a scene with their trails, in real time or within SECONDS.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ DASHES: Any = {
 def coordinate_figure(
     result: Mapping[str, Any], tables: Mapping[str, Mapping[str, Array]], truth: Mapping[str, Array] | None
 ) -> tuple[Figure, str]:
-    """One panel a coordinate, one line a method, the true motion in black."""
+    """One panel per coordinate, one line per method, the true motion in black."""
     names = result["system"]["coordinates"]
     with styles.panels(len(names), 1, 7.6, 1.5, sharex=True) as (figure, panels):
         for axes, name in zip(panels, names, strict=True):
@@ -53,7 +53,7 @@ def coordinate_figure(
 
 
 def portrait_figure(result: Mapping[str, Any], tables: Mapping[str, Mapping[str, Array]]) -> tuple[Figure, str] | None:
-    """Velocity against position, one panel a coordinate; None where no method has velocities."""
+    """Velocity against position, one panel per coordinate; None if no method has velocities."""
     names = result["system"]["coordinates"][:MOST_COORDINATES]
     drawn = [(k, m["label"], table) for k, m in enumerate(result["methods"])
              if (table := tables.get(m["label"])) is not None and f"v_{names[0]}" in table]  # fmt: skip
@@ -88,7 +88,7 @@ def _planes(panels: Sequence[Panel], dots: bool, wide: int = 3) -> Figure:
 
 
 def view_figure(views: Sequence[Mapping[str, Any]], width: float, height: float) -> Figure:
-    """The views that the page's script draws too, one panel each; the true motion lies wide and pale under the rest."""
+    """The views that the script of the page also draws, one panel each; the true motion is a wide pale line below."""
     figure = styles.new_figure(width, height)
     for axes, view in zip(figure.subplots(1, len(views), squeeze=False)[0], views, strict=True):
         for line in view["lines"]:
@@ -111,7 +111,7 @@ def view_figure(views: Sequence[Mapping[str, Any]], width: float, height: float)
 
 
 def _finding(result: Mapping[str, Any]) -> str:
-    """Which method is nearest to the true motion at the end, and which stopped before."""
+    """Say which method is nearest to the true motion at the end, and which methods stopped early."""
     own = [m for m in result["methods"] if m["method"] not in ("exact", "reference")]
     errors = {m["label"]: m["final_error"] for m in own if m.get("final_error") and m["outcome"] == "completed"}
     words = ""
@@ -128,7 +128,7 @@ MOST_COORDINATES = 6
 
 
 def ensemble_figure(result: Mapping[str, Any], tables: Mapping[str, Mapping[str, Array]]) -> tuple[Figure, str]:
-    """One panel a coordinate and method: median, band from least to greatest, and lines of some members."""
+    """One panel per coordinate and method: the median, the band from least to greatest, and lines of some members."""
     methods = [(k, method) for k, method in enumerate(result["methods"]) if method["label"] in tables]
     names = result["system"]["coordinates"][:MOST_COORDINATES]
     with matplotlib.rc_context(styles.SETTINGS):
@@ -177,7 +177,7 @@ def section_figure(result: Mapping[str, Any]) -> tuple[Figure, str] | None:
 
 
 def sweep_figure(result: Mapping[str, Any], tables: Mapping[str, Mapping[str, Array]]) -> tuple[Figure, str] | None:
-    """What members of an ensemble end with, against the parameter that differs; None where none or several do."""
+    """The final values of the members of an ensemble against the parameter that varies; None unless one does."""
     columns = [
         (k, m["label"], {name.removeprefix("member_"): column for name, column in tables[m["label"]].items()
                          if name.startswith("member_")})
@@ -202,7 +202,7 @@ def draw_simulation(
     tables: Mapping[str, Mapping[str, Array]],
     truth: Mapping[str, Array] | None,
 ) -> list[dict[str, Any]]:
-    """Write the figures of what was observed; the names of the files with their captions."""
+    """Write the figures of the observed quantities. Return the names of the files with their captions."""
     if not tables:
         return []
     observed = set(result["observe"])
@@ -228,7 +228,7 @@ def draw_simulation(
 
 
 def _is_round(result: Mapping[str, Any], tables: Mapping[str, Mapping[str, Array]]) -> bool:
-    """Whether some path in the plane of the circle goes round once; others are shown coordinate by coordinate."""
+    """Whether some path in the plane of the circle makes a full turn; other paths are shown by coordinate."""
     pair = result["circle_coordinates"]
     if pair is None:
         return False
@@ -241,7 +241,7 @@ MOST_OF_PATH = 6000
 MOST_MARKERS = 45
 PANEL = 3.1
 ALPHA = "\N{GREEK SMALL LETTER ALPHA}"
-# A path that reaches further than this many times the true one leaves the picture, which the title says.
+# A path that extends beyond this multiple of the true one leaves the picture, as the title says.
 REACH = 1.6
 WIDEST_TURN = 0.8
 
@@ -301,7 +301,7 @@ def _title(method: Mapping[str, Any]) -> str:
 
 
 def _below(method: Mapping[str, Any], path: Array, center: Array, half: float) -> str:
-    """What the panel shows, in words."""
+    """Describe in words what the panel shows."""
     notes = []
     circle = method.get("circle")
     if circle and circle.get("max_radial_distance") is not None:
@@ -319,7 +319,7 @@ def _below(method: Mapping[str, Any], path: Array, center: Array, half: float) -
 
 
 def path_caption(result: Mapping[str, Any], drawn: Sequence[Mapping[str, Any]], compared: bool) -> str:
-    """The finding: whose circle holds best and worst."""
+    """State the result: which methods preserve the circle best and worst."""
     sizes = {
         m["label"]: abs(m["circle"]["radius_change"])
         for m in drawn
@@ -359,7 +359,7 @@ def _box(true: Array | None, paths: Sequence[Array]) -> tuple[Array, float]:
 
 
 def _stroke(path: Array, width: float) -> dict[str, Any]:
-    """A line through the points, or dots where they are so far apart that a line would hide the path."""
+    """Draw a line through the points, or dots if they are so far apart that a line would hide the path."""
     turns = np.abs(np.diff(observing.turned(path))) if len(path) > 3 else np.zeros(1)
     if np.median(turns) < WIDEST_TURN:
         return {"linewidth": width, "linestyle": "-"}
@@ -378,7 +378,7 @@ NO_BODY = (
 
 
 def animate(path: Path, result: Mapping[str, Any], tables: Mapping[str, Mapping[str, Array]]) -> None:
-    """Write the run of the first method that has one to a .gif or .mp4 file."""
+    """Write an animation of the first method with a trajectory to a .gif or .mp4 file."""
     if path.suffix not in ENDINGS:
         raise InputError("--animate needs the name of a file that ends with .gif or .mp4.")
     table = next((tables[m["label"]] for m in result["methods"] if m["label"] in tables), None)

@@ -1,4 +1,4 @@
-"""How figures look: colors that everyone can tell apart, with line styles and markers."""
+"""The style of figures: colors that everyone can distinguish, with line styles and markers."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 
 from inverse_service.integrators.trajectory import Array
 
-# Okabe and Ito (2008): eight colors told apart with every kind of color vision; black is for the true motion.
+# Okabe and Ito (2008): eight colors that remain distinct for every kind of color vision; black is the true motion.
 COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#7A5C00", "#5D3A9B")
 LINES = ("-", "--", "-.", (0, (5, 1, 1, 1, 1, 1)), (0, (8, 2)), (0, (3, 1)), (0, (1, 1)), (0, (6, 1, 1, 1)))
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
@@ -36,7 +36,7 @@ SETTINGS: Any = {
     "svg.hashsalt": "inverse-service",
     "svg.fonttype": "path",
 }
-# A small picture that is read on light and on dark.
+# A small picture that is readable on light and dark backgrounds.
 INK = "#747d8d"
 SMALL: Any = {
     "svg.fonttype": "none",
@@ -59,7 +59,7 @@ class Look:
 
 
 def look(place: int, method: str) -> Look:
-    """The look of the method at this place of the scene; true motions are dark and thin."""
+    """The style of the method at this position in the scene; true motions are dark and thin."""
     if method == "exact":
         return Look(TRUE_COLOR, "-", "")
     k, turn = place % len(COLORS), place // len(COLORS)
@@ -73,7 +73,7 @@ def new_figure(width: float, height: float) -> Figure:
 
 @contextmanager
 def panels(count: int, wide: int, width: float, height: float, **shared: Any) -> Iterator[tuple[Figure, list[Axes]]]:
-    """A figure with so many panels, `wide` in a row, sizes in inches, in our settings; with one legend for all."""
+    """A figure with this many panels, `wide` per row, sizes in inches, in our settings, with one legend for all."""
     rows = -(-count // wide)
     with matplotlib.rc_context(SETTINGS):
         figure = new_figure(width, height * rows + 0.8)
@@ -85,7 +85,7 @@ def panels(count: int, wide: int, width: float, height: float, **shared: Any) ->
 
 
 def save(figure: Figure, folder: Path, name: str, caption: str) -> list[str]:
-    """Write NAME.svg and NAME.png with the caption below the picture; the names written."""
+    """Write NAME.svg and NAME.png with the caption below the picture. Return the names written."""
     width = float(figure.get_size_inches()[0])
     lines = textwrap.wrap(caption, int(width * 14.5)) if caption else []
     if lines:
@@ -134,7 +134,7 @@ def run_of(result: Mapping[str, Any]) -> str:
 
 
 def thinned(every: int) -> str:
-    """The sentence of a caption where bands stand for lines."""
+    """The sentence of a caption if bands replace lines."""
     return f" Bands are the least and the greatest of {every} points each." if every > 1 else ""
 
 
@@ -145,12 +145,12 @@ def with_unit(label: str, result: Mapping[str, Any], name: str = "") -> str:
 
 
 def plain(text: str) -> str:
-    """A text of the user's, in which a dollar begins no formula of matplotlib's."""
+    """A text of the user, in which a dollar sign does not begin a matplotlib formula."""
     return text.replace("$", "\\$")
 
 
 def spread(length: int, count: int, shift: int = 0) -> list[int]:
-    """Places of at most `count` markers on a line of `length` points, shifted so that lines do not hide each other."""
+    """Indices of at most `count` markers on a line of `length` points, shifted so that lines do not hide each other."""
     every = max(1, length // count)
     return list(range(shift % every, length, every))
 
@@ -161,7 +161,7 @@ def joined(parts: Sequence[str]) -> str:
 
 
 def shown(value: float) -> str:
-    """A number in a caption: two digits, powers of ten where they are shorter."""
+    """A number in a caption: two digits, or a power of ten if that is shorter."""
     if value == 0:
         return "0"
     if 1e-3 <= abs(value) < 1e4:

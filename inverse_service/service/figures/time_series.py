@@ -1,4 +1,4 @@
-"""Observed quantities against time, with their signs and their sizes, and error against work, one line a method."""
+"""Observed quantities against time, with their signs and their sizes, and error against work, one line per method."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Tables = Mapping[str, Mapping[str, Array]]
 FLOOR, ROUND_OFF = 1e-17, 1e-12
 BINS = 160
 MOST_PANELS = 4
-# A signed panel shows this many times the median of the greatest values; what is larger leaves it.
+# A signed panel shows values up to this multiple of the median of the greatest values; larger ones leave it.
 REACH = 8
 Column = Callable[[Mapping[str, Any], Mapping[str, Array]], Array | None]
 Line = tuple[int, Mapping[str, Any], Array, Array]
@@ -27,7 +27,7 @@ Line = tuple[int, Mapping[str, Any], Array, Array]
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """What is drawn: the label and words of its size, and the signed columns, each with its label."""
+    """What is drawn: the label and the name of its size, and the signed columns, each with its label."""
 
     label: str
     words: str
@@ -41,7 +41,7 @@ def keeps_energy(method: Mapping[str, Any], name: str = "energy") -> bool:
 
 
 def energy_error(name: str) -> Column:
-    """E/E_0 - 1, or E - E_0 where E_0 is 0, of a column of energies; none where no energy is kept."""
+    """E/E_0 - 1, or E - E_0 where E_0 is 0, of a column of energies; none if no energy is conserved."""
 
     def error(method: Mapping[str, Any], table: Mapping[str, Array]) -> Array | None:
         if name not in table or not keeps_energy(method, name):
@@ -60,7 +60,7 @@ def constraint_defect(method: Mapping[str, Any], table: Mapping[str, Array]) -> 
 
 
 def column(name: str) -> Column:
-    """A column of the table as it is."""
+    """An unchanged column of the table."""
     return lambda method, table: table.get(name)
 
 
@@ -162,7 +162,7 @@ def _lines(result: Mapping[str, Any], tables: Tables, column_of: Column) -> list
 
 
 def _signed(axes: Axes, label: str, lines: Sequence[Line]) -> str:
-    """A panel about zero; a sentence where a line leaves it."""
+    """Draw a panel centered at zero. Return a sentence if a line leaves it."""
     greatest = [float(np.nanmax(np.abs(np.where(np.isfinite(line[3]), line[3], np.nan)))) for line in lines]
     largest = max(greatest)
     reach = (
@@ -180,7 +180,7 @@ def _sizes(axes: Axes, lines: Sequence[Line], label: str) -> int:
     most = 1
     for shift, (place, method, times, values) in enumerate(lines):
         style = styles.look(place, method["method"])
-        # At the start, which is given, nothing has gone wrong yet; zeros are drawn at the floor.
+        # The start is given and has no error; zeros are drawn at the floor.
         begin = 1 if len(values) > 1 and values[0] <= ROUND_OFF * np.nanmax(values) else 0
         heights = np.maximum(np.where(np.isfinite(values), values, np.nan), FLOOR)[begin:]
         t, _, high, every = styles.envelope(times[begin:], heights, BINS)
@@ -194,7 +194,7 @@ def _sizes(axes: Axes, lines: Sequence[Line], label: str) -> int:
 
 
 def _limits(lines: Sequence[Line]) -> tuple[float, float]:
-    """From the smallest to the greatest positive value, with room; not below round-off."""
+    """From the smallest to the greatest positive value, with a margin, but not below round-off."""
     values = np.concatenate([line[3] for line in lines])
     values = values[np.isfinite(values) & (values > 0)]
     if not len(values):
@@ -204,7 +204,7 @@ def _limits(lines: Sequence[Line]) -> tuple[float, float]:
 
 
 def series_caption(words: str, lines: Sequence[Line]) -> str:
-    """Which method keeps the quantity best, which worst."""
+    """Say which method preserves the quantity best and which one worst."""
     sizes = {method["label"]: float(np.nanmax(values)) for _, method, _, values in lines if np.isfinite(values).any()}
     sizes = {name: size for name, size in sizes.items() if math.isfinite(size)}
     if not sizes:

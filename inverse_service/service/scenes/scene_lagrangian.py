@@ -1,6 +1,6 @@
 """The free Lagrangian of a scene: given, known, by the formula of its class, or found by the solver.
 
-Here the two subjects meet as text: what the solver finds is read again and tested against the motion.
+The solver and the simulation exchange text: the answer of the solver is parsed and tested against the motion.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ Exact = motions.ExactMotion | motions.NoExactMotion
 
 
 def finder(schema: SceneDocument, system: scene_system.MechanicalSystem, catalogue_name: str | None) -> derivation.Find:
-    """What `derive` calls for the free Lagrangian of a method."""
+    """The function that `derive` calls for the free Lagrangian of a method."""
 
     def find(scene: Scene, name: str | None, exact: Exact) -> FreeLagrangian | Unavailable:
         wanted = name if name is not None else schema.free_lagrangian
@@ -88,7 +88,7 @@ def _first_fitting(
     constants: Mapping[str, float],
     source: str,
 ) -> FreeLagrangian | Unavailable:
-    """The first in whose domain the motion begins and that has it; why the last has not where there is none."""
+    """The first Lagrangian that has the motion and whose domain contains the start; else why the last one fails."""
     found: FreeLagrangian | Unavailable = Unavailable("")
     for one in known:
         found = _given(scene, system, one.text, constants, "/system", source, one.domain)
@@ -158,7 +158,7 @@ def _domain(
 def _with_hamiltonian(
     scene: Scene, tree: ex.Expression, constants: Mapping[str, float], source: str
 ) -> FreeLagrangian | Unavailable:
-    """L~ with its H~ where a closed form exists that gives back the velocities of the start."""
+    """L~, with its H~ if a closed form exists that reproduces the initial velocities."""
     try:
         found = legendre(tree, scene.coordinates)
     except InputError as error:
@@ -213,7 +213,7 @@ def _of_associated(
 
 
 def _question(scene: Scene, which: str) -> dict[str, Any] | Unavailable:
-    """What the solver is asked: the equations of the scene, or those of an associated system with its effects."""
+    """The question to the solver: the equations of the scene, or those of an associated system with its effects."""
     accelerations = scene.accelerations
     if accelerations is None:
         try:
@@ -225,7 +225,7 @@ def _question(scene: Scene, which: str) -> dict[str, Any] | Unavailable:
         if found.system is None:
             return Unavailable(found.explanation)
         accelerations = found.system.accelerations
-    # For the system itself an L(t, q, q') serves too; an associated one is wanted as the paper has it.
+    # For the system itself an L(t, q, q') serves too; for an associated one, the form of the paper is wanted.
     return _of_equations(scene, accelerations, False if scene.accelerations is None else None)
 
 
@@ -276,7 +276,7 @@ def _solved(question: dict[str, Any], names: Names) -> tuple[tuple[scene_system.
 
 @lru_cache(maxsize=16)
 def _answer(question: str, seconds: float) -> dict[str, Any] | str:
-    """What the solver says, or why it says nothing."""
+    """The answer of the solver, or the reason why there is none."""
     try:
         return documents.solve_system(json.loads(question), SolveOptions(time_limit=seconds))
     except InverseServiceError as error:
@@ -286,7 +286,7 @@ def _answer(question: str, seconds: float) -> dict[str, Any] | str:
 def conserved(
     scene: Scene, system: scene_system.MechanicalSystem, accelerations: Sequence[ex.Expression] | Unavailable | None
 ) -> tuple[Observable, ...]:
-    """Constants of the motion where the energy is none: of the solver, for the equations that are run."""
+    """Constants of the motion if the energy is not one: found by the solver for the equations that are integrated."""
     if accelerations is None or isinstance(accelerations, Unavailable) or len(scene.coordinates) > MOST_CONSERVED:
         return ()
     jumps = switching_functions(accelerations, scene.coordinates)

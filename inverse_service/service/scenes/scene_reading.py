@@ -1,7 +1,7 @@
-"""A scene document to the scene: values, effects, forces, observables and events; the grid of times, the methods with
+"""Translate scene documents: values, effects, forces, observables and events; the grid of times, the methods with
 their settings and labels; initial data on the constraints, and the members of an ensemble.
 
-Each fault is one clear sentence with its place.
+Each error is one sentence with its location.
 """
 
 from __future__ import annotations
@@ -127,7 +127,7 @@ def scene_schema(document: Any) -> SceneDocument:
 def _steps(loc: Steps) -> Steps:
     steps = without(loc, HIDDEN)
     is_tagged = len(steps) > 1 and steps[0] == "system" and steps[1] in SYSTEM_TAGS
-    # The tag of the form that the system has is not a key of the document.
+    # The tag for the form of the system is not a key of the document.
     return (steps[0], *steps[2:]) if is_tagged else steps
 
 
@@ -163,7 +163,7 @@ def _read(text: str, system: scene_system.MechanicalSystem, definitions: Definit
 def read_forces(
     schema: SceneDocument, system: scene_system.MechanicalSystem, definitions: Definitions, effects: tuple[str, ...]
 ) -> tuple[Expression, ...]:
-    """Q_i = forces_i - dR/dq_i' of those that are in effect, (n,); empty where nothing acts."""
+    """Q_i = forces_i - dR/dq_i' of the active effects, (n,); empty if there are none."""
     names = system.names
     found: dict[str, Expression] = {}
     for key, text in schema.forces.items() if FORCES in effects else ():
@@ -184,7 +184,7 @@ def read_forces(
 def read_observables(
     schema: SceneDocument, system: scene_system.MechanicalSystem, definitions: Definitions
 ) -> tuple[data.Observable, ...]:
-    """The observables that the scene gives by formula, in its order; their names are columns of their own."""
+    """The observables that the scene gives by formula, in its order; each name is a separate column."""
     found: dict[str, data.Observable] = {}
     taken = _columns(system.names.coordinates).union(system.names.coordinates)
     for place, item in enumerate(schema.observe):
@@ -236,7 +236,7 @@ def _set(
 
 
 def beginning(schema: SceneDocument) -> tuple[float, SceneInitial]:
-    """The time at which the scene begins, and its initial data: its own, or the end of the result it restarts from."""
+    """The start time and initial data of the scene, given directly or taken from the end of the restarted result."""
     if schema.restart is None:
         if schema.initial is None:
             raise InputError(NO_INITIAL, "/initial")
@@ -288,7 +288,7 @@ def _refuse_other_halves(initial: SceneInitial, system: scene_system.MechanicalS
 
 
 def read_scene(schema: SceneDocument) -> tuple[data.Scene, scene_system.MechanicalSystem]:
-    """The scene and its system; InputError with the pointer of what is wrong."""
+    """The scene and its system; InputError with a pointer to the error."""
     extra = [declared_name(name, f"/parameters/{escape(name)}", "parameter") for name in schema.parameters]
     system = scene_system.mechanical_system(schema.system, extra)
     _refuse_unknown(system, extra, _has_formulas(schema))
@@ -335,7 +335,7 @@ def read_scene(schema: SceneDocument) -> tuple[data.Scene, scene_system.Mechanic
 
 
 def _has_formulas(schema: SceneDocument) -> bool:
-    """Whether the scene has formulas beyond those of its system, which may use parameters that the system has not."""
+    """Whether the scene adds formulas to those of its system, which may use additional parameters."""
     own = (
         schema.terms,
         schema.functions,
@@ -349,7 +349,7 @@ def _has_formulas(schema: SceneDocument) -> bool:
 
 
 def _refuse_unknown(system: scene_system.MechanicalSystem, extra: Sequence[str], formulas: bool) -> None:
-    """A parameter of the scene that its system neither declares nor uses, nor further formulas may."""
+    """Reject a parameter that neither the system nor an additional formula of the scene can use."""
     parameters, trees = system.names.parameters, (system.lagrangian, *system.constraints, *(system.accelerations or ()))
     known = {node.name for tree in trees if tree is not None for node in walk(tree) if isinstance(node, Symbol)}
     known |= set(Declared(parameters=(system.document or {}).get("parameters", ())).named_parameters())
@@ -381,7 +381,7 @@ DISSIPATION = frozenset({"friction", "drag", "damping", "dissipation"})
 
 
 def _refuse_dissipation(schema: SceneDocument) -> None:
-    """A term of L dissipates nothing: one called friction would change masses instead."""
+    """Reject a term of L called friction: it would change masses and dissipate no energy."""
     for name in schema.terms:
         if name.casefold() in DISSIPATION and not schema.as_lagrangian:
             detail = (
@@ -420,7 +420,7 @@ def _with_effects(
 
     def acting(names: Sequence[str]) -> tuple[Expression, Constraints, Constraints]:
         forces = read_forces(schema, system, definitions, tuple(names))
-        chosen = (tree for name, tree in parts if name in (KINETIC, *names))  # all else is not there at all
+        chosen = (tree for name, tree in parts if name in (KINETIC, *names))  # all other parts are left out completely
         return add(*chosen), given if CONSTRAINTS in names else (), forces
 
     whole_scene = acting(named)
@@ -438,7 +438,7 @@ _DECIMAL = re.compile(r"[-+]?[0-9]{1,40}(\.[0-9]{0,40})?([eE][-+]?[0-9]{1,3})?")
 
 
 def number_of(text: str, pointer: str, what: str = "a number") -> float:
-    """A number written as 0.1, "1/2" or "pi/4"; InputError for anything else and for what is not finite."""
+    """A number written as 0.1, "1/2" or "pi/4"; InputError for all other values and for values that are not finite."""
     if _DECIMAL.fullmatch(text) and math.isfinite(value := float(text)):
         return value
     try:
@@ -452,7 +452,7 @@ def number_of(text: str, pointer: str, what: str = "a number") -> float:
 
 
 def read_grid(schema: SceneDocument, begin: float = 0.0) -> tuple[data.Grid, tuple[str, ...]]:
-    """Step, number of steps and which are recorded, with a note where that is not every one asked for."""
+    """The step, the number of steps and which are recorded, with a note if not all requested ones are."""
     step = number_of(schema.step, "/step")
     if step <= 0:
         raise InputError(
@@ -466,7 +466,7 @@ def read_grid(schema: SceneDocument, begin: float = 0.0) -> tuple[data.Grid, tup
     notes: tuple[str, ...] = ()
     length = None if schema.time is None else number_of(schema.time, "/time")
     if length is not None and abs(steps * step - length) > 1e-9 * length:
-        notes = (f"The run covers a time of {steps * step:.10g}, up to the first grid point beyond {length:.10g}.",)
+        notes = (f"The run takes {steps * step:.10g}, up to the first grid point beyond {length:.10g}.",)
     if steps > MAX_STEPS:
         raise LimitError(f"the scene has {steps} steps, but the limit is {MAX_STEPS}: take a larger step.", "/time")
     every = schema.record_every or 1
@@ -497,7 +497,7 @@ INSIDE = {"runge-kutta": "runge_kutta", "stormer-verlet": "variational"}
 
 
 def read_methods(schema: SceneDocument) -> tuple[data.Requested, ...]:
-    """The methods in the order of the scene, each with a label of its own."""
+    """The methods in the order of the scene, each with a unique label."""
     found: list[data.Requested] = []
     for place, given in enumerate(schema.methods or [SceneMethod(method="adaptive")]):
         found.append(_requested(schema, given, f"/methods/{place}"))
@@ -539,11 +539,11 @@ def _requested(schema: SceneDocument, given: SceneMethod, pointer: str) -> data.
 
 
 def _tolerance(given: SceneMethod, method: str, pointer: str) -> float:
-    """The relative error that a step may make, of methods that choose their steps."""
+    """The relative error allowed in a step, for methods that choose their steps."""
     if given.tolerance is None:
         return METHODS[method].tolerance or 0.0
     if method not in OWN_STEPS:
-        raise InputError(f"the method {given.method} takes a step, not a tolerance.", f"{pointer}/tolerance")
+        raise InputError(f"the method {given.method} takes steps, not a tolerance.", f"{pointer}/tolerance")
     tolerance = number_of(given.tolerance, f"{pointer}/tolerance")
     if not 1e-18 <= tolerance <= 0.1:
         raise InputError("the tolerance must be a number from 1e-18 to 0.1.", f"{pointer}/tolerance")
@@ -551,7 +551,7 @@ def _tolerance(given: SceneMethod, method: str, pointer: str) -> float:
 
 
 def _shown(text: str | None, alpha: float) -> str:
-    """alpha as a person writes it: 0.5, 1/3."""
+    """alpha in the usual notation: 0.5, 1/3."""
     if text is None:
         return f"{alpha:g}"
     tree = read_formula(text, Names(time=False))
@@ -725,7 +725,7 @@ def _one_by_one(
 def _together(
     given: MemberColumns | None, base: SceneInitial, names: Names, scene: data.Scene, values: dict[str, Array]
 ) -> data.Members:
-    """Columns, each start repeated for the values of the parameters; velocities left out are filled in."""
+    """Columns, each start repeated for the values of the parameters; missing velocities are filled in."""
     tables, free = [scene.positions[None], scene.velocities[None]], set(base.velocities or {})
     if given is not None:
         if len({len(column) for column in _given_columns(given)}) != 1:

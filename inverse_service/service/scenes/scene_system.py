@@ -1,6 +1,6 @@
-"""The system of a scene, from the catalogue, a document or a result, with its parameters still symbols.
+"""The system of a scene, from the catalogue, a document or a result, with symbolic parameters.
 
-Formulas for arbitrary functions are put in with their derivatives.
+Formulas for arbitrary functions are substituted, also in their derivatives.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ def _is_other(node: trees.Expression, arguments: tuple[str, ...], names: Names) 
 
 
 def refuse_open_functions(formulas: Sequence[trees.Expression], names: Names) -> None:
-    """InputError where a formula still holds a function without a formula of its own."""
+    """InputError if a formula contains an arbitrary function for which the scene gives no formula."""
     missing = sorted({node.name for tree in formulas for node in trees.walk(tree) if isinstance(node, trees.Arbitrary)})
     if not missing:
         return
@@ -101,7 +101,7 @@ class MechanicalSystem:
 
 
 def mechanical_system(given: Any, extra: Sequence[str]) -> MechanicalSystem:
-    """The system that the scene's `system` names; `extra` are further parameters that the scene gives values.
+    """The system that the scene's `system` names; `extra` are additional parameters with values in the scene.
 
     InputError with its pointer below /system.
     """
@@ -140,7 +140,7 @@ def _of_result(result: Mapping[str, Any], extra: Sequence[str]) -> MechanicalSys
     result = preparing.inward(result)
     system = result.get("system")
     if not isinstance(system, Mapping):
-        raise errors.InputError("The result has no key 'system': give the whole result of solve.")
+        raise errors.InputError("The result has no part 'system': give the whole result of solve.")
     given = system.get("given")
     if isinstance(given, Mapping) and "lagrangian" in given:
         found = _of_document(given, extra)
@@ -236,7 +236,7 @@ def _of_equations(document: Mapping[str, Any], extra: Sequence[str]) -> Mechanic
 
 
 def without_steps(tree: trees.Expression) -> trees.Expression:
-    """The tree with steps written by u/sqrt(u^2), as sign(u) is."""
+    """The tree with step functions written with u/sqrt(u^2), like sign(u)."""
     return trees.substitute(tree, {node: tower.to_kernels(node) for node in trees.walk(tree) if _is_step(node)})
 
 
@@ -244,7 +244,7 @@ def _is_step(node: trees.Expression) -> bool:
     return isinstance(node, trees.Apply) and node.function == pieces.STEP
 
 
-# Keys of a nonholonomic document that ask something of `solve` and say nothing of the motion.
+# Keys of a nonholonomic document that are options of `solve` and do not affect the motion.
 SOLVE_ONLY = frozenset(
     {
         "multiples",

@@ -35,8 +35,8 @@ FORMAT = "inverse-service/simulation/1"
 # Points of a trajectory in a result document; files hold all that were recorded.
 MOST_POINTS = 2001
 MOST_EVENTS = 20_000
-AGAIN_SECONDS = 600.0  # a page's own deadline comes first
-# So much of the time of a scene is kept to observe and write what was computed: a part, of a short one more; s.
+AGAIN_SECONDS = 600.0  # the deadline of a page comes first
+# Time of a scene reserved for observing and writing the results: a fraction, larger for a short run; seconds.
 SHARE_AFTER, LEAST_AFTER, LARGEST_SHARE = 0.1, 1.0, 0.3
 
 
@@ -62,7 +62,7 @@ def simulate_tables(document: Any, progress: Progress | None = None, time_limit:
 
 
 def every_point(document: Mapping[str, Any], result: Mapping[str, Any], label: str) -> dict[str, Array] | None:
-    """All columns at every recorded point of a method of a stored result: its steps are done again.
+    """All columns at every recorded point of a method of a stored result, whose steps are repeated.
 
     None where the result has no points of it. Where a time limit ended it elsewhere, the stored points, if these
     are all that were recorded; else an InputError.
@@ -83,7 +83,7 @@ def every_point(document: Mapping[str, Any], result: Mapping[str, Any], label: s
 
 
 def csv_bytes(columns: Mapping[str, Any]) -> bytes:
-    """Columns of one length as CSV, with all digits that tell numbers apart; nan where there is no value.
+    """Columns of equal length as CSV, with all significant digits; nan where there is no value.
 
     Times k h have 15 digits, which is what they are known to: 0.15 and not 0.15000000000000002.
     """
@@ -103,13 +103,13 @@ def npz_bytes(columns: Mapping[str, Any], document: Any, label: str, provenance:
     return stream.getvalue(), metadata
 
 
-# Values that are not finite are reported as such in the numbers; numpy need not warn of them.
+# Values that are not finite are reported in the numbers, so numpy does not need to warn of them.
 @np.errstate(all="ignore")
 def run_document(document: Any, progress: Progress | None, time_limit: float) -> tuple[SceneRun, dict[str, float]]:
-    """Read, derive and run; with the seconds of each stage."""
+    """Read, derive and run. Return also the seconds of each stage."""
     begun = time.perf_counter()
     after = max(SHARE_AFTER * time_limit, min(LEAST_AFTER, LARGEST_SHARE * time_limit))
-    # Work counts, not the clock: a busy machine gives up nothing that an idle one finds. An ensemble works in threads.
+    # CPU time counts, not wall-clock time, so that the load of the machine has no influence. An ensemble uses threads.
     now = time.monotonic if isinstance(document, Mapping) and document.get("ensemble") else deadline.now
     end = now() + time_limit - after
     schema = scene_schema(document)
@@ -129,7 +129,7 @@ def run_document(document: Any, progress: Progress | None, time_limit: float) ->
 
 
 def catalogue_name(schema: SceneDocument) -> str | None:
-    """The name in the catalogue, where the scene gives one."""
+    """The name in the catalogue, if the scene gives one."""
     name = getattr(schema.system, "catalogue", None)
     return name if isinstance(name, str) else None
 
@@ -147,7 +147,7 @@ def table_of_run(scene: Scene, run: MethodRun) -> dict[str, Any]:
 
 
 def simulation_document(found: SceneRun, stages: Mapping[str, float]) -> dict[str, Any]:
-    """What was simulated, how each method ended, and every observed quantity."""
+    """The simulated system, the outcome of each method, and every observed quantity."""
     scene = found.scene
     document = {
         "format": FORMAT,
@@ -179,7 +179,7 @@ def simulation_document(found: SceneRun, stages: Mapping[str, float]) -> dict[st
 
 
 def advice_of(scene: Scene, derived: Derived) -> dict[str, Any] | None:
-    """The method that fits the scene, as far as what was derived tells."""
+    """The recommended method for the scene, judged by the derived formulas."""
     free = derived.free.get(None)
     known = free if isinstance(free, FreeLagrangian) and scene.accelerations is not None else None
     return advice(scene, derived.accelerations if isinstance(derived.accelerations, tuple) else None, known)
@@ -231,7 +231,7 @@ def _event_columns(scene: Scene, found: Found) -> dict[str, Array]:
 
 
 def _switches(switches: tuple[Switch, ...]) -> dict[str, Any]:
-    """When which function went to which side, at most MOST_EVENTS."""
+    """The times of the changes of side with function and side, at most MOST_EVENTS."""
     shown = {1: "above", -1: "below", 0: "sticks"}
     listed = switches[:MOST_EVENTS]
     columns = {
@@ -268,7 +268,7 @@ def _requested(requested: Requested) -> dict[str, Any]:
 
 
 def _outcome(scene: Scene, run: MethodRun) -> dict[str, Any]:
-    """`outcome`, `steps` done, and for a run that stopped where, on what, and the remedy."""
+    """`outcome` and `steps` made; for a run that stopped, also where, the cause and the remedy."""
     outcome = run.outcome
     if run.trajectory is None:
         return {"outcome": outcome.kind, "steps": 0, "reason": outcome.remedy}
@@ -316,12 +316,12 @@ def as_plain(value: Any) -> Any:
     return value
 
 
-MOST_MEMBERS = 10_000  # whose numbers a result document lists; files hold all
+MOST_MEMBERS = 10_000  # members whose numbers a result document lists; files contain all
 MOST_ENDS = 20
 
 
 def ensemble_document(scene: Scene, run: EnsembleRun) -> dict[str, Any]:
-    """One method of an ensemble: how many ended how, and columns with one number a member."""
+    """One method of an ensemble: the count of each outcome, and columns with one number per member."""
     document: dict[str, Any] = {"outcome": run.outcome.kind, "steps": 0, "seconds": dict(run.seconds)}
     if run.many is None:
         return document | {"reason": run.outcome.remedy}
@@ -345,7 +345,7 @@ def ensemble_document(scene: Scene, run: EnsembleRun) -> dict[str, Any]:
 
 
 def member_columns(scene: Scene, run: EnsembleRun) -> dict[str, Array]:
-    """One number a member: parameters that differ, start, end, and what was observed."""
+    """One number per member: varying parameters, start, end, and observed quantities."""
     assert run.many is not None
     assert scene.ensemble is not None
     columns = dict(scene.ensemble.values)
@@ -359,7 +359,7 @@ def member_columns(scene: Scene, run: EnsembleRun) -> dict[str, Array]:
 
 
 def ensemble_arrays(scene: Scene, run: EnsembleRun) -> dict[str, Array]:
-    """t (m,), each coordinate, velocity and observable (N, m), and a number a member: what NPZ files hold."""
+    """t (m,), each coordinate, velocity and observable (N, m), and one number per member: the content of NPZ files."""
     assert run.many is not None
     arrays: dict[str, Array] = {"t": run.many.times}
     for k, name in enumerate(scene.coordinates):

@@ -38,7 +38,7 @@ def work_precision(
     if not schema.methods:
         schema = schema.model_copy(update={"methods": _suitable(scene)})
         scene = dataclasses.replace(scene, methods=scene_reading.read_methods(schema))
-    # Errors are always compared, whatever the scene observes, so the true motion is always derived.
+    # Errors are always compared, even if the scene does not observe them, so the true motion is always derived.
     compared = dataclasses.replace(scene, observe=("error",), methods=(*scene.methods, *_peers(scene)))
     derived = derivation.derive(compared, scene_lagrangian.finder(schema, system, simulating.catalogue_name(schema)))
     left = time_limit - (time.monotonic() - begun)
@@ -50,7 +50,7 @@ def work_precision(
 
 
 def _suitable(scene: scene_data.Scene) -> list[SceneMethod]:
-    """The methods that a scene is measured with where it names none."""
+    """The methods that are measured if the scene names none."""
     chosen: list[dict[str, Any]] = [{"method": "adaptive"}, {"method": "reference"}]
     chosen += [{"method": "runge-kutta", "order": order} for order in (4, 8)]
     if scene.lagrangian is not None:
@@ -61,7 +61,7 @@ def _suitable(scene: scene_data.Scene) -> list[SceneMethod]:
 
 
 def _peers(scene: scene_data.Scene) -> list[scene_data.Requested]:
-    """heyoka and SciPy's integrators where they are installed and the scene does not name them."""
+    """heyoka and the integrators of SciPy if they are installed and the scene does not name them."""
     named = {requested.method for requested in scene.methods}
     found = [] if "heyoka" in named or _version("heyoka") is None else [("heyoka", "heyoka")]
     found += [(name, f"SciPy {shown}") for name, shown in method_table.SCIPY.items() if _version("scipy") is not None]
@@ -83,7 +83,7 @@ def _steps(schema: SceneDocument) -> tuple[float, ...]:
 def _document(measured: precision.Precision, taken: dict[str, Any] | None) -> dict[str, Any]:
     drawn, sentences = precision.curves(measured), [one_trajectory(measured), long_run(measured)]
     named = {setting.requested.label: setting.requested for setting in measured.settings}
-    # Advice is of methods that were run here.
+    # Only methods that were run here are recommended.
     run = {requested.method for requested in named.values()} | {"stormer-verlet"}
     advice = taken if taken is not None and taken["method"].replace("-", "_") in run | {"stormer_verlet"} else None
     return {
@@ -115,7 +115,7 @@ def _document(measured: precision.Precision, taken: dict[str, Any] | None) -> di
 
 
 def _targets(measured: precision.Precision, named: dict[str, scene_data.Requested]) -> list[dict[str, Any]]:
-    """What each relative error costs, the cheapest method first; methods that do not reach it last, without numbers."""
+    """The cost of each relative error, cheapest method first; methods that miss it come last, without numbers."""
     found = []
     for target, reached in precision.prices(measured).items():
         best = next(iter(reached.values())).seconds if reached else None
@@ -133,7 +133,7 @@ def _targets(measured: precision.Precision, named: dict[str, scene_data.Requeste
 
 
 def _setting(setting: precision.Setting, scale: float) -> dict[str, Any]:
-    """All that is known of a run; a step only where it is one of the method."""
+    """All data of a run; the step is given only if the method uses it."""
     found = {name: getattr(setting, name) for name in MEASURED}
     found |= {} if setting.tolerance is None else {"step": None, "steps": None}
     return found | {"relative_error": None if setting.error is None else setting.error / scale}
@@ -155,7 +155,7 @@ def _long(run: precision.LongRun) -> dict[str, Any]:
 
 
 def machine() -> dict[str, Any]:
-    """Processor, cores and versions that the times belong to."""
+    """The processor, the cores and the versions with which the times were measured."""
     return {
         "processor": _processor(),
         "cores": settings.cores(),
@@ -182,8 +182,8 @@ def _version(name: str) -> str | None:
 
 
 def one_trajectory(measured: precision.Precision) -> str:
-    """Which method is the fastest for one trajectory, by the error asked for. Where a method is better at its coarsest
-    setting it might be faster still, so none is called the fastest for certain."""
+    """Say which method is fastest for one trajectory at each error. A method that is better at its coarsest setting
+    might be faster still, so no method is then called the fastest with certainty."""
     firsts: dict[str, list[str]] = {}
     for target, reached in precision.prices(measured).items():
         if reached:
@@ -199,7 +199,7 @@ def one_trajectory(measured: precision.Precision) -> str:
 
 
 def long_run(measured: precision.Precision) -> str:
-    """Which method keeps the energy, or the shape of the orbit, best over a long time."""
+    """Say which method preserves the energy, or the shape of the orbit, best over a long time."""
     done = [run for run in measured.long if not run.reason]
     if not done:
         return AFTER if not measured.long else "No method completed a run of a hundred times the time."
