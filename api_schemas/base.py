@@ -33,7 +33,7 @@ class ProblemPlace(Document):
     """One fault: RFC 6901 pointer, column from 1 in the string there, and what to write instead.
 
     `instead` lists texts, each of which may have been meant in the place of the name at the column, or of
-    what stands from the first column of `span` up to the second. `plain` is the sentence without the column and
+    the text from the first column of `span` up to the second. `plain` is the sentence without the column and
     without the way of declaring a name, which `declare` says: the member of the document that would hold it.
     """
 

@@ -24,7 +24,7 @@ class Formula(base.Document):
 
 
 class ExplanationStep(base.Document):
-    """One step of the explanation: its sentence, and where it has formulas its words and formulas in turn.
+    """One step of the explanation: its sentence and, if it has formulas, its words and formulas alternately.
 
     Even places of `parts` are words, odd ones formulas; a formula after the end of the sentence is shown below it.
     In `details` and `steps` a sentence with formulas has `parts` alone.
@@ -330,7 +330,7 @@ class ConservedQuantity(Formula):
 
 
 class ForwardResult(base.Document):
-    """The equations q'' = f of a Lagrangian, p_i = dL/dv_i, H, and what the symmetries of its letters conserve."""
+    """The equations q'' = f of a Lagrangian, p_i = dL/dv_i, H, and the quantities that its symmetries conserve."""
 
     format: Literal["inverse-service/forward/1"] = FORWARD_FORMAT
     system: UnderstoodSystem

@@ -1,4 +1,4 @@
-"""The answers of `simulate` and of `work-precision`. Quantities that nobody observes are left out."""
+"""The answers of `simulate` and of `work-precision`. Quantities that the scene does not observe are left out."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ class CirclePart(Document):
 
 
 class SimulatedMethod(Document):
-    """A method as it was run. Each further observed quantity adds numbers of its own name."""
+    """A method as it was run. Each additional observed quantity adds numbers under its own name."""
 
     model_config = ConfigDict(extra="allow")
 
@@ -142,7 +142,7 @@ class SimulatedMethod(Document):
 
 
 class EffectPart(Document):
-    """An effect and the operations of a step that it adds, or would add; null where that is not told."""
+    """An effect and the operations of a step that it adds, or would add; null if unknown."""
 
     name: str
     operations: int | None

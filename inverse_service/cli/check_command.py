@@ -1,4 +1,4 @@
-"""`inverse-service check`, `batch` and `table`: what the checker proves, and answers by the thousand."""
+"""`inverse-service check`, `batch` and `table`: the independent checker, and many systems at once."""
 
 from __future__ import annotations
 
@@ -39,22 +39,22 @@ NAMES = {"error": ("error line", "error lines"), "fault": ("fault of the program
 @cli.application.command()
 def check(
     file: Annotated[
-        str, typer.Argument(help="A result or a certificate, as JSON; - is standard input; an .ndjson of a batch.")
+        str, typer.Argument(help="A result or certificate (JSON), the .ndjson of a batch, or - for standard input.")
     ],
     document: Annotated[
-        str | None, typer.Option("--document", help="The system that was given; default the one in the result.")
+        str | None, typer.Option("--document", help="Check against this document instead of the one in the result.")
     ] = None,
     lagrangian: Annotated[
-        str | None, typer.Option("--lagrangian", help="A Lagrangian of yours for the system in FILE: is it one?")
+        str | None, typer.Option("--lagrangian", help="Test whether this Lagrangian yields the equations in FILE.")
     ] = None,
     form: Annotated[
-        Literal["text", "json"] | None, typer.Option("--format", help="Default: text on a terminal, else json.")
+        Literal["text", "json"] | None, typer.Option("--format", help="Default: text on a terminal, json otherwise.")
     ] = None,
     exceptions: Annotated[
-        bool, typer.Option("--exceptions", help="Decide the values of parameters that the result leaves out.")
+        bool, typer.Option("--exceptions", help="Decide the parameter values that the result leaves out.")
     ] = False,
 ) -> cli.ExitCode:
-    """What the independent checker proves of a result, or of a Lagrangian. Exit 0 valid, 1 else, 2 unreadable."""
+    """Check the certificate of a result, or a Lagrangian of yours. Exit 0 valid, 1 not valid, 2 unreadable."""
     if exceptions:
         return _check_exceptions(file, form)
     if lagrangian is None and document is None and is_batch(file):
@@ -83,7 +83,7 @@ def check(
 
 
 def _print(found: dict[str, Any], form: str | None, lines: Callable[[], list[str]]) -> None:
-    """JSON into a pipe, lines on a terminal, unless the form is given."""
+    """Print JSON into a pipe and lines on a terminal, unless the format is given."""
     plain = form == "json" or (form is None and not sys.stdout.isatty())
     cli.write((json.dumps(found, ensure_ascii=False, indent=2) if plain else "\n".join(lines())) + "\n")
 
@@ -133,7 +133,7 @@ def _read(name: str) -> dict[str, Any]:
 
 
 def check_lines(found: dict[str, Any]) -> list[str]:
-    """An answer of the checker for a person to read."""
+    """An answer of the checker as plain text."""
     lines = [found["verdict"]]
     if found.get("statement"):
         lines += ["", *found["statement"]["text"].split("\n")]
@@ -161,7 +161,7 @@ def _cell_lines(cell: dict[str, Any]) -> Iterator[str]:
 
 
 def is_batch(name: str) -> bool:
-    """Whether the file is the output of a batch: by its ending, or because its first line is a whole object."""
+    """Whether the file is the output of a batch: by its suffix, or by a complete object in line 1."""
     if name.endswith((".ndjson", ".jsonl", ".gz")):
         return True
     try:
@@ -173,7 +173,7 @@ def is_batch(name: str) -> bool:
 
 
 def check_batch(name: str) -> cli.ExitCode:
-    """Check every line of a batch's output; prints what is not valid and the totals. 0: every claim is valid."""
+    """Check every line of a batch's output and print the invalid lines and the totals. 0: every claim is valid."""
     settings = read_settings()
     options, summary, others = (
         model.JobOptions(settings.time_limit, settings.memory_limit),
@@ -204,7 +204,7 @@ def check_batch(name: str) -> cli.ExitCode:
 
 
 def _claims(name: str, target: Path, others: Counter[str]) -> dict[int, str]:
-    """Write the results that claim something, by their line numbers; the ids as they are. Counts the others."""
+    """Write the results that make a claim under their line numbers; return their ids and count the other results."""
     ids = {}
     with batches.open_source(Path(name)) as source, target.open("w", encoding="utf-8") as stream:
         for line, result in batches.read_answers(source):
@@ -220,24 +220,24 @@ def _claims(name: str, target: Path, others: Counter[str]) -> dict[int, str]:
 
 @cli.application.command()
 def batch(
-    file: Annotated[Path, typer.Argument(help="NDJSON or .gz of it: one System a line, each with its own id; - too.")],
+    file: Annotated[Path, typer.Argument(help="NDJSON (or .gz), one System per line with a unique id; - for stdin.")],
     output: Annotated[
-        Path, typer.Option("--output", "-o", help="NDJSON of results, or .gz of it, that a run goes on; - too.")
+        Path, typer.Option("--output", "-o", help="NDJSON (or .gz) of results; a run resumes it; - for stdout.")
     ],
     processes: Annotated[
-        int | None, typer.Option("--workers", help="Processes; default one a core.", min=1, max=256)
+        int | None, typer.Option("--workers", help="Number of processes (default: one per core).", min=1, max=256)
     ] = None,
     time_limit: Annotated[float | None, cli.time_limit("from the settings, 60")] = None,
     cluster: Annotated[str | None, typer.Option(help="Address of a Dask scheduler, such as tcp://host:8786.")] = None,
-    again: Annotated[str, typer.Option(help="Also ask again: errors,undetermined of an earlier run.")] = "",
+    again: Annotated[str, typer.Option(help="Retry lines of an earlier run: errors,undetermined.")] = "",
     expect: Annotated[
-        Path | None, typer.Option("--expect", help="NDJSON of ids and what their answers should say, such as verdict.")
+        Path | None, typer.Option("--expect", help="NDJSON of ids and expected values of the answers, such as verdict.")
     ] = None,
     junit: Annotated[
-        Path | None, typer.Option("--junit", help="A report in JUnit's XML, one test case a line.")
+        Path | None, typer.Option("--junit", help="Write a JUnit XML report, one test case per line.")
     ] = None,
 ) -> cli.ExitCode:
-    """Many systems, one a line; started again it goes on where it was.
+    """Solve many systems, one per line; run the same command again to resume.
 
     Exit 0 all answered (and as expected), 1 some error lines or other answers than expected, 2 bad files or nothing
     but errors, 3 our fault, 130 interrupted.
@@ -260,7 +260,7 @@ def batch(
         with progress(summary, total) as report:
             batches.run_batch(plan, summary, report)
     except KeyboardInterrupt:
-        print(f"{_how_far(summary, total)}; the same command goes on where it was.", file=sys.stderr)
+        print(f"{_how_far(summary, total)}; run the same command again to resume.", file=sys.stderr)
         return cli.ExitCode.INTERRUPTED
     sentences = summary_sentences(summary, time.monotonic() - began)
     if summary.replaced:
@@ -280,7 +280,7 @@ def batch(
 
 
 def rows_of(summary: batches.Summary) -> list[tuple[str, int]]:
-    """What was counted, with its names; error lines also where there are none."""
+    """The counts with their names; error lines are listed even if there are none."""
     counts = summary.labels | {"error": summary.labels["error"]}
     order = sorted(counts, key=lambda label: (label in NAMES, label))
     rows = [(NAMES.get(label, (label.replace("_", " "),) * 2)[counts[label] != 1], counts[label]) for label in order]
@@ -292,7 +292,7 @@ def rows_of(summary: batches.Summary) -> list[tuple[str, int]]:
 
 
 def summary_sentences(summary: batches.Summary, seconds: float) -> list[str]:
-    """All counts, the rate, and the first reason of what has no verdict."""
+    """All counts, the rate, and the first reason why a line has no verdict."""
     sentences = [", ".join(f"{count} {name}" for name, count in rows_of(summary)) + "."]
     if summary.new:
         lines = "line" if summary.new == 1 else "lines"
@@ -310,7 +310,7 @@ def _how_far(summary: batches.Summary, total: int | None) -> str:
 
 @contextmanager
 def progress(summary: batches.Summary, total: int | None) -> Iterator[Report]:
-    """A progress bar on a terminal, a line every minute elsewhere."""
+    """A progress bar on a terminal, otherwise a line every minute."""
     if not sys.stderr.isatty():
         said = time.monotonic()
 
@@ -332,9 +332,9 @@ def progress(summary: batches.Summary, total: int | None) -> Iterator[Report]:
 
 @cli.application.command()
 def table(
-    file: Annotated[Path, typer.Argument(help="The output of a batch: NDJSON or .gz of it; - is standard input.")],
+    file: Annotated[Path, typer.Argument(help="The output of a batch: NDJSON (or .gz); - for standard input.")],
 ) -> cli.ExitCode:
-    """The results of a batch as CSV: one row a line, with verdicts, L, H, reason and seconds."""
+    """Convert the results of a batch to CSV, one row per line."""
     from inverse_service.sympy.result_objects import row_of  # for this command only
 
     with batches.open_source(file) as source:
@@ -350,7 +350,7 @@ def table(
 
 @dataclass(frozen=True, slots=True)
 class Judged:
-    """A line with its verdict or its error, and in what it differs from what was expected."""
+    """A line with its verdict or error, and its differences from the expected values."""
 
     name: str
     verdict: str
@@ -359,7 +359,7 @@ class Judged:
 
 
 def judged(output: Path, expected: Path | None) -> Iterator[Judged]:
-    """Each line of a batch's output, then those that were expected and are not there.
+    """Each line of a batch's output, then the expected lines that are missing.
 
     A line of `expected` has an `id` and keys of a result with their values, such as verdict. InputError for others.
     """
@@ -408,7 +408,7 @@ def _judged(name: str, answer: Mapping[str, Any], wanted: Mapping[str, Any]) -> 
 
 
 def write_junit(path: Path, lines: list[Judged]) -> None:
-    """The report: a failure for each line that differs, an error for each that has no answer."""
+    """The report: a failure for each line that differs, an error for each line without an answer."""
     failed = [line for line in lines if line.differences]
     bad = [line for line in lines if line.error and not line.differences]
     counts = {"tests": str(len(lines)), "failures": str(len(failed)), "errors": str(len(bad))}
@@ -428,5 +428,5 @@ def write_junit(path: Path, lines: list[Judged]) -> None:
 
 
 def _plain(text: str) -> str:
-    """Without the characters that XML cannot hold."""
+    """The text with `?` in place of characters that XML cannot contain."""
     return "".join(c if c >= " " and not 0xD800 <= ord(c) <= 0xDFFF and c not in "\ufffe\uffff" else "?" for c in text)

@@ -32,7 +32,7 @@ MAX_TIME_LIMIT = 86_400.0
 
 
 class ExitCode(IntEnum):
-    """0 a definite verdict (valid, done), 1 undetermined (not valid), 2 bad input, 3 our fault."""
+    """0 a definite verdict (valid, done), 1 undetermined (not valid), 2 invalid input, 3 internal error."""
 
     DONE = 0
     OPEN = 1
@@ -42,7 +42,7 @@ class ExitCode(IntEnum):
 
 
 def _end(code: ExitCode | None, **_: Any) -> None:
-    """What a command returns is the exit code."""
+    """End the process with the exit code that a command returned."""
     sys.exit(code)
 
 
@@ -68,7 +68,7 @@ def options(
         bool, typer.Option("--version", "-V", help="Show the version and exit.", callback=_version, is_eager=True)
     ] = False,
 ) -> None:
-    """Does q'' = f(t, q, q') come from a Lagrangian? A verdict with a proof that a second program checks."""
+    """Decide whether q'' = f(t, q, q') comes from a Lagrangian, with a proof that a second program checks."""
 
 
 def _limit(given: float | None) -> float | None:
@@ -78,12 +78,12 @@ def _limit(given: float | None) -> float | None:
 
 
 def time_limit(default: str) -> Any:
-    """The option --time-limit, refused where it is no such time."""
+    """The option --time-limit, which refuses values that are not valid time limits."""
     return typer.Option("--time-limit", help=f"Seconds; default {default}.", callback=_limit)
 
 
 def load_commands(wanted: str | None = None) -> None:
-    """Load the module of a command, or of all commands where there is no such one."""
+    """Load the module of a command, or of all commands if there is no command of this name."""
     for module in dict.fromkeys([COMMANDS[wanted]] if wanted in COMMANDS else COMMANDS.values()):
         importlib.import_module(module)
 
@@ -134,7 +134,7 @@ def exit_codes() -> Iterator[None]:
 
 
 def stop(sentence: str, code: ExitCode) -> None:
-    """Say it on standard error and end."""
+    """Print the sentence on standard error and end the process."""
     printable = "".join(c if c.isprintable() else "?" for c in sentence)
     print(printable.encode("utf-8", "replace").decode("utf-8"), file=sys.stderr)
     sys.exit(code)
@@ -149,7 +149,7 @@ def _place(error: errors.InputError) -> str:
 
 
 def read_bytes(name: str, limit: int = MAX_BYTES) -> bytes:
-    """The bytes of a file or of standard input; raises InputError where there is none or too much."""
+    """The bytes of a file or of standard input; raises InputError if there is no input or too much."""
     try:
         if name == "-" and sys.stdin is None:
             raise errors.InputError("Standard input is closed; name a file.")
@@ -169,7 +169,7 @@ def read_bytes(name: str, limit: int = MAX_BYTES) -> bytes:
 
 
 def write(text: str, target: Path | None = None) -> None:
-    """Write to standard output, or to a file; raises InputError where it takes no more: a full disk, or closed."""
+    """Write to standard output, or to a file; raises InputError if the disk is full or the stream closed."""
     if target is None and sys.stdout is None:
         raise errors.InputError("Standard output is closed; send it to a file.")
     try:

@@ -35,7 +35,7 @@ System = Annotated[str | dict[str, Any], Field(description="equations as text, o
 
 
 class Parsed(BaseModel):
-    """What was understood of a system."""
+    """A system as it was parsed."""
 
     coordinates: list[str]
     equations: dict[str, str] = Field(description="accelerations as text")
@@ -44,7 +44,7 @@ class Parsed(BaseModel):
 
 
 class Solved(BaseModel):
-    """The answer to whether a system has a Lagrangian; `resource` has the whole of it, with the certificate."""
+    """The answer to whether a system has a Lagrangian; `resource` is the full result with its certificate."""
 
     verdict: str = Field(description="of L(q, q'): variational, not_variational, undetermined or differs")
     verdict_with_time: str | None = Field(description="of L(t, q, q')")
@@ -68,7 +68,7 @@ class Checked(BaseModel):
 
 
 class Simulated(BaseModel):
-    """How each method of a scene ended; `resource` has the whole summary."""
+    """How each method of a scene ended; `resource` is the full summary."""
 
     methods: list[dict[str, Any]]
     resource: str
@@ -92,7 +92,7 @@ class Tools:
             self._workers.stop()
 
     async def parse(self, system: System) -> Parsed:
-        """What is understood of a system: coordinates, equations, parameters. Milliseconds; solves nothing."""
+        """Show how a system is parsed: coordinates, equations, parameters. Takes milliseconds; solves nothing."""
         found = await self._run(tasks.parse_task, json.dumps(_document(system)).encode(), seconds=5.0)
         whole = json.loads(found)
         equations = {name: formula["text"] for name, formula in whole["equations"].items()}
@@ -101,7 +101,7 @@ class Tools:
     async def solve(
         self, system: System, time_limit: Annotated[float | None, Field(description="seconds", gt=0)] = None
     ) -> Solved:
-        """Does a system come from a Lagrangian? Verdict, L and H, proof; each answer is checked before it leaves."""
+        """Decide whether a system comes from a Lagrangian. Verdict, L and H, proof; each answer is checked first."""
         server = model.JobOptions(self._settings.time_limit, self._settings.memory_limit)
         document, given = model.split_options(_document(system))
         options = model.read_options(given if time_limit is None else {"time_limit": time_limit}, server)
@@ -123,7 +123,7 @@ class Tools:
         lagrangian: Annotated[str | None, Field(description="a Lagrangian of yours for `system`")] = None,
         result: Annotated[str | None, Field(description="the JSON, or the resource, of a result to check")] = None,
     ) -> Checked:
-        """The independent checker on a result, or on a Lagrangian of your own for a system."""
+        """Run the independent checker on a result, or on your own Lagrangian for a system."""
         if result is not None:
             text = self._results.get(result, result)
         elif system is not None and lagrangian is not None:
@@ -177,7 +177,7 @@ def _document(system: str | dict[str, Any]) -> Any:
 
 
 def _value(work: Any) -> Any:
-    """What work gives; what it refuses, and what fails, is a fault of the tool in one sentence."""
+    """The result of the work; a refusal or a failure becomes an error of the tool in one sentence."""
     try:
         return work()
     except errors.InputError as error:

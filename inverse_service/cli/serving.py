@@ -1,4 +1,4 @@
-"""`inverse-service serve`, `mcp`, and `admin`: what runs until it is stopped, and its operator."""
+"""`inverse-service serve`, `mcp`, and `admin`: servers, and commands for their operators."""
 
 from __future__ import annotations
 
@@ -45,9 +45,9 @@ def serve(
     host: Annotated[str, typer.Option(help="Address to listen on.")] = "127.0.0.1",
     port: Annotated[int, typer.Option(help="Port to listen on.", min=0, max=65535)] = 8000,
 ) -> cli.ExitCode:
-    """The HTTP service and its page."""
+    """Run the HTTP service and its web pages."""
     settings = read_settings()
-    # Documents of clients are in the database and in temporary folders: they are nobody else's on this machine.
+    # Documents of clients are in the database and in temporary folders: no other user of this machine may read them.
     os.umask(0o077)
     if not settings.hosts and host in LOOPBACK_ADDRESSES:
         # Another name would be a page elsewhere that lets its own name point here.
@@ -66,7 +66,7 @@ def serve(
     journal.begin(settings.log_level)
     bound, number = listener.getsockname()[:2]
     if not (settings.api_keys or settings.api_keys_file or ipaddress.ip_address(bound.partition("%")[0]).is_loopback):
-        log.warning("no keys are set: whoever reaches %s may use this service and see all its jobs", host)
+        log.warning("no keys are set: anyone who can reach %s may use this service and see all its jobs", host)
     if not warming.is_warm():
         log.warning(warming.SENTENCE)
     application = create_application(settings)
@@ -90,7 +90,7 @@ def serve(
 
 
 def _server(application: Any, settings: Settings) -> Any:
-    """uvicorn with our bounds on connections, which ends in time."""
+    """uvicorn with our limits on connections and on the time that it takes to stop."""
     import uvicorn
 
     from inverse_service.web.connections import KEEP_ALIVE, Connections
@@ -118,7 +118,7 @@ def _server(application: Any, settings: Settings) -> Any:
 
 
 def _most_connections(wanted: int) -> int:
-    """So many that descriptors never run out; the limit is raised first where it may be."""
+    """The number of connections that file descriptors allow; their limit is raised first if possible."""
     try:
         import resource
     except ImportError:
@@ -131,7 +131,7 @@ def _most_connections(wanted: int) -> int:
 
 
 def _tell_of_the_end(server: Any, close_streams: Callable[[], None]) -> None:
-    """Streams that are open end when the first signal comes; uvicorn waits for them, for a limited time."""
+    """End open streams at the first signal; uvicorn waits for them for a limited time."""
     handle = server.handle_exit
 
     def handle_exit(number: int, frame: Any) -> None:
@@ -161,20 +161,20 @@ def _listen(host: str, port: int) -> socket.socket:
 
 @cli.application.command()
 def mcp() -> cli.ExitCode:
-    """Tools for other programs by the Model Context Protocol, on standard input and output (extra `mcp`)."""
+    """Serve tools for other programs by the Model Context Protocol, on standard input and output (extra `mcp`)."""
     from inverse_service.cli.mcp_command import server
 
     server().run("stdio")
     return cli.ExitCode.DONE
 
 
-admin = typer.Typer(help="For operators: look at, drain and clear the store of a service.", no_args_is_help=True)
+admin = typer.Typer(help="For operators: inspect, drain and clear the store of a service.", no_args_is_help=True)
 cli.application.add_typer(admin, name="admin")
-Client = Annotated[str, typer.Argument(help="The name of a key, or an address where no keys are set.")]
+Client = Annotated[str, typer.Argument(help="The name of a key, or an address if no keys are set.")]
 
 
 class Rank(StrEnum):
-    """When jobs begin: before, in turn with, or after those of all others."""
+    """When jobs begin: before those of all other clients, alternately with them, or after them."""
 
     first = "first"
     normal = "normal"
@@ -186,7 +186,7 @@ RANKS = {Rank.first: -1, Rank.normal: 0, Rank.last: 1}
 
 @admin.command()
 def status() -> None:
-    """The version and size of the store, its jobs by status, whether it is drained."""
+    """Show the version and size of the store, its jobs by status, and whether it is drained."""
     from inverse_service.service.jobs.statements import VERSION
 
     with _store() as store:
@@ -195,21 +195,21 @@ def status() -> None:
 
 @admin.command()
 def drain() -> None:
-    """Let no job begin; what runs ends, new questions wait, /readyz is 503. It holds until `resume`."""
+    """Stop starting jobs. Running jobs finish, new ones wait, and /readyz returns 503 until `resume`."""
     with _store() as store:
         store.drain(True)
 
 
 @admin.command()
 def resume() -> None:
-    """Let jobs begin again."""
+    """Start jobs again after `drain`."""
     with _store() as store:
         store.drain(False)
 
 
 @admin.command()
 def clients() -> None:
-    """Each client: jobs that wait, run, are stored; rank; runs and processor seconds of today (UTC)."""
+    """List the clients: waiting, running and stored jobs, rank, runs and processor seconds of today (UTC)."""
     with _store() as store:
         for use in store.clients():
             _say(dataclasses.asdict(use))
@@ -217,11 +217,11 @@ def clients() -> None:
 
 @admin.command()
 def priority(
-    name: Annotated[str, typer.Argument(help="A client, or with --batch the id of a batch.")],
-    rank: Annotated[Rank, typer.Argument(help="Before, in turn with, or after all others.")],
+    name: Annotated[str, typer.Argument(help="A client or, with --batch, the id of a batch.")],
+    rank: Annotated[Rank, typer.Argument(help="first, normal, or last.")],
     batch: Annotated[bool, typer.Option("--batch", help="NAME is a batch.")] = False,
 ) -> None:
-    """When the jobs of a client, also those to come, or the open ones of a batch begin."""
+    """Set the rank of a client's current and future jobs, or of the open jobs of a batch."""
     from inverse_service.service.jobs.model import BULK
 
     with _store() as store:
@@ -235,14 +235,14 @@ def priority(
 
 @admin.command()
 def cancel(client: Client) -> None:
-    """Cancel all open jobs and batches of a client; what others wait for too goes on."""
+    """Cancel all open jobs and batches of a client; work that other clients also wait for continues."""
     with _store() as store:
         _say({"jobs": len(store.dismiss_client(client))})
 
 
 @admin.command()
 def erase(client: Client) -> None:
-    """Forget all jobs, answers and batches of a client that no other one asked for."""
+    """Delete a client's jobs, answers and batches, except those that another client also requested."""
     with _store() as store:
         _say({"jobs": store.erase_client(client)})
 

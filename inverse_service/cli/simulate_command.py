@@ -1,4 +1,4 @@
-"""`inverse-service simulate`: files for every method, figures, a summary; `work-precision`: table, JSON and figure."""
+"""`inverse-service simulate`: files for every method, figures, a summary; `work-precision`: table, JSON, figure."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def simulate(
         Path | None, typer.Option("--animate", help="A moving picture of the first method: FILE.gif or FILE.mp4.")
     ] = None,
 ) -> cli.ExitCode:
-    """Integrate a scene by its methods. Exit 1 only if every method failed; `doubt` says where a run is no motion."""
+    """Integrate a scene by its methods. Exit 1 only if every method failed; `doubt` flags inaccurate runs."""
     document = plain_data.read_document(cli.read_bytes(scene), scene)
     folder = None if output is None else made_folder(output)
     found = value_in_time(tasks.simulate_task, document, time_limit or DEFAULT_SECONDS)
@@ -62,7 +62,7 @@ def simulate(
 
 
 def value_in_time(task: Any, document: Any, limit: float) -> Any:
-    """What the task gives; a limit is an error that names it and what to do."""
+    """The result of the task; a limit that is reached becomes an error that names it and says what to do."""
     outcome = workers.run_alone(task, (document, limit), limit, settings.read_settings().memory_limit)
     if outcome.status == "deadline":
         raise errors.WorkerFailed(f"The scene was not done in {limit:g} s: take fewer steps or a longer --time-limit.")
@@ -72,7 +72,7 @@ def value_in_time(task: Any, document: Any, limit: float) -> Any:
 
 
 def made_folder(output: Path) -> Path:
-    """The directory, made where it is not there; InputError where it cannot be."""
+    """The directory, created if it is missing; InputError if it cannot be created."""
     try:
         output.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -143,7 +143,7 @@ def file_name(label: str) -> str:
 
 
 def page(summary: Mapping[str, Any]) -> str:
-    """One line a method: outcome and observed quantities."""
+    """One line per method: outcome and observed quantities."""
     rows = [["method", "outcome", "steps", *map(_heading, _columns(summary))]]
     for method in summary["methods"]:
         numbers = [_number(value) for value in _values(method, _columns(summary))]
@@ -223,11 +223,11 @@ def _reasons(summary: Mapping[str, Any]) -> list[str]:
 def work_precision(
     scene: Annotated[str, typer.Argument(help="A Scene document; its methods are run at many steps.")],
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Directory for CSV, JSON and picture.")] = None,
-    long: Annotated[bool, typer.Option("--long", help="Also: a hundred times the time, what drifts.")] = False,
+    long: Annotated[bool, typer.Option("--long", help="Also run a hundred times as long, to show drift.")] = False,
     evaluations: Annotated[bool, typer.Option("--evaluations", help="A second panel: force evaluations.")] = False,
     time_limit: Annotated[float | None, cli.time_limit(f"{MEASURING_SECONDS:.0f}")] = None,
 ) -> cli.ExitCode:
-    """What each error costs by each method of a scene: a table, a picture, all runs."""
+    """Measure error against run time for every method of a scene: a table, a picture, all runs."""
     document = plain_data.read_document(cli.read_bytes(scene), scene)
     folder = None if output is None else made_folder(output)
     if long and isinstance(document, dict):
@@ -256,7 +256,7 @@ def _show(page: str, folder: Path) -> None:
 
 
 def comma_table(result: Mapping[str, Any]) -> str:
-    """One line for each run, errors relative to the size of the motion; empty cells where nothing was measured."""
+    """One line for each run, errors relative to the size of the motion; cells without a measurement are empty."""
     lines = [",".join(COLUMNS)]
     for run in result["runs"]:
         cells = ("" if run[key] in (None, "") else run[key] for key in COLUMNS)
@@ -303,7 +303,7 @@ def _seconds(row: Mapping[str, Any]) -> str:
 
 
 def _choice(row: Mapping[str, Any]) -> str:
-    """How many times the fastest, and the step or tolerance to take."""
+    """The time relative to the fastest method, and the step or tolerance to use."""
     if row["seconds"] is None:
         return ""
     times = "best" if row["ratio"] == 1 else f"{row['ratio']:.2g}\N{MULTIPLICATION SIGN}"

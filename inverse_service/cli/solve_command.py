@@ -40,7 +40,7 @@ def solve(
     file: Annotated[
         str,
         typer.Argument(
-            help="A document (JSON, .yaml, .toml), a file of equations, - for standard input, a name of the catalogue, "
+            help="A document (JSON, .yaml, .toml), a file of equations, - for standard input, a name in the catalogue, "
             "or the equations themselves: \"x'' = -k*x\"."
         ),
     ],
@@ -48,20 +48,20 @@ def solve(
     output: Annotated[Path | None, typer.Option("--output", "-o", help="A file for the result.")] = None,
     time_limit: Annotated[float | None, cli.time_limit("from the settings, 60")] = None,
     seed: Annotated[int, typer.Option(help="Seed of the random points and primes.", min=0, max=2**31)] = 1,
-    explain: Annotated[bool, typer.Option("--explain", help="With text and latex: conditions and every step.")] = False,
+    explain: Annotated[bool, typer.Option("--explain", help="Print conditions and every step (text, latex).")] = False,
     special_cases: Annotated[
-        bool, typer.Option("--special-cases", help="Also: for which parameters is the verdict another?")
+        bool, typer.Option("--special-cases", help="Also find the parameter values that change the verdict.")
     ] = False,
     kind: Annotated[
         list[str] | None,
         typer.Option(
             "--kind",
-            help="Also: is there an L of this kind? natural, riemannian, finsler, positive_definite, rayleigh, "
+            help="Also test for an L of this type: natural, riemannian, finsler, positive_definite, rayleigh, "
             "invariant:x,y. Repeatable.",
         ),
     ] = None,
     clock: Annotated[
-        str | None, typer.Option("--clock", help="Also: is there an L with dtau = N dt? A formula N(q), or search.")
+        str | None, typer.Option("--clock", help="Also test for an L with dtau = N dt: a formula N(q), or search.")
     ] = None,
     guess: Annotated[
         bool | None,
@@ -122,16 +122,16 @@ def _is_open(result: dict[str, Any]) -> bool:
 
 
 def warm_alone(memory_limit: int) -> cli.ExitCode:
-    """Compile what is missing in a process of its own, before any clock starts; said on standard error."""
+    """Compile missing kernels in a separate process before any time limit starts; report it on standard error."""
     say = functools.partial(print, file=sys.stderr, flush=True)
     warming.warm_first(say, lambda: workers.run_alone(warming.warm_up, (), warming.PATIENCE, memory_limit))
     return cli.ExitCode.DONE
 
 
 def given_document(name: str, guess: bool | None) -> Any:
-    """The document of a file, of standard input (-), of equations given as they are, or of the catalogue.
+    """The document of a file, of standard input (-), of equations given on the command line, or of the catalogue.
 
-    `guess`: whether undeclared names are constants; left out, they are where equations are given as they are.
+    `guess`: whether undeclared names are constants; if None, they are only for equations on the command line.
     """
     if name == "-" or _is_file(name):
         document = plain_data.read_document(cli.read_bytes(name), name)
@@ -202,7 +202,7 @@ def _solve(document: Any, options: SolveOptions, memory_limit: int, progress: bo
 
 
 class _Shown:
-    """What is told of the work, on standard error: the stage on the last line of a terminal, a line for each part."""
+    """Report progress on standard error: the stage on the last line of a terminal, a line for each part."""
 
     def __init__(self, parts: bool, stages: bool) -> None:
         self._parts, self._stages = parts, stages
@@ -266,7 +266,7 @@ def show_stage(text: str) -> None:
 
 
 def _proof(result: dict[str, Any], form: str, asked: model.JobOptions) -> str:
-    """The verdict for another prover, worked out in a process of its own too."""
+    """The verdict for another prover, also computed in a separate process."""
     outcome = workers.run_alone(tasks.proof_task, (result, form, asked.seed), asked.time_limit, asked.memory_limit)
     if outcome.status in ("deadline", "memory"):
         raise errors.InputError("No proof was written within the limits of time and memory.")

@@ -17,7 +17,7 @@ from inverse_service.web.engine import Engine
 from inverse_service.web.pages import routing
 
 TITLE = "inverse-service"
-SUMMARY = "Does q'' = f(t, q, q') come from a Lagrangian? A verdict with a proof that a second program checks."
+SUMMARY = "Decide whether q'' = f(t, q, q') comes from a Lagrangian, with a proof that a second program checks."
 # The setting that tells every program with OpenTelemetry where traces go.
 ENDPOINT = "OTEL_EXPORTER_OTLP_ENDPOINT"
 CORS_HEADERS = (

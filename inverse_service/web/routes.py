@@ -105,7 +105,7 @@ RSS_UNIT = 1 if sys.platform == "darwin" else 1024
 
 LLMS = """# inverse-service
 
-> Does q'' = f(t, q, q') come from a Lagrangian? A verdict with a proof that a second program checks.
+> Decide whether q'' = f(t, q, q') comes from a Lagrangian, with a proof that a second program checks.
 
 - POST /v1/solve with {"equations": "x'' = -x - c*x'", "parameters": "guess"} answers verdict, lagrangian, hamiltonian.
 - POST /v1/parse with the same body says in milliseconds what is understood, or what to write instead.

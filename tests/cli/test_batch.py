@@ -213,7 +213,7 @@ def test_an_interrupted_batch_says_how_far_it_came(files: tuple[Path, Path], num
     count = len(answers(output))
     assert 1 <= count < 41
     # The signal may come between a line and its count.
-    said_of = [f"{k} of 41 lines answered; the same command goes on where it was." for k in (count, count - 1)]
+    said_of = [f"{k} of 41 lines answered; run the same command again to resume." for k in (count, count - 1)]
     assert process.returncode == 130
     assert said.splitlines()[-1] in said_of
 
