@@ -45,15 +45,15 @@ def solve(
     progress: Callable[[str, Mapping[str, Any]], None] | None = None,
     **keys: Any,
 ) -> Result:
-    """The result of a system, its certificates checked.
+    """Solve a system and check the certificates of the result.
 
-    `document` is a document, a text of equations, a list of them, accelerations by coordinate, a name of the
-    catalogue, or SymPy objects (see `inverse_service.sympy`). `time_limit` in s of processor time is kept by the
-    solver between its stages, in this process: a result past it is `undetermined` and says so in `reason`. `seed`
-    fixes the random points and primes. `progress` is called with the name of each part as it is finished, where that
-    takes longer than a moment, and the fields of the result that are known with it. The key `options` of a document
-    asks for less time and another seed. `keys` are further keys of the document, such as time="x", or of
-    `inverse_service.sympy.solve`. Raises InputError.
+    `document` is a document, a string of equations, a list of them, accelerations by coordinate, a name from the
+    catalogue, or SymPy objects (see `inverse_service.sympy`). `time_limit` in s of processor time is kept by the solver
+    between its stages, in this process: a result after it is `undetermined` and says so in `reason`. `seed` fixes the
+    random points and primes. In longer computations, `progress` is called after each part with the name of the part and
+    the fields of the result that are then known. The key `options` of a document can set a shorter time and another
+    seed. `keys` are additional keys of the document, such as time="x", or of `inverse_service.sympy.solve`. Raises
+    InputError.
     """
     from inverse_service.sympy import asked
     from inverse_service.sympy.result_objects import result_of
@@ -72,11 +72,11 @@ def solve(
 
 
 def check(result: Mapping[str, Any] | str, document: Mapping[str, Any] | None = None) -> dict[str, Any]:
-    """The independent checker on a result or a certificate, given as a dictionary or as JSON text.
+    """Run the independent checker on a result or a certificate, given as a dictionary or as JSON text.
 
     `verdict` is `valid`, `invalid` or `incomplete`; `reasons` are sentences. The system of the certificate
-    is compared with `document`, or else with the document that the result carries as `system.given`.
-    {"system": …, "lagrangian": "…"} asks whether a Lagrangian of your own has the equations of a document.
+    is compared with `document`, or by default with the document in `system.given` of the result.
+    {"system": …, "lagrangian": "…"} asks whether your own Lagrangian yields the equations of a document.
     """
     from inverse_service.service.documents.checking import check_document, check_plain
     from inverse_service.service.jobs.model import split_options
@@ -87,9 +87,9 @@ def check(result: Mapping[str, Any] | str, document: Mapping[str, Any] | None = 
 
 
 def simulate(scene: Mapping[str, Any], *, time_limit: float = 600.0) -> Run:
-    """The summary of a scene: for each method its outcome and every observed quantity. Raises InputError.
+    """Simulate a scene: the outcome and every observed quantity for each method. Raises InputError.
 
-    MissingExtra where the extra `simulation` is not installed.
+    Raises MissingExtra if the extra `simulation` is not installed.
     """
     from inverse_service.errors import missing_extra
 
@@ -120,7 +120,7 @@ def _as_dictionary(value: Any) -> Any:
 
 
 def _read(text: str) -> Any:
-    """The value of a JSON text; None, which is no result, where it is not one that is read here."""
+    """The value of a JSON text; None, which is not a result, if the text is not accepted."""
     from inverse_service.errors import InputError
     from inverse_service.service.documents.plain_data import read_json
 
@@ -131,7 +131,7 @@ def _read(text: str) -> Any:
 
 
 def _plain(document: Mapping[str, Any]) -> Any:
-    """The document as the command line would read it, so that tuples are lists and 0.1 is exact."""
+    """The document as the command line would read it, so that tuples become lists and 0.1 is exact."""
     from inverse_service.service.documents.plain_data import read_json
 
     return read_json(_written(document))

@@ -1,11 +1,11 @@
-"""The Python client of the service: what a generated client cannot do, which is to wait, to stream, and to go on.
+"""The Python client of the service. Unlike a generated client, it can wait for results, stream, and resume.
 
     with Client("http://127.0.0.1:8000") as client:
         result = client.solve({"coordinates": ["x"], "equations": {"x": "-x"}})
 
-`AsyncClient` has the same methods, to be awaited; `Client` runs it on a thread of its own. A busy or absent service is
-asked again for `patience` seconds: every call may be repeated, also POST, because a job's id is a hash of its question.
-A stream that breaks is asked for again, and nothing is handed out twice. docs/how-to/http.md shows it at work.
+`AsyncClient` has the same methods as coroutines; `Client` runs it on a separate thread. A request to a busy or absent
+service is repeated for `patience` seconds: every call may be repeated, even POST, because a job's id is a hash of its
+document. A broken stream is requested again, and nothing is delivered twice. docs/how-to/http.md has examples.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ from inverse_service import __version__, errors
 
 ADDRESS: Final = "http://127.0.0.1:8000"
 TIMEOUT, PATIENCE = 60.0, 30.0
-# What the service waits for a result before it names the job, and what its answer may take beyond the caller's time, s.
+# Seconds that the service waits for a result before it names the job, and that its answer may exceed the caller's time.
 LONGEST_WAIT, GRACE = 20.0, 1.0
 BUSY: Final = frozenset({429, 502, 503, 504})
-# Pauses double from the first to the longest one. Not all who were refused together come back together.
+# Pauses double from the first to the longest one. Clients that were refused together do not all retry together.
 FIRST_PAUSE, LONGEST_PAUSE, JITTER = 0.1, 5.0, 1.25
 FIRST_LOOK, LONGEST_LOOK = 0.05, 1.0
 NDJSON: Final = "application/x-ndjson"
@@ -45,7 +45,7 @@ Documents = Iterable[Mapping[str, Any]]
 
 
 class Answer(dict[str, Any]):
-    """An object of an answer, its keys also as attributes: `answer.lagrangian.text`. openapi.json describes them."""
+    """An object in an answer, with its keys as attributes: `answer.lagrangian.text`. openapi.json describes them."""
 
     def __getattr__(self, name: str) -> Any:
         if name in self:
@@ -54,7 +54,7 @@ class Answer(dict[str, Any]):
 
 
 class ClientError(errors.InverseServiceError):
-    """Root of the client's errors; `problem` is the problem document (RFC 9457) where there is one."""
+    """Root of the client's errors; `problem` is the problem document (RFC 9457) if there is one."""
 
     code = "client"
 
@@ -77,7 +77,7 @@ class RequestRefused(ClientError):
 
 
 class ServiceBusy(RequestRefused):
-    """429, 502, 503 or 504 for longer than the client's patience."""
+    """The service answered 429, 502, 503 or 504 for longer than the client's patience."""
 
     code, retry = "service-busy", True
 
@@ -95,7 +95,7 @@ class ServiceUnreachable(ClientError):
 
 
 class UnexpectedAnswer(ClientError):
-    """The answer is not one of this service, or of another version of it."""
+    """The answer does not come from this service, or comes from another version of it."""
 
     code = "unexpected-answer"
 
@@ -110,15 +110,15 @@ class JobDismissed(ClientError):
 
 
 class WaitedTooLong(ClientError):
-    """The job is still open after the time that the caller gave it; it goes on in the service."""
+    """The job is still open after the caller's timeout; it continues in the service."""
 
     code, retry = "waited-too-long", True
 
 
 class AsyncClient(contextlib.AbstractAsyncContextManager["AsyncClient"]):
-    """The service at an address; close it or use it in an `async with`.
+    """A client for the service at an address; close it or use it in an `async with`.
 
-    `patience` (s) is how long a busy or absent service is asked again; `timeout` (s) and other options are httpx's.
+    Requests to a busy or absent service are repeated for `patience` s; `timeout` (s) and other options are httpx's.
     Every method raises RequestRefused, ServiceBusy, ServiceUnreachable or UnexpectedAnswer.
     """
 
@@ -159,10 +159,10 @@ class AsyncClient(contextlib.AbstractAsyncContextManager["AsyncClient"]):
         return await self.solve(scene, "simulate", fresh=fresh, timeout=timeout)
 
     async def submit(self, /, document: Any, kind: str = "solve", **options: Any) -> Answer:
-        """The stored job of a document, at once; `kind` is solve, check, simulate or work-precision.
+        """Submit a document and return its stored job at once; `kind` is solve, check, simulate or work-precision.
 
-        Text and bytes are JSON already. The options: `time_limit` (s) is the service's for the work; `fresh` computes
-        again what has a stored answer.
+        Text and bytes must be JSON. Options: `time_limit` (s) limits the work in the service; `fresh` repeats the
+        computation even if an answer is stored.
         """
         return await self._asked(document, kind, "respond-async", None, **options)
 
@@ -198,27 +198,27 @@ class AsyncClient(contextlib.AbstractAsyncContextManager["AsyncClient"]):
             pause = min(2 * pause, LONGEST_LOOK)
 
     async def cancel(self, work: Answer | str) -> None:
-        """Have the work of a job, or all that is open in a batch, stopped; what is final already stays as it is."""
+        """Stop a job or all open jobs of a batch; final results are kept."""
         await self._sent("DELETE", _path("batches" if isinstance(work, Answer) and "total" in work else "jobs", work))
 
     async def call(self, path: str, document: Any = None) -> Answer:
-        """The answer at any other address, such as /v1/limits; a document is posted to it."""
+        """The answer at any other address, such as /v1/limits; a document is sent with POST."""
         body = None if document is None else _encoded(document)
         return _value(await self._sent("POST" if body else "GET", path, content=body, headers=JSON))
 
     async def submit_batch(self, documents: Documents, kind: str = "solve", *, time_limit: Seconds = None) -> Answer:
-        """The stored batch of documents, at once."""
+        """Submit documents and return their stored batch at once."""
         lines = b"".join(json.dumps(document).encode() + b"\n" for document in documents)
         path, headers = f"/v1/batches?{_query(time_limit, kind=kind)}", {"Content-Type": NDJSON}
         return _value(await self._sent("POST", path, content=lines, headers=headers), "id", "total")
 
     async def batch(self, /, documents: Documents, kind: str = "solve", **options: Any) -> AsyncIterator[Answer]:
-        """One answer a document, in the order in which they are done: id, line, and result or problem."""
+        """One answer for each document, in order of completion: id, line, and result or problem."""
         async for answer in self.batch_results(await self.submit_batch(documents, kind, **options)):
             yield answer
 
     async def batch_results(self, batch: Answer) -> AsyncIterator[Answer]:
-        """The answers of a batch, those done first and the others as they come, each once."""
+        """The answers of a batch, each once: first those that are complete, then the others as they arrive."""
         seen, repetition = set[tuple[str, Any]](), Repetition(self._patience)
         if batch.total == 0:
             return
@@ -239,12 +239,12 @@ class AsyncClient(contextlib.AbstractAsyncContextManager["AsyncClient"]):
         raise UnexpectedAnswer(f"lacks {batch.total - len(seen)} of {batch.total} results of a finished batch")
 
     async def stream(self, job: Answer | str) -> AsyncIterator[Answer]:
-        """The events of a job as they happen: kind, data, id; up to the one that says how it ended."""
+        """The events of a job as they happen: kind, data, id; the last one reports how the job ended."""
         repetition, headers = Repetition(self._patience), {"Accept": "text/event-stream"}
         fields: dict[str, str] = {}
         async with contextlib.aclosing(self._lines(_path("jobs", job), "events", headers, repetition)) as lines:
             async for line in lines:
-                if line is None:  # the stream begins anew: an event that broke off was not had
+                if line is None:  # the stream restarts: drop an incomplete event
                     fields = {"id": headers.get("Last-Event-ID", "")}
                 elif line:
                     name, _, text = line.partition(":")
@@ -261,7 +261,7 @@ class AsyncClient(contextlib.AbstractAsyncContextManager["AsyncClient"]):
                             return
 
     async def _sent(self, method: str, path: str, patience: Seconds = None, **request: Any) -> httpx.Response:
-        """The answer of a call that succeeded, repeated with pauses while the service is busy or away."""
+        """The answer to a call, which is repeated with pauses while the service is busy or unreachable."""
         repetition = Repetition(self._patience if patience is None else min(self._patience, patience))
         timeout = self._http.timeout if patience is None else httpx.Timeout(patience + GRACE)
         while True:
@@ -273,9 +273,9 @@ class AsyncClient(contextlib.AbstractAsyncContextManager["AsyncClient"]):
     async def _lines(
         self, path: str, name: str, headers: Mapping[str, str], repetition: Repetition
     ) -> AsyncGenerator[str | None, None]:
-        """The lines of a stream about `path`, None first; begun again where it breaks, up to the end of a final one.
+        """The lines of a stream about `path`, first None; a broken stream is restarted until one ends as final.
 
-        Only a line feed ends a line: JSON may hold U+2028 and its like.
+        Only a line feed ends a line: JSON may contain U+2028 and similar characters.
         """
         was_final = False
         while True:
@@ -371,11 +371,11 @@ class Repetition:
         self.reset()
 
     def reset(self) -> None:
-        """The call went well: the next failure is a first one."""
+        """The call succeeded, so the next failure counts as the first."""
         self._end, self._pause = time.monotonic() + self._patience, FIRST_PAUSE
 
     async def pause(self, failure: ServiceBusy | httpx.RequestError) -> None:
-        """Wait for the next attempt; raises ServiceBusy or ServiceUnreachable when patience is at its end."""
+        """Wait for the next attempt; raises ServiceBusy or ServiceUnreachable when `patience` has expired."""
         seconds = max(self._pause, getattr(failure, "retry_after", 0.0)) * random.uniform(1.0, JITTER)
         self._pause = min(2 * self._pause, LONGEST_PAUSE)
         if time.monotonic() + seconds < self._end:
@@ -392,7 +392,7 @@ def _retry_after(response: httpx.Response) -> float:
 
 
 def _accepted(response: httpx.Response) -> httpx.Response:
-    """Raises the error of an answer that is one: of the request, or of the job that it asked for."""
+    """Raise the error that an answer reports, either for the request or for the job that it asked for."""
     status, job_id = response.status_code, _id_in_location(response)
     if 300 <= status < 400:
         raise UnexpectedAnswer(f"points elsewhere (status {status})")
@@ -432,7 +432,7 @@ def _query(time_limit: float | None, **more: str) -> str:
 
 
 def _value(answer: httpx.Response | str, *keys: str) -> Answer:
-    """The object of an answer, which has these keys."""
+    """The object in an answer, which must have these keys."""
     try:
         value = json.loads(answer if isinstance(answer, str) else answer.content, object_hook=Answer)
     except (ValueError, RecursionError):

@@ -1,8 +1,8 @@
-"""When work has to end: at a moment, or after an amount of work; looked at in long loops.
+"""Limits for work: a moment or an amount of work, checked in long loops.
 
-All moments of the solver are processor time of the thread that works (`now`), so that it goes as far on a busy machine
-as on a quiet one. The wall clock is for those who wait: it ends a process that is stuck. Work is counted, not timed, so
-that a search inside a search finds the same on every machine. One unit is about ten microseconds on a machine of 2024.
+All moments of the solver are processor time of the working thread (`now`), so that it gets as far on a busy machine as
+on an idle one. Callers use the wall clock to end a process that is stuck. Work is counted, not timed, so that a search
+inside a search finds the same on every machine. One unit is about ten microseconds on a machine of 2024.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 @dataclass(slots=True)
 class _Work:
-    """What is left of an amount of work."""
+    """The remaining part of an amount of work."""
 
     left: int
 
@@ -25,18 +25,18 @@ class _Work:
 now = time.thread_time
 _ENDS: ContextVar[float] = ContextVar("ends", default=float("inf"))
 _AMOUNTS: ContextVar[tuple[_Work, ...]] = ContextVar("amounts", default=())
-# A part of the work that is begun has at least so long, in s.
+# The least time for a part of the work that has begun, in s.
 LEAST = 0.1
-# What a point with its tensors, or a residual, takes besides what is walked through, in units of work.
+# The cost of a point with its tensors, or of a residual, in addition to the nodes visited, in units of work.
 STEP = 60
 
 
 class OutOfTime(Exception):
-    """The time or the work for the search is used up; caught where that amount was set, and nowhere between."""
+    """The time or the work for the search is used up; caught only where that limit was set."""
 
 
 def left(moment: float, least: float = LEAST) -> float:
-    """The seconds until a moment (`now`), and no less than `least`."""
+    """The seconds until a moment (`now`), at least `least`."""
     return max(least, moment - now())
 
 
@@ -57,7 +57,7 @@ def end() -> float:
 
 @contextmanager
 def within(work: int) -> Iterator[None]:
-    """Within the block `check` fails after so much work, which counts for the blocks around it too."""
+    """Within the block `check` fails after so much work, which also counts for the enclosing blocks."""
     token = _AMOUNTS.set((*_AMOUNTS.get(), _Work(work)))
     try:
         yield

@@ -1,6 +1,6 @@
-"""One tree of errors: what is wrong, where, and what to do instead.
+"""The tree of errors: what is wrong, where, and what to do instead.
 
-Mathematics that ends (undetermined, no closed form) is an outcome and never an exception.
+A mathematical dead end (undetermined, no closed form) is an outcome and never an exception.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ class InverseServiceError(Exception):
         self.detail = detail
 
     def _render_traceback_(self) -> list[str]:
-        """One line in a notebook: the sentence says what to do, the stack does not."""
+        """Show one line in a notebook: the sentence says what to do, the stack does not."""
         return [f"{type(self).__name__}: {self.detail}"]
 
 
@@ -45,10 +45,10 @@ class InputError(InverseServiceError):
     """The document cannot be accepted.
 
     `detail` is one clear sentence (what, where, what instead) that never echoes raw input at
-    length; `pointer` is an RFC 6901 JSON pointer into the document; `column` counts characters
+    length; `pointer` is an RFC 6901 JSON pointer into the document; `column` counts characters,
     from 1 in the string that the pointer names. `instead` are texts that may have been meant there:
-    for the name at the column, or for what stands from the one column of `span` up to the other.
-    `plain` and `declare` are parts of the sentence for those who show the column and the fields otherwise.
+    for the name at the column, or for the text between the two columns of `span`.
+    `plain` and `declare` are parts of the sentence for programs that show the column and fields separately.
     """
 
     code = "bad-input"
@@ -78,7 +78,7 @@ class InputError(InverseServiceError):
         return (Place(self.detail, self.pointer, self.column, self.code, self.instead, self.span, *parts),)
 
     def at(self, pointer: str) -> InputError:
-        """The same error at a place further down in the document."""
+        """The same error at a place deeper in the document."""
         return self.placed(pointer + self.pointer)
 
     def placed(self, pointer: str) -> InputError:
@@ -86,12 +86,12 @@ class InputError(InverseServiceError):
         return self.said(self.detail, self.plain, pointer)
 
     def said(self, detail: str, plain: str, pointer: str) -> InputError:
-        """The same error in other words at this place."""
+        """The same error at this place with another sentence."""
         return type(self)(detail, pointer, self.column, self.instead, self.span, plain, self.declare)
 
 
 class LimitError(InputError):
-    """A documented limit (characters, tokens, depth, digits, exponent, coordinates) is passed."""
+    """A documented limit (characters, tokens, depth, digits, exponent, coordinates) is exceeded."""
 
     code = "limit"
 
@@ -109,7 +109,7 @@ class DocumentRefused(InputError):
         return self._places
 
 
-# Packages that no extra of the project is needed for are not listed.
+# Only packages that come with an extra of the project are listed.
 EXTRA_OF = {
     "llvmlite": "simulation", "numba": "simulation", "symengine": "simulation", "matplotlib": "figures",
     "heyoka": "heyoka", "distributed": "dask", "psycopg": "postgres", "h5netcdf": "files", "h5py": "files",
@@ -124,7 +124,7 @@ class MissingExtra(InputError):
 
 
 def missing_extra(error: ImportError) -> MissingExtra | None:
-    """What to install where a package of an extra is absent; None for any other failed import."""
+    """The extra to install if one of its packages is absent; None for any other failed import."""
     extra = EXTRA_OF.get((error.name or "").partition(".")[0])
     if extra is None:
         return None
@@ -132,13 +132,13 @@ def missing_extra(error: ImportError) -> MissingExtra | None:
 
 
 class IrreducibleAtoms(InverseServiceError):
-    """Atoms of f whose algebraic relations cannot be settled; becomes `undetermined`."""
+    """Atoms of f whose algebraic relations cannot be determined; becomes `undetermined`."""
 
     code = "irreducible-atoms"
 
 
 class CertificateRefused(InverseServiceError):
-    """Our own checker refused our own certificate: a fault of ours."""
+    """Our own checker rejected our own certificate: an internal error."""
 
     code = "certificate-refused"
 
@@ -151,4 +151,4 @@ class WorkerFailed(InverseServiceError):
 
 
 class NoWorker(WorkerFailed):
-    """No worker process could be started: the system has none to give now."""
+    """No worker process could be started: the operating system refuses new ones at the moment."""

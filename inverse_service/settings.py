@@ -26,14 +26,14 @@ _DIGEST = re.compile(r"[0-9a-f]{64}")
 class Settings:
     """`time_limit` in seconds, `memory_limit` in MiB a worker, `max_body` in bytes.
 
-    `database`: a path or an address, None for the file of this user. `queue` and `client_queue` jobs
-    may be open, `client_running` of one client run at a time, and its runs of a day may
+    `database`: a path or an address, None for the user's own file. `queue` and `client_queue` jobs
+    may be open, `client_running` jobs of one client run at a time, and its runs of a day may
     take `client_daily_seconds` of the processor (None: no bound); `waiting` requests may
     wait for a process without being jobs. `retention_days` and `store_size` (MiB) say how long answers
     are kept. `api_keys`: SHA-256 of each key by the name of its client, `api_keys_file`: a file with more of them,
     read again when it changes; with neither, no keys are asked for.
     `cluster`: the address of a Dask scheduler. `connections` may be open, `client_connections` from one address;
-    `proxies` are addresses or networks that are believed who asks them, `hosts` the names that are answered to
+    `proxies` are addresses or networks whose forwarded client addresses are trusted, `hosts` the accepted host names
     (empty: any). Pages of `frame_origins` may show results in frames.
     """
 
@@ -63,7 +63,7 @@ class Settings:
 
 
 def cores() -> int:
-    """Those that this process may use."""
+    """The number of cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
@@ -73,10 +73,10 @@ def default_workers() -> int:
 
 
 def read_settings(environment: Mapping[str, str] = os.environ) -> Settings:
-    """The settings of the environment, defaults for what is not set.
+    """The settings of the environment, with defaults for missing ones.
 
-    Raises InputError with one sentence that names the variable and the values it takes, or a variable that is none:
-    a misspelt key or limit must not go unnoticed.
+    Raises InputError with one sentence that names the variable and its accepted values, or an unknown variable:
+    a misspelled key or limit must not go unnoticed.
     """
     _refuse_unknown(environment)
     return Settings(
@@ -107,7 +107,7 @@ def read_settings(environment: Mapping[str, str] = os.environ) -> Settings:
 
 
 def hash_of_key(key: str) -> str:
-    """What is kept of an API key: 64 hexadecimal digits."""
+    """The stored hash of an API key: 64 hexadecimal digits."""
     return hashlib.sha256(key.encode()).hexdigest()
 
 
@@ -162,7 +162,7 @@ def _origins(environment: Mapping[str, str], name: str) -> tuple[str, ...]:
 
 
 def _api_keys(environment: Mapping[str, str]) -> tuple[tuple[str, str], ...]:
-    """`name:HASH, ...`; HASH is the SHA-256 of the key in hexadecimal digits, and names the client where no name is."""
+    """`name:HASH, ...`; HASH is the SHA-256 of the key in hexadecimal digits; without a name it names the client."""
     text = environment.get(PREFIX + "API_KEYS")
     found = tuple(read_key(part.strip()) for part in (text or "").split(",") if part.strip())
     if text is not None and not found:

@@ -3,9 +3,9 @@
 A term is a rational number times atoms with rational exponents. Used on the real domain: x^a x^b =
 x^(a+b), (u^r)^s = u^(r s) for r odd or fractional (a root means u >= 0), b^e = exp(e log b),
 exp(u + w) = exp(u) exp(w), f(g(u)) = u for inverse functions where that holds for every u of the
-domain. sqrt(x^2) stays what it is. A power of a sum with an exponent that is no positive whole
-number is an atom, so sums are not cancelled against denominators.
-Monomials of atoms are put back as trees in a fixed order, with powers and exponentials put together.
+domain. sqrt(x^2) is not changed. A power of a sum with an exponent that is not a positive
+integer is an atom, so sums are not cancelled against denominators.
+Monomials of atoms are converted back to trees in a fixed order, with powers and exponentials combined.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ def expand(tree: ex.Expression) -> tuple[Term, ...]:
 
 
 def forget_expansions() -> None:
-    """Empty the table of what was expanded before: what is measured next starts from nothing."""
+    """Empty the table of earlier expansions, so that the next measurement starts with an empty table."""
     _KEPT.clear()
 
 
@@ -57,18 +57,18 @@ def collect(tree: ex.Expression) -> ex.Expression:
     return terms_tree(expand(tree))
 
 
-# The same parts are expanded again and again while one system is worked on; large results are not kept.
+# The same parts are expanded repeatedly while one system is solved; large results are not kept.
 _KEPT: dict[ex.Expression, Terms] = {}
 _MOST_KEPT, _LARGEST_KEPT = 4_096, 64
 
 
 def _expand(tree: ex.Expression) -> Terms:
-    """The terms of a tree; nobody may change them, for they may be handed out again."""
+    """The terms of a tree. Callers must not change them, because the table may return them again."""
     if isinstance(tree, ex.Number | ex.Symbol | ex.Velocity):
         return _expansion(tree)
     known = _KEPT.get(tree)
     if known is None:
-        deadline.check(0)  # the clock alone: work is counted by who searches
+        deadline.check(0)  # checks only the clock: searches count their own work
         known = _expansion(tree)
         if len(known) <= _LARGEST_KEPT:
             if len(_KEPT) >= _MOST_KEPT:
@@ -139,7 +139,7 @@ def _joined(left: Monomial, right: Monomial, coefficient: Fraction) -> Terms:
 
 
 def _normal(table: Mapping[ex.Expression, Fraction], coefficient: Fraction) -> Terms:
-    """The terms of coefficient * product of base^exponent: whole parts of numbers and sums multiplied out."""
+    """The terms of coefficient * product of base^exponent, with integer powers of numbers and sums multiplied out."""
     kept: dict[ex.Expression, Fraction] = {}
     parts: list[Terms] = []
     for base, exponent in table.items():
@@ -157,7 +157,7 @@ def _normal(table: Mapping[ex.Expression, Fraction], coefficient: Fraction) -> T
 
 
 def _whole_part(base: ex.Expression, exponent: Fraction) -> Fraction:
-    """How much of the exponent of a composite base can be multiplied out."""
+    """The part of the exponent of a composite base that can be multiplied out."""
     if isinstance(base, ex.Sum):
         return exponent if exponent.denominator == 1 and exponent > 0 else Fraction(0)
     return Fraction(math.floor(exponent)) if isinstance(base, ex.Product | ex.Power) else Fraction(0)
@@ -291,7 +291,7 @@ def _scaled(terms: Terms, factor: Fraction) -> Terms:
 _SPECIAL: dict[str, Callable[[Terms], Terms]] = {"exp": _exponential, "log": _logarithm}
 
 
-# Monomials as trees.
+# Monomials to trees.
 
 
 def order(monomial: Monomial) -> tuple[tuple[Place, Fraction], ...]:
@@ -301,7 +301,7 @@ def order(monomial: Monomial) -> tuple[tuple[Place, Fraction], ...]:
 
 @lru_cache(maxsize=4096)
 def place(base: ex.Expression) -> Place:
-    """The rank of an atom among atoms; its text settles ties."""
+    """The rank of an atom among atoms; its text breaks ties."""
     ranks = {ex.Number: 0, ex.Symbol: 1, ex.Arbitrary: 2, ex.Velocity: 4}
     return 0 if base == ex.PI else ranks.get(type(base), 3), printing.to_text(base)
 
@@ -345,7 +345,7 @@ def _split_exponential(
 
 @lru_cache(maxsize=1024)
 def merge_powers(tree: ex.Expression) -> ex.Expression:
-    """Products rewritten so that each base occurs once and there is one exponential; sums stay as they are."""
+    """Products rewritten so that each base occurs once and there is one exponential; sums are unchanged."""
     inner = ex.rebuild(tree, merge_powers)
     match inner:
         case ex.Product(factors):
@@ -367,7 +367,7 @@ def _flat(factors: Iterable[ex.Expression]) -> Iterator[ex.Expression]:
 
 
 def monomial_tree_of(factors: Iterable[ex.Expression]) -> ex.Expression:
-    """The product of the factors with powers of the same base put together."""
+    """The product of the factors, with powers of the same base combined."""
     coefficient: ex.Expression = ex.ONE
     table: dict[ex.Expression, Fraction] = {}
     symbolic: dict[ex.Expression, list[ex.Expression]] = {}
@@ -389,12 +389,12 @@ def monomial_tree_of(factors: Iterable[ex.Expression]) -> ex.Expression:
 
 
 def separate_tree(monomial: Monomial) -> ex.Expression:
-    """The product with each atom's power on its own: exp(u)^-1 and not exp(-u)."""
+    """The product with a separate power of each atom: exp(u)^-1 rather than exp(-u)."""
     return ex.multiply(*(base**exponent for base, exponent in monomial))
 
 
 def minus_inside(tree: ex.Expression) -> ex.Expression:
-    """Each term -(a - 1) c of a sum as (1 - a) c, -c/(a - 1) as c/(1 - a); other numbers than 1 alike."""
+    """Each term -(a - 1) c of a sum as (1 - a) c, -c/(a - 1) as c/(1 - a); likewise for numbers other than 1."""
     if isinstance(tree, ex.Sum):
         return ex.add(*map(minus_inside, tree.terms))
     match tree:
@@ -438,7 +438,7 @@ def numbers_outside(tree: ex.Expression) -> ex.Expression:
 
 
 def _common_denominator(tree: ex.Expression) -> int:
-    """The denominator of the coefficients of a sum where they all have the same one, else 1; negative as they are."""
+    """The denominator of the coefficients of a sum if all share it, else 1; negative if all coefficients are."""
     found = [_coefficient(term) for term in tree.terms] if isinstance(tree, ex.Sum) else [Fraction(1)]
     sign = -1 if all(value < 0 for value in found) else 1
     return sign * found[0].denominator if len({value.denominator for value in found}) == 1 else sign
@@ -450,7 +450,7 @@ def _coefficient(term: ex.Expression) -> Fraction:
 
 
 def _is_difference(tree: ex.Expression) -> TypeGuard[ex.Sum]:
-    """Whether it is a sum of two terms, one with a plus and one with a minus, one of them a number."""
+    """Whether it is a sum of two terms of opposite sign, one of them a number."""
     terms = tree.terms if isinstance(tree, ex.Sum) else ()
     signs = {_is_negative(term) for term in terms}
     return len(terms) == len(signs) == 2 and any(isinstance(term, ex.Number) for term in terms)

@@ -15,7 +15,7 @@ Definitions = Mapping[str, tuple[tuple[str, ...], ex.Expression]]
 
 
 def _rule(function: str) -> functions.Rule:
-    """The derivative of a function; InputError for a step, which has none where its pieces meet."""
+    """The derivative of a function; InputError for a step, which has no derivative where its pieces meet."""
     if function in functions.FUNCTION:
         return functions.FUNCTION[function].derivative
     instead = "piecewise formulas are accepted in the right sides of equations; write one piece here"
@@ -33,7 +33,7 @@ def differentiate(expression: ex.Expression, variable: ex.Expression) -> ex.Expr
     return _partial(expression, variable)
 
 
-# One large tree is differentiated many times over, and its derivatives share most of their parts.
+# One large tree is differentiated many times, and its derivatives share most of their parts.
 @lru_cache(maxsize=16384)
 def _partial(expression: ex.Expression, variable: ex.Expression) -> ex.Expression:
     if isinstance(expression, ex.Symbol | ex.Velocity | ex.Acceleration):
@@ -95,7 +95,7 @@ def _of_product(factors: tuple[ex.Expression, ...], rate: functions.Rule) -> ex.
 
 
 def _of_power(base: ex.Expression, exponent: ex.Expression, rate: functions.Rule) -> ex.Expression:
-    """(u^w)' = w u^(w-1) u' + u^w log(u) w', each part only where it is not zero."""
+    """(u^w)' = w u^(w-1) u' + u^w log(u) w', without the parts that are zero."""
     terms = []
     inner = rate(base)
     if inner != ex.ZERO:
@@ -111,7 +111,7 @@ def _lowered(base: ex.Expression, exponent: ex.Expression) -> ex.Expression:
 
 
 def _of_integral(integral: ex.Integral, rate: functions.Rule) -> ex.Expression:
-    """By its own derivatives; one that is left open is that of an arbitrary function of the same name."""
+    """The derivative by way of its slopes; an unknown slope is that of an arbitrary function of the same name."""
     terms = []
     for place, (slope, argument) in enumerate(zip(integral.slopes, integral.arguments, strict=True)):
         inner = rate(argument)
@@ -134,7 +134,7 @@ def _of_arbitrary(function: ex.Arbitrary, rate: functions.Rule) -> ex.Expression
 
 
 def define_functions(tree: ex.Expression, definitions: Definitions) -> ex.Expression:
-    """The tree with the formulas of its arbitrary functions put in, derivatives taken."""
+    """The tree with formulas substituted for its arbitrary functions, and their derivatives evaluated."""
     known: dict[ex.Expression, ex.Expression] = {}
 
     def define(part: ex.Expression) -> ex.Expression:

@@ -15,7 +15,7 @@ Real = Any  # mpmath has no types
 
 
 class NoRealValue(errors.InverseServiceError):
-    """The tree has no finite real value at the point; another point may do."""
+    """The tree has no finite real value at the point; it may have one at another point."""
 
     code = "no-real-value"
 

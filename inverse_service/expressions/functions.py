@@ -1,4 +1,4 @@
-"""The elementary functions, one row for each: derivative, symmetry, relation to another, real arguments, look."""
+"""The table of elementary functions: derivative, parity, relation to others, real arguments, notation."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ _ROWS = (
              "a number between -1 and 1", "\\arccos", "arccos"),
     Function("atan", lambda u: (1 + _square(u))**-1, -1, command="\\arctan", shown="arctan"),
     Function("asinh", lambda u: _inverse_root(1 + _square(u)), -1, undoes="sinh"),
-    # Two roots and not that of u^2 - 1, which would be real for u < -1 too, where acosh is not.
+    # Two roots, because sqrt(u^2 - 1) would also be real for u < -1, where acosh is not.
     Function("acosh", lambda u: _inverse_root(u - 1) * _inverse_root(u + 1), 0, "",
              lambda u: u >= 1, "a number not less than 1"),
     Function("atanh", lambda u: (1 - _square(u))**-1, -1, "", lambda u: abs(u) < 1,

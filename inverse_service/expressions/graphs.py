@@ -1,4 +1,4 @@
-"""Which equation is for which unknown, and in which order equations are solved: graphs of the names they hold."""
+"""Graphs of the names in equations: matching of equations to unknowns, and the order of solving."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ Name = TypeVar("Name", int, str)
 
 
 def matching(pattern: Sequence[Collection[Name]]) -> dict[Name, int]:
-    """A row of its own for as many of the names that occur in the rows as there can be (augmenting paths)."""
+    """A maximum matching of names to rows in which they occur (augmenting paths)."""
     row_of: dict[Name, int] = {}
 
     def assign(row: int, seen: set[Name]) -> bool:
@@ -28,7 +28,7 @@ def matching(pattern: Sequence[Collection[Name]]) -> dict[Name, int]:
 
 
 def components(graph: Mapping[Name, Collection[Name]]) -> list[list[Name]]:
-    """Strongly connected components, each after all that it depends on, with its members in the order of the graph."""
+    """Strongly connected components, each after its dependencies, with its members in the order of the graph."""
     index: dict[Name, int] = {}
     low: dict[Name, int] = {}
     stack: list[Name] = []

@@ -1,4 +1,4 @@
-"""A tree that is positive, written as an inequality as a person would: x > 1, x^2 + y^2 < 1, y > x, u > 0."""
+"""Write the condition that a tree is positive as an inequality: x > 1, x^2 + y^2 < 1, y > x, u > 0."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _FINE = 2**64  # parts of one in a square root
 
 
 def inequality(tree: ex.Expression) -> notation.Formula:
-    """The condition that the tree is positive, in all forms of writing, collected where that is shorter."""
+    """The condition that the tree is positive, as a formula in all formats, collected where that is shorter."""
     left, right, is_greater = _sides(min(tree, collecting.collect(tree), key=ex.node_count))
     return notation.row(left, " > " if is_greater else " < ", right)
 
@@ -39,7 +39,7 @@ def is_plainly_positive(tree: ex.Expression, known: Collection[ex.Expression] = 
 def is_positive_polynomial(tree: ex.Expression) -> bool:
     """Whether it is a polynomial in one name, with rational coefficients, that is > 0 on the whole line.
 
-    By its roots: isolated in boxes, those that are real with the imaginary part 0.
+    Decided by its roots, isolated in boxes; real roots have the imaginary part 0.
     """
     names = {node for node in ex.walk(tree) if isinstance(node, ex.Symbol | ex.Velocity)}
     polynomial = _polynomial(tree) if len(names) == 1 else None
@@ -50,7 +50,7 @@ def is_positive_polynomial(tree: ex.Expression) -> bool:
 
 
 def _polynomial(tree: ex.Expression) -> fmpq_poly | None:
-    """The polynomial in the one name that occurs; None for what is none, or of a degree over 40."""
+    """The polynomial in the single name that occurs; None for other trees, or a degree over 40."""
     match tree:
         case ex.Number(value):
             return fmpq_poly([fmpq(value.numerator, value.denominator)])
@@ -88,7 +88,7 @@ def is_plainly_nonzero(tree: ex.Expression, known: Collection[ex.Expression]) ->
 
 
 def _sides(tree: ex.Expression) -> tuple[ex.Expression, ex.Expression, bool]:
-    """(a, b, True) for a > b, (a, b, False) for a < b: one side a single term, and that of numbers on the right."""
+    """(a, b, True) for a > b, (a, b, False) for a < b; one side is a single term, and a number is on the right."""
     terms = getattr(tree, "terms", (tree,))
     varying = [term for term in terms if not _is_number(term)]
     if len(varying) == 1:
@@ -126,7 +126,7 @@ Bound = Fraction | float
 
 @dataclass(frozen=True, slots=True)
 class Range:
-    """Numbers from `low` to `high`; an end that is `open` is none of them."""
+    """The interval from `low` to `high`; an end that is `open` does not belong to it."""
 
     low: Bound = -math.inf
     high: Bound = math.inf
@@ -139,7 +139,7 @@ class Range:
 
     @property
     def turned(self) -> Range:
-        """Those with the other sign."""
+        """The interval of the negatives."""
         return Range(-self.high, -self.low, self.high_open, self.low_open)
 
 
@@ -170,7 +170,7 @@ def _bounded(tree: ex.Expression) -> tuple[ex.Expression, Range] | None:
 
 
 def _range(tree: ex.Expression, bounds: Mapping[ex.Expression, Range]) -> Range:
-    """Where the values of the tree lie, at least."""
+    """An interval that contains all values of the tree."""
     if tree in bounds:
         return bounds[tree]
     match tree:
@@ -236,7 +236,7 @@ def _power_of(base: Range, exponent: Fraction) -> Range:
 
 
 def _root_above(value: Bound, degree: int) -> Bound:
-    """A number whose power is at least the value; close to the root where that is a square root."""
+    """A number whose power is at least the value; it is close to the root for square roots."""
     if not isinstance(value, Fraction | int):
         return value
     whole = Fraction(value)

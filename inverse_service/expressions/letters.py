@@ -1,4 +1,4 @@
-"""Letters and signs beyond ASCII: what each is in a formula, and how the names of Greek letters are shown."""
+"""Non-ASCII letters and signs: their meaning in a formula, and the display of Greek letters."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _LETTERS = [
 ]  # fmt: skip
 _SMALL = "\u03b1\u03b2\u03b3\u03b4\u03b5\u03b6\u03b7\u03b8\u03b9\u03ba\u03bb\u03bc\u03bd\u03be\u03bf\u03c0\u03c1"
 _SMALL += "\u03c3\u03c4\u03c5\u03c6\u03c7\u03c8\u03c9"
-# Letters of another shape are names of their own; the micro sign is the letter mu.
+# Letters of another shape are separate names; the micro sign is the letter mu.
 _VARIANTS = {
     "\u03d5": "varphi", "\u03d1": "vartheta", "\u03f5": "varepsilon", "\u03f1": "varrho", "\u03d6": "varpi",
     "\u03c2": "varsigma", "\u03f0": "varkappa",
@@ -21,7 +21,7 @@ _VARIANTS = {
 GREEK: dict[str, str] = dict(zip(_SMALL, _LETTERS, strict=True))
 GREEK |= {small.upper(): name.capitalize() for small, name in zip(_SMALL, _LETTERS, strict=True)}
 GREEK |= _VARIANTS | {"\u00b5": "mu"}
-# Names that look or sound alike, each with the one that it is read as where only that one is declared.
+# Names that look or sound alike, each with the name that replaces it if only that one is declared.
 ALIKE = {name: name.removeprefix("var") for name in _VARIANTS.values()} | {"ell": "l"}
 LETTER_COMMANDS: dict[str, str] = {name: ALIKE.get(name, name) for name in (*GREEK.values(), "ell")}
 SCRIPT_L = "\u2113"
@@ -89,5 +89,5 @@ def written(name: str) -> Written:
 
 
 def greek_letter(word: str) -> str | None:
-    """The character of a Greek letter's name, None for any other word."""
+    """The character for the name of a Greek letter; None for any other word."""
     return _SHOWN.get(word)

@@ -1,7 +1,7 @@
-"""Formulas in text, LaTeX and MathML at once: trees, matrices, and the tensor notation of the theory.
+"""Formulas in text, LaTeX and MathML together: trees, matrices, and the tensor notation of the theory.
 
 The theory's notation is a small one of our own, written as people type it: "g_ij R^j_kl", "Gamma(g) = g N + (g N)^T",
-"dg_ij/dv^k". It is used for formulas that this program words, never for text of users.
+"dg_ij/dv^k". It is used for formulas that this program composes, never for users' text.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ _GREEK = {"alpha": "\u03b1", "Gamma": "Γ", "Phi": "Φ", "nabla": "∇", "lambda
 _WORDS = frozenset(("det", "for", "and"))
 _SIGNS = {"-": "\u2212", "*": "\u2062", "!=": "≠", ">=": "≥", "<=": "≤"}
 _LATEX_SIGNS = {"*": " ", "\u2026": r"\dots", "!=": r"\neq ", ">=": r"\geq ", "<=": r"\leq "}
-# What a formula is about: the keys under which a result and the pages explain it.
+# The subjects of formulas: the keys under which a result and the pages explain them.
 _USES = {"Phi": "Phi", "Gamma": "Gamma", "N": "N", "R": "R"}
 
 
 @dataclass(frozen=True, slots=True)
 class Formula:
-    """A formula; `mathml` is what stands inside <math>, `uses` are the tensors that it names.
+    """A formula; `mathml` is the content of <math>, `uses` are the tensors that it names.
 
     `letters` are the names of the theory in it, with their lower indices. `reads_back` says that the reader of
     formulas understands its text.
@@ -54,7 +54,7 @@ def of_tree(tree: Expression) -> Formula:
 
 
 def row(*pieces: Formula | Expression | str) -> Formula:
-    """The pieces after one another; texts are in the notation of the theory."""
+    """The concatenated pieces; texts are in the notation of the theory."""
     parts = [formula_of(piece) for piece in pieces]
     uses = tuple(dict.fromkeys(use for part in parts for use in part.uses))
     return Formula(
@@ -107,14 +107,14 @@ def partial_derivative(of: Formula, by: Expression) -> Formula:
     )
 
 
-# What the multiplier is called: g, unless the system has that name.
+# The symbol of the multiplier: g, unless the system uses that name.
 MULTIPLIER: ContextVar[str] = ContextVar("multiplier", default="g")
 _LETTER_G = re.compile(r"(?<![A-Za-z])g(?![A-Za-z])|(?<=\bd)g(?=_)")
 
 
 @contextmanager
 def multiplier_beside(names: Collection[str]) -> Iterator[None]:
-    """Inside, the multiplier has a letter that is none of these names."""
+    """Within the block, the symbol of the multiplier differs from these names."""
     letter = next((one for one in ("g", "h", "m") if not any(n.partition("_")[0] == one for n in names)), "g")
     token = MULTIPLIER.set(letter)
     try:

@@ -1,7 +1,7 @@
 """piecewise((a, x > 0), (b, true)) as one formula: Heaviside(u) is 1 where u > 0 and 0 where u < 0.
 
-A condition is a formula with the values 1 and 0, made of such steps of polynomials. What holds on a boundary, where a
-polynomial is zero, is not said: answers are about open sets.
+A condition is a formula with the values 1 and 0, made of such steps of polynomials. The value on a boundary, where a
+polynomial is zero, is not specified, because answers hold on open sets.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ STEP = "Heaviside"
 
 
 def step(u: ex.Expression, column: int) -> ex.Expression:
-    """Heaviside(u) for a polynomial u; InputError for another one."""
+    """Heaviside(u) for a polynomial u; InputError for any other u."""
     for node in ex.walk(u):
         root = isinstance(node, ex.Power) and not (isinstance(node.exponent, ex.Number) and _is_natural(node.exponent))
         if root or isinstance(node, ex.Apply | ex.Arbitrary | ex.Acceleration):
@@ -37,12 +37,12 @@ def _is_natural(exponent: ex.Number) -> bool:
 
 
 def either(left: ex.Expression, right: ex.Expression) -> ex.Expression:
-    """One of two conditions holds."""
+    """The condition that at least one of two conditions holds."""
     return left + right - left * right
 
 
 def piecewise(pieces: Sequence[tuple[ex.Expression, ex.Expression]], column: int) -> ex.Expression:
-    """The value that stands with the first condition that holds; InputError where none may hold."""
+    """The value of the piece whose condition holds first; InputError if possibly none holds."""
     if len(pieces) > MOST_PIECES:
         raise refusals.refusal(f"piecewise has {len(pieces)} pieces", column, f"write at most {MOST_PIECES}")
     left: ex.Expression = ex.ONE  # 1 where no condition holds so far
@@ -54,7 +54,7 @@ def piecewise(pieces: Sequence[tuple[ex.Expression, ex.Expression]], column: int
     if len(steps) > MOST_BOUNDARIES:
         most = f"at most {MOST_BOUNDARIES}, which make {MOST_BOUNDARIES + 1} cases"
         raise refusals.refusal(f"piecewise compares {len(steps)} polynomials with 0", column, f"write {most}")
-    if left != ex.ZERO:  # multilinear in its steps, it is zero only if it is for all values of them
+    if left != ex.ZERO:  # a formula multilinear in its steps is zero only if it is zero for all their values
         raise refusals.refusal(
             "piecewise has no value where none of its conditions holds", column, "end it with (b, true)"
         )

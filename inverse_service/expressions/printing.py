@@ -15,10 +15,10 @@ The text is a small part of what `reader.py` reads:
 `sqrt` is the only function besides those of `functions.py` and the declared ones; integers have no sign;
 rational numbers are written as quotients. A'(u) is the derivative of a declared function of one
 argument; for several, diff(B(x, y), x) where the arguments are different names, else B[1,0](u, w),
-with the order of the derivative in each argument. The text reads back to the same value, and the
-text of what was read back is the same text.
+with the order of the derivative in each argument. The text reads back to the same value, and
+printing that value gives the same text.
 
-The LaTeX reads back too, partial derivatives excepted; long formulas are broken.
+The LaTeX also reads back, except for partial derivatives; long formulas are broken into lines.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ from inverse_service.expressions import tree as ex
 _EXPONENTIAL = ex.Apply("exp", ex.ONE)
 
 
-# From which denominator on a decimal number can be much shorter than a fraction, and how many digits that is.
+# The denominator from which a decimal number can be much shorter than a fraction, and its number of digits.
 _LEAST_DECIMAL, _MUCH = 1000, 2
 
 
@@ -46,7 +46,7 @@ _LEAST_DECIMAL, _MUCH = 1000, 2
 class Ratio:
     """±(over · numerators) / (under · denominators); no factor is a Product or a power below zero.
 
-    Equal factors are gathered: x x^2 is x^3. `over` and `under` are positive, `over` 0 for the number 0.
+    Equal factors are combined: x x^2 is x^3. `over` and `under` are positive; `over` is 0 for the number 0.
     """
 
     negative: bool
@@ -77,7 +77,7 @@ class _Parts:
     denominators: list[ex.Expression] = field(default_factory=list)
 
 
-@lru_cache(maxsize=4096)  # what is printed is often a part of what was printed before
+@lru_cache(maxsize=4096)  # printed expressions often occur in expressions that were printed before
 def ratio(expression: ex.Expression) -> Ratio:
     """The expression, one term of a sum, as a fraction."""
     parts = _Parts()
@@ -122,7 +122,7 @@ def _as_written(base: ex.Expression) -> ex.Expression:
 
 
 def _gather(factors: Iterable[ex.Expression]) -> tuple[ex.Expression, ...]:
-    """Equal bases with whole positive exponents put together at the place of the first."""
+    """Equal bases with positive integer exponents combined at the place of the first."""
     table: dict[ex.Expression, int] = {}
     for factor in factors:
         base, count = _base(factor)
@@ -162,7 +162,7 @@ def signed_terms(expression: ex.Expression, within: bool = False) -> list[Ratio]
 
 
 def signed(expression: ex.Expression, write: Callable[[Ratio], str], within: bool = False) -> str:
-    """The terms as they are written, with a sign before each but a first one that is not negative."""
+    """The printed terms, each with a sign except for a nonnegative first term."""
     pieces: list[str] = []
     for term in signed_terms(expression, within):
         sign = " - " if term.negative else " + "
@@ -171,7 +171,7 @@ def signed(expression: ex.Expression, write: Callable[[Ratio], str], within: boo
 
 
 def has_plain_arguments(function: ex.Arbitrary) -> bool:
-    """Whether the arguments are names, all different: then diff(B(x, y), x) is clear.
+    """Whether the arguments are distinct names, so that diff(B(x, y), x) is unambiguous.
 
     Not with t or pi among them: diff(u, t) is the derivative along the motion, and pi is a number.
     """
@@ -181,16 +181,16 @@ def has_plain_arguments(function: ex.Arbitrary) -> bool:
 
 
 def variables(function: ex.Arbitrary) -> list[ex.Expression]:
-    """What is differentiated by, each as often as its order."""
+    """The variables of differentiation, each repeated according to its order."""
     pairs = zip(function.arguments, function.orders, strict=True)
     return [argument for argument, order in pairs for _ in range(order)]
 
 
 # Plain text.
-# What is printed is printed in several places, and most of it is made of few parts.
+# The same expressions are printed in several places and share many parts.
 @lru_cache(maxsize=2048)
 def to_text(expression: ex.Expression, within: bool = False) -> str:
-    """The canonical text; deterministic, with no more brackets than reading needs."""
+    """The canonical text; deterministic, with only the brackets that the reader needs."""
     return signed(expression, _text_ratio, within)
 
 
@@ -296,7 +296,7 @@ def _latex_factors(coefficient: str, factors: Sequence[ex.Expression]) -> str:
 
 
 def _looks_like_a_call(before: ex.Expression | None, piece: str, factor: ex.Expression) -> bool:
-    """Whether x (t + 1) would stand there, which could be x at another time."""
+    """Whether the output would be x (t + 1), which could be x at another time."""
     return (
         piece.startswith("\\left(")
         and isinstance(before, ex.Symbol | ex.Velocity | ex.Acceleration)
@@ -397,7 +397,7 @@ def _partial(name: str, function: ex.Arbitrary) -> str:
 LINE = 300.0
 _WIDTHS = {"\\left": 0.0, "\\right": 0.0, "\\quad": 10.0, "\\qquad": 20.0, "\\,": 2.0, "\\mathsf": 0.0, "\\mathrm": 0.0}
 _LETTER, _SIGN, _SCRIPT = 5.8, 12.8, 0.72
-_LESS = 0.95  # a part that is not narrower than this share of the whole is not broken again
+_LESS = 0.95  # a part wider than this share of the whole is not broken again
 _SIGNS = ("+", "-", "=", "<", ">", "\\neq", "\\geq", "\\leq")
 _ACCENTS = ("\\dot", "\\ddot", "\\tilde", "\\bar")
 _TOKEN = re.compile(r"\\[A-Za-z]+|\\.|\s+|.", re.DOTALL)
@@ -405,7 +405,7 @@ _TOKEN = re.compile(r"\\[A-Za-z]+|\\.|\s+|.", re.DOTALL)
 
 @dataclass(frozen=True, slots=True)
 class _Piece:
-    """A stretch of LaTeX that stands together: a token, or a command, bracket or script with what is in it."""
+    """An unbreakable piece of LaTeX: a token, or a command, bracket or script with its content."""
 
     text: str
     width: float
@@ -414,10 +414,10 @@ class _Piece:
 
 
 def lines_of_latex(formula: str, room: float = LINE) -> list[str]:
-    """The formula on lines that are no wider than `room`, broken before signs, also inside brackets and fractions.
+    """The formula on lines not wider than `room`, broken before signs, also inside brackets and fractions.
 
-    Brackets that go over lines end each with an invisible one; the fraction a/b becomes 1/b times the bracket (a).
-    What offers no place to break stays whole.
+    A bracket that spans lines is closed on each line by an invisible one; a fraction a/b becomes 1/b times (a).
+    A part without a place to break is not broken.
     """
     pieces = _pieces(formula)
     if _width(pieces) <= room:
@@ -430,7 +430,7 @@ def lines_of_latex(formula: str, room: float = LINE) -> list[str]:
         elif _width(term) <= room:
             lines.append(term)
         else:
-            short = _width(lines[-1]) < room / 4  # H = stays with what follows
+            short = _width(lines[-1]) < room / 4  # H = is kept with the formula after it
             lines = lines[:-1] if short else lines
             for line in map(_pieces, _opened(joined if short else term, room)):
                 narrower = _width(line) < _LESS * _width(term)
@@ -458,7 +458,7 @@ def _terms(pieces: Sequence[_Piece]) -> Iterator[list[_Piece]]:
 
 
 def _opened(term: Sequence[_Piece], room: float) -> list[str]:
-    """A term that is too wide on several lines, by way of its widest piece."""
+    """A wide term on several lines, broken in its widest piece."""
     place = max(range(len(term)), key=lambda k: term[k].width)
     widest, before, after = term[place], _text(term[:place]), _text(term[place + 1 :])
     match widest.head:
@@ -488,7 +488,7 @@ def _opened(term: Sequence[_Piece], room: float) -> list[str]:
 
 
 def _entries(matrix: str, room: float) -> Iterator[str]:
-    """A matrix that is too wide: each entry on lines of its own, its place before it."""
+    """A wide matrix: each entry on separate lines, after its indices."""
     for i, row in enumerate(matrix.split("\\\\"), start=1):
         for j, entry in enumerate(row.split("&"), start=1):
             first, *rest = lines_of_latex(entry.strip(), room - 6 * _LETTER)
@@ -497,7 +497,7 @@ def _entries(matrix: str, room: float) -> Iterator[str]:
 
 
 def _between_factors(term: Sequence[_Piece], room: float) -> list[str]:
-    """A product on several lines, each but the first begun with a dot."""
+    """A product on several lines, each except the first beginning with a dot."""
     lines: list[list[_Piece]] = [[]]
     for piece in term:
         stands = piece.text.strip() and piece.head not in ("^", "_") and piece.text not in (*_SIGNS, ",")
@@ -558,7 +558,7 @@ def _token_width(token: str) -> float:
 
 
 def _closing(tokens: Sequence[str], start: int, opening: str, closing: str) -> int:
-    """The place of the token that closes the one at `start`; the end where nothing does."""
+    """The place of the token that closes the one at `start`, or the end if there is none."""
     depth = 0
     for place in range(start, len(tokens)):
         depth += (tokens[place] == opening) - (tokens[place] == closing)
@@ -568,7 +568,7 @@ def _closing(tokens: Sequence[str], start: int, opening: str, closing: str) -> i
 
 
 def _argument(tokens: Sequence[str], start: int) -> tuple[str, int]:
-    """What is in the braces there, or the one token, and where the next begins."""
+    """The content of the braces there, or the single token, and the place after it."""
     while start < len(tokens) and not tokens[start].strip():
         start += 1
     if start >= len(tokens) or tokens[start] != "{":
@@ -580,7 +580,7 @@ def _argument(tokens: Sequence[str], start: int) -> tuple[str, int]:
 # MathML.
 _NAMESPACE = "http://www.w3.org/1998/Math/MathML"
 _TIMES = "<mo>&#x2062;</mo>"
-# Of the font of the pages it is raised and small by itself: in a superscript it would be too small to be seen.
+# The font of the pages already raises and shrinks it: in a superscript it would be too small.
 PRIME = '<mo lspace="0" rspace="0">&#x2032;</mo>'
 _APPLY = "<mo>&#x2061;</mo>"
 _DOTS = ("", "&#x02D9;", "&#x00A8;")
@@ -638,7 +638,7 @@ def _mathml_factor(factor: ex.Expression) -> str:
 
 
 def _raised(base: str, exponent: str) -> str:
-    """An exponent stands above an index, and after a dotted letter as high as after one without dots."""
+    """A power: the exponent is above an index, and dots over the base do not raise it."""
     low = base.replace("<mover ", '<mpadded height="1.2ex"><mover ', 1).replace("</mover>", "</mover></mpadded>", 1)
     if base.startswith("<msub>"):
         return f"<msubsup>{low.removeprefix('<msub>').removesuffix('</msub>')}{exponent}</msubsup>"
@@ -646,7 +646,7 @@ def _raised(base: str, exponent: str) -> str:
 
 
 def _mathml_exponent(expression: ex.Expression) -> str:
-    """t/10 stays on its line: a fraction above a letter is too small to be read."""
+    """t/10 on one line, because a fraction in an exponent is too small to read."""
     term, *further = signed_terms(expression, within=True)
     simple = all(isinstance(part, ex.Symbol | ex.Velocity) for part in (*term.numerators, *term.denominators))
     number, divisor = term.numbers

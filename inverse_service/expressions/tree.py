@@ -3,7 +3,7 @@
 A tree is built by the reader (`reader.py`) or by arithmetic: + - * / ** of trees and exact numbers, or the
 functions `add`, `multiply`, `power`, `apply` here; they flatten, fold numbers and drop neutral elements, and never
 expand.
-Names are plain data: what a `Symbol` stands for (coordinate, parameter, time `t`, the number
+Names are plain data: the meaning of a `Symbol` (coordinate, parameter, time `t`, the number
 `pi`) is known only to the system that holds the tree.
 """
 
@@ -17,7 +17,7 @@ from typing import ClassVar, TypeGuard, cast
 
 
 class _Node:
-    """A tree keeps its hash: trees are keys of many tables, and hashing one walks through all of it."""
+    """A tree caches its hash: trees are keys of many tables, and hashing visits every node."""
 
     __slots__ = ("_hash", "_size")
     __match_args__: ClassVar[tuple[str, ...]]
@@ -152,8 +152,8 @@ class Arbitrary(_Node):
 class Integral(Arbitrary):
     """A function that is known by its partial derivatives alone: F(t) with F' = f(t).
 
-    `slopes[k]` is the derivative by `arguments[k]`, None where it is left open; `orders` are 0. Whatever takes it
-    for an arbitrary function says nothing false of it.
+    `slopes[k]` is the derivative by `arguments[k]`, or None if it is unknown; `orders` are 0. Code that treats it
+    as an arbitrary function remains correct.
     """
 
     slopes: tuple[Expression | None, ...] = ()
@@ -247,7 +247,7 @@ def power(base: Expression, exponent: Expression | int | Fraction) -> Expression
 
 
 def split_exponent(exponent: Expression) -> tuple[Expression, int]:
-    """(e, k) with exponent = e + k, k its integer part as it stands: a + 1 is (a, 1), -(a + 1) is (-a, -1)."""
+    """(e, k) with exponent = e + k, where k is its integer term: a + 1 is (a, 1), -(a + 1) is (-a, -1)."""
     match exponent:
         case Product((Number() as factor, Sum(terms))):
             exponent = add(*(multiply(factor, term) for term in terms))
@@ -302,7 +302,7 @@ def children(expression: Expression) -> tuple[Expression, ...]:
 
 
 def walk(expression: Expression) -> Iterator[Expression]:
-    """Every node, the root first; no recursion, so depth is no danger."""
+    """Every node, the root first; not recursive, so the depth is not limited."""
     stack = [expression]
     while stack:
         node = stack.pop()
@@ -311,12 +311,12 @@ def walk(expression: Expression) -> Iterator[Expression]:
 
 
 def factors_of(tree: Expression) -> tuple[Expression, ...]:
-    """The factors of a product; else the tree itself."""
+    """The factors of a product; otherwise the tree itself."""
     return tree.factors if isinstance(tree, Product) else (tree,)
 
 
 def powers_of(tree: Expression) -> list[tuple[Expression, Fraction]]:
-    """(base, exponent) of each factor, the exponent 1 where it is no number; exp(u) is a base."""
+    """(base, exponent) of each factor; a power with a symbolic exponent is a base with exponent 1, as is exp(u)."""
     return [
         (f.base, f.exponent.value) if isinstance(f, Power) and isinstance(f.exponent, Number) else (f, Fraction(1))
         for f in factors_of(tree)
@@ -329,7 +329,7 @@ def dot(left: Iterable[Expression], right: Iterable[Expression]) -> Expression:
 
 
 def node_count(tree: Expression) -> int:
-    """The number of nodes, which a tree keeps."""
+    """The number of nodes, which a tree caches."""
     try:
         return tree._size
     except AttributeError:
@@ -349,7 +349,7 @@ def is_exponential(tree: Expression) -> TypeGuard[Apply]:
 
 
 def distinct_nodes(expressions: Iterable[Expression]) -> Iterator[Expression]:
-    """Every node of the trees once, in the order in which `walk` meets them; parts met before are not entered."""
+    """Every node of the trees once, in the order of `walk`; parts that were visited before are skipped."""
     met: set[Expression] = set()
     for expression in expressions:
         stack = [expression]
@@ -362,7 +362,7 @@ def distinct_nodes(expressions: Iterable[Expression]) -> Iterator[Expression]:
 
 
 def rebuild(expression: Expression, change: Callable[[Expression], Expression]) -> Expression:
-    """The node with `change` applied to each direct part, put together by the constructors."""
+    """The node with `change` applied to each direct part, rebuilt by the constructors."""
     match expression:
         case Sum(terms):
             return add(*map(change, terms))
@@ -386,7 +386,7 @@ def substitute(expression: Expression, table: dict[Expression, Expression]) -> E
     known: dict[Expression, Expression] = {}
 
     def replaced(part: Expression) -> Expression:
-        """The part with its replacements; trees share parts, and each is rebuilt once."""
+        """The part with its replacements; shared parts are rebuilt only once."""
         if part in table:
             return table[part]
         if part not in known:

@@ -1,4 +1,4 @@
-r"""Matrices and vectors of LaTeX by components: pieces of LaTeX in, pieces out, one equation for each row.
+r"""Split matrices and vectors of LaTeX into components: pieces of LaTeX in, pieces out, one equation for each row.
 
 \begin{pmatrix} a & b \\ c & d \end{pmatrix} times columns, and \mathbf{r} or \vec{r} where an equation gives its
 components, \mathbf{r} = (x, y, z), with dots, |r|, r^2, \cdot and \times. A scalar before or after multiplies each row.
@@ -21,7 +21,7 @@ Value = list[list[Tokens]]  # rows of cells; a scalar is one cell
 
 
 def by_components(pieces: Tokens) -> Tokens:
-    """The pieces with each equation of matrices or vectors as those of its rows; InputError where shapes differ."""
+    """The pieces with each matrix or vector equation replaced by its rows; InputError if shapes differ."""
     if not any(piece.is_command(BEGIN, *BOLD) for piece in pieces):
         return pieces
     statements, vectors = _statements(pieces), dict[str, list[Tokens]]()
@@ -42,12 +42,12 @@ def by_components(pieces: Tokens) -> Tokens:
 
 
 def holds_vector(text: str) -> bool:
-    """Whether a vector may stand in a text."""
+    """Whether a text may contain a vector."""
     return any(f"\\{command}" in text for command in BOLD)
 
 
 def _statements(pieces: Tokens) -> list[Tokens]:
-    """The pieces between separators that stand in no bracket and no matrix."""
+    """The pieces between separators outside brackets and matrices."""
     last = max((place for place, piece in enumerate(pieces) if piece.is_operator("=")), default=0)
     inside = list(itertools.accumulate(piece.is_command(BEGIN) - piece.is_command(END) for piece in pieces))
 
@@ -59,7 +59,7 @@ def _statements(pieces: Tokens) -> list[Tokens]:
 
 
 def _name(pieces: Sequence[Token], place: int) -> tuple[str, int]:
-    r"""The r of \mathbf{r} or \vec r there, and how many pieces it takes; nothing elsewhere."""
+    r"""The r of \mathbf{r} or \vec r there, and the number of its pieces; empty elsewhere."""
     after = [piece.text for piece in pieces[place + 1 : place + 4]]
     if not pieces[place].is_command(*BOLD) or not after:
         return "", 0
@@ -84,7 +84,7 @@ def _given(statement: Tokens) -> tuple[str, list[Tokens]] | None:
 
 
 def _with_length(name: str, parts: list[Tokens], statement: Tokens) -> Tokens:
-    """The statement with (x^2 + y^2)^(1/2) for an r that stands next to the vector r and has no bold print."""
+    """The statement with (x^2 + y^2)^(1/2) for a plain r used together with the bold vector r."""
     found: Tokens = []
     for place, piece in enumerate(statement):
         before = [one.text for one in statement[max(place - 2, 0) : place]]
@@ -126,7 +126,7 @@ class _Reader:
         self._barred = False
 
     def equations(self) -> list[Tokens]:
-        """One for each row, a 0 alone being zero in each."""
+        """One equation for each row; a single 0 is zero in each."""
         sides = [self._sum()]
         while self._stream.take_operator("="):
             sides.append(self._sum())
@@ -181,7 +181,7 @@ class _Reader:
         return [[_bracketed(cell) + scalar for cell in row] for row in value] if scalar else value
 
     def _power(self, base: Value) -> Value:
-        """A power of a scalar, and v . v where v^2 stands; InputError for other powers of vectors."""
+        """A power of a scalar, or v . v for v^2; InputError for other powers of vectors."""
         power = [self._stream.take(), *self._stream.take_group()]
         if len(base) == len(base[0]) == 1:
             return [[[*_bracketed(base[0][0]), *power]]]
@@ -196,7 +196,7 @@ class _Reader:
         return [[[*scalar, self._sign("*"), *_bracketed(cell)] for cell in row] for row in value] if scalar else value
 
     def _product(self, left: Value, right: Value, sign: str) -> Value:
-        """Rows times columns; the scalar product with \\cdot, the vector product with \\times."""
+        """The matrix product; \\cdot gives the scalar product, \\times the vector product."""
         minus, times = map(self._sign, "-*")
         if sign == "times" and len(left) == len(right) == 3:
             pairs = [(1, 2), (2, 0), (0, 1)]
@@ -216,7 +216,7 @@ class _Reader:
         return [piece for a, b in pairs for piece in (plus, *_bracketed(a), times, *_bracketed(b))]
 
     def _factor(self) -> Value | None:
-        """A matrix, a vector with its dots, a bracket that holds one; None where another piece comes next."""
+        """A matrix, a vector with its dots, or a bracket that contains one; None before any other piece."""
         stream = self._stream
         if stream.ahead.is_command(BEGIN):
             stream.take()
@@ -268,7 +268,7 @@ class _Reader:
         return [[self._moving(part, order)] for part in self._vectors[name]]
 
     def _moving(self, part: Tokens, order: int) -> Tokens:
-        """The component with so many time derivatives; InputError for one that is a formula."""
+        """The component with this number of time derivatives; InputError for a component that is a formula."""
         if not order:
             return part
         if len(part) > 1 and any(piece.kind != "digit" for piece in part):
@@ -280,7 +280,7 @@ class _Reader:
         )
 
     def _braced(self) -> Value:
-        """A group in braces, or the one piece that stands for it."""
+        """A group in braces, or a single piece in its place."""
         if not (opening := self._stream.take_operator("{")):
             return [[[self._stream.take()]]]
         value = self._sum()
@@ -288,7 +288,7 @@ class _Reader:
         return value
 
     def _holds_vector(self, groups: int = 0) -> bool:
-        """Whether a vector or a matrix stands in the bracket ahead, or in the groups after the piece ahead."""
+        """Whether the bracket ahead, or a group after the piece ahead, contains a vector or a matrix."""
         pieces, depth, end = self._stream.rest()[bool(groups) :], 0, 0
         left = groups + 1
         for end, piece in enumerate(pieces):

@@ -1,8 +1,8 @@
-"""The names of a document: declared, found in its formulas, or guessed where it asks for that; values put in exactly.
+"""The names of a document: declared, found in its formulas, or guessed on request; values are substituted exactly.
 
-What moves is a coordinate. Where names may be guessed, an unknown name followed by coordinates or t in brackets is a
-function of them; any other is a parameter, unless it may be something else: kx, dx, sinx, or an r that no equation
-moves. Then the writer is asked. What was guessed is shown to the writer.
+A name with a time derivative is a coordinate. If names may be guessed, an unknown name before (t) or coordinates is a
+function of them. Any other is a parameter, unless it may be something else: kx, dx, sinx, or an r without an equation.
+In that case an error asks the writer. The answer lists all guessed names.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ ParameterValue = str | int | float | None
 
 
 def parameter_values(parameters: Sequence[str] | Mapping[str, ParameterValue]) -> dict[str, ex.Expression]:
-    """The values given, as trees; a parameter without a value (None) stays generic and is left out.
+    """The given values as trees; a parameter without a value (None) remains generic and is omitted.
 
     A value is a number or a constant such as "1/2", "sqrt(2)" or "2*pi"; a float stands for its
     shortest decimal form. InputError with the pointer of the parameter for anything else.
@@ -67,7 +67,7 @@ def _digits(value: int, pointer: str) -> str:
 
 
 def with_values(expression: ex.Expression, values: Mapping[str, ex.Expression]) -> ex.Expression:
-    """The tree with the values put in; InputError where it then has no value (1/0, log of 0)."""
+    """The tree with the values substituted; InputError if it then has no value (1/0, log of 0)."""
     if not values:
         return expression
     result = ex.substitute(expression, {ex.Symbol(name): value for name, value in values.items()})
@@ -107,9 +107,9 @@ NO_ACCELERATION = (
 
 @dataclass(frozen=True, slots=True)
 class Declared:
-    """What a document says of its names. `parameters` may be "guess", or have the entry "..." for: guess the rest.
+    """The declarations of a document. `parameters` may be "guess", or contain "..." to guess the remaining names.
 
-    `where` are formulas that stand for a name, put in exactly. At most `most` coordinates are accepted.
+    `where` gives names their formulas, which are substituted exactly. At most `most` coordinates are accepted.
     """
 
     coordinates: Sequence[str] | None = None
@@ -120,11 +120,11 @@ class Declared:
 
     @property
     def guesses(self) -> bool:
-        """Whether undeclared names are to be taken as constants."""
+        """Whether undeclared names are treated as constants."""
         return self.parameters == GUESS or (not isinstance(self.parameters, str) and AND_GUESS in self.parameters)
 
     def named_parameters(self) -> Sequence[str] | Mapping[str, ParameterValue]:
-        """The parameters that are named, with their values where these are given."""
+        """The named parameters, with their values if given."""
         if isinstance(self.parameters, str):
             return ()
         if isinstance(self.parameters, Mapping):
@@ -134,18 +134,18 @@ class Declared:
 
 @dataclass(frozen=True, slots=True)
 class Known:
-    """The names of a document, and what is put in for those that have a formula or a value."""
+    """The names of a document, and the substitutions for those that have a formula or a value."""
 
     names: Names
     definitions: Mapping[ex.Expression, ex.Expression]
     values: Mapping[str, ex.Expression]
 
     def put_in(self, tree: ex.Expression) -> ex.Expression:
-        """The tree with definitions and values; InputError where it then has no value."""
+        """The tree with definitions and values substituted; InputError if it then has no value."""
         return with_values(ex.substitute(tree, dict(self.definitions)) if self.definitions else tree, self.values)
 
     def remaining(self) -> Names:
-        """The names that can still occur after that."""
+        """The names that can still occur after the substitution."""
         gone = {*self.values, *(node.name for node in self.definitions if isinstance(node, ex.Symbol))}
         parameters = tuple(name for name in self.names.parameters if name not in gone)
         return replace(self.names, parameters=parameters, definitions={})
@@ -154,7 +154,7 @@ class Known:
 def known_names(
     declared: Declared, texts: Mapping[str, str], order: int = 2, keys: Sequence[str] = (), pairs: bool = False
 ) -> Known:
-    """The names that the formulas of a document may use, and what they stand for; see `document_names`."""
+    """The names that the formulas of a document may use, and their substitutions; see `document_names`."""
     where = {f"/where/{escaped(name)}": text for name, text in declared.where.items()}
     names = document_names(declared, {**texts, **where}, order, keys, pairs)
     definitions = _definitions(declared.where, names)
@@ -163,7 +163,7 @@ def known_names(
 
 
 def _definitions(where: Mapping[str, str], names: Names) -> dict[ex.Expression, ex.Expression]:
-    """Each name of `where` with its formula, in which no such name is left; InputError where they go in a circle."""
+    """The formula of each name of `where`, free of such names; InputError for circular definitions."""
     pointers = {declared_name(name, f"/where/{escaped(name)}"): f"/where/{escaped(name)}" for name in where}
     texts = dict(zip(pointers, where.values(), strict=False))
     found: dict[ex.Expression, ex.Expression] = {}
@@ -180,7 +180,7 @@ def _definitions(where: Mapping[str, str], names: Names) -> dict[ex.Expression, 
 
 
 def _ordered(used: Mapping[str, set[str]]) -> list[str]:
-    """The names so that each comes after those that its formula uses; InputError where they go in a circle."""
+    """The names sorted so that each follows those that its formula uses; InputError for circular definitions."""
     done: dict[str, None] = {}
     while len(done) < len(used):
         ready = [name for name in used if name not in done and used[name] <= done.keys()]
@@ -195,14 +195,14 @@ def _ordered(used: Mapping[str, set[str]]) -> list[str]:
 
 
 def _names_in(text: str, names: Names) -> set[str]:
-    """The names that stand in a formula."""
+    """The names in a formula."""
     return {names.spelling(token.text) for token in reader.read_tokens(text, names) if token.kind == "name"}
 
 
 def document_names(
     declared: Declared, texts: Mapping[str, str], order: int = 2, keys: Sequence[str] = (), pairs: bool = False
 ) -> Names:
-    """The names that the formulas of a document may use; InputError with the pointer of one that is wrong.
+    """The names that the formulas of a document may use; InputError with the pointer of an invalid one.
 
     `texts` are the formulas by their pointers, `order` is that of the derivative that makes a coordinate, and
     `keys` are those of `equations`, where each is the equation of a coordinate. `pairs`: the coordinates found are
@@ -231,7 +231,7 @@ def document_names(
 
 
 def with_products(names: Names, declared: Declared, texts: Mapping[str, str], order: int = 2) -> Names:
-    """The names, with m and x'' in mx'' where undeclared names may be guessed."""
+    """The names, including m and x'' in mx'' if undeclared names may be guessed."""
     if not declared.guesses:
         return names
     names = replace(names, guesses=True)
@@ -264,7 +264,7 @@ _VELOCITY = re.compile(r"\s*(?:\\dot\s*\{?\s*(\\?\w+)\s*\}?|(.+)')\s*")
 
 
 def _checked_functions(names: Names, texts: Mapping[str, str]) -> dict[str, tuple[str, ...]]:
-    """The functions over coordinates; one over other names is refused where it occurs, and left out where not."""
+    """The functions of coordinates; a function of other names is refused if it occurs, and otherwise omitted."""
     foreign: dict[str, int] = {}
     for function, arguments in names.functions.items():
         for place, argument in enumerate(arguments):
@@ -325,7 +325,7 @@ def _coordinates(
     return tuple(bounded(list(found), pointer, "coordinates", declared.most))
 
 
-# Other spellings of a second derivative, with what is said of each.
+# Other spellings of a second derivative, with the message for each.
 _SPELLED = {
     re.compile(r"([A-Za-z]\w*)\s*\(t\)\s*(?:''|\u2033|\u2019\u2019)"): (
         "the primes come after (t): write {meant} or {name}'' for a second derivative."
@@ -337,7 +337,7 @@ _SPELLED = {
 
 
 def _nothing_moves(texts: Mapping[str, str], names: Names, order: int) -> errors.InputError | None:
-    """What hides the coordinates: a declaration of the same name, or another spelling of derivatives; None for
+    """The cause of missing coordinates: a declaration of the same name, or another spelling of derivatives; None for
     neither."""
     for name in inferred_coordinates(texts, Names(), order):
         known = names.spelling(name)
@@ -359,12 +359,12 @@ def _nothing_moves(texts: Mapping[str, str], names: Names, order: int) -> errors
 _NO_VELOCITY = "the Lagrangian contains no velocity such as x': write kinetic minus potential energy."
 
 
-# Which names move.
+# Names with time derivatives.
 _LONGEST_ARGUMENTS = 400
 
 
 def moving_products(texts: Mapping[str, str], declared: Names, order: int = 2) -> dict[str, tuple[str, ...]]:
-    """The runs of letters with primes that are products, mx'' of m and x'', y y'' and L I'' typed without a space."""
+    """The products among the runs of letters with primes: mx'' is m x''; also y y'' and L I'' without the space."""
     lines = [line for text in texts.values() if (line := _tokens(text, declared))]
     words = [(line[k].text, is_primed(line, k)) for line in lines for k in range(len(line)) if line[k].kind == "name"]
     alone, primed = ({word for word, moves in words if moves is which} for which in (False, True))
@@ -390,7 +390,7 @@ def moving_products(texts: Mapping[str, str], declared: Names, order: int = 2) -
 
 
 def _refuse_products(tokens: Sequence[Token], products: Mapping[str, tuple[str, ...]]) -> None:
-    """InputError for mx'', which is m*x'' to its writer."""
+    """InputError for mx'', by which the writer means m*x''."""
     for place, token in enumerate(tokens):
         if token.text in products and is_primed(tokens, place):
             meant, primes = "*".join(products[token.text]), "'" * _primes(tokens[place + 1 :])[0]
@@ -403,7 +403,7 @@ def _refuse_products(tokens: Sequence[Token], products: Mapping[str, tuple[str, 
 def inferred_coordinates(texts: Mapping[str, str], declared: Names, order: int = 2) -> tuple[str, ...]:
     """The names with this many time derivatives (x'', x_ddot, diff(x, t, 2), …), each once, in order.
 
-    `texts` are given by their pointers; `declared` holds parameters and functions, which are no coordinates.
+    `texts` are given by their pointers; `declared` holds parameters and functions, which are not coordinates.
     """
     found: dict[str, None] = {}
     for pointer, text in texts.items():
@@ -416,12 +416,12 @@ def inferred_coordinates(texts: Mapping[str, str], declared: Names, order: int =
     return tuple(found)
 
 
-# What stands before an acceleration without a sign: m, ml, I, r.
+# Factors before an acceleration without a sign: m, ml, I, r.
 _FACTOR_OF_MOTION = re.compile("([mMIJLCRlrabckghqGQ][0-9]?){1,4}")
 
 
 def key_coordinate(key: str, names: Names, pointer: str) -> str:
-    """The coordinate that a key x, x'', x_ddot or \\ddot{x} of `equations` means; InputError if it is none."""
+    """The coordinate that a key x, x'', x_ddot or \\ddot{x} of `equations` means; InputError if there is none."""
     name = names.spelling(key_name(key, names))
     if name not in names.coordinates:
         raise errors.InputError(
@@ -433,7 +433,7 @@ def key_coordinate(key: str, names: Names, pointer: str) -> str:
 
 
 def key_name(key: str, names: Names) -> str:
-    """The name that a key of `equations` holds, with or without two derivatives."""
+    """The name in a key of `equations`, with or without two derivatives."""
     pointer = f"/equations/{escaped(key)}"
     if names.role(key):
         return key
@@ -448,7 +448,7 @@ def key_name(key: str, names: Names) -> str:
 
 
 def moving_names(tokens: Sequence[Token], order: int) -> list[str]:
-    """The names that stand with at least this many time derivatives, in order of appearance; V''(x) is no motion."""
+    """The names with at least this many time derivatives, in order of appearance; V''(x) does not count."""
     return [name for name, times in _motions(tokens) if times >= order]
 
 
@@ -482,20 +482,20 @@ def _multiplies_a_sum(name: Token, after: Sequence[Token]) -> bool:
 
 
 def derived_stem(word: str, order: int = 1) -> str:
-    """The x of x_ddot, xddot, x_dot_dot, of at least this order; empty for other words."""
+    """The x of x_ddot, xddot or x_dot_dot if it has at least this order; otherwise empty."""
     endings = (ending for ending, times in known_words.DOTTED if times >= order and word.endswith(ending))
     return next((word.removesuffix(ending) for ending in endings), "").rstrip("_")
 
 
 def _primes(tokens: Sequence[Token]) -> tuple[int, list[str]]:
-    """The order of the primes that come first, and the three texts after them."""
+    """The order of the primes at the beginning, and the three texts after them."""
     primes = list(itertools.takewhile(lambda token: token.kind == "prime", tokens[:4]))
     after = [token.text for token in tokens[len(primes) : len(primes) + 3]]
     return sum(int(prime.value) for prime in primes), after
 
 
 def _differentiated(tokens: Sequence[Token]) -> tuple[list[tuple[str, int]], int]:
-    """The names that diff moves, from its bracket on, and how long that is: (x, t, 2), (x(t), (t, 2)), (m*x', t)."""
+    """The names that diff differentiates, and the length of its bracket: (x, t, 2), (x(t), (t, 2)), (m*x', t)."""
     end = closing(tokens, 0)
     if not 0 < end < len(tokens):
         return [], 0
@@ -510,7 +510,7 @@ def _differentiated(tokens: Sequence[Token]) -> tuple[list[tuple[str, int]], int
 
 
 def _times(words: Sequence[str]) -> int:
-    """The order of a derivative by t, t and by t, 2 and by (t, 2); 0 where it is another."""
+    """The order of a derivative by t, t or by t, 2 or by (t, 2); 0 for other derivatives."""
     plain = [word for word in words if word not in ("(", ")", ",")]
     if len(plain) == 2 and plain[0] == "t" and plain[1].isdigit():
         return int(plain[1])
@@ -521,8 +521,8 @@ def is_primed(line: Sequence[Token], place: int) -> bool:
     return at(line, place + 1).kind == "prime"
 
 
-# Which names are constants and functions where the writer did not say.
-# Refused as functions or as numbers, so they would be a strange guess for a parameter too.
+# Undeclared names: constants or functions.
+# Refused as functions or as numbers, so a guess would not make them parameters either.
 NEVER_GUESSED = (
     known_words.RESERVED
     | FUNCTIONS
@@ -530,10 +530,10 @@ NEVER_GUESSED = (
     | {"e", "E", "Pi"}
     | (known_words.REFUSED_UNLESS_DECLARED.keys() - {"I", "gamma", "Gamma", "zeta", "sn", "cn", "dn"})
 )
-# Bessel's, Airy's and the integral functions; as constants these names are as good as any.
+# Bessel, Airy and integral functions; these names can denote constants.
 _SPECIAL = frozenset(("J0", "J1", "Y0", "Y1", "Ai", "Bi", "Si", "Ci", "Ei", "Li"))
 CALLED_LETTERS = FUNCTION_LETTERS | {"g", "G", "phi", "Phi", "psi", "Psi", "P", "Q"}
-# Of t these are impulses and steps to most.
+# As functions of t these are usually impulses and steps.
 Call = tuple[str, tuple[str, ...]]  # a name with the names in the brackets after it
 _PROGRAMS = re.compile(r"\b(?:Eq|diff|Derivative|Mul|Add)\s*\(|\[")  # where E is Euler's number
 _ELLIPTIC = ("sn", "cn", "dn")
@@ -542,20 +542,20 @@ _IMPULSES = frozenset(("delta", "theta", "Theta", "H"))
 
 @dataclass(frozen=True, slots=True)
 class Guess:
-    """Names in the order in which they occur; `functions` with their arguments; `splits` are runs of letters."""
+    """Names in order of appearance; `functions` have their arguments; `splits` are runs of letters."""
 
     parameters: tuple[str, ...] = ()
     functions: dict[str, tuple[str, ...]] = field(default_factory=dict)
     splits: dict[str, tuple[str, ...]] = field(default_factory=dict)
 
 
-_MOST_ROUNDS = 4  # a run that is split may hold a name that splits others
+_MOST_ROUNDS = 4  # a run that is split may contain a name that splits others
 
 
 def _with_guessed(texts: Mapping[str, str], declared: Names) -> Names:
-    """The names with those that the texts use beyond what is declared and the coordinates; InputError as `_guessed`.
+    """The names with the undeclared ones that the texts use; InputError as in `_guessed`.
 
-    Where it asks back, a bracket without its other half is named first, as it may change all that.
+    An unmatched bracket is reported before a suspect name, because it may change the interpretation.
     """
     try:
         for _ in range(_MOST_ROUNDS):
@@ -575,9 +575,9 @@ def _with_guessed(texts: Mapping[str, str], declared: Names) -> Names:
 
 
 def _guessed(texts: Mapping[str, str], declared: Names) -> Guess:
-    """What the texts, given by their pointers, use beyond what is declared and the coordinates.
+    """The undeclared names other than coordinates in the texts, which are given by their pointers.
 
-    A text that cannot be read adds nothing: its fault is reported where it is read. InputError, with what may
+    A text that cannot be tokenized adds nothing: its error is reported when it is read. InputError, with what may
     have been meant, for a suspect name.
     """
     lines = {
@@ -659,7 +659,7 @@ def _product_or_function(line: Sequence[Token], place: int, argument: str, text:
 
 
 def _slopes(lines: Iterable[Sequence[Token]], declared: Names) -> dict[str, tuple[str, ...]]:
-    """V of all coordinates where its derivatives by all occur, V of r where dV/dr alone does, V not declared.
+    """An undeclared V as a function of all coordinates if its derivatives by all occur, of r if only dV/dr does.
 
     A potential U or V depends on no momenta.
     """
@@ -685,7 +685,7 @@ def _slopes(lines: Iterable[Sequence[Token]], declared: Names) -> dict[str, tupl
 
 
 def _is_one_of_many(name: str, coordinates: Sequence[str]) -> bool:
-    """Whether it is x_1 or x2 and x, or x with another number, is a coordinate; x_0 is a constant to most."""
+    """Whether it is x_1 or x2, and x or x with another number is a coordinate; x_0 is usually a constant."""
     numbered = re.fullmatch("([A-Za-z]+)_?([1-9][0-9]*)", name)
     stems = {re.sub("_?[0-9]+$", "", coordinate) for coordinate in coordinates}
     return numbered is not None and numbered[1] in stems and known_words.looks_like_a_coordinate(numbered[1])
@@ -698,11 +698,11 @@ def _takes_argument(line: Sequence[Token], place: int) -> bool:
     return after.is_operator("(") or (after.kind in ("name", "number") and touches)
 
 
-_COMPONENTS = frozenset("ABEFJPVpv")  # Fx and Fy are two components to most
+_COMPONENTS = frozenset("ABEFJPVpv")  # Fx and Fy are usually two components
 
 
 def _called_with(line: Sequence[Token], place: int, declared: Names) -> int:
-    """How many arguments stand in F(x*y), F(x, x') and f(y/x), F undeclared; 0 where it may be a factor."""
+    """The number of arguments of an undeclared F in F(x*y), F(x, x') or f(y/x); 0 if it may be a factor."""
     opening = place + 1
     opening = after_primes(line, opening)
     if not at(line, opening).is_operator("("):
@@ -721,7 +721,7 @@ def _called_with(line: Sequence[Token], place: int, declared: Names) -> int:
 def _ask_back(
     guessed: Mapping[str, tuple[str, Token]], names: Names, raised: Mapping[str, bool] | None = None
 ) -> dict[str, tuple[str, ...]]:
-    """The runs of letters that are products to every reader; InputError for the first name that may be no constant."""
+    """The runs of letters that are clearly products; InputError for the first name that may not be a constant."""
     words = [name for name in guessed if 1 < len(name) < 4 and name.isalpha() and name[0] != "d"]
     shared = {letter for first, second in itertools.combinations(words, 2) for letter in {*first} & {*second}}
     plain = [name for name in guessed if re.fullmatch("[A-Za-z][0-9]*", name)]
@@ -772,7 +772,7 @@ def _word_of_motion(name: str, coordinates: Sequence[str]) -> tuple[str, ...]:
 
 
 def _may_be_motion(name: str, coordinates: Sequence[str]) -> tuple[str, ...]:
-    """The velocities for v, the coordinate Theta for theta, x for X; R beside r is a constant to most."""
+    """The velocities for v, the coordinate Theta for theta, x for X; R next to r is usually a constant."""
     if name == "v":
         return tuple(f"{coordinate}'" for coordinate in coordinates[:1])
     meant = name.lower() if name in ("X", "Y", "Z") else name
@@ -787,7 +787,7 @@ def _refuse_operators(
     calls: Collection[Call],
     slopes: Collection[str],
 ) -> None:
-    """InputError for x^T, Delta x (a difference to most), diff(V, x) of a constant V, and 2j."""
+    """InputError for x^T, Delta x (usually a difference), diff(V, x) of a constant V, and 2j."""
     token = line[place]
     before = [other.text for other in line[max(place - 2, 0) : place]]
     after = at(line, place + 1)
@@ -824,7 +824,7 @@ def _refuse_operators(
 def _raised_call(
     line: Sequence[Token], place: int, coordinates: Sequence[str], calls: Collection[Call]
 ) -> errors.InputError | None:
-    """The refusal of k^2(x), a square of k(x) or a product, and f^(2)(x), a derivative; k^2(x - y) is a product.
+    """The refusal of k^2(x), which is (k(x))^2 or a product, and f^(2)(x), a derivative; k^2(x - y) is a product.
 
     k^2(t) is the square of k(t), and so is k^2(x) where k(x) is among the `calls` of the texts.
     """
@@ -848,7 +848,7 @@ def _raised_call(
 
 
 def _half_a_number(line: Sequence[Token], place: int) -> errors.InputError | None:
-    """The refusal of 1.0d-3 and 2D0 (Fortran), 0.5f (C), 1f0 (Julia), 0o7, whose letters are no factors."""
+    """The refusal of 1.0d-3 and 2D0 (Fortran), 0.5f (C), 1f0 (Julia), 0o7, whose letters are not factors."""
     token, before = line[place], at(line, place - 1)
     if before.kind != "number" or token.space_before:
         return None
@@ -864,7 +864,7 @@ def _half_a_number(line: Sequence[Token], place: int) -> errors.InputError | Non
 
 
 def _is_apart(line: Sequence[Token], place: int) -> bool:
-    """Whether k (x) stands there, which may be k*x; f (x) and V (x) are functions to most."""
+    """Whether this is k (x), which may be k*x; f (x) and V (x) are usually functions."""
     return (
         line[place].text not in FUNCTION_LETTERS and line[place + 1].is_operator("(") and line[place + 1].space_before
     )
@@ -878,24 +878,24 @@ def _tokens(text: str, declared: Names) -> list[Token]:
 
 
 def _looks_like_a_function(name: str) -> bool:
-    """Whether the name may be a known function, such as sqrt mistyped, acot or gamma; then it is not guessed."""
+    """Whether the name may be a known function, such as a mistyped sqrt, acot or gamma; then it is not guessed."""
     is_word = re.match("[A-Za-z]{3}", name) is not None and name not in GREEK_NAMES
     return is_word or name.replace("_", "") in _SPECIAL or name in known_words.REFUSED_UNLESS_DECLARED
 
 
 def _may_depend_on_time(name: str) -> bool:
-    """Not x(t), a coordinate without an equation, nor delta(t), nor words."""
+    """Whether name(t) may be a function of time; not x(t), a coordinate without equation, nor delta(t), nor words."""
     moves = known_words.looks_like_a_coordinate(name) and name not in ("q", "r", "s", "tau")
     return not (moves or name in _IMPULSES or _looks_like_a_function(name))
 
 
 def _may_be_called(line: Sequence[Token], place: int) -> bool:
-    """Whether f (x - y) stands there: a function rather than a factor, so the writer is asked."""
+    """Whether this is f (x - y), which looks like a function rather than a factor, so the writer is asked."""
     return line[place].text in FUNCTION_LETTERS and at(line, place + 1).is_operator("(")
 
 
 def _after_power_of_time(line: Sequence[Token], place: int) -> int:
-    """The place after the power in omega^2(t), else the same place."""
+    """The place after the power in omega^2(t); otherwise the same place."""
     if not at(line, place).is_operator("^"):
         return place
     end = (closing(line, place + 1) if at(line, place + 1).is_operator("(") else place + 1) + 1
@@ -903,7 +903,7 @@ def _after_power_of_time(line: Sequence[Token], place: int) -> int:
 
 
 def _call_arguments(line: Sequence[Token], place: int, coordinates: Sequence[str]) -> tuple[str, ...]:
-    """The coordinates (and t) in brackets after a name and its primes; nothing where something else stands there."""
+    """The coordinates (and t) in brackets after a name and its primes; empty if the bracket holds anything else."""
     place = after_primes(line, place)
     if not at(line, place).is_operator("("):
         return ()

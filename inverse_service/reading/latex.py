@@ -38,7 +38,7 @@ _WRAPPERS = (("$$", "$$"), ("$", "$"), (r"\[", r"\]"), (r"\(", r"\)"))
 
 
 def scan(text: str) -> TokenStream:
-    """The pieces of LaTeX: a command without its backslash, a letter, a digit, and the signs of plain text."""
+    """The pieces of LaTeX: commands without backslash, letters, digits, and the signs of plain text."""
     plain.check_length(text)
     start, stop = _inside_wrappers(text)
     ends, cases = line_ends(text, start, stop), _conditions(text)
@@ -82,7 +82,7 @@ def _with_fractions(pieces: Tokens) -> Tokens:
 
 
 def _with_single_braces(pieces: Tokens) -> Tokens:
-    r"""{\rm d} as \mathrm{d}, _{{1}} as _{1}, \frac{{a}}{{b}} as \frac{a}{b}: what Maple and Maxima print."""
+    r"""Output of Maple and Maxima: {\rm d} as \mathrm{d}, _{{1}} as _{1}, \frac{{a}}{{b}} as \frac{a}{b}."""
     closing: dict[int, int] = {}
     opened: list[int] = []
     for place, piece in enumerate(pieces):
@@ -157,7 +157,7 @@ def _environment(text: str, place: int, end: int) -> tuple[str, int]:
     return match.group(1), match.end()
 
 
-# \begin{cases} -x & x > 0 \\ x & \text{otherwise} \end{cases} is one formula where no equation is in it.
+# \begin{cases} -x & x > 0 \\ x & \text{otherwise} \end{cases} is one formula if it contains no equation.
 _COLUMNS = r"(?:\s*\{[lcr@{}| ]*\})?"
 _CASES = re.compile(rf"\\begin\s*\{{(d?cases|array)\}}{_COLUMNS}((?:(?!\\begin).)*?)\\end\s*\{{\1\}}", re.DOTALL)
 _EQUATION = re.compile(r"(?<![<>!=])=(?!=)")
@@ -181,7 +181,7 @@ _ROWS = {"piecewise": ("piecewise", "(", "("), ")": "))", ";": "),(", "and": "&"
 
 
 def _conditions(text: str) -> dict[int, tuple[Tokens, int]]:
-    """By their places piecewise((a, x > 0), (b, true)) for the rows of cases, and the places after its parts."""
+    """By place: piecewise((a, x > 0), (b, true)) for the rows of cases, and the places after its parts."""
     found: dict[int, tuple[Tokens, int]] = {}
     for cases in _CASES.finditer(text):
         marks = [(mark, [*_CONDITIONS][(mark.lastindex or 1) - 1])
@@ -227,14 +227,14 @@ def line_ends(text: str, start: int, stop: int) -> dict[int, int]:
 
 
 def _opened(part: str, before: tuple[int, int, int]) -> tuple[int, int, int]:
-    """How many { ( [ are open after the part."""
+    """The number of { ( [ that are open after the part."""
     shown = _ESCAPED.sub("", part)
     braces, round_ones, square = (shown.count(a) - shown.count(b) for a, b in ("{}", "()", "[]"))
     return before[0] + braces, before[1] + round_ones, before[2] + square
 
 
 def role_before(tokens: Sequence[Token], names: Names) -> Role | None:
-    """What the name was declared as that came last, in x as in x' and x^{2}; None for anything else."""
+    """The role of the last name, in x as in x' and x^{2}; None for anything else."""
     place = _before_power(tokens)
     while place >= 0 and tokens[place].kind == "prime":
         place -= 1
@@ -242,7 +242,7 @@ def role_before(tokens: Sequence[Token], names: Names) -> Role | None:
 
 
 def _before_power(tokens: Sequence[Token]) -> int:
-    """The place of the token before ^( … ), where this came last."""
+    """The place of the token before ^( … ), if this came last."""
     last = len(tokens) - 1
     if last < 0 or not tokens[last].is_operator(")"):
         return last
@@ -293,7 +293,7 @@ _REASONS = {
 
 
 class LatexTranslator:
-    """Translates raw tokens one after the other; every method takes what it translates."""
+    """Translates raw tokens one by one; every method takes the tokens that it translates."""
 
     __slots__ = ("_names", "_raw", "_tokens")
 
@@ -310,11 +310,11 @@ class LatexTranslator:
         return self._tokens
 
     def _begin_factor(self, raw: Token) -> None:
-        """The ( of a fraction or a root, which holds no argument of the name before it."""
+        """The ( of a fraction or a root, which is not an argument bracket of the name before it."""
         self._tokens.append(Token("operator", "(", raw.column, True, FACTOR))
 
     def _one(self) -> None:
-        """Translate what comes next."""
+        """Translate the next piece."""
         raw = self._raw.ahead
         if raw.kind == "command":
             self._command(self._raw.take())
@@ -443,7 +443,7 @@ class LatexTranslator:
             raise refusal(f"this delimiter after \\{raw.text} is not accepted", raw.column, "write ( and )")
 
     def _holds_a_sum(self) -> bool:
-        """Whether a + or - stands between the ( just read and its ): r(r - 2M) is a product, f(x) may be none."""
+        """Whether a + or - is between the ( just read and its ): r(r - 2M) is a product, f(x) may not be one."""
         return any(raw.is_operator("+", "-") for _, raw in plain.outside(self._raw.inside()))
 
     def _closes_later(self) -> bool:
@@ -456,7 +456,7 @@ class LatexTranslator:
         return True
 
     def _group(self, opening: Token, brackets: bool = True) -> None:
-        """{ … } as a bracket; { } holds nothing, and a name alone in braces is that name."""
+        """{ … } as a bracket; { } is empty, and a single name in braces is that name."""
         start = len(self._tokens)
         with self._raw.nested(opening):
             while not self._raw.ahead.is_operator("}"):
@@ -566,7 +566,7 @@ class LatexTranslator:
                 self._emit(")", raw)
 
     def _subscript_after_power(self) -> bool:
-        r"""\omega^2_0 as \omega_0^2: TeX sets both orders alike; nothing is taken where no subscript follows."""
+        r"""\omega^2_0 as \omega_0^2: TeX sets both orders alike; takes nothing if no subscript follows."""
         start, length = self._raw.position, len(self._tokens)
         last = self._tokens[-1] if self._tokens else None
         if last is None or last.kind != "name" or "_" in last.text or last.text in FUNCTIONS:
@@ -583,7 +583,7 @@ class LatexTranslator:
         return True
 
     def _refuse_indices(self, caret: Token) -> None:
-        r"""InputError for the indices of tensors, \Gamma^x_{xx} and g^{tt}, which are no powers."""
+        r"""InputError for the indices of tensors, \Gamma^x_{xx} and g^{tt}, which are not powers."""
         run: list[str] = []
         depth = 0
         for raw, following in itertools.pairwise(self._raw.rest()):
@@ -601,7 +601,7 @@ class LatexTranslator:
             raise refusal(what, caret.column, "write each component as a formula, or as a name such as G_1")
 
     def _short_power(self, caret: Token) -> None:
-        """x^2, e^x: one digit or one name; x^23 is x^2 3 in LaTeX and x^(23) to others: refused."""
+        """x^2, e^x: one digit or one name; x^23 is refused, because LaTeX reads x^2 3 and others read x^(23)."""
         raw = self._raw.ahead
         self._emit("^", caret)
         self._emit("(", raw)
@@ -616,14 +616,14 @@ class LatexTranslator:
         self._emit(")", raw)
 
     def _refuse_index(self, raised: Tokens) -> None:
-        """InputError for q^1, which is a component and no power."""
+        """InputError for q^1, which is a component rather than a power."""
         alone = len(raised) == 1 or raised[1].is_operator("}")
         digits = self._run(raised[0]) if len(raised) == 1 else raised[:1]
         if alone and [piece.text for piece in digits] == ["1"] and self._tokens and self._tokens[-1].kind != "number":
             raise refusal("a raised 1 occurs", raised[0].column, "an index? write it below, as in q_1 and q_2")
 
     def _refuse_raised_brackets(self, caret: Token) -> None:
-        """InputError for f^{(2)} and x^{\\left(n\\right)}: a derivative or a component to most; e^{(x)} is exp(x)."""
+        """InputError for f^{(2)} and x^{\\left(n\\right)}, usually a derivative or a component; e^{(x)} is exp(x)."""
         pieces = self._raw.group()[: LIMITS.name_characters]
         inside = "".join(raw.text for raw in pieces if not raw.is_command("left", "right"))
         raised = re.fullmatch(r"\{*[(\[]\{*(\w+)\}*[)\]]\}*", inside)
@@ -658,7 +658,7 @@ class LatexTranslator:
         return pieces
 
     def _word(self) -> str:
-        """A letter, or the whole word where it is declared or a function; the pieces are taken."""
+        """Take a letter, or the whole word if it is declared or a function."""
         pieces = self._run(self._raw.ahead)[: LIMITS.name_characters]
         length = next((k for k, piece in enumerate(pieces) if piece.kind == "operator"), len(pieces))
         word = "".join(piece.text for piece in pieces[:length])
@@ -683,7 +683,7 @@ class LatexTranslator:
         return f"{name}_{subscript}"
 
     def _name_part(self) -> str:
-        """The letters, digits and Greek names of the next group or piece, '' if it holds anything else."""
+        """The letters, digits and Greek names of the next group or piece; '' if it contains anything else."""
         if not self._raw.ahead.is_operator("{"):
             raw = self._raw.ahead
             if raw.kind == "digit":
@@ -720,5 +720,5 @@ def _is_prime(raw: Token) -> bool:
 
 
 def tokenize(text: str, names: Names | None = None) -> Tokens:
-    """The tokens of a LaTeX formula; without `names` every letter is a name of its own."""
+    """The tokens of a LaTeX formula; without `names` every letter is a separate name."""
     return LatexTranslator(scan(text), names or Names()).all()

@@ -26,7 +26,7 @@ ALIASES = {
 
 
 def _magnitude(u: Expression) -> Expression:
-    """|u|: sqrt(u^2), whose two sides are told apart where the equations are solved."""
+    """|u| as sqrt(u^2); the solver distinguishes its two branches."""
     return number(abs(u.value)) if isinstance(u, Number) else square_root(u**2)
 
 
@@ -213,7 +213,7 @@ class Names:
 
 
 def _plain(name: str) -> str:
-    """The name without underscores, and as the command of this name is read."""
+    """The name without underscores, each part as the LaTeX command of that name is read."""
     return "".join(LETTER_COMMANDS.get(word, word) for word in name.split("_"))
 
 
@@ -254,18 +254,18 @@ def unknown_name(name: str, names: Names, column: int, follows: str = "") -> Inp
 
 
 def not_declared(name: str) -> str:
-    """The beginning of a refusal."""
+    """The first part of a refusal."""
     return f"the name '{shorten(name)}' is not declared; it occurs"
 
 
 def undeclared(name: str, column: int, meant: tuple[str, ...]) -> InputError:
-    """The refusal of a name in whose place each of `meant` may have been meant."""
+    """The refusal of a name, with the names that the writer may have meant."""
     hint = " or ".join(dict.fromkeys(meant))
     return refusal(not_declared(name), column, f"did you mean {hint}?", meant, declare="parameters")
 
 
 def ask_for_the_time(name: str, column: int, coordinates: Sequence[str]) -> InputError:
-    """The refusal of a name such as x, which no equation moves, with what it may be."""
+    """The refusal of a name such as x that has no equation, with what it may be."""
     named = f"t, or {coordinates[0]}''({name})" if coordinates else "t"
     instead = f"is it the independent variable? write {named}; a coordinate? add its equation"
     return refusal(not_declared(name), column, instead, ("t",), declare="parameters")
@@ -276,21 +276,21 @@ _COORDINATE_LETTERS = frozenset(("x", "y", "z", "r", "s", "q", "tau"))
 
 
 def looks_like_a_coordinate(name: str) -> bool:
-    """Whether most people mean a variable by the name: x, r_2, tau; x_0 is a constant to most."""
+    """Whether the name usually denotes a variable: x, r_2, tau; x_0 usually denotes a constant."""
     numbered = _NUMBERED.fullmatch(name)
     return (numbered[1] if numbered and numbered[2][0] != "0" else name) in _COORDINATE_LETTERS
 
 
 def is_momentum(name: str, names: Sequence[str]) -> bool:
-    """Whether p, p_x, v_x or vx stands there to most."""
+    """Whether the name is usually a momentum or velocity: p, p_x, v_x or vx."""
     return name in ("p", "v") or any(name in (f"{letter}_{q}", f"{letter}{q}") for letter in "pv" for q in names)
 
 
 def readings(name: str, names: Names) -> tuple[str, ...]:
-    """What an undeclared name may be that is known names and a letter: kx is k*x, sinx is sin(x), omegat is omega*t.
+    """Interpretations of an undeclared name as known names and a letter: kx as k*x, sinx as sin(x), omegat as omega*t.
 
-    A letter may have a number (k1x); with a coordinate there may be two (mgx). dx is x' to most and is given both
-    ways; x_t is x'; V_x is a derivative where V is a function of x, or may be a potential; a Greek letter is a name.
+    A letter may have a number (k1x); with a coordinate there may be two (mgx). dx is usually x' and is given both
+    ways; x_t is x'; V_x is a derivative if V is a function of x, or may be a potential; a Greek letter is a name.
     """
     if name in GREEK_NAMES or len(name) > _LONGEST_PRODUCT:
         return ()
@@ -307,7 +307,7 @@ def readings(name: str, names: Names) -> tuple[str, ...]:
     if not (cut := _parts(name, names)):
         return ()
     motion = (f"{name[1:]}'",) if name[0] == "d" and name[1:] in names.coordinates else ()
-    inverse = cut[0][:1] == "a" and cut[0] in FUNCTIONS and len(cut) > 1  # asinx is a*sin(x) to some
+    inverse = cut[0][:1] == "a" and cut[0] in FUNCTIONS and len(cut) > 1  # asinx may be a*sin(x)
     separate = (f"a*{written_product([cut[0][1:], *cut[1:]], names)}",) if inverse else ()
     return (*motion, written_product(cut, names), *separate)
 
@@ -318,9 +318,9 @@ _CALLED_INSIDE = re.compile(rf"((?:{_LETTER.pattern}){{1,5}}?)({'|'.join(ENDINGS
 
 
 def split_at_function(name: str, names: Names) -> tuple[str, ...]:
-    """m, g and cos for mgcos, which an argument follows; q, cos, 2 and t for qcos2t; nothing where no function is.
+    """m, g and cos for mgcos if an argument follows; q, cos, 2 and t for qcos2t; empty without a function.
 
-    Neither where one reads asin or dsin, or where what the function is of is no known name.
+    Also empty for asin or dsin, and if the argument of the function is not a known name.
     """
     match = _CALLED_INSIDE.fullmatch(name)
     if match is None or match[1] in ("a", "d", "D") or match[1].lower() in ("ar", "arc") or names.role(name):
@@ -335,7 +335,7 @@ def split_at_function(name: str, names: Names) -> tuple[str, ...]:
 
 
 def factors_of(name: str) -> tuple[str, ...]:
-    """The letters, with their numbers, of a short run such as ml or m2l1; nothing for other names."""
+    """The letters, with their numbers, of a short run such as ml or m2l1; empty for other names."""
     found = tuple(_LETTER.findall(name))
     named = name in GREEK_NAMES or name == "ell" or name[0] == "d"
     return found if 1 < len(found) < 5 and "".join(found) == name and not named else ()
@@ -349,7 +349,7 @@ def _moving(names: Names) -> set[str]:
 
 
 def _parts(name: str, names: Names) -> list[str]:
-    """The known names and letters that an undeclared name is made of; nothing where it may be a name."""
+    """The known names and letters that form an undeclared name; empty if it may be a single name."""
     moving = _moving(names)
     known = {*names.declared(), *moving, "t", "pi", "ln"} | {word for word in FUNCTIONS if len(word) > 2}
     letters, cut = _cut(name, known)
@@ -360,7 +360,7 @@ def _parts(name: str, names: Names) -> list[str]:
 
 
 def only_split(name: str, names: Names) -> tuple[str, ...]:
-    """The parts of a run of letters that is one product to every reader, kx, omegat, mgx, sinx; else nothing.
+    """The factors of a run of letters that is clearly a product, kx, omegat, mgx, sinx; otherwise empty.
 
     dx and Dx may be derivatives, xm and rs names with an index, asinx has two functions in it, sinc is one.
     """
@@ -393,21 +393,21 @@ def only_split(name: str, names: Names) -> tuple[str, ...]:
 
 GREEK_NAMES = frozenset(GREEK.values())
 FUNCTION_LETTERS = frozenset("fFhHUVW")  # of functions, where a bracket follows at once
-# Letters that call a bracket an argument to many: f(x - y), V(x + 1).
+# Letters after which a bracket is usually an argument: f(x - y), V(x + 1).
 MAY_BE_FUNCTIONS = frozenset("fFgGhHpPuUvVwW") | {"phi", "Phi", "psi", "Psi", "chi"}
 POTENTIALS = frozenset(("U", "V"))
 _CALLED_WITH_A_NUMBER = re.compile(r"(ln|[A-Za-z]{3,}?)([0-9]+)([A-Za-z]*)")  # sqrt2, sin2x
 _NUMBERED = re.compile(r"([A-Za-z]+)_?([0-9]+)")
 
 
-# Capitals that no Latin letters are: Mu in GMu is M and u.
+# Greek names in a run of letters. Capitals count only if they differ from Latin letters: Mu in GMu is M and u.
 _GREEK_IN_RUNS = {name for name in GREEK_NAMES if name.islower()} | {
     *("Gamma", "Delta", "Theta", "Lambda", "Sigma", "Phi", "Psi", "Omega")
 }
 
 
 def _cut(word: str, known: Collection[str]) -> tuple[int, list[str]]:
-    """The fewest single letters, and the word as the fewest parts with these; no parts where it cannot be cut."""
+    """The smallest number of single letters, and the fewest parts with that number; no parts if no split exists."""
     best: dict[int, tuple[int, list[str]]] = {0: (0, [])}
     for end in range(1, len(word) + 1):
         cuts = []
@@ -426,7 +426,7 @@ def _cut(word: str, known: Collection[str]) -> tuple[int, list[str]]:
 
 
 def written_product(parts: Sequence[str], names: Names) -> str:
-    """The parts as a product, a function with what follows as its argument."""
+    """The parts as a product, in which a function takes the following parts as its argument."""
     for place, part in enumerate(parts):
         if part in FUNCTIONS and names.role(part) is None:
             inner = written_product(parts[place + 1 :], names)
@@ -467,7 +467,7 @@ def _ascii(text: str) -> str:
 
 
 def check_clashes(names: Names, keyed_parameters: bool = False) -> None:
-    """InputError for a name declared twice, or one that the derivative or momentum of another has."""
+    """InputError for a name that is declared twice or denotes the derivative or momentum of another."""
     seen: dict[str, str] = {}
     for pointer, name in _places(names, keyed_parameters):
         if name in seen:
@@ -483,7 +483,7 @@ def check_clashes(names: Names, keyed_parameters: bool = False) -> None:
 
 
 def _places(names: Names, keyed_parameters: bool) -> list[tuple[str, str]]:
-    """(pointer, name) of every declaration; parameters with values stand under their names."""
+    """(pointer, name) of every declaration; the pointer of a parameter with a value ends in its name."""
     coordinates = [(f"/coordinates/{place}", name) for place, name in enumerate(names.coordinates)]
     parameters = [
         (f"/parameters/{name if keyed_parameters else place}", name) for place, name in enumerate(names.parameters)
@@ -495,7 +495,7 @@ _WORD = re.compile(r"\\?[A-Za-z]+|[^\x00-\x7f]")
 
 
 def refuse_two_spellings(texts: Mapping[str, str], declared: tuple[str, ...] = ()) -> None:
-    """InputError where the texts, given by their pointers, use two letters that would be read as one name."""
+    """InputError if the texts, given by their pointers, use two letters that would be read as one name."""
     seen: dict[str, str] = {}
     for pointer, text in texts.items():
         for found in _WORD.finditer(text):
@@ -512,7 +512,7 @@ def refuse_two_spellings(texts: Mapping[str, str], declared: tuple[str, ...] = (
 
 
 def _spelling(word: str, latex: bool) -> str:
-    """The command or letter as its name; in LaTeX a run of letters holds an l where one is in it."""
+    """The name of a command or letter; a script l within a run of LaTeX letters is an l."""
     if word == SCRIPT_L:
         return "ell"
     if latex and not word.startswith("\\"):

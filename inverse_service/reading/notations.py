@@ -1,4 +1,4 @@
-r"""Other ways to write a formula, put into the words of our own grammar; tokens in, tokens out. Nothing is evaluated.
+r"""Convert other notations for formulas to our own grammar, tokens in, tokens out. Nothing is evaluated.
 
 SymPy's text (`x(t).diff(t, 2)`, `Eq(a, b)`, the calls of `srepr`), Mathematica (`x''[t] == -Sin[x[t]]`,
 `D[u, {t, 2}]`, `Derivative[2][x][t]`, Plus, Times, Power), Maple (`diff(x(t), t$2)`, `(D@@2)(x)(t)`), Maxima
@@ -42,12 +42,12 @@ _CAPITALS = {
 }  # fmt: skip
 _HEADS = {"Plus": "Add", "Times": "Mul", "Power": "Pow", "pow": "Pow", "Equal": "Eq", "Equality": "Eq", "List": "Tuple"}
 _JOINED = {"Add": "+", "Mul": "*", "Pow": "^", "Eq": "=", "Tuple": ",", "Hold": ","}
-_PIECES = "Piecewise[{"  # a head that no name is
+_PIECES = "Piecewise[{"  # a head that differs from every name
 _WORD = re.compile(r"[A-Z]")
 
 
 def in_our_words(tokens: Tokens, names: Names) -> Tokens:
-    """The same formulas in our notation; tokens that need nothing come back as they are."""
+    """The same formulas in our notation; tokens in our notation are returned unchanged."""
     marks = {token.text for token in tokens}
     written = tokens
     if marks & {"[", "{"}:
@@ -63,7 +63,7 @@ def in_our_words(tokens: Tokens, names: Names) -> Tokens:
 
 
 def _with_indices(tokens: Tokens, names: Names) -> Tokens:
-    """x[1]'' as x_1'', where x stands nowhere without an index: x[0] beside x[t] is a value."""
+    """x[1]'' as x_1'' if x never occurs without an index: in a text with x[t], x[0] is a value."""
     indexed = {place for place in range(len(tokens) - 3) if _is_indexed(tokens, place)}
     alone = {token.text for place, token in enumerate(tokens) if token.kind == "name" and place not in indexed}
     known = FUNCTIONS | {word for word in _STARTS if word.isalpha()} | set(names.functions) | alone
@@ -79,7 +79,7 @@ def _with_indices(tokens: Tokens, names: Names) -> Tokens:
 
 
 def _is_indexed(tokens: Tokens, place: int) -> bool:
-    """Whether x[1] begins here, which is no call x[1](...) of a function."""
+    """Whether x[1] begins here, which is not a call x[1](...) of a function."""
     name, opening, index, end = tokens[place : place + 4]
     whole = name.kind == "name" and opening.is_operator("[") and index.text.isdigit() and end.is_operator("]")
     after = [token.text for token in tokens[place + 4 : place + 7]]
@@ -87,9 +87,9 @@ def _is_indexed(tokens: Tokens, place: int) -> bool:
 
 
 def _with_round_brackets(tokens: Tokens, names: Names) -> Tokens:
-    """Mathematica's f[x] and {x, 2}; the orders in our own B[1,0](x, y) stay.
+    """Mathematica's f[x] and {x, 2}; the orders in our own B[1,0](x, y) are kept.
 
-    Without another sign of Mathematica k[x] is as unclear as k (x).
+    Without another sign of Mathematica, k[x] is as ambiguous as k (x).
     """
     found: Tokens = []
     calls = {(a.text, b.text) for a, b in itertools.pairwise(tokens) if b.is_operator("[") or a.is_operator("[")}
@@ -194,7 +194,7 @@ def _after_dot(tokens: Sequence[Token], place: int, found: Tokens, names: Names)
 
 
 def _operand(found: Tokens) -> int:
-    """Where the name, the call or the bracket that came last begins."""
+    """The beginning of the last name, call or bracket."""
     place = len(found) - 1
     if place >= 0 and found[place].is_operator(")"):
         place = opening(found, place)
@@ -228,7 +228,7 @@ def _derivative_of(tokens: Sequence[Token], place: int, order: int, found: Token
 
 
 def _is_factor(tokens: Sequence[Token], opening: int) -> bool:
-    """Whether the bracket after a D holds a formula, as in D (1 - exp(-x))^2, and no operand of a derivative."""
+    """Whether the bracket after a D is a factor, as in D (1 - exp(-x))^2, rather than the operand of a derivative."""
     inside = tokens[opening + 1 : closing(tokens, opening)]
     return inside[:1] != [] and len(split_at_commas(inside)) == 1 and len(inside) > 1 and inside[0].text != "D"
 
@@ -286,7 +286,7 @@ def _number(tokens: Sequence[Token], place: int, found: Tokens, names: Names) ->
 
 
 def _joined(tokens: Sequence[Token], place: int, found: Tokens, names: Names) -> int:
-    """Add(a, b) as (a + b), Eq(a, b) as a = b where it is the whole equation."""
+    """Add(a, b) as (a + b), Eq(a, b) as a = b if it is the whole equation."""
     head = _HEADS.get(tokens[place].text, tokens[place].text)
     arguments, after = _arguments(tokens, place + 1)
     inner: Tokens = []
@@ -406,7 +406,7 @@ class _Quotient:
 
 
 def with_derivatives(tokens: Tokens, names: Names, depth: int = 0) -> Tokens:
-    """The tokens with each derivative as primes on its name, or as diff( ); unclear ones stay, to be refused later."""
+    """The tokens with each derivative as primes on its name or as diff( ); ambiguous ones are refused later."""
     marks = {token.text[:1] for token in tokens}
     primed = any(a.is_operator(")") and b.kind == "prime" for a, b in itertools.pairwise(tokens))
     if not primed and not marks & {"d", PARTIAL, TOTAL}:
@@ -424,7 +424,7 @@ def with_derivatives(tokens: Tokens, names: Names, depth: int = 0) -> Tokens:
 
 
 def second_derivatives(tokens: Tokens) -> Iterator[tuple[str, str]]:
-    """(y, x) for each d^2y/dx^2, d^2/dx^2 y, d/dx(x dy/dx), d/dx(x y') and y''(x), whatever y and x are."""
+    """(y, x) for each d^2y/dx^2, d^2/dx^2 y, d/dx(x dy/dx), d/dx(x y') and y''(x), for all names y and x."""
     for place in range(len(tokens)):
         after = place + 1
         after = after_primes(tokens, after)
@@ -449,7 +449,7 @@ def second_derivatives(tokens: Tokens) -> Iterator[tuple[str, str]]:
 
 
 def _derivative(tokens: Tokens, place: int, names: Names, depth: int) -> tuple[Tokens, int] | None:
-    """What the derivative that begins here is in our grammar, and the place after it; None where there is none."""
+    """The derivative that begins here in our grammar, and the place after it; None if there is none."""
     if tokens[place].is_operator("("):
         if power := _power_of_operator(tokens, place, names, depth):
             return power
@@ -525,7 +525,7 @@ def _slope(name: Token, by: Token, at: Token) -> Tokens:
 def _of_what(
     name: Token, by: Sequence[str], coordinates: Sequence[str], ends: tuple[Token, Token], fraction: bool
 ) -> errors.InputError:
-    """The refusal of dV/dx, from the first to the last token of it, where nothing says what V depends on."""
+    """The refusal of dV/dx, from its first to its last token, if the arguments of V are unknown."""
     slope = f"diff({name.text}({', '.join(coordinates)}), {', '.join(by)})"
     primed = f"{name.text}{len(by) * chr(39)}({by[0]}) or " if len(coordinates) == 1 and len(by) < 3 else ""
     span = None if fraction else (ends[0].column, ends[1].column + len(ends[1].text))
@@ -536,7 +536,7 @@ def _of_what(
 
 
 def _applied(tokens: Tokens, quotient: _Quotient, place: int, names: Names, depth: int) -> tuple[Tokens, int] | None:
-    """d/dt ( u ) as diff(u, t); d/dt x' too where nothing follows that may be differentiated with it."""
+    """d/dt ( u ) as diff(u, t); also d/dt x' if no factor follows that may belong to the operand."""
     if quotient.after >= len(tokens):
         return None
     operand = _differentiated(tokens, quotient, names, depth)
@@ -553,7 +553,7 @@ def _applied(tokens: Tokens, quotient: _Quotient, place: int, names: Names, dept
 
 
 def _differentiated(tokens: Tokens, quotient: _Quotient, names: Names, depth: int) -> tuple[Tokens, int] | None:
-    """What an operator is applied to: a bracket, a derivative, or a name that nothing follows."""
+    """The operand of an operator: a bracket, a derivative, or a name without a following factor."""
     place = quotient.after
     first, variable = tokens[place], quotient.variables[0].text
     refusals.at_most(depth + 1, refusals.LIMITS.depth, "the formula is nested too deeply", first.column)
@@ -586,7 +586,7 @@ def _differentiated(tokens: Tokens, quotient: _Quotient, names: Names, depth: in
 
 
 def _length_of_arguments(tokens: Tokens, place: int, name: Token, names: Names) -> int:
-    """How many tokens the arguments of a function, or the (t) of a name, take here."""
+    """The number of tokens in the arguments of a function, or in the (t) of a name."""
     if not _opens(tokens, place) or tokens[place].value == FRACTION:
         return 0
     end = closing(tokens, place)
@@ -657,7 +657,7 @@ def _above(tokens: Sequence[Token], place: int, names: Names, fraction: bool) ->
 
 
 def _power(tokens: Sequence[Token], place: int) -> tuple[int, int]:
-    """The k of ^k or ^(k) here, 1 where there is none, and the place after it."""
+    """The k of ^k or ^(k) here, or 1 if there is none, and the place after it."""
     texts = [token.text for token in tokens[place : place + 6]]
     for opened in range(3):
         raised = texts[1 + opened : 2 + opened]
@@ -713,7 +713,7 @@ def _power_of_operator(tokens: Tokens, place: int, names: Names, depth: int) -> 
 
 
 def _refuse_fraction(tokens: Tokens, place: int, names: Names) -> None:
-    r"""InputError for a fraction such as \frac{d V k}{dx}, whose d would be a factor of both."""
+    r"""InputError for a fraction such as \frac{d V k}{dx}, in which d would be read as a common factor."""
     if not _is_fraction(tokens, place) or names.role("d"):
         return
     slash = closing(tokens, place + 1) + 1

@@ -9,8 +9,8 @@
     condition  = both {"|" both},  both = one {"&" one}
     one        = "~" one | "true" | "(" condition ")" | formula ("<" | ">") formula {("<" | ">") formula}
 
-Where a reader could take "nothing" for something else than a product (a/b c, x(y + 1), sin x y,
-x^2y) the formula is refused with both ways to write it. Recursion is at_most by `limits.depth`.
+Where a reader could take "nothing" for something other than a product (a/b c, x(y + 1), sin x y,
+x^2y), the formula is refused with both ways to write it. `limits.depth` bounds the recursion.
 """
 
 from __future__ import annotations
@@ -45,18 +45,18 @@ _EXPONENTIAL = ex.Apply("exp", ex.ONE)
 
 
 def _bits(value: Fraction) -> int:
-    """The binary logarithm of the larger of numerator and denominator, rounded down: 0 for 1 and -1."""
+    """The binary logarithm, rounded down, of the larger of numerator and denominator; 0 for 1 and -1."""
     return max(value.numerator.bit_length(), value.denominator.bit_length()) - 1
 
 
 def _check_bits(total_bits: float, column: int) -> None:
-    """LimitError where a number would surely have too many digits; called before it is computed."""
+    """LimitError if a number is certain to have too many digits; called before it is computed."""
     if total_bits > refusals.LIMITS.digits * _BITS_PER_DIGIT:
         raise _too_long(column)
 
 
 def _check_number(value: Fraction, column: int) -> None:
-    """LimitError where a number has too many digits, so that what is accepted can be read back."""
+    """LimitError if a number has too many digits, so that every accepted formula can be read back."""
     if max(abs(value.numerator), value.denominator) >= 10**refusals.LIMITS.digits:
         raise _too_long(column)
 
@@ -79,7 +79,7 @@ def _coefficient(expression: ex.Expression) -> Fraction:
 
 
 def sum_of(terms: Sequence[ex.Expression], column: int) -> ex.Expression:
-    """The sum; LimitError where its constant would be too long at any moment."""
+    """The sum; LimitError if its constant becomes too long at any step."""
     constant = Fraction(0)
     for term in terms:
         for part in term.terms if isinstance(term, ex.Sum) else (term,):
@@ -146,7 +146,7 @@ def check_depth(expression: ex.Expression, column: int = 1) -> ex.Expression:
 
 @dataclass(frozen=True, slots=True)
 class Variable:
-    """What is differentiated by, how many times, and where that stands."""
+    """A variable of differentiation, the order, and the column."""
 
     node: ex.Expression
     times: int
@@ -154,7 +154,7 @@ class Variable:
 
 
 def carry_out(expression: ex.Expression, variables: Sequence[Variable], names: Names) -> ex.Expression:
-    """The derivative; by t it is the one along the motion (x -> x' -> x''), else a partial one."""
+    """The derivative: along the motion (x -> x' -> x'') if the variable is t, otherwise partial."""
     order = sum(variable.times for variable in variables)
     refusals.at_most(order, refusals.LIMITS.derivative_order, "a derivative is too high", variables[0].column)
     expression = _defined(expression, variables, names)
@@ -165,7 +165,7 @@ def carry_out(expression: ex.Expression, variables: Sequence[Variable], names: N
 
 
 def _defined(expression: ex.Expression, variables: Sequence[Variable], names: Names) -> ex.Expression:
-    """What is differentiated with the formulas of its names; InputError for the derivative of a constant."""
+    """The operand with the formulas of its names substituted; InputError for the derivative of a constant."""
     for variable in variables:
         if isinstance(variable.node, ex.Symbol) and variable.node in names.definitions:
             what = f"a derivative by {variable.node.name} occurs, which stands for a formula"
@@ -190,7 +190,7 @@ def _once(expression: ex.Expression, variable: Variable, names: Names) -> ex.Exp
 
 
 def _refuse_two_meanings(function: ex.Arbitrary, column: int) -> None:
-    """InputError for the derivative of V(t, x) by t: the partial one to some, that along the motion to others."""
+    """InputError for the derivative of V(t, x) by t, which may be the partial one or the one along the motion."""
     if ex.TIME not in function.arguments or len(function.arguments) == 1:
         return
     orders = ",".join(str(int(argument == ex.TIME)) for argument in function.arguments)
@@ -225,7 +225,7 @@ class FormulaParser:
         self._bars = 0
 
     def formula(self) -> ex.Expression:
-        """The whole stream as one formula; InputError where anything is left over."""
+        """The whole stream as one formula; InputError if any tokens remain."""
         result = self._expression()
         rest = self._stream.ahead
         if rest.kind == "end":
@@ -270,7 +270,7 @@ class FormulaParser:
         return [ex.MINUS_ONE] if negative else []
 
     def _operation(self, previous: str | None, start: int, slash: int) -> str | None:
-        """'*', '/', '' for a product without sign, None where the term ends.
+        """'*', '/', '' for an implicit product, or None where the term ends.
 
         The term begins at `start`, what came last, after the sign or word `previous`, at `slash`.
         """
@@ -283,14 +283,14 @@ class FormulaParser:
         return ""
 
     def _continues(self, token: Token) -> bool:
-        """Whether a further factor begins; inside | … a bar ends it."""
+        """Whether another factor begins; inside | … a bar ends the term."""
         return _starts_factor(token) or (token.is_operator("|") and not self._bars)
 
     def _ends_quotient(self, start: int, slash: int) -> bool:
-        """Whether a/b has ended before what stands next to it: 3/2 y^3, 1/(2 m) p, g/l sin x, and not k/m x, 1/2x.
+        """Whether a/b ends before the next factor: yes in 3/2 y^3, 1/(2 m) p, g/l sin x, no in k/m x, 1/2x.
 
-        A single number below ends it where numbers alone are above, or a coordinate follows; so does a bracket or a
-        called function below, and a function that follows.
+        A single number in the denominator ends it if the numerator has only numbers or a coordinate follows. So does a
+        bracket or a called function in the denominator, and a function that follows.
         """
         stream, ahead = self._stream, self._stream.ahead
         name = self._names.spelling(ahead.text) if ahead.kind == "name" else ""
@@ -310,7 +310,7 @@ class FormulaParser:
         return len(below) == 1 and below[0].kind == "number" and (numbers or moves or ahead.is_operator("("))
 
     def _is_half(self, start: int, slash: int, role: Role | None) -> bool:
-        """Whether 1/2m, 1/2x'^2 or m/2(x'^2 + y'^2) stands in a Lagrangian; 1/2r^2 may be 1/(2 r^2)."""
+        """Whether this is 1/2m, 1/2x'^2 or m/2(x'^2 + y'^2) in a Lagrangian; 1/2r^2 may be 1/(2 r^2)."""
         stream, ahead = self._stream, self._stream.ahead
         over, under = stream.source(start, slash - 1), stream.source(slash, stream.position)
         bracket = ahead.is_operator("(") and any(token.kind == "prime" for token in stream.group())
@@ -340,7 +340,7 @@ class FormulaParser:
             raise refusals.refusal(said, column, "write x^2*y or x^(2*y)", (f"{last.text}*",), span)
 
     def _multiplies(self, ahead: Token) -> bool:
-        """Whether a coordinate after the power of a name or bracket is a factor: w^2x, and not e^2x, x^2n, k**2x."""
+        """Whether a coordinate after the power of a name or bracket is a factor: in w^2x, not in e^2x, x^2n, k**2x."""
         distance = -2 - self._stream.look(-2).is_operator("-")
         base, caret, number = (self._stream.look(place) for place in (distance - 1, distance, -1))
         name = self._names.spelling(ahead.text)
@@ -349,7 +349,7 @@ class FormulaParser:
         return moves and base.kind != "number" and not euler and number.column == caret.column - distance - 1
 
     def _unclear_quotient(self, column: int) -> errors.InputError:
-        """The refusal of a/b c, with both readings where what follows can be read."""
+        """The refusal of a/b c, with both interpretations if the following factors can be parsed."""
         stream, place = self._stream, self._stream.position
         said = ("what is divided is not clear", column, "write (a/b)*c or a/(b*c)")
         start, bar = self._quotient_before()
@@ -361,7 +361,7 @@ class FormulaParser:
         return refusals.refusal(*said, (f"({over}/{under})*{rest}", f"{over}/({under}*{rest})"), span)
 
     def _quotient_before(self) -> tuple[int, int]:
-        """The positions at which the term begins and its last / stands."""
+        """The positions of the beginning of the term and of its last /."""
         distance = depth = slash = 0
         while (before := self._stream.look(distance - 1)).kind != "end":
             depth += before.is_operator(")") - before.is_operator("(")
@@ -415,7 +415,7 @@ class FormulaParser:
         return self._until(self._stream.take(), ")", refusals.LIMITS.tokens)
 
     def _until(self, opening: Token, closing: str, most: int) -> list[ex.Expression]:
-        """At most so many formulas, separated by commas, and what closes them."""
+        """At most so many formulas, separated by commas, and the closing bracket."""
         bars, self._bars = self._bars, int(closing == "|")
         found = [self._expression()]
         while len(found) < most and self._stream.take_operator(","):
@@ -480,7 +480,7 @@ class FormulaParser:
         return self._inequality()
 
     def _compares(self) -> bool:
-        """Whether a condition, and no formula, stands in the bracket ahead."""
+        """Whether the bracket ahead contains a condition rather than a formula."""
         return any(token.is_operator("<", ">", "~", "&", "true") for token in self._stream.group())
 
     def _inequality(self) -> ex.Expression:
@@ -513,7 +513,7 @@ class FormulaParser:
         return raised(result, exponent, token.column) if exponent else result
 
     def _function_power(self, token: Token) -> ex.Expression | None:
-        """The 2 of sin^2 x; sin^-1 is refused, it is asin to some and 1/sin to others."""
+        """The 2 of sin^2 x; sin^-1 is refused because it may be asin or 1/sin."""
         if not (caret := self._stream.take_operator("^")):
             return None
         sign = next(k for k in itertools.count() if not self._stream.look(k).is_operator("("))
@@ -522,7 +522,7 @@ class FormulaParser:
         return self._base()
 
     def _unclear_inverse(self, token: Token, caret: Token, sign: int) -> errors.InputError:
-        """The refusal of sin^-1, with both readings where its argument can be read."""
+        """The refusal of sin^-1, with both interpretations if its argument can be parsed."""
         stream, name = self._stream, token.text
         said = (f"{name}^(-1) has two meanings", caret.column, f"write 1/{name}(x) or the inverse function")
         is_one = stream.look(sign + 1).value == 1
@@ -541,7 +541,7 @@ class FormulaParser:
         )
 
     def _bare_argument(self, token: Token) -> ex.Expression:
-        """The argument of sin x, sin 2x, sin x^2; refused where it could go on."""
+        """The argument of sin x, sin 2x, sin x^2; refused if more factors could belong to it."""
         ahead = self._stream.ahead
         barred = ahead.is_operator("|") and not self._bars
         if ahead.kind not in ("number", "name") and not barred:
@@ -565,7 +565,7 @@ class FormulaParser:
         return argument
 
     def _bare_product(self, start: int) -> int:
-        """How many names after the first factor of a bare argument belong to it for every reader: cos w t, sin 2kx.
+        """How many names after the first factor of a bare argument clearly belong to it: cos w t, sin 2kx.
 
         They are written without spaces, or constants up to the time, or up to a coordinate where they are Latin.
         """
@@ -594,7 +594,7 @@ class FormulaParser:
         return self._names.role(self._names.spelling(token.text)) == "parameter" or token.text in ("pi", "Pi")
 
     def _unclear_end(self, token: Token, start: int) -> errors.InputError:
-        """The refusal of sin a b and sin a/b, with both readings where what follows can be read; sin 2 x has one."""
+        """The refusal of sin a b and sin a/b, with both interpretations if the rest can be parsed; sin 2 x has one."""
         stream, end, name = self._stream, self._stream.position, token.text
         said = (f"where the argument of {name} ends is not clear", stream.ahead.column, f"write {name}( and )")
         written = stream.take_operator("/", "*")
@@ -609,7 +609,7 @@ class FormulaParser:
         return refusals.refusal(*said, (*separate, f"({inner}{sign}{rest})"), span)
 
     def _source_of_factors(self, place: int) -> str | None:
-        """What can be read as factors from this position on, which is passed; None where it cannot be read."""
+        """Parse and take factors from this position on; None if they cannot be parsed."""
         try:
             while self._continues(self._stream.ahead):
                 self._factor()
@@ -659,7 +659,7 @@ class FormulaParser:
         raise unknown_name(token.text, self._names, token.column, self._stream.ahead.text)
 
     def _euler(self, token: Token) -> ex.Expression:
-        """exp(1) where it is raised to a formula; a charge e, or its square, is no number."""
+        """exp(1) if it is raised to a formula; a charge e, or its square, is not Euler's number."""
         if not self._stream.ahead.is_operator("^") or self._number_alone():
             what = f"{token.text} is Euler's number only in a power such as {token.text}^x; it occurs"
             raise refusals.refusal(what, token.column, "write exp(1), exp(2)", ("exp(1)",), declare="parameters")
@@ -679,7 +679,7 @@ class FormulaParser:
             distance += 1
 
     def _single(self, node: ex.Expression, token: Token) -> ex.Expression:
-        """A name that stands alone; InputError where a bracket makes it look like a function."""
+        """A name by itself; InputError if a bracket makes it look like a function."""
         ahead = self._stream.ahead
         if ahead.is_operator("(") and not ahead.space_before and not self._is_factor(token):
             self._stream.must_close()
@@ -696,7 +696,7 @@ class FormulaParser:
         return node
 
     def _is_factor(self, token: Token) -> bool:
-        """Whether what is in brackets next to a name is a factor to every reader: mu(1 - x^2), R(cos phi), J(x')^2."""
+        """Whether the bracket after a name is clearly a factor: mu(1 - x^2), R(cos phi), J(x')^2."""
         group = self._stream.group()
         parts = [part for place, part in outside(group[1:]) if place]
         sums = self._stream.look(1).text in FUNCTIONS or any(
@@ -873,7 +873,7 @@ _OF_ANGLES = frozenset(("sin", "cos", "tan", "cot"))
 
 
 def _is_frequency(group: Sequence[Token]) -> bool:
-    """Whether the bracket of cos(2 omega + epsilon) t holds a frequency, and not the time or a moving angle."""
+    """Whether the bracket of cos(2 omega + epsilon) t contains a frequency rather than the time or a moving angle."""
     words = {token.text.partition("_")[0] for token in group if token.kind == "name"}
     return bool(words & {"omega", "Omega", "nu"}) and "t" not in words
 
@@ -883,7 +883,7 @@ def _starts_factor(token: Token) -> bool:
 
 
 def parse_tokens(tokens: list[Token], end_column: int, names: Names) -> ex.Expression:
-    """The formula that the tokens spell; `end_column` is named where something is missing at the end."""
+    """The formula that the tokens spell; errors about a missing end give `end_column`."""
     try:
         return FormulaParser(TokenStream(tokens, end_column), names).formula()
     except RecursionError:  # the depth limit leaves ample room unless the caller is itself very deep

@@ -34,7 +34,7 @@ from inverse_service.reading.tokens import (
 _GREEK_OF_MATHEMATICA = re.compile(r"\\\[(?:Curly)?(?:Capital)?([A-Z][a-z]+)\]")
 _TO = r"subject\s+to|s\.\s?t\."
 _WORDS = rf"(?:(?:{_TO}|with|under)\s+(?:the\s+)?constraints?|{_TO}|constraints?(?=\s*:))"
-# What stands between a Lagrangian and its constraints, in LaTeX in the font of words.
+# The words between a Lagrangian and its constraints, in LaTeX in an upright font.
 _SUBJECT_TO = re.compile(rf"\\(?:text|textrm|mathrm|mbox)\s*\{{\s*(?:and\s+)?{_WORDS}\s*:?\s*\}}\s*:?|\b{_WORDS}\s*:?")
 _ACCELERATION = re.compile(r"(?<!')''(?!['(])")
 _MATHEMATICA = re.compile(r"[A-Za-z']\[|==")
@@ -56,7 +56,7 @@ _NOTES: ContextVar[dict[str, str] | None] = ContextVar("notes", default=None)
 
 @contextmanager
 def noted() -> Iterator[dict[str, str]]:
-    """What is read inside otherwise than it was typed: kx as k*x, and lines that were left out."""
+    """Collect what is read differently from how it was typed: kx as k*x, and omitted lines."""
     notes: dict[str, str] = {}
     mark = _NOTES.set(notes)
     try:
@@ -66,14 +66,14 @@ def noted() -> Iterator[dict[str, str]]:
 
 
 def note(text: str, meant: str) -> None:
-    """Tell the caller of `noted` that a text was read as another."""
+    """Report to the caller of `noted` that a text was read as another."""
     if (notes := _NOTES.get()) is not None:
         notes[text] = meant
 
 
 @contextmanager
 def placed_at(pointer: str) -> Iterator[None]:
-    """Errors of what is read inside are at this place of the document."""
+    """Give errors that are raised inside this place in the document."""
     try:
         yield
     except errors.InputError as error:
@@ -81,7 +81,7 @@ def placed_at(pointer: str) -> Iterator[None]:
 
 
 def without_accelerations(tree: ex.Expression, what: str, pointer: str) -> ex.Expression:
-    """The tree, where it is of coordinates and velocities; else InputError."""
+    """The tree; InputError if it contains an acceleration."""
     found = next((node for node in ex.walk(tree) if isinstance(node, ex.Acceleration)), None)
     if found is not None:
         raise errors.InputError(
@@ -91,7 +91,7 @@ def without_accelerations(tree: ex.Expression, what: str, pointer: str) -> ex.Ex
 
 
 def read_condition(condition: str, names: Names) -> ex.Expression:
-    """A - B of A > B and of A != B, B - A of A < B: positive, or not 0, where the condition of an answer holds."""
+    """A - B for A > B and A != B, B - A for A < B; it is positive, or not 0, where the condition of an answer holds."""
     left, sign, right = re.split(r" (!=|>|<) ", condition)
     sides = [read_formula(side, names) for side in ((right, left) if sign == "<" else (left, right))]
     return sides[0] if sides[1] == ex.ZERO else ex.subtract(*sides)
@@ -103,7 +103,7 @@ def read_equations(formula: str, names: Names) -> list[tuple[ex.Expression, ex.E
 
 
 def read_tokens(formula: str, names: Names | None = None) -> list[Token]:
-    """The tokens alone, before any name is looked up."""
+    """The tokens, before any name is looked up."""
     formula = _GREEK_OF_MATHEMATICA.sub(_greek, formula)
     formula = _SUBJECT_TO.sub(lambda words: ";".ljust(len(words[0])), formula)
     names = names or Names()
@@ -122,7 +122,7 @@ _OF_A_FORM = "d"  # the text of the prime that stands for a differential
 
 
 def _with_forms(tokens: list[Token], names: Names) -> list[Token]:
-    """The tokens with z' for dz and 1 for dt: a form of Pfaff divided by dt."""
+    """The tokens with z' for dz and 1 for dt: a Pfaffian form divided by dt."""
     found: list[Token] = []
     place = 0
     while place < len(tokens):
@@ -149,7 +149,7 @@ def _with_forms(tokens: list[Token], names: Names) -> list[Token]:
 def _without_names_of_forms(tokens: list[Token], names: Names) -> list[Token]:
     """The tokens without the name in mu = sin(theta) dx - cos(theta) dy and phi = z' - y x' = 0, which is noted.
 
-    A form is no number, so it can only be its own name that is equal to it.
+    A form is not a number, so a name that equals it can only be the name of the form.
     """
     found: list[Token] = []
     for line, end in split(tokens, lambda _, token: token.kind == "newline" or token.is_operator(";", ",")):
@@ -164,7 +164,7 @@ def _without_names_of_forms(tokens: list[Token], names: Names) -> list[Token]:
 
 
 def undifferentiated(formula: str) -> list[Token]:
-    """The tokens with quotients of differentials as they stand; none for a formula that cannot be read."""
+    """The tokens with quotients of differentials unchanged; empty for a formula that cannot be read."""
     try:
         if is_latex(formula):
             from inverse_service.reading import latex
@@ -185,7 +185,8 @@ _JOINS = {
 def _without_remarks(tokens: list[Token], formula: str, names: Names) -> list[Token]:
     """The tokens without initial conditions, equation numbers and conditions such as k > 0, each of which is noted.
 
-    where and with between an equation and a definition are separators. A comparison is left out next to equations only.
+    `where` and `with` between an equation and a definition are separators. Comparisons are omitted only next to
+    equations.
     """
     marks = {token.text for token in tokens}
     if not (marks & {*COMPARED, *_JOINS} or ("=" in marks and any(token.kind == "number" for token in tokens))):
@@ -214,7 +215,7 @@ def _without_remarks(tokens: list[Token], formula: str, names: Names) -> list[To
 
 
 def _joins(tokens: Sequence[Token], place: int, names: Names) -> bool:
-    """Whether a word stands there that joins a definition or a condition to an equation."""
+    """Whether the token is a word that joins a definition or a condition to an equation."""
     wanted = _JOINS.get(tokens[place].text, ())
     if not wanted or names.role(tokens[place].text):
         return False
@@ -245,7 +246,7 @@ def _is_initial(group: Sequence[Token]) -> bool:
 
 
 def _without_number(group: list[Token], formula: str, names: Names) -> list[Token]:
-    """The equation without the (1) or 1. before it and the (1) after it, which are its number to most writers."""
+    """The equation without the (1) or 1. before it and the (1) after it, which are usually its number."""
     texts = [token.text for token in group[:3]]
     begins = len(group) > 3 and group[0].is_operator("(") and group[1].kind == "number" and texts[2] == ")"
     if begins and not group[0].value and (group[3].kind == "name" or group[3].is_operator("(")):
@@ -271,7 +272,7 @@ def _without_number(group: list[Token], formula: str, names: Names) -> list[Toke
 
 
 def _with_products(tokens: list[Token], names: Names) -> list[Token]:
-    """The tokens with each run of letters of `names.splits` as its parts, those after a function in brackets."""
+    """The tokens with each run of letters in `names.splits` split; the parts after a function are in brackets."""
     if not names.splits:
         return tokens
     found: list[Token] = []
@@ -297,7 +298,7 @@ def _with_products(tokens: list[Token], names: Names) -> list[Token]:
 
 
 def _greek(match: re.Match[str]) -> str:
-    """Mathematica's \\[Theta] as a name of the same length, so that columns hold."""
+    """Mathematica's \\[Theta] as a name of the same length, so that columns remain correct."""
     name = match[1] if "Capital" in match[0] else match[1].lower()
     return f"{'var' * ('Curly' in match[0])}{name}".ljust(len(match[0]))
 
@@ -315,7 +316,7 @@ class EquationTokens:
 
 
 def split_equations(formula: str, names: Names) -> list[EquationTokens]:
-    """One entry for each equation: ; and line ends and commas outside brackets separate; empty ones are dropped.
+    """One entry for each equation, separated by ; or line ends or commas outside brackets; empty ones are dropped.
 
     They are tokens, so that each can be refused by itself. A comma separates equations only: where one of the parts has
     an = and the other none, it is refused.
@@ -339,7 +340,7 @@ def split_equations(formula: str, names: Names) -> list[EquationTokens]:
 
 
 def _refuse_bullets(tokens: Sequence[Token]) -> None:
-    """InputError for lines that all begin with "- ", which is a bullet to most; -x'' = x in one line is none."""
+    """InputError for lines that all begin with "- ", usually a bullet; -x'' = x in one line is accepted."""
     full = [line for line, _ in split(tokens, lambda _, token: token.kind == "newline") if line]
     listed = (line[0].is_operator("-") and line[1:] and line[1].space_before for line in full)
     if len(full) > 1 and all(listed) and all(any(token.is_operator("=") for token in line) for line in full):
@@ -355,7 +356,7 @@ def _separates(tokens: Sequence[Token], place: int) -> bool:
 
 
 def _continues(tokens: Sequence[Token], place: int) -> bool:
-    """Whether the equation goes on after a line end: an operator before or after it asks for more."""
+    """Whether the equation continues after a line end: an operator before or after it needs an operand."""
     before = next((token for token in reversed(tokens[:place]) if token.kind != "newline"), None)
     if before is None or before.is_operator(*_EXPECTS_MORE, ";"):
         return True
@@ -366,7 +367,7 @@ def _continues(tokens: Sequence[Token], place: int) -> bool:
 
 
 def _line_has_equals(tokens: Sequence[Token], place: int) -> bool:
-    """Whether an = comes before the next separator: then a leading minus begins a new equation."""
+    """Whether an = precedes the next separator, so that a leading minus begins a new equation."""
     started = False
     for token in tokens[place:]:
         if token.is_operator("="):
@@ -378,7 +379,7 @@ def _line_has_equals(tokens: Sequence[Token], place: int) -> bool:
 
 
 def read_equation(equation: EquationTokens, names: Names) -> tuple[ex.Expression, ex.Expression]:
-    """(left, right); right is 0 where no = stands."""
+    """(left, right); right is 0 if there is no =."""
     places = [place for place, token in enumerate(equation.tokens) if token.is_operator("=")]
     if len(places) > 1:
         column = equation.tokens[places[1]].column
@@ -390,7 +391,7 @@ def read_equation(equation: EquationTokens, names: Names) -> tuple[ex.Expression
 
 
 def remark(line: Sequence[Token], place: int) -> errors.InputError | None:
-    """The refusal of names in brackets, (spring) after an equation and (a) before one: no factors to their writers."""
+    """The refusal of names in brackets, (spring) after an equation and (a) before one, not meant as factors."""
     start = end = place
     while start and line[start - 1].kind == "name":
         start -= 1
@@ -412,7 +413,7 @@ def remark(line: Sequence[Token], place: int) -> errors.InputError | None:
 
 
 def _is_power(line: Sequence[Token], end: int) -> bool:
-    """Whether the power of a function, as in sin^{2} (omega t), ends there; then its argument follows."""
+    """Whether the power of a function ends there, as in sin^{2} (omega t), so that its argument follows."""
     start = opening(line, end - 1)
     return start > 1 and line[start - 1].is_operator("^") and line[start - 2].text in FUNCTIONS
 
@@ -440,5 +441,5 @@ def equation_line(name: str, text: str) -> str:
 
 
 def has_acceleration(text: str) -> bool:
-    """Whether a printed formula has an x'' in it; A''(x) is the derivative of a function."""
+    """Whether a printed formula contains an x''; A''(x) is the derivative of a function."""
     return _ACCELERATION.search(text) is not None

@@ -1,4 +1,4 @@
-"""Expressions of SymPy and our trees, converted node by node."""
+"""Convert between SymPy expressions and our trees, node by node."""
 
 from __future__ import annotations
 
@@ -43,14 +43,14 @@ def to_sympy(tree: ex.Expression, leaf: Callable[[ex.Expression], Any]) -> Any:
 
 @dataclass(frozen=True)
 class Leaves:
-    """The trees of the objects that formulas are made of, and the names of their arbitrary functions."""
+    """The trees of the SymPy objects in formulas, and the names of their arbitrary functions."""
 
     trees: Mapping[Any, ex.Expression]
     functions: Mapping[Any, str]
 
 
 def from_sympy(expression: Any, leaves: Leaves) -> ex.Expression:
-    """The expression as a tree; InputError for what has no exact real meaning here."""
+    """The expression as a tree; InputError for a part without an exact real meaning."""
     if expression in leaves.trees:
         return leaves.trees[expression]
     match expression:
@@ -123,7 +123,7 @@ def _elementary(expression: Any, leaves: Leaves) -> ex.Expression:
 
 
 def _with_branches(expression: Any, leaves: Leaves) -> ex.Expression:
-    """|u| is the root of u^2, sign(u) is u/|u|: the solver takes them apart by branches."""
+    """|u| as the root of u^2, sign(u) as u/|u|; the solver splits them into branches."""
     argument = from_sympy(expression.args[0], leaves)
     magnitude = ex.square_root(argument**2)
     return magnitude if isinstance(expression, sympy.Abs) else argument / magnitude
@@ -160,9 +160,9 @@ def _arbitrary(applied: Any, orders: list[int], arguments: Any, leaves: Leaves) 
 def elementary_antiderivatives(
     slope: ex.Expression, variable: ex.Symbol, signs: Mapping[ex.Symbol, int]
 ) -> Iterator[ex.Expression]:
-    """What SymPy finds for the integral of a formula of real symbols with these signs, where that is elementary.
+    """Elementary candidates from SymPy for the integral of a formula in real symbols with these signs.
 
-    Nothing here says that it is right, or where: of cases the first is taken, of steps those that are 0.
+    They are not verified: the first case of a piecewise integral is taken, and `floor` is replaced by 0.
     """
     symbols = {
         name: sympy.Symbol(name.name, **{"positive" if sign > 0 else "negative": True}) for name, sign in signs.items()

@@ -1,9 +1,9 @@
-"""Tokens, the stream of them, and plain text to tokens.
+"""Tokens, token streams, and the conversion of plain text to tokens.
 
-Plain text to tokens; every character is accepted for a reason or refused with its column.
+Every character is either accepted by a rule below or refused with its column.
 
 Accepted: decimal numbers, read exactly (0.1 is 1/10); + - * / ^ and ** (right associative);
-products without sign where nobody can misread them (2x, 2 sin x, m g); functions of
+implicit products that cannot be misread (2x, 2 sin x, m g); functions of
 `vocabulary.py`, sin x and sin^2(x); x', x_dot, xdot, diff(x, t), Derivative(x, t) and the same
 with two; declared functions A(r1), A'(r1), diff(A(r1), r1), B[1,0](x, y); Greek letters, raised
 digits and typographic signs. See `grammar.py`.
@@ -65,7 +65,7 @@ _BEYOND = Token("end", "", 0)
 
 
 def at(tokens: Sequence[Token], place: int) -> Token:
-    """The token there; an end mark beyond either end, so that no reader can run past it."""
+    """The token at this place, or an end mark beyond either end, so that no reader can run past it."""
     return tokens[place] if 0 <= place < len(tokens) else _BEYOND
 
 
@@ -77,7 +77,7 @@ def after_primes(tokens: Sequence[Token], place: int) -> int:
 
 
 def closing(tokens: Sequence[Token], opening: int) -> int:
-    """The place of the bracket that closes the one at `opening`; the end where none does."""
+    """The place of the bracket that closes the one at `opening`, or the end if there is none."""
     depth = 0
     for place in range(opening, len(tokens)):
         depth += tokens[place].is_operator("(", "[", "{") - tokens[place].is_operator(")", "]", "}")
@@ -87,7 +87,7 @@ def closing(tokens: Sequence[Token], opening: int) -> int:
 
 
 def opening(tokens: Sequence[Token], end: int) -> int:
-    """The place of the bracket that the one at `end` closes; -1 where none does."""
+    """The place of the bracket that the one at `end` closes, or -1 if there is none."""
     depth = 0
     for place in range(end, -1, -1):
         depth += tokens[place].is_operator(")", "]", "}") - tokens[place].is_operator("(", "[", "{")
@@ -97,7 +97,7 @@ def opening(tokens: Sequence[Token], end: int) -> int:
 
 
 def outside(tokens: Sequence[Token]) -> Iterator[tuple[int, Token]]:
-    """The tokens that stand in no bracket, with their places; the brackets themselves are left out."""
+    """The tokens outside brackets, with their places, without the brackets themselves."""
     depth = 0
     for place, token in enumerate(tokens):
         depth -= token.is_operator(")", "]", "}")
@@ -107,7 +107,7 @@ def outside(tokens: Sequence[Token]) -> Iterator[tuple[int, Token]]:
 
 
 def split(tokens: Sequence[Token], ends: Callable[[int, Token], bool]) -> list[tuple[Tokens, Token | None]]:
-    """The parts between separators that stand in no bracket, each with the separator that ends it."""
+    """The parts between separators outside brackets, each with the separator that ends it."""
     places = [place for place, token in outside(tokens) if ends(place, token)]
     starts = [0, *(place + 1 for place in places)]
     return [
@@ -117,12 +117,12 @@ def split(tokens: Sequence[Token], ends: Callable[[int, Token], bool]) -> list[t
 
 
 def split_at_commas(tokens: Sequence[Token]) -> list[Tokens]:
-    """The parts between commas that stand in no bracket."""
+    """The parts between commas outside brackets."""
     return [part for part, _ in split(tokens, lambda _, token: token.is_operator(","))]
 
 
 def refuse_decimal_commas(tokens: Sequence[Token]) -> None:
-    """InputError for 1,5: a decimal comma to some, two numbers to others. B[1,0] holds orders and is none."""
+    """InputError for 1,5, which may be a decimal comma or two numbers; the orders in B[1,0] are accepted."""
     square = 0
     for place in range(1, len(tokens) - 1):
         comma, after = tokens[place], tokens[place + 1]
@@ -137,7 +137,7 @@ def refuse_decimal_commas(tokens: Sequence[Token]) -> None:
 
 
 def never_closed(opening: Token) -> InputError:
-    """The refusal of a bracket without its end."""
+    """The refusal of a bracket that is never closed."""
     closing = {"(": ")", "[": "]", "{": "}"}.get(opening.text, opening.text)
     return refusal(f"the '{opening.text}' is never closed", opening.column, f"add the missing '{closing}'")
 
@@ -146,7 +146,7 @@ END = "an operator or the end"
 
 
 def check_brackets(tokens: Sequence[Token]) -> None:
-    """InputError for a round bracket without its other half."""
+    """InputError for an unmatched round bracket."""
     opened: Tokens = []
     for token in tokens:
         if token.is_operator("("):
@@ -160,7 +160,7 @@ def check_brackets(tokens: Sequence[Token]) -> None:
 
 
 class TokenStream:
-    """A position in a list of tokens, with the depth of nesting counted."""
+    """A position in a list of tokens, which also counts the depth of nesting."""
 
     __slots__ = ("_depth", "_tokens", "position")
 
@@ -179,12 +179,12 @@ class TokenStream:
         return len(self._tokens) - 1 - self.position
 
     def look(self, distance: int) -> Token:
-        """The token `distance` places on (or back), the end token beyond either end."""
+        """The token `distance` places ahead (or back), or the end token beyond either end."""
         place = self.position + distance
         return self._tokens[place] if 0 <= place < len(self._tokens) else self._tokens[-1]
 
     def rest(self, most: int | None = None) -> Tokens:
-        """The tokens ahead, at most so many, the end token among them."""
+        """At most so many of the tokens ahead, including the end token."""
         return self._tokens[self.position :][:most]
 
     def put_back(self, tokens: Sequence[Token]) -> None:
@@ -207,7 +207,7 @@ class TokenStream:
         return token
 
     def take_operator(self, *texts: str) -> Token | None:
-        """The next token if it is one of these operators, else None and nothing is taken."""
+        """Take and return the next token if it is one of these operators; otherwise return None."""
         return self.take() if self.ahead.is_operator(*texts) else None
 
     def close(self, opening: Token, closing: str = ")") -> None:
@@ -228,18 +228,18 @@ class TokenStream:
         return self._tokens[self.position : closing(self._tokens, self.position)]
 
     def inside(self) -> Sequence[Token]:
-        """What is in the bracket that was taken last; nothing where it is not closed."""
+        """The tokens in the bracket that was taken last; empty if it is not closed."""
         end = closing(self._tokens, self.position - 1)
         return self._tokens[self.position : end] if end < len(self._tokens) else ()
 
     def take_group(self) -> Tokens:
-        """The next token, and all that is in the bracket that it opens."""
+        """The next token and, if it opens a bracket, everything in that bracket."""
         opens = self.ahead.is_operator("(", "[", "{")
         return [self.take() for _ in range(min(len(self.group()) + 1, self.left) if opens else 1)]
 
     @contextmanager
     def nested(self, opening: Token | None = None) -> Iterator[None]:
-        """One level further in, which begins at `opening` or ahead; LimitError past `limits.depth`."""
+        """Enter a nested level, which begins at `opening` or ahead; LimitError past `limits.depth`."""
         self._depth += 1
         at_most(self._depth, LIMITS.depth, "the formula is nested too deeply", (opening or self.ahead).column)
         yield
@@ -247,7 +247,7 @@ class TokenStream:
 
 
 def unexpected(token: Token, wanted: str) -> InputError:
-    """What stands here is not what can follow."""
+    """The refusal of a token that cannot follow here."""
     if token.kind == "end":
         return refusal("the formula ends", token.column, f"{wanted} is missing")
     if token.is_operator(TOTAL):
@@ -270,11 +270,11 @@ _HALVES = {"\u00bd": Fraction(1, 2), "\u2153": Fraction(1, 3), "\u2154": Fractio
            "\u00be": Fraction(3, 4)}  # fmt: skip
 _ROOTS = {"\u221a": "sqrt", "\u221b": "cbrt"}
 _ELEMENTWISE = {".*": "*", "./": "/", ".^": "^"}  # MATLAB's, the same for numbers
-# What compares two formulas, as the one of <, > and \u2260 that it is on an open set.
+# Comparison signs, each as the one of <, > and \u2260 that is equivalent to it on an open set.
 COMPARISONS = {"!=": "\u2260", "<=": "<", ">=": ">", "<": "<", ">": ">", "\u2264": "<", "\u2265": ">",
                "\u2260": "\u2260", "\u226a": "<", "\u226b": ">"}  # fmt: skip
 COMPARED = ("<", ">", "\u2260")
-# In a text with a piecewise formula: what joins conditions. A boundary belongs to no open set, so <= is <.
+# The signs that join conditions in a piecewise formula. Boundaries belong to no open set, so <= is read as <.
 _PIECEWISE = re.compile(r"\b[Pp]iecewise\s*[(\[]")
 _CONDITION = re.compile(r"<=|>=|&&|\|\|(?=\s)|[<>&~\u2264\u2265]|\b(?:and|or|not|true|True|otherwise)\b", re.ASCII)
 _EQUALITY = re.compile(r"!?={1,2}|\u2260")
@@ -314,7 +314,7 @@ def check_length(text: str) -> None:
 
 
 def without_full_stop(text: str) -> str:
-    """The text without the dot that ends a sentence; that of a number (2.) stays."""
+    """The text without the dot that ends a sentence; the dot of a number (2.) is kept."""
     plain = text.rstrip()
     return plain[:-1] if plain.endswith(".") and not plain[-2:-1].isdigit() and plain != "." else text
 
@@ -342,9 +342,9 @@ def tokenize(text: str, known: Container[str] = ()) -> Tokens:
 
 
 def scan(text: str, place: int, stop: int, step: Callable[[str, int, bool], tuple[Tokens, int]]) -> Tokens:
-    """What `step` makes of the text from one place to another, itself given a place and whether a space is before it.
+    """Apply `step` from one place to another; it takes a place and whether a space precedes it.
 
-    It returns the tokens there, none for a space, and the place after them.
+    `step` returns the tokens there, none for a space, and the place after them.
     """
     tokens: Tokens = []
     space, open_brackets = False, 0
@@ -361,7 +361,7 @@ def scan(text: str, place: int, stop: int, step: Callable[[str, int, bool], tupl
 
 
 def next_tokens(text: str, place: int, space: bool, known: Container[str] = ()) -> tuple[Tokens, int]:
-    """The tokens that begin at `place`, which is no space, and the place after them."""
+    """The tokens that begin at `place`, which is not a space, and the place after them."""
     character = text[place]
     if character in _HALVES:
         return [Token("number", character, place + 1, space, _HALVES[character])], place + 1
@@ -415,9 +415,9 @@ def _superscript(text: str, place: int) -> tuple[Tokens, int]:
 
 
 def _name(text: str, place: int, space: bool, known: Container[str]) -> tuple[Tokens, int]:
-    """The names of a run of letters, each with the dots over it (as a prime after it).
+    """The names in a run of letters, each followed by a prime for the dots over it.
 
-    A Greek letter, the script l and a letter with dots are names of their own in such a run unless all of it is
+    A Greek letter, the script l and a letter with dots are separate names in such a run unless all of it is
     declared: alpha x is written without a space; plain ASCII is one name.
     """
     ascii_name = _ASCII_NAME.match(text, place)
@@ -435,7 +435,7 @@ def _name(text: str, place: int, space: bool, known: Container[str]) -> tuple[To
 
 
 def _long_name(text: str, place: int, known: Container[str]) -> tuple[list[tuple[str, int, int]], int]:
-    """(name, order, place) of each name in a run with other letters than ASCII, and the end of the run."""
+    """(name, order, place) of each name in a run with non-ASCII letters, and the end of the run."""
     letters: list[tuple[str, int, int]] = []
     end = place
     while end < len(text) and (found := letter(text[end])):
