@@ -1,10 +1,11 @@
 """Theorems as a file that Coq compiles: f, its derivatives, and the tensors are defined and computed in the file.
 
-Polynomials with rational coefficients are lists there, `derive` is the derivation with given values on the letters.
-A letter is a coordinate, a velocity, an atom of the formulas (u3 for sin(x)), an entry of the multiplier, or 1/D for a
-denominator D. Tensors of a system are polynomials in these letters, with the formulas of `mechanics.conditions`; a
-condition at a point is the value of such a polynomial where the letters have values. What is left to believe is what a
-comment says of a letter: that u3, which has the derivative u4, is sin(x).
+Polynomials with rational coefficients are lists there, `derive` is the derivation with given values on the generators.
+A generator is a coordinate, a velocity, an atom of the formulas (u3 for sin(x)), an entry of the multiplier, or 1/D
+for a denominator D. Tensors of a system are polynomials in these generators, with the formulas of
+`mechanics.conditions`; a condition at a point is the value of such a polynomial at given values of the generators. The
+only unproved statements are the comments on the meaning of generators, for example that u3, which has the derivative
+u4, is sin(x).
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ Require Import Reals Lra QArith Qreals List.
 Import ListNotations.
 Module Motion.
 
-(* Polynomials in letters with the numbers 0, 1, 2, ...: sorted lists of exponents with their coefficients. *)
+(* Polynomials in generators numbered 0, 1, 2, ...: sorted lists of exponents with their coefficients. *)
 Definition poly := list (list nat * Q).
 Declare Scope poly_scope.
 Delimit Scope poly_scope with poly.
@@ -62,7 +63,7 @@ Definition num (c : Q) : poly := plus_term [] c [].
 Definition var (k : nat) : poly := [(repeat 0%nat k ++ [1%nat], 1)].
 Fixpoint power (p : poly) (e : nat) : poly := match e with O => num 1 | S d => mul p (power p d) end.
 Fixpoint sum (n : nat) (h : nat -> poly) : poly := match n with O => [] | S m => add (sum m h) (h m) end.
-(* The letters of a product of powers, each with its exponent and what is left when the exponent is one less. *)
+(* The generators of a product of powers, each with its exponent and the product with this exponent lowered by one. *)
 Definition before (e : nat) (m : list nat) := match e, m with O, [] => [] | _, _ => e :: m end.
 Fixpoint lowered (k : nat) (m : list nat) : list (nat * nat * list nat) :=
   match m with
@@ -71,7 +72,7 @@ Fixpoint lowered (k : nat) (m : list nat) : list (nat * nat * list nat) :=
       match e with O => [] | S d => [(k, e, before d m')] end ++
       map (fun t => (fst t, before e (snd t))) (lowered (S k) m')
   end.
-(* The derivation that takes letter k to s(k): the sum over k of (dp/dk) s(k). *)
+(* The derivation that takes generator k to s(k): the sum over k of (dp/dk) s(k). *)
 Definition derive (s : nat -> poly) (p : poly) : poly :=
   fold_right (fun t => add (fold_right (fun u =>
     add (mul [(snd u, Qred (snd t * inject_Z (Z.of_nat (snd (fst u)))))] (s (fst (fst u)))))
@@ -82,7 +83,7 @@ Infix "*" := mul : poly_scope.
 Infix "^" := power : poly_scope.
 Close Scope Q_scope.
 Open Scope R_scope.
-(* The value where the letters have the values r. *)
+(* The value where the generators have the values r. *)
 Fixpoint monomial (r : nat -> R) (k : nat) (m : list nat) : R :=
   match m with [] => 1 | e :: m' => r k ^ e * monomial r (S k) m' end.
 Definition value (r : nat -> R) (p : poly) : R :=
@@ -132,7 +133,7 @@ Definition euler_lagrange (i : nat) : poly := (along (partial (1 + size + i) L) 
 
 @dataclass(frozen=True, slots=True)
 class Formal:
-    """A polynomial in the generators and the letters 1/D, no relation between them used."""
+    """A polynomial in the generators, including 1/D, with no relation between them used."""
 
     polynomial: fmpq_mpoly
 
@@ -154,13 +155,13 @@ class Formal:
 
 
 class System:
-    """The formulas of theorems over one ring, as Coq has them: letters, their slopes, f, and L where there is one."""
+    """The formulas of theorems over one ring, as Coq has them: generators, their slopes, f, and L if there is one."""
 
     def __init__(self, theorems: Sequence[th.Theorem]) -> None:
         self.theorems, first = theorems, theorems[0]
         origin = first.origin
         if origin is None:
-            raise exact_field.TooLarge("long factors are letters of their own")
+            raise exact_field.TooLarge("long factors are separate generators")
         self.ring, self.field, self.size = origin.exact.ring, origin.exact.ring.field, origin.exact.motion.size
         self.entries = {pair: self.place(symbol) for pair, symbol in origin.symbols.items()}
         self.lagrangian = origin.lagrangian
@@ -197,11 +198,11 @@ class System:
         return used
 
     def denominator(self, k: int) -> fmpq_mpoly:
-        """D among the letters."""
+        """D in terms of the generators."""
         return self.formal(exact_field.Quotient(self.field, self.field.denominators[k], ())).polynomial
 
     def formal(self, value: exact_field.Quotient) -> Formal:
-        """N / (D_1^e_1 ...) as N times powers of the letters 1/D."""
+        """N / (D_1^e_1 ...) as N times powers of the generators 1/D."""
         powers = [0] * len(self.below)
         for k, e in value.exponents:
             if k not in self.below:
@@ -261,7 +262,7 @@ class System:
     # What is written
 
     def definitions(self) -> Iterator[str]:
-        """The letters, the slopes of those that have any, f, the velocities, and the values of the letters."""
+        """The generators, the slopes of those that have any, f, the velocities, and the values of the generators."""
         n, name = self.size, self.names.names
         for letter, meaning in self.names.meanings.items():
             yield f"(* {letter} is {meaning} *)"
@@ -270,7 +271,7 @@ class System:
         for place, k in enumerate(self.below):
             yield f"Definition inverse_{place + 1} := var {len(self.numbers) + place}.  (* 1/({self.text(k)}) *)"
         yield f"Definition size := {n}%nat."
-        yield "(* dD/d(variable) for the letters that are not 1/D; variable 0 is the time. *)"
+        yield "(* dD/d(variable) for the generators other than 1/D; variable 0 is the time. *)"
         yield "Definition slope_of_letter (v k : nat) : poly :=\n  match v, k with"
         for v, table in enumerate(self.images):
             for k, image in table.items():
@@ -307,7 +308,7 @@ class System:
         return th.polynomial_text(self.names, self.field.denominators[k])
 
     def polynomial(self, polynomial: fmpq_mpoly) -> str:
-        """In the letters of the file."""
+        """The polynomial in the generators of the file."""
         letters = {k: f"_{name}" for k, name in self.names.names.items()}
         letters |= {self.count + place: f"inverse_{place + 1}" for place in range(len(self.below))}
         terms = []
@@ -323,7 +324,7 @@ class System:
 
 
 def coq(theorems: Sequence[th.Theorem]) -> str:
-    """A file that Coq 8.16 compiles; without the definition of f where its long factors are letters of their own."""
+    """A file that Coq 8.16 compiles; without the definition of f if its long factors are separate generators."""
     try:
         system = System(theorems)
         further = [CONDITIONS] if system.entries else [EULER_LAGRANGE]
@@ -409,7 +410,7 @@ def _of_conditions(system: System) -> str:
 
 
 def _from_row(system: System, step: th.Identity, given: th.Fact, most: Mapping[int, int]) -> str:
-    """The equation of the elimination from the condition as it stands."""
+    """The equation of the elimination, from the original condition."""
     letters, (number, powers) = system.names, exact_field.factor_polynomial(step.factor)
     factor = th.product_text(letters, powers, str(number))
     scale = next(c for c, fact in step.terms if fact.name == given.name)
@@ -451,7 +452,7 @@ def _of_lagrangian(system: System, k: int) -> str:
 
 
 def _nonzero(system: System, theorem: th.Theorem, steps: Sequence[th.Identity]) -> list[fmpq_mpoly]:
-    """What must not vanish: the denominators, and the factors by which steps are divided."""
+    """The polynomials that must not vanish: denominators, and the factors by which steps are divided."""
     own = theorem.steps if system.lagrangian is None else ()
     divisors = [factor for step in (*steps, *own) for factor, _ in exact_field.factor_polynomial(step.factor)[1]]
     listed = [*(system.field.denominators[k] for k in system.below), *divisors]

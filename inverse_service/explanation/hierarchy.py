@@ -6,7 +6,7 @@ condition g_ij R^j_kl + g_lj R^j_ik + g_kj R^j_li = 0:
     Phi, nabla Phi, nabla^2 Phi, …;   R, nabla R, …;   R[nabla Phi], R[nabla^2 Phi], …
 
 with the tensors of `mechanics.conditions`. At a point each is a linear condition on the n(n+1)/2
-entries of g. A set suffices when every symmetric g that satisfies it at a generic point is singular.
+entries of g. A set suffices if every symmetric g that satisfies it at a generic point is singular.
 Values are taken at random points modulo a prime, from Taylor series of f.
 
 `eliminate` solves chosen conditions for g_11, g_12, … one after the other, exactly, as by hand. Every pivot is checked
@@ -55,7 +55,7 @@ from inverse_service.mechanics.conditions import (
     nabla_of_curvature,
 )
 
-# Larger sets than this are not searched for the smallest; all conditions of the depth are named.
+# In larger sets than this, no smallest subset is sought; all conditions of the depth are listed.
 LARGEST_SET = 4
 DEEPEST = 3
 _TRIALS = 3
@@ -100,7 +100,7 @@ class EquationName:
 
 @dataclass(frozen=True, slots=True)
 class SufficientSet:
-    """Conditions that leave only singular g, the equations among them needed, and what is left.
+    """Conditions that leave only singular g, the equations needed among them, and the remaining space.
 
     `dimension` is that of the space of symmetric g that satisfy the equations at a generic point.
     """
@@ -283,7 +283,7 @@ def _pruned(table: PointwiseConditions, names: Sequence[EquationName]) -> Suffic
 
 @dataclass(frozen=True, slots=True)
 class Solved:
-    """One equation used: as it is, what is left of it with the known unknowns, and what it gives.
+    """One equation used: its original form, its form after substitution of the solved unknowns, and its result.
 
     The coefficients of `reduced` are content times polynomials without a common factor, that of
     `pivot` being content * divisor; `pivot` equals the combination `value` of other entries.
@@ -311,7 +311,7 @@ class Elimination:
 
 
 def eliminate(equations: Mapping[EquationName, Linear], table: PointwiseConditions) -> Elimination:
-    """Solve the simplest equation left, again and again, until g is seen to be singular or none is left."""
+    """Repeatedly solve the simplest remaining equation until g is recognized as singular or none remains."""
     left = dict(equations)
     solved: list[Solved] = []
     values: dict[Unknown, Linear] = {}
@@ -496,10 +496,10 @@ def _slope_along(exact: MotionInRing, direction: Matrix) -> exact_field.Quotient
 def _conditions(
     exact: MotionInRing, slopes: _Slopes, with_time: bool, names: tuple[str, ...]
 ) -> Iterator[tuple[notation.Formula, str, exact_field.Quotient, frozenset[ex.Symbol | ex.Velocity]]]:
-    """Everything that vanishes if u exists, the reason and the variables of the slopes in it, the simplest first."""
+    """Expressions that vanish if u exists, with reason and variables of their slopes, simplest first."""
     motion = exact.motion
     if not with_time:
-        yield _slope(ex.TIME), ", as L is not to contain t,", slopes.by_time, frozenset({ex.TIME})
+        yield _slope(ex.TIME), ", as L must not contain t,", slopes.by_time, frozenset({ex.TIME})
     first: list[tuple[ex.Symbol | ex.Velocity, Any, exact_field.Quotient]] = [
         (ex.Velocity(x), motion.by_velocity[k], slopes.by_velocity[k]) for k, x in enumerate(names)
     ]
@@ -524,10 +524,10 @@ def _mixed(inner: ex.Symbol | ex.Velocity, outer: ex.Symbol | ex.Velocity) -> no
 def _lines(
     slopes: _Slopes, with_time: bool, held: frozenset[ex.Symbol | ex.Velocity], names: tuple[str, ...]
 ) -> tuple[Line, ...]:
-    """The derivatives of u that are held, in the order in which they are found, and those that these are made of."""
+    """The known derivatives of u in the order in which they are found, with those that they depend on."""
     of_velocities = all(isinstance(variable, ex.Velocity) for variable in held)
     lines = [
-        Line("As `dg_ij/dv^k` is symmetric in `j` and `k`", _slope(ex.Velocity(x)), slopes.by_velocity[k])
+        Line("Since `dg_ij/dv^k` is symmetric in `j` and `k`", _slope(ex.Velocity(x)), slopes.by_velocity[k])
         for k, x in enumerate(names)
         if ex.Velocity(x) in held or not of_velocities
     ]
@@ -540,7 +540,7 @@ def _lines(
         if ex.Symbol(x) in held or ex.TIME in held
     ]
     if with_time and ex.TIME in held:
-        lines.append(Line("The rest of `Gamma(u)`", _slope(ex.TIME), slopes.by_time))
+        lines.append(Line("The remaining term of `Gamma(u)`", _slope(ex.TIME), slopes.by_time))
     return tuple(lines)
 
 

@@ -4,8 +4,8 @@ Conditions that are too long to write out are shown in numbers at one point.
 
 A minor that is not zero there is not zero on an open dense set (f is analytic), so g = 0 at the point is g = 0
 at every generic point. The same holds for values that no real point has but that satisfy all algebraic relations among
-the functions: the minor is not the zero element of their field. Where some g are left, all singular, the numbers show
-how; that it is so generically was found by `hierarchy` at random points.
+the functions: the minor is not the zero element of their field. If some g remain, all singular, the numbers show
+how; `hierarchy` checked at random points that this is generic.
 
 `rational_points` finds points at which variables and atoms of f have small rational values that respect all relations
 among them. Coordinates, velocities, parameters and the free generators of f (tan of a half angle, the root of an
@@ -92,12 +92,12 @@ def explain_negative(
 
 
 def _length(steps: Sequence[Step]) -> int:
-    """Characters of the longest step: one of thousands is not read."""
+    """Characters of the longest step: a step of thousands of characters is of no use to a reader."""
     return max(len(step.text) for step in steps)
 
 
 def _in_numbers(analysis: Analysis, chosen: hierarchy.SufficientSet) -> tuple[Step, ...] | None:
-    """The argument at one point; None where none was met in time."""
+    """The argument at one point; None if no suitable point was found in time."""
     numbers = numbers_at_a_point(analysis, chosen, now() + NUMBERS_LIMIT)
     if numbers is None:
         return None
@@ -180,7 +180,7 @@ def _by_differentiation(
 
 
 def entry_symbols(system: SecondOrderSystem) -> dict[hierarchy.Unknown, ex.Symbol]:
-    """Names g_11, g_12, … for the entries, with another letter where the system uses such names."""
+    """Names g_11, g_12, … for the entries, with another letter if the system uses such names."""
     used = {node.name for f in system.accelerations for node in ex.walk(f) if isinstance(node, ex.Symbol)}
     used |= set(system.coordinates) | set(system.parameters)
     pairs = hierarchy.unknowns(len(system.coordinates))
@@ -223,7 +223,7 @@ def linear_tree(
 
 
 def _closing_step(solved: SolvedConditions) -> Step:
-    """Why what is left is singular; TooLarge where that was not recognized."""
+    """Explain why the remaining g are singular; raises TooLarge if this was not recognized."""
     n = solved.exact.motion.size
     block = hierarchy.vanishing_block(solved.result.values, n)
     if block is not None:
@@ -236,10 +236,10 @@ def _closing_step(solved: SolvedConditions) -> Step:
 
 
 def _det_vanishes(solved: SolvedConditions) -> Step:
-    """The multiplier that is left, written out where it fits a page, and its determinant."""
+    """The remaining multiplier, written out if it is short, and its determinant."""
     n, result = solved.exact.motion.size, solved.result
     one = solved.exact.ring.constant(1)
-    end = "`det g` is identically zero in the entries that remain. There is no Lagrangian."
+    end = "`det g` is zero for all values of the remaining entries. Hence no regular Lagrangian exists."
     rows = [
         [linear_tree(solved.exact.ring, solved.symbols, result.entry((min(i, j), max(i, j)), one)) for j in range(n)]
         for i in range(n)
@@ -264,7 +264,7 @@ def steps_in_numbers(
     solution = echelon(list(rows.values()))
     return (
         wording.opening(system, chosen),
-        point_step("The conditions are long", numbers.variables, numbers.atoms, numbers.real),
+        point_step("The conditions are too long to print", numbers.variables, numbers.atoms, numbers.real),
         *(_tensor_step(name, matrix) for name, matrix in numbers.tensors.items()),
         *(_equation_step(name, row, names) for name, row in rows.items()),
         solution_step(solution, names),
@@ -282,16 +282,16 @@ def echelon(rows: Sequence[Row]) -> list[tuple[int, Row]]:
 def point_step(
     why: str, variables: Mapping[Variable, Fraction], atoms: Mapping[ex.Expression, Fraction], real: bool
 ) -> Step:
-    """The values that are put in, and why they may be."""
+    """The substituted values, and why they are admissible."""
     values = [*sorted(variables.items(), key=lambda pair: printing.to_text(pair[0])), *atoms.items()]
     listed = wording.separated([notation.row(name, " = ", ex.number(value)) for name, value in values])
     if not values:
         return wording.said("Take any point.")
     if real:
-        return wording.said(f"{why}; take one point. There let ", *listed, ".")
+        return wording.said(f"{why}, so evaluate them at one point: ", *listed, ".")
     return wording.said(
-        f"{why}; put numbers for the functions in them: ", *listed, ". No real point need have these values, but they "
-        "satisfy every algebraic relation that holds among these functions and the variables.",
+        f"{why}, so substitute numbers for the functions: ", *listed, ". No real point need have these values, but "
+        "they satisfy every algebraic relation among these functions and the variables.",
     )  # fmt: skip
 
 
@@ -306,7 +306,7 @@ def combination(row: Row, names: Sequence[ex.Symbol]) -> ex.Expression:
 
 def _equation_step(name: hierarchy.EquationName, line: Row, names: Sequence[ex.Symbol]) -> Step:
     return wording.said(
-        wording.equation_name(name), ", times a number: ", notation.row(combination(line, names), " = 0"), "."
+        wording.equation_name(name), ", up to a constant factor: ", notation.row(combination(line, names), " = 0"), "."
     )
 
 
@@ -319,11 +319,11 @@ def solution_step(solution: Sequence[tuple[int, Row]], names: Sequence[ex.Symbol
 
 
 def left_free(solution: Sequence[tuple[int, Row]], names: Sequence[ex.Symbol]) -> list[wording.Piece]:
-    """What the solution makes of g."""
+    """State what the solution implies for g."""
     free = unsolved(solution, names)
     if not free:
-        return ["So `g = 0`"]
-    return ["With these values `det g` is zero whatever ", *wording.enumerated(free), " may be"]
+        return ["Hence `g = 0`"]
+    return ["Hence `det g = 0` for all values of ", *wording.enumerated(free)]
 
 
 def unsolved(solution: Sequence[tuple[int, Row]], names: Sequence[ex.Symbol]) -> list[ex.Symbol]:
@@ -334,15 +334,15 @@ def unsolved(solution: Sequence[tuple[int, Row]], names: Sequence[ex.Symbol]) ->
 def _closing_step_at_point(solution: Sequence[tuple[int, Row]], names: Sequence[ex.Symbol]) -> Step:
     """A rank is generic where it is full; that a determinant vanishes might be an accident of one point."""
     minors = (
-        "What is excluded here is excluded at every generic point, because a minor that is not zero for these numbers "
-        "vanishes at most on a set without interior."
+        "The same argument applies at every generic point, because a minor that is nonzero for these numbers vanishes "
+        "at most on a set without interior points."
     )
     random = (
-        "This is no accident of the point: at random points, modulo large primes, the same equations were found to "
-        "leave singular `g` only, so `det g` is zero at every generic point."
+        "The choice of point does not matter: at random points, modulo large primes, the same equations also admit "
+        "only singular `g`, so `det g = 0` at every generic point."
     )
     reason = random if unsolved(solution, names) else minors
-    return wording.said(*left_free(solution, names), f". {reason} There is no Lagrangian.", shown=[wording.SINGULAR])
+    return wording.said(*left_free(solution, names), f". {reason} So there is no Lagrangian.", shown=[wording.SINGULAR])
 
 
 @dataclass(slots=True)
@@ -390,7 +390,7 @@ def is_real(analysis: Analysis) -> bool:
     arguments: list[Mapping[Variable, Fraction]] = []
     for rule in analysis.tower.rules:
         if isinstance(rule, tower.ExponentialRule) and rule.constant:
-            return False  # e has a value of its own
+            return False  # e has its own value
         if not rule.free:
             continue
         found = _combination(rule.angle if isinstance(rule, tower.AngleRule) else rule.atom.argument)
@@ -432,7 +432,7 @@ def bare_variables(expressions: Iterable[ex.Expression]) -> set[Variable]:
 
 
 def atoms_and_jets(analysis: Analysis, further: int) -> list[ex.Expression]:
-    """Transcendental atoms and roots in f, and arbitrary functions with `further` derivatives more than in f."""
+    """Transcendental atoms and roots in f, and arbitrary functions with `further` more derivatives than in f."""
     nodes = {node for f in analysis.accelerations for node in ex.walk(f) if isinstance(node, ex.Arbitrary)}
     functions: dict[tuple[str, tuple[ex.Expression, ...]], int] = {}
     for node in sorted(nodes, key=printing.to_text):
@@ -504,7 +504,7 @@ def are_confirmed(
 def residues_at(
     analysis: Analysis, point: Point, atoms: Sequence[ex.Expression], further: Callable[[Point], Mapping[Any, int]]
 ) -> dict[Any, int] | None:
-    """Values of variables, atoms and what is `further` there; None where the point is singular."""
+    """Values of variables, atoms and the `further` quantities; None if the point is singular."""
     if not placed(analysis, point):
         return None
     try:
@@ -574,7 +574,7 @@ def _collected(
     values: Values,
     rows: Mapping[hierarchy.EquationName, tuple[Fraction, ...]],
 ) -> NumbersAtAPoint:
-    """The values by what they are values of."""
+    """The values, keyed by the expressions that have them."""
     size = range(len(analysis.system.coordinates))
     bare = bare_variables(analysis.accelerations)
     variables = {

@@ -59,7 +59,7 @@ def explain_positive(system: SecondOrderSystem, multiplier: Sequence[Sequence[Ex
     """The Helmholtz conditions for the multiplier g, shape (n, n), each worked out and seen to hold.
 
     `complete` is False where an identity was not recognized (too large, or atoms whose relations are
-    not known here): then the steps say what is to be computed only.
+    not known here): then the steps only say what must be computed.
     """
     budget = Budget(bounds.TERMS, now() + TIME_LIMIT)
     try:
@@ -71,11 +71,11 @@ def explain_positive(system: SecondOrderSystem, multiplier: Sequence[Sequence[Ex
     except (TooLarge, ZeroDivisionError):
         plan = (
             said(
-                "The matrix `g` is the Hessian of `L` in the velocities; `dg_ij/dv^k` is symmetric in `j` and `k`.",
+                "The matrix `g` is the velocity Hessian of `L`; `dg_ij/dv^k` is symmetric in `j` and `k`.",
                 about=("multiplier",),
             ),
             said("With `N = -1/2 df/dv`, compare `Gamma(g)` with `g N + (g N)^T`."),
-            said("With `Phi` as given, see that `g Phi` is symmetric; `det g` is not zero."),
+            said("Check that `g Phi` is symmetric for the given `Phi` and that `det g` is not zero."),
         )
         return Explanation(plan, complete=False)
 
@@ -98,7 +98,7 @@ def _worked_out(exact: MotionInRing, g: Matrix) -> Explanation:
         raise TooLarge("the products fill pages")
     steps = (
         said(
-            "The Hessian of `L` in the velocities is the multiplier `g`; `dg_ij/dv^k` is symmetric in `j` and `k`.",
+            "The velocity Hessian of `L` is the multiplier `g`; `dg_ij/dv^k` is symmetric in `j` and `k`.",
             about=("multiplier",),
         ),
         said(
@@ -108,7 +108,7 @@ def _worked_out(exact: MotionInRing, g: Matrix) -> Explanation:
             " is the same.",
         ),
         said(row("g Phi = ", _matrix(exact, lowered)), " is symmetric."),
-        said(row("det g = ", quotient_tree(exact.ring, size)), " is not zero identically: `g` is a multiplier."),
+        said(row("det g = ", quotient_tree(exact.ring, size)), " is not identically zero, so `g` is a multiplier."),
     )
     return Explanation(steps)
 
@@ -148,9 +148,9 @@ def euler_lagrange_steps(system: SecondOrderSystem, lagrangian: Expression) -> t
     lines = [_line(lagrangian, name, system.coordinates) for name in system.coordinates if short]
     if not short or any(sum(map(node_count, line)) > bounds.SHOWN for line in lines):
         those = (
-            "the equations as they are written" if system.is_unsolved else "equations that `f` satisfies identically"
+            "the equations in their given form" if system.is_unsolved else "equations that `f` satisfies identically"
         )
-        return (said(f"Put into `d/dt(dL/dq') - dL/dq = 0`, `L` gives {those}."),)
+        return (said(f"Substituting `L` into `d/dt(dL/dq') - dL/dq = 0` gives {those}."),)
     sentences = [_sentence(name, *line) for name, line in zip(system.coordinates, lines, strict=True)]
     concluded = [*sentences[-1], " ", *_conclusion(system, [line[3] for line in lines])]
     return tuple(said(*pieces) for pieces in (*sentences[:-1], concluded))
@@ -178,13 +178,13 @@ def _sentence(
 
 def _conclusion(system: SecondOrderSystem, equations: Sequence[Expression]) -> list[Piece]:
     if system.is_unsolved:
-        return ["These are the equations as they are written."]
+        return ["These are the given equations."]
     pairs = list(zip(system.coordinates, system.accelerations, strict=True))
     motion: list[Formula] = [row(Acceleration(name), " = ", f) for name, f in pairs]
     if len(pairs) > 1:
-        return ["Solved for the accelerations, these equations are ", *separated(motion), "."]
+        return ["Solving for the accelerations gives ", *separated(motion), "."]
     factor = differentiate(equations[0], Acceleration(system.coordinates[0]))
-    what: list[Piece] = ["That is "] if factor == ONE else ["Divided by ", factor, ", that is "]
+    what: list[Piece] = ["That is "] if factor == ONE else ["Dividing by ", factor, " gives "]
     return [*what, motion[0], "."]
 
 
@@ -196,8 +196,8 @@ def existence_steps(decision: Decision) -> tuple[Step, ...]:
     dimensions = ", ".join(map(str, decision.history[order][: degree + 1]))
     return (
         said(
-            f"The Helmholtz conditions, prolonged to order {order}, leave a space of Taylor polynomials of the "
-            f"multiplier of dimensions {dimensions} in degrees 0 to {degree}; it no longer shrinks.",
+            f"The Taylor polynomials of `g` that satisfy the Helmholtz conditions, prolonged to order {order}, form "
+            f"spaces of dimensions {dimensions} in degrees 0 to {degree}; higher orders do not reduce them.",
             about=("multiplier", "Helmholtz", "prolonged"),
         ),
         said(
@@ -206,7 +206,7 @@ def existence_steps(decision: Decision) -> tuple[Step, ...]:
             about=("involutive",),
         ),
         said(
-            f"A regular `g` is left at a generic point, so a regular Lagrangian exists; {decision.space.statement}.",
+            f"A regular `g` remains at a generic point, so a regular Lagrangian exists; {decision.space.statement}.",
             about=("regular",),
         ),
     )
@@ -215,7 +215,7 @@ def existence_steps(decision: Decision) -> tuple[Step, ...]:
 def of_one_coordinate(name: str, with_time: bool, is_found: bool) -> Step:
     """The theorem of N. Sonin (1886) and G. Darboux (1894, Lecons III, art. 604)."""
     question = "L(t, q, q')" if with_time else "L(q, q')"
-    form = "`L` is one in closed form" if is_found else "no closed form of one was found"
+    form = "`L` is one in closed form" if is_found else "no closed form was found"
     return said(
         f"Every equation of one coordinate has a regular Lagrangian {question} {checker.near_points(name, with_time)} "
         f"(Sonin 1886, Darboux 1894); {form}."
@@ -223,7 +223,7 @@ def of_one_coordinate(name: str, with_time: bool, is_found: bool) -> Step:
 
 
 def not_found(system: SecondOrderSystem, space: SolutionSpace | None) -> Step:
-    """What is known without a closed form, and what to try; where they leave one matrix its factor, by its slopes."""
+    """What is known without a closed form, and what to try; the factor as an integral if one matrix remains."""
     known = "" if space is None else f": {space.statement}"
     found = one_matrix(system) if len(system.coordinates) > 1 else None
     factor: list[Piece] = []
@@ -232,15 +232,15 @@ def not_found(system: SecondOrderSystem, space: SolutionSpace | None) -> Step:
         entries = [row(f"G_{i + 1}{j + 1} = ", found[0][i][j]) for i, j in places if found[0][i][j] != ZERO]
         integrand = separated([row("(", slope, ") d", variable) for variable, slope in found[1]], " + ")
         factor = [" The conditions leave `g = e^u G` with ", *separated(entries), ", where `u` is the integral of ",
-                  *integrand, "; no elementary antiderivative of it was found."]  # fmt: skip
+                  *integrand, "; no elementary antiderivative was found."]  # fmt: skip
     return said(
-        f"There is a Lagrangian, and no closed form of one was found{known}.", *factor, " Give the search more time, "
-        "or terms that you expect in it, as `ansatz`."
+        f"A Lagrangian exists, but no closed form was found{known}.", *factor, " Give the search more time, "
+        "or list the terms that you expect in `L` as `ansatz`."
     )  # fmt: skip
 
 
 def _written(formula: Formula, given: str) -> Piece:
-    """The formula, or where it stands if it would fill the page."""
+    """The formula, or a reference to it if it is too long for the sentence."""
     return formula if len(formula.text) <= bounds.SHOWN else given
 
 
@@ -283,17 +283,17 @@ def of_lagrangian(
 def branch_steps(
     system: SecondOrderSystem, positive: Sequence[Expression], nonzero: Sequence[Expression] = ()
 ) -> tuple[Step, ...]:
-    """What first-order equations leave out, on which set the answer holds, and what the rewritten roots are there."""
+    """The variables that first-order equations eliminate, the set where the answer holds, and the roots there."""
     if system.others:
         known = listed([row(Symbol(name), " = ", tree) for name, tree in system.others])
-        first = said("The equations of first order give ", known, "; put in, these are equations of second order.")
+        first = said("The first-order equations give ", known, "; substituting these leaves second-order equations.")
         return (first, *branch_steps(replace(system, others=()), positive, nonzero))
     if not positive and not nonzero:
         return ()
     where = listed([*(row(tree, " != 0") for tree in nonzero), *map(inequality, positive)])
     roots = () if system.branch is None else system.branch.roots
     if not roots:
-        return (said("All this holds where ", where, "."),)
+        return (said("These statements hold where ", where, "."),)
     values = listed([row(root, " = ", value) for root, value in roots])
     return (said("Where ", where, ": ", _written(values, "the roots are those given here"), "."),)
 
@@ -301,8 +301,8 @@ def branch_steps(
 def as_given_steps() -> tuple[Step, ...]:
     """How L follows from equations that are Euler-Lagrange equations as written."""
     step = said(
-        "The equations, each times a factor that is read off from the quotients of their coefficients, are "
-        "self-adjoint: then the matrix of the accelerations is the Hessian of a Lagrangian, which follows by "
+        "Each equation is multiplied by a factor, found from quotients of coefficients, so that the system becomes "
+        "self-adjoint. Then the matrix of the accelerations is the Hessian of a Lagrangian, which follows by "
         "integration.", about=("Helmholtz",),
     )  # fmt: skip
     return (step,)
@@ -319,7 +319,7 @@ def search_steps(outcome: SearchOutcome) -> tuple[Step, ...]:
         if name in REASONS
         else (
             f"In the family '{name}' the Euler-Lagrange equations along the motion are linear in the coefficients; "
-            "solved, they leave `L`."
+            "solving them gives `L`."
         )
     )
     first = said(reason)

@@ -1,8 +1,8 @@
 """Theorems behind a verdict as text for Coq (the reals of its standard library) and as plain data.
 
 The identities are of the form factor * P = sum of cofactor * fact between polynomials over Q: P = 0 where the factor
-is not 0, where P and the facts are polynomials in generators that mean anything; relations of the generators are facts
-like others.
+is not 0, where P and the facts are polynomials in generators of any meaning; relations of the generators are facts
+like any other.
 
 They state det g = 0 from the algebraic conditions, or the Euler-Lagrange equations of L.
 """
@@ -40,10 +40,10 @@ THEOREM = {
 }
 MAX_PRODUCTS = 50_000_000  # of terms in an identity
 
-# A factor of more terms than this is replaced by a letter.
+# A factor of more terms than this is replaced by a new generator.
 TERMS_OF_A_FACTOR = 4
 Row = Mapping[hierarchy.Unknown, tuple[fmpq_mpoly, list[tuple[fmpq_mpoly, int]]]]
-# Longer polynomials than this make proofs that take minutes; with letters they are short.
+# Longer polynomials than this make proofs that take minutes; with new generators they are short.
 TERMS_WITHOUT_LETTERS = 20_000
 
 HEAD = """What is proven: the statements below, for all real numbers that fulfil the hypotheses. What is not: that the
@@ -186,14 +186,14 @@ def _checked(theorem: dict[str, Any]) -> str:
     texts = [*facts.values(), *theorem["nonzero"], *(step[key] for step in steps for key in ("gives", "factor"))]
     texts += [cofactor for step in steps for cofactor in step["cofactors"].values()]
     formulas.require(
-        steps and all(isinstance(text, str) for text in texts), "A theorem has texts, and a step at least."
+        steps and all(isinstance(text, str) for text in texts), "A theorem needs texts and at least one step."
     )
     names = sorted({word for text in texts for word in re.findall(WORD, text)}) or ["x"]
     ring = fmpq_mpoly_ctx.get(names, "degrevlex")
     known = {name: _polynomial(text, ring) for name, text in facts.items()}
     nonzero = [_polynomial(text, ring) for text in theorem["nonzero"]]
     for step in steps:
-        formulas.require({*step["cofactors"]} <= {*known}, f"Step {step['name']} uses what was not shown before.")
+        formulas.require({*step["cofactors"]} <= {*known}, f"Step {step['name']} uses a fact not shown before.")
         pairs = [(_polynomial(text, ring), known[name]) for name, text in step["cofactors"].items()]
         gives, factor = (_polynomial(step[key], ring) for key in ("gives", "factor"))
         if sum(len(a) * len(b) for a, b in [*pairs, (gives, factor)]) > MAX_PRODUCTS:
@@ -207,7 +207,7 @@ def _checked(theorem: dict[str, Any]) -> str:
 
 
 def _splits(factor: fmpq_mpoly, nonzero: list[fmpq_mpoly]) -> bool:
-    """Whether it is a number times powers of what is not zero."""
+    """Whether it is a number times powers of nonzero polynomials."""
     for one in nonzero:
         while not one.is_constant() and not factor.is_zero() and (factor % one).is_zero():
             factor = factor / one
@@ -220,7 +220,7 @@ def _polynomial(text: str, ring: fmpq_mpoly_ctx) -> fmpq_mpoly:
     while position < len(text) or not position:
         found = MONOMIAL.match(text, position)
         good = found and (found[1] or not position)
-        formulas.require(good, f"What stands at column {position + 1} of {text[:40]}… is no monomial.")
+        formulas.require(good, f"The text at column {position + 1} of {text[:40]}… is not a monomial.")
         exponents, value = [0] * len(names), -1 if found and found[1] == "-" else 1
         for power in found[2].split("*") if found else ():
             name, _, exponent = power.partition("^")
@@ -239,7 +239,7 @@ def lettered(
     equations: Mapping[hierarchy.EquationName, hierarchy.Linear],
     budget: exact_field.Budget,
 ) -> tuple[exact_field.ExactRing, dict[hierarchy.EquationName, hierarchy.Linear]]:
-    """The rows over a ring with a further generator for each long factor, which prints as that factor.
+    """The rows over a ring with an additional generator for each long factor, which prints as that factor.
 
     Denominators and factors that all coefficients of a row share are left out.
     """
@@ -304,7 +304,7 @@ Combination = tuple[fmpq_mpoly, Sequence[tuple[fmpq_mpoly, Fact]]]
 
 @dataclass(frozen=True, slots=True)
 class Origin:
-    """Where the equations of a theorem come from: f, the letters of the multiplier, the condition of each row, L."""
+    """Where the equations of a theorem come from: f, the generators of the multiplier, the condition of each row, L."""
 
     exact: conditions.MotionInRing
     symbols: Mapping[hierarchy.Unknown, ex.Symbol]
@@ -317,7 +317,7 @@ class Theorem:
     """`steps` lead from relations and equations to the last one's `gives`, where no factor of theirs is zero.
 
     `equations` are rows of the algebraic conditions, without denominators and common factors, with what they are.
-    `origin` is None where long factors became letters. What the last step of an Euler-Lagrange equation gives is its
+    `origin` is None if long factors became generators. The last step of an Euler-Lagrange equation gives its
     numerator over the product of `denominators`, as polynomials and exponents.
     """
 
@@ -331,7 +331,7 @@ class Theorem:
 
     @property
     def nonzero(self) -> tuple[fmpq_mpoly, ...]:
-        """What must not vanish: the irreducible factors of all factors and denominators."""
+        """The polynomials that must not vanish: the irreducible factors of all factors and denominators."""
         divisors = [factor for step in self.steps for factor, _ in exact_field.factor_polynomial(step.factor)[1]]
         return tuple({str(one): one for one in [*divisors, *(below for below, _ in self.denominators)]}.values())
 
@@ -341,7 +341,7 @@ def determinant_vanishes(
 ) -> Theorem:
     """det g = 0 from the rows of the chosen conditions; TooLarge where the budget ends or it was not recognized.
 
-    Where the formulas are long, their long factors become letters.
+    If the formulas are long, their long factors become generators.
     """
     rows = negative.exact_rows(analysis, chosen, seed, budget)
     try:
@@ -398,7 +398,7 @@ class _Elimination:
         return [divisor for value in values for divisor in (value, *self.relations)] or [*self.relations]
 
     def _reduced(self, row: Divisor, values: Sequence[Divisor]) -> Divisor:
-        """What is left of the row with the values put in, without the content that its coefficients share."""
+        """The row after substitution of the values, divided by the common content of its coefficients."""
         fact = row.fact
         found = divided(fact.polynomial, self._interleaved(values), self.budget)
         left = primitive(found.rest / content(found.rest, self.places.values()))
@@ -419,7 +419,7 @@ class _Elimination:
         self.steps.append(identity(Fact("det_g", goal), *terms))
 
     def _null_vector(self) -> list[exact_field.Quotient] | None:
-        """k, free of entries of g, with g k = 0 for every g that is left: it makes det g = 0 a short identity."""
+        """k, free of entries of g, with g k = 0 for every remaining g: it makes det g = 0 a short identity."""
         span, one = range(self.size), self.ring.constant(1)
         entries = [[self.result.entry((min(i, j), max(i, j)), one) for j in span] for i in span]
         free = sorted({unknown for line in entries for row in line for unknown in row})
@@ -451,7 +451,7 @@ class _Elimination:
         return matrices.determinant(matrix, one).numerator
 
     def _emptied(self, polynomial: fmpq_mpoly, values: Sequence[Divisor]) -> Remainder:
-        """The polynomial as a combination of values and relations; TooLarge where something is left."""
+        """The polynomial as a combination of values and relations; TooLarge if a remainder is left."""
         found = divided(polynomial, self._interleaved(values), self.budget)
         if not found.rest.is_zero():
             raise exact_field.TooLarge("the determinant of what remains was not recognized as zero")
@@ -511,7 +511,7 @@ def _vanishing(
 
 
 def relations_of(ring: exact_field.ExactRing) -> list[Divisor]:
-    """What the generators fulfil by definition, sin^2 + cos^2 = 1 and w^k = u, the greatest generator first."""
+    """The relations of the generators, sin^2 + cos^2 = 1 and w^k = u, the greatest generator first."""
     gen = ring.field.context.gen
     listed = [ring.field.relations[index] for index in sorted(ring.field.relations)]
     return [
@@ -527,7 +527,7 @@ def _used(relations: Sequence[Divisor], steps: Sequence[Identity]) -> tuple[Fact
 
 @dataclass(frozen=True, slots=True)
 class Letters:
-    """The names of the generators that a theorem uses, and what those mean that are not symbols."""
+    """The names of the generators that a theorem uses, and the meanings of those that are not symbols."""
 
     names: dict[int, str]
     meanings: dict[str, str]

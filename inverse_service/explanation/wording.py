@@ -27,7 +27,7 @@ Piece = str | Formula | Expression
 def said(*pieces: Piece, shown: Sequence[Piece] = (), about: Sequence[str] = ()) -> Step:
     """A sentence of words and formulas, and the formulas that are `shown`: below it, unless they are in the sentence.
 
-    In a text, what stands between grave accents is a formula in the notation of the theory. `about` names the words
+    In a text, grave accents enclose a formula in the notation of the theory. `about` names the words
     of the theory that the step relies on.
     """
     sentence = [part for piece in pieces for part in _parts(piece)]
@@ -69,7 +69,7 @@ def separated(formulas: Sequence[Piece], between: str = ", ") -> list[Piece]:
 
 
 _MEANING = {
-    "g": "the multiplier, the Hessian of L in the velocities",
+    "g": "the multiplier (the velocity Hessian of L)",
     "L": "the Lagrangian",
     "H": "the Hamiltonian",
     "N": "the matrix -1/2 df/dv",
@@ -87,7 +87,7 @@ _MEANING = {
 
 
 def with_shared_letters(answer: Answer, system: SecondOrderSystem) -> Answer:
-    """The answer, its explanation begun with what each letter that has two meanings is in the sentences."""
+    """The answer with a first sentence that defines each symbol that the theory and the system both use."""
     names = {*system.coordinates, *system.parameters, *dict(system.functions)}
     parts = [part for step in (*answer.explanation, *answer.details) for part in step.parts]
     words = {word for part in parts for word in (*part.letters, *({"R"} & {*part.uses}))}
@@ -107,7 +107,7 @@ SINGULAR = "det g = 0"
 
 @dataclass(frozen=True, slots=True)
 class Explanation:
-    """The steps; `complete` says whether they carry the whole argument. Where not, they state conditions and ranks."""
+    """The steps. If `complete` is False, they state conditions and ranks only, not the whole argument."""
 
     steps: tuple[Step, ...]
     complete: bool = True
@@ -119,10 +119,10 @@ def indices(system: SecondOrderSystem) -> list[Piece]:
 
 
 def opening(system: SecondOrderSystem, chosen: SufficientSet) -> Step:
-    """What a multiplier has to satisfy."""
+    """The conditions that a multiplier must satisfy."""
     kinds = {condition.cyclic for condition in chosen.conditions}
     return said(
-        "Suppose that there is a Lagrangian. Its Hessian `g` in the velocities is symmetric and nonsingular, and ",
+        "Suppose that a regular Lagrangian exists. Its velocity Hessian `g` is symmetric and nonsingular, and ",
         *_conditions(chosen), " (indices: ", *indices(system), ").",
         shown=[formula for kind, formula in ((False, _SYMMETRIC), (True, _CYCLIC)) if kind in kinds],
         about=("multiplier",),
@@ -156,9 +156,7 @@ def _tensor_step(condition: ConditionName, entries: Sequence[tuple[str, Expressi
     if not entries:
         return said("All components of ", theory(condition.name), " are zero.")
     shown = [row(component(condition, name), " = ", tree) for name, tree in entries]
-    return said(
-        "The components of ", theory(condition.name), " that are not zero: ", *separated(shown), ".", shown=shown
-    )
+    return said("The nonzero components of ", theory(condition.name), " are ", *separated(shown), ".", shown=shown)
 
 
 def component(condition: ConditionName, indices: str) -> Formula:
@@ -194,7 +192,7 @@ def _components(
 
 
 def equation_name(name: EquationName) -> Formula:
-    """(nabla Phi)_12: the entry 12 of g nabla Phi, which is to equal the entry 21."""
+    """(nabla Phi)_12: entry 12 of g nabla Phi, which must equal entry 21."""
     inner, below = theory(name.condition.name), "".join(str(i + 1) for i in name.indices)
     return Formula(
         f"({name.condition.name})_{below}",
@@ -214,18 +212,18 @@ def equation_step(
     divisors: Sequence[Expression],
     parameters: Collection[str] = (),
 ) -> Step:
-    """One equation, what is left of it, what may be divided by and what it gives.
+    """One equation, its reduced form, the divisors used, and the result.
 
-    Parameters are numbers: of them it is said for which values the step holds.
+    Parameters are numbers, so the step says for which of their values it holds.
     """
     pieces: list[Piece] = [equation_name(name), ": ", row(original, " = 0"), ". "]
     if reduced != original:
-        pieces += ["With what is known already: ", row(reduced, " = 0"), ". "]
+        pieces += ["Substituting the results above gives ", row(reduced, " = 0"), ". "]
     return said(*pieces, *_divided_by(dict.fromkeys(divisors), parameters), row(pivot, " = ", result), ".")
 
 
 def _divided_by(divisors: Iterable[Expression], parameters: Collection[str]) -> list[Piece]:
-    """For a != 0, as x is not zero identically, …"""
+    """For a != 0, since x is not identically zero, …"""
     numbers, others = list[Formula](), list[Formula]()
     for divisor in divisors:
         leaves = [node for node in walk(divisor) if isinstance(node, Symbol | Velocity)]
@@ -235,30 +233,30 @@ def _divided_by(divisors: Iterable[Expression], parameters: Collection[str]) -> 
         return ["Hence "]
     values: list[Piece] = ["For ", *separated([row(one, " != 0") for one in numbers], " and "), ", "] if numbers else []
     verb = "is" if len(others) == 1 else "are"
-    word = "as " if numbers else "As "
-    return [*values, *([word, *enumerated(others), f" {verb} not zero identically, "] if others else [])]
+    word = "since " if numbers else "Since "
+    return [*values, *([word, *enumerated(others), f" {verb} not identically zero, "] if others else [])]
 
 
 def block_sentence(symbols: Mapping[Unknown, Symbol], rows: tuple[int, ...], columns: tuple[int, ...], n: int) -> Step:
-    """Rows and columns whose common entries vanish: why g is singular."""
+    """Explain that g is singular because the common entries of these rows and columns vanish."""
     names = sorted({symbols[min(r, c), max(r, c)].name for r in rows for c in columns})
     equal = row(*separated([Symbol(name) for name in names], " = "), " = 0")
     if len(rows) == 1 and len(columns) == n:
         why = f"row {rows[0] + 1} of `g` is zero"
     else:
         left, top = (_listed([str(k + 1) for k in part]) for part in (rows, columns))
-        why = f"rows {left} of `g` have entries outside columns {top} only, too few for them to be independent"
-    return said(equal, f": {why}, hence `{SINGULAR}`. There is no Lagrangian.")
+        why = f"the entries of rows {left} of `g` in columns {top} are zero, so these rows are linearly dependent"
+    return said(equal, f": {why}, hence `{SINGULAR}`. This is a contradiction, so no regular Lagrangian exists.")
 
 
 def summary_steps(system: SecondOrderSystem, chosen: SufficientSet) -> tuple[Step, ...]:
-    """Conditions and ranks, for expressions too large to be followed by hand."""
+    """Conditions and ranks, for expressions too large to follow by hand."""
     n = len(system.coordinates)
     end = "so `g = 0`" if chosen.dimension == 0 else "in which every matrix is singular"
     closing = said(
         "The linear equations ", *enumerated([equation_name(name) for name in chosen.equations]),
         f" on the {n * (n + 1) // 2} entries of `g` have rank {chosen.rank} at a generic point; the symmetric matrices "
-        f"that satisfy them form a space of dimension {chosen.dimension}, {end}: there is no Lagrangian.",
+        f"that satisfy them form a space of dimension {chosen.dimension}, {end}. Hence no regular Lagrangian exists.",
         shown=[SINGULAR],
     )  # fmt: skip
     middle = said("For each `T` the equation is `g_11 T^1_2 + g_12 (T^2_2 - T^1_1) - g_22 T^2_1 = 0`.")
@@ -266,7 +264,7 @@ def summary_steps(system: SecondOrderSystem, chosen: SufficientSet) -> tuple[Ste
 
 
 def differential_summary(system: SecondOrderSystem) -> tuple[Step, ...]:
-    """What is said where only the prolonged equations decide and no short argument was found."""
+    """The text used if only the prolonged equations decide and no short argument was found."""
     step = said(
         "A nonsingular `g` survives every algebraic condition (`Phi`, `nabla Phi`, ..., `R`) at a generic point; the "
         "Helmholtz conditions differentiated by ", *separated([Symbol(name) for name in system.coordinates]),
@@ -284,8 +282,8 @@ def factor_steps(
     """g = e^u times a known matrix; the derivatives of u, and the two that contradict each other."""
     rows = [[quotient_tree(ring, entry) for entry in line] for line in direction]
     fixed = said(
-        "So the algebraic conditions fix `g` up to a factor, which must be found: `g = e^u G` or `g = -e^u G` with ",
-        row("G = ", matrix(rows)), ".",
+        "The algebraic conditions therefore determine `g` up to a factor: `g = e^u G` or `g = -e^u G` with ",
+        row("G = ", matrix(rows)), " and unknown `u`.",
     )  # fmt: skip
     steps = [fixed]
     steps += [
@@ -293,14 +291,14 @@ def factor_steps(
     ]
     tree = quotient_tree(ring, found.difference)
     steps.append(
-        said("But ", found.formula, f"{found.note} would have to vanish and is ", tree,
-             ", which is not zero identically. There is no Lagrangian.")
+        said("For such `u`, ", found.formula, f"{found.note} must vanish, but it is ", tree,
+             ", which is not identically zero. Hence no regular Lagrangian exists.")
     )  # fmt: skip
     return steps
 
 
 def printed_conditions(system: SecondOrderSystem) -> tuple[Conditions | None, str]:
-    """The conditions, or None and why they are left out."""
+    """The conditions, or None with the reason for omitting them."""
     tensors = conditions(system)
     if tensors.Phi is None or tensors.nabla_Phi is None or tensors.R is None:
         return None, tensors.reason
