@@ -1,7 +1,7 @@
 """The cell of a claim: where its formulas are defined and the relations that its proof used hold.
 
-Formulas are read to quotients of polynomials in *letters*: names, and roots and functions of quotients, which are
-taken for independent. What is divided by is not 0, what a root or a logarithm is taken of is positive; both are
+Formulas are parsed into quotients of polynomials in *generators*: names, and roots and functions of quotients, all
+taken as independent. Denominators are not 0, and arguments of roots and logarithms are positive; both are
 factored. Most relations hold wherever their sides are real; the branch of an arctangent is constant only as long as
 the arguments that it relates have no pole, so the factors of these keep the sign that they have at the point P.
 """
@@ -24,9 +24,9 @@ if TYPE_CHECKING:
     from .question import Question
 
 Polynomial = Any  # fmpq_mpoly
-MAX_TERMS = 3000  # of a polynomial; a longer one becomes a letter of which nothing is said
+MAX_TERMS = 3000  # of a polynomial; a longer one becomes a generator without known properties
 MAX_LETTERS = 512
-SPARE = 24  # letters beside the names, at first
+SPARE = 24  # generators in addition to the names, at first
 
 
 class TooManyLetters(Exception):
@@ -35,7 +35,7 @@ class TooManyLetters(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Need:
-    """A polynomial that is positive (">") or not zero ("!="); polynomials of flint are told apart by their texts."""
+    """A polynomial that is positive (">") or not zero ("!="); polynomials of flint are compared by their texts."""
 
     kind: str
     polynomial: Polynomial = field(compare=False)
@@ -70,7 +70,7 @@ class Cell:
 
 
 class Letters:
-    """A ring for `Reader`; `needs` collects what the formulas need, `cut` what arctangents that are related need."""
+    """A ring for `Reader`; `needs` collects the conditions of the formulas, `cut` those of related arctangents."""
 
     degree = 0
 
@@ -84,12 +84,12 @@ class Letters:
         self.names: dict[str, Quotient] = {
             name: Quotient(z, self.one) for name, z in zip(plain, self.generators, strict=False)}  # fmt: skip
         self.places = dict[str, int]()
-        self.positive, self.bounded = {0}, set[int]()  # letters that are positive, that lie between -1 and 1
+        self.positive, self.bounded = {0}, set[int]()  # generators that are positive; those between -1 and 1
         self.logarithms, self.odd = dict[int, Quotient](), dict[int, Quotient]()  # log u; atan u with the sign of u
         self.exponentials, self.squares = dict[int, Quotient](), dict[int, Quotient]()  # e^u; sqrt(w)
         self.circular = dict[int, tuple[str, Quotient]]()  # sin u, cos u
-        self.inner = dict[int, frozenset[Need]]()  # what a letter needs
-        self.pairs = dict[int, frozenset[Need]]()  # what the logarithm of a pair of the plan needs
+        self.inner = dict[int, frozenset[Need]]()  # the conditions of a generator
+        self.pairs = dict[int, frozenset[Need]]()  # the conditions of the logarithm of a pair of the plan
         self.needs, self.cut = dict[Need, None](), dict[Need, None]()
         self.known = dict[str, tuple[fmpq, list[tuple[Polynomial, int]]]]()
         self.ties, self.unknown = list[Any](), False
@@ -268,7 +268,7 @@ class Letters:
         return self.places[text]
 
     def opaque(self) -> Quotient:
-        """A letter for what is too long."""
+        """A generator for an expression that is too long."""
         self.unknown = True
         return Quotient(self.generators[self.letter(f"... {len(self.texts)}", frozenset())], self.one)
 
@@ -288,7 +288,7 @@ class Letters:
         return bool(u.above != 0) and bool(u.above.leading_coefficient() * u.below.leading_coefficient() < 0)
 
     def parts_of(self, polynomial: Polynomial, place: int, degree: int) -> list[Polynomial]:
-        """The coefficients of the powers of a letter."""
+        """The coefficients of the powers of a generator."""
         parts = [self.context.constant(0)] * (degree + 1)
         for exponents, coefficient in polynomial.terms():
             lower = tuple(0 if j == place else e for j, e in enumerate(exponents))
@@ -296,18 +296,18 @@ class Letters:
         return parts
 
     def single(self, polynomial: Polynomial) -> tuple[int, fmpq] | None:
-        """(letter, factor) of a number times one letter."""
+        """(generator, factor) of a number times one generator."""
         terms = list(polynomial.terms())
         if len(terms) != 1 or sum(map(int, terms[0][0])) != 1:
             return None
         return next(k for k, e in enumerate(terms[0][0]) if e), terms[0][1]
 
     def holds(self, polynomial: Polynomial) -> list[int]:
-        """The letters that occur."""
+        """The generators that occur."""
         return [k for k, e in enumerate(polynomial.degrees()) if e > 0]
 
     def needs_of(self, u: Quotient) -> frozenset[Need]:
-        """Where u is analytic: its poles, and what its letters need."""
+        """Where u is analytic: its poles, and the conditions of its generators."""
         found = {need_of("!=", p) for p, _ in self.factors(u.below)[1]}
         for polynomial in (u.above, u.below):
             found |= {need for k in self.holds(polynomial) for need in self.inner.get(k, ())}
@@ -533,7 +533,7 @@ class Knowledge:
         return 0
 
     def by_roots(self, p: Polynomial) -> int:
-        """Of a polynomial in one letter without real roots."""
+        """Of a polynomial in one generator without real roots."""
         letters = self.ring.holds(p)
         if len(letters) != 1 or p.total_degree() > 40:
             return 0
@@ -571,7 +571,7 @@ class Knowledge:
 
 
 def letters_of(question: Question, read: Callable[[Letters], object]) -> Letters:
-    """The ring after the formulas were read, with as many letters as they need."""
+    """The ring after the formulas were read, with as many generators as they need."""
     size = SPARE
     while True:
         ring = Letters(question, size)
@@ -621,7 +621,7 @@ def cells_of(question: Question, by_theorem: bool = False) -> tuple[Cell, Cell]:
 
 
 def collect_needs(ring: Letters, found: Any) -> None:
-    """Add what the values in nested lists need."""
+    """Add the conditions of the values in nested lists."""
     for value in values_in(found):
         ring.needs |= dict.fromkeys(ring.needs_of(value))
 
@@ -640,7 +640,7 @@ def written(ring: Letters, needs: Iterable[Need]) -> tuple[str, ...]:
 
 
 def signed(question: Question, ring: Letters, needs: Iterable[Need]) -> list[Need]:
-    """What has to keep the sign that it has at P."""
+    """The polynomials that must keep the sign that they have at P."""
     found, plain = list[Need](), Knowledge(ring)
     for need in needs:
         if plain.sign(need.polynomial):
@@ -727,7 +727,7 @@ def lacking(question: Question, stated: Sequence[str], cell: Cell) -> tuple[list
 
 
 def needs_of_text(ring: Letters, text: str, bound: dict[str, Quotient] | None = None) -> Iterator[Need]:
-    """Of A > B, A < B, A != B, or a chain of < or >; `bound` says what other names stand for."""
+    """Of A > B, A < B, A != B, or a chain of < or >; `bound` gives the values of other names."""
     for kind in ("!=", "<", ">"):
         sides = text.split(kind)
         if len(sides) > 1:

@@ -1,6 +1,6 @@
 """The independent checker of certificates: its doors.
 
-FORMAT.md beside this file says what is checked, and why that is enough. The room imports nothing of
+FORMAT.md next to this file says what is checked, and why that is enough. The room imports nothing of
 the project, draws its own points, primes and directions, never searches and never repairs. To be
 read in this order: `checker` (here), `question` (the checks), `formulas` (the grammar), `series`
 (Taylor series and elimination), `numbers` (residues modulo a prime, which decide what is zero, and
@@ -90,7 +90,7 @@ def check_text(text: str, time_limit: float = 60.0, seed: int | None = None) -> 
 
 
 def certified(document: Any, tools: Tools) -> CheckResult:
-    """What a certificate proves, with the cell and the exceptions of its claim; else Ended.
+    """The statement that a certificate proves, with the cell and exceptions of its claim; else Ended.
 
     At the end: the document has the shape of FORMAT.md, its claim is the one that its kind proves,
     and the method of the question that is named like the kind has returned.

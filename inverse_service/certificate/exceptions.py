@@ -41,7 +41,7 @@ LEAST_TIME = 3.0  # s
 
 @dataclass(frozen=True, slots=True)
 class Generic:
-    """The work whose outcome at random points is the proof: what it divides by decides where the proof holds.
+    """The work whose outcome at random points is the proof: its divisors decide where the proof holds.
 
     `degree` is that of the series; `holds` says of an outcome whether the claim follows from it. `telescopes`: each
     divisor is a minor of one matrix over the one before, so that only their product counts.
@@ -83,7 +83,7 @@ class Special(Residues):
 def exceptions_of(question: Question, generic: Generic | None, spent: float) -> tuple[str, ...]:
     """Equations between parameters, such as "c1 = c2" and "k = 0"; it takes about as long as the check `spent`.
 
-    "single values of k" stands for those that could not be found.
+    "single values of k" means those that could not be found.
     """
     names = question.own_parameters
     if generic is None or not names:
@@ -186,7 +186,7 @@ class Finding:
         return content
 
     def content(self, direction: Sequence[int]) -> Any:
-        """What the divisors at two points (t, q, q') have in common on a line, without multiple factors."""
+        """The common factor of the divisors at two points (t, q, q') on a line, without multiple factors."""
         count, places = self.enough, list[int]()
         tables = [list[list[int]]() for _ in range(2)]
         while count <= MAX_POINTS:
@@ -194,7 +194,7 @@ class Finding:
             more = [self.question.generator.randrange(1, self.prime) for _ in range(count - len(places))]
             places += more
             for last, (table, seed) in enumerate(zip(tables, self.seeds, strict=True)):
-                # Any regular minor shows the rank: by other pivots what is there by the choice of the first goes.
+                # Any regular minor shows the rank: other pivots remove the factors due to the choice of the first ones.
                 table += [self.divisors(seed, direction, s, bool(last) and self.generic.telescopes) for s in more]
             lengths = {len(values) for table in tables for values in table}
             if len(lengths) != 1:
@@ -211,7 +211,7 @@ class Finding:
         raise Undefined
 
     def divisors(self, seed: int, direction: Sequence[int], s: int, last: bool) -> list[int]:
-        """What the work divides by at a place of a line; each value once."""
+        """The divisors of the work at a place of a line; each value once."""
         self.question.check_time()
         values = {name: (a + s * b) % self.prime
                   for name, a, b in zip(self.names, self.base, direction, strict=True)}  # fmt: skip
@@ -273,7 +273,7 @@ class Finding:
         return self.context.from_dict({key: fmpq(a.numerator, a.denominator) for key, a in named.items()})
 
     def expanded(self, parts: Sequence[dict[tuple[int, ...], int]]) -> dict[tuple[int, ...], int]:
-        """The coefficients by powers of c of what is given by powers of c - a, modulo the prime."""
+        """The coefficients in powers of c of a polynomial given in powers of c - a, modulo the prime."""
         total, m = dict[tuple[int, ...], int](), len(self.names)
         for form in parts:
             for shape, value in form.items():

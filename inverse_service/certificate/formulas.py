@@ -53,7 +53,7 @@ def require(condition: object, sentence: str) -> None:
 
 
 def check_shape(value: Any, shape: Any, where: str) -> None:
-    """Refuse what is not a text of a pattern (of NUMBER also an integer), in a range, or made of such parts."""
+    """Refuse all but a text of a pattern (for NUMBER also an integer), a number in a range, or nested such parts."""
     parts: list[tuple[Any, Any, str]] = []
     value = str(value) if shape is NUMBER and type(value) is int and value.bit_length() < 1330 else value
     match shape:
@@ -61,12 +61,12 @@ def check_shape(value: Any, shape: Any, where: str) -> None:
             good, what = isinstance(value, str) and bool(re.fullmatch(shape, value)), f"a text of the form {shape}"
         case range():
             good, what = type(value) is int and value in shape, f"an integer from {shape[0]} to {shape[-1]}"
-        case [*_]:  # [shape of each, most], or a tuple: the shape of each in turn
+        case [*_]:  # [shape of each, most], or a tuple of the shapes
             fixed, most = isinstance(shape, tuple), len(shape) if isinstance(shape, tuple) else shape[1]
             good = isinstance(value, list | tuple) and (len(value) == most if fixed else len(value) <= most)
             what, shapes = f"a list of {'' if fixed else 'at most '}{most} items", shape if fixed else [shape[0]] * most
             parts = [(*pair, f"an item of {where}") for pair in zip(value, shapes, strict=False)] if good else []
-        case _:  # {key: shape}; behind a key that may be left out, or null, stands ?
+        case _:  # {key: shape}; a key that ends in ? may be left out, or null
             good = isinstance(value, dict) and len(value) <= MAX_MEMBERS and all(isinstance(key, str) for key in value)
             what, keys = "a moderate object", [(key, key.rstrip("?")) for key in shape] if good else []
             parts = [(value.get(key), shape[name], f"{where}.{ascii(key[:40])[1:-1]}")
@@ -93,7 +93,7 @@ def read_tokens(text: Any, where: str) -> tuple[str, ...]:
 
 
 def bounded(tokens: tuple[str, ...], letters: set[str]) -> bool:
-    """Whether one of the letters stands in an argument, a power or a divisor, so that it may not have all values."""
+    """Whether one of the names occurs in an argument, a power or a divisor, so that its values may be restricted."""
     holding, unsafe, before = [False], [False], ""
     for token, after in pairwise((*tokens, "")):
         if token == "(":
@@ -169,7 +169,7 @@ def read_formulas(ring: Any, formulas: Iterable[tuple[str, ...]], **bound: Any) 
     nodes: Nodes = ring.question.nodes
     if bound:
         names, known = ring.names | bound, dict[int, Any]()
-    else:  # what was computed holds for these values of the names, and to this degree
+    else:  # the results hold for these values of the names, and to this degree
         memory = getattr(ring, "memory", None)
         if memory is None or memory[0] is not ring.names or memory[1] != ring.degree:
             memory = ring.memory = (ring.names, ring.degree, dict[int, Any]())
@@ -234,7 +234,7 @@ class _Parser:
         return found
 
     def expression(self, floor: int, depth: int) -> int:
-        """What stands before an operator that binds no tighter than `floor`; -x^2 is -(x^2), x^y^z is x^(y^z)."""
+        """The operand before an operator that binds no tighter than `floor`; -x^2 is -(x^2), x^y^z is x^(y^z)."""
         self.expect(depth <= MAX_DEPTH, f"at most {MAX_DEPTH} brackets and exponents may be nested")
         minuses = 0
         while self.take("-"):

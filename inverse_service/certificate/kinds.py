@@ -131,7 +131,7 @@ class OfKind(Question):
         super().prepare(lambda ring: (read(ring), [Reader(ring, text).value for text in more]), formulas, rational)
 
     def residuals(self, ring: Any, lagrangian: Series) -> Iterator[Zero]:
-        """Of L, E_i - dD/dv^i; then what has to be zero for L to be of the kind, and D quadratic and homogeneous."""
+        """E_i - dD/dv^i of L; then all terms that must be zero for the kind, and for D to be quadratic, homogeneous."""
         drag = Reader(ring, self.drag).value if self.drag else {}
         for v, (value, sentence) in zip(ring.v, super().residuals(ring, lagrangian), strict=True):
             yield Zero(ring.add([value, ring.value([Term(-1, ring.one, (v,))], drag)]), sentence)

@@ -1,4 +1,4 @@
-"""The two kinds of numbers: residues, which decide what is zero, and balls, which decide what is not.
+"""The two kinds of numbers: residues, which decide that a value is zero, and balls, which decide that it is not.
 
 Atoms (powers, logarithms, angles) come from independent ones by a plan, which is guessed from decimals and proven in
 the residues.
@@ -35,7 +35,7 @@ class Undefined(Exception):
 
 
 class Unsettled(Exception):
-    """A ball does not say what is asked of it: more digits may."""
+    """A ball does not decide the question; more digits may."""
 
 
 class Atom(NamedTuple):
@@ -122,7 +122,7 @@ class Plan:
         return arb(2) ** (-self.bits // 3)
 
     def reduced(self, values: list[arb], imaginary: bool) -> tuple[list[arb], dict[int, arb]]:
-        """What the pairs before leave of the values, and the combination of them that was subtracted."""
+        """The values reduced by the earlier pairs, and the combination of these that was subtracted."""
         rest, found = values, dict[int, arb]()
         for vector, place, combination in self.basis[imaginary]:
             factor = (rest[place] / vector[place]).mid()
@@ -287,7 +287,7 @@ class Residues:
         return pow(value if exponent >= 0 else self.inverse(value), abs(exponent), self.prime)
 
     def power(self, value: int, exponent: int) -> int:
-        """Beyond MAX_POWER a generator of its own, times a moderate power; it needs a base that is not zero."""
+        """Beyond MAX_POWER, a separate generator times a moderate power; the base must not be zero."""
         if abs(exponent) <= MAX_POWER:
             return self.moderate_power(value, exponent)
         self.inverse(value)
@@ -397,7 +397,7 @@ class Place:
     jets: dict[tuple[str, int, tuple[int, ...]], Fraction] = field(default_factory=dict)
 
     def near(self, value: Fraction) -> Fraction:
-        """A number near another, beside its size."""
+        """A random number close to another, relative to its size."""
         step = Fraction(self.generator.randrange(-(1 << 30), 1 << 30), 1 << 35)
         return value + step * (abs(value) or 1)
 
@@ -442,7 +442,7 @@ class Balls:
         return 1 / self.nonzero(value)
 
     def nonzero(self, value: arb) -> arb:
-        """The number, which is not zero, or nobody knows: a formula may have no value at single points."""
+        """The number if it is not zero, else Unsettled: a formula may have no value at single points."""
         if not value.is_finite() or value.contains(0):
             raise Unsettled
         return value
@@ -493,7 +493,7 @@ class Balls:
         return self.number(self.place.jet((name, number, orders)))
 
     def regular(self, matrix: list[list[Number]]) -> bool:
-        """The determinant is not zero, or nobody knows."""
+        """True if the balls show that the determinant is not zero, else Unsettled."""
         determinant = arb_mat([[arb(entry) for entry in row] for row in matrix]).det()
         if not determinant.is_finite() or determinant.contains(0):
             raise Unsettled

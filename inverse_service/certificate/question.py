@@ -113,7 +113,7 @@ class Integral(NamedTuple):
 
 
 class Found(NamedTuple):
-    """What the elimination of an existence certificate gives at one point."""
+    """The result of the elimination of an existence certificate at one point."""
 
     steps: list[Step]
     killing: list[Step]  # those of the symbol
@@ -123,7 +123,7 @@ class Found(NamedTuple):
 
 
 class Zero(NamedTuple):
-    """What has to be zero in the ring, and a sentence for where it is not."""
+    """The values that must be zero in the ring, and a sentence for where they are not."""
 
     value: Series
     sentence: str
@@ -142,7 +142,7 @@ class Claims(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """What the rows of a nonexistence certificate give at one point."""
+    """The result of the rows of a nonexistence certificate at one point."""
 
     steps: list[Step]
     regular: bool  # whether g(p) of a random solution is
@@ -235,7 +235,7 @@ class Question:
             raise Ended("incomplete", "The time limit ended the check.")
 
     def read_all(self, ring: Any) -> list[Any]:
-        """The conditions and roots, as logarithms of what they say is positive; then the right sides f."""
+        """The conditions and roots, as logarithms of expressions that they make positive; then the right sides f."""
         hinted = not self.rational or isinstance(getattr(ring, "arithmetic", None), Balls)
         degree, ring.degree = ring.degree, 0
         for more, less in self.conditions if hinted else ():
@@ -245,7 +245,7 @@ class Question:
             ring.elementary("log", value := Reader(ring, said).value)
             tie = ring.add([Reader(ring, root).value, value], [1, -1])
             ring.ties.append(ring.multiply(tie, ring.constant(Fraction(1)), 0))
-        # All rings meet the same atoms in the same order, whatever their degree: the conditions are not remembered.
+        # All rings of all degrees meet the same atoms in the same order: the conditions are not remembered.
         ring.degree, ring.memory = degree, None
         found = read_formulas(ring, self.force_texts)
         if self.bound:
@@ -258,7 +258,7 @@ class Question:
     ) -> None:
         """Bounds by a count; where not all is rational in everything, a point and a plan of the atoms first.
 
-        `read` reads what the certificate has beside f, and is called with rings of all kinds. At the end: there is a
+        `read` reads all formulas of the certificate but f, called with rings of all kinds. At the end: there is a
         point where all is defined and the conditions hold (in balls, or modulo a prime where all is rational), the
         plan relates the atoms there, degrees are bounded, and each root named is what it is said to be.
         """
@@ -379,7 +379,7 @@ class Question:
             raise Ended("incomplete", sentence) from None
 
     def modulo(self, degree: int, work: Callable[[Expansion], Any], count: int = 2) -> list[Any]:
-        """What the work gives at random points modulo so many random primes, for each choice of the roots there.
+        """The result of the work at random points modulo so many random primes, for each choice of the roots there.
 
         At the end: there are `count` times as many outcomes as choices, and at all points the same arguments of
         functions were found to be equal.
@@ -426,7 +426,7 @@ class Question:
         raise Ended("incomplete", "No prime was found modulo which all numbers have their roots.")
 
     def settle(self, degree: int, claims: Callable[[Expansion], Claims], count: int = 2) -> None:
-        """Zeros by algebra, regular matrices by balls; what is not zero in the ring may be refuted by balls.
+        """Show zeros by algebra, regular matrices by balls; balls may refute a value that is not zero in the ring.
 
         At the end: every zero is one at all points drawn and for all roots there, every matrix is regular. Else it is
         invalid where a ball excludes 0 or all is rational, and incomplete everywhere else.
@@ -491,7 +491,7 @@ class Question:
         return f"The Euler-Lagrange equations of the Lagrangian hold{self.where} and its Hessian is regular{there}."
 
     def residuals(self, ring: Expansion, lagrangian: Series) -> Iterator[Zero]:
-        """What has to be zero at the point, and what is wrong otherwise."""
+        """The values that must be zero at the point, and the error where they are not."""
         for kind, names in (("free", self.free), ("dependent", self.bound)):
             for i, name in enumerate(names):
                 sentence = f"The Euler-Lagrange equation of {name} does not hold{self.where}."
@@ -508,7 +508,7 @@ class Question:
         return found
 
     def against(self, ring: Expansion, residuals: Iterable[Zero], factors: list[tuple[str, ...]]) -> Iterator[Zero]:
-        """Where the equations are not solved: what is zero if the residual is c E or -c E, for all q''."""
+        """For unsolved equations: a product that is zero if the residual is c E or -c E, for all q''."""
         for (residual, sentence), factor, equation in zip(residuals, factors, self.unsolved, strict=True):
             value = {0: Reader(ring, factor).value.get(0, 0)}
             own = ring.multiply(value, {0: Reader(ring, equation).value.get(0, 0)}, 0)
@@ -706,7 +706,7 @@ class Question:
 
 
 def sizes(found: Found) -> tuple[Any, ...]:
-    """What has to be the same at every point."""
+    """The values that must be the same at every point."""
     return found.dimensions, found.regular, found.symbol
 
 

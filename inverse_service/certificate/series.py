@@ -86,7 +86,7 @@ class Count:
         return self.bounded(*((abs(exponent) if abs(exponent) <= MAX_POWER else MAX_POWER + 1) * a for a in u))
 
     def atom(self, u: Any, logarithm: bool) -> Any:
-        """The degrees of all powers that occur in what Residues makes of it."""
+        """The degrees of all powers that occur in the computation with Residues."""
         entry, size = next(self.entries), max(*u, 1)
         if entry.pair:
             self.weights[entry.pair] = size if logarithm else 1
@@ -115,11 +115,11 @@ class Count:
 class Expansion:
     """Power series about a point in the displacements of t (if any), q_1 … q_n, v_1 … v_k, and conditions on L.
 
-    Where velocities are dependent, s' = w(t, q, v), L has the variables mu = s' - w beside these.
+    Where velocities are dependent, s' = w(t, q, v), L also has the variables mu = s' - w.
     """
 
     offset = 2  # the total degree of the unknown coefficients of L that are of degree 0
-    clocks = 0  # variables of the series beside those of the question
+    clocks = 0  # variables of the series in addition to those of the question
 
     def __init__(self, arithmetic: Arithmetic, degree: int) -> None:
         self.question, self.arithmetic, self.degree = arithmetic.question, arithmetic, degree
@@ -319,7 +319,7 @@ class Expansion:
         return self.settle(row)
 
     def value(self, terms: list[Term], series: Series) -> Series:
-        """What the terms of a condition make of a series, at the point."""
+        """The image of a series under the terms of a condition, at the point."""
         total = self.arithmetic.number(Fraction(0))
         for weight, factor, by in terms:
             times = weight * math.prod(by[:k].count(a) + 1 for k, a in enumerate(by))
@@ -356,7 +356,7 @@ class Expansion:
         return not self.settle({0: sum([value * values.get(key, 0) for key, value in row.items()])})
 
     def matrix(self, elimination: Elimination) -> list[list[Number]]:
-        """What has to be regular, of a random solution: g(p)."""
+        """The matrix of a random solution that must be regular: g(p)."""
         return self.hessian(elimination.solution(self.unknowns(0)))
 
     def hessian(self, series: Series) -> list[list[Number]]:
@@ -399,7 +399,7 @@ class Elimination:
         self.rows.append(self.settle(kept))
 
     def reduced(self, row: Series, first: int) -> Series:
-        """Without the pivots from `first` on; a kept row holds no pivot of its degree older than itself."""
+        """Without the pivots from `first` on; a kept row contains no earlier pivot of its degree."""
         field, order, raw = self.arithmetic, self.order, dict(row)
         queue = [(-(key >> self.shift), order[key]) for key in row if key >= first and key in order]
         queue.sort()  # a heap
@@ -418,7 +418,7 @@ class Elimination:
         return self.settle(raw)
 
     def follow(self, row: Series, step: Step) -> None:
-        """In balls: the same as another elimination did, without what it found to be zero."""
+        """Repeat another elimination in balls, without the entries that it found to be zero."""
         row = self.reduced(row, step.pivot >> self.shift << self.shift)
         if step.pivot not in row:
             raise Unsettled

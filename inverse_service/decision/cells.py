@@ -27,7 +27,7 @@ BEYOND = "no cell that was answered holds the point"
 
 @dataclass(frozen=True, slots=True)
 class Left:
-    """What was not answered: where the trees are positive, at the point if there is one."""
+    """A set without an answer: where the trees are positive, at the point if there is one."""
 
     positive: tuple[Expression, ...]
     near: real_point.RealTable | None
@@ -42,11 +42,11 @@ def answered(
     ],
     end: float = math.inf,
 ) -> tuple[list[Answer], list[Left]]:
-    """The answers on all cells, and what is left.
+    """The answers on all cells, and the sets without an answer.
 
-    `answer` is asked about the system on a cell, beside those that wait; it gives the answer and the trees that are
-    positive on its cell. What is beyond each of these, within the same branch, is a cell of its own. No further one is
-    begun after the `end`. Left are, besides, cases without a known point, and a point that lies in none of the cells.
+    `answer` is called for the system on a cell, given those that wait; it gives the answer and the trees that are
+    positive on its cell. The other side of each of these, within the same branch, is a separate cell. No new cell is
+    begun after the `end`. Branches without a known point, and a point that lies in no cell, have no answer either.
     """
     branches = second_order_system.branches_of(system)
     waiting, found, left, known_sides = [*branches], list[Answer](), list[Left](), list[Sequence[Expression]]()
@@ -84,7 +84,7 @@ def other_part(
 ) -> tuple[real_point.RealTable, checker.CheckResult] | None:
     """A point of a cell at which the proof found on one part of it is none, and what the checker says there.
 
-    One at which the claim is wrong, or else where it is not settled; None where it is proven at all points tried.
+    One at which the claim is wrong, or else where it is undecided; None where it is proven at all points tried.
     """
     found = list[tuple[real_point.RealTable, checker.CheckResult]]()
     for point in (point_of(system, seed) for seed in _OTHER_POINTS):

@@ -162,7 +162,7 @@ def where_proved(analysis: deciding.Analysis, lagrangian: ex.Expression, time_li
 
 
 def _hinted(analysis: deciding.Analysis, certificate: dict[str, Any]) -> Iterator[dict[str, Any]]:
-    """The certificate with roots that functions stand for, then with the signs of all that is under roots at P."""
+    """The certificate with the roots implied by functions, then with the signs of all radicands at P."""
     table, system = analysis.real_point, analysis.system
     formulas = [*system.given]
     if "lagrangian" in certificate:
@@ -184,7 +184,7 @@ def _hinted(analysis: deciding.Analysis, certificate: dict[str, Any]) -> Iterato
 
 
 def _inverse_roots(formulas: Sequence[ex.Expression], table: real_point.RealTable | None) -> list[dict[str, str]]:
-    """The roots that inverse functions stand for, where these hold squares: sqrt(1 - u^2) for asin u, acos u.
+    """The roots implied by inverse functions, where these contain squares: sqrt(1 - u^2) for asin u, acos u.
 
     Each is what it is on the side of the point.
     """
@@ -295,7 +295,7 @@ def _factor(base: ex.Expression, square: ex.Expression, table: real_point.RealTa
 
 
 def point_of(analysis: deciding.Analysis, lagrangian: ex.Expression) -> real_point.RealTable | None:
-    """A real point at which f, L and what is under integral signs are defined."""
+    """A real point at which f, L and the integrands are defined."""
     slopes = [slope for node in walk_integrals(lagrangian) for slope in node.slopes if slope is not None]
     return _point_of(
         analysis, [tower.to_kernels(tree) for tree in (*analysis.system.accelerations, lagrangian, *slopes)]
@@ -303,7 +303,7 @@ def point_of(analysis: deciding.Analysis, lagrangian: ex.Expression) -> real_poi
 
 
 def _point_of(analysis: deciding.Analysis, formulas: Sequence[ex.Expression]) -> real_point.RealTable | None:
-    """A real point at which f, L and what is under integral signs are defined: that of f, where that is one."""
+    """A real point at which f, L and the integrands are defined: that of f, where it is one."""
     table = analysis.real_point
     if table is not None:
         integrals = {
@@ -343,7 +343,7 @@ def of_decision(
 
 
 def involution_data(found: deciding.Decision | involution.Finding, symbol: involution.Symbol) -> dict[str, Any]:
-    """What a yes without L rests on; the dimension stopped falling between order - 1 and order."""
+    """The basis of a yes without L; the dimension stopped falling between order - 1 and order."""
     return {
         "order": found.order - 1,
         "degree": found.degree,
@@ -381,7 +381,7 @@ def head_of(
     positive: Sequence[ex.Expression],
     roots: Sequence[dict[str, str]] = (),
 ) -> dict[str, Any]:
-    """What all certificates begin with; `near` is a point of the domain, on which the trees of `positive` are > 0."""
+    """The fields of all certificates; `near` is a point of the domain, on which the trees of `positive` are > 0."""
     question = "time_dependent" if with_time else "autonomous"
     parts = {"near": near, "conditions": conditions_of(positive), "roots": [*roots]}
     head = {"format": FORMAT, "system": system, "question": question, "claim": claim, "kind": kind}

@@ -93,7 +93,7 @@ class Analysis:
 
 
 def variables_of(system: second_order_system.SecondOrderSystem) -> tuple[ps.Variable, ...]:
-    """t, q, v and the parameters, and accelerations that are letters."""
+    """t, q, v and the parameters, and accelerations that are symbols."""
     return (
         ex.TIME,
         *(ex.Symbol(name) for name in system.coordinates),
@@ -109,7 +109,7 @@ def moving_variables(system: second_order_system.SecondOrderSystem, with_time: b
 
 
 def analyze(system: second_order_system.SecondOrderSystem) -> Analysis:
-    """The first branch of the system; IrreducibleAtoms where the relations among the atoms cannot be settled."""
+    """The first branch of the system; IrreducibleAtoms where the relations among the atoms cannot be decided."""
     system = second_order_system.branches_of(system)[0]
     kernels = tuple(to_kernels(f) for f in system.accelerations)
     variables = variables_of(system)
@@ -246,7 +246,7 @@ def _equations(local: LocalSystem, kind: helmholtz.Kind, order: int, degree: int
 
 @dataclass(frozen=True, slots=True)
 class Decision:
-    """The verdict on one question with what proves it.
+    """The verdict on one question with its proof.
 
     `rows` name the prolonged equations used for a negative verdict; `space` and `symbol` (at
     `degree`) the involution data of a positive one; `points` the primes and seeds used.

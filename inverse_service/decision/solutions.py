@@ -1,4 +1,4 @@
-"""What a caller asks of the solver, and what a solved inverse problem is: trees and integers, no text documents."""
+"""The requests to the solver, and its results: trees and integers, not text documents."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class SolveOptions:
     written, one tree for each that vanishes along the motion, accelerations unsolved: their own multiplier is tried
     first. `series_order`: up to which order the multiplier is expanded where no closed form is found; None leaves the
     choice to the solver. `conditions`: whether Phi, nabla Phi and R are written out. `first_integrals`: whether they
-    are looked for. `hand_over`: told the names of the parts that are finished and checked, with what makes the
+    are looked for. `hand_over`: called with the names of the parts that are finished and checked, with what makes the
     solutions so far, while there is more to find.
     """
 
@@ -64,7 +64,7 @@ class SolutionSpace:
 class Lagrangian:
     """A regular Lagrangian, its Hessian g, the functions that must not vanish, and its family.
 
-    Where all trees of `positive` are > 0 it is a Lagrangian of the system. `reason`: why it is shown beside another.
+    Where all trees of `positive` are > 0 it is a Lagrangian of the system. `reason`: why it is shown with another.
     """
 
     expression: ex.Expression
@@ -103,7 +103,7 @@ class Hamiltonian:
 class Part:
     """A part of a step: "text", a "formula" in the sentence, one on "display" below it, or what the step is "about".
 
-    `mathml` is what stands inside <math>; `uses` names the tensors and words of the theory that need explaining,
+    `mathml` is the content of <math>; `uses` names the tensors and words of the theory that need explaining,
     `letters` its names in a formula.
     """
 

@@ -128,7 +128,7 @@ def answer_definite(
 
 
 def point_near(analysis: deciding.Analysis, given: Near) -> Near:
-    """The point that was given, the rest of it ours, with few digits where f is defined there."""
+    """The given point, completed by values of our choice, with few digits where f is defined there."""
     table = analysis.real_point or {}
     found: dict[ex.Symbol | ex.Velocity, Fraction] = {}
     for digits in (_DIGITS, 20):

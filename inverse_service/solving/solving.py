@@ -47,7 +47,7 @@ _UNSOLVED = (
     "given answers this"
 )
 AS_GIVEN = "the equations as given"
-# Coordinates of systems whose conditions are printed and whose freedom is counted beside a known Lagrangian.
+# Coordinates of systems whose conditions are printed and whose freedom is counted for a known Lagrangian.
 _MOST_COORDINATES = 8
 # First integrals may take so many seconds, and such a share of the time.
 _FOR_INTEGRALS, _SHARE_FOR_INTEGRALS = 1.0, 0.1
@@ -118,7 +118,7 @@ def sides_of(solution: Solution) -> tuple[ex.Expression, ...]:
 def solve(
     system: second_order_system.SecondOrderSystem, options: SolveOptions, progress: Progress | None = None
 ) -> Solution:
-    """The answers on the first branch of the system; mathematics that cannot be settled is an outcome.
+    """The answers on the first branch of the system; mathematics that cannot be decided is an outcome.
 
     Raises CertificateRefused where our own checker finds our certificate invalid: a fault of ours.
     """
@@ -164,7 +164,7 @@ def _solve(system: second_order_system.SecondOrderSystem, options: SolveOptions,
 
 
 def _first_integrals(work: Work, *answers: Answer | None) -> tuple[FirstIntegral, ...]:
-    """What is constant along the motion: by the Lagrangian where there is one, by the equations alone where not."""
+    """The first integrals: from the Lagrangian where there is one, otherwise from the equations alone."""
     system = work.analysis.system
     if not work.options.first_integrals or system.is_unsolved:
         return ()
@@ -248,7 +248,7 @@ def _holds_time(answer: Answer) -> bool:
 def _explained(
     answers: tuple[Answer | None, Answer | None], system: second_order_system.SecondOrderSystem
 ) -> tuple[Answer | None, Answer | None]:
-    """Both with a word on letters that have two meanings and on their sets; one answer to both questions stays one."""
+    """Both with a note on names that have two meanings and on their sets; one answer to both questions stays one."""
 
     def explained(answer: Answer | None) -> Answer | None:
         answer = answer and wording.with_shared_letters(answer, system)
@@ -431,19 +431,19 @@ def _searched(work: Work, decision: deciding.Decision, highest: float) -> Search
     return outcome
 
 
-# What leaves as an answer: the checker confirms each Lagrangian and certificate first.
+# The answers that are returned: the checker confirms each Lagrangian and certificate first.
 
 Progress = Callable[[str], None]
-# Work that takes longer tells what is confirmed meanwhile, s.
+# Work that takes longer reports the results confirmed so far, s.
 _AT_ONCE = 0.05
 NOT_YET = "This is not decided yet."
-OPEN = Answer("undetermined", reason=NOT_YET)  # that of a question which is not settled
+OPEN = Answer("undetermined", reason=NOT_YET)  # for a question that is not yet decided
 log = logging.getLogger(__name__)
 
 
 @dataclass(slots=True)
 class Work:
-    """What the stages of one solve share."""
+    """The state that the stages of one solve share."""
 
     analysis: deciding.Analysis
     options: SolveOptions
@@ -489,7 +489,7 @@ def _on_its_set(work: Work, answer: Answer) -> Answer:
 
 
 def telling(work: Work, decision: deciding.Decision) -> Progress:
-    """The progress of a search; one that takes longer tells that there is a Lagrangian, once the checker agrees."""
+    """The progress of a search; a longer one reports that a Lagrangian exists, once the checker agrees."""
 
     def report(stage: str) -> None:
         is_known = decision.with_time in work.answers
@@ -529,7 +529,7 @@ def named(part: str, with_time: bool) -> str:
 
 
 def _so_far(work: Work) -> SoFar:
-    """What is confirmed; a question that is not settled is undetermined."""
+    """The confirmed answers; a question that is not decided is undetermined."""
     system, wanted = work.analysis.system, work.options.time_dependent
     depends = system.depends_on_time
     autonomous = None if depends or wanted is True else work.answers.get(False, OPEN)

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     Asking = SystemDocument | NonholonomicDocument | MotionDocument
 
-# Nodes of all accelerations, beyond which nobody reads them; on a cart two links have 1,748, three 14,834.
+# Nodes of all accelerations, beyond which they are unreadable; on a cart two links have 1,748, three 14,834.
 _MOST_NODES = 5_000
 Read = TypeVar("Read", bound=Document)
 Steps = tuple[int | str, ...]
@@ -34,7 +34,7 @@ NOT_IN_THE_DOCUMENT = frozenset({*TAGS, "[key]"})
 ALSO = ("time", "id", "options")
 TITLES = {"NonholonomicDocument": "nonholonomic system", "LagrangianDocument": "Lagrangian"}
 FORMULA = "a formula written as text"
-# What a value at these steps must be; "*" is any key or place.
+# The values allowed at these steps; "*" is any key or place.
 EXPECTED: dict[Steps, str] = {
     (): "an object with coordinates and equations",
     ("lagrangian",): FORMULA,
@@ -122,7 +122,7 @@ def to_solvable(schema: SystemDocument) -> second_order_system.SecondOrderSystem
 
 
 def to_given(schema: SystemDocument) -> reading.GivenEquations:
-    """The equations of the document as they stand, left side minus right side; raises InputError as `to_system`."""
+    """The equations of the document as written, left side minus right side; raises InputError as `to_system`."""
     return reading.read_given(schema.coordinates, schema.equations, schema.parameters, schema.functions, schema.where)
 
 
@@ -149,7 +149,7 @@ def formula_about(text: str, names: Names, schema: NamedDocument | None, pointer
 
 @dataclass(frozen=True, slots=True)
 class Wording:
-    """What the refusals of a schema say: the name of the whole, what a value must be, the sentence for a key too many.
+    """The words in errors of a schema: the name of the whole, the allowed values, the sentence for an unknown key.
 
     `keys` takes from pydantic's way to a fault the steps that are no keys of the document.
     """
@@ -208,7 +208,7 @@ def without(steps: Steps, hidden: Container[Any]) -> Steps:
 
 
 def _expected(steps: Steps, table: Mapping[Steps, str]) -> str:
-    """What is said of the last of the steps that the table knows."""
+    """The entry of the last of the steps that the table contains."""
     path: Steps = ()
     for step in steps:
         further = (*path, "*" if (*path, "*") in table else step)

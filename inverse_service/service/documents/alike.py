@@ -63,7 +63,7 @@ def _power(atom: trees.Expression, exponent: Fraction, places: Mapping[str, str]
 
 
 def _atom(tree: trees.Expression, places: Mapping[str, str], time: str) -> str:
-    """An atom by its shape; empty for what is constant."""
+    """An atom by its shape; empty for a constant."""
     match tree:
         case trees.Symbol(name):
             return places.get(name, "t" if name in ("t", time) else "")

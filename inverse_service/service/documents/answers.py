@@ -1,4 +1,4 @@
-"""From the outcome of a task to what the caller gets: a document, an error, or a problem document (RFC 9457)."""
+"""Turn the outcome of a task into a document, an error, or a problem document (RFC 9457)."""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ _SAYS: Final = {
 def names_of(
     system: Mapping[str, Any], certificate: Mapping[str, Any] | None = None, more: Iterable[str] = ()
 ) -> Names:
-    """What formulas about a system may hold, with the integrals of a certificate and momenta."""
+    """The names that formulas about a system may contain, with the integrals of a certificate and momenta."""
     integrals = ((certificate or {}).get("integrals") or {}).items()
     functions = {**system.get("functions", {}), **{name: one["arguments"] for name, one in integrals}}
     parameters = (*(system.get("parameters") or ()), *more)
@@ -44,7 +44,7 @@ def cell(
     proof: CheckResult,
     hamiltonian: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
-    """What was proven on one cell."""
+    """The proven statement on one cell."""
     names, proven = names_of(system, certificate), proof.cell
     texts, latex = domain_of(proven, names)
     lagrangian = certificate.get("lagrangian") if certificate["kind"] == "lagrangian" else None

@@ -1,4 +1,4 @@
-"""What a result says against what its certificates prove.
+"""Compare the statements of a result with its certificates.
 
 The checker judges the certificates; from them a canonical statement is written. Each field of a result is derived from
 the certificates, or compared with them and with the document as given, or it is listed as not checked: `Examination`
@@ -27,7 +27,7 @@ from inverse_service.service.documents.own_lagrangian import check_lagrangian
 from inverse_service.service.documents.plain_data import read_json
 from inverse_service.service.documents.preparing import inward, is_motion, is_nonholonomic, prepared
 
-TIME_LIMIT = 60.0  # of processor time: what a busy machine does decides no verdict
+TIME_LIMIT = 60.0  # of processor time, so that the load of the machine decides no verdict
 OPEN_MOTION = "It is undecided whether any associated system gives this motion a Hamiltonian."
 # Answers without a verdict; each says what was computed and claims nothing that a certificate could prove.
 _WITHOUT_CLAIM: Final = ("inverse-service/forward/", "inverse-service/simulation/", "inverse-service/work-precision/")
@@ -35,13 +35,13 @@ _NO_CLAIM: Final = "This answer claims no verdict, so there is nothing to check;
 _NO_RESULT: Final = "The document is not a result: it has no known format, system, and verdict."
 _OPEN: Final = "A verdict is undetermined, or no certificate proves it."
 _VERDICTS: Final = ("variational", "not_variational", "undetermined")
-# What the checker reads of a certificate.
+# The keys of a certificate that the checker reads.
 _READ: Final = {
     "format", "system", "question", "claim", "kind", "near", "conditions", "roots", "among", "lagrangian",
     "dissipation", "integrals", "factors", "order", "rows", "degree", "dimensions", "symbol", "bivectors", "along",
     "orthogonal", "multiplier",
 }  # fmt: skip
-# What a comparison reads of a document.
+# The keys of a document that a comparison reads.
 _OF_DOCUMENT: Final = {
     "coordinates", "equations", "parameters", "functions", "where", "time", "lagrangian", "constraints", "motion",
     "associated", "kinds", "clock", "time_dependent_lagrangian", "multiples",
@@ -133,7 +133,7 @@ def _of_certificate(certificate: dict[str, Any], document: object, end: float) -
 
 @dataclass(frozen=True, slots=True)
 class Shown:
-    """An answer at a place of a result: what it answers, about which system, of which kind."""
+    """An answer at a place of a result: its question, its system, and its kind."""
 
     at: str
     part: dict[str, Any]
@@ -176,7 +176,7 @@ class Examination:
             self.contradictions.append(entry)
 
     def agree(self, place: str, good: object, says: Any, proven: str) -> bool:
-        """Claim the field; where it is not right, it contradicts what is proven."""
+        """Claim the field; where it is wrong, it contradicts the proof."""
         self.claim(place)
         if not good:
             self.contradict(place, says, proven)
@@ -273,7 +273,7 @@ class Examination:
             proven = canonical.QUESTIONS["time_dependent" if timed else "autonomous"]
             free = self.result["system"].get("given") is None and self.handed is None
             if free and stated in canonical.QUESTIONS.values():
-                timed = timed or stated == canonical.QUESTIONS["time_dependent"]  # nobody asked another question
+                timed = timed or stated == canonical.QUESTIONS["time_dependent"]  # no other question was asked
                 self.agree("/question", not contains or timed, stated, f"The question is that of {proven}.")
             else:
                 self.agree("/question", stated == proven, stated, f"The question is that of {proven}.")
@@ -378,7 +378,7 @@ class Examination:
             self.agree(f"{at}/integrals", part["integrals"] == proven, "", "The certificate has other integrals.")
 
     def latex(self, at: str, part: dict[str, Any], certificate: dict[str, Any], system: dict[str, Any]) -> None:
-        """LaTeX that is what the formula is written as."""
+        """Claim the LaTeX if it is that of the formula."""
         names = canonical.names_of(system, certificate, part.get("momenta") or ())
         if part.get("latex") and part["latex"] == to_latex(read_formula(part["text"], names)):
             self.claim(f"{at}/latex")
@@ -568,7 +568,7 @@ class Examination:
                 self.about_another("/reduced/with_clock", clock, clocked)
 
     def motions(self, document: Any, plain: Any, timed: bool) -> None:
-        """What is said of a motion on constraints, on each branch."""
+        """The statements about a motion on constraints, on each branch."""
         branches = self.result.get("branches") or []
         for at, holder in [("", self.result), *((f"/branches/{k}", one) for k, one in enumerate(branches))]:
             part = holder.get("any_associated")

@@ -165,7 +165,7 @@ def _texts(schema: SystemDocument, names: Names) -> list[GivenText | None]:
 
 
 def _named(names: Names, canonical: Canonical) -> checker.CheckResult | None:
-    """What differs in the declared names, None where nothing does."""
+    """The difference in the declared names, None where there is none."""
     system = canonical.system if isinstance(canonical.system, Mapping) else {}
     pairs = {
         "coordinates": (list(names.coordinates), system.get("coordinates")),
@@ -202,7 +202,7 @@ def lacking(
 
 
 def trees_of(domain: Sequence[str], names: Names) -> list[ex.Expression]:
-    """What a domain says is positive, as trees."""
+    """The expressions that a domain makes positive, as trees."""
     found = []
     for text in domain:
         for sign in "<>":
@@ -352,14 +352,14 @@ def _agreed(certificate: Mapping[str, Any], shown: Any, notes: dict[str, bool], 
 
 
 def _apart(ring: cell.Letters, need: cell.Need, moving: set[int]) -> list[cell.Need]:
-    """The need, or that none of its factors is zero where some contain the letters `moving` and some do not."""
+    """The need, or that none of its factors is zero where some contain the generators `moving` and some do not."""
     found = [p for p, _ in ring.factors(need.polynomial)[1]]
     moves = {bool(moving & {*ring.holds(p)}) for p in found}
     return [cell.need_of("!=", p) for p in found] if len(moves) == 2 else [need]
 
 
 def same_formulas(one: Mapping[str, str], other: Mapping[str, str], names: Names) -> bool | None:
-    """Whether formulas by name are equal as functions; None where that is not settled."""
+    """Whether formulas by name are equal as functions; None where that is undecided."""
     if one == other:
         return True
     if one.keys() != other.keys():
@@ -371,7 +371,7 @@ def same_formulas(one: Mapping[str, str], other: Mapping[str, str], names: Names
 def image_agrees(document: Any, shown: Mapping[str, Any], names: Names) -> bool | None:
     """Whether the `constraints` of H vanish where the constraints of the document hold and p are its momenta.
 
-    As many as those, and independent; None where the document has none or it is not settled.
+    As many as those, and independent; None where the document has none or it is undecided.
     """
     from inverse_service.constrained.hamiltonise import rank_at_point
     from inverse_service.mechanics.constrained_motion import equations_of_motion

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from inverse_service.solving.special_cases.case_tree import Node, Progress
 
 SEARCH = "search"
-SHARE_OF_TREE = 0.7  # of the time for special cases; their Lagrangians have the rest
+SHARE_OF_TREE = 0.7  # of the time for special cases; the remainder is for their Lagrangians
 _MOST_CASES = 6
 _SHOWN = ("lagrangian", "hamiltonian", "certificate", "checked")
 Values = Mapping[ex.Expression, ex.Expression]
@@ -229,7 +229,7 @@ def _root(tree: ex.Expression, name: str) -> dict[ex.Expression, ex.Expression] 
     return {ex.Symbol(name): collecting.collect(-at[0] / slope)}
 
 
-# The key `instead`: what holds where there is no L(q, q'), the first of what is quickly found.
+# The key `instead`: the first alternative that is quickly found where there is no L(q, q').
 
 
 def with_instead(

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from inverse_service.decision.kinds.helmholtz import LagrangianKind
     from inverse_service.decision.solutions import Solution
 
-# What ends the mathematics of a document that is well written, and what is said of it then.
+# Errors in the mathematics of a valid document, and the reason that the result then gives.
 REASONS = {
     OverflowError: "A number in the computation, usually an exponent, exceeds 64 bits, so no verdict was reached.",
     errors.CertificateRefused: "The independent checker refused the certificate of this answer, so there is none; "
@@ -86,7 +86,7 @@ def _undetermined(document: Any, error: Exception, options: SolveOptions) -> dic
 
 
 def parse_document(document: Any) -> dict[str, Any]:
-    """What was understood of a document; raises InputError."""
+    """The interpretation of a document; raises InputError."""
     ready = preparing.prepared(document)
     return _in_own_words(ready, lambda cases: cases.parse(cases.look(ready.document)).model_dump(mode="json"))
 
@@ -246,7 +246,7 @@ def _kinds(schema: SystemDocument, system: SecondOrderSystem) -> tuple[Lagrangia
 
 
 def parse_system(schema: SystemDocument) -> ParseAnswer:
-    """What was understood of a System document; raises InputError."""
+    """The interpretation of a System document; raises InputError."""
     system = accepting.to_solvable(schema)
     accepting.to_ansatz(schema, system)
     _kinds(schema, system)

@@ -44,7 +44,7 @@ def solve_forward(document: Any, options: SolveOptions, grow: Growing) -> dict[s
 
 
 def parse(schema: LagrangianDocument) -> ForwardParseAnswer:
-    """What was understood; raises InputError."""
+    """The interpretation of the document; raises InputError."""
     lagrangian, system = _motion(schema)
     answer = translate.to_parse_answer(system, schema)
     return ForwardParseAnswer(**dict(answer), lagrangian=translate.parsed(lagrangian))

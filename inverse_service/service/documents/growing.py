@@ -1,6 +1,6 @@
-"""A result grows: each part leaves when it is finished and checked, in the order of wanting.
+"""A result grows: each part is delivered when it is finished and checked, the most wanted first.
 
-What works on a document tells a `Growing` which part it begins and which are finished. Out of it come stages, as texts,
+A `Growing` is informed which part of the work begins and which are finished. Out of it come stages, as texts,
 and parts, as {"parts": names, "value": fields of the result that are new, "seconds": by part}. Merged in their order
 (`merged`) the values are a whole result document, whose `incomplete` lists what is still to come; `cut_off` makes of it
 the result of a run that a limit, a crash or a cancellation ended.
@@ -30,7 +30,7 @@ FIELDS: Final[dict[str, tuple[str, ...]]] = {
     "kinds": ("kinds", "instead"),
     "explanation": ("explanation", "details"),
 }
-# Where the time of a stage counts; one that is not named goes on with the part before.
+# Where the time of a stage counts; one that is not named continues the part before.
 _STAGES: Final = {
     "conditions": "conditions", "the equations as given": "lagrangian", "decision": "existence",
     "decision with time": "existence_with_time", "Hamiltonian": "hamiltonian", "explanation": "explanation",
@@ -135,7 +135,7 @@ def _is_ruled_out(part: str, found: Mapping[str, Any]) -> bool:
 
 
 def entry(part: str, reason: str) -> dict[str, str]:
-    """What `incomplete` says of a part."""
+    """The entry of `incomplete` for a part."""
     return {"part": part, "reason": reason, "more_time": _MORE.get(part, _MORE_OF_OTHERS)}
 
 

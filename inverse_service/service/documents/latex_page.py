@@ -13,7 +13,7 @@ from inverse_service.reading.names import Names
 from inverse_service.service.documents import text_page
 
 SIGNS = {"!=": r" \neq ", ">=": r" \geq ", "<=": r" \leq "}
-IN_A_SENTENCE = 150.0  # points of a formula that stands in a line of text
+IN_A_SENTENCE = 150.0  # points of a formula in a line of text
 _AFTER_A_DISPLAY = re.compile(r"((?: \\end\{aligned\})? \\\])([.,:;]+)")
 SPECIAL = {
     "\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}",
@@ -22,14 +22,14 @@ SPECIAL = {
 
 
 def latex_page(result: dict[str, Any], explain: bool, address: str = "") -> str:
-    """The whole document, ending with a newline; `address` is where the result stands, if it stands anywhere."""
+    """The whole document, ending with a newline; `address` is that of the result, if it has one."""
     lines = [r"\documentclass{article}", r"\usepackage{amsmath,amssymb,url}", r"\sloppy", r"\begin{document}"]
     names, part = names_of(result["system"]), result.get("nonholonomic")
     if part:
         found = [display(f"{one['latex']} = 0") for one in part["constraints"]]
         lines += ["The Lagrangian and the constraints are", display(f"L = {part['lagrangian']['latex']}"), *found]
     lines += [_line(line, names) for line in text_page.outline(result, explain)]
-    # The comma after a formula on lines of its own stands in its last line.
+    # The comma after a displayed formula belongs in its last line.
     whole = "\n".join([*lines, _source(result, address), r"\end{document}"])
     return _AFTER_A_DISPLAY.sub(r"\2\1", whole) + "\n"
 
@@ -43,7 +43,7 @@ def _source(result: Mapping[str, Any], address: str) -> str:
 
 
 def _line(line: text_page.Line, names: Names) -> str:
-    """A paragraph of words and formulas, or a formula on lines of its own, and where it holds."""
+    """A paragraph of words and formulas, or a displayed formula, and where it holds."""
     found, parts = [], line.parts
     for place, part in enumerate(parts):
         if place % 2 == 0:
@@ -79,7 +79,7 @@ def escaped(text: str) -> str:
 
 
 def display(formula: str) -> str:
-    """A formula on a line of its own; a long one on several."""
+    """A displayed formula; a long one is on several lines."""
     lines = printing.lines_of_latex(formula)
     if len(lines) == 1:
         return f"\\[ {formula} \\]"
@@ -126,5 +126,5 @@ def names_of(system: Mapping[str, Any] | None) -> Names:
 
 
 def _formula(formula: str) -> str:
-    """A formula in a sentence; one that is wider than a line gets lines of its own."""
+    """A formula in a sentence; one that is wider than a line is displayed."""
     return f"${formula}$" if len(printing.lines_of_latex(formula, IN_A_SENTENCE)) == 1 else display(formula)

@@ -78,7 +78,7 @@ def to_nonholonomic_parse_answer(
     motion: constrained_motion.EquationsOfMotion,
     schema: schemas.NonholonomicDocument,
 ) -> schemas.NonholonomicParseAnswer:
-    """What was understood: Lagrangian, constraints, and the accelerations that follow."""
+    """The interpretation: Lagrangian, constraints, and the accelerations that follow."""
     return translate.part_of(
         schemas.NonholonomicParseAnswer,
         system,
@@ -366,7 +366,7 @@ def system_of_motion(schema: schemas.MotionDocument) -> SecondOrderSystem:
 
 
 def parse_motion(schema: schemas.MotionDocument) -> ParseAnswer:
-    """What was understood; raises InputError."""
+    """The interpretation of the document; raises InputError."""
     return translate.to_parse_answer(system_of_motion(schema), schema)
 
 
@@ -535,7 +535,7 @@ def solve_nonholonomic(document: Any, options: solutions.SolveOptions, grow: Gro
 
 @dataclasses.dataclass(slots=True)
 class _Made:
-    """What is known of a motion: `answers` about any associated system by branch, the `reduced` system."""
+    """The known results about a motion: `answers` about any associated system by branch, the `reduced` system."""
 
     schema: schemas.NonholonomicDocument
     report: nonholonomic_study.MotionReport
@@ -547,7 +547,7 @@ class _Made:
     kept: tuple[FirstIntegral, ...] = ()
 
     def find_first_integrals(self, options: solutions.SolveOptions) -> None:
-        """What is constant along the motion."""
+        """The first integrals of the motion."""
         if self.schema.first_integrals:
             self.grow.begin("first_integrals")
             limit = min(FOR_INTEGRALS, SHARE_OF_INTEGRALS * options.time_limit)
@@ -678,7 +678,7 @@ def _imaged(main: nonholonomic_study.AssociatedAnswer, answer: solutions.Answer 
 
 
 def parse(schema: schemas.NonholonomicDocument) -> schemas.NonholonomicParseAnswer:
-    """What was understood of a Nonholonomic document; raises InputError."""
+    """The interpretation of a Nonholonomic document; raises InputError."""
     system = to_nonholonomic(schema)
     to_families(schema, system)
     return to_nonholonomic_parse_answer(system, constrained_motion.equations_of_motion(system), schema)

@@ -17,7 +17,7 @@ from inverse_service import errors
 
 MAX_DEPTH = 64
 MAX_NUMBER_CHARACTERS = 400
-# Nothing is given back of what was matched, so that a string of megabytes takes no memory of its own.
+# Possessive: the match never backtracks, so that a string of megabytes takes no extra memory.
 _JSON_STRING = re.compile(rb'"(?:[^"\\]++|\\.)*+(?:"|\Z)', re.DOTALL)
 _NO_BRACKETS = bytes(set(range(256)) - set(b"[]{}"))
 _ESCAPED_SURROGATE = re.compile(r"\\u[dD][89a-fA-F]")

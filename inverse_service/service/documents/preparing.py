@@ -1,7 +1,7 @@
 """What users may write more loosely than the schemas say, and the name of the time: documents in, results out.
 
 Inside, the time is t. A document that calls it tau (`"time": "tau"`, or y''(tau) in every equation) is renamed on the
-way in and its result on the way out; a coordinate called t then has a letter that the document does not use.
+way in and its result on the way out; a coordinate called t then has a name that the document does not use.
 """
 
 from __future__ import annotations
@@ -143,7 +143,7 @@ _DEFINED = re.compile(r"\s*\\?([A-Za-z]\w*(?:_\{\w+\})?)(\([^()]*\))?\s*")
 def _with_lagrangian(plain: dict[str, Any]) -> tuple[dict[str, Any], dict[str, str]]:
     """A text that gives L, or T and V, as the document of that Lagrangian; its other lines define names or hold it.
 
-    With it, by the pointer of each of these formulas, that of the text in which it stands at the same columns.
+    With it, by the pointer of each of these formulas, that of the text that contains it at the same columns.
     """
     key = "lagrangian" if "lagrangian" in plain else "equations"
     given = plain.get(key)

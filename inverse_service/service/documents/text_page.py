@@ -31,7 +31,7 @@ Formula = Side | tuple[Side, Side]
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """One line of an answer: words and formulas in turn, an equation by its two sides, and where it holds.
+    """One line of an answer: words and formulas alternately, an equation by its two sides, and where it holds.
 
     `text` is the same without what LaTeX shows on lines of its own.
     """
@@ -107,7 +107,7 @@ def outline(result: dict[str, Any], explain: bool) -> Iterator[Line]:
 
 
 def asks_motion_alone(result: Mapping[str, Any]) -> bool:
-    """Whether only the motion was asked about, so that the main fields leave open what nobody asked."""
+    """Whether only the motion was asked about, so that the main fields decide nothing."""
     given = (result.get("system") or {}).get("given") or {}
     named = given if isinstance(given, dict) else {}
     return bool(result.get("any_associated")) and ("motion" in named or named.get("associated") == "any")
@@ -155,7 +155,7 @@ def kinds_answered(result: dict[str, Any]) -> Iterator[tuple[str, Mapping[str, A
 
 
 def instead_answered(part: Mapping[str, Any]) -> str:
-    """What there is instead; nothing where the Lagrangian stands on the page already."""
+    """What there is instead; nothing where the Lagrangian is already on the page."""
     if part["kind"] == "rayleigh":
         return "Instead: a Lagrangian with friction, d(dL/dx')/dt - dL/dx = dD/dx' for each coordinate x."
     if part["kind"] == "parameters":
@@ -257,7 +257,7 @@ def _complexity(lagrangian: str, system: Mapping[str, Any]) -> int:
 
 
 def names_in(system: Mapping[str, Any], letters: Iterable[str] = ()) -> Names:
-    """The names of the formulas of a result, its own name of the time among them; `letters` are further ones."""
+    """The names of the formulas of a result, its own name of the time among them; `letters` are additional ones."""
     functions = {name: tuple(arguments) for name, arguments in system["functions"].items()}
     words = dict.fromkeys((*system["parameters"], *letters, system.get("time", "t")))
     return Names(tuple(system["coordinates"]), tuple(word for word in words if word != "t"), functions)
@@ -370,7 +370,7 @@ def _steps(steps: Iterable[Mapping[str, Any]]) -> Iterator[Line]:
 
 
 def _parts(said: Mapping[str, Any], key: str) -> tuple[str, ...]:
-    """Words and formulas of a sentence, in turn."""
+    """Words and formulas of a sentence, alternately."""
     parts = said.get("parts") or [said[key]]
     return (said[key],) if isinstance(parts[0], Mapping) else tuple(parts)  # of an older version
 

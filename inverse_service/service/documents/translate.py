@@ -180,7 +180,7 @@ def main_and_other(
 
 
 def _found_more(time: solutions.Answer, main: solutions.Answer) -> bool:
-    """Whether the question with time has a Lagrangian of its own; the solver gives one only where it is better."""
+    """Whether the question with time has a separate Lagrangian; the solver gives one only where it is better."""
     return time.lagrangian is not None and (
         main.lagrangian is None or time.lagrangian.expression != main.lagrangian.expression
     )
@@ -224,7 +224,7 @@ def answer_fields(answer: solutions.Answer, system: SecondOrderSystem) -> dict[s
 
 
 def step_part(step: solutions.Step, in_full: bool = True) -> schemas.ExplanationStep:
-    """The sentence, and its words and formulas in turn; what is shown below it comes last.
+    """The sentence, and its words and formulas alternately; what is shown below it comes last.
 
     What is not written in full has the sentence in one form only: as parts where it has formulas.
     """

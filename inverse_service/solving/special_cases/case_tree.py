@@ -2,7 +2,7 @@
 
 Each case is decided by `decide` on the system with its values put in; the side conditions of the
 verdict lead to smaller cases. A case whose verdicts are those of the smallest kept cases that contain
-it is implied and is not listed. The tree is complete when every case was settled: its verdicts hold on
+it is implied and is not listed. The tree is complete when every case is decided: its verdicts hold on
 all of it off the cases below.
 """
 
@@ -43,7 +43,7 @@ class Node:
 
 @dataclass(frozen=True)
 class SpecialCases:
-    """The tree, the cases examined on the way, and what is not known."""
+    """The tree, the cases examined on the way, and the open questions."""
 
     question: Question
     root: Node
@@ -65,7 +65,7 @@ class _Exploration:
     waiting: list[tuple[Stratum, FunctionCase, int]]
     seen: list[tuple[Stratum, FunctionCase]]
     cases: list[Case] = field(default_factory=list)
-    # What is not known, and where; whether that is about L(q, v) alone.
+    # Open questions, and where they occur; whether that is about L(q, v) alone.
     reasons: list[tuple[str, str]] = field(default_factory=list)
     time_is_open: bool = False
 
@@ -88,7 +88,7 @@ def special_cases(
     question = Question(system, space, constants, time_dependent, seed, deadline, progress or (lambda _: None))
     starts = _starts(question)
     work = _Exploration(question, [(s, f, 0) for s, f in starts], list(starts))
-    _advance(work)  # the generic case is examined whatever the limits
+    _advance(work)  # the generic case is examined regardless of the limits
     while work.waiting and not _stopped(work, most):
         _advance(work)
     root = _tree(question, work.cases)
@@ -278,7 +278,7 @@ _WITHOUT_LAGRANGIAN = "variational by existence alone, no closed form shows for 
 
 @dataclass(frozen=True)
 class Question:
-    """The system with letters, what is asked, the random numbers, and when to stop (`now`).
+    """The system with symbols, the question, the random numbers, and when to stop (`now`).
 
     `constants` names the coefficients of each function where it is a polynomial; they are in `space`.
     """
@@ -469,7 +469,7 @@ def _of_rank(question: Question, analysis: deciding.Analysis) -> tuple[side_cond
 def _positive(
     question: Question, analysis: deciding.Analysis, with_time: bool
 ) -> tuple[Sequence[side_conditions.Ideal], bool]:
-    """The ideals of a Lagrangian with letters, and whether they are all; (), False where none is found."""
+    """The ideals of a Lagrangian with symbols, and whether they are all; (), False where none is found."""
     from inverse_service.search.ladder import search
 
     with until(min(question.deadline, now() + _SEARCH_SECONDS)):

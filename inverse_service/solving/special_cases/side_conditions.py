@@ -30,7 +30,7 @@ from inverse_service.solving.special_cases import strata
 
 @dataclass(frozen=True)
 class Ideal:
-    """What vanishes together in a special case: polynomials in the parameters, or trees that hold functions."""
+    """Elements that vanish together in a special case: polynomials in the parameters, or trees that hold functions."""
 
     polynomials: tuple[fmpq_mpoly, ...]
     functional: tuple[ex.Expression, ...] = ()
@@ -101,7 +101,7 @@ class Reader:
         ]
 
     def inside_functions(self) -> list[Ideal]:
-        """Where what stands in such a function becomes zero or constant, or an exponent a small integer."""
+        """Where the argument of such a function becomes zero or constant, or an exponent a small integer."""
         found: list[Ideal] = []
         for index in self.parametric:
             tree = self.ring.trees[index]
@@ -149,7 +149,7 @@ class Reader:
         return [part for _, part in self._by_others(polynomial)]
 
     def _by_others(self, polynomial: fmpq_mpoly) -> list[tuple[tuple[int, ...], fmpq_mpoly]]:
-        """(exponents of what is no parameter, coefficient)."""
+        """(exponents of the generators that are not parameters, coefficient)."""
         tables: dict[tuple[int, ...], dict[tuple[int, ...], fmpq]] = {}
         for exponents, value in polynomial.terms():
             key = [0] * max(len(self.space.names), 1)

@@ -108,7 +108,7 @@ class Stratum:
         return bool(self.reduced(polynomial).is_zero())
 
     def reduced(self, polynomial: fmpq_mpoly) -> fmpq_mpoly:
-        """The polynomial on the stratum, times a power of what does not vanish there."""
+        """The polynomial on the stratum, times a power of an element that does not vanish there."""
         for index, value in self.values.items():
             polynomial = put_in(polynomial, index, value)
         for index, a, b, c in self.roots:
@@ -165,7 +165,7 @@ MOST_SPLITS = 200
 
 @dataclass(frozen=True)
 class _Open:
-    """Equations still to be used, and what is solved so far."""
+    """Equations still to be used, and those solved so far."""
 
     left: tuple[fmpq_mpoly, ...]
     stratum: Stratum
@@ -285,7 +285,7 @@ def _updated(old: Fraction, index: int, value: Fraction) -> Fraction:
     degree = max(part.degrees()[index] for part in parts)
     numerator, denominator = (put_in(part, index, value, degree) for part in parts)
     if denominator.is_zero():
-        return Fraction(numerator, denominator + 1)  # what is excluded vanishes there; the piece is dropped
+        return Fraction(numerator, denominator + 1)  # an excluded polynomial vanishes there; the piece is dropped
     common = numerator.gcd(denominator)
     return Fraction(numerator / common, denominator / common)
 
