@@ -1,10 +1,10 @@
-"""How far a run to the end is from the motion: an estimate of its error, and sentences where that is large.
+"""Estimate the error of a completed run, with a warning if it is large.
 
-The method is run again with half the step h. With an error C h^p both are apart by (1 - 2^-p) of that of the run; a
-method with steps of its own gets a tenth of its tolerance too, where that is above round-off. What both runs do alike
-is not seen by this: the energy, a constant, and the true motion, where that is known, are looked at too.
+The method is run again with half the step h. If the error is C h^p, both differ by (1 - 2^-p) of the error of the run;
+a method that chooses its steps also gets a tenth of its tolerance, if that is above round-off. Errors common to both
+runs are not detected in this way, so the energy, a constant, and the true motion, if known, are compared too.
 
-A force that acts within a step, of which neither run knows, is looked for in the formulas between the points. A run
+A force that acts within a step, unnoticed by both runs, is searched for in the formulas between the points. A run
 with a Lagrangian that has another motion there than the given equations is `off_domain`.
 """
 
@@ -104,7 +104,7 @@ def _again(run: observing.Observed, repeat: Repeat) -> tuple[Finer, trajectory.T
 
 def estimated(run: observing.Observed, repeat: Repeat) -> dict[str, Any]:
     """{estimated_error, estimated_error_share, estimated_until, doubt}: the greatest error of a position, and the
-    greatest share of the range of a coordinate; until when, where that is not the end; sentences where they are large.
+    greatest share of the range of a coordinate; the end of the comparison if it is earlier; warnings if they are large.
 
     `repeat` runs a method of a scene.
     """
@@ -130,7 +130,7 @@ def estimated(run: observing.Observed, repeat: Repeat) -> dict[str, Any]:
 
 
 def _elsewhere(run: observing.Observed, errors: trajectory.Array, shares: trajectory.Array, which: str) -> str:
-    """Where a coordinate is off by more than TOO_LARGE of its range."""
+    """A warning if the error of a coordinate exceeds TOO_LARGE of its range."""
     far = shares > TOO_LARGE
     if not far.any():
         return ""
@@ -274,7 +274,7 @@ def between_points(
 
 
 def apart_from(run: observing.Observed, other: trajectory.Array | None) -> str:
-    """A doubt where DOP853 has positions (m, n) that end elsewhere, by a tenth of the motion's size; none without."""
+    """A warning if the positions (m, n) of DOP853 end a tenth of the motion's size away; else an empty text."""
     if other is None or not len(run.trajectory.times):
         return ""
     apart = float(np.abs(other[-1] - run.trajectory.positions[-1]).max())

@@ -76,7 +76,7 @@ class Found:
 
 
 def float_number(value: float) -> ex.Expression:
-    """The very number."""
+    """The same number."""
     return ex.Number(Fraction(float(value)))
 
 
@@ -92,7 +92,7 @@ def located(
 def with_events(
     run: observing.Observed, motion: data.Problem | data.Unavailable
 ) -> tuple[Trajectory, tuple[Found, ...]]:
-    """The run, ended by the first event that stops it, and every event found before."""
+    """The run, which ends at the first event that stops it, and all events found up to there."""
     ran, found = run.trajectory, located(run, run.scene.events, motion)
     ends = [float(one.times[0]) for one in found if one.event.stops and len(one.times)]
     if not ends:
@@ -104,7 +104,7 @@ def with_events(
 
 
 def where_ended(found: tuple[Found, ...], outcome: Outcome) -> tuple[float, Array, Array] | None:
-    """(t, q, v) of the event that ended the run, None where none did."""
+    """(t, q, v) of the event that ended the run; None if no event did."""
     stops = (one for one in found if one.event.stops and len(one.times) and one.times[0] == outcome.time)
     return next(((float(one.times[0]), one.positions[0], one.velocities[0]) for one in stops), None)
 
@@ -120,7 +120,7 @@ Follow = Callable[[NDArray[np.int64], Array], State]
 def _follower(
     run: observing.Observed, velocities: Array | None, motion: data.Problem | data.Unavailable
 ) -> Follow | None:
-    """A function of places k and lengths: the motion so long after point k."""
+    """A function of indices k and lengths: the motion at this length of time after point k."""
     ran, values, method = run.trajectory, run.values, run.requested.method
     choice, what = run.requested.choice, run.problem
     stepped = choice is not None and method not in ("heyoka", "modified")
@@ -177,7 +177,7 @@ def _located(run: observing.Observed, event: data.Event, velocities: Array | Non
         return Found(event, nothing[:, 0], nothing, nothing, NO_VELOCITIES)
     except errors.InputError as error:
         return Found(event, nothing[:, 0], nothing, nothing, error.detail)
-    # At a pole the sign changes too, and the value is beyond those on both sides.
+    # At a pole the sign also changes, but the value there exceeds those on both sides.
     zero = np.abs(_value_about(way, brackets, state)) <= np.maximum(np.abs(brackets.below), np.abs(brackets.above))
     order = np.argsort(state[0][zero], kind="stable")
     times, positions, speeds = (part[zero][order] for part in state)
@@ -190,7 +190,7 @@ def _turns(along: Array) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class Way:
-    """A run with the values of a formula at its points, (m,), and what continues it from each."""
+    """A run with the values of a formula at its points, (m,), and its continuation from each point."""
 
     times: Array
     along: Array
@@ -283,7 +283,7 @@ def _brackets(way: Way) -> tuple[Brackets, Array, bool]:
 
 
 def _signed(values: Array) -> Array:
-    """The values, where a 0 within the run stands for the sign behind it: to touch 0 is no change of sign."""
+    """The values, where a 0 within the run gets the sign that follows it: touching 0 is not a change of sign."""
     rest = np.flatnonzero((values == 0) & (np.arange(len(values)) < len(values) - 1))
     if not len(rest):
         return values
@@ -294,9 +294,9 @@ def _signed(values: Array) -> Array:
 
 
 def _turning_points(way: Way, fine: Array, pieces: int) -> tuple[Array, Array]:
-    """Where the formula comes nearest to 0 between places at which its sign is one and the same, and its values.
+    """The places where the formula is nearest to 0 between points at which it has the same sign, and its values.
 
-    Golden section search in SIMD lanes; the start and the end of the run are looked at in any case.
+    Golden section search in SIMD lanes; the start and the end of the run are always examined.
     """
     size, last = np.abs(fine), len(fine) - 1
     middle = np.arange(1, last)
@@ -312,7 +312,7 @@ def _turning_points(way: Way, fine: Array, pieces: int) -> tuple[Array, Array]:
         one, two = way.values(np.concatenate([a, b])).reshape(2, -1) * sign
         left = one <= two
         low, high = np.where(left, low, a), np.where(left, b, high)
-        # Below zero there are two zeros; where the values no longer fall much they stay above.
+        # A value below zero means two zeros; values that hardly decrease any more stay above zero.
         least = np.minimum(one, two)
         if ((least <= 0) | (np.abs(one - two) < FLAT * least) | ~np.isfinite(least)).all():
             break
@@ -381,7 +381,7 @@ def period_of(run: observing.Observed, motion: data.Problem | data.Unavailable) 
 
 FIRST, MOST = 16, 4096  # steps of a piece that is looked at for events at once
 SAME, AT_ZERO = 1e-12, 1e-9  # of a step: events at one time; of the size of u' times the step: u is zero there
-SOON = 1e-10  # of a step or of the time: events that follow each other so soon come ever faster
+SOON = 1e-10  # of a step or of the time: events closer than this are taken to accumulate
 MOST_TOGETHER = 3  # switching functions that are zero at once
 STICKS, PASSES = 0, "passes"
 ZENO = "the times between two such events, which become ever shorter"
@@ -396,7 +396,7 @@ Sides = dict[ex.Expression, int]  # of each switching function: 1 above zero, -1
 
 @dataclass(frozen=True, slots=True)
 class Switch:
-    """At time t a switching function went to a side: 1, -1, or 0 where it sticks."""
+    """At time t a switching function passed to a side: 1, -1, or 0 if it sticks."""
 
     function: ex.Expression
     time: float
@@ -433,7 +433,7 @@ def on_sides(tree: ex.Expression, sides: Mapping[ex.Expression, int]) -> ex.Expr
             side = sides.get(square.base) if nf.is_square(square) and isinstance(square, ex.Power) else None
             if side and isinstance(square, ex.Power) and isinstance(square.exponent, ex.Number):
                 power, u = square.exponent.value * power, replaced(square.base)
-                # A root of u stays one of u^2: a step that goes beyond u = 0 has a value there.
+                # A root of u remains a root of u^2, so that a step beyond u = 0 has a value.
                 outside.append(ex.number(side) ** power * u**power if power.denominator == 1 else (u**2) ** (power / 2))
             else:
                 inside.append(replaced(factor))
@@ -580,8 +580,8 @@ class _Motion:
     def sides_at(
         self, state: tuple[float, Array, Array], before: Sides, zero: Sequence[ex.Expression], known: Sides
     ) -> Sides | None:
-        """The sides on which the motion goes on where the functions `zero` are zero and others are on `known` sides;
-        None where there is none, or where there are several."""
+        """The sides on which the motion continues if the functions `zero` are zero and others are on `known` sides;
+        None if there is no such choice or more than one."""
         found: Sides = {}
         for u in self.functions:
             value = float(self.at([on_sides(u, before | found)], state)[0])
@@ -594,7 +594,7 @@ class _Motion:
         fits = [sides for sides in passing if self.goes(sides, zero, state)]
         if len(fits) == 1:
             return fits[0]
-        if fits:  # from one side only the way across is a motion
+        if fits:  # from one side only crossing is a motion
             onward = [sides for sides in fits if all(sides[u] == -before.get(u, 0) for u in zero)]
             return onward[0] if len(onward) == 1 else None
         if self._is_continuous(passing, state):  # at rest on a kink: nothing moves it away, or it is seen later
@@ -616,7 +616,7 @@ class _Motion:
         return bool((np.ptp(values, axis=0) <= 1e-12 * np.abs(values).max(initial=0.0)).all())
 
     def goes(self, sides: Sides, zero: Sequence[ex.Expression], state: tuple[float, Array, Array]) -> bool:
-        """Whether the motion on these sides leaves each zero to its side."""
+        """Whether the motion on these sides moves away from each zero to its side."""
         for u in zero:
             own, forces = on_sides(u, sides), self.forces(sides)
             first = self.rate(own, forces)
@@ -677,7 +677,7 @@ class _Run:
             if self.stop is not None and self.stop():
                 outcome = Outcome("cancelled", place, state[0])
                 break
-            # To the next point of the grid, where a piece begins between two; then many steps at once.
+            # If a piece begins between two grid points, first step to the next one; then take many steps at once.
             ahead = grid.begin + (place + 1) * grid.step - state[0]
             between = abs(ahead - grid.step) > SAME * (abs(grid.step) + abs(state[0]))
             many = 1 if between else min(count, grid.steps - place)
@@ -724,7 +724,7 @@ class _Run:
             state, ended = self._act(state, kinds, sides)
             here, row = grid.begin + (place + 1) * grid.step, int(kept.sum())
             if abs(state[0] - here) <= SAME * (abs(grid.step) + abs(here)) and row < len(ran.times):
-                # At a point of the grid, which is recorded as it is after the event.
+                # The event is at a grid point, which is recorded with the state after the event.
                 at = ran.part(slice(row, row + 1))
                 self.parts.append(replace(at, positions=state[1][None], velocities=state[2][None]))
                 place, state = place + 1, (here, state[1], state[2])
@@ -775,7 +775,7 @@ class _Run:
     def _first(
         self, run: observing.Observed, motion: data.Problem, sides: Sides
     ) -> tuple[tuple[float, Array, Array], list[int | ex.Expression]] | None:
-        """The state at the first event of a piece that acts, stops or switches, and all that happen there."""
+        """The state at the first event of a piece that acts, stops or switches, and all events at that time."""
         shares = self.motion.shares(sides)
         watched: list[tuple[int | ex.Expression, data.Event]] = list(enumerate(self.scene.events))
         for u, side in sides.items():
@@ -831,7 +831,7 @@ class _Run:
                 note = ENDED.format(time) if event.most == 1 else MANY.format(event.most, time)
                 return (time, q, v), Outcome("completed", None, time, note=note)
         self.acted.append(time)
-        # The time itself is known to round-off only, so that much shorter times are none.
+        # The time is known only to round-off, so much shorter times have no meaning.
         soon = SOON * max(abs(self.scene.grid.step), abs(time))
         if len(self.acted) > 8 and self.acted[-1] - self.acted[-5] < soon:
             gap = self.acted[-1] - self.acted[-2]

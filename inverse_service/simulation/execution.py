@@ -1,9 +1,9 @@
-"""One trajectory of a problem by a method: `run` is the one door to the integrators.
+"""One trajectory of a problem by a method: `run` is the only entry point to the integrators.
 
     check, `initial`      the choice, and the state to begin with: from velocities or momenta, at a point or on the
                           discrete constraint
     kernel_of, execute    the compiled step, run piece by piece: bounded memory, and a way to stop
-    trajectory_of         what the kernel left, with a typed outcome: what vanished is a formula in the user's names
+    trajectory_of         the result of the kernel, with a typed outcome: the vanishing formula in the user's names
 
 Zeros of the denominators of L~ just ahead of where a run stopped are its cause where the formulas have a pole there.
 """
@@ -35,7 +35,7 @@ __all__ = ["Grid", "MethodChoice", "Observable", "Observation", "Problem", "Star
 
 
 def check(problem: Problem, choice: MethodChoice, grids: Sequence[Grid]) -> None:
-    """InputError with one sentence for a choice that makes no sense."""
+    """Raise InputError with one sentence for an invalid choice."""
     if choice.method not in method_table.METHODS:
         raise InputError(f"There is no method of this name. The methods are {', '.join(method_table.METHODS)}.")
     if not 0.0 <= choice.alpha <= 1.0:
@@ -104,7 +104,7 @@ def run(
 ) -> Trajectory:
     """One trajectory; `values` gives every parameter (free constants too) a number.
 
-    Where the method cannot go on, the outcome says so and the rows up to there are kept. InputError for a choice
+    If the method cannot continue, the outcome says so and the rows up to there are kept. InputError for a choice
     that the problem does not allow. `stop` is asked about ten times a second; True ends the run as "cancelled".
     """
     check(problem, choice, [grid])
@@ -139,7 +139,7 @@ NEARLY_SINGULAR = 0.25
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """What a kernel left: `rows` (recorded, columns), `memory` (places,) after the last good step."""
+    """The result of a kernel: `rows` (recorded, columns), `memory` (places,) after the last good step."""
 
     rows: Array
     steps_at: NDArray[np.int64]
@@ -200,14 +200,14 @@ def execute(
 
 
 def _portion(piece: int, left: int, until: int) -> tuple[int, int]:
-    """(steps to do now, steps to the next record): the very last step is recorded whatever the rhythm."""
+    """(steps to do now, steps to the next record): the last step is always recorded."""
     if left == 1:
         return 1, 1
     return min(piece, left - 1), until
 
 
 def stopped(card: Card, memory: Array, unknown_names: Mapping[str, str], grid: Grid) -> Outcome | None:
-    """The meaning of the status in the memory (places,), None where the run went to the end."""
+    """The meaning of the status in the memory (places,); None if the run reached the end."""
     layout = card.layout
     code = int(memory[layout.place(programs.STATUS)])
     if code == 0:
@@ -266,7 +266,7 @@ def failed_start(start: Start, outcome: Outcome, time: float = 0.0) -> Trajector
 
 @dataclass(frozen=True)
 class Ended:
-    """A run of a kernel from `begin`, as far as it came."""
+    """A run of a kernel from `begin` to the point that it reached."""
 
     f: Formulas
     choice: MethodChoice
@@ -281,12 +281,12 @@ class Ended:
 
     @cached_property
     def halt(self) -> Outcome | None:
-        """Why it stopped; None where it went to the end."""
+        """The reason for stopping; None if the run reached the end."""
         return stopped(self.card, self.run.memory, unknown_names(self.f), self.grid)
 
     @property
     def done(self) -> int:
-        """How many steps it made."""
+        """The number of steps made."""
         return self.run.done if self.halt is None else self.halt.step or 0
 
     @cached_property
@@ -337,7 +337,7 @@ def _evaluations(choice: MethodChoice, card: Card, taken: int, iterations: int) 
 
 
 def _with_start(columns: dict[str, Array], begin: Initial, names: list[str]) -> Array:
-    """Recorded values with the start in front; what never changes is repeated, what is not carried is NaN."""
+    """Recorded values after the start; constant values are repeated, and missing ones are NaN."""
     rows = len(next(iter(columns.values()))) if columns else 0
     table = np.empty((rows + 1, len(names)))
     for k, name in enumerate(names):
@@ -347,7 +347,7 @@ def _with_start(columns: dict[str, Array], begin: Initial, names: list[str]) -> 
 
 
 def _headed(values: Array) -> Array:
-    """The first value repeated in front: the start has no step of its own."""
+    """Repeat the first value in front, because no step leads to the start."""
     return np.concatenate([values[:1] if len(values) else [math.nan], values])
 
 
@@ -368,7 +368,7 @@ def _outcome(ended: Ended) -> Outcome:
         kind = "cancelled" if ended.run.cancelled and ended.run.done < grid.steps else "completed"
         return Outcome(kind, ended.run.done, grid.begin + ended.run.done * grid.step)
     if choice.method == "modified" and halt.kind == "singular" and len(schemes.parts_of(choice)) == 1:
-        # Its own singular set: smooth through the zeros of A_alpha, whatever passes 0 nearby.
+        # It has its own singular set: it is smooth through the zeros of A_alpha, even if other factors vanish nearby.
         return replace(halt, remedy=_remedy(f, choice))
     if halt.kind in ("no_convergence", "not_finite", "singular") and (cause := _vanished(ended)):
         return replace(halt, kind="singular", quantity=cause[0], value=cause[1], remedy=_remedy(f, choice))
@@ -382,12 +382,12 @@ def _outcome(ended: Ended) -> Outcome:
     return halt
 
 
-# So far ahead a pole is felt by the guard or by Newton; the way there is nearly straight.
+# At this distance a pole affects the guard or Newton's method; the path to it is nearly straight.
 STEPS_AHEAD, BISECTIONS, LARGE = 20, 30, 1e4
 
 
 def _way(ended: Ended) -> Callable[[float], dict[str, float]]:
-    """The straight way from the last good point: (q, v, p) so many steps after it."""
+    """The straight path from the last good point: (q, v, p) this many steps after it."""
     last, start, step = ended.last, ended.begin.state, ended.grid.step
     passed = last[programs.CLOCK] * step
     means = [(last[f"q{k}"] - start[f"q{k}"]) / passed if passed else 0.0 for k in range(ended.f.size)]
@@ -476,7 +476,7 @@ class Initial:
 
 
 def initial(f: Formulas, choice: MethodChoice, start: Start, step: float, parameters: Mapping[str, float]) -> Initial:
-    """State of the kernel at its first time, which stands among the parameters (0 where it does not)."""
+    """State of the kernel at its start time, which is one of the parameters (0 if it is not)."""
     parameters = {str(MOMENT): 0.0, **parameters}
     _require(start, f.size)
     q = _named("q", start.positions)
@@ -543,7 +543,7 @@ def _momenta(f: Formulas, choice: MethodChoice, table: Mapping[str, float]) -> l
 
 
 def _holds(f: Formulas, table: Mapping[str, float]) -> bool:
-    """Whether velocities are those that the constraints give, to round-off."""
+    """Whether the velocities satisfy the constraints, to round-off."""
     size = max((abs(table[f"v{k}"]) for k in range(f.size)), default=0.0)
     values = f.values([_along(row, f.symbols("v")) + c for row, c in zip(f.forms, f.drifts, strict=True)], table)
     return all(abs(value) <= OFF_CONSTRAINTS * size for value in values)
@@ -582,7 +582,7 @@ def undefined_force(f: Formulas, forces: Sequence[Formula], table: Mapping[str, 
 
 
 def _divides_by_zero(formula: Formula, table: Mapping[str, float]) -> bool:
-    """Whether it divides by what is 0 there, or takes its logarithm: atan(v/x) has a number in doubles at x = 0."""
+    """Whether it divides by 0 there, or takes the logarithm of 0: in doubles atan(v/x) has a value at x = 0."""
     powers = formula.atoms(symengine.Pow)
     divided = [power.args[0] for power in powers if power.args[1].is_Number and power.args[1].is_negative]
     divided += [logarithm.args[0] for logarithm in formula.atoms(symengine.log)]

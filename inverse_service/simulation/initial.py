@@ -1,4 +1,4 @@
-"""Initial velocities: filled in where the constraints determine them, projected on request, refused if off them.
+"""Initial velocities: filled in where the constraints determine them, projected on request, else checked.
 
 Constraints w(q) v + c(q) = 0. The projection is orthogonal in the kinetic energy, g = L_vv:
 
@@ -33,7 +33,7 @@ NO_VALUE = "The Lagrangian has no value at the start: start somewhere else."
 def check_constraints(
     coordinates: Sequence[str], constraints: Sequence[Expression], values: Mapping[str, float], positions: Array
 ) -> None:
-    """InputError for constraints that are not linear in the velocities, depend on one another, or leave no motion."""
+    """Raise InputError for constraints that are nonlinear in the velocities or dependent, or that leave no motion."""
     names = tuple(coordinates)
     rates = [Velocity(name) for name in names]
     for place, constraint in enumerate(constraints, 1):
@@ -165,7 +165,7 @@ def _times(matrices: Array, vectors: Array) -> Array:
 
 
 def angles(scene: Scene) -> NDArray[np.bool_]:
-    """Which coordinates are angles, (n,): they stand in sines and cosines of whole multiples of them only."""
+    """Which coordinates are angles, (n,): they occur only in sines and cosines of their integer multiples."""
     trees = [scene.lagrangian, *scene.constraints, *(scene.accelerations or ()), *scene.forces]
     return np.array([_is_angle([tree for tree in trees if tree is not None], Symbol(x)) for x in scene.coordinates])
 
@@ -249,7 +249,7 @@ def _filled(names: tuple[str, ...], rows: Array, offsets: Array, given: Mapping[
 
 
 def _undetermined(matrix: Array) -> list[int]:
-    """The columns along which the null space of the matrix reaches."""
+    """The columns in which the null space of the matrix has nonzero entries."""
     if not matrix.shape[0]:
         return list(range(matrix.shape[1]))
     _, sizes, right = np.linalg.svd(matrix)

@@ -88,7 +88,7 @@ def motion_by_quadrature(
     constraints: Sequence[ex.Expression],
     values: Mapping[str, float],
 ) -> ExactMotion | NoExactMotion:
-    """The exact motion of a system of the class above, or why it is not of it."""
+    """The exact motion of a system of the class above, or the reason why it is not in that class."""
     names = tuple(coordinates)
     inertia = euler_lagrange.hessian(lagrangian, names)
     mass = _mass(lagrangian, inertia, names, values)
@@ -167,7 +167,7 @@ def positions_of(motion: ExactMotion, positions: Array, velocities: Array, times
 
 
 def _integral(motion: ExactMotion, start: float, rate: float, times: Array) -> Array:
-    """The integral of e from 0 to each time, (m, n - 1); Gauss-Legendre on pieces that are halved until it stands."""
+    """The integral of e from 0 to each time, (m, n - 1); Gauss-Legendre on pieces, halved until it converges."""
     edges = np.concatenate([[0.0], times])
     parts = np.empty((len(times), len(motion.coordinates) - 1))
     for first in range(0, len(times), INTERVALS_AT_ONCE):
@@ -411,7 +411,7 @@ def distance_of_motion(
 
 
 def _size(residual: ex.Expression, table: dict[ex.Expression, Array | float]) -> Array:
-    """The size of the largest term, which the residual is measured by."""
+    """The size of the largest term, relative to which the residual is measured."""
     terms = residual.terms if isinstance(residual, ex.Sum) else (residual,)
     size = np.ones(len(numeric_formulas.array_value(residual, table)))
     for term in terms:
@@ -452,7 +452,7 @@ def regular_accelerations(
     constraints: Sequence[ex.Expression],
     forces: Sequence[ex.Expression] = (),
 ) -> tuple[ex.Expression, ...] | None:
-    """All n accelerations over (q, v), with further forces Q; None where the matrices are too large to be inverted."""
+    """All n accelerations over (q, v), with additional forces Q; None if the matrices are too large to invert."""
     found = accelerations_and_multipliers(coordinates, lagrangian, constraints, forces)
     return None if found is None else found[0]
 

@@ -63,7 +63,7 @@ def switching_functions(trees: Sequence[ex.Expression | None], coordinates: Sequ
 
 
 def is_root(node: ex.Expression) -> bool:
-    """Whether it is a power with a broken exponent."""
+    """Whether it is a power with a fractional exponent."""
     return isinstance(node, ex.Power) and isinstance(node.exponent, ex.Number) and node.exponent.value.denominator != 1
 
 
@@ -113,7 +113,7 @@ class Denominator:
 
 @dataclass(frozen=True)
 class Formulas:
-    """The problem, translated; each part when it is first asked for."""
+    """The translated problem; each part is translated at first use."""
 
     problem: Problem
 
@@ -165,7 +165,7 @@ class Formulas:
 
     @cached_property
     def forces(self) -> list[se.Formula]:
-        """The further forces Q(t, q, v), empty where there are none."""
+        """The additional forces Q(t, q, v), empty if there are none."""
         return [se.translate(tree, self.table) for tree in self.problem.forces]
 
     def forces_at(
@@ -266,7 +266,7 @@ class Formulas:
         return self.walls_of([self.problem.free_lagrangian])
 
     def walls_of(self, trees: Sequence[ex.Expression | None]) -> list[Denominator]:
-        """What may not change its sign where the formulas are to stay smooth, each once."""
+        """The walls whose signs must not change for the formulas to stay smooth, without repetition."""
         names = [*self.problem.coordinates, *(f"p_{name}" for name in self.problem.coordinates)]
         moving: set[ex.Expression] = {ex.Symbol(name) for name in names}
         found = dict.fromkeys(wall for tree in trees if tree is not None for wall in walls(tree, moving))
@@ -274,7 +274,7 @@ class Formulas:
 
     @cached_property
     def domain(self) -> list[Denominator]:
-        """What is positive where L~ has the motion."""
+        """The formulas that are positive where L~ has the motion."""
         return [self._denominator(tree) for tree in self.problem.domain]
 
     @cached_property
@@ -324,7 +324,7 @@ def array_function(name: str, values: Any) -> Any:
 
 
 class NoValue(errors.InputError):
-    """A formula holds a name that was given no value."""
+    """A formula contains a name without a value."""
 
     code = "no-value"
 
@@ -357,7 +357,7 @@ def array_value(expression: ex.Expression, table: Mapping[ex.Expression, Any]) -
 
 
 def array_values(expressions: Sequence[ex.Expression], table: Mapping[ex.Expression, Any]) -> list[Array]:
-    """Those of several formulas; what they have in common is computed once."""
+    """The values of several formulas; common subexpressions are computed once."""
     sizes = [np.shape(value) for value in table.values() if np.ndim(value)]
     known = dict(table)
     with np.errstate(all="ignore"):

@@ -1,4 +1,4 @@
-"""What a scene observes: formulas for the kernel, and numbers made of the recorded points.
+"""The observed quantities of a scene: formulas for the kernel, and numbers computed from the recorded points.
 
 energy        E = v L_v - L of the original system; max_energy_error = max |E_k/E_0 - 1|, E_0 that of the initial
               data, at the recorded points with their velocities (those of the momenta), for every method alike;
@@ -110,7 +110,7 @@ def conserved_momenta(scene: data.Scene, problem: data.Problem) -> list[int]:
 
 
 def why_energy_varies(scene: data.Scene) -> str | None:
-    """A sentence where the energy of the scene is no constant of the motion."""
+    """A sentence if the energy of the scene is not a constant of the motion."""
     lagrangian = lagrangian_of_energy(scene)
     if lagrangian is not None and ex.holds(lagrangian, ex.TIME):
         return WITH_TIME
@@ -221,7 +221,7 @@ def circle_numbers(points: Array, exact: Array | None, every: int = 1, reach: fl
 
 
 def _shape(points: Array) -> float | None:
-    """How far the whole path is from one circle of its own, over its radius: center and radius do not enter."""
+    """The greatest distance of the path from its least-squares circle, relative to the radius."""
     whole = least_squares_circle(points)
     return None if whole is None else float(radial_distance(points, whole).max())
 
@@ -327,7 +327,7 @@ def _from_lagrangian(
 
 
 def _solved(matrices: Array, right: Array) -> Array:
-    """matrices^-1 right for each point, (m, n, k); one that is the same everywhere is taken apart once."""
+    """matrices^-1 right for each point, (m, n, k); a constant matrix is factored once."""
     if not (matrices == matrices[:1]).all():
         return np.asarray(np.linalg.solve(matrices, right))
     columns = right.transpose(1, 0, 2).reshape(right.shape[1], -1)
@@ -344,7 +344,7 @@ _WALL = "The energy is that of a Lagrangian that was found, which {}."
 
 @dataclass(frozen=True, slots=True)
 class Observed:
-    """One run as it is observed: `problem` is None for the exact solution, `values` hold the free constants too. A run
+    """An observed run: `problem` is None for the exact solution, `values` hold the free constants too. A run
     `in_pieces` has the velocities of its points, and no momenta."""
 
     scene: data.Scene
@@ -482,7 +482,7 @@ def _constraint_forces(run: Observed) -> tuple[dict[str, Any], dict[str, Array]]
 
 def _energy(run: Observed) -> tuple[dict[str, Any], dict[str, Array]]:
     """The energy at the recorded points for every method; that of the discrete Lagrangian, where there is one, under a
-    name of its own."""
+    separate name."""
     start = start_energy(run.scene)
     if start is None:
         return {"max_energy_error": None, "energy_note": _NO_ENERGY}, {}
@@ -569,14 +569,14 @@ def _compared(
 
 
 def last_point(run: Observed) -> tuple[float, Array, Array | None]:
-    """(t, q, v) where the run ended, with which another can go on; v is None where the method has none."""
+    """(t, q, v) at the end of the run, from which another can continue; v is None if the method has none."""
     at = run.trajectory
     velocities = velocities_at_points(replace(run, trajectory=at.part(slice(-3, None))))
     return float(at.times[-1]), at.positions[-1], None if velocities is None else velocities[-1]
 
 
 def columns_of(scene: data.Scene, table: Array, prefix: str = "") -> dict[str, Any]:
-    """What a table (m, n), or one row of it, holds of each coordinate."""
+    """The entries of a table (m, n), or of one row, by coordinate."""
     return {f"{prefix}{name}": table[..., k] for k, name in enumerate(scene.coordinates)}
 
 

@@ -1,4 +1,4 @@
-"""Integrators of others: heyoka (an extra) as an independent reference, SciPy's as peers in comparisons.
+"""Third-party integrators: heyoka (an extra) as an independent reference, SciPy's as peers in comparisons.
 
 F. Biscani, D. Izzo, Mon. Not. R. Astron. Soc. 504 (2021) 2614; P. Virtanen et al., Nature Methods 17 (2020) 261.
 """
@@ -46,7 +46,7 @@ def run_heyoka(
     problem: Problem, start: Start, grid: Grid, values: Mapping[str, float], observation: Observation,
     tolerance: float = 1e-15, stop: Callable[[], bool] | None = None,
 ) -> Trajectory:  # fmt: skip
-    """The motion at the recorded steps of the grid, to round-off; it takes at most MOST_STEPS steps of its own."""
+    """The motion at the recorded steps of the grid, to round-off, in at most MOST_STEPS internal steps."""
     if problem.accelerations is None:
         raise InputError("heyoka needs the accelerations of the motion, which this scene does not have.")
     if start.velocities is None:
@@ -70,8 +70,8 @@ def _propagated(
     """(how it ended, states at the times, seconds to compile and to run)."""
     with _ONE_AT_A_TIME:
         begin = time.perf_counter()
-        # Its tolerance is absolute below 1: small motions are measured in a unit of their own, a power of 2.
-        # So is the time of steps that are far from 1, whose series of high order would leave the range of numbers.
+        # Its tolerance is absolute below 1: small motions are scaled by a power of 2.
+        # Time is scaled too if steps are far from 1, because their series of high order would overflow or underflow.
         step = float(np.abs(np.diff(times)).max())
         clock = 1.0 if SHORT < step < 1 / SHORT else _power_of_2(step)
         scale = np.repeat([1.0, 1 / clock], len(state) // 2)
@@ -115,7 +115,7 @@ def _outcome(code: str, good: int, steps: Any, times: Any) -> Outcome:
 
 
 def used_parameters(problem: Problem) -> list[str]:
-    """Those that occur in the accelerations: heyoka takes no others."""
+    """The names that occur in the accelerations: heyoka accepts no others."""
     used = {node.name for tree in problem.accelerations or () for node in ex.walk(tree) if isinstance(node, ex.Symbol)}
     return [name for name in problem.parameters if name in used]
 

@@ -1,4 +1,4 @@
-"""Error against work for every method of a scene, measured by rules that favor none.
+"""Error against work for every method of a scene, measured by rules that favor no method.
 
 Every method is run over the same time, from a coarse setting to finer ones: half the step, or a tenth of the tolerance,
 until its error is round-off or it takes too long. Errors are taken at CHECKS common times against the exact solution,
@@ -66,7 +66,7 @@ class Setting:
 
     @property
     def fineness(self) -> tuple[int, float]:
-        """Rises from coarse settings of a method to fine ones."""
+        """A key that increases from coarse settings of a method to fine ones."""
         return self.steps, -(self.tolerance or 0.0)
 
 
@@ -164,7 +164,7 @@ def _refined(
     """From coarse to fine until the error is round-off, no longer falls, or a run takes long."""
     found: list[Setting] = []
     for blank in blanks:
-        # The next one takes as long as all before it together.
+        # The next setting takes as long as all previous ones together.
         if sum(one.best_seconds or 0.0 for one in found) > seconds / 2:
             return [*found, replace(blank, reason=TOO_SLOW.format(found[-1].best_seconds))]
         found.append(run(blank))
@@ -253,7 +253,7 @@ def energy_errors(scene: data.Scene, positions: Array, velocities: Array, times:
 
 
 def reason_of(run: running.MethodRun) -> str:
-    """Why a setting has no error, in a line."""
+    """The reason why a setting has no error, in one line."""
     outcome = run.outcome
     if run.trajectory is None:
         return outcome.remedy or outcome.kind
@@ -335,7 +335,7 @@ def measured_order(curve: Sequence[Setting], scale: float) -> float | None:
 
 def price_of(curve: Sequence[Setting], coarsest: Setting, error: float) -> Price | None:
     """What it costs by a method to get below an error, interpolated between the points of its curve; None if it never
-    does. `coarsest` is its first setting: where that failed a longer step is not faster."""
+    reaches it. `coarsest` is its first setting: where that failed a longer step is not faster."""
     for a, b in pairwise(curve):
         if a.error and b.error and a.best_seconds and b.best_seconds and a.error > error >= b.error:
             share = math.log(a.error / error) / math.log(a.error / b.error)
@@ -369,7 +369,7 @@ def prices(measured: Precision) -> dict[float, dict[str, Price]]:
     for target in reversed(TARGETS):
         known = {label: price_of(curve, first[label], target * measured.scale) for label, curve in drawn.items()}
         reached = {label: price for label, price in known.items() if price is not None}
-        for label, price in finer.items():  # what is cheaper for a smaller error is as good for a larger one
+        for label, price in finer.items():  # a price for a smaller error is also valid for a larger one
             if label in reached and price.seconds < reached[label].seconds:
                 reached[label] = price
         finer = reached
@@ -394,7 +394,7 @@ def _long_runs(measured: Precision, derived: derivation.Derived, budget: float) 
 
 def _long_run(scene: data.Scene, one: Setting, derived: derivation.Derived) -> LongRun:
     requested = one.requested
-    if requested.choice is not None:  # as in the table: no second look at what is long
+    if requested.choice is not None:  # a long run is not checked a second time
         requested = replace(requested, choice=replace(requested.choice, guard=False))
     run = running.observed_run(scene, requested, derived, None)
     if run.trajectory is None or not run.outcome.completed or run.observed is None:

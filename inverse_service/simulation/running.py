@@ -1,4 +1,4 @@
-"""A scene run: every method, with the observed quantities, each with what it cost, and the true motion beside them.
+"""Run a scene: every method with its observed quantities, the cost of each, and the true motion for comparison.
 
 The true motion is exact where that is known. Else it is heyoka's Taylor series where that is installed, checked by
 DOP853, or DOP853, checked by Gauss-Legendre of order 12; four times the distance of the two bounds its error.
@@ -102,7 +102,7 @@ def run_scene(
     scene: Scene, derived: derivation.Derived, progress: Progress | None = None, stop: Stop | None = None,
     find: derivation.Find | None = None, compared_until: Stop | None = None,
 ) -> SceneRun:  # fmt: skip
-    """Run every method; what ends a method is its outcome and does not touch the others.
+    """Run every method; the failure of one method is its outcome and does not affect the others.
 
     `find` looks for free Lagrangians where the cost of parts is observed. The true motion is given up where
     `compared_until` says so, that the methods have time left.
@@ -192,7 +192,7 @@ def observed_run(
     truth: Truth | Unavailable | None,
     stop: Stop | None = None,
 ) -> MethodRun:
-    """One method and its observed quantities, as far as it came and its steps saw what they moved through."""
+    """One method and its observed quantities, up to the point that it reached within the domain of its formulas."""
     free = derived.free.get(requested.free) if requested.method in ("variational", "modified") else None
     known = free if isinstance(free, FreeLagrangian) else None
     if (lost := initial.ended_at_start(scene)) is not None:
@@ -226,7 +226,7 @@ def observed_run(
 def _motion(
     scene: Scene, requested: Requested, derived: derivation.Derived, free: FreeLagrangian | None, stop: Stop | None
 ) -> tuple[Problem | None, Trajectory | Pieces | Unavailable]:
-    """The problem that a method has, None of the exact solution, and its trajectory, or its pieces."""
+    """The problem of a method (None for the exact solution), and its trajectory or its pieces."""
     if requested.method == EXACT:
         exact = exact_trajectory(scene, derived)
         return None, with_series(scene, exact) if isinstance(exact, Trajectory) else exact
@@ -378,7 +378,7 @@ def _alone(scene: Scene, requested: Requested) -> Scene:
 
 def effects_of(scene: Scene, derived: derivation.Derived, find: derivation.Find) -> dict[str, Any]:
     """{acting, left_out, method}: each effect with the operations of a step that it adds, or would add, to the first
-    method that steps with a kernel; None where that cannot be told."""
+    method that steps with a kernel; None if that cannot be determined."""
     method = next((one for one in scene.methods if method_table.METHODS[one.method].has_kernel
                    and not _belongs_together(scene, one)), None)  # fmt: skip
 
@@ -453,7 +453,7 @@ ENDED = "The motion ends at t = {:.6g}, before the exponent has converged."
 def largest_exponent(
     scene: Scene, accelerations: tuple[Expression, ...], stop: Callable[[], bool] | None = None
 ) -> dict[str, Any]:
-    """{largest, half, time}: the exponent over the whole run and over its first half, which tells how settled it is."""
+    """{largest, half, time}: the exponent over the whole run and over its first half, which shows its convergence."""
     problem = with_tangent(scene, accelerations)
     n, length = len(scene.coordinates), scene.grid.step * scene.grid.steps
     positions, velocities = scene.positions, scene.velocities
@@ -503,8 +503,8 @@ def with_tangent(scene: Scene, accelerations: tuple[Expression, ...]) -> Problem
     return Problem((*names, *tangents), tuple(scene.values), accelerations=(*accelerations, *rows))
 
 
-ENOUGH = 1e-12  # two solutions that are this near, over the size of the motion, agree
-USELESS = 1e-3  # where they part by more than this share of the motion, there is no truth any more
+ENOUGH = 1e-12  # two solutions agree if their distance over the size of the motion is less
+USELESS = 1e-3  # if they differ by more than this share of the motion, the true motion is unknown
 SAFETY = 4.0  # times the distance of the two: a bound of the error of the better one
 ROUND_OFF = 1e-15
 MOST_STEPS = 1_000_000
@@ -639,7 +639,7 @@ def _distances(first: Array, second: Array) -> Array:
 
 
 def _judged(times: Array, first: Array, second: Array, by: str, begun: float) -> Truth | Unavailable:
-    """The reference, what bounds its error, and until when it is known."""
+    """The reference, the bound of its error, and the time until which it is known."""
     distances = _distances(first, second)
     good = np.isfinite(distances) & (SAFETY * distances <= USELESS * _size(first))
     until = len(good) if good.all() else int(np.argmin(good))

@@ -1,6 +1,6 @@
-"""What is simulated, as data: the problem of a method, what is asked of a run, and the scene they belong to.
+"""The data of a simulation: the problem of a method, the settings of a run, and the scene they belong to.
 
-A scene holds everything that was not named already left out.
+In a scene, all effects that were not named have already been left out.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from inverse_service.integrators.trajectory import Array
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """One motion, described in the ways that the methods ask for; what is not known is None.
+    """One motion, described in the forms that the methods need; unknown parts are None.
 
     `lagrangian` L of the constrained system with its effects applied, `constraints` omega(q) . v, linear in the
     velocities, `free_lagrangian` the L~ of an associated second-order system or the L of a free one,
@@ -120,12 +120,12 @@ class Observable:
     expression: ex.Expression
 
 
-Observation = tuple[Observable, ...]  # what is recorded besides the state; nothing else is computed
+Observation = tuple[Observable, ...]  # recorded in addition to the state; no other quantity is computed
 Stop = Callable[[], bool]
 Progress = Callable[[str], None]
 
 EXACT = "exact"
-# What each observed quantity is called in the scene, in the order in which a person reads them.
+# The name of each observed quantity in the scene, in the order of display.
 OBSERVED = (
     "trajectory", "velocities", "energy", "constraints", "momenta", "matching_circle", "phase", "error", "cost",
     "lyapunov", "constraint_forces", "period",
@@ -161,7 +161,7 @@ class Unavailable:
 
 @dataclass(frozen=True, slots=True)
 class Requested:
-    """A method of a scene: `choice` is None for the exact solution; `alpha` as a person writes it.
+    """A method of a scene: `choice` is None for the exact solution; `alpha` as written by the user.
 
     `free` names the L~ of this method (None: that of the scene), `constants` overrule those of the scene.
     """
@@ -196,7 +196,7 @@ class Event:
 
 @dataclass(frozen=True, slots=True)
 class Effect:
-    """An effect that the system has, and the scene with it turned round: without it where it `acts`, else with it."""
+    """An effect of the system, and the scene with it reversed: without it if it `acts`, else with it."""
 
     name: str
     acts: bool
@@ -271,7 +271,7 @@ class Truth:
 
     @property
     def uncertainty(self) -> float:
-        """The bound at the last time that is known."""
+        """The bound at the last known time."""
         known = self.bounds[np.isfinite(self.bounds)]
         return float(known[-1]) if len(known) else np.inf
 

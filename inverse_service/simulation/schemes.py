@@ -52,7 +52,7 @@ def parts_of(choice: MethodChoice) -> tuple[Formula, ...]:
 
 
 def program_of(formulas: Formulas, choice: MethodChoice, observation: Observation) -> programs.Program:
-    """The step of the method; only what is asked is in it."""
+    """The step of the method; it contains only the requested parts."""
     builders: dict[str, Callable[[Formulas, MethodChoice, Observation], programs.Program]] = {
         "variational": variational,
         "nonholonomic": nonholonomic,
@@ -107,7 +107,7 @@ def _hamiltonian(f: Formulas, choice: MethodChoice, observation: Observation) ->
     point = dict(zip([*q, *p, MOMENT], [*between(q, d, alpha), *watched, moment_at(alpha)], strict=True))
     guards = root_guards(f, point) if choice.guard else []
     watches = [*velocity_watches(f, q, d, alpha), *domain_watches(f, point), *range_watches(f, alpha), *guards]
-    # The determinant of a mean of two places has zeros of its own, which the factors of L~ name better.
+    # The determinant of a mean over two points has additional zeros, which the factors of L~ describe better.
     guarded = choice.guard and len(parts_of(choice)) == 1
     statements = _solved(f, equations, unknowns, guarded)
     return _program(f, choice, observation, statements, [*d, *pushes], watches)
@@ -166,7 +166,7 @@ def modified(f: Formulas, choice: MethodChoice, observation: Observation) -> pro
 
 
 def _modified_in_full(f: Formulas, choice: MethodChoice, observation: Observation, base: list[int]) -> programs.Program:
-    """Symmetrised: the constraints hold in the mean only, so nothing cancels."""
+    """Symmetrised: the constraints hold only in the mean, so no factors cancel."""
     q, p, d, parts = f.symbols("q"), f.symbols("p"), f.symbols("d"), parts_of(choice)
     slope_q, slope_v = (f.gradient(f.free_lagrangian, letter) for letter in "qv")
     free, kicks = raw_step(q, p, d, STEP, parts, slope_q, slope_v)
@@ -208,7 +208,7 @@ def _program(
     watches: Sequence[programs.Watch],
     momenta: Sequence[int] | None = None,
 ) -> programs.Program:
-    """The program of a method on (q, p); `momenta` are the coordinates whose momentum is carried."""
+    """The program of a method on (q, p); `momenta` are the coordinates whose momentum is a state variable."""
     known = _assigned(statements)
     watches = [*watches, *rank_watches(f, between(f.symbols("q"), f.symbols("d"), 1))]
     places = range(f.size) if momenta is None else momenta
@@ -243,7 +243,7 @@ def _observed(
     return item.name, sum(values[1:], values[0]) / len(values)
 
 
-SMALLEST_NORM = 1e-200  # times the fourth power of a tolerance it is a number still
+SMALLEST_NORM = 1e-200  # its product with the fourth power of a tolerance does not underflow
 FAR_END = 1e-20  # of the whole; less than any unit of a coordinate differs from that of another
 
 Stages = list[tuple[list[Formula], list[Formula]]]
@@ -281,8 +281,8 @@ def _squared_norm(f: Formulas, changes: list[Formula], first: list[Formula], err
     """The mean of (error/scale)^2, each variable measured by its size and its change in a step: no unit enters.
 
     Where all of these vanish at once, a thousandth of what the other of q and v makes of it in a step of the grid.
-    What the far end of a chain has felt of its other end after a step is of a higher order than the error, so that no
-    step is short enough for it: 1e-20 of the whole counts as well.
+    The influence of one end of a chain on the other within a step is of higher order than the error, so that no step is
+    short enough for it: 1e-20 of the whole counts as well.
     """
     q, v = f.symbols("q"), f.symbols("v")
     others = [*((rate * WHOLE_STEP) ** 2 for rate in v), *((place / WHOLE_STEP) ** 2 for place in q)]
@@ -428,7 +428,7 @@ SMALLEST = 1e-300
 
 
 def where_it_ends(f: Formulas) -> str:
-    """What to do where L~ ends: the motion ends too where L~ is the Lagrangian of the scene itself."""
+    """The remedy where L~ ends: the motion ends too if L~ is the Lagrangian of the scene itself."""
     return REGULAR_MOTION if f.problem.free_lagrangian == f.problem.lagrangian else OTHER_LAGRANGIAN
 
 
@@ -465,7 +465,7 @@ def velocity_watches(f: Formulas, q: list[Formula], d: list[Formula], alpha: For
 
 
 def domain_watches(f: Formulas, point: dict[Formula, Formula]) -> list[programs.Watch]:
-    """H~ must stay where it is the Hamiltonian of L~: poles and ends of its own, and p = dL~/dv(q, H_p)."""
+    """H~ must stay in the domain where it is the Hamiltonian of L~: its poles and ends, and p = dL~/dv(q, H_p)."""
     watches = sign_watches(f.walls_of([f.problem.free_hamiltonian]), point, where_it_ends(f))
     if f.momenta_may_fail:
         size = sum((p**2 for p in f.symbols("p")), ONE)
@@ -476,7 +476,7 @@ def domain_watches(f: Formulas, point: dict[Formula, Formula]) -> list[programs.
 
 
 def range_watches(f: Formulas, alpha: Formula) -> list[programs.Watch]:
-    """L~ must stay where it has the motion: at the end of the step, and at its own place where velocities count."""
+    """L~ must stay where it has the motion: at the end of the step, and at its discrete point if velocities matter."""
     q, d = f.symbols("q"), f.symbols("d")
     return [
         programs.Watch(
@@ -529,6 +529,6 @@ def point_after(f: Formulas, changes: Sequence[Formula]) -> dict[Formula, Formul
 def motion_walls(f: Formulas, point: dict[Formula, Formula]) -> list[programs.Watch]:
     """Poles, ends and kinks of the accelerations, watched at a point of q, v and t.
 
-    Behind one even a motion that is smooth has lost its accuracy, because small errors were divided by what vanished.
+    Beyond one, even a smooth motion has lost its accuracy, because small errors were divided by a vanishing factor.
     """
     return sign_watches(f.walls_of(f.problem.accelerations or ()), point, REGULAR_MOTION)
