@@ -76,7 +76,7 @@ def equations_agree(
     two have to agree about E_k.
     """
     if len(equations) != len(coordinates):
-        return checker.CheckResult("invalid", ("The number of equations as given is not that of the coordinates.",))
+        return checker.CheckResult("invalid", ("The numbers of given equations and of coordinates differ.",))
     slopes = [
         [derivative.differentiate(equation, ex.Acceleration(name)) for name in coordinates] for equation in equations
     ]
@@ -99,7 +99,7 @@ def equations_agree(
 
 
 def _against(value: Value, ring: Ring) -> Value:
-    """What is zero where E is one of the certificate's lines or minus it, if those are not solved for the letters q''.
+    """A value that vanishes where E is plus or minus a line of the certificate, if these lines are not solved for q''.
 
     As the matrix dE/dq'' is regular, two equations cannot be the same line.
     """
@@ -171,7 +171,7 @@ def _examined(
     begun = thread_time()
     found = checker.judged(work, time_limit, None)
     left = time_limit - (thread_time() - begun)
-    # The points are drawn at random: others may settle what these did not.
+    # The points are drawn at random: other points may decide what these did not.
     return checker.judged(work, left, None) if found.verdict == "incomplete" and left > time_limit / 2 else found
 
 

@@ -212,7 +212,7 @@ def conditions(system: SecondOrderSystem, time_limit: float = TIME_LIMIT) -> Ten
         return replace(found, R=tuple(matrix_trees(exact.ring, part) for part in bend))
     except exact_field.TooLarge as error:
         missing = next(name for name in ("N", "Phi", "nabla_Phi", "R") if getattr(found, name) is None)
-        return replace(found, reason=f"{missing.replace('_', ' ')} and what follows is left out: {error}")
+        return replace(found, reason=f"{missing.replace('_', ' ')} and everything after it is omitted: {error}")
     except ZeroDivisionError as error:
         return replace(found, reason=f"the equations cannot be differentiated: {error}")
 

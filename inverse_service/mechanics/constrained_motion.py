@@ -139,7 +139,7 @@ def geometry(system: NonholonomicSystem, time_limit: float = TIME_LIMIT) -> Geom
     try:
         return _geometry(system, Budget(TERM_LIMIT, now() + time_limit))
     except ZeroDivisionError:
-        raise InputError("the Lagrangian or a constraint divides by zero: write it without that.") from None
+        raise InputError("the Lagrangian or a constraint divides by zero: remove the division.") from None
     except TooLarge as error:
         raise too_large(error) from None
 
@@ -224,7 +224,7 @@ def _constraint_parts(
     offset = _less(value, [entry * ring.atoms[Velocity(name)] for entry, name in zip(row, names, strict=True)])
     if all(entry.is_zero for entry in row):
         if offset.is_zero:
-            raise InputError(f"constraint {place + 1} is zero identically: leave it out.", pointer)
+            raise InputError(f"constraint {place + 1} is identically zero: remove it.", pointer)
         raise InputError(_HOLONOMIC.format(place + 1), pointer)
     return row, offset
 
@@ -241,7 +241,7 @@ def _refuse_dependent(parts: Geometry) -> None:
         pointer = f"/constraints/{count - 1}"
         if left.is_zero:
             raise InputError(
-                f"constraint {count} is redundant, it follows from those before it: leave it out.", pointer
+                f"constraint {count} is redundant, since it follows from those before it: remove it.", pointer
             )
         raise InputError(
             f"constraint {count} contradicts those before it, together they require "
@@ -434,7 +434,7 @@ def _rate(parts: Geometry, velocities: Sequence[Quotient], element: Quotient) ->
 
 
 def _force(parts: Geometry, velocities: Sequence[Quotient]) -> list[Quotient]:
-    """F with d/dt(dL/dv) - dL/dq = g a - F, the velocities put in."""
+    """F with d/dt(dL/dv) - dL/dq = g a - F, after substituting the velocities."""
     n = parts.size
     half = Fraction(1, 2)
     found = []
@@ -528,7 +528,7 @@ def read_motion(
     free = {known.names.spelling(name): name for name in motion}
     strange = next((name for key, name in free.items() if key not in names.coordinates), None)
     if strange is not None:
-        raise InputError(f"there is a motion for '{strange}', which is not a coordinate.", "/motion")
+        raise InputError(f"'motion' has an entry for '{strange}', which is not a coordinate.", "/motion")
     if len(free) + len(trees) != len(names.coordinates):
         raise InputError(
             f"{len(names.coordinates)} coordinates with {len(trees)} constraints leave "
@@ -621,9 +621,9 @@ def read_multiples(
     parameters: Parameters,
     pointer: str = "/multiples",
 ) -> tuple[Expression, ...]:
-    """What a user adds to each acceleration, in the order of the coordinates; 0 where nothing is said.
+    """What a user adds to each acceleration, in the order of the coordinates; 0 by default.
 
-    InputError for a key that is no coordinate, and for what `read_formula` refuses.
+    InputError for a key that is not a coordinate, and for formulas that `read_formula` rejects.
     """
     named = Declared(parameters=parameters).named_parameters()
     known = tuple(dict.fromkeys((*system.parameters, *named)))

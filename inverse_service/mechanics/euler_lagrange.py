@@ -1,6 +1,6 @@
 """Momenta, velocity Hessian and Euler-Lagrange residual of a Lagrangian L(t, q, v).
 
-Derivatives are collected (like terms added, exact), not simplified further.
+Derivatives are collected (like terms added, exact) but not simplified.
 """
 
 from __future__ import annotations

@@ -524,7 +524,7 @@ class _Units:
             case ex.Apply("exp" | "log" | "atan") | ex.Arbitrary():
                 table[node] = 1
             case ex.Power(base, ex.Number(exponent)) if isinstance(base, ex.Sum):
-                # Half of it stands beside the roots only: sqrt(x - y) and sqrt(y - x) have no common point.
+                # 1/2 is added only where the base has a square root: sqrt(x - y) and sqrt(y - x) share no point.
                 halves = {Fraction(1, 2)} if exponent.denominator == 2 else set()
                 for e in halves | {exponent, exponent + 1, abs(exponent)} - {Fraction(0)}:
                     table[base**e] = 1 if abs(e) <= 1 else 2

@@ -6,9 +6,9 @@ determinant that is not the zero polynomial is also confirmed not to vanish at r
 50 digits.
 
 `OpaqueRing` holds trees as quotients of exact polynomials in opaque atoms (python-flint). An atom is a symbol, a
-velocity, an elementary or arbitrary function, a root or a power that is not an integer; whatever relations hold among
-atoms are not known here. So an identity proven in these polynomials is true, but a polynomial that is not zero may
-still be the zero function.
+velocity, an elementary or arbitrary function, a root or a power that is not an integer; relations among atoms are
+not known here. So an identity proven in these polynomials is true, but a polynomial that is not zero may still be the
+zero function.
 """
 
 from __future__ import annotations
@@ -187,7 +187,7 @@ def _row(ring: OpaqueRing, equation: LinearEquation, coordinates: Sequence[str])
         found = {name: ring.fraction(tree) for name, tree in equation.coefficients.items()}
         return [found.get(name, zero) for name in coordinates]
     except ZeroDivisionError:
-        raise errors.InputError("an equation divides by zero: write it without that.", equation.pointer) from None
+        raise errors.InputError("an equation divides by zero: remove the division.", equation.pointer) from None
 
 
 def _matched(
@@ -209,7 +209,7 @@ def _matched(
 
 
 def _with_known(equation: LinearEquation, solved: Mapping[str, ex.Expression]) -> ex.Expression:
-    """The rest of the equation with the accelerations of earlier blocks put in."""
+    """The terms without unknown accelerations, after substituting the accelerations of earlier blocks."""
     known = [(solved[name], c) for name, c in equation.coefficients.items() if name in solved]
     return ex.add(equation.rest, *(_scaled(coefficient, acceleration) for acceleration, coefficient in known))
 
@@ -236,7 +236,7 @@ def _solution(
     rests: Sequence[ex.Expression],
     places: Mapping[ex.Expression, int],
 ) -> ex.Expression:
-    """-Σ inverse_j rest_j: as it stands, or put over one denominator where that is not much longer."""
+    """-Σ inverse_j rest_j: unchanged, or over one denominator where that is not much longer."""
     parts = [(entry, rest) for entry, rest in zip(inverse_row, rests, strict=True) if not entry.numerator.is_zero()]
     plain = ex.add(*(_scaled(-1 * ring.tree(entry), rest) for entry, rest in parts))
     if all(isinstance(ring.tree(entry), ex.Number) and len(parts) == 1 for entry, _ in parts):
@@ -379,7 +379,7 @@ class OpaqueRing:
         return total, sorted(result, key=lambda pair: self._index.get(pair[0], len(self.atoms)))
 
     def _monomial_apart(self, polynomial: Polynomial) -> list[tuple[Polynomial, int]]:
-        """The powers of single atoms that divide a polynomial, and the rest."""
+        """The powers of single atoms that divide a polynomial, and the remaining factor."""
         shared = polynomial.term_content()
         powers = zip(self._context.gens(), shared.degrees(), strict=True)
         rest = divmod(polynomial, shared / shared.leading_coefficient())[0]
@@ -486,7 +486,7 @@ def _whole_power(tree: ex.Expression) -> tuple[ex.Expression, int]:
 
 
 def atoms_of(tree: ex.Expression) -> list[ex.Expression]:
-    """The atoms in order of appearance; what stands inside an atom is not looked at."""
+    """The atoms in order of appearance; the arguments of atoms are not searched."""
     found: dict[ex.Expression, None] = {}
     stack = [tree]
     while stack:

@@ -6,7 +6,7 @@ it; h = 0 where only the distribution matters.
 
 Constraints on velocities may be constraints on positions in disguise (Frobenius). The distribution of the constraints
 is closed under brackets; k constraints of which j survive as the annihilator of the closure are j holonomic ones and k
-- j nonholonomic ones. Constraints with a velocity-free term or with t are looked at on (t, q), with the field d/dt +
+- j nonholonomic ones. Constraints with a velocity-free term or with t are treated on (t, q), with the field d/dt +
 drift.
 """
 

@@ -139,7 +139,7 @@ def recognized(parts: Geometry) -> tuple[PaperClass | None, str]:
         return None, reason
     if parts.size - len(parts.rows) != 2:
         count = parts.size - len(parts.rows)
-        return None, f"the constraints leave {count} free velocit{'y' if count == 1 else 'ies'}, the class has two"
+        return None, f"the constraints leave {count} free velocit{'y' if count == 1 else 'ies'}, but the class has two"
     found = [member for choice in frames(parts) for member in _members(parts, choice)]
     if not found:
         return None, "the constraints are not of the form s' = -A(r1) r2' with one r1 and one r2 for all of them"
@@ -149,9 +149,9 @@ def recognized(parts: Geometry) -> tuple[PaperClass | None, str]:
 def _kinetic_fault(parts: Geometry) -> str:
     n = parts.size
     if any(not parts.mass[i][j].is_zero for i in range(n) for j in range(n) if i != j):
-        return "the kinetic energy has mixed terms, that of the class is a sum of squares of velocities"
+        return "the kinetic energy has mixed terms, but the class requires a sum of squares of velocities"
     if any(parts.depends_on_position(parts.mass[i][i]) for i in range(n)):
-        return "the kinetic energy depends on the position, that of the class has constant coefficients"
+        return "the kinetic energy depends on the position, but the class requires constant coefficients"
     if any(parts.mass[i][i].is_zero for i in range(n)):
         return "a velocity does not occur in the kinetic energy"
     if any(parts.depends_on_position(entry) for entry in parts.linear):
@@ -302,7 +302,7 @@ def _inverse(form: Matrix, turning: Sequence[int], masses: Sequence[Expression])
 
 def _explanation(turning: Sequence[str], driver: str) -> str:
     if not turning:
-        return "The direction of the velocities does not change: nothing turns, all accelerations but forces are zero."
+        return "The direction of the velocities does not change: without forces all accelerations are zero."
     text = (
         f"The velocities of {', '.join(turning)} turn as a vector of constant length (in the masses) with "
         f"angular velocity proportional to {driver}'."
@@ -328,7 +328,7 @@ def associated(motion: EliminatedMotion, member: PaperClass | None, reason: str,
     if kind == "second":
         return _second(motion, member)
     if member is None:
-        return AssociatedSystem(kind, None, f"The third system is defined in the paper's class only: {reason}.")
+        return AssociatedSystem(kind, None, f"The third system is defined only in the paper's class: {reason}.")
     return _third(motion, member)
 
 
@@ -432,7 +432,7 @@ class PaperLagrangian:
 def propose_lagrangians(member: PaperClass, kind: str) -> tuple[PaperLagrangian, ...]:
     """The proposals for one kind of associated system; none for the first, and none where there is a force.
 
-    None either where they would be too large or the time of the member's ring is over: nobody need propose.
+    There are also none where they would be too large or where the time of the member's ring is over.
     """
     if member.has_force or kind not in ("second", "third"):
         return ()

@@ -91,7 +91,7 @@ def potential(ring: ExactRing, variables: Sequence[int], form: Sequence[Quotient
     partials: list[Partial] = [ring.partial(index) for index in variables]
     divisors = _divisors(ring, form)
     columns = [[partial(element) / element for partial in partials] for element in divisors]
-    # Residues that hold letters are found among logarithms alone: with all terms the elimination would be long.
+    # Residues that contain symbols are searched among logarithms only: with all terms the elimination would be long.
     simple: list[Quotient] = []
     found = _combination(ring, columns, form)
     if found is None:

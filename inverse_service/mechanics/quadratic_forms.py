@@ -1,6 +1,6 @@
-"""Sums in some letters (velocities, momenta) written with squares of linear forms and powers of quadratic forms.
+"""Sums in some variables (velocities, momenta) written with squares of linear forms and powers of quadratic forms.
 
-v^T G v/2 = sum c_a (linear form)_a^2, one letter after another: with a v^2 + b v + r, b linear in the others,
+v^T G v/2 = sum c_a (linear form)_a^2, one variable after another: with a v^2 + b v + r, b linear in the others,
 a (v + b/(2 a))^2 + r - b^2/(4 a). Where a = c s^2 with a monomial s, c (s v + b/(2 c s))^2 needs no division by s.
 A part that is homogeneous of a degree above two is factored: (x'^2 + y'^2)^2.
 """
@@ -19,14 +19,14 @@ from inverse_service.expressions.collecting import Monomial, Term, expand, terms
 
 Expression = ex.Expression
 Terms = dict[Monomial, Fraction]
-# Orders of the letters that are tried, and terms of a part that is factored.
+# Orders of the variables that are tried, and terms of a part that is factored.
 _MOST_ORDERS, _MOST_TERMS = 24, 60
 
 
 def short_forms(tree: Expression, letters: Collection[Expression]) -> Iterator[Expression]:
-    """The tree with its quadratic part in the letters as sums of squares, or its parts of higher degree as powers.
+    """The tree with its quadratic part in `letters` as sums of squares, or its parts of higher degree as powers.
 
-    What is not a polynomial in the letters stays as it is. None of a quadratic part that is long: its squares are, too.
+    Terms that are not polynomial in `letters` are unchanged. Yields nothing for a long quadratic part.
     """
     parts: dict[int, Terms] = {}
     rest: list[Expression] = []
@@ -57,7 +57,7 @@ def power_of_form(tree: Expression) -> tuple[Expression, int] | None:
 
 
 def _degree(monomial: Monomial, letters: Collection[Expression]) -> int | None:
-    """The degree in the letters; None where one occurs otherwise than as a factor."""
+    """The degree in `letters`; None where one of them occurs other than as a factor."""
     total = Fraction(0)
     for base, exponent in monomial:
         if base in letters:
@@ -122,7 +122,7 @@ def _squares(terms: Terms, order: Sequence[Expression]) -> list[Expression]:
 
 
 def _split_square(monomial: Monomial) -> tuple[Monomial, Monomial]:
-    """(s, r) with monomial = s^2 r, s of whole powers."""
+    """(s, r) with monomial = s^2 r, s with integer exponents."""
     root = tuple((base, Fraction(int(e) // 2)) for base, e in monomial if e.denominator == 1 and e >= 2)
     return root, _times(monomial, root, -2)
 
@@ -140,7 +140,7 @@ def _as_power(terms: list[Term]) -> Expression:
 
 
 def _factors(terms: Sequence[Term]) -> list[tuple[Expression, int]] | None:
-    """The squarefree factors of a sum of products of letters with whole powers, each with its multiplicity."""
+    """The squarefree factors of a polynomial with integer exponents, each with its multiplicity."""
     letters = list(dict.fromkeys(base for monomial, _ in terms for base, _ in monomial))
     if not letters or any(e.denominator > 1 or e < 0 for monomial, _ in terms for _, e in monomial):
         return None

@@ -154,7 +154,7 @@ def read_given(
     functions: Mapping[str, Sequence[str]] | None = None,
     where: Mapping[str, str] | None = None,
 ) -> GivenEquations:
-    """The equations of a document as they stand, left side minus right side; InputError as in `read_system`."""
+    """The equations of a document as given, left side minus right side; InputError as in `read_system`."""
     names, found, _ = _understood(
         document_names.Declared(coordinates, parameters, functions or {}, where or {}), equations
     )
@@ -193,7 +193,7 @@ _ACCELERATION = re.compile(r"([a-z]\w*?)_?(?:dd|pp)|dd([a-z]\w*)|[dD]2([a-z]\w*?
 def _definitions(texts: Mapping[str, str], declared: document_names.Declared) -> dict[str, str]:
     """The names that equations such as omega = sqrt(k/m) define, which move nothing, each with its formula.
 
-    InputError for one that defines what has an equation of its own, and for a second derivative in letters.
+    InputError for a definition of a name that has its own equation, and for a second derivative spelled as a name.
     """
     names = Names(tuple(declared.coordinates or ()), tuple(declared.named_parameters()))
     found: dict[str, str] = {}
@@ -313,7 +313,7 @@ def _whole_equations(text: str, names: Names, pointer: str) -> list[_Equation]:
 
 
 def _defines(tokens: Sequence[Token], names: Names) -> bool:
-    """Whether the equation is the definition of a name that stands for a formula."""
+    """Whether the equation is the definition of a name for a formula."""
     equals = tokens[1 + _is_squared(tokens) :][:1]
     defined = tokens[0].kind == "name" and ex.Symbol(names.spelling(tokens[0].text)) in names.definitions
     return defined and any(token.is_operator("=") for token in equals)
@@ -333,7 +333,7 @@ def _keyed_equations(equations: Mapping[str, str], names: Names) -> list[_Equati
         pointer = f"/equations/{escaped(key)}"
         coordinate = document_names.key_coordinate(key, names, pointer)
         if coordinate in found:
-            raise errors.InputError(f"there are two equations for {coordinate}: leave one out.", pointer)
+            raise errors.InputError(f"there are two equations for {coordinate}: remove one.", pointer)
         found[coordinate] = (ex.Acceleration(coordinate), _right_side(value, coordinate, names, pointer), pointer)
     for coordinate in names.coordinates:
         if coordinate not in found:

@@ -38,7 +38,7 @@ class SecondOrderSystem:
 
     Parameters are generic constants (those with values were substituted); no Acceleration node
     is left in `accelerations`. `branch` is None where roots of squares were not looked for.
-    `others` says what the names are that first-order equations have beside the coordinates.
+    `others` gives formulas for the names other than coordinates that first-order equations contain.
     """
 
     coordinates: tuple[str, ...]
@@ -61,7 +61,7 @@ class SecondOrderSystem:
 
     @property
     def letters(self) -> tuple[ex.Symbol, ...]:
-        """The accelerations where they are letters, as in a system that is too long to be solved for them."""
+        """The accelerations where they are symbols, as in a system that is too long to be solved for them."""
         return tuple(f for f in self.accelerations if isinstance(f, ex.Symbol)) if self.is_unsolved else ()
 
     @property
@@ -83,7 +83,7 @@ class SecondOrderSystem:
 
 
 def unsolved_system(names: Names, equations: Sequence[ex.Expression], name: str = "") -> SecondOrderSystem:
-    """The system of E(t, q, q', q'') = 0, its accelerations letters that are named like x''."""
+    """The system of E(t, q, q', q'') = 0, with symbols named like x'' as its accelerations."""
     letters = tuple(ex.Symbol(f"{coordinate}''") for coordinate in names.coordinates)
     branch = Branch(tuple(equations), unsolved=True)
     return SecondOrderSystem(names.coordinates, letters, names.parameters, tuple(names.functions.items()), name, branch)
@@ -124,7 +124,7 @@ def _default_first(system: SecondOrderSystem, branches: tuple[SecondOrderSystem,
 
 
 def on_branch(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
-    """The tree with the roots of the system as they are on its branch."""
+    """The tree with the roots of the system replaced by their values on its branch."""
     for root, value in () if system.branch is None else system.branch.roots:
         tree = ex.substitute(tree, {root: value})
     return tree

@@ -61,7 +61,7 @@ def _replacements(
 
 
 def _both(table: Mapping[ex.Expression, Fraction], one: ex.Expression, other: ex.Expression) -> ex.Expression | None:
-    """What stands for both bases with the exponent of the first; None where nothing shorter does."""
+    """A replacement of both bases, with the exponent of the first; None where no replacement is shorter."""
     match one, other:
         case [ex.Apply(above, argument), ex.Apply(below, same)] if argument == same and (above, below) in _QUOTIENTS:
             fits = table[one] == -table[other] and table[one] > 0
@@ -103,7 +103,7 @@ def quotient(
 ) -> ex.Expression:
     """The tree over one denominator, both factored, all relations used; as it is where that is too large.
 
-    `symbols` are its letters in the order in which polynomials are written; without them those that occur in it.
+    `symbols` are its variables in the order used for polynomials; by default those that occur in it.
     """
     held = dict.fromkeys(node for node in ex.walk(tree) if isinstance(node, ex.Symbol | ex.Velocity))
     try:

@@ -152,7 +152,7 @@ def with_sums_of_angles(tree: ex.Expression) -> ex.Expression:
 
 
 def _by_letters(terms: Terms) -> ex.Expression:
-    """The sum over products of functions and velocities, what stands beside each with its common factors outside."""
+    """The sum over products of functions and velocities; the common factors of each coefficient are factored out."""
     groups: dict[Monomial, Terms] = {}
     for key, value in terms.items():
         outer: Monomial = frozenset(item for item in key if not isinstance(item[0], ex.Symbol))

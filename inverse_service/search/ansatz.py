@@ -1,14 +1,14 @@
 """The linear equations of an ansatz: values at points modulo a prime, multipliers first, then Lagrangians.
 
-Values of letters and their logarithmic derivatives at random points of one prime field.
+Values of generators and their logarithmic derivatives at random points of one prime field.
 
 All rational combinations of candidate terms that are Lagrangians, by linear algebra modulo a prime.
 
 Which combinations of terms have a multiplier as Hessian: the ansatz without its potentials.
 
 The Hessian g of a combination has to fulfil (H2) Gamma(g) = g N + (g N)^T and (H3) g Phi symmetric;
-(H1) holds. Terms linear in the velocities do not enter, so this small problem tells whether a family
-holds a regular Lagrangian before its potentials are searched for.
+(H1) holds. Terms linear in the velocities do not enter, so this small problem shows whether a family
+contains a regular Lagrangian before its potentials are searched for.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ from inverse_service.search.terms import Monomial
 
 @dataclass(frozen=True, slots=True)
 class Sampler:
-    """A tower for f together with the letters of an ansatz, and a real point of both."""
+    """A tower for f together with the generators of an ansatz, and a real point of both."""
 
     analysis: Analysis
     tower: Tower
@@ -90,8 +90,8 @@ class Sampler:
 def sampler_of(analysis: Analysis, terms: Sequence[Monomial]) -> tuple[Sampler, list[Monomial]]:
     """A sampler for the terms, without those that have no value at a point where f and most others have one.
 
-    Those with letters that cannot be reduced beside f, such as (w + sqrt(w^2 + 1))^(3/2), are left out, too.
-    Raises IrreducibleAtoms where there is no such point, or no letter can be reduced.
+    Terms with generators that cannot be reduced together with f, such as (w + sqrt(w^2 + 1))^(3/2), are dropped, too.
+    Raises IrreducibleAtoms where there is no such point, or no generator can be reduced.
     """
     try:
         return make_sampler(analysis, dict.fromkeys(item for term in terms for item in term)), list(terms)
@@ -109,7 +109,7 @@ def sampler_of(analysis: Analysis, terms: Sequence[Monomial]) -> tuple[Sampler, 
 
 
 def _reduced_alone(analysis: Analysis, terms: Sequence[Monomial], table: RealTable | None) -> list[Monomial]:
-    """The terms of letters each of which can be reduced beside f."""
+    """The terms all of whose generators can be reduced together with f."""
     plain, fine = [*analysis.accelerations, *analysis.constrained.values()], set[tuple[Expression, Fraction]]()
     for letter, e in dict.fromkeys(item for term in terms for item in term):
         kernels = [to_kernels(tree) for tree in (letter, letter ** Fraction(1, e.denominator))]
@@ -137,9 +137,9 @@ def _defined_together(analysis: Analysis, terms: Sequence[Monomial]) -> tuple[Re
 def make_sampler(
     analysis: Analysis, letters: Iterable[tuple[Expression, Fraction]], table: RealTable | None = None
 ) -> Sampler:
-    """Raises IrreducibleAtoms where letters and f have no common real point or cannot be reduced.
+    """Raises IrreducibleAtoms where `letters` and f have no common real point or cannot be reduced.
 
-    Ansätze whose letters bring no further atoms have their points in common.
+    Ansätze whose generators add no atoms share their points.
     """
     extra = [to_kernels(tree) for letter, e in letters for tree in (letter, letter ** Fraction(1, e.denominator))]
     wanted = [*analysis.accelerations, *analysis.constrained.values(), *dict.fromkeys(extra)]
@@ -167,10 +167,10 @@ def _is_cosine(atom: Expression) -> TypeGuard[Apply]:
 
 
 class Derivatives(NamedTuple):
-    """Per sample and letter: Gamma(log p), d log p/dv_i, Gamma'(d log p/dv_i) and d log p/dq_i.
+    """Per sample and generator: Gamma(log p), d log p/dv_i, Gamma'(d log p/dv_i) and d log p/dq_i.
 
     Arrays of residues, (samples, letters) and (samples, letters, n); Gamma' acts on the derivative
-    only, so that EL_i(m)/m = V_i G + H_i - Q_i with sums over the letters of m. `hessian` is
+    only, so that EL_i(m)/m = V_i G + H_i - Q_i with sums over the generators of m. `hessian` is
     d2 log p/dv_i dv_j, `third` Gamma of it (zero unless asked for), (samples, letters, n, n).
     """
 
@@ -189,7 +189,7 @@ class Derivatives(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class LetterTable:
-    """The values of the letters, with their derivatives; `numbers` are those of the samples among the points."""
+    """The values of the generators, with their derivatives; `numbers` are those of the samples among the points."""
 
     known: SamplePoints
     numbers: tuple[int, ...]
@@ -208,7 +208,7 @@ class LetterTable:
 def letter_table(
     sampler: Sampler, letters: Sequence[Expression], count: int, seed: int, with_third: bool = False, first: int = 0
 ) -> LetterTable:
-    """The table at `count` random points without the `first`; points at which a letter vanishes are left out."""
+    """The table at `count` random points without the `first`; points at which one of `letters` vanishes are skipped."""
     return table_at(sampler.points(seed), letters, count, with_third, first)
 
 
@@ -229,7 +229,7 @@ def table_at(
 
 
 def values_at(known: SamplePoints, letters: Sequence[Expression], count: int) -> list[list[int]]:
-    """The values of the letters alone, at the points that `table_at` takes."""
+    """Only the values of `letters`, at the points that `table_at` takes."""
     kernels = tuple(to_kernels(letter) for letter in letters)
     return [row for _, row in _first(lambda k: known.values(k, kernels), count)]
 
@@ -245,7 +245,7 @@ def _first(at: Callable[[int], _T | None], count: int) -> list[tuple[int, _T]]:
             break
         check()
         if k >= bounds.ATTEMPTS * count:
-            raise IrreducibleAtoms("the letters of the ansatz vanish at too many points")
+            raise IrreducibleAtoms("the generators of the ansatz vanish at too many points")
         row = at(k)
         if row is not None:
             found.append((k, row))
@@ -260,7 +260,7 @@ def monomial_values(table: LetterTable, letters: Sequence[Expression], candidate
 def products_of_values(
     rows: Sequence[Sequence[int]], letters: Sequence[Expression], candidates: Sequence[Monomial], prime: int
 ) -> Words:
-    """The same from the values of the letters at each sample."""
+    """The same from the values of `letters` at each sample."""
     index = {letter: k for k, letter in enumerate(letters)}
     pairs: dict[tuple[Expression, Fraction], int] = {}
     starts, places = [0], []
@@ -268,7 +268,7 @@ def products_of_values(
         places += [pairs.setdefault(item, len(pairs)) for item in candidate]
         starts.append(len(places))
     radix = (1 << 64) % prime
-    # Whole numbers as such: a fraction's parts take as long as the power.
+    # Integers are converted: reading the parts of a Fraction takes as long as the power.
     items = [(index[letter], e if e.denominator > 1 else int(e)) for letter, e in pairs]
     powers = [[positive_power(sample[k], e, prime) * radix % prime for k, e in items] for sample in rows]
     field = modular.field_of(prime)
@@ -352,7 +352,7 @@ def euler_lagrange_matrix(table: LetterTable, letters: Sequence[Expression], can
 
 
 def exponents_of(letters: Sequence[Expression], candidates: Sequence[Monomial], prime: int) -> Exponents:
-    """The letters of each candidate in a row, their exponents in Montgomery form."""
+    """The generators of all candidates in one array, with their exponents in Montgomery form."""
     index = {letter: k for k, letter in enumerate(letters)}
     starts, places, exponents = [0], [], []
     for candidate in candidates:

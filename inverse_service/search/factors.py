@@ -115,7 +115,7 @@ def _row(
     for p in letters:
         series = expansion.expand(tower.to_kernels(p))
         if not ps.value_at_point(series):
-            raise SingularPoint("a letter vanishes")
+            raise SingularPoint("a generator vanishes")
         row.append(_slope(series) * pow(ps.value_at_point(series), -1, prime) % prime)
     row += [_slope(expansion.expand(tower.to_kernels(m))) for m in primitives]
     return [*row, evaluate(tower.to_kernels(c), expansion.point)]
@@ -174,8 +174,8 @@ def _constants_of_divergence(
 
 
 HALF = Fraction(1, 2)
-# Of the functions of t that stand before terms. With 4 or 12 a system of three rates (e^(-t), e^(2 t/3), e^(3 t/2)) has
-# no L: four leave one of them out, and twelve leave too little room for what is multiplied with them.
+# Functions of t that multiply terms. With 4 or 12 a system of three rates (e^(-t), e^(2 t/3), e^(3 t/2)) has
+# no L: four leave one of them out, and twelve leave too little room for the other factors.
 _MOST_IN_TIME = 6
 
 
@@ -280,7 +280,7 @@ def products(left: Iterable[Monomial], right: Sequence[Monomial]) -> list[Monomi
 
 
 def _exponents(letter: ex.Expression, seen: set[Fraction]) -> list[Fraction]:
-    """The exponents with which a letter of position is offered, given those with which it stands in f."""
+    """The exponents tried for a generator of position, given its exponents in f."""
     one = Fraction(1)
     if isinstance(letter, ex.Sum):
         return [one, -one, HALF, -HALF]
@@ -293,9 +293,9 @@ def _exponents(letter: ex.Expression, seen: set[Fraction]) -> list[Fraction]:
 
 
 def position_monomials(material: Material, degree: int, room: float = inf) -> list[Monomial]:
-    """Products of at most `degree` letters of position; sums also inverted and rooted, others as in f.
+    """Products of at most `degree` generators of position: sums, their inverses and roots, others as in f.
 
-    Of three letters and more only where all of these make at most `room`.
+    Products of three or more generators are added only while there are at most `room` in all.
     """
     powers: dict[ex.Expression, set[Fraction]] = {}
     for terms in material.motion.forces:
@@ -305,7 +305,7 @@ def position_monomials(material: Material, degree: int, room: float = inf) -> li
     units: list[Monomial] = []
     for letter in material.position_letters:
         units += [frozenset([(letter, e)]) for e in _exponents(letter, powers.get(letter, set()))]
-    found, layer = {EMPTY}, [(EMPTY, 0)]  # products, and the unit from which on they may go on
+    found, layer = {EMPTY}, [(EMPTY, 0)]  # products, and the first unit that may extend them
     for count in range(1, degree + 1):
         layer = [(times(m, units[k]), k) for m, first in layer for k in range(first, len(units))]
         every = found.union(m for m, _ in layer)

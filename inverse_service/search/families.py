@@ -1,4 +1,4 @@
-"""The rows of the ansatz: functions of the velocities, their coefficients, and what has to go with them.
+"""The rows of the ansatz: functions of the velocities, their coefficients, and the terms that must accompany them.
 
 What has a multiplier as Hessian has Euler-Lagrange expressions that are affine in the velocities: those of
 A_i(t, q) v_i - V(t, q), which are integrated.
@@ -7,8 +7,9 @@ The ansatz, deepened by weight: functions of the velocities times functions of p
 
 Which functions of the velocities a multiplier can be made of is seen at one place: for g = sum_k c_k(t, q) Hessian(s_k)
 the coefficients and their derivatives are numbers at one place (t, q), and (H2), (H3) are linear in them for every v
-there. What has to vanish in all solutions is left out before coefficients are guessed; where no solution is regular, no
-ansatz in these shapes holds a Lagrangian. Only what is left gets factors: short products of what f is made of.
+there. Functions s_k with c_k = 0 in all solutions are dropped before coefficients are guessed; where no solution is
+regular, no ansatz in these shapes contains a Lagrangian. The remaining functions are multiplied by short products of
+generators of f.
 """
 
 from __future__ import annotations
@@ -174,11 +175,11 @@ def single(velocity: Expression) -> list[Monomial]:
 
 
 def of_letters(material: Material) -> list[Monomial]:
-    """Powers, logarithms and exponentials of what holds velocities in f, and those times a velocity."""
+    """Powers, logarithms and exponentials of the generators of f with velocities, and those times a velocity."""
     shapes: list[Monomial] = exponentials(material)
     for letter in moving_letters(material):
         if isinstance(letter, Sum):
-            # Its integer powers are sums of products that stand in the list themselves.
+            # Its integer powers are sums of products that are in the list themselves.
             shapes += [frozenset([(letter, e)]) for e in _ROOTS if e < 0 or e.denominator > 1]
             shapes += [monomial(Apply("log", letter)), *_arctangents(letter)]
         else:
@@ -267,7 +268,7 @@ def with_potential(material: Material, combination: Mapping[Monomial, Fraction])
     symbols: list[Symbol | Velocity] = [TIME, *motion.coordinates, *motion.velocities]
     trees = euler_lagrange_residual(tree_of(combination), system.coordinates, system.accelerations)
     integrator = Integrator(system, material.analysis.real_point)
-    # As they stand sums are integrated term by term; over one denominator what is not affine cancels.
+    # Unchanged sums are integrated term by term; over one denominator terms that are not affine cancel.
     for form in (lambda: trees, lambda: factored(list(trees), symbols, Budget.long())):
         check()
         with suppress(TooLarge, TooManyTerms, ZeroDivisionError, KeyError):
@@ -448,7 +449,7 @@ def _with_functions(
 ) -> list[Monomial]:
     """The shapes with functions of t and of position as coefficients."""
     in_time = possible.in_time(factors.in_time)
-    # For one coordinate every f has a Lagrangian, so long rows end most searches in vain; they found none there.
+    # For one coordinate every f has a Lagrangian, so most searches end with long rows, which found none there.
     terms = family.terms if material.motion.size > 1 else min(family.terms, bounds.SMALL)
     room = max(bounds.CANDIDATES, terms // (len(chosen) * len(in_time)))
     functions = products(in_time, _functions(material, factors, room))
@@ -494,13 +495,13 @@ def _antiderivatives_of_forces(material: Material) -> list[Monomial]:
 
 
 def with_parameters(material: Material, terms: Sequence[Monomial], most: int) -> list[Monomial]:
-    """The terms times products of what the parameters of f stand in, for coefficients that hold parameters."""
+    """The terms times products of the factors of f with parameters, for coefficients that contain parameters."""
     constants = distinct(products(material.parameter_monomials, material.parameter_monomials))
     return distinct(products(terms, constants[: max(1, most // len(terms))])) if terms else []
 
 
 def _fitted(material: Material, factors: Factors, shape: Monomial) -> Iterator[Monomial]:
-    """What the coefficients of v_i v_l in f_i ask for besides a power of v_i."""
+    """The factors besides a power of v_i that the coefficients of v_i v_l in f_i require."""
     for i, v in enumerate(material.motion.velocities):
         exponent = dict(shape).get(v, Fraction(0))
         if shape == monomial(Apply("log", v)):
@@ -529,7 +530,7 @@ NAME = "the given terms"
 
 
 def own_family(given: Sequence[Expression]) -> Family | None:
-    """The ansatz of the monomials of the given terms, each with a coefficient of its own; None without terms.
+    """The ansatz of the monomials of the given terms, each with its own coefficient; None without terms.
 
     Potentials and linear terms are added as to any family, so that kinetic terms are enough; those
     that are given go with every choice.

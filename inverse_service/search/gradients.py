@@ -2,9 +2,9 @@
 
     E_i = (d_j A_i - d_i A_j) v_j + d_t A_i + d_i V
 
-A gradient is integrated one variable at a time: what an integral by one variable gives to the slopes by the others is
-taken from these, and what is left does not depend on that variable any more (Poincare's lemma). A term is grouped by
-its factors that are no powers of the variable: the integral of c u^e du/dx is c u^(e+1)/(e+1), never multiplied out, so
+A gradient is integrated one variable at a time: the derivatives of an integral over one variable are subtracted from
+the other slopes, and the differences no longer depend on that variable (Poincare's lemma). A term is grouped by its
+factors that are not powers of the variable: the integral of c u^e du/dx is c u^(e+1)/(e+1), never multiplied out, so
 that a potential is finite where the force is. A constant field that rotations leave alone gets a potential with
 that symmetry, W (x y' - y x')/2; any other is integrated along a coordinate that it depends on, so that cyclic
 coordinates stay cyclic.
@@ -50,7 +50,7 @@ ONE_TERM: Terms = {EMPTY: Fraction(1)}
 class Integrator:
     """Integrates over the coordinates of one system; with `signs`, what is not elementary stays under an integral sign.
 
-    `table` is a real point at which what is found has to be real.
+    `table` is a real point at which the results have to be real.
     """
 
     system: SecondOrderSystem
@@ -107,7 +107,7 @@ class Integrator:
         return terms
 
     def integral(self, slope: Terms, variable: ex.Symbol) -> tuple[Terms, Terms]:
-        """(an integral of a part of the slope by one variable, the rest of the slope)."""
+        """(an integral of a part of the slope over one variable, the remaining slope)."""
         groups: dict[Monomial, Terms] = {}
         for key, value in slope.items():
             own = frozenset(item for item in key if item[0] != variable and ex.holds(item[0], variable))
@@ -169,7 +169,7 @@ class Integrator:
         """A_i v_i - V with these Euler-Lagrange expressions, one for each coordinate; None where none is found."""
         names = self.system.coordinates
         symbols = [ex.Symbol(name) for name in names]
-        # Of what is not affine in the velocities as it stands, relations among its letters may leave what is.
+        # Relations among generators may make an expression affine in the velocities that is not so as written.
         rest = [self.in_normal_form(w) if _by_velocity(w, names) is None else w for w in wanted]
         total = Terms()
         for i, j in combinations(range(len(names)), 2):
@@ -336,7 +336,7 @@ def is_zero(terms: Terms) -> bool:
 
 
 def power_rule(own: Monomial, beside: Terms, x: ex.Symbol) -> Terms | None:
-    """The integral of own * beside by x where that is a power of x, or c u^e du/dx with u^e = own."""
+    """The integral of own * beside over x where that is a power of x, or c u^e du/dx with u^e = own."""
     if not own:
         total = Terms()
         for key, value in beside.items():

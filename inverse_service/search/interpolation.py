@@ -3,7 +3,7 @@
 The vector (v_1 : ... : v_m) is one common polynomial vector (P_1, ..., P_m): with a reference entry r the unknown
 coefficients solve v_e P_r(x) - v_r P_e(x) = 0, and no denominator is asked for. For each variable alone the least
 degree for which there is a fit is found, the others fixed; then the variables are added one at a time, the support so
-far times powers of the new one, and what comes out as 0 is dropped. The least degrees make the vector primitive.
+far times powers of the new one, and coefficients that are 0 are dropped. The least degrees make the vector primitive.
 
 The basis in an angle is c^a s^b with b <= 1, in any other variable its powers. Coefficients are divided by one of them
 and reconstructed as rational numbers; that the result is right is for the caller to check.
@@ -155,7 +155,7 @@ class Interpolation:
         unit = pow(vector[0], -1, PRIME)
         numbers = [modular.reconstruct(value * unit % PRIME, PRIME, _LARGEST) for value in vector]
         if any(number is None for number in numbers):
-            raise NoFit("the coefficients are no small rational numbers")
+            raise NoFit("the coefficients are not small rational numbers")
         found, place = list[Terms](), 0
         letters = [letters_of(variable, self.units) for variable in done]
         for olds in support:
@@ -257,7 +257,7 @@ def letters_of(variable: Generator, units: Units) -> tuple[Monomial, Monomial]:
 def _monomial(tree: ex.Expression) -> Monomial:
     ((key, value),) = terms_of(tree).items()
     if value != 1:
-        raise NoFit("a letter has a factor")
+        raise NoFit("a generator has a numeric factor")
     return key
 
 

@@ -160,7 +160,7 @@ _NO_POINTS = (errors.IrreducibleAtoms, SingularPoint, ValueError)
 
 @dataclass(slots=True)
 class _Search:
-    """One search of one system: what it is made of, what it has tried, and the terms that had no Lagrangian."""
+    """One search of one system: its material, what it has tried, and the terms that had no Lagrangian."""
 
     material: Material
     seed: int
@@ -218,7 +218,7 @@ def _climb(
     tried: list[tuple[str, int]],
     highest: float,
 ) -> Iterator[protocol.Found]:
-    """What each rung finds, those that find nothing left out."""
+    """The results of the rungs, without those that find nothing."""
     try:
         state = _Search(gather(analysis, with_time), seed, progress, tried)
     except TooManyTerms:

@@ -1,4 +1,4 @@
-"""What a system is made of, as far as the search needs it, and antiderivatives of its terms.
+"""The generators of a system that the search uses, and antiderivatives of its terms.
 
 Antiderivatives of monomials with a power of a letter p that is quadratic in the variable v.
 
@@ -10,7 +10,7 @@ With D < 0 logarithms of p' -+ sqrt(-D) take the place of the first, with p'' < 
 So 1/(x^2 + y^2) leads to atan(x/y)/y, 1/sqrt(x^2 + y^2) to log(x + sqrt(x^2 + y^2)), and the inverse cube of
 the distance to z/((x^2 + y^2) sqrt(x^2 + y^2 + z^2)).
 
-What ansätze are made of: the letters of f, their antiderivatives and integrating factors.
+The factors of ansätze: the generators of f, their antiderivatives and integrating factors.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ def _of_letter(key: Monomial, letter: ex.Sum, e: Fraction, variable: ex.Expressi
         return  # 1 + 2 e is zero on the way up: nothing is left
     functions = _of_inverse(slope, D) if e.denominator == 1 else _of_root(letter, slope, second, D)
     last = times(rest, scale, math.floor(e + 1))
-    for k in range(3 if e in (-1, -_HALF) else 1):  # the variable itself may stand in the monomial: v/p, v^2/p
+    for k in range(3 if e in (-1, -_HALF) else 1):  # the variable itself may occur in the monomial: v/p, v^2/p
         yield from (times(times(last, monomial(variable), -k), function) for function in functions)
 
 
@@ -151,7 +151,7 @@ _COMPANIONS = {"sin": "cos", "cos": "sin", "sinh": "cosh", "cosh": "sinh"}
 
 @dataclass(frozen=True, slots=True)
 class Material:
-    """f as terms with its letters sorted by what they depend on; `shared` is what rungs compute for each other."""
+    """f as terms, its generators sorted by the variables they depend on; `shared` holds results that rungs share."""
 
     analysis: Analysis
     motion: MotionTerms

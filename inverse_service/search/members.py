@@ -151,7 +151,7 @@ def gauge_of(space: ansatz.LagrangianSpace, seed: int) -> list[ansatz.Combinatio
 
 
 def reduced(total: ansatz.Combination, gauge: Sequence[ansatz.Combination]) -> ansatz.Combination:
-    """Gauge elements subtracted as long as the rest gets simpler."""
+    """Subtracts gauge elements as long as the difference gets simpler."""
     improved = True
     while improved:
         improved = False

@@ -144,7 +144,7 @@ def _quadratic(q: ex.Expression, parts: Sequence[ex.Expression], place: Place) -
     c, b, a = parts
     d = quadratures.factored(4 * a * c - b**2, [place.x])
     if d == ex.ZERO:
-        # A square: the linear factor stands for it.
+        # A square: the linear factor replaces it.
         raise NotElementary
     return _Quadratic(q, quadratures.expanded(derivative.differentiate(q, place.v)), a, d)
 
@@ -239,7 +239,7 @@ def _is_free_of_velocity(residual: ex.Expression, place: Place) -> bool:
 
 
 def _is_defined(tree: ex.Expression, point: real_point.RealTable) -> bool:
-    """Asked before a velocity is put in, since 0 times an infinite factor would fold to 0."""
+    """Checked before a velocity is substituted, since 0 times an infinite factor would fold to 0."""
     try:
         evaluation.evaluate(tree, point)
     except evaluation.NoRealValue:
@@ -586,7 +586,7 @@ def _of_function(material: Material, function: ex.Expression) -> ex.Expression |
     return None if potential_part is None else tree_of(kinetic) + tree_of(potential_part)
 
 
-# With 60 a force of many terms takes 6 s in vain.
+# With 60 a force of many terms takes 6 s without success.
 _MOST_TERMS_OF_FORCE = 30
 
 

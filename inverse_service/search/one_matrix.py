@@ -8,7 +8,7 @@ leave one vector of entries G_11 : … : G_nn. It is interpolated as a whole. Th
     S = Gamma(log phi) = ((G N + N^T G)_e - Gamma G_e)/G_e = Q_k v_k + T
 
 for the factor phi(t, q) of g = phi G: in most systems S = 0 and phi = 1. Where one entry of g is constant, phi is
-1/G_e; else (1 : Q : T) is interpolated and integrated. What is left of L are A_i v_i - V with
+1/G_e; else (1 : Q : T) is interpolated and integrated. The remaining terms of L are A_i v_i - V with
 
     d_i V = -phi W_i,  d_i A_j - d_j A_i = phi F_ij,  W = G f at v = 0,  F = G f_v + d_t G + T G at v = 0,
 

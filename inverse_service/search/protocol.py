@@ -1,11 +1,11 @@
-"""What the search is made of, what it hands over, and which further Lagrangians are shown.
+"""The parts of the search, its results, and which other Lagrangians are shown.
 
-What the search is made of and what it hands over: leaves propose Lagrangians, reductions make smaller systems.
+The parts of the search and its results: leaves propose Lagrangians, reductions make smaller systems.
 
 A reduction is asked whether it `accepts` a system, `apply` makes smaller ones of it, and `lift` takes Lagrangians of
 these back. The search itself finds the Lagrangians in between, limits the work, and verifies what is lifted.
 
-Lagrangians besides the one that is shown: which are others, and which of those a reader wants to see.
+Lagrangians besides the one that is shown: which ones differ from it, and which of those a reader wants to see.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class SearchOutcome:
 
 @dataclass(frozen=True, slots=True)
 class Leaf:
-    """A method of its own for the systems that it accepts; most costly ones come last.
+    """A separate method for the systems that it accepts; the most costly methods come last.
 
     `propose(material, seed)` gives regular Lagrangians, the simplest first. Unless they are `exact` by the way they
     are found, the search verifies them. `reason` is a sentence for people that says where such a Lagrangian comes from.
@@ -167,7 +167,7 @@ _TINY, _STEP = mpmath.mpf(10) ** -20, mpmath.mpf(129) / 128
 def is_multiple(
     first: ex.Expression, second: ex.Expression, names: Sequence[str], table: real_point.RealTable | None
 ) -> bool:
-    """Whether the Hessians are constant multiples of each other, seen at the real point and at one beside it."""
+    """Whether the Hessians are constant multiples of each other, judged at the real point and at one near it."""
     if table is None:
         return first == second
     rows = zip(euler_lagrange.hessian(first, names), euler_lagrange.hessian(second, names), strict=True)
@@ -190,7 +190,7 @@ def is_multiple(
 def why_shown(
     shown: ex.Expression, other: ex.Expression, names: Sequence[str], table: real_point.RealTable | None
 ) -> str:
-    """What another Lagrangian has that the one that is shown has not; "" where that is nothing."""
+    """The advantage of another Lagrangian over the one that is shown; "" where it has none."""
     if len(printing.to_text(other)) < len(printing.to_text(shown)):
         return "shorter"
     if is_definite(other, names, table) and not is_definite(shown, names, table):

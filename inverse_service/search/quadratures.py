@@ -69,7 +69,7 @@ def shortest(tree: ex.Expression, variables: Sequence[ex.Symbol | ex.Velocity]) 
 def even_root(radicand: ex.Expression) -> tuple[ex.Expression, ex.Expression]:
     """(a, b) with radicand = a^2 b; a sqrt(b) is a square root up to its sign.
 
-    5 d^2/4 gives (d/2, 5) whatever the sign of d.
+    5 d^2/4 gives (d/2, 5) for either sign of d.
     """
     outside: list[ex.Expression] = []
     inside: list[ex.Expression] = []
@@ -125,7 +125,7 @@ _SQUARES = {"sin": ("cos", 1, -1), "cos": ("sin", 1, -1), "sinh": ("cosh", -1, 1
 
 
 def in_one_square(terms: Terms) -> Terms:
-    """sin(u)^2/cos(u)^k as 1/cos(u)^k - 1/cos(u)^(k - 2) and so on, so that what is equal looks so."""
+    """sin(u)^2/cos(u)^k as 1/cos(u)^k - 1/cos(u)^(k - 2) and so on, so that equal terms look equal."""
     result: Terms = {}
     for key, value in terms.items():
         result = add_terms(result, _of_one_square(key), value)
@@ -164,7 +164,7 @@ def _proper(terms: Terms, x: ex.Symbol) -> Terms:
 
 
 def _divided(key: Monomial, x: ex.Symbol) -> Terms | None:
-    """By x^d = (D - the rest of D)/c for a divisor D = c x^d + ..., c a number; None where there is none to be used."""
+    """Substitutes x^d = (D - r)/c for a divisor D = c x^d + r with a number c; None where there is no such divisor."""
     power = dict(key).get(x, Fraction(0))
     for letter, e in key:
         if (
@@ -189,7 +189,7 @@ def _divided(key: Monomial, x: ex.Symbol) -> Terms | None:
 def primitive(x: ex.Symbol, wanted: Terms) -> ex.Expression | None:
     """A sum of monomials with the derivative `wanted` by x, by linear algebra over what may have its terms as a part.
 
-    The coefficients are rational where that is enough, else they hold letters without x. None where none is found.
+    The coefficients are rational where that suffices, else they contain generators without x. None if none is found.
     """
     columns: dict[Monomial, Terms] = {}
     wanted = _proper(wanted, x)
@@ -212,7 +212,7 @@ def primitive(x: ex.Symbol, wanted: Terms) -> ex.Expression | None:
 
 
 def _with_constants(x: ex.Symbol, columns: Iterable[Monomial], wanted: Terms) -> ex.Expression | None:
-    """The same with coefficients from the field of the letters without x."""
+    """The same with coefficients from the field of the generators without x."""
     varying = dict.fromkeys(frozenset(item for item in m if ex.holds(item[0], x)) for m in columns)
     plain = {m: _proper(derivative_of_terms({m: Fraction(1)}, x), x) for m in varying if m}
     if not plain or len(varying) > bounds.COLUMNS:
@@ -265,7 +265,7 @@ def antiderivative(
 def _substitutions(
     slope: ex.Expression, x: ex.Symbol, inner: ex.Symbol
 ) -> Iterator[tuple[ex.Expression, ex.Expression]]:
-    """(g, w) with slope = g(w(x)) w'(x) for w = x^2 and the functions of x that occur, g in the letter `inner`."""
+    """(g, w) with slope = g(w(x)) w'(x) for w = x^2 and the functions of x that occur, g in the symbol `inner`."""
     functions = dict.fromkeys(node for node in ex.walk(slope) if isinstance(node, ex.Apply) and x in ex.walk(node))
     for w in (x**2, *functions):
         outer = collecting.merge_powers(slope / derivative.differentiate(w, x))
@@ -306,7 +306,7 @@ def _at_most(seconds: float) -> Iterator[None]:
 # For SymPy, in s of processor time: most integrals that it finds take a tenth of that.
 _SECONDS = 2.5
 _CALLS = 500  # between two looks at the time
-# What was asked for the whole time in vain: parts of a potential come again and again in one search.
+# Integrals that used the whole time without success: parts of a potential recur in one search.
 _VAIN: set[tuple[ex.Expression, frozenset[tuple[ex.Symbol, int]]]] = set()
 _MOST_VAIN = 256
 

@@ -1,10 +1,10 @@
 """Reductions: a system as blocks that share no coordinates, and in other coordinates that its right-hand sides suggest.
 
 A regular Lagrangian stays one under a change of coordinates new = W(old), old = psi(new), one or two at a time:
-shear        X = x + g(y, …) where x + g, or its rate x' + g_y y' + …, stands in f as a sum
-rotation     X = a x + b y, Y = a y - b x where a x + b y stands in f
-exponential  X = e^x where e^x stands in f
-polar        X = r cos u, Y = r sin u where u stands in f under sine and cosine only
+shear        X = x + g(y, …) where x + g, or its rate x' + g_y y' + …, occurs in f as a sum
+rotation     X = a x + b y, Y = a y - b x where a x + b y occurs in f
+exponential  X = e^x where e^x occurs in f
+polar        X = r cos u, Y = r sin u where u occurs in f only under sine and cosine
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ def into_blocks(material: Material, seed: int) -> Iterator[Smaller]:
 
 
 def _sum_of(system: SecondOrderSystem, trees: Sequence[ex.Expression]) -> ex.Expression:
-    """The sum of Lagrangians of blocks, each of which may have called an integral of its own F."""
+    """The sum of Lagrangians of blocks, each of which may have named its own integral F."""
     fresh, used, found = quadratures.fresh_names(system, *trees), set[str](), []
     for tree in trees:
         own = {node.name for node in certify.walk_integrals(tree)}
@@ -122,7 +122,7 @@ def suggested(material: Material) -> list[Change]:
 
 
 def _forms(material: Material) -> Counter[Form]:
-    """Functions of position w with w or w' a sum in f, each as a set of terms, with how often they stand there."""
+    """Functions of position w with w or w' a sum in f, each as a set of terms, with its number of occurrences."""
     names = material.analysis.system.coordinates
     found: Counter[Form] = Counter()
     trees = [*material.analysis.system.accelerations, *material.position_letters]

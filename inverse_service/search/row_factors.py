@@ -10,7 +10,7 @@ E_i = M_ij q''_j + B_i are Euler-Lagrange equations up to factors where c_i M_ij
 3. Between two parts a, b a constant is left: K_a d_vj B_i + K_b d_vi B_j = 0 or, where both vanish, the same for
    K_a d_j B_i - K_b d_i B_j at v = 0.
 4. Then G is the velocity Hessian (Helmholtz 1887): a part of G that is homogeneous of degree d in v belongs to
-   G_ij v_i v_j/((d + 1)(d + 2)), what is left of E_i to some A_i(t, q) v_i - V(t, q).
+   G_ij v_i v_j/((d + 1)(d + 2)), the remaining terms of E_i to some A_i(t, q) v_i - V(t, q).
 
 Accelerations that are given are lines with M = 1: then G is diagonal, and d_k log c_i = -d^2 f_i/dv_i dv_k.
 """
@@ -137,7 +137,7 @@ def lagrangian_as_given(system: SecondOrderSystem, given: Sequence[ex.Expression
 
 
 def in_own_order(system: SecondOrderSystem) -> SecondOrderSystem | None:
-    """The system with its lines in the order in which they have a Lagrangian of their own; None where there is none."""
+    """The system with its lines in the order in which they have a Lagrangian; None where there is none."""
     with suppress(*_FAILED):
         for scaled in islice(symmetric_lines(lines_of(system, system.given)), _ORDERS):
             check()
@@ -380,7 +380,7 @@ def _constants(lines: Lines, parts: Sequence[Sequence[int]]) -> dict[int, Terms]
 
 
 def _quotient(lines: Lines, left: Terms, right: Terms) -> Factor | None:
-    """left/right where relations among their letters make it one monomial."""
+    """left/right where relations among their generators make it one monomial."""
     if is_zero(left) or is_zero(right):
         return None
     found = _divided(left, right, Integrator(lines.system))
@@ -451,7 +451,7 @@ def _is_multiple(left: Sequence[Sequence[Terms]], right: Sequence[Sequence[Terms
 
 
 def _constant(terms: Terms, parameters: set[ex.Expression]) -> tuple[Fraction, Monomial]:
-    """The factor of a sum that is made of numbers and parameters alone, a sum of parameters as one letter."""
+    """The factor of a sum that is made of numbers and parameters alone, with a sum of parameters as one generator."""
     content, common, rest = split_content(terms)
     outside: Monomial = frozenset(item for item in common if item[0] in parameters)
     whole = rest != ex.ONE and {letter for key in terms_of(rest) for letter, _ in key} <= parameters

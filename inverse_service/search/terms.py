@@ -1,10 +1,10 @@
-"""Sums of monomials in letters, and the motion in them.
+"""Sums of monomials in generators, and the motion in them.
 
-Sums of Laurent monomials in letters: the form in which ansätze are made and combined.
+Sums of Laurent monomials in generators: the form in which ansätze are made and combined.
 
-A letter is any tree (x, x', sin(x), x^2 + y^2, A(r1), exp(x)); a monomial is a product of letters
-with rational exponents; terms map monomials to rational coefficients. Nothing is assumed about
-relations among letters: an identity found here holds, one not found may hold all the same.
+A generator (`letter` in the code) is any tree (x, x', sin(x), x^2 + y^2, A(r1), exp(x)); a monomial is a product of
+generators with rational exponents; terms map monomials to rational coefficients. Nothing is assumed about
+relations among generators: an identity found here holds, but one not found may hold, too.
 
 The equations of motion as terms, and the Euler-Lagrange expressions of monomials along them.
 """
@@ -44,7 +44,7 @@ class TooManyTerms(ArithmeticError):
 
 @lru_cache(maxsize=4096)
 def monomial(*letters: ex.Expression) -> Monomial:
-    """The product of letters."""
+    """The product of generators."""
     product = EMPTY
     for letter in letters:
         product = times(product, frozenset([(letter, Fraction(1))]))
@@ -100,7 +100,7 @@ def _bounded(terms: Terms) -> Terms:
 def terms_of(expression: ex.Expression) -> Terms:
     """The tree expanded; TooManyTerms where that is large.
 
-    Sums under negative or fractional powers are letters, 1/(x^2 + 2 x y + y^2) by its letter x + y.
+    Sums under negative or fractional powers are generators; that of 1/(x^2 + 2 x y + y^2) is x + y.
     """
     match expression:
         case ex.Number(value):
@@ -138,7 +138,7 @@ def terms_of(expression: ex.Expression) -> Terms:
 
 
 def _with_leading_plus(function: str, argument: Terms) -> Terms:
-    """sin(y - x) = -sin(x - y), cos(y - x) = cos(x - y): one letter for both."""
+    """sin(y - x) = -sin(x - y), cos(y - x) = cos(x - y): one generator for both."""
     if not argument:
         return {} if _PARITY[function] < 0 else {EMPTY: Fraction(1)}
     negative = argument[min(argument, key=rank)] < 0
@@ -173,7 +173,7 @@ def _power(base: Terms, exponent: Fraction) -> Terms:
 
 @lru_cache(maxsize=1024)
 def _without_squares(tree: ex.Expression) -> tuple[Fraction, tuple[tuple[ex.Expression, int], ...]]:
-    """(c, ((p_k, e_k), …)) with tree = c prod p_k^e_k, a sum of products of letters; ((tree, 1),) as a rule."""
+    """(c, ((p_k, e_k), …)) with tree = c prod p_k^e_k, a sum of products of generators; ((tree, 1),) as a rule."""
     terms = terms_of(tree)
     if any(e < 0 or e.denominator > 1 for key in terms for _, e in key):
         return Fraction(1), ((tree, 1),)
@@ -186,7 +186,7 @@ def _without_squares(tree: ex.Expression) -> tuple[Fraction, tuple[tuple[ex.Expr
 
 
 def polynomial_of(terms: Mapping[Monomial, Fraction]) -> tuple[fmpq_mpoly, list[ex.Expression]]:
-    """A sum of products of letters with nonnegative integer exponents, and the letters."""
+    """A sum of products of generators with nonnegative integer exponents, and the generators."""
     letters = list(dict.fromkeys(letter for key in terms for letter, _ in key))
     context = fmpq_mpoly_ctx.get(tuple(f"a{k}" for k in range(len(letters))))
     table = {
@@ -210,7 +210,7 @@ def _is_small_power(count: int, exponent: Fraction) -> bool:
 
 
 def _numeric_power(value: Fraction, exponent: Fraction) -> tuple[Fraction, Monomial]:
-    """(rational, letters) with product value^exponent; a number without rational root is a letter."""
+    """(rational, generators) with product value^exponent; a number without rational root is a generator."""
     if exponent.denominator == 1:
         return value ** int(exponent), EMPTY
     if value == 1:
@@ -219,9 +219,9 @@ def _numeric_power(value: Fraction, exponent: Fraction) -> tuple[Fraction, Monom
 
 
 def split_content(terms: Mapping[Monomial, Fraction]) -> tuple[Fraction, Monomial, ex.Expression]:
-    """(rational content, common monomial, primitive rest) of a nonzero sum; the rest is ONE for one term.
+    """(rational content, common monomial, primitive part) of a nonzero sum; the primitive part is ONE for one term.
 
-    The content is positive for more than one term, so that even roots of the rest stay real.
+    The content is positive for more than one term, so that even roots of the primitive part stay real.
     """
     if len(terms) == 1:
         ((key, value),) = terms.items()
@@ -238,7 +238,7 @@ def split_content(terms: Mapping[Monomial, Fraction]) -> tuple[Fraction, Monomia
 
 
 def _exponential(argument: ex.Expression) -> Terms:
-    """exp(c u + …) = exp(u)^c … with one letter for each monomial u of the argument."""
+    """exp(c u + …) = exp(u)^c … with one generator for each monomial u of the argument."""
     product = EMPTY
     for key, coefficient in terms_of(argument).items():
         letter = ex.Apply("exp", monomial_tree(key))
@@ -290,7 +290,7 @@ def _letter_rank(item: tuple[ex.Expression, Fraction]) -> tuple[int, str]:
 
 @lru_cache(maxsize=16384)
 def rank(key: Monomial) -> tuple[Fraction | int, int, str]:
-    """Simple monomials first: small exponents, few letters, then by name.
+    """Simple monomials first: small exponents, few generators, then by name.
 
     Logarithms, roots and inverses of a polynomial in the velocities come after its square.
     """
@@ -310,7 +310,7 @@ def rank(key: Monomial) -> tuple[Fraction | int, int, str]:
 
 @lru_cache(maxsize=4096)
 def _traits(letter: ex.Expression) -> tuple[int, bool, str]:
-    """Its weight, whether it is a sum with velocities, and what orders letters: the text of a tree takes long."""
+    """Its weight, whether it is a sum with velocities, and its sort key: the text of a tree takes long."""
     return _letter_weight(letter), _is_moving_sum(letter), repr(letter)
 
 
@@ -339,7 +339,7 @@ def derivative(key: Monomial, variable: ex.Expression) -> Terms:
 
 @lru_cache(maxsize=4096)
 def letter_derivative(letter: ex.Expression, variable: ex.Expression) -> Terms:
-    """The partial derivative of a letter, expanded."""
+    """The partial derivative of a generator, expanded."""
     if letter == variable:
         return {EMPTY: Fraction(1)}
     if isinstance(letter, ex.Symbol | ex.Velocity | ex.Number):
@@ -383,7 +383,7 @@ def has_velocity(letter: ex.Expression) -> bool:
 
 
 def split_velocities(key: Monomial) -> tuple[Monomial, Monomial]:
-    """(letters without velocities, letters with)."""
+    """(generators without velocities, generators with velocities)."""
     moving = frozenset(item for item in key if has_velocity(item[0]))
     return key - moving, moving
 
@@ -396,7 +396,7 @@ def is_linear(key: Monomial) -> bool:
 
 @lru_cache(maxsize=1024)
 def irreducible_factors(tree: ex.Expression) -> tuple[ex.Expression, ...]:
-    """Its factors that are sums, as a polynomial in roots of letters over a monomial in them."""
+    """Its factors that are sums, as a polynomial in roots of generators over a monomial in them."""
     terms, exponents = terms_of(tree), dict[ex.Expression, list[Fraction]]()
     for letter, e in (item for key in terms for item in key):
         exponents.setdefault(letter, [Fraction(0)]).append(e)

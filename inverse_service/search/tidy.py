@@ -123,7 +123,7 @@ def _finite(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
 
 
 def _constant_divisors(trees: Iterable[ex.Expression], parameters: frozenset[ex.Symbol]) -> set[ex.Expression]:
-    """What trees divide by that holds parameters alone."""
+    """The denominators of trees that contain only parameters."""
     powers = (
         node for node in ex.distinct_nodes(trees) if isinstance(node, ex.Power) and isinstance(node.exponent, ex.Number)
     )
@@ -203,7 +203,7 @@ def _place(term: ex.Expression) -> tuple[int, bool]:
 
 
 def _degree(tree: ex.Expression) -> int:
-    """The degree in the velocities, 2 for what is no polynomial in them."""
+    """The degree in the velocities, 2 for a tree that is not polynomial in them."""
     match tree:
         case ex.Velocity():
             return 1
@@ -216,7 +216,7 @@ def _degree(tree: ex.Expression) -> int:
 
 
 def _as_written(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
-    """The sums of f that are short as they are written in it, (x + m)^2 + y^2, in the place of their expansions."""
+    """Replaces expansions with the shorter sums written in f, such as (x + m)^2 + y^2."""
     table: dict[ex.Expression, ex.Expression] = {}
     for node in ex.distinct_nodes(system.accelerations):
         if isinstance(node, ex.Sum):
@@ -272,7 +272,7 @@ def _absorbed(base: ex.Expression, table: dict[ex.Expression, ex.Expression]) ->
 
 
 def _velocity_sums(tree: ex.Expression) -> int:
-    """How many different sums of velocities stand under powers other than squares, or in functions.
+    """The number of different sums of velocities under powers other than squares, or in functions.
 
     Not 3 (w' + 2 u'/3) - 2 u', which is 3 w'.
     """
@@ -344,7 +344,7 @@ def _is_exponential_of_time(letter: ex.Expression) -> bool:
 
 
 def _split(terms: Terms, is_outside: Callable[[ex.Expression], bool]) -> dict[Monomial, Terms]:
-    """The sum over products of the letters that are outside: what each is multiplied with."""
+    """The sum grouped by products of the generators that are outside: the coefficient of each product."""
     groups: dict[Monomial, Terms] = {}
     for key, value in terms.items():
         outer: Monomial = frozenset(item for item in key if is_outside(item[0]))
@@ -378,7 +378,7 @@ def _by_rates(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
 
 
 def _by_both(system: SecondOrderSystem, terms: Terms) -> ex.Expression:
-    """By parameters where several belong to the same product of other letters; the rest by these letters."""
+    """By parameters where several belong to the same product of other generators; else by these generators."""
     parameters = _parameters(system)
     groups = _split(terms, lambda letter: letter not in parameters)
     several = {key | c: value for key, inner in groups.items() for c, value in inner.items() if len(inner) > 1}

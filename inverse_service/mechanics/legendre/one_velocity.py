@@ -357,7 +357,7 @@ def _log_of_quotient(
 
 
 def _of_one_arctangent(slope: ex.Expression, rate: ex.Velocity, momentum: ex.Expression) -> Iterator[Root]:
-    """F = c atan A + r = p, where r is constant as one quotient of polynomials: A has roots of letters."""
+    """F = c atan A + r = p, where r is constant as one quotient of polynomials: A has roots of symbols."""
     terms = slope.terms if isinstance(slope, ex.Sum) else ()
     arcs = {
         node
@@ -469,7 +469,7 @@ def _solutions(equations: Sequence[Equation], names: Sequence[str]) -> Iterator[
 def _isolated(
     equations: Sequence[Equation], names: Sequence[str]
 ) -> Iterator[tuple[str, Root, list[Equation], list[str]]]:
-    """One velocity isolated in one equation, the other equations with it put in, and the velocities left."""
+    """One velocity isolated in one equation, the other equations after substituting it, and the other velocities."""
     for momentum, function in equations:
         others = [equation for equation in equations if equation[0] != momentum]
         for name in names:

@@ -215,7 +215,7 @@ def radial_branches(block: blocks.Block, solve: blocks.Solver) -> Iterator[block
 
 
 def _candidates(block: blocks.Block) -> Iterator[ex.Expression]:
-    """Trees quadratic in the velocities: what stands under powers, and the part of degree 2."""
+    """Trees quadratic in the velocities: the bases of powers, and the part of degree 2."""
     power = quadratic_forms.power_of_form(block.function)
     if power is not None:
         yield power[0]

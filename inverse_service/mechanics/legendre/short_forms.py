@@ -191,7 +191,7 @@ def _apart(tree: ex.Expression) -> ex.Expression:
 
 
 def squares_together(tree: ex.Expression) -> ex.Expression:
-    """The tree with (u^4/w^2)^(2/3) w^2/u^2 as (u^2)^(1/3) (w^2)^(1/3): even powers under roots and beside them."""
+    """The tree with (u^4/w^2)^(2/3) w^2/u^2 as (u^2)^(1/3) (w^2)^(1/3): even powers under roots and next to them."""
     inner = ex.rebuild(tree, squares_together)
     factors = ex.factors_of(inner)
     table: dict[ex.Expression, Fraction] = {}

@@ -384,7 +384,7 @@ def constraint_images(
     """The constraints w(t, q, v) = 0 as functions of (t, q, p) that vanish at the same points.
 
     Denominators are cleared, and factors dropped that vanish nowhere on the domain of L: parameters,
-    exponentials, what L divides by and what stands under its roots. Where the transform is implicit
+    exponentials, denominators of L and radicands of its roots. Where the transform is implicit
     the constraints stay in the velocities. Values: one tree for each constraint.
     """
     if transform.velocities is None:
@@ -408,7 +408,7 @@ def _phase_space(
 
 
 def _divisors(lagrangian: ex.Expression) -> Iterator[ex.Expression]:
-    """What L divides by or takes roots and logarithms of."""
+    """Denominators of L, and the arguments of its roots and logarithms."""
     for monomial, _ in collecting.expand(lagrangian):
         for base, exponent in monomial:
             if exponent < 0 or exponent.denominator != 1:
@@ -418,7 +418,7 @@ def _divisors(lagrangian: ex.Expression) -> Iterator[ex.Expression]:
 
 
 def _image(constraint: ex.Expression, place: _PhaseSpace) -> ex.Expression:
-    """The numerator without its harmless factors; the pivots' velocities are put in at the end."""
+    """The numerator without its harmless factors; the pivots' velocities are substituted at the end."""
     kept = []
     for factor, exponent in ex.powers_of(short_forms.quotient(ex.substitute(constraint, place.first))):
         if factor == ex.ZERO:
