@@ -76,7 +76,7 @@ def solve(
     time: Annotated[str | None, typer.Option(help="The name of the independent variable, such as x.")] = None,
     progress: Annotated[bool, typer.Option("--progress", help="A line for each part as it is finished.")] = False,
 ) -> cli.ExitCode:
-    """One system to its result. Exit 0 definite verdict, 1 undetermined, 2 bad input, 3 our fault."""
+    """Solve one system. Exit 0 definite verdict, 1 undetermined, 2 invalid input, 3 internal error."""
     named = {"parameters": parameters, "functions": functions, "coordinates": coordinates, "time": time}
     settings = read_settings()
     document, given = model.split_options(with_declared(given_document(file, guess), named))

@@ -1,4 +1,4 @@
-"""What a request brings: its body, bounded and counted, and what its headers ask for; and waking who waits for jobs."""
+"""The body of a request, bounded and counted, the options in its headers, and the requests that wait for jobs."""
 
 from __future__ import annotations
 
@@ -36,13 +36,13 @@ ASYNC = re.compile(r"(?:^|[,;\s])respond-async(?:$|[,;\s])", re.IGNORECASE)
 async def body_of(request: Request, limit: int) -> AsyncIterator[bytes]:
     """The body, which counts as under way to the end of the context; 413 for more than `limit` bytes, unread.
 
-    415 where it is compressed: how large it becomes nobody says.
+    415 if it is compressed, because its final size is unknown.
     """
     declared = request.headers.get("content-length", "0")
     if declared.isascii() and declared.isdigit() and (len(declared) > 15 or int(declared) > limit):
         raise too_large(limit)
     if request.headers.get("content-encoding", "identity").lower() != "identity":
-        raise Refusal(415, "content-type", "A body is taken as it is; send it without 'Content-Encoding'.")
+        raise Refusal(415, "content-type", "Compressed bodies are not accepted; send it without 'Content-Encoding'.")
     engine: Engine = request.app.state.engine
     with engine.bytes.hold(clients.client_of(request)) as take:
         parts = []
@@ -58,7 +58,7 @@ async def body_of(request: Request, limit: int) -> AsyncIterator[bytes]:
 
 @asynccontextmanager
 async def json_body_of(request: Request, limit: int) -> AsyncIterator[bytes]:
-    """The same for a body that says it is JSON; 415 for another type."""
+    """The same for a body declared as JSON; 415 for another type."""
     if not is_json(content_type(request)):
         raise Refusal(415, "content-type", "Send JSON with the header 'Content-Type: application/json'.")
     async with body_of(request, limit) as body:
@@ -76,13 +76,13 @@ def is_json(media_type: str) -> bool:
 
 
 def too_large(limit: int) -> Refusal:
-    """The body is over the limit, which GET /v1/limits tells."""
+    """The body exceeds the limit, which GET /v1/limits reports."""
     return Refusal(413, "too-large", f"The body has more than {limit} bytes; send a smaller document.")
 
 
 @dataclass(frozen=True, slots=True)
 class Preference:
-    """How long to wait for an answer, in seconds, and what of `Prefer` was applied."""
+    """How long to wait for an answer, in seconds, and the part of `Prefer` that was applied."""
 
     wait: float
     applied: str
@@ -107,7 +107,7 @@ def wants_fresh(request: Request) -> bool:
 
 
 def batch_key_of(request: Request) -> str:
-    """`Idempotency-Key`: batches of the same lines are told apart by it; asked again without one, all are."""
+    """`Idempotency-Key`, which distinguishes batches of the same lines; a random one for a fresh batch."""
     given = request.headers.get("idempotency-key", "")
     if len(given) > LARGEST_KEY:
         raise Refusal(422, "limit", f"The header 'Idempotency-Key' takes at most {LARGEST_KEY} characters.")
@@ -115,7 +115,7 @@ def batch_key_of(request: Request) -> str:
 
 
 def time_limit_of(request: Request, server: model.JobOptions) -> float | None:
-    """What the query `time_limit` asks for, which goes before the document's; None where it says nothing."""
+    """The `time_limit` of the query, which overrides the one of the document; None if there is none."""
     text = request.query_params.get("time_limit")
     if text is None:
         return None
@@ -126,7 +126,7 @@ def time_limit_of(request: Request, server: model.JobOptions) -> float | None:
 
 
 def _number(text: str) -> float:
-    """A number as JSON writes it; NaN for what Python alone would read, such as 1_0 and foreign digits."""
+    """A number in JSON notation; NaN for text that only Python accepts, such as 1_0 and non-ASCII digits."""
     return float(text) if len(text) < 30 and NUMBER.fullmatch(text) else float("nan")
 
 
@@ -135,12 +135,12 @@ ANY = "*"
 
 
 def end_of(job: str) -> str:
-    """What who waits for the end of a job alone waits for."""
+    """The event of a request that waits for the end of a job only."""
     return f"end of {job}"
 
 
 class Waiting(asyncio.Event):
-    """One that waits; `job` is the one that ended, where it ended here."""
+    """A waiting request; `job` is the job that ended, if it ended in this process."""
 
     job: model.Job | None = None
 
@@ -161,7 +161,7 @@ class Hub:
             self._loop.call_soon_threadsafe(self._set, keys, job)
 
     def close(self) -> None:
-        """The service stops: everybody who waits goes on and looks at `closing`."""
+        """The service stops: wake everyone who waits, to look at `closing`."""
         self.closing = True
         self._loop.call_soon_threadsafe(lambda: self._set(tuple(self._waiting)))
 
@@ -185,7 +185,7 @@ class Hub:
 
 
 async def until_set(event: asyncio.Event, seconds: float) -> bool:
-    """Wait at most so long; whether it was set."""
+    """Wait at most so long; return whether the event was set."""
     try:
         async with asyncio.timeout(seconds):
             await event.wait()

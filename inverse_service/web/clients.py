@@ -51,7 +51,7 @@ class Key:
 
 
 class Keys:
-    """Which client has a key. Raises InputError at the start where the file cannot be used."""
+    """The keys of the clients. Raises InputError at the start if the file cannot be used."""
 
     def __init__(self, settings: Settings) -> None:
         self._fixed = tuple(Key(client, digest) for client, digest in settings.api_keys)
@@ -62,18 +62,18 @@ class Keys:
 
     @property
     def are_asked(self) -> bool:
-        """Whether clients need a key; it stays so while the file is empty, for nobody has one then."""
+        """Whether clients need a key. They do even while the file is empty; then no one has access."""
         return bool(self._fixed) or self._file is not None
 
     def client_of(self, key: str) -> str | None:
-        """The client whose key this is, None where it is nobody's; takes as long for a wrong key as for a right one."""
+        """The client whose key this is, or None; takes equally long for wrong and for valid keys."""
         self._look()
         digest = hash_of_key(key[:LARGEST_KEY])
         found = [each for each in self._keys if hmac.compare_digest(digest, each.digest)]
         return found[0].client if found and key and found[0].counts() else None
 
     def _look(self) -> None:
-        """Read the file again where it changed; one that cannot be read leaves the keys as they are, and says so."""
+        """Read the file again if it changed; if it is unreadable, keep the present keys and log a warning."""
         if self._file is None or time.monotonic() - self._looked < LOOK:
             return
         with self._lock:
@@ -88,7 +88,7 @@ class Keys:
                 log.error("the keys stay as they were: %s", error.detail)
 
     def _marked(self) -> tuple[int, int, int] | None:
-        """What changes with the file."""
+        """A mark that changes with the file."""
         try:
             found = os.stat(self._file or "")
         except OSError:
@@ -129,7 +129,7 @@ async def require_client(request: Request) -> None:
 
 
 def note_client(request: Request) -> None:
-    """Note who asks; 401 without a good key where keys are set."""
+    """Note the client; 401 without a valid key if keys are set."""
     keys = request.app.state.engine.keys
     request.state.client_name = _client(request, keys)
     request.state.viewer = Viewer(request.state.client_name, not keys.are_asked)
@@ -142,13 +142,13 @@ def viewer_of(request: Request) -> Viewer:
 
 
 def client_of(request: Request) -> str:
-    """The client that `note_client` found, the address where nobody was asked for a key."""
+    """The client that `note_client` found, or the address if no key was required."""
     name: str = getattr(request.state, "client_name", None) or address_of(request)
     return name
 
 
 def address_of(request: Request) -> str:
-    """Where the request comes from."""
+    """The address that the request comes from."""
     return place_of(request.client.host) if request.client else ""
 
 

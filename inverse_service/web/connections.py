@@ -1,6 +1,6 @@
 """Connections: two counts (in all, and of one address) and two times (for a head, for a body).
 
-What a proxy does better, which is to take slow heads, bodies in crumbs, and answers that nobody reads, is left to the
+What a proxy does better, which is to take slow heads, bodies in tiny pieces, and unread answers, is left to the
 proxy that a port for strangers needs; see docs/how-to/operate.md.
 """
 
@@ -50,7 +50,7 @@ class Connections:
         return Connection(self, **settings)
 
     def admit(self, connection: Connection) -> bool:
-        """Take a new connection in, at the cost of the one that was silent longest where all places are taken."""
+        """Accept a new connection; if all places are taken, close the one that was silent longest."""
         is_many = self._addresses[connection.address] >= self.of_an_address and not self._is_proxy(connection.address)
         if is_many or (len(self._open) >= self.total and not self._make_room()):
             self.refused += 1
@@ -84,7 +84,7 @@ class Connections:
         return bool(silent)
 
     def _look(self, loop: asyncio.AbstractEventLoop) -> None:
-        """Close what took too long; again in a second."""
+        """Close the connections that took too long; repeat in a second."""
         now = time.monotonic()
         for connection in [connection for connection in self._open if connection.is_late(now)]:
             self.timed_out += 1

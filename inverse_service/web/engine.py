@@ -1,4 +1,4 @@
-"""What is behind the routes: the store, the supervisor, the worker processes, and who waits for what."""
+"""The engine behind the routes: store, supervisor, worker processes, and waiting requests."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ KEEP_ALIVE = 10.0
 STORE_THREADS = 32
 # So many bytes of an answer are read at once.
 PART = 256 * 1024
-# A database that is away is waited for by whoever asks it, never by the loop; s.
+# How long a request waits for a database that is down, in seconds; the event loop never waits.
 STORE_PATIENCE = 20.0
 READY_PATIENCE = 10.0
 READY_KEPT = 1.0
@@ -72,14 +72,14 @@ class Engine:
         self.places = clients.Shares(settings.waiting, max(1, settings.waiting // 2), MANY_WAIT, MANY_WAIT)
         self.glances = clients.Shares(clients.GLANCES, 1, MANY_WAIT)
         largest = asking.LARGEST_FACTOR * settings.max_body
-        self.bytes = clients.Shares(2 * largest, largest, "Send less at a time: too much of it is under way already.")
+        self.bytes = clients.Shares(2 * largest, largest, "Too much data is being processed; send less at a time.")
         # Those of the server that runs this application, where it counts them.
         self.connections: Sized = ()
         self.is_open = False
         self._store: JobStore | None = None
 
     def open(self) -> None:
-        """Open the store, and the cluster where there is one; raises InputError where one cannot be used."""
+        """Open the store, and the cluster if there is one; raises InputError if either cannot be used."""
         if self._store is None:
             self._store = opening.open_store(self.settings.database)
             if self.settings.cluster is not None:
@@ -148,12 +148,12 @@ class Engine:
         return model.Bounds(settings.queue, settings.client_queue, settings.client_daily_seconds or model.NO_BOUND)
 
     async def in_thread(self, function: Callable[P, T], *arguments: P.args, **named: P.kwargs) -> T:
-        """Run something that waits for the disk."""
+        """Run a function that waits for the disk in a thread."""
         work = functools.partial(function, *arguments, **named)
         return await asyncio.get_running_loop().run_in_executor(self._threads, work)
 
     async def read(self, function: Callable[P, T], *arguments: P.args, **named: P.kwargs) -> T:
-        """Ask the store for something; raises StoreUnavailable where no answer comes in STORE_PATIENCE."""
+        """Call the store; raises StoreUnavailable if no answer comes within STORE_PATIENCE."""
         began = time.monotonic()
         try:
             async with asyncio.timeout(STORE_PATIENCE):
@@ -185,7 +185,7 @@ class Engine:
         self.counters.add("inverse_service_answers_from_store_total", "Questions that were known already.", kind=kind)
 
     async def rate_limit(self, client: str) -> dict[str, str]:
-        """The headers that say what is left of a quota, where there is one."""
+        """The headers with the remaining quota, if there is a quota."""
         quota = self.settings.client_daily_seconds
         if not quota:
             return {}
@@ -194,7 +194,7 @@ class Engine:
 
     @property
     def look_again(self) -> float:
-        """After so many seconds who waits for a job looks by himself: another front end tells this one nothing."""
+        """A waiting request polls its job at this interval (s), because other front ends send no events to this one."""
         return KEEP_ALIVE if self.store.exclusive else LOOK_AGAIN
 
     def _submit(self, request: model.JobRequest) -> tuple[model.Job, bool]:
@@ -221,7 +221,7 @@ class Engine:
         return job if len(job.body or b"") <= PART else replace(job, body=None)
 
     async def dismiss(self, id: str, viewer: model.Viewer) -> model.Job | None:
-        """Cancel a job for a client; its process is killed where nobody else waits for it."""
+        """Cancel a job for a client; its process is killed if no other client waits for it."""
         if await self.job(id, viewer) is None:
             return None
         job, is_over = await self.read(self.store.dismiss, id, viewer.name)
@@ -254,7 +254,7 @@ class Engine:
         return self.store.create_batch(id, kind, client, lines, self.bounds)
 
     async def dismiss_batch(self, id: str, viewer: model.Viewer) -> int:
-        """Cancel what is still open in a batch; how many jobs stopped."""
+        """Cancel the open jobs of a batch; return how many jobs stopped."""
         if await self.batch(id, viewer) is None:
             return 0
         dismissed = await self.read(self.store.dismiss_batch, id)
@@ -274,7 +274,7 @@ class Engine:
         client: str,
         task: Callable[..., T],
         *arguments: Any,
-        late: str = "This takes longer than a page may; take the result as JSON, or try again later.",
+        late: str = "This takes too long for a page; use the JSON result, or try again later.",
         seconds: float = LONG_DEADLINE,
         status: int = 503,
     ) -> T:
@@ -292,7 +292,7 @@ class Engine:
         return await self._run(self._quick, call)
 
     async def check(self, client: str, body: bytes) -> dict[str, Any]:
-        """The checker's verdict; a long check goes on among the jobs, and is incomplete at its limit there."""
+        """The checker's verdict; a long check continues among the jobs, and is incomplete at its limit there."""
         outcome = await self.run_quick(client, tasks.check_body_task, body, seconds=QUICK_DEADLINE)
         if outcome.status == "deadline":
             call = Call(tasks.check_body_task, (body,), self.settings.time_limit, client=client)
@@ -303,7 +303,7 @@ class Engine:
         return found
 
     async def look_ahead(self, client: str, document: str) -> None:
-        """Raise DocumentRefused where a document cannot be read, so that nobody has to wait for that answer."""
+        """Raise DocumentRefused at once if a document cannot be read, so that the client need not wait for a job."""
         try:
             outcome = await self.run_quick(client, tasks.look_ahead_task, document, seconds=QUICK_DEADLINE)
         except problems.Refusal:  # too many wait: the job will tell
@@ -312,21 +312,21 @@ class Engine:
             raise errors.DocumentRefused(outcome.places)
 
     async def faults(self) -> list[str]:
-        """Why the service is not ready; empty where it is."""
+        """Why the service is not ready; empty if it is."""
         if not self.is_open:
             return ["The service is starting or shutting down."]
         found = []
         if self.hub.closing:
-            found.append("The service stops.")
+            found.append("The service is stopping.")
         if not self.supervisor.is_working():
-            found.append("The jobs are not looked after.")
+            found.append("The supervisor of the jobs is not running.")
         with suppress(TimeoutError):  # while the service starts
             await asyncio.wait_for(asyncio.shield(asyncio.wrap_future(self._quick.first)), START_PATIENCE)
         found += {fault: None for fault in (self._working.fault(), self._quick.fault()) if fault}
         return found + await self._store_faults()
 
     async def _store_faults(self) -> list[str]:
-        """Whether the store takes and gives, asked at most once in READY_KEPT however many want to know."""
+        """Whether the store can be read and written, checked at most once per READY_KEPT."""
         if self._store_check is None or time.monotonic() - self._store_checked > READY_KEPT:
             self._store_checked = time.monotonic()
             self._store_check = asyncio.ensure_future(self._check_store())
@@ -338,16 +338,16 @@ class Engine:
                 counts = await self.in_thread(self.store.counts)
                 is_drained = await self.in_thread(self.store.is_drained)
                 await self.in_thread(self.store.try_to_write)
-        except Exception:  # whatever the database says, a full disk for one: it is not ready
+        except Exception:  # any error of the database, such as a full disk: it is not ready
             log.warning("the store is not ready", exc_info=True)
             return ["The store of jobs does not answer, or cannot be written."]
         if is_drained:
-            return ["The operator lets no job begin."]
+            return ["The operator has stopped new jobs from starting."]
         waiting = counts.get("accepted", 0) + counts.get("running", 0)
         return ["The queue of jobs is full."] if waiting >= self.settings.queue else []
 
     async def _run(self, executor: workers.Executor, call: Call) -> Outcome:
-        """The outcome of a call that is withdrawn where nobody waits for it any more."""
+        """The outcome of a call, which is withdrawn when no one waits for it any more."""
         with self.places.hold(call.client, 1):
             running = executor.submit(call)
             try:

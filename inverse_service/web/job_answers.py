@@ -47,7 +47,7 @@ async def stored_response(
 
 
 async def parts_of(engine: Engine, id: str, offset: int, size: int) -> AsyncIterator[bytes]:
-    """The rest of a body of this size; raises StoreUnavailable where it is another one by now."""
+    """The remaining parts of a body of this size; raises StoreUnavailable if the body has changed since."""
     while offset < size:
         now, part = await engine.read(engine.store.part, id, offset, PART)
         if now != size or not part:
@@ -72,7 +72,7 @@ async def lines_of(engine: Engine, answers: list[statements.BatchAnswer]) -> Asy
 
 
 async def _large(engine: Engine, answer: statements.BatchAnswer) -> AsyncIterator[bytes]:
-    """A stored object after the head of its line: a comma stands for its first bracket."""
+    """A stored object after the head of its line: a comma replaces its first bracket."""
     yield b", "
     async for part in parts_of(engine, answer.job, 1, answer.size):
         yield part
@@ -108,7 +108,7 @@ async def result_response(
 
 
 def applied_of(preference: Preference) -> dict[str, str]:
-    """The header that says which preferences were heard."""
+    """The header that lists the applied preferences."""
     return {"Preference-Applied": preference.applied} if preference.applied else {}
 
 
@@ -166,7 +166,7 @@ async def problem_of(job: model.Job, engine: Engine) -> bytes:
 
 
 def job_fields(job: model.Job, engine: Engine) -> dict[str, Any]:
-    """What a list shows of a job."""
+    """The summary of a job in a list."""
     return {
         "id": job.id,
         "kind": job.kind,

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from inverse_service.service.jobs import model
 
-# For so long an answer is given without a look at the store: what is erased there is not told after it, s.
+# How long, in seconds, an answer is given without asking the store, even if it was erased there.
 KEPT = 5.0
 # Bytes of all answers, and of one; larger ones are read in parts. To compress one of 7 kB takes 0.3 ms of processor
 # time, as much as all else that its giving takes.
@@ -37,7 +37,7 @@ class KnownAnswers:
         self._bytes = 0
 
     def get(self, key: bytes) -> KnownAnswer | None:
-        """The answer to a question, where it was given a moment ago and its job did not change."""
+        """The answer to a question, if it was given a moment ago and its job has not changed."""
         with self._lock:
             found = self._answers.get(key)
             if found is None or found.until < time.monotonic():
@@ -74,7 +74,7 @@ class KnownAnswers:
 
 
 def digest(*parts: str | bytes) -> bytes:
-    """What tells questions apart: all that their answer depends on."""
+    """The key of a question: everything that its answer depends on."""
     found = hashlib.sha256()
     for part in parts:
         raw = part.encode() if isinstance(part, str) else part

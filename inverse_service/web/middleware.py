@@ -1,4 +1,4 @@
-"""What every request passes: it is counted and noted; strict headers, HEAD as GET, work that ends when nobody waits."""
+"""What every request passes: counts and logs, strict headers, HEAD as GET, work that ends when no one waits."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ TRACE = re.compile(r"[0-9a-f]{2}-([0-9a-f]{32})-[0-9a-f]{16}-[0-9a-f]{2}")
 QUIET = frozenset({"/livez", "/readyz", "/metrics"})
 
 
-CLIENT_LEFT = 499  # as nginx writes it: nothing was answered, since nobody waited any more
+CLIENT_LEFT = 499  # as nginx writes it: nothing was answered, since the client had left
 
 
 @dataclass(slots=True)
@@ -54,7 +54,7 @@ class _Answer:
 
 
 class Measured(Middleware):
-    """Middleware; requests are told apart by route (never by the path, which anybody can make up)."""
+    """Middleware; requests are distinguished by route (never by the path, which anyone can make up)."""
 
     def __init__(self, app: ASGIApp, counters: Counters) -> None:
         super().__init__(app)
@@ -160,7 +160,7 @@ class SecurityHeaders(Middleware):
         if len(heads) > MOST_HEADERS or sum(len(name) + len(value) for name, value in heads) > LARGEST_HEADERS:
             return headers_too_large()
         if {b"content-length", b"transfer-encoding"} <= {name for name, _ in scope["headers"]}:
-            detail = "The request has a Content-Length and a Transfer-Encoding; send one of them."
+            detail = "The request has a Content-Length and a Transfer-Encoding; send only one of them."
             return _refused(400, "unreadable", detail)
         if b"%00" in scope["query_string"]:
             return _refused(422, "bad-input", "The query has a NUL character (%00), which no value has; leave it out.")
@@ -173,12 +173,12 @@ class SecurityHeaders(Middleware):
 
 
 def host_of(scope: Scope) -> str:
-    """The name in the Host header, in small letters and without its port."""
+    """The name in the Host header, in lower case and without its port."""
     return name_of(Headers(scope=scope).get("host", ""))
 
 
 def name_of(address: str) -> str:
-    """A host name in small letters and without its port."""
+    """A host name in lower case and without its port."""
     name, _, port = address.lower().rpartition(":")
     return (name if name and port.isdigit() else address.lower()).removesuffix(".")
 

@@ -53,7 +53,7 @@ BAD_BODY = refusals(400, 413, 415, 422, 500) | KEY_AND_RATE | refusals(410)
 SYSTEM_BODY = body_of("SystemDocument", "NonholonomicDocument", "LagrangianDocument")
 JOB_HEADERS = {
     "Location": {"description": "The address of the job.", "schema": {"type": "string"}},
-    "Retry-After": {"description": "Seconds until it is worth to ask.", "schema": {"type": "integer"}},
+    "Retry-After": {"description": "Seconds to wait before the next request.", "schema": {"type": "integer"}},
 }
 
 
@@ -64,7 +64,7 @@ def _parameter(place: str, name: str, description: str, **schema: Any) -> dict[s
 LIMIT = "Seconds; at most the limit of the service."
 TIME_LIMIT = _parameter("query", "time_limit", LIMIT, type="number", exclusiveMinimum=0)
 PREFER = _parameter("header", "Prefer", "respond-async, or wait=S with at most 20 s.", type="string")
-KEY = "Tells batches of the same lines apart."
+KEY = "Distinguishes batches of the same lines."
 BATCH_KEY = _parameter("header", "Idempotency-Key", KEY, type="string", maxLength=255)
 TIME_LIMIT_QUERY = {"parameters": [TIME_LIMIT, PREFER]}
 BATCH_PARAMETERS = {"parameters": [TIME_LIMIT, BATCH_KEY]}
@@ -73,7 +73,7 @@ BATCH_PARAMETERS = {"parameters": [TIME_LIMIT, BATCH_KEY]}
 REFERENCE = "#/components/schemas/{model}"
 DOCUMENTS = (SystemDocument, NonholonomicDocument, LagrangianDocument)
 RESULTS = (ResultDocument, NonholonomicResult, ForwardResult)
-# What the result of a job is, told apart by `format`; that of a check has none.
+# The results of jobs, distinguished by `format`; that of a check has none.
 OF_JOBS = (NonholonomicResult, *RESULTS[:1], ForwardResult, SimulationResult, WorkPrecisionResult, CheckAnswer)
 OTHERS = (
     SceneDocument,
@@ -107,7 +107,7 @@ CHECKED = {
         _object_with("Certificate", False, format={"enum": [FORMAT, OLD_FORMAT]}, system={"type": "object"}),
         _object_with("Identities", False, theorems={
             "type": "array", "items": {"description": "One theorem."},
-            "description": "What `solve --format identities` writes."}),
+            "description": "The output of `solve --format identities`."}),
     ]
 }  # fmt: skip
 ID = {"type": ["string", "number", "boolean", "null"]}
@@ -131,12 +131,12 @@ JOB_EVENT: dict[str, Any] = {
     ],
 }
 TAGS = {
-    "systems": "Does a system come from a Lagrangian? Read, solve, check.",
+    "systems": "Decide whether a system comes from a Lagrangian: parse, solve, check.",
     "simulations": "Scenes: integrate, and measure error against time.",
-    "jobs": "Questions that take longer: their state, their events, cancelling them.",
+    "jobs": "Long questions: their state, their events, and how to cancel them.",
     "batches": "Many documents at once.",
     "catalogue": "Named systems.",
-    "operations": "Whether the service is well, and its limits.",
+    "operations": "The health and the limits of the service.",
 }
 _TAG_OF = {
     "parse": "systems", "solve": "systems", "check": "systems", "simulate": "simulations",

@@ -33,7 +33,7 @@ open_router = APIRouter()
     openapi_extra=openapi.SYSTEM_BODY,
 )
 async def parse(request: Request) -> Response:
-    """What was understood of a System document: text, LaTeX and MathML of each acceleration."""
+    """How a System document is parsed: text, LaTeX and MathML of each acceleration."""
     engine = routes_jobs.engine_of(request)
     async with asking.json_body_of(request, engine.settings.max_body) as body:
         found = await engine.read_body(clients.client_of(request), tasks.parse_task, body)
@@ -45,7 +45,7 @@ async def check(request: Request) -> Response:
     """The independent checker's verdict on a result or a certificate, or on {"document": …, "result": …}.
 
     The system of a result is compared with the document that it carries, or with the one given with it.
-    {"system": …, "lagrangian": "…"} asks whether a Lagrangian of yours has these equations: verdict and residual.
+    {"system": …, "lagrangian": "…"} tests whether your Lagrangian yields these equations: verdict and residual.
     """
     engine = routes_jobs.engine_of(request)
     async with asking.json_body_of(request, asking.FACTORS["check"] * engine.settings.max_body) as body:
@@ -120,7 +120,7 @@ LLMS = """# inverse-service
 
 @open_router.get("/llms.txt", response_class=PlainTextResponse)
 async def llms() -> PlainTextResponse:
-    """In ten lines how a program asks."""
+    """A summary of the calls for programs, in ten lines."""
     return PlainTextResponse(LLMS)
 
 
@@ -132,7 +132,7 @@ async def livez() -> dict[str, str]:
 
 @open_router.get("/readyz", responses=openapi.refusals(503))
 async def readyz(request: Request) -> dict[str, str]:
-    """The store answers, jobs are looked after, a worker process answers, the queue has room."""
+    """The store and a worker process answer, the supervisor of the jobs runs, the queue has room."""
     engine: Engine = request.app.state.engine
     faults = await engine.faults()
     if faults:

@@ -35,16 +35,16 @@ class AtlasLine(BaseModel):
     """A system of the atlas in a list."""
 
     name: str = told("the name in addresses")
-    title: str = told("what it is called")
-    source: str = told("where it is from, as a citation; empty where it is from this project")
-    tags: list[str] = told("words to search by")
-    equations: list[str] = told("the equations, or L and the constraints, as understood")
+    title: str = told("its title")
+    source: str = told("its source as a citation; empty if the system is from this project")
+    tags: list[str] = told("keywords for searches")
+    equations: list[str] = told("the equations, or L and the constraints, as parsed")
     verdict: str = told("yes, no, open or differs, for both questions together")
     badge: str = told("the verdict in words")
 
 
 class AtlasList(BaseModel):
-    """What a search found: at most a hundred systems, and how many there are."""
+    """The results of a search: at most a hundred systems, and the total number."""
 
     count: int = told("how many systems were found")
     systems: list[AtlasLine] = told("the first hundred of them")
@@ -61,7 +61,7 @@ class AtlasEntry(AtlasLine):
     lagrangian: str | None = told("a Lagrangian; null where there is none or it is too long for a list")
     hamiltonian: str | None = told("its Hamiltonian")
     domain: list[str] = told("the conditions under which the formulas hold")
-    checked: str | None = told("what the independent checker said of the proof")
+    checked: str | None = told("the verdict of the independent checker on the proof")
     form: str = told("a key that systems of the same form share")
     version: str = told("the version of the program that computed the answers")
 
@@ -100,7 +100,7 @@ async def search(
 
 @router.get("/v1/atlas.ndjson", response_class=Response, responses={200: {"content": {"application/x-ndjson": {}}}})
 async def whole(request: Request) -> Response:
-    """The whole atlas, one system a line."""
+    """The whole atlas, one system per line."""
     data, mark = _whole()
     headers = {
         "ETag": f'"{mark}"',

@@ -54,7 +54,7 @@ BATCH_BODY: dict[str, Any] = {
     openapi_extra=BATCH_BODY | openapi.BATCH_PARAMETERS,
 )
 async def create(request: Request, kind: KindName = "solve") -> Response:
-    """Many documents: a JSON array, or NDJSON with one document a line; each may have an `id` of its own.
+    """Many documents: a JSON array, or NDJSON with one document per line; each may have its own `id`.
 
     All lines are stored before the answer, which is 202 with the address of the batch. A bad line is
     answered by a problem object. Equal documents are computed once. `?kind=` asks for another kind of job.
@@ -92,7 +92,7 @@ async def batch(request: Request, id: str) -> Response:
 
 @router.delete("/v1/batches/{id}", response_model=BatchDocument, responses={**openapi.UNKNOWN})
 async def dismiss(request: Request, id: str) -> Response:
-    """Cancel the lines that are still open in a batch; work that nobody else waits for stops."""
+    """Cancel the lines that are still open in a batch; work that no other client waits for stops."""
     await engine_of(request).dismiss_batch(id, clients.viewer_of(request))
     return JSONResponse(job_answers.batch_fields(await _known(request, id)))
 
@@ -108,8 +108,8 @@ async def dismiss(request: Request, id: str) -> Response:
 async def results(request: Request, id: str) -> Response:
     """The answers as NDJSON in the order in which they come, each with the `id` of its line.
 
-    The stream stays open until every line has its answer; an empty line each 10 s of silence says that it lives.
-    `Accept: application/json`, and nothing else, has them as one JSON array.
+    The stream stays open until every line has its answer; an empty line every 10 s of silence says that it is alive.
+    With `Accept: application/json` alone, they come as one JSON array.
     """
     found = await _known(request, id)
     lines = _stream(engine_of(request), found)
@@ -151,7 +151,7 @@ async def _stream(engine: Engine, batch: statements.Batch) -> AsyncIterator[byte
                 is_silent = not answers and time.monotonic() - spoken > KEEP_ALIVE
                 if is_silent and await engine.read(engine.store.batch, batch.id) is None:
                     break  # it was forgotten, or erased
-            except model.StoreUnavailable:  # the stream goes on when it is back
+            except model.StoreUnavailable:  # the stream continues when it is back
                 answers = []
             # Readers of batches where nothing happens are woken by all others too.
             pause = SMALLEST_PAUSE if answers else min(LARGEST_PAUSE, 2 * pause)

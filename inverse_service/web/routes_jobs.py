@@ -34,19 +34,19 @@ STILL_THERE = b": still there\n\n"
     openapi_extra=openapi.SYSTEM_BODY | openapi.TIME_LIMIT_QUERY,
 )
 async def solve(request: Request) -> Response:
-    """One system to its result.
+    """Solve one system.
 
     The job is stored before any answer. The call waits 2 s, or as `Prefer: wait=S` says (at most 20);
     past it, or with `Prefer: respond-async`, the answer is 202 with the job's address. `?time_limit=S`, or
-    `"options": {"time_limit": S, "memory_limit": MiB, "seed": N}` in the document, ask for less than the
-    service's limits. The same question is answered from the store; `Cache-Control: no-cache` asks again.
-    `Accept` may ask for text, LaTeX or a SymPy program in the place of JSON.
+    `"options": {"time_limit": S, "memory_limit": MiB, "seed": N}` in the document, lower the limits of
+    the service. The same question is answered from the store; `Cache-Control: no-cache` asks again.
+    `Accept` may ask for text, LaTeX or a SymPy program instead of JSON.
     """
     return await ask(request, "solve")
 
 
 async def ask(request: Request, kind: str) -> Response:
-    """The common way of all questions: store the job, wait a little, answer."""
+    """The common path of all questions: store the job, wait briefly, answer."""
     engine = engine_of(request)
     preference = asking.preference_of(request)
     client, server, viewer = clients.client_of(request), engine.server_options, clients.viewer_of(request)
@@ -107,9 +107,9 @@ async def job(request: Request, id: str) -> Response:
 
 @router.delete("/v1/jobs/{id}", responses={200: {"model": JobDocument}, **openapi.UNKNOWN})
 async def dismiss(request: Request, id: str) -> Response:
-    """Cancel a job that is open; one that is done stays as it is, with its result.
+    """Cancel an open job; a finished job stays unchanged, with its result.
 
-    It is dismissed for you. The work stops when nobody else waits for it; what was finished of it is its result.
+    It is dismissed for you. The work stops when no other client waits for it; the finished part is its result.
     """
     engine = engine_of(request)
     found = _known(await engine.dismiss(id, clients.viewer_of(request)))
@@ -150,7 +150,7 @@ async def _stream(engine: Engine, id: str, viewer: model.Viewer, after: int) -> 
             try:
                 found = await engine.job(id, viewer)
                 new = await engine.read(engine.store.events, id, after)
-            except model.StoreUnavailable:  # the stream goes on when it is back
+            except model.StoreUnavailable:  # the stream continues when it is back
                 yield STILL_THERE
                 await asyncio.sleep(LOOK_AGAIN)
                 continue
@@ -203,7 +203,7 @@ ANSWERS: dict[int | str, dict[str, Any]] = {
 
 @router.post("/v1/simulate", responses={200: openapi.answers_of("SimulationResult"), **ANSWERS}, openapi_extra=SCENE)
 async def simulate(request: Request) -> Response:
-    """A scene to its result: each method's outcome, the observed quantities, thinned points.
+    """Integrate a scene: each method's outcome, the observed quantities, thinned points.
 
     A method still running near the time limit is stopped there, and its outcome says so.
     """
@@ -214,5 +214,5 @@ async def simulate(request: Request) -> Response:
     "/v1/work-precision", responses={200: openapi.answers_of("WorkPrecisionResult"), **ANSWERS}, openapi_extra=SCENE
 )
 async def work_precision(request: Request) -> Response:
-    """A scene to error against time for every method, at many step sizes."""
+    """Measure error against time for every method of a scene, at many step sizes."""
     return await ask(request, "work-precision")

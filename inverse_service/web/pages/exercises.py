@@ -30,7 +30,7 @@ from inverse_service.web.engine import Engine
 from inverse_service.web.pages import forms, preview, rendering, result_tasks, sheets, solve, typesetting
 
 router = APIRouter()
-# What is asked, the question, the letter before the box, and what the choice of an answer is called.
+# The name of the task, the question, and the symbol before the box.
 ASKED = {
     "lagrangian": ("A Lagrangian", "Find a Lagrangian whose motions are those of", "L"),
     "hamiltonian": ("A Hamiltonian", "Find a Hamiltonian whose motions are those of", "H"),

@@ -396,7 +396,7 @@ class Understood:
 
 @dataclass(frozen=True, slots=True)
 class ShownPlace:
-    """One fault: the line it stands in cut around the marked character, where the place is known.
+    """One error; if its place is known, the line that contains it, cut around the marked character.
 
     `choices` are texts that may have been meant, each with what a button for it sends.
     """
@@ -540,9 +540,9 @@ def _place(error: errors.Place, fields: Mapping[str, str]) -> ShownPlace:
 
 
 def _choices(error: errors.Place, text: str, start: int, line: str, at: str) -> tuple[tuple[str, str], ...]:
-    """The readings of what stands at the place of an error, each as the line that it makes and what a button sends.
+    """The interpretations of the text at an error, each as the resulting line and what a button sends.
 
-    Those of a name end with one that declares it a constant. In LaTeX a reading is written as LaTeX.
+    Those of a name end with one that declares it a constant. In LaTeX an interpretation is written as LaTeX.
     """
     first, last = (one - 1 for one in error.span) if error.span else ((error.column or 1) - 1,) * 2
     piece = _AFTER_FORMULA.sub("", text[first:last]) if error.span else _word_at(text, first)

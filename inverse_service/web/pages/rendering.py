@@ -84,7 +84,7 @@ def _source(name: str) -> bytes:
 
 @lru_cache(maxsize=1)
 def style() -> Markup:
-    """The style sheet, which stands in each page: its first paint waits for nothing else."""
+    """The style sheet, included in each page so that its first paint waits for nothing else."""
     return Markup(asset("style.css").data.decode())
 
 
@@ -101,7 +101,7 @@ def address(name: str) -> str:
 
 
 async def static(request: Request, mark: str, name: str) -> Response:
-    """One file; whoever asks with an old mark gets the file of today, without leave to keep it."""
+    """One file; a request with an old hash gets the current file, which must be revalidated."""
     if name not in NAMES or (name in CHARTS and chart_folder() is None):
         raise Refusal(404, "not-found", "There is no such file.")
     found = asset(name)
@@ -314,10 +314,10 @@ def page(template: str, status: int = 200, **values: Any) -> HTMLResponse:
 
 
 def framed(response: HTMLResponse, origins: Iterable[str]) -> HTMLResponse:
-    """The page with leave to be shown in frames of this service and of other sites."""
+    """The page, allowed in frames of this service and of other sites."""
     allowed = " ".join(("'self'", *origins))
     response.headers["Content-Security-Policy"] = POLICY.replace("frame-ancestors 'none'", f"frame-ancestors {allowed}")
-    # The older header knows no list; whoever reads the policy does not read it.
+    # The older header cannot hold a list; browsers that know the policy ignore it.
     response.headers["X-Frame-Options"] = "SAMEORIGIN"
     return response
 

@@ -26,7 +26,7 @@ from inverse_service.web.pages import forms, preview, rendering, sheets, simulat
 T = TypeVar("T")
 OFFER_TERMS = "Offer terms that L may contain, in \u201cAsk in detail\u201d: for example {}."
 ONE_QUESTION = "Ask one question instead of two, in \u201cAsk in detail\u201d: L(q, q\u2032) alone."
-# Of a time limit; what comes after the search takes the rest.
+# Of a time limit; the remaining time is for the work after the search.
 MUCH_OF = 0.8
 LONG_RUN = "inverse-service solve --time-limit 3600 system.json"
 
@@ -111,7 +111,7 @@ def page_task(store: str, id: str, job: Mapping[str, Any], look: Look, check: Ma
         return simulations.simulation_result(look.address, whole, simulations.pretty(document))
     if job["kind"] == "work-precision":
         return simulations.precision_result(whole, simulations.pretty(document))
-    # A job whose result has no page of its own: its JSON.
+    # A job whose result has no page: its JSON.
     return rendering.page("plain.html", active="", text=simulations.pretty(body))
 
 
@@ -306,17 +306,17 @@ def curl_of(document: Mapping[str, Any], address: str) -> str:
 
 # The answer next to a form.
 
-GLANCE = 3.0  # s of processor time: longer than that nobody waits who is still filling in
+GLANCE = 3.0  # s of processor time; no one who is still typing waits longer
 
 
 def glance_task(body: bytes, content_type: str) -> dict[str, Any] | None:
-    """The sent solve form to a short answer, which nobody stores; None where it takes longer than a glance."""
+    """A short answer to the solve form, which is not stored; None if it takes longer than a glance."""
     document = forms.sent_task(body, content_type).document
     return None if document is None else glance_of(document)
 
 
 def glance_of_fields(fields: forms.Fields) -> dict[str, Any] | None:
-    """The same of the fields of a link; None where they cannot be read, too."""
+    """The same for the fields of a link; also None if they cannot be read."""
     try:
         return glance_of(forms.document_of_fields(fields))
     except errors.InputError:
@@ -328,7 +328,7 @@ class _Enough(Exception):
 
 
 def glance_of(document: Mapping[str, Any]) -> dict[str, Any] | None:
-    """The sheet of a document without its proofs, and its motion; None where nothing was settled.
+    """The sheet of a document without its proofs, and its motion; None if nothing was decided.
 
     The work ends with the first L and H that the checker has confirmed.
     """

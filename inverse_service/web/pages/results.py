@@ -68,7 +68,7 @@ class Answer:
 async def call(
     request: Request, method: str, path: str, document: Any = None, headers: Mapping[str, str] | None = None
 ) -> Answer:
-    """One call of this service, made inside the process; `document` is sent as JSON, bytes as they are."""
+    """One call of this service, made inside the process; `document` is sent as JSON, bytes unchanged."""
     sent = {name: request.headers[name] for name in PASSED_ON if name in request.headers} | dict(headers or {})
     sent["X-Request-Id"] = journal.REQUEST.get()
     content = document
@@ -88,7 +88,7 @@ def as_sent(headers: Mapping[str, str]) -> dict[bytes, bytes]:
     return {name.encode(): value.encode("latin-1") for name, value in headers.items()}
 
 
-# A key, a button, a color: read where it stands.
+# A form of a key, a button or a color is small: it is read here, not in a worker.
 SMALL_FORM = 10_000
 
 
@@ -116,7 +116,7 @@ async def read_sent(
 IDENTIFIER = re.compile(r"[A-Za-z0-9_-]{1,128}")
 # A short job's result comes with its first page; a longer one's page shows its progress.
 PATIENCE = 1.5
-# What is confirmed by then is shown while the rest is sought.
+# Formulas confirmed by then are shown while the search continues.
 SOON = 0.2
 ASKED = 20  # lines of a question
 OPEN = frozenset(("accepted", "running"))
@@ -396,7 +396,7 @@ async def submit(request: Request) -> Response:
 
 
 def as_documents(text: str) -> str:
-    """Lines of equations as documents, names that are not declared taken as constants; documents stay as they are."""
+    """Lines of equations as documents, with undeclared names as constants; documents stay unchanged."""
     if text.lstrip()[:1] in ("[", ""):
         return text
     lines = [line.strip() for line in text.split("\n") if line.strip()]

@@ -90,7 +90,7 @@ async def robots() -> Response:
 
 @account.get("/favicon.ico")
 async def favicon() -> Response:
-    """The icon under the name that is asked for without being told."""
+    """The icon under the name that browsers request by default."""
     return RedirectResponse(rendering.address("icon.svg"), 301, {"Cache-Control": "public, max-age=86400"})
 
 

@@ -31,7 +31,7 @@ TENSORS = (("Phi", "<mi>Φ</mi>"), ("nabla_Phi", "<mi>∇</mi><mi>Φ</mi>"))
 
 @dataclass(frozen=True, slots=True)
 class Formula:
-    """A formula after its letter, what is copied, and lines of small print below it."""
+    """A formula after its symbol, the text to copy, and lines of small print below it."""
 
     letter: str
     math: Markup
@@ -359,7 +359,7 @@ def _formulas(part: Mapping[str, Any], result: Mapping[str, Any], names: Names) 
 
 
 def formula_of(letter: str, part: Mapping[str, Any], names: Names, notes: Sequence[Markup] = ()) -> Formula:
-    """A formula of a result after its letter, or alone."""
+    """A formula of a result after its symbol, or alone."""
     if not letter:
         return Formula("", typesetting.formula(part["text"], names), part["text"], notes=tuple(notes))
     math = typesetting.equation(letter, part["text"], names)
@@ -489,7 +489,7 @@ def _conserved(one: Mapping[str, Any], names: Names) -> Row:
 def _more(result: Mapping[str, Any], names: Names) -> Iterable[Row]:
     """What was asked besides, and what there is instead of a no."""
     part = result.get("instead")
-    if part and part["kind"] != "time":  # that with time is an answer of its own
+    if part and part["kind"] != "time":  # the part with time is a separate answer
         conditions = [part["clock"]] if part.get("clock") else part.get("conditions") or ()
         hint = Markup("{} {}").format(INSTEAD[part["kind"]], _listed(conditions, names))
         yield Row("Instead", hint, formulas=tuple(_formulas(part, result, names)))

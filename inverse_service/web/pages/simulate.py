@@ -70,7 +70,7 @@ async def run(request: Request) -> Response:
 
 
 async def _refuse_unreadable(request: Request, scene: dict[str, Any]) -> None:
-    """InputError where a value of the form cannot be read: it is told beside its field, and no job is made."""
+    """InputError if a value of the form cannot be read: it is reported next to its field, and no job is created."""
     engine: Engine = request.app.state.engine
     outcome = await engine.run_quick(clients.client_of(request), preview_task, scene, seconds=LONG_DEADLINE)
     if outcome.places:
@@ -96,7 +96,7 @@ def field_of(pointer: str) -> str:
 
 @router.post("/simulate/preview")
 async def preview(request: Request) -> Response:
-    """The formulas and the start of the form as it stands, for the script that plays with them."""
+    """The formulas and the start of the current form, for the script that animates them."""
     return await _of_form(request, preview_task)
 
 
@@ -107,7 +107,7 @@ async def price(request: Request) -> Response:
 
 
 async def _of_form(request: Request, task: Callable[[Mapping[str, Any]], dict[str, Any]]) -> Response:
-    """What a task makes of the form as it stands, or what is wrong beside which field."""
+    """The result of a task for the current form, or the errors and their fields."""
     sent = await results.read_form(request, request.app.state.engine.settings.max_body)
     form, base = await _sent_form(request, sent)
     engine: Engine = request.app.state.engine
@@ -121,7 +121,7 @@ async def _of_form(request: Request, task: Callable[[Mapping[str, Any]], dict[st
 
 
 def _told(places: Sequence[errors.Place]) -> dict[str, Any]:
-    """What is wrong, and beside which fields it is said."""
+    """The errors, and next to which fields they are shown."""
     faults = {field_of(place.pointer): forms.sentence(place) for place in places}
     return {"reason": " ".join(faults.values()), "faults": {name: said for name, said in faults.items() if name}}
 
@@ -240,7 +240,7 @@ async def _form_of_scene(request: Request, identifier: str) -> tuple[SceneForm, 
 METHODS = (
     ("variational", "Variational", "discrete Euler-Lagrange equations of a free Lagrangian", True),
     ("nonholonomic", "Nonholonomic", "discrete constraint forces, the constraint holds exactly", True),
-    ("modified", "Modified", "variational in the base, discrete constraints for the rest", True),
+    ("modified", "Modified", "variational in the base, discrete constraints for the other coordinates", True),
     ("adaptive", "Adaptive", "order 8, for a tolerance", False),
     ("runge-kutta", "Runge\u2013Kutta", "order 4, for comparison", False),
     ("reference", "Reference", "to high accuracy, step by step", False),

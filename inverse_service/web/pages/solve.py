@@ -40,7 +40,7 @@ EXAMPLES: tuple[tuple[str, str, str, dict[str, Any]], ...] = (
 FROM_LAGRANGIAN = "m/2*(x'^2 + y'^2) - k/2*(x^2 + y^2)"
 FIRST_NONHOLONOMIC = "nonholonomic-particle"
 AT_ONCE = 0.1  # s
-SOON = 0.3  # s that a page waits for the answer beside its form
+SOON = 0.3  # s that a page waits for the answer next to its form
 START = str(EXAMPLES[0][3]["equations"])
 MOST_GLANCES = 64  # answers of links and examples that are kept to be shown at once
 
@@ -89,14 +89,14 @@ _ASKED: dict[str, asyncio.Future[None]] = {}
 
 
 async def glance_of(request: Request, fields: dict[str, str], patience: float) -> dict[str, Any] | None:
-    """The answer to show beside a form at its start; None where it is not there in a moment."""
+    """The answer to show next to a form at its start; None if it is not ready in a moment."""
     key = json.dumps(fields, sort_keys=True)
     if key not in _GLANCES:
         engine: Engine = request.app.state.engine
         asked = _ASKED.get(key) or asyncio.ensure_future(_keep_glance(engine, clients.client_of(request), key, fields))
         _ASKED[key] = asked
         asked.add_done_callback(lambda _: _ASKED.pop(key, None))
-        with suppress(TimeoutError):  # it goes on, and the next visitor has it at once
+        with suppress(TimeoutError):  # the work continues, and the next visitor has the answer at once
             await asyncio.wait_for(asyncio.shield(asked), patience)
     return _GLANCES.get(key)
 

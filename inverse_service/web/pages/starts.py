@@ -25,7 +25,7 @@ from inverse_service.simulation.numeric_formulas import array_value, table_of, w
 from inverse_service.web.pages.preview import accelerations_of, moving_of
 from inverse_service.web.pages.simulate import SceneForm, scene_document
 
-# Positions and velocities in turn of the first coordinates, the last of each for all further ones.
+# Positions and velocities of the first coordinates; the last of each serves for all later ones.
 STARTS = (
     ((0.1, 0.0), (1.0, 1.0, 0.0)),
     ((1.0, 0.5, 0.2), (0.1, 1.0, 0.3)),
@@ -205,7 +205,7 @@ def motion_of(result: Mapping[str, Any]) -> tuple[Array, tuple[str, str]] | None
 
 
 def picture_of(result: Mapping[str, Any], ending: str, words: str) -> bytes | None:
-    """The motion as SVG or PNG, the PNG with the verdict beside it; None where there is no motion to draw."""
+    """The motion as SVG or PNG, the PNG with the verdict next to it; None if there is no motion to draw."""
     found = motion_of(result)
     if found is None:
         return None

@@ -104,7 +104,7 @@ def integrals(found: Mapping[str, Any], names: Names) -> list[Markup]:
 
 
 def conditions(texts: Sequence[str], names: Names) -> list[Markup]:
-    """The conditions of a domain without those that follow from the rest; the JSON has all of them."""
+    """The conditions of a domain without those that follow from the others; the JSON has all of them."""
     try:
         found = [reader.read_condition(text, names) for text in texts]
     except (errors.InputError, ValueError):  # a sentence

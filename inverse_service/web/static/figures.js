@@ -2,7 +2,7 @@
 
 const probe = document.body.appendChild(Object.assign(document.createElement("i"), { hidden: true }));
 const color = (name) => { probe.style.color = `var(${name})`; return getComputedStyle(probe).color; };
-// On dark paper the darkest blue of the palette is lifted; the others are told apart as they are.
+// In dark mode the darkest blue of the palette is lightened; the other colors are distinct enough.
 const LIFTED = { ink: "--ink", "#0072B2": "--line-1" };
 const inked = (name) => (name in LIFTED ? color(LIFTED[name]) : name);
 const DASHES = { solid: [], dash: [7, 4], dot: [2, 4], dashdot: [9, 3, 2, 3], longdash: [13, 5], longdashdot: [13, 4, 2, 4] };
@@ -96,7 +96,7 @@ function swatch(line) {
   return name;
 }
 
-// The same numbers to be read or heard: so many rows, evenly spaced. Times are told once.
+// The same numbers as a table, for screen readers too: so many rows, evenly spaced. Times appear once.
 const ROWS = 21;
 function tabulate(table, view) {
   const [first] = view.lines;

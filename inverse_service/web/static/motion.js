@@ -6,7 +6,7 @@ import { System, run } from "./system.js";
 export const calm = () => matchMedia("(prefers-reduced-motion: reduce)").matches;
 const STEP = 0.02; // of the drawn curve, classical Runge-Kutta in two parts
 const STEPS = 1500; // of a phase portrait; a path has half of them
-const FAR = 60; // of a coordinate: what goes on is not drawn
+const FAR = 60; // of a coordinate: the path beyond is not drawn
 const SPEED = 1.4; // of the motion's time in s
 const [WIDTH, HEIGHT] = [408, 384];
 const DIALS = 3;
@@ -83,7 +83,7 @@ function drawn(name, at, q, origin) {
 const LAYERS = '<g data-axes></g><g data-near></g><path class="future" data-all></path><path class="past" data-done></path><path class="plumb" data-plumb></path><g data-body></g><g class="hand" data-hand tabindex="0" role="slider" aria-label="Start. Arrow keys move it." aria-valuemin="-100" aria-valuemax="100" aria-valuenow="0"><circle r="22" class="reach"/><circle r="7.5" class="ring"/><text class="drag" x="14" y="-13">drag the start</text></g><circle class="dot" r="5.5" data-dot></circle>';
 
 export class Motion {
-  // `told`: coordinates, labels, equations, constraints, values, angles and the rest that the service sends.
+  // `told`: coordinates, labels, equations, constraints, values, angles and the other data that the service sends.
   // `tracks` of a computed motion [{t, q}] take the place of the equations; `small` leaves out dials and handle.
   constructor(figure, told, { small = false, changed = null } = {}) {
     Object.assign(this, { figure, told, small, changed, place: 0, hold: 0 });
@@ -189,7 +189,7 @@ export class Motion {
     return { t: found.t.slice(0, end), q: found.q.map((c) => c.slice(0, end)), v: found.v.map((c) => c.slice(0, end)), stopped: found.stopped };
   }
 
-  // After a slider or the start was moved; `settled` fits the frame to what is there.
+  // After a slider or the start was moved; `settled` fits the frame to the present paths.
   update(settled) {
     this.main = this.told.tracks?.[0] ?? this.track(this.q, this.v);
     this.points = this.main.t.map((_, k) => this.point(this.main, k));
@@ -254,7 +254,7 @@ export class Motion {
     const [u, v] = this.screen[0];
     this.part.hand.setAttribute("transform", `translate(${fixed(u)} ${fixed(v)})`);
     const text = this.part.hand.querySelector("text");
-    // Its name stands where the path does not go.
+    // Its name is placed off the path.
     const ahead = this.screen.slice(1, 2 + this.screen.length / 12);
     const [du, dv] = [0, 1].map((k) => ahead.reduce((sum, at) => sum + at[k] - this.screen[0][k], 0));
     const isLeft = u > WIDTH - 110 || (du > 0 && u > 110);

@@ -84,7 +84,7 @@ function said(text) {
   if (place) place.textContent = text;
 }
 
-// The answer beside the form. One question is under way at a time: a dropped one would cost the service as much.
+// The answer next to the form. Only one request runs at a time: a dropped one would cost the service as much.
 function answers(form) {
   const place = document.getElementById("glance");
   const panel = place.closest(".live");
@@ -287,7 +287,7 @@ function renew(text) {
   const fresh = new DOMParser().parseFromString(text, "text/html");
   fresh.querySelectorAll("noscript").forEach((one) => one.remove()); // parsed as if there were no scripts
   const [main, next] = [document.querySelector("main"), fresh.querySelector("main")];
-  // A page with scripts of its own is loaded as a whole.
+  // A page with its own scripts is loaded as a whole.
   if ([...fresh.scripts].some((one) => one.src && ![...document.scripts].some((old) => old.src === one.src))) { location.reload(); return; }
   const opened = [...main.querySelectorAll(".why.shown")].map((row) => row.id);
   const [old, parts] = [main, next].map((place) => [...place.querySelectorAll("[data-part]")]);

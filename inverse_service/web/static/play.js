@@ -40,7 +40,7 @@ class Play {
 
   numbers(kind, names) { return names.map((name) => value(this.box(kind, name)?.value ?? "")); }
 
-  // What is wrong is said beside its field.
+  // Each error is shown next to its field.
   faults(told) {
     for (const box of this.form.querySelectorAll(".field input[name]")) {
       box.parentElement.querySelector(".fault")?.remove();
