@@ -150,7 +150,7 @@ class Outcome(NamedTuple):
 
 def no_claims(ring: Expansion) -> Claims:
     ring.question.read(ring)
-    return Claims([Zero(tie, "A root is not what it is said to be.") for tie in ring.ties], [])
+    return Claims([Zero(tie, "A root does not equal its stated value.") for tie in ring.ties], [])
 
 
 class Question:
@@ -224,7 +224,7 @@ class Question:
             self.roots.append(Root(root, read_tokens(entry["is"], "roots.is")))
             require(is_root(root), "A root has to be sqrt(w) or (w)^(a/k).")
         sides = (side for pair in (*self.conditions, *self.roots) for side in pair)
-        require(all(map(self.letters.isdisjoint, sides)), "The set of the claim is one of t, q, q' and parameters.")
+        require(all(map(self.letters.isdisjoint, sides)), "The set may involve only t, q, q' and parameters.")
 
     def texts(self) -> list[tuple[str, ...]]:
         """The formulas of the system and of the set of the claim."""
@@ -304,10 +304,10 @@ class Question:
                     self.held, arithmetic = False, Balls(self, Place(self.generator, values), None)
                     zeros = claims(self.expansion(arithmetic, degree)).zeros
                     good = all(number.contains(0) for zero in zeros for number in zero.value.values())
-                    require(good, "What is claimed does not hold wherever the conditions hold.")
+                    require(good, "The claim does not hold at all points where the conditions hold.")
                     seen += 1
                 except Undefined:
-                    require(not self.held, "The formulas are not defined wherever the conditions hold.")
+                    require(not self.held, "The formulas are not defined at all points where the conditions hold.")
                 except Unsettled:
                     pass
         return seen
@@ -417,7 +417,7 @@ class Question:
         step = math.lcm(24 * math.lcm(*[2 * pair.scale for pair in self.plan.pairs if pair.logarithm]), *fine)
         roots = [(pair.number, pair.scale) for pair in self.plan.pairs if pair.number > 1]
         if step * math.prod([scale for _, scale in roots]) > MAX_RARITY:  # a text could hold all such primes
-            raise Ended("incomplete", "Roots of numbers are too many: too few primes have them all.")
+            raise Ended("incomplete", "There are too many roots of numbers: too few primes have them all.")
         for _ in range(1_000_000):
             prime = self.generator.randrange((1 << 60) // step, (1 << 61) // step) * step + 1
             if fmpz(prime).is_probable_prime() and all(pow(q, (prime - 1) // n, prime) == 1 for q, n in roots):
@@ -659,7 +659,7 @@ class Question:
         if not self.rational:
             self.proven_in_balls(most, real, "Balls at the real point do not show that the ranks are the generic ones.")
         same = first.dimensions == [dimensions] * 2
-        require(same, "The dimensions are not those of this and the next order.")
+        require(same, "The dimensions are not those of this order and the next.")
         require(first.regular, "Every remaining multiplier g(p) is singular.")
         found, claimed = first.symbol, claimed_symbol(document, len(first.symbol.characters))
         require(claimed == found, "The symbol has other dimensions.")

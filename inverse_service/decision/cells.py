@@ -20,9 +20,9 @@ Answer = TypeVar("Answer")
 _MOST_OUTSIDE = 64  # choices of one side of each cell
 _OTHER_POINTS = range(2, 8)  # seeds of points on other parts of a cell
 NO_TIME = "the time was over"
-NO_POINT = "no real point was found here"
+NO_POINT = "no real point was found in this set"
 TOO_MANY = f"more than {second_order_system.MOST_BRANCHES} cells"
-BEYOND = "no cell that was answered holds the point"
+BEYOND = "no solved cell contains the point"
 
 
 @dataclass(frozen=True, slots=True)

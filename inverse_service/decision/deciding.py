@@ -131,7 +131,7 @@ def analyze(system: second_order_system.SecondOrderSystem) -> Analysis:
 def _alone(system: second_order_system.SecondOrderSystem) -> str:
     pairs = zip(system.coordinates, system.accelerations, strict=True)
     equations = ", ".join(f"{name}'' = {printing.to_text(f)}" for name, f in pairs)
-    return f"other pieces of the formula seem to have no real value here: ask about this piece alone, {equations}"
+    return f"other pieces of the formula seem to have no real value here; submit this piece alone, {equations}"
 
 
 def is_irrational(node: ex.Expression) -> bool:

@@ -67,7 +67,7 @@ def values_at(
 
 
 FAMILY = "a sum with a definite Hessian"
-IRRATIONAL = "f is not rational, and no Lagrangian that was found has a definite Hessian at this point"
+IRRATIONAL = "f is not rational, and none of the Lagrangians found has a definite Hessian at this point"
 _OPEN = (
     "no matrix of rational numbers was found that decides this; matrices of algebraic numbers may, but are not tried"
 )

@@ -75,7 +75,7 @@ def solve_branches(
     ):  # of one, each cell has a Lagrangian
         number = f"{len(branches)} or more" if len(branches) == second_order_system.MOST_COUNTED else str(len(branches))
         reason = (
-            f"roots of squares and the like make {number} cases of signs, each with an answer of its own; "
+            f"roots of squares and similar terms lead to {number} combinations of signs, each with a separate answer; "
             f"at most {second_order_system.MOST_BRANCHES} are solved: write the formulas of one"
         )
         return (_unreduced(system, options, None, reason),), ()
@@ -350,7 +350,7 @@ def _negative(work: Work, decision: deciding.Decision) -> Answer:
     try:
         steps = _reasons(work, decision.with_time)
     except errors.IrreducibleAtoms as problem:
-        steps = (wording.said(f"The conditions could not be written out: {problem.detail}.".replace("`", "")),)
+        steps = (wording.said(f"The conditions could not be printed: {problem.detail}.".replace("`", "")),)
     work.add_seconds("explanation", began)
     return replace(answer, explanation=steps)
 

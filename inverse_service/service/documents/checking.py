@@ -336,7 +336,7 @@ class Examination:
         good = self.fits(shown, certificate)
         self.agree(f"{at}/{shown.key}", good, shown.verdict, "Its certificate makes a different claim.")
         same = _same_system(_system(certificate), shown.system)
-        self.agree(f"{at}/certificate/system", same, "", "It is about another system.")
+        self.agree(f"{at}/certificate/system", same, "", "It is about a different system.")
         if proof.verdict == "incomplete":
             self.unsettled(proof.reasons[0])
             return None
@@ -375,7 +375,7 @@ class Examination:
                 self.latex(f"{at}/{key}", part[key], certificate, shown.system)
         if part.get("integrals"):
             proven = certificate.get("integrals")
-            self.agree(f"{at}/integrals", part["integrals"] == proven, "", "The certificate has other integrals.")
+            self.agree(f"{at}/integrals", part["integrals"] == proven, "", "The certificate has different integrals.")
 
     def latex(self, at: str, part: dict[str, Any], certificate: dict[str, Any], system: dict[str, Any]) -> None:
         """Claim the LaTeX if it is that of the formula."""
@@ -478,7 +478,7 @@ class Examination:
                 continue
             if "given" in self.result["system"] or self.handed is not None:
                 good = name in known and among in (None, known[name])
-                self.agree(f"{at}/certificate/among", good, str(among), "The document asks about other kinds.")
+                self.agree(f"{at}/certificate/among", good, str(among), "The document requests other types.")
             question = "time_dependent" if contains else "autonomous"
             around = self.result.get("domain") or []
             settled = self.answer(Shown(at, part, question, part.get("verdict"), own, name, around))
@@ -548,7 +548,7 @@ class Examination:
         self.claim(*(f"{at}/{name}" for name in compared))
         certificate, questions = _object(part.get("certificate")), derived.questions_of(part, system)
         if system.positive and not derived.is_inside(system, certificate.get("near") or {}):
-            self.contradict(f"{at}/certificate/near", "", "It is about another case of signs.")
+            self.contradict(f"{at}/certificate/near", "", "It is about a different branch of signs.")
         question = certificate.get("question") if certificate.get("question") in questions else questions[0]
         found = self.answer(Shown(at, part, str(question), verdict, own, key=key, follows=True))
         if found is None and verdict != "undetermined":
@@ -767,7 +767,7 @@ def _leave_open(result: dict[str, Any], why: str) -> None:
         for key in ("verdict", "verdict_with_time"):
             if one.get(key) is not None:
                 one[key] = "undetermined"
-                one["reason"] = f"An answer was found, but the system could not be compared with the document: {why}"
+                one["reason"] = f"An answer was found, but its system could not be compared with the document: {why}"
 
 
 def compare_motion(result: dict[str, Any], time_limit: float) -> None:
@@ -779,7 +779,7 @@ def compare_motion(result: dict[str, Any], time_limit: float) -> None:
                 continue
             found = compared_claim(result["system"]["given"], part[key], time_limit)
             if found.verdict != "valid":
-                why = f"An answer was found, but the motion could not be compared with the document: {found.reasons[0]}"
+                why = f"An answer was found, but its motion could not be compared with the document: {found.reasons[0]}"
                 holder["any_associated"] = _open_motion(holder["any_associated"], why)
                 break
 

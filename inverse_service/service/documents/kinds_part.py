@@ -103,7 +103,7 @@ def to_near(schema: SystemDocument, system: SecondOrderSystem) -> dict[Symbol | 
     try:
         return {names[name]: Fraction(text) for name, text in schema.near.items()}
     except (ValueError, ZeroDivisionError):
-        raise InputError('the values at a point are rational numbers such as "1/2" or 0.3.', "/near") from None
+        raise InputError('the values at a point must be rational numbers such as "1/2" or 0.3.', "/near") from None
 
 
 def _rayleigh(solution: Solution, _: LagrangianKind, asked: SolveOptions, deadline: float) -> KindAnswer:

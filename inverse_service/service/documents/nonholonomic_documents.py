@@ -330,7 +330,7 @@ def solve_motion(document: Any, options: solutions.SolveOptions, grow: Growing) 
     schema = look_motion(document)
     if schema.special_cases:
         raise errors.InputError(
-            "special cases are not available where the motion itself is given: leave this key out.", "/special_cases"
+            "special cases are not available where the motion itself is given. Leave this key out.", "/special_cases"
         )
     motion = read_given_motion(schema)
     question = schema.time_dependent_lagrangian
@@ -377,7 +377,7 @@ def read_given_motion(schema: schemas.MotionDocument) -> constrained_motion.Cons
     )
 
 
-QUADRATURE = "Along a solution of these equations the other coordinates are integrals over t of the right sides."
+QUADRATURE = "Along a solution of these equations the other coordinates follow by integrating the right sides over t."
 CLOSED = "The equations of these coordinates contain no other coordinates; those follow from the equations of motion."
 
 

@@ -58,7 +58,7 @@ def _certificate(result: dict[str, Any]) -> dict[str, Any]:
     if not isinstance(found, dict):
         raise NoTheorem("the answer has no certificate")
     if "velocities" in found["system"]:
-        raise NoTheorem("the claim is about the motion on constraints, not about one system of equations")
+        raise NoTheorem("the claim is about the motion on constraints, not about a single system of equations")
     return found
 
 
@@ -84,7 +84,7 @@ def _negative(system: SecondOrderSystem, seed: int, budget: Budget) -> Theorem:
     analysis = deciding.analyze(system)
     chosen = hierarchy.smallest_sufficient_set(analysis, seed)
     if chosen is None:
-        raise NoTheorem("the argument differentiates the conditions, it does not consist of algebraic steps alone")
+        raise NoTheorem("the argument differentiates the conditions, so it does not consist of algebraic steps alone")
     if len(system.coordinates) > negative.LARGEST_N:
         raise NoTheorem(f"there are more than {negative.LARGEST_N} coordinates")
     return determinant_vanishes(analysis, chosen, seed, budget)

@@ -175,7 +175,7 @@ def _advance(work: _Exploration) -> None:
     inner = _inside(work.question, case)
     if inner and depth == DEEPEST:
         work.time_is_open = True
-        work.reasons.append((f"further cases lie beyond the depth {DEEPEST}", _where(case)))
+        work.reasons.append((f"there are more cases beyond the depth {DEEPEST}", _where(case)))
         return
     for piece in inner:
         if not any(functions == f and piece.contains(s) and s.contains(piece) for s, f in work.seen):
@@ -271,9 +271,9 @@ FunctionCase = frozenset[str]
 
 _EXACT_SECONDS, _SEARCH_SECONDS, _DEPTH = 3.0, 6.0, 2
 UNDEFINED = "undefined"
-_DIFFERENTIAL = "the {} rests on differential conditions, whose side conditions are not known"
-_DOUBTFUL = "the functions of f that contain parameters may become dependent for further values"
-_WITHOUT_LAGRANGIAN = "variational by existence alone, no closed form shows for which values this may fail"
+_DIFFERENTIAL = "the {} depends on differential conditions with unknown side conditions"
+_DOUBTFUL = "the functions of f that contain parameters may become dependent for other values"
+_WITHOUT_LAGRANGIAN = "variational by an existence proof alone; no closed form shows for which values this may fail"
 
 
 @dataclass(frozen=True)
