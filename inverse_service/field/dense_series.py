@@ -93,7 +93,7 @@ def exponents_of_degree(size: int, degree: int) -> npt.NDArray[np.int8]:
 
 @lru_cache(maxsize=128)
 def raised_places(size: int, degree: int) -> npt.NDArray[np.int64]:
-    """Where alpha + e_a stands among the exponents of degree + 1, (count, size)."""
+    """The place of alpha + e_a among the exponents of degree + 1, (count, size)."""
     table, above = exponents_of_degree(size, degree), exponents_of_degree(size, degree + 1)
     monomials = MonomialKeys(size)
     known = keys_of(monomials, above)
@@ -111,7 +111,7 @@ def keys_of(monomials: MonomialKeys, exponents: npt.NDArray[np.int8]) -> npt.NDA
 
 
 def places_among(size: int, known: npt.NDArray[np.int8], keys_wanted: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
-    """Where monomials with these keys stand among the known ones; all are there."""
+    """The places of monomials with these keys among the known ones, which include them all."""
     keys = keys_of(MonomialKeys(size), known)
     order = np.argsort(keys)
     found: npt.NDArray[np.int64] = order[np.searchsorted(keys, keys_wanted, sorter=order)]
@@ -197,7 +197,7 @@ class Storage(NamedTuple):
 
 
 class Machine(NamedTuple):
-    """What every instruction may need: the registers, where products and derivatives stand, the prime.
+    """The data shared by all instructions: registers, places of products and derivatives, the prime.
 
     `small` holds 0, 1, 2, …, `inverses` 0 and their inverses, in Montgomery form: exponents and degrees as factors.
     """

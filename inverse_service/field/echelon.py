@@ -2,8 +2,8 @@
 
 The pivot of a row is its last nonzero column, so with columns in ascending degree the rows whose
 pivot lies in the first k columns are all consequences on those columns. Each new row is reduced by the
-rows before it until its pivot stands (to reduce it further costs two to three times as much and spares
-nothing later on) and the multiples used are recorded, so that each consequence can be traced to the
+rows before it until its pivot is fixed (full reduction costs two to three times as much and saves nothing
+later) and the multiples used are recorded, so that each consequence can be traced to the
 original rows.
 
 Rows that depend on the others cost most and give nothing. Those that are expected to, and those that
@@ -34,15 +34,15 @@ Marks = npt.NDArray[np.int8]
 ROWS, ENTRIES, USES, NORMAL = 0, 1, 2, 3
 # What became of a row so far; flags say 1 of those that should depend on all others. PUT_OFF: needs too many rows.
 WAITING, EXPECTED, PUT_OFF, DEPENDENT, KEPT, _NO_ROOM = 0, 1, 2, 3, 4, 5
-# How many of these are inserted before the rest are tested again.
+# How many of these are inserted before the remaining ones are tested again.
 _FEW = 4
 # What the reduction of a row may end with, besides the column of its pivot.
 _ZERO, _TOO_LONG = -1, -2
-# The prime is random itself, and so are numbers that come from it.
+# The prime is random, and so are numbers derived from it.
 _SEED = np.uint64(0x2545F4914F6CDD1D)
 
 Flags = npt.NDArray[np.bool_]
-# A row that needs more rows of the basis than this mostly depends on it, and is put off until all others stand.
+# A row that needs more rows of the basis than this usually depends on it, so it is reduced last.
 MOST = 96
 # The room at the beginning.
 _ROWS, _ENTRIES = 512, 16_384
@@ -263,7 +263,7 @@ def insert_rows(first: int, most: int, width: int, marks: Marks, rows: SparseRow
     """Insert all rows and mark what became of each; False where an array is full: to be called again with longer ones.
 
     Those that need more than `most` rows of the basis come after all others, then those that are EXPECTED to depend;
-    both are tested first, some inserted, then the rest tested again.
+    both are tested first, some inserted, then the remaining ones tested again.
     """
     if not _insert_marked(WAITING, len(marks), first, most, marks, rows, form, field):
         return False

@@ -19,7 +19,7 @@ derivatives. `quotient_tree` writes an element for people: factored, roots and e
 level the arguments of exp, log and the trigonometric functions are first written in a basis over Q, so that exp(x +
 y), exp(x) and exp(y) or sin(2x) and cos(x) share generators.
 
-Each partial derivative of an arbitrary function is a generator of its own.
+Each partial derivative of an arbitrary function is a separate generator.
 
 sin and cos, and sinh and cosh, are one pair of generators for each basis argument. With sign = -1 for the
 trigonometric and +1 for the hyperbolic pair (s, c): ds = c du, dc = sign s du and c^2 - sign s^2 = 1. Where only the
@@ -103,7 +103,7 @@ class Relation:
 
 @dataclass(slots=True)
 class Budget:
-    """How large one polynomial may become, until when (`now`) work may go on, and how much of it.
+    """Limits: the size of one polynomial, the deadline (`now`), and the total amount of work.
 
     `work` counts the terms of all polynomials together, so it ends at the same place on every machine.
     """
@@ -292,7 +292,7 @@ def divided_out(polynomial: fmpq_mpoly, factor: fmpq_mpoly) -> tuple[fmpq_mpoly,
 
 
 def coefficients_of(polynomial: fmpq_mpoly, generators: Sequence[int]) -> dict[tuple[int, ...], fmpq_mpoly]:
-    """What stands in a polynomial with each product of powers of some generators, by the exponents of these."""
+    """The coefficients of a polynomial in some of its generators, keyed by their exponents."""
     tables: dict[tuple[int, ...], dict[tuple[int, ...], fmpq]] = {}
     for exponents, value in polynomial.terms():
         rest = [int(e) for e in exponents]
@@ -524,7 +524,7 @@ class ExactRing:
         return Derivation(self.images[variable], frozenset(self.undefined))
 
     def along(self, components: Sequence[Quotient | None]) -> Derivation:
-        """The derivation sum_k components[k] d/d variables[k]; None stands for 0."""
+        """The derivation sum_k components[k] d/d variables[k]; None means 0."""
         self._need_slopes()
         images: dict[int, Quotient] = {}
         for component, table in zip(components, self.images, strict=True):

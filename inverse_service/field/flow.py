@@ -9,8 +9,8 @@ where Gamma is d/ds:
 No derivative is taken in symbols, and f is never multiplied out. All points of a batch are one array: a `Jet` has the
 shape (1 + directions, order, points), its first row the value.
 
-What a formula is made of are generators with independent random values: t, coordinates, velocities, parameters; for the
-angles of circular functions a rational point (2 u, 1 - u^2)/(1 + u^2) of the circle, beside the coordinate's own value;
+A formula consists of generators with independent random values: t, coordinates, velocities, parameters; for the angles
+of circular functions a rational point (2 u, 1 - u^2)/(1 + u^2) of the circle and the coordinate's own value;
 for exponentials, logarithms, and arctangents a residue; for arbitrary functions each partial derivative. Roots are true
 roots: the prime is a safe one, so that a square has one root that is a square, and a point without it is dropped.
 """
@@ -429,7 +429,7 @@ def _multiples(argument: ex.Expression) -> list[tuple[ex.Expression, Fraction]]:
 
 
 def generator_tree(generator: Generator, units: Units) -> ex.Expression:
-    """What stands for the generator in a formula; of an angle its cosine."""
+    """The expression that represents the generator in a formula; for an angle, its cosine."""
     kind, what = generator
     if kind == "exp":
         return ex.Apply("exp", Fraction(1, units.exponentials[what]) * what)

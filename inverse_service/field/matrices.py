@@ -1,8 +1,8 @@
 """Linear algebra over an exact field: reduced rows, determinants, solutions, relations, definite matrices.
 
 `null_vectors` finds linear relations with constant coefficients among elements of a ring. Constants are numbers
-and whatever depends on no variable of the ring: parameters, their functions and roots. What multiplies a product of
-the other generators is one linear equation for the coefficients, over the field of constants.
+and elements that depend on no variable of the ring: parameters, their functions and roots. The coefficient of each
+product of the other generators gives one linear equation for the coefficients, over the field of constants.
 
 `definite_or_orthogonal`: a linear space of symmetric matrices has no definite element exactly if some Y >= 0, not 0,
 has tr(Y w) = 0 for all w of the space. An interior point method for max {s : sum c_k w_k - s >= 0, |c| <= 1} comes

@@ -253,7 +253,7 @@ class Point:
     """Values of variables and atoms modulo `prime`; atoms are added innermost first.
 
     `signs` gives for a variable the sign of the residue symbol that its value is to have (the sign
-    of the variable at the real point that stands for the domain of the answer); `salts` choose
+    of the variable at the real point that represents the domain of the answer); `salts` choose
     among the random values of single variables and of the free generators that contain them.
     The square roots of the prime numbers in `flipped` have the other sign: a conjugate of what is meant.
     """

@@ -147,7 +147,7 @@ def are_positive(trees: Sequence[ex.Expression], table: RealTable) -> bool:
 
 
 def real_sign(expression: ex.Expression, table: RealTable) -> int:
-    """The sign of a value that is not zero, whatever its size: a sum is compared with its largest term."""
+    """The sign of a nonzero value of any size: a sum is compared with its largest term."""
     match expression:
         case ex.Number(value) if value:
             return 1 if value > 0 else -1

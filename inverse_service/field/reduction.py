@@ -60,7 +60,7 @@ _INVERSE_PAIRS = frozenset((("asin", "sin"), ("acos", "cos"), ("atan", "tan")))
 class Generators(exact_field.ExactRing):
     """A ring that adjoins functions and roots as they come; a square root gets its relation.
 
-    Where `opaque`, functions and roots are generators as they stand, whatever relations they have.
+    If `opaque`, functions and roots are generators unchanged, and their relations are ignored.
     """
 
     tower: towers.Tower = field(default_factory=lambda: towers.Tower(()))
@@ -70,7 +70,7 @@ class Generators(exact_field.ExactRing):
         """The tree as a generator; IrreducibleAtoms where there are too many."""
         if tree not in self.atoms:
             if not self.free:
-                raise errors.IrreducibleAtoms("too many different atoms stand under roots")
+                raise errors.IrreducibleAtoms("too many different atoms occur under roots")
             self.atoms[tree] = self.generator(index := self.new_generator(tree))
             if square is not None:
                 self.field.relate(index, 2, square)
@@ -203,7 +203,7 @@ def _linear(ring: Generators, rule: towers.LogarithmRule | towers.ArctangentRule
 def _sine_cosine(ring: Generators, rule: towers.AngleRule) -> tuple[exact_field.Quotient, exact_field.Quotient]:
     """(cos, sin) as fractions in tan(half angle)."""
     if rule.turns or rule.arctangents:
-        raise errors.IrreducibleAtoms("an angle with pi or an arctangent stands under a root")
+        raise errors.IrreducibleAtoms("an angle with pi or an arctangent occurs under a root")
     one = ring.constant(1)
     real, imaginary, denominator = one, one - one, one
     steps: Mapping[ex.Expression, Fraction] = {rule.angle: Fraction(1)} if rule.free else dict(rule.angles)
@@ -318,7 +318,7 @@ def _square_root(ring: Generators, polynomial: fmpq_mpoly) -> ex.Expression | No
 def reduce_atoms(
     expressions: Sequence[ex.Expression], variables: Sequence[ps.Variable], table: real_point.RealTable | None
 ) -> towers.Tower:
-    """The tower of expressions in kernels; raises IrreducibleAtoms where it cannot be settled.
+    """The tower of expressions in kernels; raises IrreducibleAtoms if it cannot be determined.
 
     Relations may depend on branches: exp(sqrt((x - y)^2)) is exp(x - y) where x > y. So where a
     function has a root in its argument they are searched for again when the branches are known.
@@ -473,14 +473,14 @@ def root_factors(tree: ex.Expression) -> tuple[Fraction, Factors]:
 
 
 def signed_factors(trees: Iterable[ex.Expression], table: real_point.RealTable) -> list[ex.Expression]:
-    """The factors of trees, or their negatives: as they are positive at the point."""
+    """The factors of trees, each with the sign that makes it positive at the point."""
     found = dict.fromkeys(factor for tree in trees for factor in root_factors(tree)[1] if real_point.varies(factor))
     signed = (factor if real_point.real_sign(factor, table) > 0 else -factor for factor in found)
     return [factor for factor in signed if not inequalities.is_plainly_positive(factor)]
 
 
 def _factored(tree: ex.Expression) -> tuple[Fraction, Factors]:
-    """The irreducible factors over Q, functions and roots taken as letters."""
+    """The irreducible factors over Q, functions and roots taken as generators."""
     if isinstance(tree, ex.Number):
         return (tree.value, {}) if tree.value else (Fraction(1), {tree: 1})
     ring = _generators()
@@ -499,7 +499,7 @@ def _factored(tree: ex.Expression) -> tuple[Fraction, Factors]:
 
 
 def _square_parts(found: Factors) -> tuple[Factors, Factors]:
-    """T and O of T^2 O; factors of odd multiplicity stand in O once, below the line where they did."""
+    """T and O of T^2 O; factors of odd multiplicity occur in O once, in the denominator if they did in the product."""
     square = {factor: (abs(k) // 2) * (1 if k > 0 else -1) for factor, k in found.items()}
     rest = {factor: 1 if k > 0 else -1 for factor, k in found.items() if k % 2}
     return {factor: k for factor, k in square.items() if k}, rest

@@ -1,6 +1,6 @@
-"""Random points over one prime, drawn one after another, and the letters with their logarithmic derivatives there.
+"""Random points over one prime, drawn in order, and the generators with their logarithmic derivatives there.
 
-The ansätze of a ladder ask for the same letters at the same points, each for some more of them.
+The ansätze of a ladder use the same generators at the same points, and each ansatz adds a few.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ Words = npt.NDArray[np.uint64]
 
 @dataclass(frozen=True, slots=True)
 class _LetterProgram:
-    """The series of letters in the same variables, those at `names` among (t, q, v), and the registers they end in."""
+    """The series of generators in the same variables, those at `names` among (t, q, v), and their final registers."""
 
     letters: tuple[ex.Expression, ...]
     series: SeriesProgram
@@ -44,7 +44,7 @@ class _LetterProgram:
 def _programs(
     letters: tuple[ex.Expression, ...], variables: tuple[ps.Variable, ...], order: int
 ) -> list[_LetterProgram]:
-    """One for each set of variables: only those of a letter are displaced, and most letters have one."""
+    """One for each set of variables: only the variables of a generator are displaced, usually a single one."""
     groups: dict[tuple[int, ...], list[ex.Expression]] = {}
     for letter in letters:
         names = set(ps.variables_in(letter))
@@ -55,12 +55,12 @@ def _programs(
 def _parts(
     letters: tuple[ex.Expression, ...], variables: tuple[ps.Variable, ...], names: tuple[int, ...], order: int
 ) -> list[_LetterProgram]:
-    """Their program, or more where it would be too large; IrreducibleAtoms where one letter is."""
+    """Their program, or several if it is too large; IrreducibleAtoms if one generator is too large."""
     try:
         return [_program(letters, variables, names, order)]
     except TooLarge as problem:
         if len(letters) == 1:
-            raise errors.IrreducibleAtoms("a letter of the ansatz is too long for its series") from problem
+            raise errors.IrreducibleAtoms("a generator of the ansatz is too long for its series") from problem
     middle = len(letters) // 2
     halves = letters[:middle], letters[middle:]
     return [part for half in halves for part in _parts(half, variables, names, order)]
@@ -83,7 +83,7 @@ class _Displaced(NamedTuple):
 
 
 class _Slopes(NamedTuple):
-    """p_a/p, p_ab/p and, to order 3, p_abc/p of a letter p."""
+    """p_a/p, p_ab/p and, to order 3, p_abc/p of a generator p."""
 
     first: Words
     second: Words
@@ -101,7 +101,7 @@ def _slope(r: int, degree: int, place: int, factor: np.uint64, m: Machine) -> np
 
 @compiled
 def _differentiate(r: int, value: np.uint64, m: Machine, d: _Slopes) -> None:
-    """The derivatives of a letter over its value: Taylor coefficients times the factorials of their exponents."""
+    """The derivatives of a generator over its value: Taylor coefficients times the factorials of their exponents."""
     size, starts, raised = m.tables.size, m.tables.raised_starts, m.tables.raised
     unit = power(value, m.field.prime - np.uint64(2), m.field)
     twice, six = multiply(unit, m.small[2], m.field), multiply(unit, m.small[6], m.field)
@@ -174,7 +174,7 @@ def _logarithmic(chosen: Integers, displaced: _Displaced, m: Machine, d: _Slopes
 
 
 def _letter_rows(program: _LetterProgram, point: ps.Point, drift: Words, order: int) -> Words | None:
-    """A row of values for each letter at a point; None where one has none or vanishes."""
+    """A row of values for each generator at a point; None if one has no value or vanishes."""
     n, size, prime = len(drift) // 2, len(program.names), point.prime
     try:
         constants = constants_at(program.series, point)
@@ -270,7 +270,7 @@ class SamplePoints:
                     self._evaluate(place, (letter,), order)
 
     def values(self, k: int, kernels: Sequence[ex.Expression]) -> list[int] | None:
-        """The values of all letters at a point, without derivatives; None where one has none or vanishes."""
+        """The values of all generators at a point, without derivatives; None if one has no value or vanishes."""
         place, known = self.place(k), dict[ex.Expression, int]()
         deadline.check(1 + len(kernels))
         try:
@@ -280,7 +280,7 @@ class SamplePoints:
         return found if len(place.drift) and all(found) else None
 
 
-# A seed, and the variables that move where the others stay as they are at one point.
+# A seed, and the variables that move while the others keep their values at one point.
 Drawn = tuple[int, tuple[ex.Symbol | ex.Velocity, ...]]
 
 

@@ -342,7 +342,7 @@ def circle_turn(turns: Fraction, prime: int) -> tuple[int, int]:
     whole, total = 2 * turns.denominator, (1, 0)
     if (prime + 1) % whole:
         raise errors.IrreducibleAtoms(
-            f"the angle {turns} pi is too fine a part of pi: write a letter for its sine and cosine"
+            f"the angle {turns} pi is too fine a part of pi: use parameters for its sine and cosine"
         )
     for ell, k in modular.prime_factors(whole):
         rest = whole // ell**k
@@ -635,7 +635,7 @@ def build_tower(
     turns: Turns,
     known: Tower | None = None,
 ) -> Tower:
-    """The tower of all atoms in `expressions` (in kernels); IrreducibleAtoms where it can't be settled.
+    """The tower of all atoms in `expressions` (in kernels); IrreducibleAtoms if it cannot be determined.
 
     `known` is an earlier tower of the same expressions whose branches are fixed: its signs hold
     from the first point on at which they have a meaning.
@@ -659,7 +659,7 @@ def build_tower(
     samples.admit_pending()
     if samples.pending or not all(tower.values_all(p) for p, _ in tower.signs):
         raise errors.IrreducibleAtoms(
-            "the branches of roots and the relations among angles could not be settled together"
+            "the branches of roots and the relations among angles could not be fixed together"
         )
     return tower
 
@@ -816,12 +816,12 @@ def _constant_factor(
         for point in samples.points
     }
     constant = found.pop()
-    # A second prime tells a rational number from another one that looks like it modulo the first.
+    # A second prime distinguishes a rational number from one that only looks like it modulo the first.
     other = draw_point(samples.tower, 11)
     if found or constant is None or constant <= 0 or other.prime == samples.prime:
-        raise errors.IrreducibleAtoms("a logarithm of a constant that is no rational number cannot be reduced")
+        raise errors.IrreducibleAtoms("a logarithm of a constant that is not a rational number cannot be reduced")
     if ps.number_value(constant, other.prime) != _constant_power(atom, linear, root, other):
-        raise errors.IrreducibleAtoms("a logarithm of a constant that is no rational number cannot be reduced")
+        raise errors.IrreducibleAtoms("a logarithm of a constant that is not a rational number cannot be reduced")
     return constant, root
 
 
@@ -891,10 +891,10 @@ def _arctangent_rule(atom: ex.Apply, tower: Tower, samples: Samples, turns: Turn
     rest = turns(atom, linear, constants)
     if rest is None and linear:
         raise errors.IrreducibleAtoms(
-            "an arctangent differs from others by a constant that is not known: write a letter for it"
+            "an arctangent differs from others by an unknown constant: use a parameter for it"
         )
     if rest is None:
-        return ArctangentRule(atom, True)  # a constant that no other one gives
+        return ArctangentRule(atom, True)  # a constant independent of the others
     found = dict(rest)
     return ArctangentRule(atom, False, linear + tuple(p for p in rest if p[0] != ex.PI), found.get(ex.PI, Fraction(0)))
 

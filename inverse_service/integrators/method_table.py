@@ -1,6 +1,6 @@
 """The table of methods: what each needs, its order, whether its steps are implicit, and what a step costs.
 
-A further explicit Runge-Kutta method is a file of the folder `explicit`: its order is then one of `runge-kutta`.
+An additional explicit Runge-Kutta method is a file of the folder `explicit`: its order is then one of `runge-kutta`.
 Its coefficients are those of one-step methods: explicit and implicit Runge-Kutta, Rosenbrock, and compositions.
 
 Gauss-Legendre collocation, the implicit methods of order 2 s, our own reference: J. C. Butcher, Math. Comp. 18 (1964)
@@ -166,12 +166,12 @@ class Method:
 
     @property
     def own_steps(self) -> bool:
-        """Whether it chooses its steps."""
+        """Whether it chooses its step size."""
         return self.tolerance is not None
 
     @property
     def has_kernel(self) -> bool:
-        """Whether it steps with a kernel of ours."""
+        """Whether it steps with a compiled kernel."""
         return self.uses != "quadrature" and self.family != "taylor" and not self.scipy
 
 

@@ -1,4 +1,4 @@
-"""What a run hands back: the recorded motion and how it ended, as data."""
+"""The result of a run: the recorded motion and the outcome, as data."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-# What the kind of an outcome means.
+# The meaning of each kind of outcome.
 WORDS = {
     "singular": "the motion or the method ends there",
     "guard": "the step is too long for its equation",
@@ -93,7 +93,7 @@ class Trajectory:
         )
 
     def ended(self, rows: Rows, outcome: Outcome) -> Trajectory:
-        """The run as far as these points, of which all that follow are no part of it; maxima are those recorded."""
+        """The run truncated to these points; maxima are those recorded."""
         part = self.part(rows)
         maxima = {name: float(np.abs(column).max(initial=0.0)) for name, column in part.series.items()}
         return replace(part, outcome=outcome, maxima=maxima)

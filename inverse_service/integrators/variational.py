@@ -42,7 +42,7 @@ def symmetrised_hamiltonian_step(
     q: Vector, p: Vector, d: Vector, e: tuple[Vector, Vector], h: Number, alpha: Number, slope_q: Gradient,
     slope_p: Gradient,
 ) -> tuple[Vector, Vector]:  # fmt: skip
-    """The mean of the alpha and the 1 - alpha discrete Lagrangians, with a momentum p + e of its own for each.
+    """The mean of the alpha and the 1 - alpha discrete Lagrangians, each with its own momentum p + e.
 
     Both momenta have the velocity d/h. Their equality is written without h, so that the determinant has a limit for
     h -> 0 and keeps its sign in the backward substeps of a composition. At alpha = 0 and a separable H these are the

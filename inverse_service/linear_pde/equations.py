@@ -197,7 +197,7 @@ def known_places(size: int) -> KnownPlaces:
 
 
 class RowTables(NamedTuple):
-    """All that the rows of one degree need, put end to end for the compiled loop.
+    """The tables for the rows of one degree, concatenated for the compiled loop.
 
     There are `size` displacements, and counts[d] monomials of degree d. Products with a coefficient of degree c begin
     at product_starts[c], as `products_of_degree`(degree - c, c); columns and factors of `entry_columns`(d) at
@@ -468,8 +468,8 @@ def _expected(prolongation: Prolongation, block: Equations, degree: int) -> Flag
     """Which rows will depend on those before them: those that did elsewhere, or by the degree below.
 
     Near a generic point a dependence holds identically; its derivative d_a makes the row of alpha + e_a
-    depend on rows that come before it, since their order is one of shifts. So the dependent alpha
-    of one equation go on upwards.
+    depend on rows that come before it, since their order is one of shifts. So dependence passes
+    from alpha to higher alpha of the same equation.
     """
     known = prolongation.expected.get((block.kind, degree))
     if known is not None:

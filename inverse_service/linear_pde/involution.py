@@ -38,7 +38,7 @@ MOST_UNKNOWNS = 60_000
 _GROWTH = 3
 
 
-# How the reason of a finding begins that a deadline left open.
+# The beginning of the reason of a finding that the deadline left undetermined.
 OUT_OF_TIME = "the time limit came before order"
 
 
@@ -47,7 +47,7 @@ Integers = npt.NDArray[np.int64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Matrix:
-    """Derivatives of the unknowns at the point, a matrix that has to reach a rank."""
+    """Derivatives of the unknowns at the point, a matrix that must reach a given rank."""
 
     entries: tuple[tuple[pde.Derivative, ...], ...]
     rank: int
@@ -220,7 +220,7 @@ class Card(Protocol):
 
     @property
     def others(self) -> tuple[Matrix, ...]:
-        """Matrices whose ranks are of interest too."""
+        """Other matrices whose ranks are reported."""
 
     def at(self, seed: int, order: int) -> pde.LocalEquations:
         """The equations at the random point of this seed, to this order; raises SingularPoint or TooLarge."""
@@ -265,14 +265,14 @@ class _Run:
 
 
 def settle(card: Card, seed: int, limits: Limits, progress: Callable[[str], None]) -> Finding:
-    """Two points over two primes must agree; else nothing is settled, nor where a limit is reached."""
+    """Decide if two points over two primes agree and no limit is reached; otherwise stay undetermined."""
     try:
         run = _Run(card, 2 * seed, limits, progress)
         first = _settle_once(run)
         if first.exists is None:
             return first
         # The second run will go as far as the first: it makes its series once, to that order, and tests at once
-        # that the rows without use there are without use here.
+        # that the rows that were redundant there are redundant here.
         again = _Run(card, 2 * seed + 1, limits, progress, first.order)
         again.expected_rows = run.dependent_rows
         return _agreement(first, _settle_once(again))
@@ -325,12 +325,12 @@ def _prolong(run: _Run, seed: int) -> Finding:
 
 
 def _stopped(run: _Run, prolongation: pde.Prolongation, reason: str) -> Finding:
-    """Nothing is settled; how far it came."""
+    """An undetermined finding, with the progress so far."""
     return Finding(None, prolongation.order, reason, history=tuple(run.history), ranks=_ranks(run, prolongation))
 
 
 def _ranks(run: _Run, prolongation: pde.Prolongation) -> tuple[int, ...]:
-    """Of the matrix and the others, where there are others."""
+    """The ranks of the matrix and of the others, if there are others."""
     matrices = (run.card.matrix, *run.card.others) if run.card.others else ()
     found = []
     for matrix in matrices:
@@ -344,7 +344,7 @@ def _ranks(run: _Run, prolongation: pde.Prolongation) -> tuple[int, ...]:
 def _limit_reached(run: _Run, prolongation: pde.Prolongation, order: int) -> str:
     """The sentence that names the limit in the way of this order, or nothing."""
     if order > run.limits.order:
-        return f"not settled by order {run.limits.order} of prolongation"
+        return f"not decided by order {run.limits.order} of prolongation"
     if now() + _GROWTH * run.lasted > run.limits.deadline:
         return f"{OUT_OF_TIME} {order} of prolongation"
     unknowns, bits = prolongation.unknowns, 63 // prolongation.size

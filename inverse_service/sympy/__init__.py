@@ -142,7 +142,7 @@ def solve_many(
 ) -> Answers:
     """The results of many systems in their order, computed in processes; a problem document for a refused one.
 
-    `output` keeps the answers in a file, so that an interrupted run goes on.
+    `output` keeps the answers in a file, so that an interrupted run can resume.
     """
     from inverse_service.sympy.result_objects import Answers, answers_to_many
 

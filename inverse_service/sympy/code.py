@@ -157,7 +157,7 @@ class _FortranPrinter(FCodePrinter):  # type: ignore[misc]
 
     def _print_Function(self, expr: Any) -> str:
         text = str(super()._print_Function(expr))
-        return f"({text})" if text.startswith("-") else text  # a number, which may stand under a power
+        return f"({text})" if text.startswith("-") else text  # a number, which may be the base of a power
 
     def _print_sign(self, expr: Any) -> str:
         argument = self._print(expr.args[0])

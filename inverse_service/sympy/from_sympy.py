@@ -65,7 +65,7 @@ class Table:
         return sympy.Symbol(name)
 
     def leaf(self, node: Expression) -> Any:
-        """The object of a name as it stands in a formula, and of an arbitrary function."""
+        """The object that represents a name or an arbitrary function in a formula."""
         match node:
             case _ if node == TIME and "t" not in self.coordinates and "t" not in self.parameters:
                 return self.time
@@ -150,7 +150,7 @@ def names_for(objects: Iterable[Any]) -> dict[Any, str]:
 
 
 def _wanted(word: str) -> str:
-    """theta for \\theta, q_1 for q_{1}, var_diff for a word that stands for something else."""
+    """theta for \\theta, q_1 for q_{1}, var_diff for a word that has another meaning."""
     plain = re.sub(r"[^A-Za-z0-9_]", "", word).strip("_")
     plain = re.sub(r"_+", "_", plain)
     if not _GOOD.fullmatch(plain):
@@ -226,7 +226,7 @@ def read(
     time: Any,
     questions: Mapping[str, Any],
 ) -> Reading:
-    """The document of a system; InputError for what would have to be guessed."""
+    """The document of a system; InputError if it is ambiguous."""
     if hasattr(system, "form_lagranges_equations"):
         if len(system.coneqs):
             return _of_constrained(system, questions)
@@ -330,7 +330,7 @@ def _of_lagrange(method: Any) -> tuple[list[Any], list[Any]]:
 
 
 def _of_constrained(method: Any, questions: Mapping[str, Any]) -> Reading:
-    """The Lagrangian of a LagrangesMethod with its constraints, as they are for the velocities."""
+    """The Lagrangian of a LagrangesMethod with its constraints on the velocities."""
     if method.forcelist:
         raise InputError("This LagrangesMethod has forces and constraints: give its motion, see nonholonomic().")
     return read_constrained(method._L[0], list(method.coneqs), list(method.q), questions)
@@ -574,7 +574,7 @@ class Conditions:
 
 
 def conditions_of(system: Any, coordinates: Sequence[Any] | None, keys: Mapping[str, Any]) -> Conditions:
-    """The tensors of a system, whatever `solve` takes."""
+    """The tensors of a system, given in any form that `solve` accepts."""
     document, names = asked(system, coordinates, **keys)
     ready = prepared(document)
     try:
@@ -658,7 +658,7 @@ def _of_hamiltonian(answer: Answer, velocities: list[Any]) -> Any:
 
 
 def is_zero(expression: Any) -> bool | None:
-    """True, False, or None where SymPy cannot tell."""
+    """True, False, or None if SymPy cannot decide."""
     if expression == 0:
         return True
     found: bool | None = expression.equals(0)

@@ -40,7 +40,7 @@ _LETTERS = (("L", "lagrangian"), ("H", "hamiltonian"))
 COLUMNS = ("id", "line", "verdict", "verdict_with_time", "checked", "question", "reason")
 
 STEPS = 2000
-START = 0.6  # of the first position; each further one is a third larger, velocities are 0
+START = 0.6  # of the first position; each next one is a third larger, velocities are 0
 LARGE = 1e6
 
 
@@ -181,7 +181,7 @@ class Answer(dict[str, Any]):
 
     @property
     def is_variational(self) -> bool | None:
-        """True, False, or None where it was not settled."""
+        """True, False, or None if undetermined."""
         return VARIATIONAL.get(self.verdict)
 
     @cached_property
@@ -244,13 +244,13 @@ class Answer(dict[str, Any]):
 
     @property
     def solution_space(self) -> Mapping[str, Any] | None:
-        """How many multipliers there are: order, dimensions, characters, statement."""
+        """The size of the solution space: order, dimensions, characters, statement."""
         found: Mapping[str, Any] | None = self.get("solution_space")
         return found
 
     @property
     def certificate(self) -> Mapping[str, Any] | None:
-        """What the independent checker needs."""
+        """The certificate that the independent checker verifies."""
         found: Mapping[str, Any] | None = self.get("certificate")
         return found
 
@@ -292,7 +292,7 @@ class Answer(dict[str, Any]):
 
 
 class Result(Answer):
-    """A whole result; `result["verdict"]` and all other keys of the document go on.
+    """A whole result; `result["verdict"]` and all other keys of the document are available.
 
     `lagrangian`, `hamiltonian`, `domain`, `multiplier` and `proof` belong to the answer that is shown first at every
     door: that to L(q, q'), or that to L(t, q, q') where this has the simpler Lagrangian. `main` and `with_time` are
@@ -313,7 +313,7 @@ class Result(Answer):
 
     @property
     def statement(self) -> Mapping[str, Any] | None:
-        """What the independent checker proved of this result, None where it proved nothing."""
+        """The claims of this result that the independent checker proved, None if there are none."""
         found: Mapping[str, Any] | None = self.check().get("statement")
         return found
 
@@ -345,7 +345,7 @@ class Result(Answer):
 
     @property
     def is_variational(self) -> bool | None:
-        """True or False where that holds on all branches, None where it was not settled or they differ."""
+        """True or False if that holds on all branches, None if undetermined or if the branches differ."""
         verdicts = {VARIATIONAL.get(branch.verdict) for branch in self.branches}
         return verdicts.pop() if len(verdicts) == 1 else None
 
@@ -460,7 +460,7 @@ def result_of(data: Mapping[str, Any], names: Any = None) -> Result:
 
 
 class Answers(Iterator[Result | dict[str, Any]]):
-    """The answers as they come, each once; `to_pandas` takes those that are left."""
+    """The answers in order of arrival, each once; `to_pandas` takes the remaining ones."""
 
     def __init__(self, answers: Iterator[Result | dict[str, Any]]) -> None:
         self._answers = answers
@@ -532,7 +532,7 @@ def _asked(system: Any) -> tuple[dict[str, Any], Any] | errors.InputError:
 
 
 def _answered(lines: list[str], workers: int, output: Path | None, time_limit: float) -> list[dict[str, Any]]:
-    """The answers to the lines, from a batch of its own, so that a script needs no guard against being imported."""
+    """The answers to the lines, from a separate batch, so that a script needs no `__main__` guard."""
     with tempfile.TemporaryDirectory() as folder:
         source, target = Path(folder) / "systems.ndjson", output or Path(folder) / "results.ndjson"
         source.write_text("".join(f"{line}\n" for line in lines), encoding="utf-8")

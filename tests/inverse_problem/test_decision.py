@@ -112,9 +112,9 @@ def test_what_has_no_value_anywhere_is_undetermined_with_a_sentence(force: str) 
 @pytest.mark.parametrize(
     ("limits", "reason"),
     [
-        (Limits(order=1), "not settled by order 1"),
+        (Limits(order=1), "not decided by order 1"),
         (Limits(deadline=0.0), "time limit"),
-        (Limits(order=-1), "not settled"),
+        (Limits(order=-1), "not decided"),
     ],
 )
 def test_a_limit_that_is_reached_is_named(limits: Limits, reason: str) -> None:

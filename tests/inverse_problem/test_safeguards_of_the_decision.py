@@ -22,7 +22,7 @@ def test_a_symbol_that_is_not_involutive_proves_nothing(monkeypatch: pytest.Monk
     assert decide(OSCILLATORS, False).verdict == "variational"
     monkeypatch.setattr(involution, "symbol_of", lambda *_: involution.Symbol(2, 1, (2, 0, 0, 0)))
     found = decide(OSCILLATORS, False, limits=Limits(order=4))
-    assert (found.verdict, found.reason) == ("undetermined", "not settled by order 4 of prolongation")
+    assert (found.verdict, found.reason) == ("undetermined", "not decided by order 4 of prolongation")
 
 
 def test_a_dimension_that_still_falls_proves_nothing(monkeypatch: pytest.MonkeyPatch) -> None:

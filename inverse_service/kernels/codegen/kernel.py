@@ -472,7 +472,7 @@ class Kernel:
             self.blocks.stop_unless(good, programs.WATCHED + place, value)
 
     def _leave_if_stopped(self, stopped: str, onwards: str) -> None:
-        """A single trajectory ends here; lanes go on until all have ended."""
+        """A single trajectory ends here; lanes continue until all have ended."""
         w = self.writer
         w.branch(w.everywhere(w.compare("!=", w.read(programs.STATUS), w.number(0.0))), stopped, onwards)
         w.open(onwards)

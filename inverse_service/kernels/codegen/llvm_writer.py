@@ -279,7 +279,7 @@ def _reduced(w: LlvmWriter) -> tuple[str, str]:
 
 
 def _on_the_first_octant(w: LlvmWriter, rest: str) -> tuple[str, str]:
-    """(sin, cos) of the rest by the polynomials."""
+    """(sin, cos) of the remainder by the polynomials."""
     square = w.binary("*", rest, rest, exact=True)
     sine = w.fma(_polynomial(w, _SINE, square), w.binary("*", square, rest, exact=True), rest)
     # 1 - z/2 + z^2 C with the rounding of 1 - z/2 put back.
@@ -318,7 +318,7 @@ _LARGEST_PRODUCT = 64
 
 
 class Emitter:
-    """Values of formulas already written; `bind` says what a name stands for at this place of the code."""
+    """Values of formulas already written; `bind` sets the meaning of a name at this place of the code."""
 
     def __init__(self, writer: LlvmWriter) -> None:
         self.writer = writer

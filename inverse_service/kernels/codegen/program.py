@@ -1,13 +1,13 @@
 """One step of a method as a program: what the kernel writer turns into a compiled loop.
 
-A kernel keeps its numbers in one array of doubles, handed in and out, so that a run can go on in pieces; where it
+A kernel keeps its numbers in one array of doubles, handed in and out, so that a run can continue in pieces; when it
 stops, it leaves a code in its status.
 
-`plan` goes from equations F(u) = 0 to statements: eliminate, take apart into blocks, solve what is left. Unknowns whose
-equation has a constant pivot are eliminated symbolically; the rest is put into block triangular form (matching, then
-strongly connected components, Tarjan 1972), so that only what is truly coupled is iterated. A matching gives each
-unknown an equation of its own; the blocks are the strongly connected components of "the equation of u contains v" (R.
-Tarjan, SIAM J. Comput. 1 (1972) 146), each after all that it depends on.
+`plan` goes from equations F(u) = 0 to statements: eliminate, split into blocks, solve the blocks. Unknowns whose
+equation has a constant pivot are eliminated symbolically; the remaining ones are put into block triangular form
+(matching, then strongly connected components, Tarjan 1972), so that only what is truly coupled is iterated. A matching
+assigns each unknown its own equation; the blocks are the strongly connected components of "the equation of u contains
+v" (R. Tarjan, SIAM J. Comput. 1 (1972) 146), each after all that it depends on.
 """
 
 from __future__ import annotations

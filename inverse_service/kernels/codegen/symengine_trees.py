@@ -48,7 +48,7 @@ def names_of(coordinates: Sequence[str], parameters: Sequence[str]) -> dict[ex.E
 
 def translate(tree: ex.Expression, table: Mapping[ex.Expression, Formula]) -> Formula:
     """The tree in symengine; InputError for a name without a value, an arbitrary function, an acceleration, and for
-    what is infinite whatever the values."""
+    a formula that is infinite for all values."""
     known = table.get(tree)
     if known is not None:
         return known
@@ -74,16 +74,16 @@ def translate(tree: ex.Expression, table: Mapping[ex.Expression, Formula]) -> Fo
 
 
 def _finite(formula: Formula) -> Formula:
-    """The formula; InputError where it is infinite whatever the values, as 1/sin(0) and log(0) are."""
+    """The formula; InputError if it is infinite for all values, as 1/sin(0) and log(0) are."""
     if formula in _INFINITE:
         raise errors.InputError(
-            "A formula of this system divides by 0 (or takes the logarithm of it) whatever the values."
+            "A formula of this system divides by 0 (or takes the logarithm of 0) for all values of its variables."
         )
     return formula
 
 
 def _applied(function: str, argument: Formula) -> Formula:
-    """tan and its kin by sin and cos, so that a factor cos u cancels."""
+    """tan and similar functions by sin and cos, so that a factor cos u cancels."""
     sine, cosine = symengine.sin(argument), symengine.cos(argument)
     written = {"tan": (sine, cosine), "cot": (cosine, sine), "sec": (ONE, cosine), "csc": (ONE, sine)}
     if function in written:
