@@ -116,7 +116,7 @@ def _by_part(progress: Callable[[str, Mapping[str, Any]], None]) -> Callable[[An
 def _as_dictionary(value: Any) -> Any:
     if isinstance(value, Mapping):
         return dict(value)
-    raise TypeError(f"{type(value).__name__} is none of these, write it as a text")
+    raise TypeError(f"{type(value).__name__} is not accepted, write it as a string")
 
 
 def _read(text: str) -> Any:
@@ -145,4 +145,4 @@ def _written(document: Mapping[str, Any]) -> str:
     try:
         return json.dumps(document, default=_as_dictionary)
     except (TypeError, ValueError, RecursionError) as error:
-        raise InputError(f"A document holds texts, numbers, lists and objects, as JSON does: {error}.") from None
+        raise InputError(f"A document may hold strings, numbers, lists and objects, as in JSON: {error}.") from None

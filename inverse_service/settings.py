@@ -166,7 +166,7 @@ def _api_keys(environment: Mapping[str, str]) -> tuple[tuple[str, str], ...]:
     text = environment.get(PREFIX + "API_KEYS")
     found = tuple(read_key(part.strip()) for part in (text or "").split(",") if part.strip())
     if text is not None and not found:
-        raise errors.InputError(f"The setting {PREFIX}API_KEYS holds no key; {_KEYS}. Unset it to ask for none.")
+        raise errors.InputError(f"The setting {PREFIX}API_KEYS has no key; {_KEYS}. Unset it to require none.")
     return found
 
 
@@ -175,7 +175,7 @@ def read_key(text: str) -> tuple[str, str]:
     name, _, digest = text.lower().rpartition(":")
     name = name or digest[:8]
     if not _KEY_NAME.fullmatch(name) or not _DIGEST.fullmatch(digest):
-        raise errors.InputError(f"The setting {PREFIX}API_KEYS holds something that is no key; {_KEYS}.")
+        raise errors.InputError(f"The setting {PREFIX}API_KEYS has an entry that is not a key; {_KEYS}.")
     return name, digest
 
 

@@ -68,7 +68,7 @@ def refusal(
 
 def limit_passed(what: str, column: int, bound: int) -> errors.InputError:
     """A LimitError that names the bound."""
-    return refusal(what, column, f"the limit is {bound:,}; write less", kind=errors.LimitError)
+    return refusal(what, column, f"the limit is {bound:,}; shorten it", kind=errors.LimitError)
 
 
 def at_most(count: int | Fraction, bound: int, what: str, column: int) -> None:

@@ -343,7 +343,7 @@ def _nothing_moves(texts: Mapping[str, str], names: Names, order: int) -> errors
         known = names.spelling(name)
         derivatives = "two derivatives" if order == 2 else "a derivative"
         return errors.InputError(
-            f"{name} has {derivatives} in time, and {known} is declared as a {names.role(known)}: take it out, or "
+            f"{name} has {derivatives} in time, and {known} is declared as a {names.role(known)}: remove it, or "
             "name the coordinates.",
             "/equations" if order == 2 else "/lagrangian",
         )
@@ -817,7 +817,7 @@ def _refuse_operators(
         raise refusals.refusal("a differential occurs", token.column, "write x' or dx/dt for a derivative").at(pointer)
     if token.text == "Delta" and after.kind == "name":
         instead = f"a product? declare the constant Delta and write Delta*{after.text}"
-        what = f"Delta {after.text} is a difference or a Laplacian to most; it occurs"
+        what = f"Delta {after.text} usually means a difference or a Laplacian; it occurs"
         raise refusals.refusal(what, token.column, instead, (f"Delta*{after.text}",)).at(pointer)
 
 

@@ -138,7 +138,7 @@ def _command(text: str, place: int, space: bool) -> tuple[Tokens, int]:
         return [], mark.end()
     match = _COMMAND.match(text, place)
     if match is None:
-        raise refusal("a backslash stands by itself", place + 1, "write a command such as \\dot{x}")
+        raise refusal("a backslash without a command occurs", place + 1, "write a command such as \\dot{x}")
     name, end = match.group(1), match.end()
     if name in _SPACING or name in _SIZES:
         return [], end
@@ -252,7 +252,7 @@ def _before_power(tokens: Sequence[Token]) -> int:
 
 FONTS = ("mathrm", "operatorname", "operatorname*", "text", "mathit")
 _COMPONENTS = "a vector is not accepted, write an equation for each component"
-_OTHER_LETTER = "letters of this kind are names of their own, write another name such as B_1"
+_OTHER_LETTER = "letters in this font are separate names, write another name such as B_1"
 # A bold r is not the r of the next line, nor is a script L the l.
 VECTORS = dict.fromkeys(
     ("mathbf", "boldsymbol", "bm", "pmb", "bf", "textbf", "vec", "overrightarrow", "underline"), _COMPONENTS
@@ -275,8 +275,8 @@ _COMPARED = {
 _TENSORS = frozenset(("Gamma", "g", "R", "T", "F", "eta", "h", "delta", "epsilon", "varepsilon"))
 _BARS = ("vert", "lvert", "rvert")
 _REASONS = {
-    "int": "integrals are not carried out, write the integral itself",
-    "sum": "sums are not carried out, write the terms",
+    "int": "integrals are not evaluated, write the evaluated integral",
+    "sum": "sums are not expanded, write the terms",
     "circ": "write 30 \\pi/180 for 30 degrees",
     "infty": "write a finite number",
     "pm": "write one sign",
@@ -373,7 +373,7 @@ class LatexTranslator:
         digits = "".join(piece.text for piece in self._run(start))
         match = plain.NUMBER.match(digits)
         if match is None:
-            raise refusal("a dot stands by itself", start.column, "a dot belongs to a number such as 0.5")
+            raise refusal("a dot without a number occurs", start.column, "a dot belongs to a number such as 0.5")
         self._raw.position += match.end()
         self._tokens.append(plain.number_token(match.group(), start.column, start.space_before))
 

@@ -43,19 +43,19 @@ PIECEWISE = frozenset(("piecewise", "Piecewise"))
 FUNCTIONS = FUNCTION.keys() | ALIASES.keys() | _COMPOSED.keys() | PIECEWISE | {STEP}
 
 _KINK = "is not differentiable everywhere"
-_SPECIAL, _NOT_DONE = "is not an elementary function", "is not carried out here"
+_SPECIAL, _NOT_DONE = "is not an elementary function", "is not evaluated here"
 _COMPLEX, _OF_PARTS = (
     "is not declared and complex numbers are not accepted",
-    "write the equations of real and imaginary part",
+    "write the equations of the real and imaginary parts",
 )
-_NO_NUMBER, _ANOTHER = ("is not a number", "write a finite number"), "give a function of your own another name"
+_NO_NUMBER, _ANOTHER = ("is not a number", "write a finite number"), "rename a function of your own"
 _COMMAND = ("is a command of another program", "write the equations alone")
 _SPECIAL_FUNCTIONS = (
     "erf", "erfc", "besselj", "bessely", "besseli", "besselk", "sn", "cn", "dn", "airyai", "airybi", "LambertW",
     "lambertw", "ellipk", "ellipe",
 )  # fmt: skip
 _HOW_TO_DECLARE = (
-    'declare it as an arbitrary function, "functions": {"%s": %s}: a Lagrangian that is found then holds for it too, '
+    'declare it as an arbitrary function, "functions": {"%s": %s}: a Lagrangian found this way also holds for it, '
     'while "not variational" may not'
 )
 _VECTORS = ("belongs to vectors", "write an equation for each component")
@@ -75,7 +75,7 @@ REFUSED: dict[str, Reason] = {
     "DiracDelta": ("is not a function", "leave it out and study the motion between the impulses"),
     "atan2": ("has a jump", "write atan(y/x) on the branch that you study"),
     "factorial": (_SPECIAL, "write the number", "functions"),
-    **dict.fromkeys(("integrate", "Integral"), (_NOT_DONE, "write the integral itself", "functions")),
+    **dict.fromkeys(("integrate", "Integral"), (_NOT_DONE, "write the evaluated integral", "functions")),
     "sum": (_NOT_DONE, "write the terms"),
     "limit": (_NOT_DONE, "write its value"),
     **dict.fromkeys(("re", "im", "conjugate"), ("belongs to complex numbers", _OF_PARTS)),
@@ -88,11 +88,11 @@ REFUSED_UNLESS_DECLARED: dict[str, Reason] = {
     },
     **dict.fromkeys(("i", "I", "j"), (_COMPLEX, "write real equations", "parameters")),
     **dict.fromkeys(("gamma", "Gamma", "zeta"), (_SPECIAL + " and not a declared name", _ANOTHER, "parameters")),
-    "lg": ("is log10 to some and log2 to others", "write log10(x)", "parameters"),
-    **dict.fromkeys(("lb", "ld"), ("is a logarithm to some", "write log2(x)", "parameters")),
-    **dict.fromkeys(("PI", "M_PI"), ("is pi to many", "write pi", "parameters")),
-    "sqr": ("is a square to some and a root to others", "write x^2 or sqrt(x)", "parameters"),
-    **{word: (f"is {plain} to many", f"write {plain}(x)", "parameters") for word, plain in _OTHER_TONGUES},
+    "lg": ("may mean log10 or log2", "write log10(x)", "parameters"),
+    **dict.fromkeys(("lb", "ld"), ("may mean log2", "write log2(x)", "parameters")),
+    **dict.fromkeys(("PI", "M_PI"), ("may mean pi", "write pi", "parameters")),
+    "sqr": ("may mean a square or a square root", "write x^2 or sqrt(x)", "parameters"),
+    **{word: (f"may mean {plain}", f"write {plain}(x)", "parameters") for word, plain in _OTHER_TONGUES},
     **dict.fromkeys(("acot", "arccot", "arcctg"), ("has two meanings", "write atan(1/x) or pi/2 - atan(x)")),
     **dict.fromkeys(("asec", "arcsec"), ("is not accepted", "write acos(1/x)")),
     **dict.fromkeys(("acsc", "arccsc"), ("is not accepted", "write asin(1/x)")),
@@ -100,8 +100,8 @@ REFUSED_UNLESS_DECLARED: dict[str, Reason] = {
     **dict.fromkeys(("solve", "dsolve", "desolve", "ode2", "Solve", "DSolve", "NDSolve", "NDSolveValue"), _COMMAND),
     **dict.fromkeys(_WORDS, ("is a word", "write the equations alone, separated by ;")),
     **dict.fromkeys(("grad", "div", "curl", "rot", "nabla", "laplacian"), _VECTORS),
-    **dict.fromkeys(_DEGREES, ("is a degree to most", "write 30*pi/180 for 30 degrees", "parameters")),
-    **dict.fromkeys(_RADIANS, ("is the unit of angles to most", "leave it out", "parameters")),
+    **dict.fromkeys(_DEGREES, ("usually means a degree", "write 30*pi/180 for 30 degrees", "parameters")),
+    **dict.fromkeys(_RADIANS, ("usually means the unit of angles", "leave it out", "parameters")),
 }
 # Short names of functions that people also give to coordinates: th for theta.
 MAY_BE_DECLARED = frozenset(("th", "ch", "sh", "tg", "tgh", "cotan", "cotg", "arch", "arsh", "arth", "arctg"))
@@ -451,7 +451,7 @@ def declared_name(text: str, pointer: str, what: str = "name") -> str:
         )
     if name in RESERVED:
         meaning = {"t": "the time", "pi": "the number pi"}.get(name, "a function")
-        raise InputError(f"'{name}' cannot be a {what}, it stands for {meaning}: choose another name.", pointer)
+        raise InputError(f"'{name}' cannot be a {what}, it means {meaning}: choose another name.", pointer)
     return name
 
 

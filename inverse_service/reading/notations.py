@@ -578,7 +578,7 @@ def _differentiated(tokens: Tokens, quotient: _Quotient, names: Names, depth: in
     )
     raised = following.is_operator("^")
     if raised or not (bracket or (first.kind == "name" and (ends or (arguments and multiplied)))):
-        what = f"where the derivative ends is not clear, d/d{variable} stands before a product"
+        what = f"it is not clear where the derivative ends, because d/d{variable} precedes a product"
         column = following.column or first.column
         raise refusals.refusal(what, column, f"write what it differentiates in brackets, d/d{variable}(...)")
     inner = with_derivatives(tokens[place + bracket : end + 1 - bracket], names, depth + 1)
@@ -724,7 +724,7 @@ def _refuse_fraction(tokens: Tokens, place: int, names: Names) -> None:
         by, column = variable[0][0].text, tokens[place].column
         if any(token.is_operator("^") for token in above[2:]) and by == "t":
             instead = "write the power around the whole derivative, \\left(\\frac{dx}{dt}\\right)^2"
-            raise refusals.refusal("what is raised in a derivative is not clear", above[1].column, instead)
+            raise refusals.refusal("the exponent in a derivative is not clear", above[1].column, instead)
         instead = f"write \\frac{{d}}{{d{by}}}\\left( and \\right)"
         raise refusals.refusal(f"a derivative by {by} occurs", column, instead)
 

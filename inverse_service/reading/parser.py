@@ -101,7 +101,7 @@ def raised(base: ex.Expression, exponent: ex.Expression, column: int) -> ex.Expr
     if base == _EXPONENTIAL:
         return ex.Apply("exp", exponent)
     if isinstance(base, ex.Number) and base.value < 0 and not isinstance(exponent, ex.Number):
-        what = "a negative number is raised to a power that is no number, which is real for few values only"
+        what = "a negative number is raised to a symbolic power, which is real for few values only"
         raise refusals.refusal(f"{what}; it occurs", column, "write the formula for an even and for an odd power")
     if isinstance(exponent, ex.Number):
         _check_exponent(exponent.value, column)
@@ -168,7 +168,7 @@ def _defined(expression: ex.Expression, variables: Sequence[Variable], names: Na
     """The operand with the formulas of its names substituted; InputError for the derivative of a constant."""
     for variable in variables:
         if isinstance(variable.node, ex.Symbol) and variable.node in names.definitions:
-            what = f"a derivative by {variable.node.name} occurs, which stands for a formula"
+            what = f"a derivative by {variable.node.name} occurs, which is defined by a formula"
             raise refusals.refusal(what, variable.column, "differentiate by a coordinate")
     others = {*names.definitions, *(variable.node for variable in variables)}
     if isinstance(expression, ex.Symbol) and expression.name in names.parameters and expression not in others:
@@ -336,7 +336,7 @@ class FormulaParser:
             before = self._stream.look(-3)
         raises = last.kind == "number" and before.is_operator("^") and not ahead.space_before
         if raises and not self._multiplies(ahead):
-            said, span = "where the power ends is not clear", (last.column, column)
+            said, span = "the end of the exponent is not clear", (last.column, column)
             raise refusals.refusal(said, column, "write x^2*y or x^(2*y)", (f"{last.text}*",), span)
 
     def _multiplies(self, ahead: Token) -> bool:
@@ -351,7 +351,7 @@ class FormulaParser:
     def _unclear_quotient(self, column: int) -> errors.InputError:
         """The refusal of a/b c, with both interpretations if the following factors can be parsed."""
         stream, place = self._stream, self._stream.position
-        said = ("what is divided is not clear", column, "write (a/b)*c or a/(b*c)")
+        said = ("the quotient is not clear", column, "write (a/b)*c or a/(b*c)")
         start, bar = self._quotient_before()
         rest = self._source_of_factors(place)
         over, under = stream.source(start, bar), stream.source(bar + 1, place)
@@ -382,7 +382,7 @@ class FormulaParser:
         exponent, slash = self._exponent(), self._stream.ahead
         if self._stream.look(-1).text == "1" and slash.is_operator("/") and self._stream.look(1).kind == "number":
             raise refusals.refusal(
-                "where the power ends is not clear", slash.column, "write x^(1/2) for a root, or x/2"
+                "the end of the exponent is not clear", slash.column, "write x^(1/2) for a root, or x/2"
             )
         found = raised(base, exponent, ahead.column)
         if isinstance(base, ex.Velocity | ex.Acceleration) or base in [
@@ -596,7 +596,7 @@ class FormulaParser:
     def _unclear_end(self, token: Token, start: int) -> errors.InputError:
         """The refusal of sin a b and sin a/b, with both interpretations if the rest can be parsed; sin 2 x has one."""
         stream, end, name = self._stream, self._stream.position, token.text
-        said = (f"where the argument of {name} ends is not clear", stream.ahead.column, f"write {name}( and )")
+        said = (f"the end of the argument of {name} is not clear", stream.ahead.column, f"write {name}( and )")
         written = stream.take_operator("/", "*")
         sign, place = written.text if written else "*", stream.position
         if (rest := self._source_of_factors(place)) is None:
@@ -717,7 +717,7 @@ class FormulaParser:
         touches = self._opens_arguments() and not ahead.space_before
         if touches and self._stream.look(1).kind == "number" and self._stream.look(2).is_operator(")"):
             value = f"{name}({refusals.shorten(self._stream.look(1).text)})"
-            instead = f"leave initial conditions out, they change no answer; write {name}* for a product"
+            instead = f"omit initial conditions, they do not affect the answer; write {name}* for a product"
             raise refusals.refusal(f"{value} occurs", token.column, instead)
         if self._opens_arguments() and self._group_has_time():
             gap, of_time = (" ", " of time") if ahead.space_before else ("", "")
@@ -887,4 +887,4 @@ def parse_tokens(tokens: list[Token], end_column: int, names: Names) -> ex.Expre
     try:
         return FormulaParser(TokenStream(tokens, end_column), names).formula()
     except RecursionError:  # the depth limit leaves ample room unless the caller is itself very deep
-        raise refusals.refusal("the formula is nested too deeply", 1, "write less") from None
+        raise refusals.refusal("the formula is nested too deeply", 1, "shorten it") from None

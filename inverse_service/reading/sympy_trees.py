@@ -20,7 +20,7 @@ from inverse_service.expressions import tree as ex
 from inverse_service.expressions.pieces import either, piecewise, step
 from inverse_service.reading import parser
 
-_REFUSED = ((sympy.Integral, "an integral occurs: carry it out, or declare a function of your own"),)
+_REFUSED = ((sympy.Integral, "an integral occurs: evaluate it, or declare a function of your own"),)
 
 
 def to_sympy(tree: ex.Expression, leaf: Callable[[ex.Expression], Any]) -> Any:
@@ -59,7 +59,7 @@ def from_sympy(expression: Any, leaves: Leaves) -> ex.Expression:
         case sympy.Rational():
             return ex.Number(Fraction(int(expression.p), int(expression.q)))
         case sympy.Symbol():
-            raise _refused(f"the symbol {expression} occurs twice with other assumptions", "use one symbol")
+            raise _refused(f"the symbol {expression} occurs with different assumptions", "use one symbol")
         case sympy.Add():
             return ex.add(*(from_sympy(term, leaves) for term in expression.args))
         case sympy.Mul():
@@ -86,7 +86,7 @@ def from_sympy(expression: Any, leaves: Leaves) -> ex.Expression:
         case sympy.Function():
             return _elementary(expression, leaves)
     if expression is sympy.I:
-        raise _refused("complex numbers occur", "write the equations of real and imaginary part")
+        raise _refused("complex numbers occur", "write the equations of the real and imaginary parts")
     if expression.is_finite is False or expression is sympy.nan:
         raise _refused(f"{expression} is not a number", "write a finite number")
     reason = next((text for kind, text in _REFUSED if isinstance(expression, kind)), "")
@@ -137,7 +137,7 @@ def _derivative(expression: Any, leaves: Leaves) -> ex.Expression:
     if not isinstance(inner, sympy.Derivative) or not isinstance(inner.expr, AppliedUndef):
         done = expression.doit()
         if done == expression:
-            raise _refused("a derivative that is not carried out occurs", "call doit()")
+            raise _refused("an unevaluated derivative occurs", "call doit()")
         return from_sympy(done, leaves)
     if inner.expr in leaves.trees:
         raise _refused("a third derivative occurs", parser.OF_SECOND_ORDER)

@@ -253,7 +253,7 @@ def unexpected(token: Token, wanted: str) -> InputError:
     if token.is_operator(TOTAL):
         return refusal("a differential occurs", token.column, "write \\frac{dx}{dt} for a derivative")
     if token.is_operator("!"):
-        return refusal("a factorial occurs", token.column, "factorials of the numbers 0 to 20 are read")
+        return refusal("a factorial occurs", token.column, "only factorials of the integers 0 to 20 are accepted")
     if token.is_operator(PARTIAL):
         return refusal("a partial derivative occurs", token.column, "write diff(A(x, y), x), A declared")
     if wanted == END and token.is_operator(")"):
@@ -291,7 +291,7 @@ _REASONS = {
     "\u2014": "write - for a minus",
     "&": "write equations one after the other, separated by ;",
     "\u221e": "write a finite number",
-    "\u222b": "write the integral itself",
+    "\u222b": "write the evaluated integral",
 }
 _MEANT = {'"': "''", "\u00b0": "*pi/180", "\u2014": "-"}
 # Maple's t$2 and Maxima's $ at the end, %pi, %e; x.diff(t) and sp.sin; Maple's D@@2.
@@ -306,7 +306,7 @@ def check_length(text: str) -> None:
     """LimitError for too many characters, InputError for an empty text."""
     if len(text) > LIMITS.characters:
         raise LimitError(
-            f"the formula has {len(text):,} characters: the limit is {LIMITS.characters:,}; write less.",
+            f"the formula has {len(text):,} characters: the limit is {LIMITS.characters:,}; shorten it.",
             column=LIMITS.characters + 1,
         )
     if not text.strip():
@@ -332,7 +332,7 @@ def tokenize(text: str, known: Container[str] = ()) -> Tokens:
             end = text.find("\n", place)
             return [], len(text) if end < 0 else end
         if conditions and _EQUALITY.match(text, place) and text.count("(", 0, place) > text.count(")", 0, place):
-            instead = "write inequalities such as x > 0, for an answer is about open sets"
+            instead = "write inequalities such as x > 0, because answers hold on open sets"
             raise refusal("an equation occurs in a condition", place + 1, instead)
         if conditions and (sign := _CONDITION.match(text, place)):
             return [Token("operator", _CONDITION_SIGNS.get(sign[0], sign[0]), place + 1, space)], sign.end()
@@ -372,7 +372,7 @@ def next_tokens(text: str, place: int, space: bool, known: Container[str] = ()) 
     if grouped := _GROUPED.match(text, place):
         digits = re.sub(r"\D", "", grouped[0])
         span = (place + 1, grouped.end() + 1)
-        raise refusal(f"the digits of {digits} are in groups", place + 1, f"write {digits}", (digits,), span)
+        raise refusal(f"the digits of {digits} are grouped", place + 1, f"write {digits}", (digits,), span)
     number = NUMBER.match(text, place)
     if number:
         return [number_token(number.group(), place + 1, space)], number.end()
