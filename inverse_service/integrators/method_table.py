@@ -41,12 +41,14 @@ class Tableau:
 
 
 def _explicit() -> dict[int, Tableau]:
-    """By order: each file of `explicit/` is a method."""
-    found = {}
+    """By order: each file of `explicit/` is a method. ValueError where two have one order."""
+    found = dict[int, Tableau]()
     for path in sorted((Path(__file__).parent / "explicit").glob("*.toml")):
         given = tomllib.loads(path.read_text(encoding="utf-8"))
         rows, weights, errors = (given.get(key, []) for key in ("rows", "weights", "errors"))
         parts = tuple(map(tuple, rows)), tuple(weights), tuple(map(tuple, errors))
+        if given["order"] in found:
+            raise ValueError(f"{path.name} has the order of {found[given['order']].name}: keep one of them.")
         found[given["order"]] = Tableau(given["name"], *parts)
     return dict(sorted(found.items()))
 
@@ -147,10 +149,10 @@ RODAS = Rosenbrock(
 class Method:
     """`family`: "geometric", "explicit", "implicit", "taylor" or "exact"; figures have a color for each.
 
-    `needs` and `cost` are for people. `orders` are those to choose from, empty where there is no choice; then `order`
-    is the one there is, None where it varies. `uses`: "lagrangian" (of the constrained system), "free" (L~, or L where
-    there are no constraints), "accelerations" or "quadrature". `tolerance` is the default of methods with steps of
-    their own. `scipy` is the name of a peer in SciPy.
+    `needs` and `cost` are for people. `orders` are those to choose from, the default first, empty where there is no
+    choice; then `order` is the one there is, None where it varies. `uses`: "lagrangian" (of the constrained system),
+    "free" (L~, or L where there are no constraints), "accelerations" or "quadrature". `tolerance` is the default of
+    methods with steps of their own. `scipy` is the name of a peer in SciPy.
     """
 
     family: str
@@ -176,6 +178,7 @@ class Method:
 
 
 _MOTION = "equations of motion"
+_EXPLICIT = tuple(sorted(TABLEAUX, key=lambda order: (order != 4, order)))
 METHODS = {
     "variational": Method(
         "geometric",
@@ -193,7 +196,7 @@ METHODS = {
         "geometric", "lagrangian", "L and constraints", "Newton's method", ORDERS, implicit=True, alpha=True
     ),
     "modified": Method("geometric", "free", "L~ and constraints", "Newton's method", ORDERS, implicit=True, alpha=True),
-    "runge_kutta": Method("explicit", "accelerations", _MOTION, "4, 6 or 12 forces", tuple(TABLEAUX)),
+    "runge_kutta": Method("explicit", "accelerations", _MOTION, "4, 6 or 12 forces", _EXPLICIT),
     "adaptive": Method("explicit", "accelerations", _MOTION, "12 forces", order=8, tolerance=1e-12),
     "stiff": Method(
         "implicit", "accelerations", _MOTION, "6 forces, linear equations", order=4, implicit=True, tolerance=1e-8

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import functools
+import itertools
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -36,14 +39,43 @@ def test_gauss_legendre_integrates_all_polynomials_of_its_order() -> None:
     assert np.allclose(np.array(matrix).sum(axis=1), nodes, atol=1e-16)
 
 
+Tree = tuple["Tree", ...]
+
+
+@functools.cache
+def trees(size: int) -> frozenset[Tree]:
+    """The rooted trees with so many nodes, each as the sorted tuple of the trees on its root."""
+    grown: set[Tree] = {()} if size == 1 else set()
+    for last in range(1, size):
+        for rest, tree in itertools.product(trees(size - last), trees(last)):
+            grown.add(tuple(sorted((*rest, tree))))
+    return frozenset(grown)
+
+
+def nodes_and_density(tree: Tree) -> tuple[int, int]:
+    parts = [nodes_and_density(part) for part in tree]
+    size = 1 + sum(count for count, _ in parts)
+    return size, size * math.prod(density for _, density in parts)
+
+
+def test_there_are_as_many_rooted_trees_as_butcher_counts() -> None:
+    assert [len(trees(size)) for size in range(1, 9)] == [1, 1, 2, 4, 9, 20, 48, 115]
+
+
 @pytest.mark.parametrize("order", method_table.TABLEAUX)
-def test_runge_kutta_quadrature_conditions(order: int) -> None:
+def test_runge_kutta_methods_satisfy_the_condition_of_every_rooted_tree(order: int) -> None:
+    """sum_i b_i Phi_i(t) = 1/gamma(t) for the trees of at most `order` nodes (Hairer, Norsett, Wanner II.2)."""
     tableau = method_table.TABLEAUX[order]
-    nodes = [sum(row) for row in tableau.rows]
     assert [len(row) for row in tableau.rows] == list(range(len(tableau.rows)))
-    for power in range(order):
-        value = sum(b * c**power for b, c in zip(tableau.weights, nodes, strict=True))
-        assert value == pytest.approx(1 / (power + 1), abs=1e-14)
+    matrix = np.zeros((len(tableau.rows), len(tableau.rows)))
+    for place, row in enumerate(tableau.rows):
+        matrix[place, : len(row)] = row
+
+    def stages(tree: Tree) -> Any:
+        return np.prod([np.ones(len(matrix)), *(matrix @ stages(part) for part in tree)], axis=0)
+
+    for tree in itertools.chain.from_iterable(trees(size) for size in range(1, order + 1)):
+        assert np.dot(tableau.weights, stages(tree)) == pytest.approx(1 / nodes_and_density(tree)[1], abs=1e-13)
 
 
 def test_formulas_hold_for_plain_numbers() -> None:

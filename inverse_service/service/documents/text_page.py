@@ -315,7 +315,7 @@ def _answer(
             yield Line(1, conditions=tuple(domain))
         yield from (_said(3, where) for where in regular_where(answer["lagrangian"]))
     elif answer["verdict"] == "variational":
-        yield _said(1, "no Lagrangian in closed form was found" + "; --explain says what was tried" * (not explain))
+        yield _said(1, "no Lagrangian in closed form was found" + "; --explain says what is known" * (not explain))
     if answer["hamiltonian"] is not None:
         yield from _hamiltonian(answer["hamiltonian"])
     if answer["solution_space"] is not None:
