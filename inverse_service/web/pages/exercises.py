@@ -43,7 +43,7 @@ LATE = "Judging this takes longer than a page may. Try a shorter formula."
 
 @dataclass(frozen=True, slots=True)
 class Exercise:
-    """What a student sees: the equations, hints in steps, the motion, and what is said of an answer."""
+    """The page of a student: the equations, hints in steps, the motion, and the judgment of an answer."""
 
     equations: list[Markup]
     constants: Markup | str
@@ -55,7 +55,7 @@ class Exercise:
 
 
 def exercise_task(fields: Mapping[str, str], ask: str, answer: str, own: str) -> Exercise:
-    """The exercise of a link with what is said of an answer: "none", or "one" with a formula."""
+    """The exercise of a link with the judgment of an answer: "none", or "one" with a formula."""
     try:
         document = model.split_options(forms.document_of_fields(fields))[0]
         result = tasks.solve_task(document, SolveOptions(time_limit=result_tasks.GLANCE))
@@ -80,7 +80,7 @@ def exercise_task(fields: Mapping[str, str], ask: str, answer: str, own: str) ->
 
 
 def _judged_existence(verdict: str, answer: str) -> sheets.Judged:
-    """What is said of "none" or "exists"."""
+    """The judgment of "none" or "exists"."""
     if verdict not in (sheets.YES, sheets.NO):
         return sheets.Judged("", sheets.OPEN, "The program could not decide.")
     is_right = (verdict == sheets.YES) == (answer == "exists")
@@ -89,7 +89,7 @@ def _judged_existence(verdict: str, answer: str) -> sheets.Judged:
 
 
 def judged_of(document: Mapping[str, Any], own: str, ask: str, names: Any) -> sheets.Judged:
-    """What the checker says of a student's L, or of the L that belongs to a student's H."""
+    """The checker's verdict on a student's L, or on the L that belongs to a student's H."""
     try:
         lagrangian = lagrangian_of(own, names) if ask == "hamiltonian" else forms.right_side(own)
         found = tasks.check_task(model.write_json({"system": document, "lagrangian": lagrangian}))
@@ -159,7 +159,7 @@ def hints_of(result: Mapping[str, Any], names: Any) -> list[Markup]:
 
 @router.get("/exercise")
 async def exercise(request: Request) -> Response:
-    """The page of a student, with what is said of an answer in the address."""
+    """The page of a student, with the judgment of an answer in the address."""
     query = request.query_params
     fields = forms.fields_of_link(query)
     if fields is None:
@@ -197,7 +197,7 @@ def code_of(question: str, student: str, day: str) -> str:
 
 @router.get("/exercise/new")
 async def make(request: Request) -> HTMLResponse:
-    """The page of a teacher: what is asked, the link, the code to embed."""
+    """The page of a teacher: the question, the link, the code to embed."""
     query = request.query_params
     fields = await solve.fields_of_job(request, query["job"]) if query.get("job") else forms.fields_of_link(query)
     fields = fields or forms.fields_from({"equations": "x'' = -x - c*x'"})

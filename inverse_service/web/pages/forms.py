@@ -277,7 +277,7 @@ def fields_from(document: Mapping[str, Any]) -> dict[str, str]:
 
 
 def question_address(document: Mapping[str, Any]) -> str:
-    """The link that fills the form with this question, and does not ask it; nothing where it would be too long."""
+    """The link that fills the form with this question without asking it; empty if it would be too long."""
     address = link_of_fields(lean_fields(document))
     return address if len(address) <= LONGEST_LINK else ""
 
@@ -295,7 +295,7 @@ def is_whole(fields: Mapping[str, str]) -> bool:
 
 
 def fields_of_link(query: Mapping[str, str]) -> dict[str, str] | None:
-    """The fields of a link with a question, None where it has none."""
+    """The fields of a link with a question; None if it has no question."""
     if not (query.get("equations") or query.get("lagrangian")):
         return None
     fields = dict.fromkeys(FIELDS, "") | {name: query.get(name, "") for name in LINKED}
@@ -384,7 +384,7 @@ class Line:
 
 @dataclass(frozen=True, slots=True)
 class Understood:
-    """Groups of formulas under headings, and names after the words that say what they stand for.
+    """Groups of formulas under headings, and names after the words that explain them.
 
     `readings` are what was read otherwise than it was typed: the text, its meaning, and what a button for a name sends.
     """
@@ -421,7 +421,7 @@ class Problem:
 
 
 def understood(answer: Mapping[str, Any]) -> Understood:
-    """The answer of /v1/parse, typeset; what was guessed is said."""
+    """The answer of /v1/parse, typeset, with the guessed names."""
     groups = [("", _equations(answer))] if answer.get("equations") else []
     for key, heading in (("lagrangian", "Lagrangian"), ("constraints", "Constraints")):
         lines = _formulas(answer.get(key), heading)
@@ -573,7 +573,7 @@ def _as_latex(reading: str) -> str:
 
 
 def _text_at(steps: list[str], fields: Mapping[str, str]) -> str | None:
-    """The typed text that a pointer means, None where it was not typed as such."""
+    """The typed text that a pointer refers to; None if it was not typed."""
     if steps == ["equations"] or steps == ["lagrangian"]:
         return fields.get(steps[0])
     if len(steps) == 2 and steps[0] == "constraints" and steps[1].isdigit():
@@ -628,7 +628,7 @@ def echo_task(fields: Fields) -> dict[str, Any]:
 
 
 def _understood(fields: Fields, document: Mapping[str, Any]) -> dict[str, Any]:
-    """What /v1/parse says of a document, for the template."""
+    """The answer of /v1/parse about a document, for the template."""
     typed = any(fields[name] for name in ("equations", "lagrangian", "constraints"))
     if not (typed or document):
         return {}

@@ -59,7 +59,7 @@ PAPER = """@article{mestdag_bloch_fernandez_2009,
 
 @open_router.get("/about")
 async def about() -> HTMLResponse:
-    """What this is, whose method it extends, and how to cite both."""
+    """What this program does, whose method it extends, and how to cite both."""
     return rendering.page("about.html", active="", version=__version__, citation=CITATION, paper=PAPER)
 
 
@@ -92,7 +92,7 @@ def _manual(request: Request, name: str, calls: Sequence[tuple[str, str, str]] =
 
 
 def _body(name: str, address: str) -> Markup:
-    """The page as HTML; what is between dollars is a formula of the theory."""
+    """The page as HTML; text between dollar signs is a formula."""
     text = (resources.files("inverse_service.web") / "manual" / f"{name}.md").read_text(encoding="utf-8")
     text = text.replace("ADDRESS", address)
     html = MarkdownIt("commonmark", {"html": False}).enable("table").render(text)
@@ -144,13 +144,13 @@ LONGEST_LINE = 120  # characters of the equations in a list
 
 
 def body_of(name: str) -> str:
-    """The drawing of a system of this name; empty where the name tells of no body."""
+    """The drawing of a system of this name; empty if the name mentions no body."""
     return next((body for words, body in BODIES if f"-{words}-" in f"-{name}-"), "")
 
 
 @router.get("/atlas")
 async def atlas_search(request: Request) -> HTMLResponse:
-    """The search and what it found; the pictures where nothing is searched."""
+    """The search and its results; the pictures if nothing is searched."""
     query = request.query_params
     sent = {name: query.get(name, "").strip() for name in ("q", "tag", "equations")}
     most = MOST_SHOWN if query.get("all") else FIRST_SHOWN

@@ -26,7 +26,7 @@ LONG = "These equations cannot be played with in the browser; Run computes them.
 
 
 def accelerations_of(document: Mapping[str, Any]) -> tuple[Scene, tuple[trees.Expression, ...] | None]:
-    """A scene without its methods, and the accelerations of its motion where they can be solved for.
+    """A scene without its methods, and the accelerations of its motion if they can be solved for.
 
     Called in workers only: the web process loads nothing of this.
     """
@@ -40,7 +40,7 @@ def accelerations_of(document: Mapping[str, Any]) -> tuple[Scene, tuple[trees.Ex
 
 
 def preview_task(document: Mapping[str, Any]) -> dict[str, Any]:
-    """A Scene document to what the script needs, or {"reason": a sentence}."""
+    """The data that the script needs of a Scene document, or {"reason": a sentence}."""
     scene, found = accelerations_of(document)
     formulas = (*(found or ()), *scene.constraints)
     if found is None or sum(map(trees.node_count, formulas)) > MOST_NODES:
@@ -130,7 +130,7 @@ class Moving:
 
 
 def moving_of(result: Mapping[str, Any]) -> Moving | None:
-    """None where the accelerations are not solved for or cannot be read."""
+    """None if the accelerations are not solved for or cannot be read."""
     system, part = result["system"], result.get("nonholonomic") or {}
     if system is None or any(reader.has_acceleration(text) for text in system["equations"].values()):
         return None

@@ -90,13 +90,13 @@ def style() -> Markup:
 
 @lru_cache(maxsize=1)
 def style_hash() -> str:
-    """What the policy of the pages names it by."""
+    """The hash of the style sheet in the policy of the pages."""
     return "sha256-" + base64.b64encode(hashlib.sha256(asset("style.css").data).digest()).decode()
 
 
 @lru_cache(maxsize=len(NAMES))
 def address(name: str) -> str:
-    """Where a page finds the file."""
+    """The address of the file in a page."""
     return f"/static/{asset(name).mark}/{name}"
 
 
@@ -122,7 +122,7 @@ NAVIGATE = ("navigate", "")
 
 @dataclass(frozen=True, slots=True)
 class Visitor:
-    """`theme` is "light", "dark", or empty for that of the system; `client` is empty where no keys are asked for."""
+    """`theme` is "light", "dark", or empty for that of the system; `client` is empty if no keys are required."""
 
     theme: str = ""
     client: str = ""
@@ -136,12 +136,12 @@ VISITOR: ContextVar[Visitor] = ContextVar("visitor", default=Visitor())  # noqa:
 
 
 async def note_visitor(request: Request) -> None:
-    """A dependency of every page: notes who looks at it."""
+    """A dependency of every page: notes the visitor."""
     note_visitor_of(request)
 
 
 def note_visitor_of(request: Request) -> None:
-    """The colors and the address of who looks, without a client."""
+    """The colors and the address of the visitor, without a client."""
     VISITOR.set(_visitor(request, ""))
 
 
@@ -166,13 +166,13 @@ def _visitor(request: Request, client: str) -> Visitor:
 
 
 def local_address(text: str) -> str:
-    """An address on this service, the start page where the text is another or none."""
+    """An address on this service; the start page if the text is not one."""
     is_local = text.startswith("/") and not text.startswith(("//", "/\\")) and text.isprintable() and len(text) < 2_000
     return text if is_local else "/"
 
 
 def _address(request: Request) -> str:
-    """Where the same page is asked for again; the start page where a form was sent."""
+    """The address of the same page; the start page if a form was sent."""
     query = f"?{request.url.query}" if request.url.query else ""
     return local_address(request.url.path + query) if request.method == "GET" else "/"
 
@@ -200,7 +200,7 @@ class CompiledTemplates(BytecodeCache):
     """Templates as Python compiled them once, next to the program: filling one in takes a tenth of that time."""
 
     def load_bytecode(self, bucket: Bucket) -> None:
-        """The code of a template, where it is there."""
+        """The code of a template, if it exists."""
         found = code_store.read(_digest(bucket), TEMPLATE)
         if found is not None:
             bucket.bytecode_from_string(found[1])
@@ -251,7 +251,7 @@ def code_marks(text: str) -> Markup:
 
 
 def short_number(value: Any, digits: int = 3) -> str:
-    """So many digits, powers of ten where they are shorter; a dash for what is no number."""
+    """So many digits, or a power of ten if it is shorter; a dash if the value is not a number."""
     if not isinstance(value, int | float):
         return "\u2013"
     rounded = float(f"{value or 0:.{digits}g}")  # -0.0 is 0
@@ -292,7 +292,7 @@ def can_simulate() -> bool:
 
 
 def progress_text(progress: Any) -> str:
-    """What a job says of its progress, in words."""
+    """The progress of a job in words."""
     if not isinstance(progress, dict):
         return str(progress or "")
     parts = [

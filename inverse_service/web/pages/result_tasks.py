@@ -71,7 +71,7 @@ def _about_time(result: Mapping[str, Any], largest: float) -> list[Advice]:
 
 
 def _limit_that_was_hit(result: Mapping[str, Any]) -> float | None:
-    """The seconds that the work had, where it used them up; None where it ended by itself."""
+    """The seconds that the work had, if it used them up; None if it ended by itself."""
     provenance = result["provenance"]
     stopped = (provenance.get("options") or {}).get("time_limit")
     if isinstance(stopped, int | float):
@@ -145,7 +145,7 @@ def figure_data_task(store: str, id: str) -> bytes:
 
 
 def picture_task(store: str, id: str, name: str, ending: str) -> bytes | None:
-    """A figure as a file; None where the result does not have it."""
+    """A figure as a file; None if the result does not have it."""
     return simulations.picture(_result(store, id), name, ending)
 
 
@@ -155,7 +155,7 @@ def prices_task(store: str, id: str) -> bytes:
 
 
 def answer_picture_task(store: str, id: str, ending: str) -> bytes | None:
-    """The picture of a solved system as a file; None where nothing can be drawn."""
+    """The picture of a solved system as a file; None if nothing can be drawn."""
     try:
         from inverse_service.web.pages.starts import picture_of
     except ModuleNotFoundError:  # the extras "simulation" and "figures" are not installed
@@ -166,7 +166,7 @@ def answer_picture_task(store: str, id: str, ending: str) -> bytes | None:
 
 
 def file_task(store: str, id: str, label: str, ending: str) -> bytes | None:
-    """Every recorded point of a method as a file; None where there are none."""
+    """Every recorded point of a method as a file; None if there are none."""
     from inverse_service.service.scenes.simulating import csv_bytes, every_point, npz_bytes
 
     text, body = opening.stored_answer(store, id)
@@ -201,13 +201,13 @@ def certificate_task(store: str, id: str) -> str:
 
 
 def fields_task(store: str, id: str) -> dict[str, str] | None:
-    """The solve form filled with the document of a result; None where it has none."""
+    """The solve form filled with the document of a result; None if it has none."""
     given = (_result(store, id).get("system") or {}).get("given")
     return forms.lean_fields(given) if isinstance(given, dict) else None
 
 
 def part_task(store: str, id: str, choose: Callable[[Any], T]) -> T:
-    """What a function finds in a result."""
+    """The value of a function for a result."""
     return choose(_result(store, id))
 
 
@@ -242,14 +242,14 @@ def solve_result(look: Look, job: Mapping[str, Any], check: Mapping[str, Any] | 
 
 
 def _conditions_shown(result: Mapping[str, Any]) -> tuple[str, ...]:
-    """Where the formulas that are shown hold; the picture begins there."""
+    """The domain of the displayed formulas; the picture begins there."""
     if "verdict" not in result or sheets.is_constrained(result):
         return ()
     return text_page.conditions_of(sheets.answers_of(text_page.branches_of(result)[0], result)[0])
 
 
 def _words_of_more(sheet: sheets.Sheet) -> str:
-    """What "More" holds, in one line."""
+    """The contents of "More" in one line."""
     names = [row.name for case in sheet.cases for row in case.more] + [row.name for row in sheet.more]
     told = [name for name in dict.fromkeys(names) if name != "Time"]
     return ", ".join(name.lower() if k else name for k, name in enumerate(told[:5])) or "Check your own L"
@@ -324,7 +324,7 @@ def glance_of_fields(fields: forms.Fields) -> dict[str, Any] | None:
 
 
 class _Enough(Exception):
-    """What is known suffices for a glance."""
+    """The results so far suffice for a glance."""
 
 
 def glance_of(document: Mapping[str, Any]) -> dict[str, Any] | None:

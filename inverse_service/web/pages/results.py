@@ -48,7 +48,7 @@ logging.getLogger("httpx").setLevel(logging.WARNING)
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """What a call answered."""
+    """The answer of a call."""
 
     status: int
     headers: Mapping[str, str] = field(default_factory=dict)
@@ -197,7 +197,7 @@ async def cancel(request: Request, identifier: str) -> Response:
 
 @router.get("/results/{identifier}/{file:path}")
 async def made_file(request: Request, identifier: str, file: str) -> Response:
-    """A file that a worker makes of a result; nothing is made for who has it already."""
+    """A file that a worker makes of a result; nothing is made if the browser has it already."""
     answer = await successful(request, identifier)
     found = None if answer is None else _file_of(answer.value["kind"], file, identifier, _address(request))
     if answer is None or found is None:
@@ -218,7 +218,7 @@ Made = tuple[str, str, Callable[..., Any], tuple[str, ...]]
 
 
 def _file_of(kind: str, file: str, identifier: str, address: str) -> Made | None:
-    """Media type, disposition, task and its arguments of a file; None where a job of this kind has no such file."""
+    """Media type, disposition, task and its arguments of a file; None if a job of this kind has no such file."""
     folder, slash, rest = file.partition("/")
     folder, rest = (folder, rest) if slash else ("", file)
     name, _, ending = rest.rpartition(".")
@@ -256,13 +256,13 @@ async def made(request: Request, identifier: str, task: Callable[..., T], *argum
 
 
 async def successful(request: Request, identifier: str) -> Answer | None:
-    """The job without its result, where it has one."""
+    """The job without its result, if it is successful; otherwise None."""
     answer = await finished(request, identifier, 0)
     return answer if answer is not None and answer.value["status"] == "successful" else None
 
 
 async def finished(request: Request, identifier: str, patience: float) -> Answer | None:
-    """The job without its result, waited for a moment; None where there is none."""
+    """The job without its result, after a short wait; None if there is no such job."""
     if not IDENTIFIER.fullmatch(identifier):
         return None
     answer = await call(request, "GET", f"/v1/jobs/{identifier}", None, {"Prefer": MINIMAL})
@@ -286,7 +286,7 @@ async def _stored(request: Request, identifier: str) -> Job | None:
 
 
 async def stored_job(request: Request, identifier: str) -> Job | None:
-    """The job with its document, without its answer; None where there is none."""
+    """The job with its document, without its answer; None if there is no such job."""
     engine: Engine = request.app.state.engine
     is_id = IDENTIFIER.fullmatch(identifier) is not None
     return await engine.job(identifier, viewer_of(request)) if is_id else None
@@ -305,7 +305,7 @@ def missing() -> HTMLResponse:
 
 
 def asked_of(document: Any) -> list[str]:
-    """The formulas of a document, as they were sent, for who waits for the answer."""
+    """The formulas of a document as sent, to show while the answer is computed."""
     found: list[str] = []
     inner = [document] + [document.get(key) for key in ("system", "document")] if isinstance(document, dict) else []
     for part in (part for part in inner if isinstance(part, dict)):
@@ -427,7 +427,7 @@ def _csv(answers: list[BatchAnswer]) -> str:
 
 @router.get("/batch/{identifier}")
 async def batch(request: Request, identifier: str) -> HTMLResponse:
-    """The batch, as far as it is."""
+    """The page of a batch with the answers so far."""
     values = await _values(request, identifier)
     return missing() if values is None else page("batch_result.html", active="/batch", **values)
 
@@ -441,7 +441,7 @@ async def table(request: Request, identifier: str) -> HTMLResponse:
 
 @router.post("/batch/{identifier}/cancel")
 async def cancel_batch(request: Request, identifier: str) -> Response:
-    """Stop what is still open."""
+    """Cancel the open lines."""
     await read_form(request, SMALL_FORM)
     if IDENTIFIER.fullmatch(identifier):
         await call(request, "DELETE", f"/v1/batches/{identifier}")
@@ -472,7 +472,7 @@ async def _values(request: Request, identifier: str) -> dict[str, Any] | None:
 
 
 async def _answers(request: Request, identifier: str, most: int = SHOWN_LINES + 1) -> list[BatchAnswer] | None:
-    """The answers that are there now; the call under /v1 would wait for all. None where there is no such batch."""
+    """The answers that are there now; the call under /v1 would wait for all. None if there is no such batch."""
     engine = routes_jobs.engine_of(request)
     if not IDENTIFIER.fullmatch(identifier) or await engine.batch(identifier, viewer_of(request)) is None:
         return None

@@ -1,4 +1,4 @@
-"""All pages as one router: open ones, and those that ask who looks; logging in and out, and the colors.
+"""All pages as one router: open pages, pages that require a key, logging in and out, and the colors.
 
 A mistyped address has a page, not JSON.
 """
@@ -21,7 +21,7 @@ REDIRECTS = range(300, 400)
 
 
 def page_of_refusal(request: Request, refusal: Refusal) -> HTMLResponse | None:
-    """The page, None for a program: calls under /v1, and who does not ask for HTML."""
+    """The page; None for a program, which calls /v1 or does not accept HTML."""
     if request.url.path.startswith("/v1/") or "text/html" not in request.headers.get("accept", ""):
         return None
     if refusal.status in REDIRECTS:
@@ -39,7 +39,7 @@ A_YEAR = 365 * 86_400
 
 @account.get("/login")
 async def login_form(request: Request) -> Response:
-    """The form for a key; the start page where no keys are asked for."""
+    """The form for a key; the start page if no keys are required."""
     if not _engine(request).keys.are_asked:
         return RedirectResponse("/", 303)
     return _form(rendering.local_address(request.query_params.get("next", "/")))

@@ -123,7 +123,7 @@ def _verdict_of_branch(branch: Mapping[str, Any], result: Mapping[str, Any]) -> 
 
 
 def _common(verdicts: Iterable[str | None]) -> str:
-    """Yes where one is; no where all are; open otherwise."""
+    """Yes if one of them is yes, no if all are no, open otherwise."""
     found = [VERDICTS.get(one, OPEN) for one in verdicts if one is not None]
     return YES if YES in found else NO if found and set(found) == {NO} else OPEN
 
@@ -142,7 +142,7 @@ def answers_of(branch: Mapping[str, Any], result: Mapping[str, Any]) -> list[dic
 
 
 def title_of(result: Mapping[str, Any]) -> str:
-    """What tells this result from others in tabs, bookmarks and the history: its first line, and the verdict."""
+    """The title of this result in tabs, bookmarks and the history: its first line, and the verdict."""
     system = result["system"] or {}
     lines = list((system.get("equations") or {}).items())
     first = reader.equation_line(*lines[0]) if lines else "A system"
@@ -167,7 +167,7 @@ def _colored(verdict: str, word: str) -> Markup:
 def _sentence(
     verdict: str, answers: Sequence[Mapping[str, Any]], count: int, pending: Collection[str], brief: bool = False
 ) -> Markup:
-    """The verdict about equations, or a `brief` answer; what is still `pending` is said to be looked for."""
+    """The verdict about equations, or a `brief` answer; parts still `pending` are marked as being looked for."""
     these, come = ("this equation", "comes") if count == 1 else ("these equations", "come")
     if verdict == YES:
         shown = answers[0]
@@ -224,7 +224,7 @@ DOUBTED = {
 
 
 def proof_of(part: Mapping[str, Any]) -> str | None:
-    """What the checker said of a stored answer; "old" where its certificate has a format that proved too little."""
+    """The checker's verdict on a stored answer; "old" if its certificate has a format that proved too little."""
     certificate = part.get("certificate") or {}
     return "old" if certificate.get("format", FORMAT) != FORMAT else part.get("checked")
 
@@ -319,7 +319,7 @@ def _case(
 
 
 def _other_note(shown: Mapping[str, Any], other: Mapping[str, Any]) -> Markup:
-    """What is said of the question that is not shown large."""
+    """The sentence about the question that is not shown large."""
     kind = "containing" if other["timed"] else "without"
     if other["verdict"] == "variational":
         if other.get("lagrangian") is None:
@@ -392,7 +392,7 @@ def _equations(system: Mapping[str, Any], names: Names) -> list[Formula]:
 
 
 def _about(result: Mapping[str, Any]) -> list[Markup]:
-    """What the names stand for, said once."""
+    """The meaning of the names, stated once."""
     system = result["system"] or {}
     names = typesetting.names_of(system)
     parts = []
@@ -549,7 +549,7 @@ def _equation_or_words(text: str, names: Names) -> Markup:
 
 
 def _special(cases: Mapping[str, Any], names: Names) -> Iterable[Markup]:
-    """Where a Lagrangian exists, and the tree of what was decided."""
+    """The cases in which a Lagrangian exists, and the tree of the decisions."""
 
     def node(case: Mapping[str, Any]) -> Markup:
         texts = [one["text"] for one in case["conditions"]]
@@ -758,7 +758,7 @@ def _forward(result: Mapping[str, Any], names: Names) -> Sheet:
 
 @dataclass(frozen=True, slots=True)
 class Judged:
-    """What is said of a visitor's own L: a word, a sentence, formulas, and reasons."""
+    """The judgment of a visitor's own L: a word, a sentence, formulas, and reasons."""
 
     lagrangian: str
     verdict: str

@@ -52,7 +52,7 @@ async def form(request: Request) -> HTMLResponse:
 
 @router.post("/simulate")
 async def run(request: Request) -> Response:
-    """The job of the scene; on to its page, or back with what to change."""
+    """The job of the scene; redirect to its page, or back to the form with corrections."""
     sent = await results.read_form(request, request.app.state.engine.settings.max_body)
     filled, base = await _sent_form(request, sent)
     try:
@@ -87,7 +87,7 @@ FIELDS = (
 
 
 def field_of(pointer: str) -> str:
-    """The name of the field of the form that a pointer into a scene is about; empty where there is none."""
+    """The name of the form field that a pointer into a scene refers to; empty if there is none."""
     for start, name in FIELDS:
         if pointer.startswith(start):
             return name + pointer.removeprefix(start)
@@ -102,7 +102,7 @@ async def preview(request: Request) -> Response:
 
 @router.post("/simulate/price")
 async def price(request: Request) -> Response:
-    """What the step of the form costs."""
+    """The cost of a step of the form."""
     return await _of_form(request, price_task)
 
 
@@ -127,7 +127,7 @@ def _told(places: Sequence[errors.Place]) -> dict[str, Any]:
 
 
 async def _sent_form(request: Request, sent: Form) -> tuple[SceneForm, dict[str, Any]]:
-    """The form as it was sent, and what its scenes begin with."""
+    """The form as sent, and the base of its scenes."""
     if sent.text("scene"):
         empty, base = await _form_of_scene(request, sent.text("scene"))
     else:
@@ -341,7 +341,7 @@ def parts_of(document: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:
 
 
 def with_sent(form: SceneForm, sent: Form) -> SceneForm:
-    """The form with what was sent in it."""
+    """The form with the values that were sent."""
 
     def texts(prefix: str, names: Mapping[str, Any]) -> dict[str, str]:
         return {name: sent.text(f"{prefix}.{name}") for name in names}
@@ -363,7 +363,7 @@ def with_sent(form: SceneForm, sent: Form) -> SceneForm:
 
 
 def scene_document(form: SceneForm, system: Mapping[str, Any]) -> dict[str, Any]:
-    """The Scene document of a system; InputError where nothing is ticked."""
+    """The Scene document of a system; InputError if nothing is ticked."""
     if not form.methods and not form.kept:
         raise errors.InputError("Tick at least one method.", "/methods")
     if not form.steps.isdigit() or len(form.steps) > 12:
@@ -445,7 +445,7 @@ def _fitting(methods: Sequence[Mapping[str, Any]]) -> dict[str, Mapping[str, Any
 
 
 def _steps(scene: Mapping[str, Any], otherwise: str) -> str:
-    """The number of steps, counted from the length of time where the scene says that."""
+    """The number of steps, computed from the length of time if the scene gives that."""
     if scene.get("steps") is not None or scene.get("time") is None:
         return str(scene.get("steps") or otherwise)
     try:

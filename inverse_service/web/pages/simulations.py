@@ -171,7 +171,7 @@ def _curve(method: Mapping[str, Any]) -> Curve:
 
 
 def price_of(target: Mapping[str, Any], curve: Curve) -> Price:
-    """What the error of a target costs by a method."""
+    """The cost of a target error by a method."""
     row = next((row for row in target["rows"] if row["method"] == curve.label and row["seconds"] is not None), None)
     if row is None:
         return Price()
@@ -363,7 +363,7 @@ def costs(result: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def part_costs(result: Mapping[str, Any]) -> dict[str, Any]:
-    """What each effect and observed quantity adds to a step, where the scene observed that; else empty."""
+    """What each effect and observed quantity adds to a step, if the scene observed that; otherwise empty."""
     methods = [method for method in result["methods"] if (method.get("cost") or {}).get("step_ns") is not None]
     if not methods:
         return {}
@@ -431,7 +431,7 @@ def _has(result: Mapping[str, Any], name: str) -> bool:
 
 
 def columns_of(method: Mapping[str, Any]) -> Mapping[str, list[float | None]]:
-    """The recorded columns of a method, empty where it has none."""
+    """The recorded columns of a method; empty if it has none."""
     columns: Mapping[str, list[float | None]] = (method.get("points") or {}).get("columns", {})
     return columns
 
@@ -467,7 +467,7 @@ def _positive(value: float | None) -> float | None:
 
 
 def figure_data(result: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """What the script draws: each figure with its axes and its lines."""
+    """The data for the script: each figure with its axes and its lines."""
     return [
         {"name": name, "title": title, "views": _views(name, title, result)} for name, title in figure_names(result)
     ]

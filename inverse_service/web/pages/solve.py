@@ -1,4 +1,4 @@
-"""The start page: a form for a system, an echo of what was understood, and the way to its result."""
+"""The start page: a form for a system, an echo of how it is parsed, and the way to its result."""
 
 from __future__ import annotations
 
@@ -112,7 +112,7 @@ async def _keep_glance(engine: Engine, client: str, key: str, fields: dict[str, 
 
 @router.post("/")
 async def submit(request: Request) -> Response:
-    """The job of the form; on to its page, or back with what to change."""
+    """The job of the form; redirect to its page, or back to the form with corrections."""
     try:
         sent = await results.read_sent(request, request.app.state.engine.settings.max_body, forms.sent_task)
     except Refusal as refusal:
@@ -213,7 +213,7 @@ def tiles() -> list[dict[str, Any]]:
 
 
 def example_document(name: str) -> dict[str, Any]:
-    """The document of a catalogue entry; 404 where there is none."""
+    """The document of a catalogue entry; 404 if there is none."""
     try:
         return catalogue.document(name)
     except errors.InputError:

@@ -50,7 +50,7 @@ def names_of(system: Mapping[str, Any] | None, integrals: Mapping[str, Any] | No
 
 
 def inner_mathml(text: str, names: Names) -> str | None:
-    """The MathML of a formula without <math> around it, None where it cannot be read."""
+    """The MathML of a formula without <math> around it; None if it cannot be parsed."""
     if len(text) > MAX_CHARACTERS:
         return None
     try:
@@ -90,7 +90,7 @@ def equation(letter: str, text: str, names: Names) -> Markup:
 
 
 def integrals(found: Mapping[str, Any], names: Names) -> list[Markup]:
-    """G(x) = ∫ F(x) dx for each integral; its derivatives where there are several."""
+    """G(x) = ∫ F(x) dx for each integral; its derivatives if there are several."""
     lines = []
     for name, known in found.items():
         whole = formula(f"{name}({', '.join(known['arguments'])})", names)
@@ -262,7 +262,7 @@ def matrix(rows: Sequence[Sequence[str]], names: Names) -> Markup:
 
 
 def matrix_inner(rows: Sequence[Sequence[str]], names: Names) -> str | None:
-    """The MathML of a matrix, None where an entry cannot be read."""
+    """The MathML of a matrix; None if an entry cannot be parsed."""
     entries = [[inner_mathml(entry, names) for entry in row] for row in rows]
     if any(entry is None for row in entries for entry in row):
         return None
@@ -292,7 +292,7 @@ def matrix_mathml(rows: list[list[str]]) -> str:
 
 
 def formulas_of(system: Mapping[str, Any]) -> tuple[Markup, ...]:
-    """What a system is given by: L and the constraints, or its equations where they are solved."""
+    """The definition of a system: L and the constraints, or its solved equations."""
     named = {"parameters": tuple(system.get("parameters") or ()), "functions": system.get("functions") or {}}
     names = names_of({**system, **named})
     found = [equation("L", system["lagrangian"], names)] if system.get("lagrangian") else []
