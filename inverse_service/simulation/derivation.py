@@ -1,6 +1,6 @@
 """Derive what the methods and observables of a scene need: accelerations, exact motion, free Lagrangians.
 
-The parts of a Lagrangian that can be left out of a scene:
+The parts of a Lagrangian that a scene can leave out:
 
 L = T(q, v) + b_i(q) v^i - V(q):   kinetic part, "magnetic" (linear in v), "potential" (free of v)
 """
@@ -27,8 +27,8 @@ BUILT_IN = (CONSTRAINTS, POTENTIAL, MAGNETIC, KINETIC)
 
 
 def lagrangian_parts(lagrangian: Expression, coordinates: Sequence[str]) -> dict[str, Expression]:
-    """L = kinetic + magnetic + potential, each zero where L has no such terms ("potential" is -V); a term is taken as a
-    whole, and multiplied out only where it is of several kinds: the terms of (x - 10^6)^2 would lose 12 digits."""
+    """L = kinetic + magnetic + potential, each zero where L has no such terms ("potential" is -V); a term is kept as a
+    whole and expanded only if it is of several kinds: the terms of (x - 10^6)^2 would lose 12 digits."""
     kinds: dict[str, list[Expression]] = {KINETIC: [], MAGNETIC: [], POTENTIAL: []}
     for term in _terms(lagrangian):
         parts = _terms(collect(term))

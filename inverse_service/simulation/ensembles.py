@@ -1,4 +1,4 @@
-"""Ensembles: arrays of starts and parameters, trajectories side by side in SIMD lanes, groups of lanes on all cores.
+"""Ensembles: arrays of starts and parameters, trajectories in parallel SIMD lanes, groups of lanes on all cores.
 
 The members of an ensemble of a scene: started, run and observed.
 """
@@ -41,8 +41,8 @@ ALL_METHODS = "Ensembles are run by methods that step with kernels: variational,
 class Many:
     """The recorded points of N trajectories: `times` (m,), `positions` and `rates` (N, m, n), nan after a run's end.
 
-    `rates` are the momenta p or velocities v that the method carries, as `carried` says; `memory` (places, N) is what
-    the kernel left of each.
+    `rates` are the momenta p or velocities v of the method, as `carried` says; `memory` (places, N) is the final
+    kernel memory of each.
     """
 
     times: Array

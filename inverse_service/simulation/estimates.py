@@ -48,8 +48,8 @@ class Finer:
 
 
 def finer(requested: data.Requested, grid: data.Grid) -> Finer:
-    """Half the step, over the first MOST_STEPS, at the same recorded times; where the method chooses its own steps
-    within those another tolerance too."""
+    """Half the step, over the first MOST_STEPS, at the same recorded times; if the method chooses its own steps
+    within those, another tolerance too."""
     choice, every = requested.choice, grid.record_every
     assert choice is not None
     steps = min(grid.steps, max(1, MOST_STEPS // every) * every)
@@ -87,8 +87,8 @@ Repeat = Callable[[data.Scene, data.Requested], trajectory.Trajectory | data.Una
 
 
 def _again(run: observing.Observed, repeat: Repeat) -> tuple[Finer, trajectory.Trajectory | data.Unavailable]:
-    """The finer run: without the guard where that ends it early, and with ten times the tolerance where it is the same
-    to the last bit, as that of a Taylor series whose own steps are shorter than those of both grids."""
+    """The finer run: without the guard if that ends it early, and with ten times the tolerance if it is the same
+    to the last bit, like a Taylor series whose internal steps are shorter than those of both grids."""
     again = finer(run.requested, run.scene.grid)
     scene, choice = replace(run.scene, grid=again.grid), again.requested.choice
     found = repeat(scene, again.requested)
@@ -172,9 +172,9 @@ def energies_of(run: observing.Observed) -> tuple[trajectory.Array, trajectory.A
 
 
 def other_motion(run: observing.Observed) -> trajectory.Outcome | None:
-    """The outcome where the Lagrangian of the method has another motion at a point of the run than the equations.
+    """The outcome if the Lagrangian of the method has a motion at a point of the run that differs from the equations.
 
-    What is known of its domain is watched at every step; a Lagrangian that is given brings none.
+    The known conditions of its domain are watched at every step; a given Lagrangian has none.
     """
     scene, problem, at = run.scene, run.problem, run.trajectory
     if scene.accelerations is None or problem is None or problem.free_lagrangian is None:
@@ -198,12 +198,11 @@ def other_motion(run: observing.Observed) -> trajectory.Outcome | None:
 
 def moments_between(run: observing.Observed) -> trajectory.Array:
     """Times, at most MOST_MOMENTS, at which a function or power in the formulas rises to a value that half a step
-    before and after do not show: a force that acts within a step, of which a method that leaps over it knows nothing.
+    before and after do not show: a force that acts within a step and is missed by a method that steps over it.
 
-    A function is extreme where its argument turns or passes 0; that is located on the cubic through the positions and
-    velocities of the points. A sine or cosine whose argument moves by
-    more than a half turn in a step counts as well. Of a long run the first MOST_VALUES values are looked at, and none
-    where steps are not recorded.
+    A function is extreme where its argument turns or passes 0; this time is located on the cubic through the positions
+    and velocities of the points. A sine or cosine whose argument moves by more than a half turn in a step counts as
+    well. In a long run only the first MOST_VALUES values are examined, and none if steps are not recorded.
     """
     problem, choice, at, scene = run.problem, run.requested.choice, run.trajectory, run.scene
     velocities = observing.velocities_at_points(run)

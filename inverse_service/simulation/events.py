@@ -1,9 +1,9 @@
 """Events: zeros of formulas along a run, located to round-off by shorter steps of the method itself.
 
-Between two recorded points a method is continued by its own step of length theta h, theta from 0 to 1, which ends where
-the whole step does. The sign is looked at in PIECES such places of each step, and where the formula turns towards 0
-between them at its turning point, so that two zeros within a step are found. Of all crossings at once theta is found
-by regula falsi (Illinois; M. Dowell, P. Jarratt, BIT 11 (1971) 168), in SIMD lanes. Methods that have no such step are
+Between two recorded points a method is continued by its own step of length theta h, theta from 0 to 1, which for theta
+= 1 is the whole step. The sign is examined at PIECES such points of each step, and where the formula turns towards 0
+between them at its turning point, so that two zeros within a step are found. Of all crossings at once theta is found by
+regula falsi (Illinois; M. Dowell, P. Jarratt, BIT 11 (1971) 168), in SIMD lanes. Methods that have no such step are
 continued by DOP853 from the point before.
 
 Motions with events that act on the state, or with switches of sign, abs and pieces, are run in pieces. Between two
@@ -240,7 +240,7 @@ def _value_about(way: Way, brackets: Brackets, state: State) -> Array:
 
 
 def _is_unseen(way: Way, fine: Array, pieces: int) -> bool:
-    """Whether the formula between the places has values that the cubic through four of them does not show."""
+    """Whether the formula between the points has values that the cubic through four of them does not show."""
     if len(fine) < 4:
         return False
     places = np.unique(np.linspace(1, len(fine) - 3, LOOKED_AGAIN).astype(np.int64))
@@ -256,9 +256,9 @@ def _is_unseen(way: Way, fine: Array, pieces: int) -> bool:
 
 def _brackets(way: Way) -> tuple[Brackets, Array, bool]:
     """The changes of sign along a run, the times at which the formula is 0 and does not change it, and whether it has
-    more of them than the places show.
+    more of them than the points show.
 
-    Each step is looked at in PIECES places, and where the formula turns towards 0 between them, at its turning point.
+    Each step is examined at PIECES points and, where the formula turns towards 0 between them, at its turning point.
     """
     steps = len(way.times) - 1
     pieces = int(np.clip(MOST_PLACES // steps, LEAST_PIECES, PIECES))
@@ -462,8 +462,8 @@ def _powers(tree: ex.Expression, outer: Fraction) -> Iterator[tuple[ex.Expressio
 
 
 def has_pieces(scene: data.Scene, problem: data.Problem) -> bool:
-    """Whether a run of this problem is made of pieces. A Lagrangian that was found for given equations belongs to one
-    side, and ends there."""
+    """Whether a run of this problem consists of pieces. A Lagrangian found for given equations is valid on one side,
+    and its run ends there."""
     if any(event.acts or event.most > 1 for event in scene.events):
         return True
     return bool(switches_of(problem, scene)) and not (scene.accelerations and problem.free_lagrangian is not None)
@@ -504,7 +504,7 @@ class _Motion:
         return ex.add(*terms)
 
     def surface(self, u: ex.Expression, sides: Sides) -> ex.Expression:
-        """u, or u' where u holds no velocity: what stays zero where the motion sticks."""
+        """u, or u' if u contains no velocity: the function that stays zero while the motion sticks."""
         own = on_sides(u, sides)
         if any(ex.holds(own, ex.Velocity(name)) for name in self.scene.coordinates):
             return own

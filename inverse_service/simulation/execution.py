@@ -259,7 +259,7 @@ def _determinant(card: Card, place: int, unknown_names: Mapping[str, str]) -> st
 
 
 def failed_start(start: Start, outcome: Outcome, time: float = 0.0) -> Trajectory:
-    """A run that cannot begin: the start alone."""
+    """A run that cannot begin: it contains only the start."""
     begin = np.array([list(start.positions)], dtype=np.float64)
     return Trajectory(np.array([time]), begin, None, None, outcome, 0, 0, 0.0, 0.0)
 
@@ -352,7 +352,7 @@ def _headed(values: Array) -> Array:
 
 
 def unknown_names(f: Formulas) -> dict[str, str]:
-    """Unknowns of the kernels in the user's names."""
+    """The unknowns of the kernels in the user's names."""
     letters = {"d": "the step of {}", "e": "the change of p_{}", "g": "the change of p_{}"}
     names = {
         f"{letter}{k}": text.format(name)
@@ -572,7 +572,7 @@ def _checked(
 
 
 def undefined_force(f: Formulas, forces: Sequence[Formula], table: Mapping[str, float]) -> Outcome | None:
-    """The outcome where a force has no value at the start, through which no step would notice it, or none passes."""
+    """The outcome if a force has no value at the start, where no step would notice this or no step succeeds."""
     for name, formula in zip(f.problem.coordinates, forces, strict=False):
         if not math.isfinite(real_value(formula, table)) or _divides_by_zero(formula, table):
             begin = table[str(MOMENT)]

@@ -244,7 +244,7 @@ class Formulas:
 
     @cached_property
     def dependent(self) -> dict[int, se.Formula]:
-        """Velocities that the constraints give, over q and the other velocities: {place: formula}.
+        """Velocities determined by the constraints as functions of q and the other velocities: {place: formula}.
 
         A velocity with a constant coefficient is taken where there is one, else the last of the constraint.
         """
@@ -279,7 +279,7 @@ class Formulas:
 
     @cached_property
     def momenta_may_fail(self) -> list[se.Formula]:
-        """p - L~_v(q, H_p), where it is not seen to be 0: a Legendre map that is no map of all momenta.
+        """p - L~_v(q, H_p), where it is not seen to be 0: a Legendre map whose image is not the space of all momenta.
 
         An L~ quadratic in the velocities has one of all; empty there.
         """
@@ -298,7 +298,7 @@ class Formulas:
 
 @lru_cache(maxsize=8)
 def formulas_of(problem: Problem) -> Formulas:
-    """The formulas of a problem, which one run takes over from another."""
+    """The formulas of a problem, which one run reuses from another."""
     return Formulas(problem)
 
 

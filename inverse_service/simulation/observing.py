@@ -71,7 +71,7 @@ def lagrangian_of_energy(scene: data.Scene) -> ex.Expression | None:
 
 
 def start_energy(scene: data.Scene) -> float | None:
-    """E_0 of the initial data, 0 where it is round-off; None for a system without a Lagrangian."""
+    """E_0 of the initial data, 0 if it is round-off; None for a system without a Lagrangian."""
     if lagrangian_of_energy(scene) is None:
         return None
     start = scene, scene.positions[None], scene.velocities[None], np.array([scene.grid.begin])
@@ -84,7 +84,7 @@ def without_noise(energies: Array, kinetic: Array) -> Array:
 
 
 def observables(scene: data.Scene) -> data.Observation:
-    """The formulas that the kernel evaluates at every step: those of the observed quantities, no others."""
+    """The formulas that the kernel evaluates at every step: only those of the observed quantities."""
     found = []
     if "energy" in scene.observe and scene.lagrangian is not None:
         error = energy(scene.lagrangian, scene.coordinates) - ex.Symbol(ENERGY_START)
@@ -95,7 +95,7 @@ def observables(scene: data.Scene) -> data.Observation:
 
 
 def conserved_momenta(scene: data.Scene, problem: data.Problem) -> list[int]:
-    """Places of the coordinates that do not occur in the method's Lagrangian: their momenta are constants."""
+    """Indices of the cyclic coordinates of the method's Lagrangian, whose momenta are constant."""
     lagrangian = problem.free_lagrangian or problem.lagrangian
     if lagrangian is None:
         return []
@@ -376,7 +376,7 @@ def observed_quantities(run: Observed, seconds: dict[str, float]) -> tuple[dict[
 
 
 def _own(run: Observed) -> tuple[dict[str, Any], dict[str, Array]]:
-    """The observables that the scene gives by formula, at the recorded points: first, last, least and greatest."""
+    """The observables given by formula, at the recorded points: first, last, least and greatest values."""
     velocities = velocities_at_points(run)
     numbers: dict[str, Any] = {}
     series: dict[str, Array] = {}

@@ -97,7 +97,7 @@ class Precision:
 
 @dataclass(frozen=True, slots=True)
 class Price:
-    """What an error costs by one method: interpolated on its curve. `at_most`: its coarsest setting is better."""
+    """The cost of an error by one method, interpolated on its curve. `at_most`: its coarsest setting is better."""
 
     seconds: float
     step: float | None
@@ -185,7 +185,7 @@ def _by_halves(
     scale: float,
     seconds: float,
 ) -> list[Setting]:
-    """Steps that are halved from four times that of the scene, or from longer ones where that is good already."""
+    """Steps halved from four times that of the scene, or from longer ones if that is already accurate."""
     begin = max(1, round(length / (4 * CHECKS * step)))
 
     def blanks() -> Iterator[Setting]:
@@ -288,8 +288,8 @@ def _repeated(
 
 
 def _with_floor(settings: Sequence[Setting], scale: float, unknown: float = 0.0) -> list[Setting]:
-    """Mark what lies beyond the least error of its method, or beyond the first error that is round-off only or less
-    than what is `unknown` of the true motion."""
+    """Mark the settings beyond the least error of their method, or beyond the first error that is only round-off or
+    less than the `unknown` part of the true motion."""
     found = []
     for setting in settings:
         own = [s for s in settings if s.requested.label == setting.requested.label and s.error is not None]
@@ -309,7 +309,7 @@ def _last_useful(own: Sequence[Setting], scale: float, unknown: float) -> Settin
 
 
 def curves(measured: Precision) -> dict[str, list[Setting]]:
-    """For each method what is drawn: settings with an error and a time, from coarse to fine, up to the floor."""
+    """The curve of each method: its settings with an error and a time, from coarse to fine, up to the floor."""
     found: dict[str, list[Setting]] = {}
     for setting in measured.settings:
         own = found.setdefault(setting.requested.label, [])

@@ -104,8 +104,8 @@ def run_scene(
 ) -> SceneRun:  # fmt: skip
     """Run every method; the failure of one method is its outcome and does not affect the others.
 
-    `find` looks for free Lagrangians where the cost of parts is observed. The true motion is given up where
-    `compared_until` says so, that the methods have time left.
+    `find` looks for free Lagrangians where the cost of parts is observed. The true motion is abandoned when
+    `compared_until` says so, so that the methods have time left.
     """
     tell = progress or (lambda message: None)
     scene = derivation.with_energy(scene, derived)
@@ -118,7 +118,7 @@ def run_scene(
     for place, requested in enumerate(scene.methods, 1):
         tell(f"{requested.label} ({place} of {len(scene.methods)})")
         if stop is not None and stop() and scene.ensemble is None:
-            # To compile it and take no step would cost the time in which the others are written.
+            # Compiling it without taking a step would use the time needed to write the other methods.
             runs.append(MethodRun(requested, Outcome("cancelled", remedy=LATE), None))
             continue
         try:
@@ -146,7 +146,7 @@ def run_method(
     stop: Stop | None = None,
     find: derivation.Find | None = None,
 ) -> MethodRun:
-    """One method and its observed quantities, with an estimate of its error, and what its parts cost."""
+    """One method and its observed quantities, with an estimate of its error, and the cost of its parts."""
     run_ = observed_run(scene, requested, derived, truth, stop)
     problem = None if run_.observed is None else run_.observed.problem
     if run_.observed is None or problem is None:
@@ -275,7 +275,7 @@ def _again(
 
 
 def observed_problem(scene: Scene, problem: Problem) -> tuple[Problem, Observation]:
-    """The problem with the parameters that the observed formulas need, and what is recorded."""
+    """The problem with the parameters that the observed formulas need, and the recorded formulas."""
     observation = observing.observables(scene)
     if observation and "energy" in scene.observe:
         problem = replace(problem, parameters=(*problem.parameters, observing.ENERGY_START))
@@ -360,7 +360,7 @@ def part_costs(
 
 
 def _belongs_together(scene: Scene, requested: Requested) -> bool:
-    """Whether the effects of a method are in one free Lagrangian, out of which none can be taken."""
+    """Whether the effects of a method are in one free Lagrangian, from which none can be removed."""
     return bool(scene.constraints) and requested.method in method_table.USES_FREE
 
 

@@ -50,7 +50,7 @@ class Problem:
         return any(ex.holds(tree, ex.TIME) for tree in self.formulas)
 
     def with_used_parameters(self, observed: Sequence[ex.Expression] = ()) -> Problem:
-        """The problem with the parameters that its formulas, or those `observed`, contain: no kernel loads another."""
+        """The problem with only those parameters that its formulas, or those `observed`, contain."""
         nodes = ex.distinct_nodes([*self.formulas, *observed])
         used = {node.name for node in nodes if isinstance(node, ex.Symbol)}
         return replace(self, parameters=tuple(name for name in self.parameters if name in used))
@@ -154,7 +154,7 @@ class FreeLagrangian:
 
 @dataclass(frozen=True, slots=True)
 class Unavailable:
-    """Something a method needs does not exist or was not found; `reason` is a sentence."""
+    """A part that a method needs does not exist or was not found; `reason` is a sentence."""
 
     reason: str
 

@@ -1,7 +1,7 @@
 """Methods as programs: the discrete equations of integrators/ with the formulas of a problem in them.
 
 First the methods on (q, p), then those on (q, v): Runge-Kutta, Gauss-Legendre, and those that choose their steps. Last
-what is watched at every step, so that a run ends where its formulas end.
+the formulas watched at every step, so that a run ends where its formulas end.
 """
 
 from __future__ import annotations
@@ -439,7 +439,7 @@ def moment_at(part: Formula) -> Formula:
 def with_clock(
     f: Formulas, state: tuple[str, ...], changes: Sequence[Formula], observed: Sequence[tuple[str, Formula]]
 ) -> tuple[tuple[str, ...], Sequence[Formula]]:
-    """With t as a state variable that grows by h, where the problem or what is observed depends on it."""
+    """Add t as a state variable that grows by h, if the problem or an observed formula depends on it."""
     if f.depends_on_time or any(contains(formula, MOMENT) for _, formula in observed):
         return (*state, str(MOMENT)), [*changes, STEP]
     return state, changes
@@ -459,7 +459,7 @@ def sign_watches(walls: Iterable[Denominator], point: Mapping[Formula, Formula],
 
 
 def velocity_watches(f: Formulas, q: list[Formula], d: list[Formula], alpha: Formula) -> list[programs.Watch]:
-    """Velocities that L~ divides by must not pass 0; where L~ divides by positions only, H~ is smooth."""
+    """Velocities in a denominator of L~ must not pass 0; if only positions occur there, H~ is smooth."""
     moving = (denominator for denominator in f.denominators if denominator.moves)
     return sign_watches(moving, discrete_point(f, q, d, alpha), where_it_ends(f))
 

@@ -138,8 +138,8 @@ def _given(
 def _domain(
     scene: Scene, system: scene_system.MechanicalSystem, conditions: Sequence[str], values: Mapping[str, float]
 ) -> tuple[ex.Expression, ...] | None:
-    """What is positive as long as L~ has the motion: its conditions, and what given accelerations divide by or take
-    roots of; None where one does not hold at the start."""
+    """The formulas that are positive while L~ has the motion: its conditions, and the denominators and radicands of
+    given accelerations; None if a condition does not hold at the start."""
     moving: set[ex.Expression] = {ex.Symbol(name) for name in scene.coordinates}
     ends = [read_condition(condition, system.names) for condition in conditions]
     ends = [derivative.define_functions(end, system.definitions) for end in ends]

@@ -151,7 +151,7 @@ def _of_result(result: Mapping[str, Any], extra: Sequence[str]) -> MechanicalSys
 
 
 def lagrangians_of(result: Mapping[str, Any], names: Names) -> tuple[KnownLagrangian, ...]:
-    """The Lagrangians of a result on all its branches, also with t, those that serve best here first: with a
+    """The Lagrangians of a result on all its branches, also with t, the most suitable first: those with a
     Hamiltonian in closed form, and of these those with the fewest walls, at which a motion would end."""
     branches = [result, *(branch for branch in result.get("branches") or () if isinstance(branch, Mapping))]
     answers = [
@@ -267,8 +267,8 @@ def formula(text: str, names: Names, pointer: str) -> trees.Expression:
 
 
 def _parameters(given: Any, extra: Sequence[str]) -> tuple[list[str], dict[str, str]]:
-    """All parameter names, with the values of the document; values stay out of the formulas, so that a kernel
-    serves every value."""
+    """All parameter names, with the values of the document; values are not substituted, so that one kernel
+    serves all values."""
     values = {name: text for name, text in given.items() if text is not None} if isinstance(given, Mapping) else {}
     declared = Declared(parameters=given)
     names = list(declared.named_parameters())

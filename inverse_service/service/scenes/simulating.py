@@ -135,7 +135,7 @@ def catalogue_name(schema: SceneDocument) -> str | None:
 
 
 def table_of_run(scene: Scene, run: MethodRun) -> dict[str, Any]:
-    """Columns of all recorded points: t, the coordinates, velocities v_x and momenta p_x, then what was observed."""
+    """Columns of all recorded points: t, the coordinates, velocities v_x, momenta p_x, and observed quantities."""
     trajectory = run.trajectory
     assert trajectory is not None
     columns: dict[str, Any] = {"t": trajectory.times}
