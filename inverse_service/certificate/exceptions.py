@@ -1,11 +1,11 @@
 """The special values of the parameters that a proof leaves out.
 
-A certificate is checked at random points, of the parameters too: what it proves holds for general values. A value c is
+A certificate is checked at random points and random parameters, so its claim holds for generic values. A value c is
 left out where something that the proof divides by (a pivot, the determinant of the multiplier, a divisor of L) vanishes
 at every point (t, q, q'), that is, where the *content* of this function, the largest factor with parameters only, is 0.
 
-The content is found on lines c = a + s b through one random a: what is divided by is a rational function of s, which a
-few values give, and two points (t, q, q') have only the content in common. The contents on several lines are put
+The content is found on lines c = a + s b through one random a: each divisor is a rational function of s, which a
+few values determine, and two points (t, q, q') have only the content in common. The contents on several lines are put
 together to a polynomial in the parameters, which is factored. A factor is dropped where f is not defined, and where the
 claim holds by other pivots. Sets given by two equations and more are found only where they say that parameters are 0.
 """

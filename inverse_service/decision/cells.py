@@ -82,7 +82,7 @@ def other_part(
     sides: Sequence[Expression],
     end: float,
 ) -> tuple[real_point.RealTable, checker.CheckResult] | None:
-    """A point of a cell at which the proof found on one part of it is none, and what the checker says there.
+    """A point of a cell at which a proof found on one part of the cell fails, and the result of the checker there.
 
     One at which the claim is wrong, or else where it is undecided; None where it is proven at all points tried.
     """

@@ -1,6 +1,6 @@
-"""The decision on a system of second order: the card of Helmholtz settled, the answer in the words of mechanics.
+"""Decide a second-order system by the Helmholtz conditions, with the answer in the terms of mechanics.
 
-`Analysis` is a system with its atoms reduced to independent generators: what every later stage starts from. X, N and
+`Analysis` is a system with its atoms reduced to independent generators: the input of every later stage. X, N and
 Phi about a point come from sparse series where a system is too large for compiled ones (`local_system`).
 
 `regular_series` makes existence concrete: the Taylor coefficients of one regular Lagrangian at a point.
@@ -167,8 +167,8 @@ class LocalScalar:
 
     @property
     def is_zero(self) -> bool:
-        # Skipped in a sum, a truncated zero would say something of the orders beyond: but in each sum of
-        # `mechanics.conditions` stands a derivative along the motion, which is known to the lowest order of all.
+        # A truncated zero that is skipped in a sum would count as zero in all higher orders. But each sum of
+        # `mechanics.conditions` contains a derivative along the motion, whose known order is the lowest.
         return not any(self.series)
 
     @property

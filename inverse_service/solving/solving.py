@@ -65,9 +65,9 @@ def solve_branches(
 ) -> tuple[tuple[Solution, ...], tuple[cells.Left, ...]]:
     """The answers on all cells of the system, and the cells without one.
 
-    Cells begin with the open sets on which roots of squares, |u| and the like are single formulas; what is beyond the
-    sides that the proof of an answer depends on is a cell of its own. Each has its share of the time. More than
-    `MOST_BRANCHES` sets give one undetermined answer, except for one coordinate, of which so many are answered.
+    Cells begin with the open sets on which roots of squares, |u| and the like are single formulas; the set beyond
+    a side that the proof of an answer depends on is a separate cell. Each has its share of the time. More than
+    `MOST_BRANCHES` sets give one undetermined answer, except for one coordinate, for which that many are answered.
     """
     branches = second_order_system.branches_of(system)
     if (

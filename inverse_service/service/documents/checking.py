@@ -280,7 +280,7 @@ class Examination:
         return timed
 
     def main(self, part: dict[str, Any], at: str, timed: bool, own: dict[str, Any]) -> bool:
-        """The answers to both questions on one cell; whether both are settled."""
+        """The answers to both questions on one cell; whether both are decided."""
         verdict, later, other = part.get("verdict"), part.get("verdict_with_time"), part.get("with_time")
         asked = "time_dependent" if timed else "autonomous"
         if timed and later not in (None, verdict):

@@ -1,4 +1,4 @@
-"""Whether a Lagrangian of the user has the equations of a document: on which cells it has, on which it has not."""
+"""Decide on which cells a Lagrangian of the user gives the equations of a document."""
 
 from __future__ import annotations
 

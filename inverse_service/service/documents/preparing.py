@@ -1,4 +1,4 @@
-"""What users may write more loosely than the schemas say, and the name of the time: documents in, results out.
+"""Convert the looser notation of users, and their name of the time, in documents and back in results.
 
 Inside, the time is t. A document that calls it tau (`"time": "tau"`, or y''(tau) in every equation) is renamed on the
 way in and its result on the way out; a coordinate called t then has a name that the document does not use.

@@ -1,4 +1,4 @@
-"""The tree of special cases: generic first, then wherever a verdict may change, decided again.
+"""The tree of special cases: the generic case, then each case in which the verdict may change.
 
 Each case is decided by `decide` on the system with its values put in; the side conditions of the
 verdict lead to smaller cases. A case whose verdicts are those of the smallest kept cases that contain

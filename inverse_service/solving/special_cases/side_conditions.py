@@ -1,10 +1,10 @@
-"""Where an algebraic elimination may go another way: the factors that it divides by.
+"""The factors that an algebraic elimination divides by; where they vanish, its outcome may differ.
 
 Conditions of the hierarchy are solved for the entries of g one after the other, with the parameters
-as letters. A divisor is a polynomial in t, q, v, the functions and the parameters; for given values of
+as symbols. A divisor is a polynomial in t, q, v, the functions and the parameters; for given values of
 the parameters it vanishes identically exactly when all its coefficients with respect to the others do.
-These coefficients generate an ideal. Off the zero sets of all ideals of an elimination it goes through
-as it stands, so its outcome holds there. Jets of arbitrary functions, and the coordinates that these
+These coefficients generate an ideal. Off the zero sets of all these ideals the elimination remains
+valid unchanged, so its outcome holds there. Jets of arbitrary functions, and the coordinates that these
 depend on, count as parameters; `functional` says that they occur.
 """
 

@@ -5,7 +5,7 @@ The functions are rational, or one root of a quadratic equation.
 Polynomial equations between parameters split into pieces that are solved.
 
 Equations are split by factors over Q; A a + B = 0 is solved for a where A is not zero, and A = B = 0 is a
-piece of its own, so that no value is lost. Equations of degree above two in every parameter stay
+separate piece, so that no value is lost. Equations of degree above two in every parameter stay
 unsolved, and the stratum says so.
 """
 
