@@ -10,7 +10,7 @@
 Source: J. Douglas, Solution of the inverse problem of the calculus of variations, 1941; W. Sarlet, The
 Helmholtz conditions revisited, 1982; the sign of N in nabla is that of the definition of N here.
 
-The tensors N, Phi, nabla Phi, R of a system as exact expressions for people, and what follows where they leave one
+The tensors N, Phi, nabla Phi, R of a system as exact expressions for display, and what follows where they leave one
 matrix.
 """
 

@@ -331,7 +331,7 @@ class ConstrainedMotion:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EquationsOfMotion(ConstrainedMotion):
-    """The motion of a Lagrangian, with what is known of it.
+    """The motion of a Lagrangian, with its known properties.
 
     `accelerations` are those of all coordinates, in the order of the system, and `multipliers` the lambda_a, one for
     each constraint; both hold free velocities only.
@@ -588,7 +588,7 @@ def _constraints(constraints: Sequence[str] | str, names: Names, most: int) -> l
 
 
 def _refuse_holonomic(tree: Expression, names: Names, text: str, pointer: str, number: int) -> None:
-    """InputError for a constraint of positions, with its derivative in time as what may be written."""
+    """InputError for a constraint of positions, which suggests its derivative in time instead."""
     nodes = {*walk(tree)}
     moving = nodes & {Symbol(name) for name in names.coordinates}
     if moving and not any(isinstance(node, Velocity | ex.Acceleration) for node in nodes):

@@ -94,7 +94,7 @@ def first_integrals(
 
 
 class _Integrals:
-    """The work for one motion; what is found is in `kept`, on the constraints in `functions`."""
+    """The work for one motion; its results are in `kept`, on the constraints in `functions`."""
 
     def __init__(
         self,

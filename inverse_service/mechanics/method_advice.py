@@ -23,7 +23,7 @@ def for_lagrangian(
     reached = dict.fromkeys(printing.to_text(wall) for wall in walls if moving & set(ex.walk(wall)))
     ends = LEAVES.format(" or ".join(reached)) if reached else ""
     with_time = ex.holds(lagrangian, ex.TIME)
-    why = "; L contains t, so the energy is no constant to be kept." if with_time else f", {ENERGY}"
+    why = "; L contains t, so the energy is not constant." if with_time else f", {ENERGY}"
     masses = {
         node for row in euler_lagrange.hessian(lagrangian, coordinates) for entry in row for node in ex.walk(entry)
     }
@@ -40,17 +40,17 @@ def for_constraints(
 ) -> dict[str, Any]:
     """The advice for a Lagrangian with nonholonomic constraints.
 
-    The method keeps the energy of regular motions for long, and nearly that of others, where motions turned round are
-    motions: L is even in the velocities and the constraints are odd.
+    The method keeps the energy of regular motions for long, and nearly that of others, where the motion is
+    reversible: L is even in the velocities and the constraints are odd.
     """
     turned: dict[ex.Expression, ex.Expression] = {ex.Velocity(name): -ex.Velocity(name) for name in coordinates}
-    why = f"and the energy drifts little, because motions can be turned round{EXACT}"
+    why = f"and the energy drifts little, because the motion is reversible{EXACT}"
     if collecting.collect(lagrangian - ex.substitute(lagrangian, turned)) != ex.ZERO:
-        why = f"but the energy may drift, as terms of odd degree in the velocities let no motion be turned round{EXACT}"
+        why = f"but the energy may drift, since L has terms of odd degree in the velocities{EXACT}"
     if any(collecting.collect(one + ex.substitute(one, turned)) != ex.ZERO for one in constraints):
-        why = "but the energy is no constant to be kept, because constraints with parts free of velocities do work."
+        why = "but the energy is not constant, because constraints with velocity-free terms do work."
     if any(ex.holds(tree, ex.TIME) for tree in (lagrangian, *constraints)):
-        why = "but L contains t, so the energy is no constant to be kept."
+        why = "but L contains t, so the energy is not constant."
     return advice("nonholonomic", 8, f"it keeps the discrete constraints to round-off, {why}", "1/2")
 
 

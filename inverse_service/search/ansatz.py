@@ -372,7 +372,7 @@ def solve_ansatz(sampler: Sampler, candidates: Sequence[Monomial], seed: int) ->
     """The space of Lagrangians in the span of the candidates (simple ones first).
 
     Each basis element has its most complicated candidate to itself. Combinations whose coefficients
-    are no small rationals, or that fail at control points over another prime, are left out.
+    are not small rationals, or that fail at control points over another prime, are left out.
     """
     letters, n = letters_of(candidates), len(sampler.analysis.accelerations)
 

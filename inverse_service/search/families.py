@@ -253,7 +253,7 @@ def each_once(terms: Sequence[Monomial]) -> list[Monomial]:
 
 
 def is_admissible(material: Material, key: Monomial) -> bool:
-    """L may contain t only where asked for, and a pure constant is no term."""
+    """L may contain t only where requested, and a pure constant is not a term."""
     if all(isinstance(letter, Number) for letter, _ in key):
         return False
     return material.motion.with_time or not any(holds(letter, TIME) for letter, _ in key)

@@ -1,7 +1,7 @@
 """A vector of polynomials that is known up to a factor at points modulo a prime (Zippel 1979, projectively).
 
 The vector (v_1 : ... : v_m) is one common polynomial vector (P_1, ..., P_m): with a reference entry r the unknown
-coefficients solve v_e P_r(x) - v_r P_e(x) = 0, and no denominator is asked for. For each variable alone the least
+coefficients solve v_e P_r(x) - v_r P_e(x) = 0, and no denominator is needed. For each variable alone the least
 degree for which there is a fit is found, the others fixed; then the variables are added one at a time, the support so
 far times powers of the new one, and coefficients that are 0 are dropped. The least degrees make the vector primitive.
 

@@ -44,8 +44,8 @@ LEAVES = (
         0.1,
         lambda material: True,
         row_factors.propose,
-        "Each equation times a function of `t` and the coordinates, the equations are self-adjoint: then the matrix of "
-        "their accelerations is the Hessian of `L`, which follows by integration.",
+        "Multiplied by functions of `t` and the coordinates, the equations are self-adjoint. Their mass matrix is then "
+        "the velocity Hessian of `L`, and integration gives `L`.",
         exact=True,
     ),
     protocol.Leaf(
@@ -53,24 +53,24 @@ LEAVES = (
         0.4,
         one_matrix.accepts,
         one_matrix.propose,
-        "The algebraic conditions leave one matrix `G(t, q)` up to a factor, which is computed from them; the "
-        "derivatives of the factor, of `A` and of `V` in `L = phi G_ij v^i v^j/2 + A_i v^i - V` follow from it.",
+        "The algebraic conditions determine a matrix `G(t, q)` up to a factor `phi`. In "
+        "`L = phi G_ij v^i v^j/2 + A_i v^i - V`, `G` then determines the derivatives of `phi`, `A` and `V`.",
     ),
     protocol.Leaf(
         "linear systems, multipliers in t alone",
         1.5,
         linear_systems.is_linear,
         linear_systems.linear_lagrangians,
-        "The system is linear: a `g` that depends on `t` alone has to solve `g' = g N + (g N)^T` and keep `g Phi` "
-        "symmetric.",
+        "The system is linear. A multiplier `g` that depends only on `t` must satisfy `g' = g N + (g N)^T`, and "
+        "`g Phi` must be symmetric.",
     ),
     protocol.Leaf(
         "one coordinate, products of Darboux factors",
         6.5,
         one_coordinate.applies,
         one_coordinate.propose,
-        "For one coordinate `g` has to solve `Gamma(g) + g df/dv = 0`; a product of factors that `Gamma` takes to "
-        "multiples of themselves solves it, and `L` is `g` integrated twice by `v`.",
+        "For one coordinate the only condition is `Gamma(g) + g df/dv = 0`. A product of Darboux factors `P`, for "
+        "which `Gamma(P)` is a multiple of `P`, solves it. Integrating `g` twice over `v` gives `L`.",
     ),
     protocol.Leaf(
         "one coordinate, a function of the velocity",
@@ -78,7 +78,7 @@ LEAVES = (
         lambda material: material.motion.size == 1,
         one_coordinate.propose_function_of_velocity,
         "`f = F(v) (G(t, x) - A(t) P - B(x) Q)` has the multiplier `phi/F`, where `P' = 1/F`, `Q' = v/F`, "
-        "`phi_t = A phi` and `phi_x = B phi`; what is not elementary stays under integral signs.",
+        "`phi_t = A phi` and `phi_x = B phi`. Nonelementary integrals are left unevaluated.",
         exact=True,
     ),
 )
@@ -88,7 +88,7 @@ REDUCTIONS = (
         3.5,
         reductions.applies,
         reductions.in_shorter_coordinates,
-        "In other coordinates `f` is shorter; a Lagrangian found there is carried back.",
+        "A change of coordinates simplifies `f`. The Lagrangian found there is transformed back.",
         exact=True,
     ),
     protocol.Reduction(
@@ -96,7 +96,7 @@ REDUCTIONS = (
         3.55,
         reductions.is_decoupled,
         reductions.into_blocks,
-        "The system decouples; the Lagrangian is the sum over the blocks.",
+        "The system decouples, so the Lagrangian is the sum of the Lagrangians of its blocks.",
         exact=True,
     ),
 )
@@ -182,8 +182,7 @@ def search(
 ) -> protocol.SearchOutcome:
     """The first rung that gives a regular Lagrangian, or what was tried; the caller's own terms come first.
 
-    Rungs of more than the `highest` cost are left out. A rung counts only if one of its Lagrangians `holds`; those
-    before that one are left out.
+    Rungs of more than the `highest` cost are skipped. Lagrangians before the first that `holds` are dropped.
     """
     tried: list[tuple[str, int]] = []
     found = None

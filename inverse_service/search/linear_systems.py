@@ -516,7 +516,7 @@ def is_linear(material: Material) -> bool:
 def linear_lagrangians(material: Material, seed: int) -> Sequence[ex.Expression]:
     """Regular Lagrangians whose multiplier depends on t at most, the simplest first.
 
-    None where V holds no regular matrix or the exponents are no square roots.
+    None where V holds no regular matrix or the exponents are not square roots.
     """
     table = material.analysis.real_point
     try:

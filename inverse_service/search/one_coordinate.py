@@ -6,7 +6,7 @@ K for g = P^e, P linear or quadratic in v. For Q = a v^2 + b v + c put u = dQ/dv
 u^2 + D = 4aQ. With J_e = int int Q^e,
     J_e = (2a (e+2)(2e+3) J_(e+1) - Q^(e+2)) / ((e+1)(e+2) D)   for e < -1, e != -2,
     J_e = (Q^(e+1) + e (e+1) D J_(e-1)) / (2a (e+1)(2e+1))       for e > -1/2,
-which follow from (Q^m)''; J_(-1) and J_(-1/2) hold arctangents or logarithms, J_(-2) is not asked for.
+which follow from (Q^m)''; J_(-1) and J_(-1/2) hold arctangents or logarithms, J_(-2) is not needed.
 
 E(K) = f K_vv + v K_vx + K_vt - K_x has dE/dv = Gamma(g) + g df/dv = 0, so it may be taken at any v, and
 L = K + U with dU/dx = E(K) satisfies the Euler-Lagrange equation.

@@ -2,8 +2,8 @@
 
 The parts of the search and its results: leaves propose Lagrangians, reductions make smaller systems.
 
-A reduction is asked whether it `accepts` a system, `apply` makes smaller ones of it, and `lift` takes Lagrangians of
-these back. The search itself finds the Lagrangians in between, limits the work, and verifies what is lifted.
+A reduction `accepts` a system or not, `apply` makes smaller systems of it, and `lift` transforms their Lagrangians
+back. The search itself finds the Lagrangians in between, limits the work, and verifies the lifted Lagrangians.
 
 Lagrangians besides the one that is shown: which ones differ from it, and which of those a reader wants to see.
 """
@@ -56,7 +56,7 @@ class Leaf:
     """A separate method for the systems that it accepts; the most costly methods come last.
 
     `propose(material, seed)` gives regular Lagrangians, the simplest first. Unless they are `exact` by the way they
-    are found, the search verifies them. `reason` is a sentence for people that says where such a Lagrangian comes from.
+    are found, the search verifies them. `reason` says in a sentence where such a Lagrangian comes from.
     """
 
     name: str

@@ -145,7 +145,7 @@ def _of_one_square(key: Monomial) -> Terms:
     return {key: Fraction(1)}
 
 
-# SymPy is not asked about higher numbers, and no higher powers are divided.
+# SymPy is not called for higher numbers, and no higher powers are divided.
 _HIGHEST = 12
 
 
@@ -241,7 +241,7 @@ _NAMES = ("F", "G", "H", "K", "P", "Q", "S", "U", "W", "Z")
 def antiderivative(
     system: SecondOrderSystem, slope: ex.Expression, variable: ex.Expression, table: real_point.RealTable | None
 ) -> ex.Expression | None:
-    """An elementary one of a formula in one variable; None where none is found. SymPy is asked last."""
+    """An elementary one of a formula in one variable; None where none is found. SymPy is tried last."""
     names = fresh_names(system, slope)
     letter, inner = ex.Symbol(next(names)), ex.Symbol(next(names))
     plain = writing.joined(ex.substitute(slope if table is None else real_form(slope, table), {variable: letter}))
@@ -337,7 +337,7 @@ def _by_sympy(slope: ex.Expression, variable: ex.Symbol, table: real_point.RealT
 def real_form(tree: ex.Expression, table: real_point.RealTable) -> ex.Expression:
     """The tree as it is real at the point: log(-u) for log(u) where u < 0, sqrt(-u)*sqrt(-w) for sqrt(u)*sqrt(w).
 
-    The first changes it by a constant. In the second sqrt(u)*sqrt(w) stands for sqrt(u*w), whole powers of u beside.
+    The first changes it by a constant. In the second, sqrt(u)*sqrt(w) represents sqrt(u*w) next to integer powers of u.
     """
     if real_point.is_defined([tree], table):
         return tree

@@ -122,7 +122,7 @@ def lagrangians_of_lines(
 
 
 def propose(material: Material, seed: int) -> Sequence[ex.Expression]:
-    """Those of q'' - f; without t where L(q, q') is asked for."""
+    """Those of q'' - f; without t where L(q, q') is requested."""
     system = material.analysis.system
     for signs in (False, True):
         for tree in lagrangians_of_lines(system, (), material.analysis.real_point, signs):

@@ -310,7 +310,7 @@ def rank(key: Monomial) -> tuple[Fraction | int, int, str]:
 
 @lru_cache(maxsize=4096)
 def _traits(letter: ex.Expression) -> tuple[int, bool, str]:
-    """Its weight, whether it is a sum with velocities, and its sort key: the text of a tree takes long."""
+    """Its weight, whether it is a sum with velocities, and its sort key; cached, since printing a tree takes long."""
     return _letter_weight(letter), _is_moving_sum(letter), repr(letter)
 
 

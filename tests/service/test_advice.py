@@ -126,8 +126,8 @@ QUADRATIC = "(x'^2+y'^2+z'^2)/2 - (x^2+y^2+z^2)/2"
     [
         (CONTACT | {"lagrangian": QUADRATIC}, "and the energy drifts little"),
         (CONTACT | {"lagrangian": f"{QUADRATIC} + 3*z*y'/10"}, "but the energy may drift"),
-        (CONTACT | {"lagrangian": f"{QUADRATIC} + x*cos(2*t)/2"}, "contains t, so the energy is no constant"),
-        (CONTACT | {"lagrangian": QUADRATIC, "constraints": ["x' + y*z' - 1"]}, "energy is no constant"),
+        (CONTACT | {"lagrangian": f"{QUADRATIC} + x*cos(2*t)/2"}, "contains t, so the energy is not constant"),
+        (CONTACT | {"lagrangian": QUADRATIC, "constraints": ["x' + y*z' - 1"]}, "energy is not constant"),
     ],
 )
 def test_the_energy_of_a_constrained_motion_is_promised_only_where_it_is_kept(

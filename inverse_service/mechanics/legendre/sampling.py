@@ -230,7 +230,7 @@ def signs_of_momenta(
 
 
 def _is_polynomial_in_velocities(tree: ex.Expression) -> bool:
-    """Whether no function and no power but integral ones holds velocities: all values of these are allowed."""
+    """Whether velocities occur in no functions and only in positive integer powers: all their values are allowed."""
     for node in ex.distinct_nodes((tree,)):
         match node:
             case ex.Power(_, ex.Number(exponent)) if exponent > 0 and exponent.denominator == 1:

@@ -277,7 +277,7 @@ def _root_of_square(factor: ex.Expression) -> ex.Expression:
             return base ** (value / 2)
         case ex.Number(value):
             return ex.number(Fraction(isqrt(value.numerator), isqrt(value.denominator)))
-    raise ValueError("the factor is no square")
+    raise ValueError("the factor is not a square")
 
 
 def _is_whole(exponent: ex.Expression) -> bool:
