@@ -226,7 +226,7 @@ def multiply(*factors: Expression) -> Expression:
 
 
 def power(base: Expression, exponent: Expression | int | Fraction) -> Expression:
-    """base ^ exponent; exact for numbers to small integer exponents; 0 to a negative power stays."""
+    """base ^ exponent; exact for numbers to small integer exponents; 0 to a negative power is not evaluated."""
     if isinstance(exponent, int | Fraction):
         exponent = number(exponent)
     if not isinstance(exponent, Number):

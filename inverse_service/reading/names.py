@@ -65,7 +65,7 @@ _WORDS = ("where", "if", "then", "else", "for", "all", "forall", "with", "let", 
 _OTHER_TONGUES = (("sen", "sin"), ("seno", "sin"), ("sinus", "sin"), ("sine", "sin"), ("cosinus", "cos"),
                   ("cosine", "cos"), ("tangent", "tan"), ("senh", "sinh"))  # fmt: skip
 _DEGREES, _RADIANS = ("deg", "degs", "degree", "degrees"), ("rad", "rads", "radian", "radians")
-# What is wrong with a name, what to write, and where in a document it or another name could be declared.
+# The problem with a name, what to write instead, and the member of a document that could declare a name.
 Reason = tuple[str, str] | tuple[str, str, str]
 REFUSED: dict[str, Reason] = {
     **dict.fromkeys(("floor", "ceil", "round"), (_KINK, "write the integer for the interval that you study")),
@@ -80,7 +80,7 @@ REFUSED: dict[str, Reason] = {
     "limit": (_NOT_DONE, "write its value"),
     **dict.fromkeys(("re", "im", "conjugate"), ("belongs to complex numbers", _OF_PARTS)),
 }  # fmt: skip
-# These may be declared as names of one's own; undeclared they are refused with a better reason than "unknown".
+# Documents may declare these names; undeclared ones are refused with a better reason than "unknown".
 REFUSED_UNLESS_DECLARED: dict[str, Reason] = {
     **{
         name: (_SPECIAL, _HOW_TO_DECLARE % (name, '["n", "u"]' if name.startswith("bessel") else '["u"]'))
@@ -103,7 +103,7 @@ REFUSED_UNLESS_DECLARED: dict[str, Reason] = {
     **dict.fromkeys(_DEGREES, ("usually means a degree", "write 30*pi/180 for 30 degrees", "parameters")),
     **dict.fromkeys(_RADIANS, ("usually means the unit of angles", "leave it out", "parameters")),
 }
-# Short names of functions that people also give to coordinates: th for theta.
+# Short names of functions that are also used for coordinates: th for theta.
 MAY_BE_DECLARED = frozenset(("th", "ch", "sh", "tg", "tgh", "cotan", "cotg", "arch", "arsh", "arth", "arctg"))
 RESERVED = (FUNCTIONS | DERIVATIVE_NAMES | REFUSED.keys() | {"t", "pi"}) - MAY_BE_DECLARED
 

@@ -559,13 +559,13 @@ class FormulaParser:
                     raise self._unclear_end(token, start)
                 argument = product([argument, self._factor()], ahead.column)
         after, of_number = self._stream.ahead, ahead.kind == "number" and self._stream.position == start + 1
-        signs = ("/", "*") if of_number else ("/",)  # sin 2*x is sin(2*x) to most
+        signs = ("/", "*") if of_number else ("/",)  # sin 2*x usually means sin(2*x)
         if after.is_operator(*signs) or (_starts_factor(after) and not self._bare_ends()):
             raise self._unclear_end(token, start)
         return argument
 
     def _bare_product(self, start: int) -> int:
-        """How many names after the first factor of a bare argument clearly belong to it: cos w t, sin 2kx.
+        """The number of names after the first factor of a bare argument that clearly belong to it: cos w t, sin 2kx.
 
         They are written without spaces, or constants up to the time, or up to a coordinate where they are Latin.
         """
@@ -594,7 +594,7 @@ class FormulaParser:
         return self._names.role(self._names.spelling(token.text)) == "parameter" or token.text in ("pi", "Pi")
 
     def _unclear_end(self, token: Token, start: int) -> errors.InputError:
-        """The refusal of sin a b and sin a/b, with both interpretations if the rest can be parsed; sin 2 x has one."""
+        """The refusal of sin a b and sin a/b, with both interpretations if they can be parsed; sin 2 x has one."""
         stream, end, name = self._stream, self._stream.position, token.text
         said = (f"the end of the argument of {name} is not clear", stream.ahead.column, f"write {name}( and )")
         written = stream.take_operator("/", "*")
