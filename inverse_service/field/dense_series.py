@@ -524,7 +524,7 @@ class SeriesProgram:
         return out
 
     def _product(self, factors: tuple[ex.Expression, ...]) -> int:
-        """The product of trees that are no numbers."""
+        """The product of trees that are not numbers."""
         if len(factors) == 1:
             return self.expand(factors[0])
         if not factors:

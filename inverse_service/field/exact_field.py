@@ -115,7 +115,7 @@ class Budget:
 
     @classmethod
     def short(cls) -> Budget:
-        """For a step among many that may be left out, within the time set outside: what is longer is no help."""
+        """The budget of one optional step among many, within the outer time limit: longer results are of no use."""
         return cls(500, end(), 75_000)
 
     @classmethod
@@ -684,9 +684,9 @@ def generator_power(tree: ex.Expression, exponent: Fraction) -> ex.Expression:
 
 
 def adjoin_arbitrary(ring: ExactRing, nodes: Sequence[ex.Arbitrary], further: int) -> None:
-    """Generators for the functions in `nodes` and their derivatives of `further` more orders.
+    """Generators for the functions in `nodes` and for their derivatives of up to `further` more orders.
 
-    Derivatives of the highest order have none in their turn and are marked undefined.
+    Derivatives of the highest order have no derivatives here and are marked undefined.
     """
     families: dict[Family, int] = {}
     for node in nodes:

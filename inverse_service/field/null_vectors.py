@@ -54,7 +54,7 @@ def _rational(row: list[int], prime: int) -> dict[int, Fraction] | None:
 
 
 def leading_columns(reduced: nmod_mat, rank: int) -> list[int]:
-    """Those of the rows of a reduced echelon form: they are no combinations of earlier columns."""
+    """The pivot columns of a reduced echelon form: they are not combinations of earlier columns."""
     found: list[int] = []
     for i in range(rank):
         first = found[-1] + 1 if found else 0
@@ -120,7 +120,7 @@ def random_null_vector(matrix: Words, prime: int, generator: random.Random) -> l
 
 
 def pivots(matrix: Words | Numbers, prime: int) -> list[int]:
-    """The columns that are no combinations of earlier ones."""
+    """The columns that are not combinations of earlier ones."""
     return leading_columns(*_over_field(matrix, prime).rref())
 
 

@@ -74,9 +74,9 @@ def _off_axes(table: RealTable, positive: Sequence[ex.Expression], expressions: 
 
 
 def _move_along(name: Variable, positive: Sequence[ex.Expression], table: RealTable) -> None:
-    """Move the point along the axis of a name to where most of the trees are positive, the least as much as can be.
+    """Move the point along the axis of a name to make most of the trees positive, the least as large as possible.
 
-    Along it they are polynomials of degree 4 at most, or are not looked at: small sets between zeros are found so.
+    Only trees that are polynomials of degree at most 4 along it are used: this finds small sets between zeros.
     """
     places, trees = [mpmath.mpf(0)], [tree for tree in positive if name in ex.walk(tree)]
     for tree in trees:
@@ -274,7 +274,7 @@ def _poles(node: ex.Expression) -> list[ex.Expression]:
 
 
 def known_positive(trees: Sequence[ex.Expression]) -> set[ex.Expression]:
-    """What is positive where these trees are: they, and z for bounds z > a with a number a that is not below 0."""
+    """Expressions positive where these trees are: the trees, and z for bounds z > a with a number a >= 0."""
     known, bounds = set(trees), [bound for tree in trees if (bound := bound_of(tree)) is not None]
     with mpmath.workdps(_DIGITS):
         return known | {

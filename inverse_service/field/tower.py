@@ -3,7 +3,7 @@
 `to_kernels` writes elementary functions by exp, log, sin, cos, atan and rational powers (real domain): tan u = sin u /
 cos u and similar; cosh u = (e^u + e^-u)/2 and similar; asin u = atan(u / sqrt(1 - u^2)), acos u = pi/2 - asin u, asinh
 u = log(u + sqrt(u^2 + 1)), acosh u = log(u + sqrt(u^2 - 1)), atanh u = log((1 + u)/(1 - u))/2; b^e = exp(e log b) for
-an exponent that is no rational number; (e^u)^r = e^(r u). Each holds where the left side is real.
+an exponent that is not a rational number; (e^u)^r = e^(r u). Each holds where the left side is real.
 
 A rule says how the value of a transcendental atom follows from free generators. By the structure theorem (Risch 1979;
 Ax 1971) exponentials and logarithms are algebraically independent over the functions below them unless their
@@ -294,7 +294,7 @@ def circle_power(turn: tuple[int, int], exponent: int, prime: int) -> tuple[int,
 
 
 def _random_turn(point: ps.Point, angle: ex.Expression) -> tuple[int, int]:
-    """A random point of the circle, by t -> ((1 - t^2)/(1 + t^2), 2t/(1 + t^2)); -1 is no square."""
+    """A random point of the circle, by t -> ((1 - t^2)/(1 + t^2), 2t/(1 + t^2)); -1 is not a square."""
     return _circle_point(_random_tangent(point, angle), point.prime)
 
 
@@ -449,7 +449,7 @@ def draw_point(tower: Tower, seed: int, prime: int | None = None, flipped: froze
 
 @dataclass(frozen=True, slots=True)
 class _Stage:
-    """Variables that are drawn together until some requirements hold, which need no others but earlier ones.
+    """Variables that are drawn together until some requirements on them and on earlier variables hold.
 
     The rules are not needed to see whether those `without_atoms` hold.
     """

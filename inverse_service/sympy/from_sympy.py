@@ -77,7 +77,7 @@ class Table:
                 return self.acceleration(name)
             case Arbitrary():
                 return self._applied(node)
-        raise TypeError(f"{type(node).__name__} is no leaf")
+        raise TypeError(f"{type(node).__name__} is not a leaf")
 
     def _applied(self, tree: Arbitrary) -> Any:
         """A(u), its derivatives taken at dummies and then put at the arguments."""
@@ -356,7 +356,7 @@ def _given(system: Any, coordinates: Sequence[Any] | None, velocities: Mapping[A
     coordinates = [coordinates] if isinstance(coordinates, sympy.Basic) else coordinates
     for each in coordinates or ():
         if not isinstance(each, AppliedUndef | sympy.Symbol):
-            raise InputError("a coordinate is no SymPy object: give those of the equations, as x(t).", "/coordinates")
+            raise InputError("a coordinate is not a SymPy object: use the x(t) of the equations.", "/coordinates")
         if isinstance(system, Mapping) and each not in system:
             raise InputError(f"{each} has no acceleration: give one for each of the coordinates.", "/coordinates")
     if isinstance(system, Mapping):
@@ -406,7 +406,7 @@ def _expression(value: Any) -> Any:
     except sympy.SympifyError:
         found = None
     if not isinstance(found, sympy.Expr | sympy.MatrixBase):
-        detail = "this is no SymPy expression: give expressions, or the whole system as text, or what its file holds."
+        detail = "this is not a SymPy expression: give expressions, or the system as a text or the content of its file."
         raise InputError(detail, "/equations")
     for derivative in found.atoms(sympy.Derivative):
         if not all(count.is_Integer for _, count in derivative.variable_count):

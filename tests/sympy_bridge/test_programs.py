@@ -219,7 +219,7 @@ REFUSED = [
     ([x.diff(t, 2) + sp.Symbol("a", commutative=False) * x], "not real"),
     ([x.diff(t, 2) + sp.oo * x], "not a number"),
     ([sp.Ne(x.diff(t, 2), -x)], "comparison"),
-    (None, "no SymPy expression"),
+    (None, "not a SymPy expression"),
     ([x.diff(t, 2) + sp.Symbol("a") * x + sp.Symbol("a", positive=True)], "other assumptions"),
     ([x.diff(t, 2) + sp.gamma(x)], "gamma"),
     ([sp.true], "True or False"),
@@ -363,7 +363,7 @@ def test_keys_beside_a_text_are_asked() -> None:
 
 
 @pytest.mark.parametrize(
-    ("coordinates", "reason"), [(["x"], "is no SymPy object"), ([y], "has no acceleration"), (y, "has no acceleration")]
+    ("coordinates", "reason"), [(["x"], "not a SymPy object"), ([y], "has no acceleration"), (y, "has no acceleration")]
 )
 def test_coordinates_that_are_none_are_refused(coordinates: list[object], reason: str) -> None:
     with pytest.raises(InputError, match=reason):

@@ -27,7 +27,7 @@ _COSINE = (
     -1.13596475577881948265e-11, 2.08757232129817482790e-09, -2.75573143513906633035e-07,
     2.48015872894767294178e-05, -1.38888888888741095749e-03, 4.16666666666666019037e-02,
 )  # fmt: skip
-# pi/2 as a sum of three doubles, each the nearest to what the ones before leave.
+# pi/2 as a sum of three doubles, each nearest to the remainder of the previous ones.
 _HALF_PI = (1.5707963267948966, 6.123233995736766e-17, -1.4973849048591698e-33)
 _TWO_OVER_PI = 0.6366197723675814
 _LARGEST = 67108864.0

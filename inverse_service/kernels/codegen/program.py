@@ -106,7 +106,7 @@ class Solve:
 
 @dataclass(frozen=True, slots=True)
 class Iterate:
-    """unknowns := formulas(unknowns) until nothing changes any more beyond round-off (a contraction)."""
+    """unknowns := formulas(unknowns) until changes are within round-off (a contraction)."""
 
     unknowns: tuple[str, ...]
     formulas: tuple[Formula, ...]
@@ -197,7 +197,7 @@ def plan(
 def _eliminate(
     equations: list[Formula], unknowns: list[str], poles: bool
 ) -> tuple[list[Formula], list[str], list[Assign]]:
-    """Equations with a pivot that never vanishes are solved for it and put into the others."""
+    """Solve equations with a pivot that never vanishes, and substitute the solutions into the others."""
     assigned: list[Assign] = []
     while (pivot := _best_pivot(equations, unknowns, poles)) is not None:
         row, name = pivot

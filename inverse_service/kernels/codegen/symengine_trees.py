@@ -1,4 +1,4 @@
-"""Trees as symengine expressions with names of our own making.
+"""Trees as symengine expressions with generated names.
 
 No name of a user reaches symengine: coordinate i is q{i}, its velocity v{i}, its momentum p{i}, parameter j c{j}.
 """
