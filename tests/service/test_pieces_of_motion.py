@@ -289,7 +289,7 @@ def test_a_place_from_which_two_motions_go_ends_by_name() -> None:
     scene = {"system": {"coordinates": ["x"], "equations": {"x": "sign(x)"}}, "time": 1} | start(0, 0)
     found = run(scene)
     assert found["outcome"] == "singular"
-    assert "more than one motion" in found["stopped"]["quantity"]
+    assert "several continuations" in found["stopped"]["quantity"]
 
 
 def test_errors_are_against_the_motion_with_its_events() -> None:

@@ -98,7 +98,7 @@ def test_a_series_whose_steps_shrink_without_end_is_stopped(method: str, monkeyp
     monkeypatch.setattr(peers, "MOST_STEPS", 50)
     found = methods(OSCILLATOR | {"time": 1000, "methods": [method, "variational"]})
     assert found[method]["outcome"] == "unresolved"
-    assert "50 steps" in found[method]["stopped"]["quantity"]
+    assert "50 internal steps" in found[method]["stopped"]["quantity"]
     assert found["variational-0.5"]["outcome"] == "completed"
 
 
