@@ -37,10 +37,10 @@ def execute(path: Path, write: bool = False) -> Any:
     return found
 
 
-def texts(cell: Any) -> list[str]:
-    """What the cell prints, and its value as text; pictures are left out."""
+def texts(cell: Any) -> str:
+    """What the cell prints, which may come in pieces, and its value as text; pictures are left out."""
     shown = [output.get("text") or output.get("data", {}).get("text/plain", "") for output in cell["outputs"]]
-    return [ADDRESS.sub("", text) for text in shown if not text.startswith("<Figure")]
+    return "".join(ADDRESS.sub("", text) for text in shown if not text.startswith("<Figure"))
 
 
 def _without_count(output: Any) -> Any:
