@@ -174,7 +174,7 @@ Client = Annotated[str, typer.Argument(help="The name of a key, or an address if
 
 
 class Rank(StrEnum):
-    """When jobs begin: before those of all other clients, alternately with them, or after them."""
+    """When jobs begin: before those of all other clients, by turns with them, or after them."""
 
     first = "first"
     normal = "normal"

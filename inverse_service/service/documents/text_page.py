@@ -378,10 +378,7 @@ def _parts(said: Mapping[str, Any], key: str) -> tuple[str, ...]:
 def _conditions(conditions: dict[str, Any] | None) -> Iterator[Line]:
     if conditions is None:
         return
-    words = (
-        "Conditions: g Phi and g nabla_Phi must be symmetric, and the cyclic sums of g R must vanish. Entries not 0:"
-    )
-    yield _said(0, words)
+    yield _said(0, CONDITIONS)
     left = MOST_OF_CONDITIONS
     for name in ("Phi", "nabla_Phi", "R"):
         found = [(place, text) for place, text in _entries(conditions[name], ()) if text != "0"]
