@@ -68,7 +68,9 @@ def solve(
     wanted = read_options(given, JobOptions(time_limit=time_limit, seed=seed))
     warm_first(logging.getLogger(__name__).warning, warm_up)
     options = SolveOptions(seed=wanted.seed, time_limit=wanted.time_limit)
-    return result_of(solve_document(alone, options, None if progress is None else _by_part(progress)), names)
+    if progress is None:
+        return result_of(solve_document(alone, options), names)
+    return result_of(_told_by_part(lambda tell: solve_document(alone, options, tell), progress), names)
 
 
 def check(result: Mapping[str, Any] | str, document: Mapping[str, Any] | None = None) -> dict[str, Any]:
@@ -103,14 +105,23 @@ def simulate(scene: Mapping[str, Any], *, time_limit: float = 600.0) -> Run:
     return Run(run(_plain(scene), time_limit=time_limit))
 
 
-def _by_part(progress: Callable[[str, Mapping[str, Any]], None]) -> Callable[[Any], None]:
-    from inverse_service.service.documents.growing import events
+def _told_by_part(
+    solved: Callable[[Callable[[Any], None]], dict[str, Any]], progress: Callable[[str, Mapping[str, Any]], None]
+) -> dict[str, Any]:
+    from inverse_service.service.documents import growing
+
+    told = list[Any]()
 
     def tell(report: Any) -> None:
-        for event in events(report) if isinstance(report, dict) else ():
-            progress(event["part"], event["value"])
+        if isinstance(report, dict):
+            told.append(report)
+            for event in growing.events(report):
+                progress(event["part"], event["value"])
 
-    return tell
+    result = solved(tell)
+    if not told:
+        tell(growing.at_once(result))
+    return result
 
 
 def _as_dictionary(value: Any) -> Any:

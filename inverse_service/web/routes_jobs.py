@@ -150,18 +150,21 @@ async def _stream(engine: Engine, id: str, viewer: model.Viewer, after: int) -> 
             try:
                 found = await engine.job(id, viewer)
                 new = await engine.read(engine.store.events, id, after)
+                is_last = not new and (found is None or found.is_final)
+                if is_last and found is not None:
+                    new = await engine.read(supervisor.last_events, engine.store, found)
             except model.StoreUnavailable:  # the stream continues when it is back
                 yield STILL_THERE
                 await asyncio.sleep(LOOK_AGAIN)
                 continue
             for event in new:
-                yield written(event)
-                after = event.number
-            if found is None or found.is_final:
-                last = None if found is None else supervisor.last_event(found)
-                if last is not None and last.number > after:
-                    yield written(last)
+                if event.number > after:
+                    yield written(event)
+                    after = event.number
+            if is_last:
                 return
+            if found is not None and found.is_final:
+                continue
             silent = 0.0 if new else silent
             if not await asking.until_set(changed, engine.look_again):
                 silent += engine.look_again

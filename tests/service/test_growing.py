@@ -141,6 +141,13 @@ def test_it_is_told_in_the_names_of_the_document() -> None:
 
 def test_a_caller_of_python_hears_of_each_part() -> None:
     found: list[tuple[str, Any]] = []
+    inverse_service.solve(DAMPED, progress=lambda part, value: found.append((part, value)))
+    assert [part for part, _ in found][:2] == ["conditions", "existence"]
+
+
+def test_of_an_answer_that_was_there_at_once_each_part_is_told_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(growing, "AT_ONCE", 60.0)
+    found: list[tuple[str, Any]] = []
     result = inverse_service.solve(DAMPED, progress=lambda part, value: found.append((part, value)))
     merged = growing.merged(value for _, value in found)
     assert merged["verdict"] == result["verdict"]

@@ -147,6 +147,13 @@ def events(message: Mapping[str, Any]) -> list[dict[str, Any]]:
     return found
 
 
+def at_once(result: Mapping[str, Any]) -> dict[str, Any]:
+    """The message of a result that was finished before any part of it was told."""
+    missing = {one["part"] for one in result.get("incomplete", ())}
+    names = [part for part, fields in FIELDS.items() if part not in missing and any(map(result.get, fields))]
+    return {"parts": names, "value": result}
+
+
 def merged(values: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
     """The result so far, of the values in their order."""
     whole: dict[str, Any] = {}

@@ -74,9 +74,20 @@ NUMBERS_PER_ATTEMPT = 10_000
 MOST_EVENTS = 1_000
 
 
-def last_event(job: model.Job) -> model.Event:
-    """The event that ends the stream of a final job; the greatest number of its attempt."""
-    return model.Event((job.attempt + 1) * NUMBERS_PER_ATTEMPT - 1, "status", {"status": job.status})
+def last_events(store: JobStore, job: model.Job) -> list[model.Event]:
+    """What ends the stream of a final job: the greatest number of its attempt has its status.
+
+    Before it the parts of an answer that was there before any part was sent; they are made of the answer.
+    """
+    began, status = job.attempt * NUMBERS_PER_ATTEMPT, {"status": job.status}
+    parts: list[dict[str, Any]] = []
+    is_solved = (job.kind, job.status) == ("solve", "successful")
+    if is_solved and all(event.kind != PART for event in store.events(job.id, began, 2 * MOST_EVENTS)):
+        body = job.body or store.part(job.id, 0, model.LARGEST_BODY)[1]
+        parts = growing.events(growing.at_once(json.loads(body))) if body else []
+    ending = [(PART, part) for part in parts] + [("status", status)]
+    number = began + NUMBERS_PER_ATTEMPT - len(ending)
+    return [model.Event(number + k, kind, data) for k, (kind, data) in enumerate(ending)]
 
 
 class EventLog:
