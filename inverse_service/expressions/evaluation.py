@@ -10,6 +10,7 @@ from mpmath import mp, mpf
 
 from inverse_service import errors
 from inverse_service.expressions import tree as ex
+from inverse_service.expressions.pieces import STEP
 
 Real = Any  # mpmath has no types
 
@@ -59,6 +60,11 @@ def _value(expression: ex.Expression, table: dict[ex.Expression, Real]) -> Real:
             return evaluate_once(base, table) ** value.numerator
         case ex.Power(base, exponent):
             return mp.power(evaluate_once(base, table), evaluate_once(exponent, table))
+        case ex.Apply(function, argument) if function == STEP:
+            value = evaluate_once(argument, table)
+            if value == 0:
+                raise NoRealValue("a step has no value on its boundary")
+            return mpf(value > 0)
         case ex.Apply(function, argument):
             operation: Callable[[Real], Real] = getattr(mp, _NAMES.get(function, function))
             return operation(evaluate_once(argument, table))

@@ -49,12 +49,13 @@ _WORD = re.compile(r"[A-Z]")
 def in_our_words(tokens: Tokens, names: Names) -> Tokens:
     """The same formulas in our notation; tokens in our notation are returned unchanged."""
     marks = {token.text for token in tokens}
-    written = tokens
+    mathematica = _is_mathematica(tokens)
     if marks & {"[", "{"}:
-        tokens = _with_round_brackets(_with_indices(tokens, names), names)
+        tokens = _with_round_brackets(_with_indices(tokens, names), names, mathematica)
+    written = tokens
     if marks & {*_STARTS, ".", "@", "Piecewise"} or _is_primed_call(tokens):
         tokens = _rewritten(tokens, names)
-    if "I" in marks and names.role("I") is None and (tokens != written or marks & DERIVATIVE_NAMES):
+    if "I" in marks and names.role("I") is None and (mathematica or tokens != written or marks & DERIVATIVE_NAMES):
         column = next(token.column for token in tokens if token.text == "I")
         raise refusals.refusal(
             "I is the imaginary unit in this notation; it occurs", column, "write real equations", declare="parameters"
@@ -86,14 +87,18 @@ def _is_indexed(tokens: Tokens, place: int) -> bool:
     return whole and (after[:1] != ["("] or after == ["(", "t", ")"])
 
 
-def _with_round_brackets(tokens: Tokens, names: Names) -> Tokens:
+def _is_mathematica(tokens: Tokens) -> bool:
+    """Whether x[t] or Sin[u] occurs."""
+    pairs = [(a.text, b.text) for a, b in itertools.pairwise(tokens) if "[" in (a.text, b.text)]
+    return any(a != _small(a) or (a == "[" and b == "t") for a, b in pairs)
+
+
+def _with_round_brackets(tokens: Tokens, names: Names, mathematica: bool) -> Tokens:
     """Mathematica's f[x] and {x, 2}; the orders in our own B[1,0](x, y) are kept.
 
     Without another sign of Mathematica, k[x] is as ambiguous as k (x).
     """
     found: Tokens = []
-    calls = {(a.text, b.text) for a, b in itertools.pairwise(tokens) if b.is_operator("[") or a.is_operator("[")}
-    mathematica = any((first == "[" and second == "t") or first != _small(first) for first, second in calls)
     ends: list[str] = []
     opened: list[Token] = []
     for place, token in enumerate(tokens):

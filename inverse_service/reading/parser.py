@@ -619,10 +619,14 @@ class FormulaParser:
         return found if found and "|" not in found else None
 
     def _bare_ends(self) -> bool:
-        """Whether a bare argument ends here: before an operator, another function or a velocity."""
+        """Whether a bare argument ends here: before an operator, another function, or a velocity such as (x')."""
         ahead = self._stream.ahead
+        if ahead.is_operator("("):
+            moving, *primes = (*self._stream.group()[1:], ahead)
+            velocity = len(primes) > 1 and all(token.kind == "prime" for token in primes[:-1])
+            return velocity and self._names.role(self._names.spelling(moving.text)) == "coordinate"
         if ahead.kind != "name":
-            return not ahead.is_operator("(") and ahead.kind != "number"
+            return ahead.kind != "number"
         name = self._names.spelling(ahead.text)
         if self._names.role(name) == "coordinate":
             return self._stream.look(1).kind == "prime"
