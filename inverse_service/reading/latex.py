@@ -32,7 +32,7 @@ _ENVIRONMENTS = frozenset(
     ("align", "aligned", "alignat", "array", "cases", "dcases", "equation", "gather", "gathered", "split", "eqnarray")
 )
 _MARKED_LETTER = re.compile(f"[A-Za-z{''.join(GREEK)}][{''.join((*DOTS, *SUBSCRIPTS))}]+")
-_SPACING = frozenset([",", ";", ":", "!", " ", "quad", "qquad", "displaystyle", "textstyle", "limits", "\n"])
+_SPACING = frozenset([",", ";", ":", "!", " ", "displaystyle", "textstyle", "limits", "\n"])
 _SIZES = frozenset(size + side for size in ("big", "Big", "bigg", "Bigg") for side in ("", "l", "r"))
 _WRAPPERS = (("$$", "$$"), ("$", "$"), (r"\[", r"\]"), (r"\(", r"\)"))
 
@@ -41,13 +41,11 @@ def scan(text: str) -> TokenStream:
     """The pieces of LaTeX: commands without backslash, letters, digits, and the signs of plain text."""
     plain.check_length(text)
     start, stop = _inside_wrappers(text)
-    ends, cases = line_ends(text, start, stop), _conditions(text)
+    cases = _conditions(text)
 
     def step(text: str, place: int, space: bool) -> tuple[Tokens, int]:
         if place in cases:
             return cases[place]
-        if place in ends:
-            return [Token("command", "\\", place + 1)], place + ends[place]
         if text[place] == "&" and matrices:
             return [Token("command", components.CELL, place + 1)], place + 1
         found, after = _pieces(text, place, space)
@@ -58,7 +56,8 @@ def scan(text: str) -> TokenStream:
         return found, after
 
     matrices: list[int] = []
-    pieces = _with_single_braces(_with_fractions(plain.scan(text, start, stop, step)))
+    pieces = plain.with_line_ends(plain.scan(text, start, stop, step), latex=True)
+    pieces = _with_single_braces(_with_fractions(pieces))
     return TokenStream(components.by_components(pieces), stop + 1)
 
 
@@ -118,7 +117,7 @@ def _pieces(text: str, place: int, space: bool) -> tuple[Tokens, int]:
     character, column = text[place], place + 1
     if character == "\\":
         return _command(text, place, space)
-    if character in SPACES or character in "\n~&":
+    if character in SPACES or character in "~&":
         return [], place + 1
     if marked := _MARKED_LETTER.match(text, place):
         return plain.next_tokens(text[: marked.end()], place, space)
@@ -142,6 +141,8 @@ def _command(text: str, place: int, space: bool) -> tuple[Tokens, int]:
     name, end = match.group(1), match.end()
     if name in _SPACING or name in _SIZES:
         return [], end
+    if name in ("quad", "qquad"):
+        return [Token("newline", name, place + 1, space)], end
     if name in ("begin", "end"):
         kind, end = _environment(text, place, end)
         return [Token("command", f"{name} matrix", place + 1, space)] * (kind in components.MATRICES), end
@@ -192,45 +193,6 @@ def _conditions(text: str) -> dict[int, tuple[Tokens, int]]:
                        for part in _ROWS.get(word, (word,))]  # fmt: skip
             found[mark.start()] = written, mark.end()
     return found
-
-
-_SEPARATOR = re.compile(r"\\\\|;")
-_ESCAPED = re.compile(r"\\[{}]")
-_EXPECTS_MORE = ("+", "-", "*", "/", "^", "_", "=", ",", "&", "(", "[", "{")
-_GOES_ON = ("+", "*", "/", "^", "_", "=", ",", "&", ")", "]", "}")
-
-
-_JOINS = re.compile(r"\\(?:text[a-z]*|mathrm|mbox)\s*\{[^{}]*\}$")  # and, where
-_LINE_END = re.compile(r"(\n|\\q?quad(?![A-Za-z]))")
-
-
-def line_ends(text: str, start: int, stop: int) -> dict[int, int]:
-    """The places, and lengths, of the line ends and wide gaps between two equations: an = on either side, no bracket
-    open, no sign in the air."""
-    ends: dict[int, int] = {}
-    equals, open_now, last, place = False, (0, 0, 0), "", start
-    _, *pieces = ("", "", *_LINE_END.split(text[start:stop]))
-    for gap, line in zip(pieces[::2], pieces[1::2], strict=True):
-        first = _SEPARATOR.split(line, maxsplit=1)[0].strip()
-        complete = equals and open_now == (0, 0, 0) and not (last.endswith(_EXPECTS_MORE) or _JOINS.search(last))
-        if complete and "=" in first and not first.startswith(_GOES_ON):
-            ends[place] = len(gap)
-            equals, open_now, last = False, (0, 0, 0), ""
-        *earlier, rest = _SEPARATOR.split(line)
-        if earlier:
-            equals, open_now, last = False, (0, 0, 0), ""
-        equals = equals or "=" in rest
-        open_now = _opened(rest, open_now)
-        last = rest.strip() or last
-        place += len(gap) + len(line)
-    return ends
-
-
-def _opened(part: str, before: tuple[int, int, int]) -> tuple[int, int, int]:
-    """The number of { ( [ that are open after the part."""
-    shown = _ESCAPED.sub("", part)
-    braces, round_ones, square = (shown.count(a) - shown.count(b) for a, b in ("{}", "()", "[]"))
-    return before[0] + braces, before[1] + round_ones, before[2] + square
 
 
 def role_before(tokens: Sequence[Token], names: Names) -> Role | None:

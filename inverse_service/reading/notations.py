@@ -382,10 +382,9 @@ _STARTS: dict[str, _Rewrite] = {
 
 def _without_list(tokens: Tokens) -> Tokens:
     """[eq1, eq2] and {eq1, eq2} without the outer brackets; a Matrix of equations is not one of them."""
-    plain = [token for token in tokens if token.kind != "newline"]
-    if len(plain) < 3 or not plain[0].is_operator("[", "(") or not any(token.is_operator("=") for token in plain):
+    if len(tokens) < 3 or not tokens[0].is_operator("[", "(") or not any(token.is_operator("=") for token in tokens):
         return tokens
-    return plain[1:-1] if closing(plain, 0) == len(plain) - 1 else tokens
+    return tokens[1:-1] if closing(tokens, 0) == len(tokens) - 1 else tokens
 
 
 # Derivatives written with d.
@@ -577,7 +576,7 @@ def _differentiated(tokens: Tokens, quotient: _Quotient, names: Names, depth: in
     arguments = 0 if bracket or first.kind != "name" else _length_of_arguments(tokens, end + 1, first, names)
     end += arguments
     following = at(tokens, end + 1)
-    ends = following.kind in ("end", "newline") or following.is_operator(*_CLEAR)
+    ends = following.kind == "end" or following.is_operator(*_CLEAR)
     multiplied = following.is_operator("*", "/") or (
         _is_fraction(tokens, end + 1) and _quotient(tokens, end + 1, names)
     )

@@ -48,7 +48,7 @@ def is_latex(formula: str) -> bool:
 
 def read_formula(formula: str, names: Names) -> ex.Expression:
     """The formula as a tree; InputError or LimitError with the column."""
-    return _side([token for token in read_tokens(formula, names) if token.kind != "newline"], len(formula) + 1, names)
+    return _side(read_tokens(formula, names), len(formula) + 1, names)
 
 
 _NOTES: ContextVar[dict[str, str] | None] = ContextVar("notes", default=None)
@@ -152,7 +152,7 @@ def _without_names_of_forms(tokens: list[Token], names: Names) -> list[Token]:
     A form is not a number, so a name that equals it can only be the name of the form.
     """
     found: list[Token] = []
-    for line, end in split(tokens, lambda _, token: token.kind == "newline" or token.is_operator(";", ",")):
+    for line, end in split(tokens, lambda _, token: token.is_operator(";", ",")):
         named = len(line) > 2 and line[0].kind == "name" and line[1].is_operator("=")
         last = [token.text for token in line[-2:]] == ["=", "0"] and len(line) > 4
         form = any(token.text == _OF_A_FORM for token in line)
@@ -194,7 +194,7 @@ def _without_remarks(tokens: list[Token], formula: str, names: Names) -> list[To
 
     def ends(place: int, token: Token) -> bool:
         joins = token.kind == "name" and _joins(tokens, place, names)
-        return joins or token.kind == "newline" or token.is_operator(";", ",")
+        return joins or token.is_operator(";", ",")
 
     groups = [
         (group, Token("operator", ";", end.column) if end is not None and end.kind == "name" else end)
@@ -210,7 +210,7 @@ def _without_remarks(tokens: list[Token], formula: str, names: Names) -> list[To
             note(formula[group[0].column - 1 : stop].strip(" \t\n$.,;"), LEFT_OUT if _is_initial(group) else CONDITION)
             group = []
         found += _without_number(group, formula, names) if _has(group, "=") else group
-        found += [end] if end is not None and (group or end.kind == "newline") else []
+        found += [end] if end is not None and group else []
     return found
 
 
@@ -219,7 +219,8 @@ def _joins(tokens: Sequence[Token], place: int, names: Names) -> bool:
     wanted = _JOINS.get(tokens[place].text, ())
     if not wanted or names.role(tokens[place].text):
         return False
-    for _, token in outside(tokens[place + 1 :]):
+    after = place + 1 + at(tokens, place + 1).is_operator(";")  # a line of its own
+    for _, token in outside(tokens[after:]):
         if token.is_operator(*wanted, ";", ",") or token.text in _BRANCHES:
             return token.is_operator(*wanted)
     return False
@@ -303,10 +304,6 @@ def _greek(match: re.Match[str]) -> str:
     return f"{'var' * ('Curly' in match[0])}{name}".ljust(len(match[0]))
 
 
-_EXPECTS_MORE = ("+", "-", "*", "/", "^", "=", ",", "(", "[")
-_GOES_ON = ("+", "*", "/", "^", "=", ")", "]")
-
-
 @dataclass(frozen=True, slots=True)
 class EquationTokens:
     """The tokens of one equation and the column just after it."""
@@ -322,15 +319,10 @@ def split_equations(formula: str, names: Names) -> list[EquationTokens]:
     an = and the other none, it is refused.
     """
     tokens = read_tokens(formula, names)
-    _refuse_bullets(tokens)
-    parts = split(tokens, lambda place, token: _separates(tokens, place))
+    _refuse_bullets(tokens, formula)
+    parts = split(tokens, lambda _, token: token.is_operator(";", ","))
     commas = [end for _, end in parts if end is not None and end.is_operator(",")]
-    groups = [
-        EquationTokens(
-            tuple(token for token in part if token.kind != "newline"), end.column if end else len(formula) + 1
-        )
-        for part, end in parts
-    ]
+    groups = [EquationTokens(tuple(part), end.column if end else len(formula) + 1) for part, end in parts]
     found = [group for group in groups if group.tokens]
     if commas and len({any(token.is_operator("=") for token in group.tokens) for group in found}) > 1:
         raise refusals.refusal(
@@ -339,43 +331,18 @@ def split_equations(formula: str, names: Names) -> list[EquationTokens]:
     return found
 
 
-def _refuse_bullets(tokens: Sequence[Token]) -> None:
+def _refuse_bullets(tokens: Sequence[Token], formula: str) -> None:
     """InputError for lines that all begin with "- ", usually a bullet; -x'' = x in one line is accepted."""
-    full = [line for line, _ in split(tokens, lambda _, token: token.kind == "newline") if line]
+
+    def ends(_: int, token: Token) -> bool:
+        return token.is_operator(";") and formula[token.column - 1] == "\n"
+
+    full = [line for line, _ in split(tokens, ends) if line]
     listed = (line[0].is_operator("-") and line[1:] and line[1].space_before for line in full)
     if len(full) > 1 and all(listed) and all(any(token.is_operator("=") for token in line) for line in full):
         raise refusals.refusal(
             "every line begins with a - that may be a bullet", full[0][0].column, "leave it out, or write -1*"
         )
-
-
-def _separates(tokens: Sequence[Token], place: int) -> bool:
-    """Whether an equation ends at a token outside brackets."""
-    token = tokens[place]
-    return token.is_operator(";", ",") or (token.kind == "newline" and not _continues(tokens, place))
-
-
-def _continues(tokens: Sequence[Token], place: int) -> bool:
-    """Whether the equation continues after a line end: an operator before or after it needs an operand."""
-    before = next((token for token in reversed(tokens[:place]) if token.kind != "newline"), None)
-    if before is None or before.is_operator(*_EXPECTS_MORE, ";"):
-        return True
-    following = next((token for token in tokens[place:] if token.kind != "newline"), None)
-    if following is None or following.is_operator(*_GOES_ON):
-        return True
-    return following.is_operator("-") and not _line_has_equals(tokens, place)
-
-
-def _line_has_equals(tokens: Sequence[Token], place: int) -> bool:
-    """Whether an = precedes the next separator, so that a leading minus begins a new equation."""
-    started = False
-    for token in tokens[place:]:
-        if token.is_operator("="):
-            return True
-        if token.is_operator(";") or (token.kind == "newline" and started):
-            return False
-        started = started or token.kind != "newline"
-    return False
 
 
 def read_equation(equation: EquationTokens, names: Names) -> tuple[ex.Expression, ex.Expression]:
@@ -420,7 +387,7 @@ def _is_power(line: Sequence[Token], end: int) -> bool:
 
 def _is_edge(token: Token) -> bool:
     """Whether an equation ends or begins there."""
-    return token.kind in ("end", "newline") or token.is_operator(";", ",")
+    return token.kind == "end" or token.is_operator(";", ",")
 
 
 def _ends_factor(token: Token) -> bool:

@@ -11,10 +11,11 @@ digits and typographic signs. See `grammar.py`.
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Callable, Container, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Literal
 
@@ -119,6 +120,49 @@ def split(tokens: Sequence[Token], ends: Callable[[int, Token], bool]) -> list[t
 def split_at_commas(tokens: Sequence[Token]) -> list[Tokens]:
     """The parts between commas outside brackets."""
     return [part for part, _ in split(tokens, lambda _, token: token.is_operator(","))]
+
+
+_EXPECTS_MORE = ("+", "-", "*", "/", "^", "_", "=", ",", "&", "(", "[", "{")
+_GOES_ON = ("+", "*", "/", "^", "_", "=", ",", "&", ")", "]", "}")
+_UPRIGHT = ("text", "textrm", "mathrm", "mbox")
+
+
+def ends_equation(token: Token) -> bool:
+    """Whether it is the ; or the double backslash between two equations."""
+    return token.is_operator(";") or token.is_command("\\")
+
+
+def with_line_ends(tokens: Sequence[Token], latex: bool = False) -> Tokens:
+    """The tokens with a ; for each line end between two equations, and without the other line ends.
+
+    No equation ends in brackets, or next to an operator that needs an operand there. In LaTeX, where a formula may be
+    broken at any place and a wide gap counts as a line end, there is also an = on either side.
+    """
+    outer = {place for place, token in outside(tokens) if token.kind == "newline"}
+    found: Tokens = []
+    equals = False
+    for place, token in enumerate(tokens):
+        if token.kind != "newline":
+            found.append(token)
+            equals = not ends_equation(token) and (equals or token.is_operator("="))
+            continue
+        begins = place in outer and at(tokens, place - 1).kind != "newline" and (equals or not latex)
+        if begins and _is_between(found, tokens[place:], latex):
+            found.append(replace(token, kind="operator", text=";"))
+            equals = False
+    return found
+
+
+def _is_between(before: Sequence[Token], after: Sequence[Token], latex: bool) -> bool:
+    """Whether an equation is complete before a line end, and the line after it begins another one."""
+    text = itertools.dropwhile(lambda token: token.kind == "newline", after)
+    line = list(itertools.takewhile(lambda token: token.kind != "newline" and not ends_equation(token), text))
+    if not before or not line or before[-1].is_operator(*_EXPECTS_MORE) or line[0].is_operator(*_GOES_ON):
+        return False
+    equals = any(token.is_operator("=") for token in line)
+    if latex:  # a word such as \\text{and} joins what follows it
+        return equals and not at(before, opening(before, len(before) - 1) - 1).is_command(*_UPRIGHT)
+    return not ends_equation(before[-1]) and (equals or not line[0].is_operator("-"))
 
 
 def refuse_decimal_commas(tokens: Sequence[Token]) -> None:
@@ -258,7 +302,7 @@ def unexpected(token: Token, wanted: str) -> InputError:
         return refusal("a partial derivative occurs", token.column, "write diff(A(x, y), x), A declared")
     if wanted == END and token.is_operator(")"):
         return refusal("')' is not expected", token.column, "leave it out, or add the '(' before it")
-    shown = {"newline": "a new line", "prime": "a prime (')"}.get(token.kind, f"'{shorten(token.text)}'")
+    shown = "a prime (')" if token.kind == "prime" else f"'{shorten(token.text)}'"
     return refusal(f"{shown} is not expected", token.column, f"{wanted} is expected")
 
 
@@ -338,7 +382,7 @@ def tokenize(text: str, known: Container[str] = ()) -> Tokens:
             return [Token("operator", _CONDITION_SIGNS.get(sign[0], sign[0]), place + 1, space)], sign.end()
         return next_tokens(text, place, space, known)
 
-    return scan(text, 0, len(text), step)
+    return with_line_ends(scan(text, 0, len(text), step))
 
 
 def scan(text: str, place: int, stop: int, step: Callable[[str, int, bool], tuple[Tokens, int]]) -> Tokens:
