@@ -1,11 +1,5 @@
 """Integrating factors, and the functions of t and position that an ansatz multiplies with.
 
-Factors of multipliers that f itself asks for, from linear equations in exponents at random points modulo a prime.
-
-Integrating factors exp(-int c dx) are products of powers of letters and one exponential:
-c = sum_j e_j d(log p_j)/dx + sum_k r_k d(m_k)/dx is solved for rational e, r, over the letters p_j and the
-antiderivatives m_k of the terms of c.
-
 The factor e^(ct) follows from the divergence of f. (H2) gives Gamma(log det g) = 2 tr N = -div_v f. For g = e^(ct) g_0
 with det g_0 a product of letters,
     -div_v f = n c + sum_j e_j Gamma(log p_j),
@@ -27,14 +21,12 @@ from inverse_service import bounds, errors
 from inverse_service.decision.deciding import Analysis
 from inverse_service.expressions import tree as ex
 from inverse_service.field import null_vectors, tower
-from inverse_service.field import point as ps
-from inverse_service.field.point import Expansion, SingularPoint, Variable, evaluate
+from inverse_service.field.point import SingularPoint, evaluate
 from inverse_service.search import ansatz
+from inverse_service.search.gradients import Integrator
 from inverse_service.search.material import (
     Material,
-    antiderivatives,
     coefficient,
-    companions,
     integrating_candidates,
     moving_letters,
     simplified,
@@ -46,83 +38,31 @@ from inverse_service.search.terms import (
     TooManyTerms,
     add_terms,
     derivative_of_terms,
-    letter_derivative,
     monomial,
     monomial_tree,
     multiply_terms,
     rank,
     split_velocities,
     times,
-    tree_of,
 )
 
 
-def integrating_factor(material: Material, c: Terms, variable: Variable, seed: int) -> Monomial | None:
-    """exp(-int c d variable), or None where it is no such product; logarithms alone are tried first."""
-    own = dict.fromkeys(p for key in c for letter, _ in key for p in (letter, *companions(letter)))
-    sums = [p for p in material.position_letters if isinstance(p, ex.Sum)]
-    letters = [p for p in dict.fromkeys([variable, *own, *sums]) if not ex.is_exponential(p)]
-    primitives = list(dict.fromkeys(m for key in c for m in antiderivatives(key, variable)))
-    for extra in ([], primitives):
-        fits = len(letters) + len(extra) <= bounds.COLUMNS
-        solution = _solve(material, c, variable, letters, [monomial_tree(m) for m in extra], seed) if fits else None
-        if solution is not None:
-            return _assembled(letters, extra, solution)
+def factor_of(material: Material, variables: Sequence[ex.Symbol], slopes: Sequence[Terms]) -> Monomial | None:
+    """phi with d log phi/d variables[i] = slopes[i], a product of letters and exponentials; None where it is none."""
+    # Without a real point, so that SymPy is not asked: most coefficients have an elementary integral or none.
+    integrator, phi, rest = Integrator(material.analysis.system), EMPTY, Terms()
+    with suppress(TooManyTerms):
+        logarithm = integrator.function_of(variables, slopes)
+        integrator.table = material.analysis.real_point
+        for key, value in logarithm.items() if logarithm is not None else ():
+            match [*key]:
+                case [(ex.Apply("log", ex.Sum() as base), power)] if power == 1:
+                    phi = times(phi, monomial(integrator.positive(base)), value)  # not multiplied out
+                case _:
+                    rest[key] = value
+        found = None if logarithm is None else integrator.exponential(rest)
+        return times(phi, next(iter(found))) if found and len(found) == 1 else None
     return None
-
-
-def _assembled(
-    letters: Sequence[ex.Expression], primitives: Sequence[Monomial], solution: Sequence[Fraction]
-) -> Monomial:
-    """prod p_j^-e_j exp(-sum r_k m_k)."""
-    result = EMPTY
-    for letter, e in zip(letters, solution, strict=False):
-        if e:
-            result = times(result, frozenset([(letter, -e)]))
-    for m, r in zip(primitives, solution[len(letters) :], strict=True):
-        if r:
-            result = times(result, frozenset([(ex.Apply("exp", monomial_tree(m)), -r)]))
-    return result
-
-
-def _solve(
-    material: Material,
-    c: Terms,
-    variable: Variable,
-    letters: Sequence[ex.Expression],
-    primitives: Sequence[ex.Expression],
-    seed: int,
-) -> list[Fraction] | None:
-    """The simplest rational solution: columns that depend on earlier ones are left out."""
-    given = tree_of(c)
-    try:
-        sampler = ansatz.make_sampler(
-            material.analysis, [(tree, Fraction(1)) for tree in (*letters, *primitives, given)]
-        )
-        points = [sampler.points(seed).point(k) for k in range(len(letters) + len(primitives) + 6)]
-        rows = [_row(Expansion(point, [variable], 1), letters, primitives, given) for point in points]
-    except (errors.IrreducibleAtoms, SingularPoint, ValueError):
-        return None
-    return null_vectors.small_solution(rows, points[0].prime)
-
-
-def _row(
-    expansion: Expansion, letters: Sequence[ex.Expression], primitives: Sequence[ex.Expression], c: ex.Expression
-) -> list[int]:
-    """d(log p)/dx for each letter, dm/dx for each antiderivative, and c, at a point."""
-    prime = expansion.point.prime
-    row = []
-    for p in letters:
-        series = expansion.expand(tower.to_kernels(p))
-        if not ps.value_at_point(series):
-            raise SingularPoint("a generator vanishes")
-        row.append(_slope(series) * pow(ps.value_at_point(series), -1, prime) % prime)
-    row += [_slope(expansion.expand(tower.to_kernels(m))) for m in primitives]
-    return [*row, evaluate(tower.to_kernels(c), expansion.point)]
-
-
-def _slope(series: ps.Series) -> int:
-    return ps.value_at_point(ps.derivative(series, 0))
 
 
 def divergence_factor(material: Material, seed: int) -> Monomial | None:
@@ -211,7 +151,7 @@ def find_factors(material: Material, seed: int) -> Factors:
     single: dict[Monomial, None] = {EMPTY: None}
     in_time: dict[Monomial, None] = {EMPTY: None}
     for i, c, variable in integrating_candidates(material)[: bounds.COLUMNS]:
-        factor = integrating_factor(material, c, variable, seed)
+        factor = factor_of(material, [variable], [{key: -value for key, value in c.items()}])
         if not factor:
             continue
         if variable == ex.TIME:
@@ -230,10 +170,10 @@ def find_factors(material: Material, seed: int) -> Factors:
         single[times(across.get(i, EMPTY), along.get(i, EMPTY), 2)] = None
     inverted = [times(EMPTY, factor, -1) for factor in single]
     chosen = tuple(dict.fromkeys([*sorted(single, key=rank), *sorted(inverted, key=rank)]))[: bounds.CANDIDATES]
-    return Factors(along, across, tuple(_first(in_time, whole)), chosen, dict(_fitted(material, seed)))
+    return Factors(along, across, tuple(_first(in_time, whole)), chosen, dict(_fitted(material)))
 
 
-def _fitted(material: Material, seed: int) -> Iterator[tuple[tuple[int, Fraction], Monomial]]:
+def _fitted(material: Material) -> Iterator[tuple[tuple[int, Fraction], Monomial]]:
     """phi for a diagonal g with g_ii = phi v_i^e: (H2) asks for Gamma(log phi) = -df_i/dv_i - e f_i/v_i."""
     motion, room = material.motion, bounds.CANDIDATES
     for i, (v, f) in enumerate(zip(motion.velocities, motion.forces, strict=True)):
@@ -242,30 +182,20 @@ def _fitted(material: Material, seed: int) -> Iterator[tuple[tuple[int, Fraction
             with suppress(TooManyTerms):
                 divided = multiply_terms(f, {frozenset([(v, -Fraction(1))]): -e})
                 rate = add_terms(divided, derivative_of_terms(f, v), -1)
-                phi = _exponential_of(material, rate, seed) if rate and room else None
+                phi = _exponential_of(material, rate) if rate and room else None
             if phi:
                 room -= 1
                 yield (i, e), phi
 
 
-def _exponential_of(material: Material, rate: Terms, seed: int) -> Monomial | None:
+def _exponential_of(material: Material, rate: Terms) -> Monomial | None:
     """phi(t, q) with Gamma(log phi) = rate, which is linear in the velocities then; None where none is found."""
-    motion, phi = material.motion, EMPTY
-    steps = [(ex.TIME, EMPTY), *((q, monomial(v)) for q, v in zip(motion.coordinates, motion.velocities, strict=True))]
-    if any(split_velocities(key)[1] not in [moving for _, moving in steps] for key in rate):
+    motion = material.motion
+    parts = [EMPTY, *map(monomial, motion.velocities)]
+    if any(split_velocities(key)[1] not in parts for key in rate):
         return None
-    for variable, moving in steps:
-        slope = coefficient(rate, moving)
-        for letter, e in phi:
-            slope = add_terms(
-                slope, multiply_terms(letter_derivative(letter, variable), {frozenset([(letter, -Fraction(1))]): e}), -1
-            )
-        if slope := simplified(material, slope):
-            factor = integrating_factor(material, {key: -value for key, value in slope.items()}, variable, seed)
-            if not factor:
-                return None
-            phi = times(phi, factor)
-    return phi
+    slopes = [simplified(material, coefficient(rate, part)) for part in parts]
+    return factor_of(material, [ex.TIME, *motion.coordinates], slopes)
 
 
 def _first(in_time: Iterable[Monomial], whole: Monomial | None) -> list[Monomial]:

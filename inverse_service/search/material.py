@@ -28,7 +28,6 @@ from inverse_service.decision.deciding import Analysis
 from inverse_service.expressions import tree as ex
 from inverse_service.expressions.evaluation import NoRealValue
 from inverse_service.field import exact_field, real_point
-from inverse_service.field.point import Variable
 from inverse_service.mechanics import conditions
 from inverse_service.search.terms import (
     EMPTY,
@@ -391,10 +390,10 @@ def coefficient(terms: Terms, moving: Monomial) -> Terms:
     return {split_velocities(key)[0]: value for key, value in terms.items() if split_velocities(key)[1] == moving}
 
 
-def integrating_candidates(material: Material) -> list[tuple[int, Terms, Variable]]:
+def integrating_candidates(material: Material) -> list[tuple[int, Terms, ex.Symbol]]:
     """(i, c, variable) with wanted factors exp(-int c d variable): from c v_i v_l, c v_i^2, c v_i in f_i."""
     motion = material.motion
-    found: list[tuple[int, Terms, Variable]] = []
+    found: list[tuple[int, Terms, ex.Symbol]] = []
     for i, (v, f) in enumerate(zip(motion.velocities, motion.forces, strict=True)):
         for q, w in zip(motion.coordinates, motion.velocities, strict=True):
             c = simplified(material, coefficient(f, monomial(v, w)))
