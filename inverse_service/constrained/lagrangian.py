@@ -17,6 +17,8 @@ from fractions import Fraction
 from functools import reduce
 from itertools import combinations, count, islice
 
+import numpy as np
+
 from inverse_service import bounds, errors
 from inverse_service.constrained.reduced import reduced_system
 from inverse_service.deadline import OutOfTime, check, left, now, until, within
@@ -24,7 +26,10 @@ from inverse_service.decision import deciding
 from inverse_service.decision.solutions import Lagrangian, SolveOptions
 from inverse_service.expressions import collecting, derivative
 from inverse_service.expressions import tree as ex
-from inverse_service.field import exact_field, matrices, tower
+from inverse_service.field import exact_field, matrices, modular, null_vectors, tower
+from inverse_service.field.echelon import Words
+from inverse_service.field.modular import Field, compiled, minus, multiply, plus
+from inverse_service.field.point import number_value
 from inverse_service.mechanics import euler_lagrange
 from inverse_service.mechanics.constrained_motion import ConstrainedMotion
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
@@ -277,11 +282,83 @@ def _first_found(
     squares = _squares(motion)
     for candidates in _families(motion, material):
         sampler = ansatz.make_sampler(analysis, [item for key in candidates for item in key])
-        space = ansatz.solve_ansatz(sampler, candidates, seed)
+        space = _solve_ansatz(sampler, candidates, seed)
         members = best_members(replace(space, combinations=(*space.combinations, *squares)), seed)
         if members:
             return [protocol.describe(analysis, tree_of(member.terms), "along the constraints") for member in members]
     return []
+
+
+def _solve_ansatz(sampler: ansatz.Sampler, candidates: Sequence[Monomial], seed: int) -> ansatz.LagrangianSpace:
+    """The space of Lagrangians in the span of the candidates (simple ones first).
+
+    Each basis element has its most complicated candidate to itself. Combinations whose coefficients
+    are not small rationals, or that fail at control points over another prime, are left out.
+    """
+    letters, n = ansatz.letters_of(candidates), len(sampler.analysis.accelerations)
+
+    def equations(begin: int, end: int) -> Words:
+        table = ansatz.letter_table(sampler, letters, end, seed, first=begin)
+        return _euler_lagrange_matrix(table, letters, candidates)
+
+    # Equations of cyclic coordinates can be trivial, so the first samples need not suffice.
+    found = null_vectors.rational_vectors(len(candidates), null_vectors.SampledRows(equations, n), sampler.prime(seed))
+    kept = _that_hold(sampler, candidates, found, seed + 77_777)
+    return ansatz.LagrangianSpace(sampler, tuple({candidates[k]: a for k, a in vector.items()} for vector in kept))
+
+
+def _euler_lagrange_matrix(
+    table: ansatz.LetterTable, letters: Sequence[ex.Expression], candidates: Sequence[Monomial]
+) -> Words:
+    """EL_i of each candidate at each sample, (samples * n, candidates)."""
+    prime = table.prime
+    values = ansatz.monomial_values(table, letters, candidates)
+    result = np.zeros((len(values) * table.derivatives.size, len(candidates)), np.uint64)
+    derivatives = ansatz.Derivatives(*(ansatz.to_montgomery(array, prime) for array in table.derivatives))
+    _fill(values, ansatz.exponents_of(letters, candidates, prime), derivatives, modular.field_of(prime), result)
+    return result
+
+
+@compiled
+def _fill(values: Words, candidates: ansatz.Exponents, d: ansatz.Derivatives, field: Field, result: Words) -> None:
+    """result[s n + i, c] = m_c (V_i G + H_i - Q_i) at sample s, from and to Montgomery form."""
+    n = d.by_velocity.shape[2]
+    for s in range(values.shape[0]):
+        for c in range(values.shape[1]):
+            first, last = candidates.starts[c], candidates.starts[c + 1]
+            along = np.uint64(0)
+            for k in range(first, last):
+                along = plus(along, multiply(candidates.exponents[k], d.along[s, candidates.letters[k]], field), field)
+            for i in range(n):
+                velocity = rest = np.uint64(0)
+                for k in range(first, last):
+                    e, p = candidates.exponents[k], candidates.letters[k]
+                    velocity = plus(velocity, multiply(e, d.by_velocity[s, p, i], field), field)
+                    other = minus(d.mixed[s, p, i], d.by_position[s, p, i], field)
+                    rest = plus(rest, multiply(e, other, field), field)
+                total = plus(multiply(velocity, along, field), rest, field)
+                result[s * n + i, c] = multiply(values[s, c], total, field)
+
+
+def _that_hold(
+    sampler: ansatz.Sampler, candidates: Sequence[Monomial], vectors: list[dict[int, Fraction]], seed: int
+) -> list[dict[int, Fraction]]:
+    """Those whose Euler-Lagrange expressions vanish at fresh points over another prime."""
+    used = sorted({k for vector in vectors for k in vector})
+    if not used:
+        return []
+    chosen = [candidates[k] for k in used]
+    letters = ansatz.letters_of(chosen)
+    table = ansatz.letter_table(sampler, letters, bounds.FEW, seed)
+    prime = table.prime
+    rows = _euler_lagrange_matrix(table, letters, chosen).tolist()
+    place = {k: position for position, k in enumerate(used)}
+
+    def holds(vector: dict[int, Fraction]) -> bool:
+        weights = [(place[k], number_value(a, prime)) for k, a in vector.items()]
+        return all(sum(row[k] * w for k, w in weights) % prime == 0 for row in rows)
+
+    return [vector for vector in vectors if holds(vector)]
 
 
 def _squares(motion: ConstrainedMotion) -> list[dict[Monomial, Fraction]]:

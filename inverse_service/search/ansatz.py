@@ -1,8 +1,6 @@
-"""The linear equations of an ansatz: values at points modulo a prime, multipliers first, then Lagrangians.
+"""The linear equations of an ansatz: values at points modulo a prime, and the multipliers among combinations.
 
 Values of generators and their logarithmic derivatives at random points of one prime field.
-
-All rational combinations of candidate terms that are Lagrangians, by linear algebra modulo a prime.
 
 Which combinations of terms have a multiplier as Hessian: the ansatz without its potentials.
 
@@ -292,7 +290,7 @@ Combination = dict[Monomial, Fraction]
 
 @dataclass(frozen=True, slots=True)
 class LagrangianSpace:
-    """Independent combinations with vanishing Euler-Lagrange expressions along f."""
+    """Independent combinations of the terms of an ansatz: Lagrangians, or such up to a potential and linear terms."""
 
     sampler: Sampler
     combinations: tuple[Combination, ...]
@@ -304,27 +302,6 @@ class Exponents(NamedTuple):
     starts: Integers
     letters: Integers
     exponents: Words
-
-
-@compiled
-def _fill(values: Words, candidates: Exponents, d: Derivatives, field: Field, result: Words) -> None:
-    """result[s n + i, c] = m_c (V_i G + H_i - Q_i) at sample s, from and to Montgomery form."""
-    n = d.by_velocity.shape[2]
-    for s in range(values.shape[0]):
-        for c in range(values.shape[1]):
-            first, last = candidates.starts[c], candidates.starts[c + 1]
-            along = np.uint64(0)
-            for k in range(first, last):
-                along = plus(along, multiply(candidates.exponents[k], d.along[s, candidates.letters[k]], field), field)
-            for i in range(n):
-                velocity = rest = np.uint64(0)
-                for k in range(first, last):
-                    e, p = candidates.exponents[k], candidates.letters[k]
-                    velocity = plus(velocity, multiply(e, d.by_velocity[s, p, i], field), field)
-                    other = minus(d.mixed[s, p, i], d.by_position[s, p, i], field)
-                    rest = plus(rest, multiply(e, other, field), field)
-                total = plus(multiply(velocity, along, field), rest, field)
-                result[s * n + i, c] = multiply(values[s, c], total, field)
 
 
 def to_montgomery(array: Words, prime: int) -> Words:
@@ -339,16 +316,6 @@ def _scale(numbers: Words, field: Field) -> None:
     """Each number times R."""
     for k in range(numbers.shape[0]):
         numbers[k] = multiply(numbers[k], field.square, field)
-
-
-def euler_lagrange_matrix(table: LetterTable, letters: Sequence[Expression], candidates: Sequence[Monomial]) -> Words:
-    """EL_i of each candidate at each sample, (samples * n, candidates)."""
-    prime = table.prime
-    values = monomial_values(table, letters, candidates)
-    result = np.zeros((len(values) * table.derivatives.size, len(candidates)), np.uint64)
-    derivatives = Derivatives(*(to_montgomery(array, prime) for array in table.derivatives))
-    _fill(values, exponents_of(letters, candidates, prime), derivatives, modular.field_of(prime), result)
-    return result
 
 
 def exponents_of(letters: Sequence[Expression], candidates: Sequence[Monomial], prime: int) -> Exponents:
@@ -368,49 +335,10 @@ def letters_of(candidates: Sequence[Monomial]) -> list[Expression]:
     return list(dict.fromkeys(letter for candidate in candidates for letter, _ in candidate))
 
 
-def solve_ansatz(sampler: Sampler, candidates: Sequence[Monomial], seed: int) -> LagrangianSpace:
-    """The space of Lagrangians in the span of the candidates (simple ones first).
-
-    Each basis element has its most complicated candidate to itself. Combinations whose coefficients
-    are not small rationals, or that fail at control points over another prime, are left out.
-    """
-    letters, n = letters_of(candidates), len(sampler.analysis.accelerations)
-
-    def equations(begin: int, end: int) -> Words:
-        table = letter_table(sampler, letters, end, seed, first=begin)
-        return euler_lagrange_matrix(table, letters, candidates)
-
-    # Equations of cyclic coordinates can be trivial, so the first samples need not suffice.
-    found = null_vectors.rational_vectors(len(candidates), null_vectors.SampledRows(equations, n), sampler.prime(seed))
-    kept = _that_hold(sampler, candidates, found, seed + 77_777)
-    return LagrangianSpace(sampler, tuple({candidates[k]: a for k, a in vector.items()} for vector in kept))
-
-
 def null_combinations(matrix: Words, candidates: Sequence[Monomial], prime: int) -> list[Combination]:
     """The rational part of the kernel of a matrix, (equations, candidates)."""
     vectors = null_vectors.kernel(matrix, prime).rational_vectors()
     return [{candidates[k]: a for k, a in vector.items()} for vector in vectors]
-
-
-def _that_hold(
-    sampler: Sampler, candidates: Sequence[Monomial], vectors: list[dict[int, Fraction]], seed: int
-) -> list[dict[int, Fraction]]:
-    """Those whose Euler-Lagrange expressions vanish at fresh points over another prime."""
-    used = sorted({k for vector in vectors for k in vector})
-    if not used:
-        return []
-    chosen = [candidates[k] for k in used]
-    letters = letters_of(chosen)
-    table = letter_table(sampler, letters, bounds.FEW, seed)
-    prime = table.prime
-    rows = euler_lagrange_matrix(table, letters, chosen).tolist()
-    place = {k: position for position, k in enumerate(used)}
-
-    def holds(vector: dict[int, Fraction]) -> bool:
-        weights = [(place[k], number_value(a, prime)) for k, a in vector.items()]
-        return all(sum(row[k] * w for k, w in weights) % prime == 0 for row in rows)
-
-    return [vector for vector in vectors if holds(vector)]
 
 
 def solve_multiplier(sampler: Sampler, terms: Sequence[Monomial], seed: int) -> LagrangianSpace:
