@@ -191,14 +191,22 @@ LANGUAGES: dict[str, Language] = {
 
 
 def program(answer: Answer, language: str) -> str:
-    """The whole text; InputError for a language that is not there, and for arbitrary functions in compiled code."""
+    """The whole text; InputError for a language that is not there, and for arbitrary functions in compiled code.
+
+    A quantity with an integral that has no formula is left out, and a comment says so.
+    """
     if language in WHOLE:
         return WHOLE[language](answer)
     if language not in LANGUAGES:
         listed = ", ".join([*WHOLE, *LANGUAGES])
         raise InputError(f"There is no code in '{language[:20]}': the languages are {listed}.")
     chosen = LANGUAGES[language]
-    parts = [_function(answer, what, chosen) for what in QUANTITIES if quantity_of(answer, what) is not None]
+    parts = []
+    for what in QUANTITIES:
+        quantity = quantity_of(answer, what)
+        if quantity is not None:
+            left_out = without_formula(answer, what, quantity)
+            parts.append(chosen.comment.format(left_out) if left_out else _function(answer, what, chosen))
     return chosen.start + "\n\n".join(parts) + "\n"
 
 
@@ -254,7 +262,7 @@ def _function(answer: Answer, what: str, language: Language) -> str:
     value = quantity_of(answer, what)
     values = list(value) if isinstance(value, list | sympy.MatrixBase) else [value]
     shared, written = sympy.cse([with_plain(each, plain) for each in values], sympy.numbered_symbols("c_"))
-    refuse_functions([*written, *(part for _, part in shared)], answer)
+    refuse_functions([*written, *(part for _, part in shared)])
     names = [str(plain[each]) for each in given]
     local = [str(symbol) for symbol, _ in shared]
     opening = language.opening.format(
@@ -277,14 +285,17 @@ def _continued(text: str) -> str:
     return "\n".join(" &\n      ".join(textwrap.wrap(line, 100, drop_whitespace=False)) for line in text.split("\n"))
 
 
-def refuse_functions(expressions: Sequence[Any], answer: Answer) -> None:
-    """InputError for functions that no language knows: arbitrary ones, and the integrals of an answer."""
+def refuse_functions(expressions: Sequence[Any]) -> None:
+    """InputError for arbitrary functions, which no language knows."""
     if any(each.atoms(AppliedUndef, sympy.Subs) for each in expressions):
         raise InputError("The system has arbitrary functions, and code needs formulas for them: give them by 'where'.")
-    called = {call.func.__name__ for each in expressions for call in each.atoms(sympy.Function)}
-    if integrals := sorted(called & (answer._shown.get("integrals") or {}).keys()):
-        what = f"L holds the integral {integrals[0]}, for which this language has no formula"
-        raise InputError(f"{what}: choose sympy, which writes it as an integral.")
+
+
+def without_formula(answer: Answer, what: str, quantity: Any) -> str:
+    """Why a quantity is left out: the integral in it for which only SymPy's program has a class; "" where it is not."""
+    called = {call.func.__name__ for call in sympy.Tuple(*sympy.flatten([quantity])).atoms(sympy.Function)}
+    found = sorted(called & (answer._shown.get("integrals") or {}).keys())
+    return f"{what} is left out: {found[0]} is an integral without a formula. The format sympy has it." if found else ""
 
 
 def _returned(texts: list[str], language: Language) -> list[str]:
@@ -407,7 +418,11 @@ def jax_program(answer: Answer) -> str:
     parts = [_jax_function(answer, "vector_field", _field(answer))]
     for what in ("lagrangian", "momenta", "hamiltonian"):
         quantity = quantity_of(answer, what)
-        if quantity is not None:
+        if quantity is None:
+            continue
+        if left_out := without_formula(answer, what, quantity):
+            parts.append(f"# {left_out}")
+        else:
             lines = [f"# {what}: where {one}" for one in conditions_of(answer, what)]
             parts.append("\n".join([*lines, _jax_function(answer, what, quantity)]))
     return _JAX_HEAD + "\n\n" + "\n\n\n".join(parts) + "\n"
@@ -424,7 +439,7 @@ def _jax_function(answer: Answer, name: str, value: Any) -> str:
     plain = plain_symbols(given, answer, LANGUAGES["python"])
     values = list(value) if isinstance(value, list) else [value]
     shown = [with_plain(each, plain) for each in values]
-    refuse_functions(shown, answer)
+    refuse_functions(shown)
     texts = [str(JaxPrinter().doprint(each)).replace("jax.numpy.", "jnp.") for each in shown]
     size = 2 * len(answer._table.coordinates)
     names = [str(plain[each]) for each in given[1:]]
@@ -445,7 +460,7 @@ def modelingtoolkit_program(answer: Answer) -> str:
 
     def text(expression: Any) -> str:
         shown = with_plain(expression, plain)
-        refuse_functions([shown], answer)
+        refuse_functions([shown])
         return str(sympy.julia_code(shown.subs(speeds)))
 
     parameters = [str(plain[each]) for each in table.parameters.values()]
@@ -454,11 +469,15 @@ def modelingtoolkit_program(answer: Answer) -> str:
     pairs = zip(names.values(), answer.accelerations, strict=True)
     lines += ["equations = [", *(f"    D(D({name})) ~ {text(f)}," for name, f in pairs), "]"]
     lines.append("@named motion = System(equations, t)")
-    if answer.lagrangian is not None:
+    lagrangian, hamiltonian = answer.lagrangian, answer.hamiltonian
+    if lagrangian is not None and (left_out := without_formula(answer, "lagrangian", lagrangian)):
+        lines.append(f"# {left_out}")
+    elif lagrangian is not None:
         lines += [f"# where {one}" for one in conditions_of(answer, "lagrangian")]
-        lines.append(f"L = {text(answer.lagrangian)}")
-    hamiltonian = answer.hamiltonian
-    if hamiltonian is not None:
+        lines.append(f"L = {text(lagrangian)}")
+    if hamiltonian is not None and (left_out := without_formula(answer, "hamiltonian", hamiltonian.expr)):
+        lines.append(f"# {left_out}")
+    elif hamiltonian is not None:
         if not hamiltonian.implicit:
             lines.append(f"@variables {' '.join(map(str, hamiltonian.momenta))}")
         lines += [f"# where {one}" for one in conditions_of(answer, "hamiltonian")]
