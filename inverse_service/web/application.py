@@ -12,7 +12,7 @@ from starlette.middleware.cors import CORSMiddleware
 
 from inverse_service import __version__, errors
 from inverse_service.settings import Settings
-from inverse_service.web import middleware, openapi, problems, routes, routes_atlas, routes_batches, routes_jobs
+from inverse_service.web import known, middleware, openapi, problems, routes, routes_atlas, routes_batches, routes_jobs
 from inverse_service.web.engine import Engine
 from inverse_service.web.pages import routing
 
@@ -33,6 +33,7 @@ def create_application(settings: Settings) -> FastAPI:
     app.add_middleware(middleware.StopWhenLeft)
     app.add_middleware(middleware.HeadAsGet)
     app.add_middleware(middleware.SecurityHeaders, hosts=settings.hosts)
+    app.add_middleware(known.KnownFirst, engine=app.state.engine)
     app.add_middleware(middleware.Measured, counters=app.state.engine.counters)
     if settings.cors_origins:
         app.add_middleware(

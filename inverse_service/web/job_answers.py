@@ -85,31 +85,25 @@ REVALIDATE = "private, no-cache"
 VARY = {"Vary": "Accept"}
 
 
-async def result_response(
-    request: Request, job: model.Job, engine: Engine, applied: dict[str, str]
-) -> tuple[dict[str, str] | None, Response]:
+async def result_response(request: Request, job: model.Job, engine: Engine, preference: Preference) -> Response:
     """The answer to the call that asked: the result, the problem it ended with, or 202 and where to look.
 
-    With a result its headers, without those that are `applied` of the preferences of this call. `Accept` of text,
-    LaTeX or a SymPy program gives the result of `solve` in that form.
+    `Accept` of text, LaTeX or a SymPy program gives the result of `solve` in that form.
     """
     headers = {"Location": address(job)}
+    if preference.applied:
+        headers["Preference-Applied"] = preference.applied
     if job.is_open:
-        return None, Response(await job_json(job, engine), 202, headers | applied | {"Retry-After": RETRY_AFTER}, JSON)
+        return Response(await job_json(job, engine), 202, headers | {"Retry-After": RETRY_AFTER}, JSON)
     if job.status == "successful":
         written = media_type_of(request) if job.kind == "solve" else None
         link = f'</results/{job.id}>; rel="canonical"'
         headers |= {"ETag": etag(job, written), "Cache-Control": REVALIDATE, "Link": link} | VARY
         if written:
-            return headers, await written_response(request, job, engine, written, headers | applied)
-        return headers, await stored_response(engine, job.id, headers | applied, body=job.body)
+            return await written_response(request, job, engine, written, headers)
+        return await stored_response(engine, job.id, headers, body=job.body)
     body = await problem_of(job, engine)
-    return None, Response(body, json.loads(body)["status"], headers | applied, problems.MEDIA_TYPE)
-
-
-def applied_of(preference: Preference) -> dict[str, str]:
-    """The header that lists the applied preferences."""
-    return {"Preference-Applied": preference.applied} if preference.applied else {}
+    return Response(body, json.loads(body)["status"], headers, problems.MEDIA_TYPE)
 
 
 async def job_response(request: Request, job: model.Job, engine: Engine) -> Response:

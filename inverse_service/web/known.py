@@ -6,9 +6,19 @@ import hashlib
 import threading
 import time
 from collections import OrderedDict
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Final
+
+from starlette.requests import Request
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from inverse_service.service.jobs import model
+from inverse_service.web import clients, middleware, problems
+
+if TYPE_CHECKING:
+    from inverse_service.web.engine import Engine
 
 # How long, in seconds, an answer is given without asking the store, even if it was erased there.
 KEPT = 5.0
@@ -22,7 +32,7 @@ class KnownAnswer:
     """The answer to a question: the job it is of, its headers, its body, and until when it is given."""
 
     job: str
-    headers: dict[str, str]
+    headers: Sequence[tuple[bytes, bytes]]
     body: bytes
     until: float
 
@@ -45,7 +55,7 @@ class KnownAnswers:
             self._answers.move_to_end(key)
             return found
 
-    def keep(self, key: bytes, job: str, headers: dict[str, str], body: bytes) -> None:
+    def keep(self, key: bytes, job: str, headers: Sequence[tuple[bytes, bytes]], body: bytes) -> None:
         """Note an answer that holds until its job changes."""
         if len(body) > LARGEST:
             return
@@ -73,10 +83,83 @@ class KnownAnswers:
                 del self._keys[found.job]
 
 
-def digest(*parts: str | bytes) -> bytes:
+def digest(*parts: bytes) -> bytes:
     """The key of a question: everything that its answer depends on."""
     found = hashlib.sha256()
     for part in parts:
-        raw = part.encode() if isinstance(part, str) else part
-        found.update(len(raw).to_bytes(8, "big") + raw)
+        found.update(len(part).to_bytes(8, "big") + part)
     return found.digest()
+
+
+# Where questions are asked, by path: the kind of job.
+ASKED: Final = {f"/v1/{kind}": kind for kind in ("solve", "simulate", "work-precision")}
+# The headers that an answer depends on; it holds for the same ones, letter by letter.
+READ: Final = frozenset((
+    b"accept", b"authorization", b"cache-control", b"content-encoding", b"content-length", b"content-type", b"cookie",
+    b"host", b"origin", b"prefer", b"sec-fetch-site", b"transfer-encoding", b"x-api-key",
+))  # fmt: skip
+# Of each call, and so not of an answer.
+OF_A_CALL: Final = frozenset((b"ratelimit", b"ratelimit-policy"))
+# Larger questions, and those that come in pieces, are read where their bytes are counted.
+SMALL_QUESTION = 64 * 1024
+
+
+def _key_of(scope: Scope, body: bytes, read: Iterable[tuple[bytes, bytes]]) -> bytes:
+    place = (scope["scheme"].encode(), scope["path"].encode(), scope["query_string"])
+    return digest(*place, body, *(part for pair in read for part in pair))
+
+
+def may_be_kept(scope: Scope, job: str) -> None:
+    """Note that the answer to this request holds until this job changes."""
+    scope["state"]["answers"] = job
+
+
+class KnownFirst(middleware.Middleware):
+    """Gives known answers before anything is routed or parsed; keeps those that `may_be_kept` notes."""
+
+    def __init__(self, app: ASGIApp, engine: Engine) -> None:
+        super().__init__(app)
+        self._engine = engine
+
+    async def handle(self, scope: Scope, receive: Receive, send: Send) -> None:
+        scope.setdefault("state", {})
+        kind, read = ASKED.get(scope["path"]), [pair for pair in scope["headers"] if pair[0] in READ]
+        length = dict(read).get(b"content-length", b"")
+        if kind is None or scope["method"] != "POST" or not length.isdigit() or int(length[:9]) > SMALL_QUESTION:
+            await self.app(scope, receive, send)
+            return
+        pending = [await receive()]
+        key = b"" if pending[0].get("more_body") else _key_of(scope, pending[0].get("body", b""), read)
+        if (known := self._engine.known.get(key)) is not None and self._is_client(scope):
+            scope["route"] = SimpleNamespace(path=scope["path"])  # as the counts of requests name it
+            self._engine.count_known(kind)
+            more = await self._engine.rate_limit(scope["state"]["client_name"])
+            of_call = [(name.lower().encode(), value.encode()) for name, value in more.items()]
+            await send({"type": "http.response.start", "status": 200, "headers": [*known.headers, *of_call]})
+            await send({"type": "http.response.body", "body": known.body})
+            return
+
+        async def receive_again() -> Message:
+            return pending.pop() if pending else await receive()
+
+        headers: list[tuple[bytes, bytes]] = []
+
+        async def send_and_keep(message: Message) -> None:
+            nonlocal key
+            if message["type"] == "http.response.start":
+                headers.extend(pair for pair in message["headers"] if pair[0] not in OF_A_CALL)
+            elif message.get("more_body"):
+                key = b""
+            elif key and (job := scope["state"].get("answers")):
+                self._engine.known.keep(key, job, headers, message["body"])
+            await send(message)
+
+        await self.app(scope, receive_again, send_and_keep)
+
+    def _is_client(self, scope: Scope) -> bool:
+        """Whether who asks may still ask."""
+        try:
+            clients.note_client(Request(scope))
+        except problems.Refusal:
+            return False
+        return self._engine.is_open

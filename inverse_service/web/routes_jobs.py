@@ -17,7 +17,7 @@ from inverse_service import errors
 from inverse_service.service.jobs import model, supervisor, tasks
 from inverse_service.web import asking, clients, job_answers, openapi
 from inverse_service.web.engine import KEEP_ALIVE, LOOK_AGAIN, Engine
-from inverse_service.web.known import digest
+from inverse_service.web.known import may_be_kept
 from inverse_service.web.problems import Refusal
 
 router = APIRouter(dependencies=[Depends(clients.require_client)])
@@ -51,19 +51,14 @@ async def ask(request: Request, kind: str) -> Response:
     preference = asking.preference_of(request)
     client, server, viewer = clients.client_of(request), engine.server_options, clients.viewer_of(request)
     terms = tasks.Terms(kind, server, asking.time_limit_of(request, server), client, asking.wants_fresh(request))
-    media_type, whose = job_answers.media_type_of(request) or "", "" if viewer.sees_all else viewer.name
     async with asking.json_body_of(request, asking.FACTORS[kind] * engine.settings.max_body) as body:
-        key = digest(kind, whose, media_type, str(terms.time_limit), body)
-        if not terms.fresh and (known := engine.known.get(key)) is not None:
-            engine.count_known(kind)
-            return Response(known.body, 200, known.headers | job_answers.applied_of(preference), job_answers.JSON)
         question = await engine.read_body(client, tasks.ask_task, body, terms)
     job = await engine.submit(question, viewer, preference.wait)
     if job.is_open and preference.wait <= 0 and kind == "solve":
         await engine.look_ahead(client, question.document)
-    headers, answer = await job_answers.result_response(request, job, engine, job_answers.applied_of(preference))
-    if headers and job.expires is None and not media_type and not isinstance(answer, StreamingResponse):
-        engine.known.keep(key, job.id, headers, bytes(answer.body))
+    answer = await job_answers.result_response(request, job, engine, preference)
+    if job.status == "successful" and job.expires is None and not terms.fresh:
+        may_be_kept(request.scope, job.id)
     answer.headers.update(await engine.rate_limit(client))
     return answer
 

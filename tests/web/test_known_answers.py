@@ -12,6 +12,7 @@ from inverse_service.web.known import KnownAnswers, digest
 
 SYSTEM = {"name": "known", "coordinates": ["x"], "equations": {"x": "-3*x"}}
 WAIT = {"Prefer": "wait=20"}
+ETAG = ((b"etag", b"1"),)
 
 
 def answers_from_store(client: httpx.Client) -> float:
@@ -41,19 +42,19 @@ def test_the_same_bytes_have_the_same_answer_and_headers(service: str) -> None:
 
 def test_what_changes_is_forgotten_and_memory_is_bounded(monkeypatch: Any) -> None:
     known = KnownAnswers()
-    known.keep(b"a", "job", {"ETag": "1"}, b"body" * 100)
-    known.keep(b"b", "job", {"ETag": "1"}, b"body")
-    known.keep(b"c", "other", {}, b"else")
+    known.keep(b"a", "job", ETAG, b"body" * 100)
+    known.keep(b"b", "job", ETAG, b"body")
+    known.keep(b"c", "other", (), b"else")
     found = known.get(b"a")
     assert found is not None
-    assert (found.body, found.headers) == (b"body" * 100, {"ETag": "1"})
+    assert (found.body, found.headers) == (b"body" * 100, ETAG)
     known.drop(Change("job", "accepted"))
     assert (known.get(b"a"), known.get(b"b")) == (None, None)
     assert known.get(b"c") is not None
     monkeypatch.setattr("inverse_service.web.known.MOST_BYTES", 1_000)
     threads = [
         threading.Thread(
-            target=lambda n=n: [known.keep(digest(str(n), str(k)), str(k), {}, b"x" * 10) for k in range(200)]
+            target=lambda n=n: [known.keep(digest(b"%d" % n, b"%d" % k), str(k), (), b"x" * 10) for k in range(200)]
         )
         for n in range(4)
     ]
@@ -63,5 +64,5 @@ def test_what_changes_is_forgotten_and_memory_is_bounded(monkeypatch: Any) -> No
         thread.join()
     assert known._bytes <= 1_000
     monkeypatch.setattr("inverse_service.web.known.KEPT", -1.0)
-    known.keep(b"d", "old", {}, b"x")
+    known.keep(b"d", "old", (), b"x")
     assert known.get(b"d") is None

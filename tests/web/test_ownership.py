@@ -167,6 +167,14 @@ def test_the_same_question_of_another_client_tells_nothing_and_changes_nothing(c
 
 
 @pytest.mark.slow
+def test_an_answer_in_memory_is_given_to_who_asked_for_it_alone(client: httpx.Client) -> None:
+    places = [client.post("/v1/solve", json=EASY, headers=WAIT | ALICE).headers["location"] for _ in range(3)]
+    assert len(set(places)) == 1
+    assert client.post("/v1/solve", json=EASY, headers=WAIT | BOB).headers["location"] != places[0]
+    for wrong in ({}, {"Authorization": "Bearer of-nobody"}):
+        assert client.post("/v1/solve", json=EASY, headers=WAIT | wrong).status_code == 401
+
+
 def test_alice_cancels_her_work_and_bob_keeps_his(client: httpx.Client, ids: Ids) -> None:
     bobs = ask(client, "/v1/solve", HARD, BOB | ASYNC)
     assert client.delete(f"/v1/jobs/{ids.open}", headers=ALICE).json()["status"] == "dismissed"
