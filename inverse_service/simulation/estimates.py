@@ -153,10 +153,15 @@ def _change_of_energy(run: observing.Observed) -> str:
 
 _OTHER = "the Euler-Lagrange equations of the free Lagrangian at the motion"
 TOO_LARGE = 0.1  # of the size of the motion
-GOLDEN, MOST_MOMENTS, MOST_VALUES = 0.618033988749895, 64, 2**21
+GOLDEN, GOLDEN_STEPS, MOST_MOMENTS, MOST_VALUES = 0.618033988749895, 75, 64, 2**21  # to the last bit of a step
+MISSED, NEGLIGIBLE = 10.0, 1e-6  # times the estimated error, and of the size of the motion
 ENDS_ELSEWHERE = (
     "`adaptive`, stopping at the peaks of the forces, ends {:.3g} away: one acts within a step. Take a smaller step."
 )
+TOO_NARROW = "A force acts within a step at t = {:.6g}, and `adaptive` cannot resolve it. Give it more width."
+CREATED = 0.75  # of the kinetic energy: more from nothing in one step is no motion
+NOT_CONSTANT = "the energy, which is constant, changes in one step by {:.3g} of the kinetic energy"
+SHORTER = "take a smaller step, or `adaptive`"
 
 
 def energies_of(run: observing.Observed) -> tuple[trajectory.Array, trajectory.Array] | None:
@@ -202,18 +207,23 @@ def moments_between(run: observing.Observed) -> trajectory.Array:
 
     A function is extreme where its argument turns or passes 0; this time is located on the cubic through the positions
     and velocities of the points. A sine or cosine whose argument moves by more than a half turn in a step counts as
-    well. In a long run only the first MOST_VALUES values are examined, and none if steps are not recorded.
+    well. In a long run only the first MOST_VALUES values are examined, and only functions of time if steps are not
+    recorded.
     """
     problem, choice, at, scene = run.problem, run.requested.choice, run.trajectory, run.scene
     velocities = observing.velocities_at_points(run)
-    if problem is None or choice is None or not choice.guard or velocities is None or scene.grid.record_every > 1:
+    if problem is None or choice is None or not choice.guard or velocities is None:
         return np.empty(0)
     nodes = ex.distinct_nodes(tree for tree in problem.formulas if tree is not problem.free_hamiltonian)
-    moving = {ex.TIME, *map(ex.Symbol, scene.coordinates), *map(ex.Velocity, scene.coordinates)}
+    moving: set[ex.Expression] = {*map(ex.Symbol, scene.coordinates), *map(ex.Velocity, scene.coordinates)}
+    watched: set[ex.Expression] = {ex.TIME} if scene.grid.record_every > 1 else {ex.TIME, *moving}
+    unseen = moving - watched
     pairs = [
         (node, node.argument if isinstance(node, ex.Apply) else node.base)
         for node in nodes
-        if isinstance(node, ex.Apply | ex.Power) and moving.intersection(ex.walk(node))
+        if isinstance(node, ex.Apply | ex.Power)
+        and watched.intersection(ex.walk(node))
+        and not unseen.intersection(ex.walk(node))
     ]
     count = min(len(at.times), MOST_VALUES // max(1, len(pairs)))
     times, places, speeds = at.times[:count], at.positions[:count], velocities[:count]
@@ -236,12 +246,12 @@ def moments_between(run: observing.Observed) -> trajectory.Array:
             (value,) = values(moments, inner)
             return np.where(rises == 0, -np.abs(value), rises * value)
 
-        for _ in range(50):  # golden section
+        for _ in range(GOLDEN_STEPS):
             a, b = high - GOLDEN * (high - low), low + GOLDEN * (high - low)
             left = height(a) > height(b)
             low, high = np.where(left, low, a), np.where(left, b, high)
         peaks = (low + high) / 2
-        half = np.diff(times).min() / 2
+        half = abs(scene.grid.step) / 2
         begin, end = np.maximum(peaks - half, times[0]), np.minimum(peaks + half, times[-1])
         before, heights, after = (values(moments, node)[0] for moments in (begin, peaks, end))
         above = np.minimum(np.abs(heights - before), np.abs(heights - after))
@@ -272,9 +282,39 @@ def between_points(
     return places, first + s * (2 * curve + 3 * s * bend)
 
 
-def apart_from(run: observing.Observed, other: trajectory.Array | None) -> str:
-    """A warning if the positions (m, n) of DOP853 end a tenth of the motion's size away; else an empty text."""
-    if other is None or not len(run.trajectory.times):
-        return ""
+def with_missed_force(
+    run: observing.Observed, numbers: dict[str, Any], other: trajectory.Array | None, moment: float
+) -> dict[str, Any]:
+    """The estimate, with a doubt and the true size of the error if DOP853, whose steps end on the peaks of the forces,
+    leads to other `other` positions (m, n) than the method; None if it cannot pass the peak at the `moment`."""
+    if other is None:
+        unknown = {"estimated_error": None, "estimated_error_share": None}
+        return numbers | unknown | {"doubt": numbers["doubt"] or TOO_NARROW.format(moment)}
     apart = float(np.abs(other[-1] - run.trajectory.positions[-1]).max())
-    return ENDS_ELSEWHERE.format(apart) if apart > TOO_LARGE * float(np.ptp(other, axis=0).max()) else ""
+    size = float(np.ptp(other, axis=0).max())
+    known = numbers.get("estimated_error") or 0.0
+    if not apart > max(MISSED * known, NEGLIGIBLE * size):
+        return numbers
+    share = max(apart / max(size, schemes.SMALLEST), numbers.get("estimated_error_share") or 0.0)
+    found = {"estimated_error": apart, "estimated_error_share": share}
+    return numbers | found | {"doubt": numbers["doubt"] or ENDS_ELSEWHERE.format(apart)}
+
+
+def unresolved(run: observing.Observed) -> trajectory.Outcome | None:
+    """The outcome of a run in which one step changes a constant energy by CREATED of the kinetic energy, the mean one
+    and that at its ends: the step is too long there, and what follows is another motion."""
+    scene, at, choice = run.scene, run.trajectory, run.requested.choice
+    if choice is None or not choice.guard or scene.grid.record_every > 1 or (known := energies_of(run)) is None:
+        return None
+    energies, kinetic = known
+    changes = np.abs(np.diff(energies))
+    sudden = changes > CREATED * np.maximum(kinetic[1:], kinetic[:-1])
+    end = None
+    while len(places := np.flatnonzero(sudden[:end] & (changes[:end] > CREATED * kinetic[:end].mean()))):
+        end = int(places[0])  # the mean of what is left shows smaller changes, down to the first
+        if end == 0:
+            break
+    if end is None:
+        return None
+    part = changes[end] / max(kinetic[end], kinetic[end + 1])
+    return trajectory.Outcome("unresolved", end, float(at.times[end]), NOT_CONSTANT.format(part), None, SHORTER)

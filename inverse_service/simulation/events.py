@@ -47,7 +47,7 @@ PIECES, LEAST_PIECES, MOST_PLACES = 16, 2, 2**18  # of a step, and of a run
 AT_ONCE = 2**17
 NEAR = 4.0  # differences between places: beyond them the formula does not reach 0 before the next
 FLAT = 1e-3
-GOLDEN, TURNS = (np.sqrt(5) - 1) / 2, 40
+SECTIONS, CLOSEST = 16, 1e-9  # points that are looked at together, and the last interval in distances of places
 CLOSE = 0.1  # of the size of a motion: a return to its start
 TOUCH, TOUCH_FROM = 1e-13, 1e-6  # of its greatest value, and of a step from the ends of the run
 LOOKED_AGAIN, OFF_GRID = 512, (0.1, 0.23, 0.382)  # places between those looked at, in parts of their distance
@@ -296,7 +296,7 @@ def _signed(values: Array) -> Array:
 def _turning_points(way: Way, fine: Array, pieces: int) -> tuple[Array, Array]:
     """The places where the formula is nearest to 0 between points at which it has the same sign, and its values.
 
-    Golden section search in SIMD lanes; the start and the end of the run are always examined.
+    Search by SECTIONS points of each interval, in SIMD lanes; the start and the end of the run are always examined.
     """
     size, last = np.abs(fine), len(fine) - 1
     middle = np.arange(1, last)
@@ -306,18 +306,18 @@ def _turning_points(way: Way, fine: Array, pieces: int) -> tuple[Array, Array]:
     low = np.concatenate([middle[near] - 1, [0, last - 1]]) / pieces
     high = np.concatenate([middle[near] + 1, [1, last]]) / pieces
     sign = np.sign(np.concatenate([fine[1:-1][near], [fine[1], fine[last - 1]]]))
-    for _ in range(TURNS):
-        width = high - low
-        a, b = high - GOLDEN * width, low + GOLDEN * width
-        one, two = way.values(np.concatenate([a, b])).reshape(2, -1) * sign
-        left = one <= two
-        low, high = np.where(left, low, a), np.where(left, b, high)
+    between = np.linspace(0, 1, int(np.clip(AT_ONCE // len(low), 2, SECTIONS)) + 2)[:, None]
+    lanes = np.arange(len(low))
+    while True:
+        shares = low + (high - low) * between
+        values = way.values(shares[1:-1].ravel()).reshape(-1, len(low)) * sign
+        best = np.where(np.isnan(values), np.inf, values).argmin(axis=0)
+        found, least, rest = shares[best + 1, lanes], values[best, lanes], np.ptp(values, axis=0)
+        low, high = shares[best, lanes], shares[best + 2, lanes]
         # A value below zero means two zeros; values that hardly decrease any more stay above zero.
-        least = np.minimum(one, two)
-        if ((least <= 0) | (np.abs(one - two) < FLAT * least) | ~np.isfinite(least)).all():
-            break
-    found = np.where(left, a, b)
-    return found, np.where(left, one, two) * sign
+        done = (least <= 0) | (rest < FLAT * least) | ~np.isfinite(least)
+        if (done | (high - low < CLOSEST / pieces)).all():
+            return found, least * sign
 
 
 def _zeros(brackets: Brackets, way: Way) -> State:
@@ -662,6 +662,7 @@ class _Run:
         self.notes: dict[int, str] = {}
         self.switches: list[Switch] = []
         self.acted: list[float] = []
+        self.held: dict[int, float] = {}  # the sense in which each event was reached that turned the motion back
 
     def go(self, start: data.Start) -> Pieces | data.Unavailable:
         scene, grid = self.scene, self.scene.grid
@@ -707,6 +708,9 @@ class _Run:
                 continue
             found = self._first(observed, replace(self.motion.problem, accelerations=self.motion.forces(sides)), sides)
             begun = None
+            if self._fell_through(ran, velocities, np.inf if found is None else found[0][0]):
+                outcome = self._zeno(state[0], place)
+                break
             if found is None:
                 self._keep(ran, np.ones(len(ran.times), dtype=bool))
                 place += len(ran.times) - 1
@@ -827,6 +831,8 @@ class _Run:
                         self.scene.coordinates, self.scene.constraints, self.scene.lagrangian, self.motion.values, q,
                         given, project=True,
                     )  # fmt: skip
+                if sense := self._sense_held(event, state, (time, q, v), sides):
+                    self.held[index] = sense
             if len(self.seen[index]) >= event.most:
                 note = ENDED.format(time) if event.most == 1 else MANY.format(event.most, time)
                 return (time, q, v), Outcome("completed", None, time, note=note)
@@ -834,9 +840,32 @@ class _Run:
         # The time is known only to round-off, so much shorter times have no meaning.
         soon = SOON * max(abs(self.scene.grid.step), abs(time))
         if len(self.acted) > 8 and self.acted[-1] - self.acted[-5] < soon:
-            gap = self.acted[-1] - self.acted[-2]
-            return (time, q, v), Outcome("zeno", None, time, ZENO, gap, ZENO_REMEDY)
+            return (time, q, v), self._zeno(time, None)
         return (time, q, v), None
+
+    def _zeno(self, time: float, place: int | None) -> Outcome:
+        gap = self.acted[-1] - self.acted[-2] if len(self.acted) > 1 else 0.0
+        return Outcome("zeno", place, time, ZENO, gap, ZENO_REMEDY)
+
+    def _sense_held(
+        self, event: data.Event, before: tuple[float, Array, Array], after: tuple[float, Array, Array], sides: Sides
+    ) -> float:
+        """1 or -1: the sense in which the formula reached its zero, if it is still zero and the event has stopped or
+        reversed it; 0 elsewhere."""
+        own, forces = on_sides(event.formula, sides), self.motion.forces(sides)
+        rate, size = self.motion.rate(own, forces), float(np.abs(np.concatenate(before[1:])).max())
+        (old,), (value, new) = self.motion.at([rate], before), self.motion.at([own, rate], after)
+        sense = float(np.sign(old))
+        return sense if abs(value) <= AT_ZERO * size and sense * new <= 0 else 0.0
+
+    def _fell_through(self, ran: Trajectory, velocities: Array, until: float) -> bool:
+        """Whether the motion passes in the sense in which an event has just turned it back: the next event, sooner
+        than can be located, is missed."""
+        held, self.held = self.held, {}
+        if not held or ran.times[1] >= until:
+            return False
+        state = (float(ran.times[1]), ran.positions[1], velocities[1])
+        return any(sense * self.motion.at([self.scene.events[k].formula], state)[0] > 0 for k, sense in held.items())
 
     def _place(self, target: ex.Expression) -> int:
         name = target.coordinate if isinstance(target, ex.Velocity) else getattr(target, "name", "")

@@ -155,34 +155,39 @@ def run_method(
     if outcome.completed:
         with derivation.timed(seconds, "half the step"):
             numbers |= estimates.estimated(run_.observed, partial(_again, problem, run_.free, stop, derived))
-        doubt = numbers.pop("doubt")
-        if not doubt and len(moments := estimates.moments_between(run_.observed)):
+        if len(moments := estimates.moments_between(run_.observed)):
             with derivation.timed(seconds, "adaptive"):
-                doubt = estimates.apart_from(run_.observed, _ended_on(moments, scene, derived, stop))
-        outcome = replace(outcome, doubt=doubt)
+                numbers = _with_missed_force(moments, run_.observed, numbers, derived, stop)
+        outcome = replace(outcome, doubt=numbers.pop("doubt"))
     if COST in scene.observe:
         with derivation.timed(seconds, COST):
             numbers[COST] = part_costs(scene, requested, problem, run_.free, stop, find or _no_free)
     return replace(run_, outcome=outcome, numbers=numbers, seconds=seconds)
 
 
-def _ended_on(moments: Array, scene: Scene, derived: derivation.Derived, stop: Stop | None) -> Array | None:
-    """Positions by DOP853, (m, n), whose steps end on the moments, at these and at the end; None where it stops."""
-    problem, grid = derivation.with_accelerations(scene, derivation.derived_for_truth(scene, derived)), scene.grid
+def _with_missed_force(
+    moments: Array, run: observing.Observed, numbers: dict[str, Any], derived: derivation.Derived, stop: Stop | None
+) -> dict[str, Any]:
+    """The estimate of a run, compared with positions by DOP853 whose steps end on the moments, at these and at the
+    end."""
+    scene, grid = run.scene, run.scene.grid
+    problem = derivation.with_accelerations(scene, derivation.derived_for_truth(scene, derived))
+    if isinstance(problem, Unavailable):
+        return numbers
     start = Start(tuple(scene.positions), velocities=tuple(scene.velocities))
     found = [scene.positions]
     begin, end = grid.begin, grid.begin + grid.step * grid.steps
     for moment in [*moments[(moments > begin) & (moments < end)], end]:
-        part = Grid(scene.grid.step, max(1, round((moment - begin) / grid.step)), 1, begin)
+        part = Grid(grid.step, max(1, round((moment - begin) / grid.step)), 1, begin)
         part = replace(part, step=(moment - begin) / part.steps)
-        if isinstance(problem, Unavailable):
-            return None
-        ran = _part(scene, problem, CHOICE, start, part, stop)
+        ran = _part(scene, problem, EXPLICIT, start, part, stop)
+        if stop is not None and stop():
+            return numbers
         if not ran.outcome.completed or ran.velocities is None:
-            return None
+            return estimates.with_missed_force(run, numbers, None, float(moment))
         found += list(ran.positions[1:])
         start, begin = Start(tuple(ran.positions[-1]), velocities=tuple(ran.velocities[-1])), float(moment)
-    return np.array(found)
+    return estimates.with_missed_force(run, numbers, np.array(found), begin)
 
 
 def observed_run(
@@ -207,7 +212,8 @@ def observed_run(
     observed = observing.Observed(scene, requested, found, problem, values, truth, pieces is not None)
     events: tuple[Found, ...] = () if pieces is None else pieces.events
     if pieces is None:
-        if found.outcome.completed and (other := estimates.other_motion(observed)) is not None:
+        other = estimates.other_motion(observed) or estimates.unresolved(observed) if found.outcome.completed else None
+        if other is not None:
             found = found.ended(found.times <= (other.time or 0.0), other)
             observed = replace(observed, trajectory=found)
         if scene.events and len(found.times) > 1:

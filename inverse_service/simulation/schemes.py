@@ -244,6 +244,7 @@ def _observed(
 
 
 SMALLEST_NORM = 1e-200  # its product with the fourth power of a tolerance does not underflow
+LATER = 0.382  # of a step of the grid, no common multiple of a period
 FAR_END = 1e-20  # of the whole; less than any unit of a coordinate differs from that of another
 
 Stages = list[tuple[list[Formula], list[Formula]]]
@@ -277,15 +278,21 @@ def adaptive(f: Formulas, choice: MethodChoice, observation: Observation) -> pro
     return replace(program, error=error, order=8)
 
 
-def _squared_norm(f: Formulas, changes: list[Formula], first: list[Formula], errors: list[Formula]) -> Formula:
+def _squared_norm(
+    f: Formulas, changes: list[Formula], first: list[Formula], errors: list[Formula], later: Sequence[Formula] = ()
+) -> Formula:
     """The mean of (error/scale)^2, each variable measured by its size and its change in a step: no unit enters.
 
-    Where all of these vanish at once, a thousandth of what the other of q and v makes of it in a step of the grid.
+    Where all of these vanish at once, a thousandth of what the other of q and v makes of it in a step of the grid, or
+    what the accelerations `later` in that step do.
     The influence of one end of a chain on the other within a step is of higher order than the error, so that no step is
     short enough for it: 1e-20 of the whole counts as well.
     """
     q, v = f.symbols("q"), f.symbols("v")
     others = [*((rate * WHOLE_STEP) ** 2 for rate in v), *((place / WHOLE_STEP) ** 2 for place in q)]
+    if later:
+        gained = [(WHOLE_STEP * force) ** 2 for force in later]
+        others = [a + b for a, b in zip(others, [*(WHOLE_STEP**2 * gain for gain in gained), *gained], strict=True)]
     sizes = [value**2 + change**2 + slope**2 + other / 1_000_000
              for value, change, slope, other in zip((*q, *v), changes, first, others, strict=True)]  # fmt: skip
     wholes = [sum(part, number(0)) for part in (sizes[: f.size], sizes[f.size :])]
@@ -314,7 +321,9 @@ def stiff(f: Formulas, choice: MethodChoice, observation: Observation) -> progra
              for k in range(f.size)] for which in (0, 1)]  # fmt: skip
     changes = [*ends[0], *ends[1]]
     first = [STEP * slope for slope in (*v, *f.accelerations)]
-    error = _squared_norm(f, changes, first, [*done[last][0], *done[last][1]])
+    # A force that begins as t^2 from rest has an error of the size of its change in a step of any length.
+    later = [force.subs({MOMENT: MOMENT + LATER * WHOLE_STEP}) for force in f.accelerations if f.depends_on_time]
+    error = _squared_norm(f, changes, first, [*done[last][0], *done[last][1]], later)
     program = _point_program(f, observation, tuple(statements), changes, [], len(done), [error])
     return replace(program, error=error, order=RODAS.order)
 

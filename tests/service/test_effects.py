@@ -84,10 +84,10 @@ def without(effect: str) -> dict[str, Any]:
     return scene
 
 
-@pytest.mark.parametrize("observed", ["energy", "constraints", "momenta", "velocities"])
+@pytest.mark.parametrize("observed", ["trajectory", "energy", "constraints", "momenta", "velocities"])
 def test_a_quantity_that_is_not_observed_leaves_no_symbol(observed: str) -> None:
     """Neither a column nor an instruction."""
-    every = ["energy", "constraints", "momenta", "velocities"]
+    every = ["trajectory", "energy", "constraints", "momenta", "velocities"]
     kernels, columns = [], []
     for names in (every, [name for name in every if name != observed]):
         document = EFFECTS | {"methods": ["nonholonomic"], "observe": names}
@@ -98,9 +98,9 @@ def test_a_quantity_that_is_not_observed_leaves_no_symbol(observed: str) -> None
         columns.append(set(simulate(document)["methods"][0]["points"]["columns"]))
     gone = columns[0] - columns[1]
     assert gone >= {"energy": {"energy"}, "constraints": {"constraint_1"}, "momenta": {"p_x", "p_y"},
-                    "velocities": {"v_x", "v_y"}}[observed]  # fmt: skip
-    # Momenta are the state itself, and velocities are computed at the recorded points.
-    assert (len(kernels[1]) < len(kernels[0])) == (observed not in ("momenta", "velocities"))
+                    "trajectory": {"x", "y"}, "velocities": {"v_x", "v_y"}}[observed]  # fmt: skip
+    # Positions and momenta are the state itself, and velocities are computed at the recorded points.
+    assert (len(kernels[1]) < len(kernels[0])) == (observed in ("energy", "constraints"))
 
 
 IN_THE_ANSWER = {

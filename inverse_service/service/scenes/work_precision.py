@@ -54,7 +54,7 @@ def _suitable(scene: scene_data.Scene) -> list[SceneMethod]:
     chosen: list[dict[str, Any]] = [{"method": "adaptive"}, {"method": "reference"}]
     chosen += [{"method": "runge-kutta", "order": order} for order in (4, 8)]
     if scene.lagrangian is not None:
-        separable = method_advice.is_separable(scene.lagrangian, scene.coordinates)
+        separable = method_advice.is_separable(scene.lagrangian, scene.coordinates) and not scene.forces
         own = "nonholonomic" if scene.constraints else "stormer-verlet" if separable else "variational"
         chosen += [{"method": own, "order": order} for order in (2, 4, 8)]
     return [SceneMethod.model_validate(one) for one in chosen]
