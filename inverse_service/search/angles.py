@@ -14,6 +14,7 @@ from inverse_service.search.terms import (
     Monomial,
     Terms,
     TooManyTerms,
+    add_terms,
     monomial,
     monomial_tree,
     multiply_terms,
@@ -103,16 +104,30 @@ def by_multiple_angles(terms: Terms) -> Terms:
 
 @lru_cache(maxsize=1024)
 def _in_waves(circular: Monomial) -> tuple[tuple[Monomial, Fraction], ...]:
-    """The terms of a product of sines and cosines."""
-    waves: list[tuple[str, ex.Expression, Fraction]] = [("cos", ex.ZERO, Fraction(1))]
-    for p, e in sorted(circular, key=repr):
-        assert isinstance(p, ex.Apply)
-        for _ in range(int(e)):
-            waves = [wave for one in waves for wave in _product(one, p)]
+    """The terms of a product of sines and cosines: cos u cos w = (cos(u - w) + cos(u + w))/2 and the like."""
+    functions = sorted((p for p, _ in circular if isinstance(p, ex.Apply)), key=repr)
+    angles = list(dict.fromkeys(p.argument for p in functions))
+    # cos or sin of sum_k n_k angles_k, by name and n.
+    waves = {("cos", (0,) * len(angles)): Fraction(1)}
+    exponents = dict(circular)
+    for p in functions:
+        place = angles.index(p.argument)
+        for _ in range(int(exponents[p])):
+            product: dict[tuple[str, tuple[int, ...]], Fraction] = {}
+            for (name, turns), factor in waves.items():
+                same, half = name == p.function, factor / 2
+                for turn, odd in ((1, name == "sin" if same else False), (-1, False if same else name == "cos")):
+                    wave = "cos" if same else "sin", (*turns[:place], turns[place] + turn, *turns[place + 1 :])
+                    product[wave] = product.get(wave, Fraction(0)) + (-half if odd else half)
+            waves = product
     result: Terms = {}
-    for name, argument, factor in waves:
-        if argument != ex.ZERO:
-            ((letter, sign),) = terms_of(ex.Apply(name, argument)).items()
+    sums = [terms_of(angle) for angle in angles]
+    for (name, turns), factor in waves.items():
+        argument: Terms = {}
+        for turn, angle in zip(turns, sums, strict=True):
+            argument = add_terms(argument, angle, turn) if turn else argument
+        if argument:
+            ((letter, sign),) = terms_of(ex.Apply(name, tree_of(argument))).items()
             _add(result, letter, sign * factor)
         elif name == "cos":
             _add(result, frozenset(), factor)
@@ -121,16 +136,6 @@ def _in_waves(circular: Monomial) -> tuple[tuple[Monomial, Fraction], ...]:
 
 def _add(terms: Terms, key: Monomial, value: Fraction) -> None:
     terms[key] = terms.get(key, Fraction(0)) + value
-
-
-def _product(wave: tuple[str, ex.Expression, Fraction], other: ex.Apply) -> list[tuple[str, ex.Expression, Fraction]]:
-    """cos u cos w = (cos(u - w) + cos(u + w))/2 and the like."""
-    name, u, factor = wave
-    total, difference = (tree_of(terms_of(u + sign * other.argument)) for sign in (1, -1))
-    half = factor / 2
-    if name == other.function:
-        return [("cos", difference, half), ("cos", total, half if name == "cos" else -half)]
-    return [("sin", total, half), ("sin", difference, half if name == "sin" else -half)]
 
 
 @lru_cache(maxsize=512)

@@ -13,6 +13,9 @@ E_i = M_ij q''_j + B_i are Euler-Lagrange equations up to factors where c_i M_ij
    G_ij v_i v_j/((d + 1)(d + 2)), the remaining terms of E_i to some A_i(t, q) v_i - V(t, q).
 
 Accelerations that are given are lines with M = 1: then G is diagonal, and d_k log c_i = -d^2 f_i/dv_i dv_k.
+
+Lines that are sums of others: for sum_k C_ik E_k with constants C the conditions are linear in C. Where they leave
+one C up to a factor, these sums are the lines.
 """
 
 from __future__ import annotations
@@ -21,12 +24,14 @@ from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from itertools import combinations, islice
+from functools import reduce
+from itertools import combinations, combinations_with_replacement, islice, product
 
 from inverse_service import bounds
 from inverse_service.deadline import check
 from inverse_service.errors import InputError, IrreducibleAtoms
 from inverse_service.expressions import tree as ex
+from inverse_service.field import exact_field, matrices
 from inverse_service.field.exact_field import Budget, TooLarge, factored
 from inverse_service.field.real_point import RealTable
 from inverse_service.mechanics.implicit_equations import linear_equation
@@ -113,12 +118,25 @@ def lagrangians_of_lines(
             lines = lines_of(system, equations)
         except _FAILED:
             continue
-        for scaled in islice(symmetric_lines(lines), _ORDERS):
+        for scaled in _proposed_lines(lines):
             check()
             with suppress(*_FAILED):
                 found = _lagrangian(scaled, Integrator(system, table, signs))
                 if found is not None:
                     yield found
+
+
+def _proposed_lines(lines: Lines) -> Iterator[Lines]:
+    """The lines in some orders, times factors that make the matrix symmetric; if none do, sums of the lines."""
+    is_symmetric = False
+    for scaled in islice(symmetric_lines(lines), _ORDERS):
+        is_symmetric = True
+        yield scaled
+    if not is_symmetric:
+        with suppress(*_FAILED):
+            sums = _self_adjoint_sums(lines)
+            if sums is not None:
+                yield sums
 
 
 def propose(material: Material, seed: int) -> Sequence[ex.Expression]:
@@ -223,6 +241,60 @@ def symmetric_lines(lines: Lines) -> Iterator[Lines]:
         yield chosen.times([{m: a} for a, m in cleared])
 
 
+def _self_adjoint_sums(lines: Lines) -> Lines | None:
+    """G q'' + H = C (M q'' + B) with constants C; None where the conditions do not leave one C up to a factor.
+
+    They are G_ij = G_ji and, where these leave more than one, d_j H_i = d_i H_j at v = 0 if t does not occur, and
+    d_vj H_i + d_vi H_j = D (G_ij + G_ji). Each says (C Y)_ij = sign (C Y)_ji for a known matrix Y.
+    """
+    found = _constant_sums(lines, [(lines.matrix, 1)])
+    if len(found) > 1:
+        still, damping = [], []
+        for row, rest in zip(lines.matrix, lines.rest, strict=True):
+            still.append([derivative_of_terms(_at_rest(rest), q) for q in lines.coordinates])
+            slopes = [derivative_of_terms(rest, v) for v in lines.velocities]
+            damping.append([add_terms(b, _along(lines, entry), -1) for b, entry in zip(slopes, row, strict=True)])
+        known = [] if ex.holds(ex.add(*lines.system.given), ex.TIME) else [(still, 1)]
+        found = _constant_sums(lines, [(lines.matrix, 1), *known, (damping, -1)])
+    if len(found) != 1:
+        return None
+    rows = [found[0][i :: len(lines.rest)] for i in lines.places]
+    matrix = [[_dot(row, column) for column in zip(*lines.matrix, strict=True)] for row in rows]
+    return replace(lines, matrix=matrix, rest=[_dot(row, lines.rest) for row in rows])
+
+
+def _dot(left: Sequence[Terms], right: Sequence[Terms]) -> Terms:
+    total = Terms()
+    for a, b in zip(left, right, strict=True):
+        total = add_terms(total, multiply_terms(a, b))
+    return total
+
+
+def _constant_sums(lines: Lines, tables: Sequence[tuple[list[list[Terms]], int]]) -> list[list[Terms]]:
+    """A basis of the constants C_ik, in the order of (k, i), with (C Y)_ij = sign (C Y)_ji for each (Y, sign).
+
+    One vector is exact; of more, only their number counts.
+    """
+    symbols: list[ex.Symbol | ex.Velocity] = [ex.TIME, *lines.coordinates, *lines.velocities]
+    trees = [[[tree_of(entry) for entry in row] for row in table] for table, _ in tables]
+    ring = exact_field.exact_ring([e for table in trees for row in table for e in row], symbols, 1, Budget.long())
+    zero, columns = ring.constant(0), list[list[exact_field.Quotient]]()
+    values = [[list(map(ring.value, row)) for row in table] for table in trees]
+    for k, a in product(lines.places, lines.places):
+        column = []
+        for table, (_, sign) in zip(values, tables, strict=True):
+            for i, j in combinations_with_replacement(lines.places, 2):
+                column.append((table[k][j] if a == i else zero) - (table[k][i].scaled(sign) if a == j else zero))
+        columns.append(column)
+    found = []
+    for one in matrices.null_vectors(ring, columns):
+        whole = matrices.numerators(ring, one)
+        common = reduce(lambda left, right: left.gcd(right), whole)
+        quotients = [exact_field.Quotient(ring.field, entry // common, ()) for entry in whole]
+        found.append([terms_of(exact_field.quotient_tree(ring, c)) for c in quotients])
+    return found
+
+
 def _factor(left: Terms, right: Terms) -> Factor | None:
     """c(t, q) with c right = left, one monomial."""
     found = constant_factor(left, right)
@@ -313,13 +385,18 @@ def _common_function(lines: Lines, part: Sequence[int], integrator: Integrator) 
     return None if logarithm is None else integrator.exponential(logarithm)
 
 
+def _along(lines: Lines, entry: Terms) -> Terms:
+    """D entry."""
+    total = derivative_of_terms(entry, ex.TIME)
+    for q, v in zip(lines.coordinates, lines.velocities, strict=True):
+        total = add_terms(total, multiply_terms(derivative_of_terms(entry, q), {monomial(v): Fraction(1)}))
+    return total
+
+
 def _rate(lines: Lines, i: int, j: int) -> Terms:
     """(d_vj B_i + d_vi B_j)/2 - D G_ij."""
-    velocities, entry = lines.velocities, lines.matrix[i][j]
-    total = _scaled(derivative_of_terms(entry, ex.TIME), -1)
-    for q, v in zip(lines.coordinates, velocities, strict=True):
-        total = add_terms(total, multiply_terms(derivative_of_terms(entry, q), {monomial(v): Fraction(1)}), -1)
-    half = Fraction(1, 2)
+    velocities, half = lines.velocities, Fraction(1, 2)
+    total = _scaled(_along(lines, lines.matrix[i][j]), -1)
     total = add_terms(total, derivative_of_terms(lines.rest[i], velocities[j]), half)
     return add_terms(total, derivative_of_terms(lines.rest[j], velocities[i]), half)
 

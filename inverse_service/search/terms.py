@@ -111,10 +111,7 @@ def terms_of(expression: ex.Expression) -> Terms:
                 total = add_terms(total, terms_of(part))
             return _bounded(total)
         case ex.Product(factors):
-            product: Terms = {EMPTY: Fraction(1)}
-            for factor in factors:
-                product = multiply_terms(product, terms_of(factor))
-            return product
+            return _product(list(map(terms_of, factors)))
         case ex.Power(base, ex.Number(exponent)):
             return _power(terms_of(base), exponent)
         case ex.Power(base, exponent) if ex.split_exponent(exponent)[1]:
@@ -135,6 +132,21 @@ def terms_of(expression: ex.Expression) -> Terms:
             return {key: c * _PARITY[function] for key, c in terms_of(ex.Apply(function, -argument)).items()}
         case _:
             return {monomial(expression): Fraction(1)}
+
+
+def _product(factors: Sequence[Terms]) -> Terms:
+    """The product of sums, that of monomials among them in one table: most factors are such."""
+    if not all(factors):
+        return {}
+    value, table = Fraction(1), dict[ex.Expression, Fraction]()
+    for key, one in (item for terms in factors if len(terms) == 1 for item in terms.items()):
+        value = value if one == 1 else one if value == 1 else value * one
+        for letter, e in key:
+            table[letter] = table[letter] + e if letter in table else e
+    product: Terms = {frozenset(item for item in table.items() if item[1]): value}
+    for terms in factors:
+        product = multiply_terms(product, terms) if len(terms) > 1 else product
+    return product
 
 
 def _with_leading_plus(function: str, argument: Terms) -> Terms:

@@ -434,8 +434,8 @@ def _searched(work: Work, decision: deciding.Decision, highest: float) -> Search
 # The answers that are returned: the checker confirms each Lagrangian and certificate first.
 
 Progress = Callable[[str], None]
-# Work that takes longer reports the results confirmed so far, s.
-_AT_ONCE = 0.05
+# A search that takes longer reports the results confirmed so far, s; before, the Lagrangian itself is expected.
+_AT_ONCE = 0.5
 NOT_YET = "This is not decided yet."
 OPEN = Answer("undetermined", reason=NOT_YET)  # for a question that is not yet decided
 log = logging.getLogger(__name__)
@@ -490,10 +490,11 @@ def _on_its_set(work: Work, answer: Answer) -> Answer:
 
 def telling(work: Work, decision: deciding.Decision) -> Progress:
     """The progress of a search; a longer one reports that a Lagrangian exists, once the checker agrees."""
+    began = deadline.now()
 
     def report(stage: str) -> None:
         is_known = decision.with_time in work.answers
-        if work.options.hand_over is not None and not is_known and deadline.now() - work.began > _AT_ONCE:
+        if work.options.hand_over is not None and not is_known and deadline.now() - began > _AT_ONCE:
             work.answers[decision.with_time] = OPEN  # once, also where the checker does not agree
             certificate = certify.of_decision(work.analysis, decision, 1, work.options.seed)
             if check(work, certificate).verdict == "valid":
