@@ -78,12 +78,11 @@ def _halved(waves: Terms) -> Terms:
             continue
         for name, unit in (("sin", 1), ("cos", -1)):
             square = times(frozenset(), monomial(ex.Apply(name, tree_of(halves))), 2)
-            other: Terms = {}
-            for key, value in waves.items():
-                rest = key - {(double, Fraction(1))}
-                for extra, factor in ((frozenset(), unit), (square, -2 * unit)) if rest != key else ((frozenset(), 1),):
-                    _add(other, times(rest, extra), factor * value)
-            other = {key: value for key, value in other.items() if value}
+            held: Terms = {key: value for key, value in waves.items() if (double, Fraction(1)) in key}
+            other = add_terms(waves, held, -1)
+            for extra, factor in ((frozenset(), unit), (square, -2 * unit)):
+                rest = {times(key - {(double, Fraction(1))}, extra): value for key, value in held.items()}
+                other = add_terms(other, rest, factor)
             waves = other if _length(other) < _length(waves) else waves
     return waves
 
