@@ -91,3 +91,8 @@ def written(name: str) -> Written:
 def greek_letter(word: str) -> str | None:
     """The character for the name of a Greek letter; None for any other word."""
     return _SHOWN.get(word)
+
+
+def shown(name: str) -> str:
+    """A name as it is shown alone: the character of a Greek letter, any other name as it is."""
+    return _SHOWN.get(name, name)

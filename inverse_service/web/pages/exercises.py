@@ -38,6 +38,7 @@ ASKED = {
 }
 # Codes hold for as long as this process runs, unless the operator sets a secret.
 SECRET = secrets.token_bytes(32)
+FRICTION = "A Lagrangian with friction"  # the title of the example
 LATE = "Judging this takes longer than a page may. Try a shorter formula."
 
 
@@ -204,7 +205,10 @@ async def make(request: Request) -> HTMLResponse:
     chosen = {name: query.get(name, "") for name in ("title", "ask", "hints")}
     kept = {name: value for name, value in fields.items() if value and name in forms.LINKED}
     link = f"{str(request.base_url).rstrip('/')}/exercise?{question_of({**kept, **chosen})}"
-    return rendering.page("exercise_new.html", active="/teach", fields=kept, chosen=chosen, asked=ASKED, link=link)
+    return rendering.page(
+        "exercise_new.html", active="/teach", fields=kept, chosen=chosen, asked=ASKED, link=link,
+        frame=rendering.frame_code(link, chosen["title"] or "Exercise", "100%", 720),
+    )  # fmt: skip
 
 
 @router.get("/teach")
@@ -217,5 +221,6 @@ async def teach(request: Request) -> HTMLResponse:
         day = code[: len("2026-01-01")]
         verdict = "yes" if hmac.compare_digest(code.encode(), code_of(asked, student, day).encode()) else "no"
     sent = {"link": link, "student": student, "code": code}
-    service = str(request.base_url).rstrip("/")
-    return rendering.page("teach.html", active="/teach", sent=sent, verdict=verdict, service=service)
+    example = urlencode({"equations": "x'' = -x - c*x'", "title": FRICTION})
+    frame = rendering.frame_code(f"{str(request.base_url).rstrip('/')}/exercise?{example}", FRICTION, "100%", 720)
+    return rendering.page("teach.html", active="/teach", sent=sent, verdict=verdict, frame=frame)

@@ -47,7 +47,7 @@ def preview_task(document: Mapping[str, Any]) -> dict[str, Any]:
         return {"reason": LONG}
     return {
         "coordinates": list(scene.coordinates),
-        "labels": {name: letters.greek_letter(name) or name for name in (*scene.coordinates, *scene.values)},
+        "labels": labels_of((*scene.coordinates, *scene.values)),
         "values": dict(scene.values),
         "equations": [listed(formula) for formula in found],
         "constraints": [listed(formula) for formula in scene.constraints],
@@ -174,9 +174,7 @@ def motion_of_result(result: Mapping[str, Any], domain: Sequence[str] = ()) -> d
     constrained = (result.get("nonholonomic") or {}).get("equations_of_motion")
     return {
         "coordinates": list(system["coordinates"]),
-        "labels": {
-            name: letters.greek_letter(name) or name for name in (*system["coordinates"], *system["parameters"])
-        },
+        "labels": labels_of((*system["coordinates"], *system["parameters"])),
         "time": system.get("time", "t"),
         "values": {name: float(Fraction(values[name])) if values.get(name) else 1 for name in system["parameters"]},
         "equations": equations,
@@ -186,6 +184,11 @@ def motion_of_result(result: Mapping[str, Any], domain: Sequence[str] = ()) -> d
         "signs": [" > " in text or " < " in text for text in domain],
         "angles": angles_of(system["coordinates"], formulas),
     }
+
+
+def labels_of(names: Iterable[str]) -> dict[str, str]:
+    """The names as the picture shows them."""
+    return {name: letters.shown(name) for name in names}
 
 
 def listed(tree: trees.Expression) -> Any:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import gzip
 import hashlib
+import html
 import importlib.util
 import re
 import sys
@@ -230,9 +231,7 @@ def environment() -> Environment:
     found.globals |= {"address": address, "style": style, "navigation": shown, "charts": chart_folder() is not None}
     for typeset in (typesetting.equation, typesetting.formula, typesetting.of_theory):
         found.globals[typeset.__name__] = typeset
-    found.filters["greek"] = lambda name: re.sub(
-        r"[A-Za-z]+", lambda word: letters.greek_letter(word[0]) or word[0], name
-    )
+    found.filters["greek"] = lambda name: re.sub(r"[A-Za-z]+", lambda word: letters.shown(word[0]), name)
     found.filters["short_number"] = short_number
     found.filters["duration"] = duration
     found.filters["method_name"] = method_name
@@ -320,6 +319,12 @@ def framed(response: HTMLResponse, origins: Iterable[str]) -> HTMLResponse:
     # The older header cannot hold a list; browsers that know the policy ignore it.
     response.headers["X-Frame-Options"] = "SAMEORIGIN"
     return response
+
+
+def frame_code(address: str, title: str, width: str, height: int) -> str:
+    """The HTML that shows a page of this service on a page of another site."""
+    shown = f'src="{html.escape(address)}" title="{html.escape(title)}"'
+    return f'<iframe {shown} width="{width}" height="{height}"></iframe>'
 
 
 def sent(text: str, media_type: str, headers: Mapping[str, str], status: int = 200) -> HTMLResponse:

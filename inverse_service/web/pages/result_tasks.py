@@ -28,46 +28,31 @@ OFFER_TERMS = "Offer terms that L may contain, in \u201cAsk in detail\u201d: for
 ONE_QUESTION = "Ask one question instead of two, in \u201cAsk in detail\u201d: L(q, q\u2032) alone."
 # Of a time limit; the remaining time is for the work after the search.
 MUCH_OF = 0.8
-LONG_RUN = "inverse-service solve --time-limit 3600 system.json"
+LONG_RUN = "Run the system on your own computer: `inverse-service solve --time-limit 3600 system.json`"
 
 
-@dataclass(frozen=True, slots=True)
-class Advice:
-    """A sentence, the code line that belongs to it, and a button that asks again where `longer` seconds are given."""
-
-    text: str
-    code: str = ""
-    longer: float | None = None
-
-
-def advice_for(result: Mapping[str, Any], largest: float) -> list[Advice]:
+def advice_for(result: Mapping[str, Any], largest: float) -> list[str]:
     """What may settle it; `largest` is the time limit of this service in s. Empty where nothing is open."""
-    if sheets.is_constrained(result) and sheets.verdict_of(result) != sheets.OPEN:
-        return []
-    if result["verdict"] == "undetermined":
-        return [*_about_time(result, largest), *_about_size(result)]
-    if result["verdict"] == "variational" and result["lagrangian"] is None:
-        return [*_about_time(result, largest), Advice(OFFER_TERMS.format(_terms_of(result["system"])))]
+    verdict, limit = sheets.verdict_of(result), _limit_that_was_hit(result)
+    run = [LONG_RUN] if limit is not None and longer_of(result, largest) is None else []
+    if verdict == sheets.OPEN:
+        return [*run, *_about_size(result)]
+    shown = sheets.answers_of(text_page.branches_of(result)[0], result)[0]
+    if verdict == sheets.YES and not sheets.is_constrained(result) and not shown.get("lagrangian"):
+        return [*run, OFFER_TERMS.format(_terms_of(result["system"]))]
     return []
+
+
+def longer_of(result: Mapping[str, Any], largest: float) -> float | None:
+    """The seconds with which the question is worth asking again; None where it had as many, or ended by itself."""
+    limit = _limit_that_was_hit(result)
+    return largest if limit is not None and limit < MUCH_OF * largest else None
 
 
 def _terms_of(system: Mapping[str, Any] | None) -> str:
     """Terms in the velocities of this system."""
     first, *others = (system or {}).get("coordinates") or ("x",)
-    return f"{others[0]}'^2/{first}'" if others else f"{first}*{first}'^2, {first}'*log({first}')"
-
-
-def _about_time(result: Mapping[str, Any], largest: float) -> list[Advice]:
-    limit = _limit_that_was_hit(result)
-    if limit is None:
-        return []
-    if limit < MUCH_OF * largest:
-        return [
-            Advice(f"This answer reached its time limit of {limit:.2g} s. Ask again with more time.", longer=largest)
-        ]
-    return [
-        Advice("The maximum time limit was reached. Run the system on your own computer with a longer limit:", LONG_RUN)
-    ]
+    return f"`{others[0]}'^2/{first}'`" if others else f"`{first}*{first}'^2`, `{first}'*log({first}')`"
 
 
 def _limit_that_was_hit(result: Mapping[str, Any]) -> float | None:
@@ -75,20 +60,21 @@ def _limit_that_was_hit(result: Mapping[str, Any]) -> float | None:
     provenance = result["provenance"]
     stopped = (provenance.get("options") or {}).get("time_limit")
     if isinstance(stopped, int | float):
-        return stopped if "limit" in result["reason"] else None
+        return stopped if "limit" in (result.get("reason") or "") else None
     limit, used = provenance.get("time_limit"), (provenance.get("seconds") or {}).values()
     return limit if isinstance(limit, int | float) and sum(used) >= MUCH_OF * limit else None
 
 
-def _about_size(result: Mapping[str, Any]) -> list[Advice]:
+def _about_size(result: Mapping[str, Any]) -> list[str]:
     system, found = result["system"] or {}, []
     if system.get("functions"):
-        found.append(Advice("Replace each arbitrary function with a formula."))
+        found.append("Replace each arbitrary function with a formula.")
     if system.get("parameters"):
-        found.append(Advice("Assign values to the parameters, such as k = 1/2. Numeric systems are faster."))
-    if result["verdict_with_time"] is not None and result["question"] == "L(q, q')":
-        found.append(Advice(ONE_QUESTION))
-    return found or [Advice("Write the equations in other coordinates, or solve uncoupled parts separately.")]
+        found.append("Assign values to the parameters, such as k = 1/2. Numeric systems are faster.")
+    both_are_open = result["verdict"] == "undetermined" and result.get("verdict_with_time") is not None
+    if both_are_open and not text_page.asks_for_time(result):
+        found.append(ONE_QUESTION)
+    return found or ["Write the equations in other coordinates, or solve uncoupled parts separately."]
 
 
 @dataclass(frozen=True, slots=True)
@@ -183,8 +169,7 @@ def code_task(store: str, id: str, language: str, address: str) -> str:
     if language == "latex":
         return latex_page(dict(found), True, f"{address}/results/{id}")
     if language == "embed":
-        title = sheets.title_of(found).replace('"', "&quot;")
-        return f'<iframe src="{address}/results/{id}/embed" title="{title}" width="640" height="320"></iframe>'
+        return rendering.frame_code(f"{address}/results/{id}/embed", sheets.title_of(found), "640", 320)
     if language in ("client", "curl"):
         return (python_call if language == "client" else curl_of)(found["system"]["given"], address)
     from inverse_service.sympy import from_result
@@ -221,6 +206,7 @@ def solve_result(look: Look, job: Mapping[str, Any], check: Mapping[str, Any] | 
     is_open = job["status"] != "successful"
     sheet = sheets.sheet_of(found, grows=is_open)
     judged = sheets.judged_of(check, typesetting.names_of(system)) if check and "lagrangian" in check else None
+    advice = advice_for(found, look.time_limit) if "verdict" in found and not is_open else []
     return rendering.page(
         "sheet.html",
         active="",
@@ -233,7 +219,8 @@ def solve_result(look: Look, job: Mapping[str, Any], check: Mapping[str, Any] | 
         motion=preview.motion_of_result(found, _conditions_shown(found)),
         own=judged,
         can_judge=bool(system) and "verdict" in found and not sheets.is_constrained(found) and not is_open,
-        advice=advice_for(found, look.time_limit) if "verdict" in found and not is_open else [],
+        advice=advice,
+        longer=longer_of(found, look.time_limit) if advice else None,
         more_words=_words_of_more(sheet),
         exports=[(key, LABELS.get(key, key)) for key in exported(found)],
         certified=bool(found.get("certificate") or (found.get("any_associated") or {}).get("certificate")),

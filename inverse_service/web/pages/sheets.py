@@ -439,6 +439,8 @@ def _missing(result: Mapping[str, Any], grows: bool) -> tuple[str, ...]:
     found = [str(one["part"]) for one in result.get("incomplete") or ()]
     if grows and is_constrained(result) and "any_associated" in found:
         found = [part for part in found if part in ("any_associated", "reduced")]
+    if not grows and verdict_of(result) == OPEN:  # the headline says it
+        found = [part for part in found if part not in (*QUESTIONS, "any_associated")]
     words = list(dict.fromkeys(PARTS.get(part, part.replace("_", " ")) for part in found))
     return (*words[:MOST_SOUGHT], *(["more"] if len(words) > MOST_SOUGHT else [])) if grows else tuple(words)
 
@@ -787,7 +789,8 @@ def judged_of(check: Mapping[str, Any], names: Names) -> Judged:
         if cell["verdict"] != "valid" and cell["domain"]:
             lines.append(Markup("It fails where {}").format(_listed(cell["domain"], names)))
     verdict, headline = OWN[check["verdict"]]
-    return Judged(check["lagrangian"], verdict, headline, lines, list(check.get("reasons") or ()))
+    reasons = [] if verdict == YES else list(check.get("reasons") or ())  # of a yes the headline says them
+    return Judged(check["lagrangian"], verdict, headline, lines, reasons)
 
 
 def _with_own_names(lagrangian: str, names: Names) -> Names:

@@ -29,7 +29,6 @@ router = APIRouter()
 CONSTRAINED = ("name", "coordinates", "lagrangian", "constraints", "parameters", "functions")
 FIRST_SYSTEM = "vertically-rolling-disk"
 WITHOUT_LAGRANGIAN = ("runge-kutta", "reference")
-LONGEST_TITLE = 60
 # What a price is compared with, besides the methods that are ticked.
 COMPARED: tuple[dict[str, Any], ...] = (
     {"method": "adaptive"}, {"method": "runge-kutta"}, {"method": "runge-kutta", "order": 8}, {"method": "reference"},
@@ -205,23 +204,12 @@ def form_of_system(system: Mapping[str, Any], **address: str) -> SceneForm:
         kept = ("coordinates", "parameters", "functions", "equations")
         solved = {key: shown[key] for key in kept if key in shown}
         unsolved = any(reader.has_acceleration(text) for text in shown.get("equations", {}).values())
-        form = scene_form(shown["given"] if unsolved else solved, shown["name"] or _title(shown), **address)
+        form = scene_form(shown["given"] if unsolved else solved, shown["name"] or "", **address)
         answers = (system["result"], system["result"].get("with_time") or {})
         # Without a Lagrangian there is nothing to discretize but the equations.
         return form if any(a.get("lagrangian") for a in answers) else replace(form, methods=WITHOUT_LAGRANGIAN)
     document = system.get("document", system)
-    return scene_form(document, document.get("name") or _title(document), **address)
-
-
-def _title(system: Mapping[str, Any]) -> str:
-    """What tells a system without a name from others: its Lagrangian, its first equation, or its coordinates."""
-    equations = system.get("equations") or {}
-    first = next(iter(equations.items()), None) if isinstance(equations, dict) else None
-    formula = (
-        f"L = {system['lagrangian']}" if system.get("lagrangian") else reader.equation_line(*first) if first else ""
-    )
-    title = f"motion of {formula or 'a system'}"
-    return title if len(title) <= LONGEST_TITLE else f"motion of {', '.join(system['coordinates'])}"[:LONGEST_TITLE]
+    return scene_form(document, document.get("name") or "", **address)
 
 
 async def _form_of_scene(request: Request, identifier: str) -> tuple[SceneForm, dict[str, Any]]:
@@ -369,7 +357,6 @@ def scene_document(form: SceneForm, system: Mapping[str, Any]) -> dict[str, Any]
     if not form.steps.isdigit() or len(form.steps) > 12:
         raise errors.InputError("The number of steps must be a positive integer.", "/steps")
     scene: dict[str, Any] = {
-        "name": form.title,
         "system": dict(system),
         "parameters": dict(form.parameters),
         "initial": {"positions": _filled(form.positions), "velocities": _filled(form.velocities)},
@@ -378,6 +365,8 @@ def scene_document(form: SceneForm, system: Mapping[str, Any]) -> dict[str, Any]
         "methods": [*(_method(name, form.alphas) for name in form.methods), *(form.further[k] for k in form.kept)],
         "observe": list(form.observe),
     }
+    if form.title:
+        scene["name"] = form.title
     if len(form.effects) < len(form.parts):
         scene["effects"] = list(form.effects)
     if form.functions:

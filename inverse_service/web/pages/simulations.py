@@ -15,11 +15,10 @@ from typing import Any
 from markupsafe import Markup
 from starlette.responses import HTMLResponse
 
-from inverse_service.expressions.letters import greek_letter
+from inverse_service.expressions import letters
 from inverse_service.reading.names import Names
 from inverse_service.service.documents.text_page import notes_of_formulas
-from inverse_service.web.pages import typesetting
-from inverse_service.web.pages.preview import angles_of_texts
+from inverse_service.web.pages import preview, typesetting
 from inverse_service.web.pages.rendering import duration, method_name, page, short_number
 
 PICTURES = {"svg": "image/svg+xml", "png": "image/png"}
@@ -412,7 +411,7 @@ def figure_names(result: Mapping[str, Any]) -> list[tuple[str, str]]:
     observed, found = set(result["observe"]), []
     if "trajectory" in observed:
         if result["circle_coordinates"]:
-            a, b = (greek_letter(name) or name for name in result["circle_coordinates"])
+            a, b = map(letters.shown, result["circle_coordinates"])
             found.append(("path", "Path in the plane" if (a, b) == ("x", "y") else f"{b} over {a}"))
         found.append(("coordinates", "Coordinates in time"))
     if any(event["count"] for method in result["methods"] for event in method.get("events", ())):
@@ -528,7 +527,7 @@ def _sections(result: Mapping[str, Any]) -> list[dict[str, Any]]:
     for k, event in enumerate(methods[0]["events"]):
         moving = [name for name in result["system"]["coordinates"] if name != event["when"]]
         for name in moving or result["system"]["coordinates"]:
-            q, columns = greek_letter(name) or name, [method["events"][k]["columns"] for method in methods]
+            q, columns = letters.shown(name), [method["events"][k]["columns"] for method in methods]
             lines = [
                 {**_line(place, method, [], []), "x": found[name], "y": found[f"v_{name}"]}
                 for place, (method, found) in enumerate(zip(methods, columns, strict=True))
@@ -542,7 +541,7 @@ def _plane_view(title: str, result: Mapping[str, Any], pair: Sequence[str], equa
     a, b = pair
     lines = _lines(result["methods"], partial(_column, a), partial(_column, b))
     dots = is_thinned(result)
-    return _view(title, greek_letter(a) or a, greek_letter(b) or b, lines, equal=equal, dots=dots)
+    return _view(title, letters.shown(a), letters.shown(b), lines, equal=equal, dots=dots)
 
 
 def is_thinned(result: Mapping[str, Any]) -> bool:
@@ -553,7 +552,11 @@ def is_thinned(result: Mapping[str, Any]) -> bool:
 
 def _signed_views(name: str, result: Mapping[str, Any], methods: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """The energy, or each constraint, with its sign."""
-    columns = {"E": "energy"} if name == "energy" else {}
+    columns: dict[str, str] = {}
+    if name == "energy":
+        # Of an L that contains the time, T + V is what is left of its energy without the factor of t.
+        is_timed = any("mechanical_energy" in columns_of(method) for method in methods)
+        columns = {"T + V": "mechanical_energy", "energy of the L found": "energy"} if is_timed else {"E": "energy"}
     if name == "constraints":
         count = len(result["system"]["constraints"])
         columns = {f"\u03c9{k}(q) q\u2032": f"constraint_{k}" for k in range(1, count + 1)}
@@ -571,7 +574,7 @@ def _column(name: str, method: Mapping[str, Any]) -> list[float | None] | None:
 
 def _views_of(name: str, methods: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """A coordinate in time, its difference from the true motion where that was computed, and its phase portrait."""
-    q = greek_letter(name) or name
+    q = letters.shown(name)
     views = [_view(f"{q} in time", "t", q, _lines(methods, _times, partial(_column, name)))]
     truth = next((columns_of(m) for m in methods if m["method"] in TRUE), {})
     if truth.get(name) and len(methods) > 1:
@@ -640,8 +643,14 @@ def motion_of(result: Mapping[str, Any]) -> dict[str, Any] | None:
             every = max(1, math.ceil(len(columns["t"]) / MOST_POINTS))
             t, *q = ([_short(value) for value in columns[name][::every]] for name in ("t", *coordinates))
             tracks.append({"label": method["label"], "t": t, "q": q})
-    angles, dots = angles_of_texts(result["system"]), is_thinned(result)
-    return {"coordinates": coordinates, "angles": angles, "dots": dots, "tracks": tracks} if tracks else None
+    if not tracks:
+        return None
+    return {
+        "coordinates": coordinates,
+        "labels": preview.labels_of(coordinates),
+        "angles": preview.angles_of_texts(result["system"]),
+        "tracks": tracks,
+    }
 
 
 def _short(value: Any) -> Any:

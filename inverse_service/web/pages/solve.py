@@ -128,13 +128,17 @@ async def submit(request: Request) -> Response:
 @router.post("/understood")
 async def echo(request: Request) -> Response:
     """What was understood of the form: the fragment for the script, else the form's link, whose page says it."""
+    is_fragment = bool(request.query_params.get("fragment"))
     try:
         fields, found = await results.read_sent(
             request, request.app.state.engine.settings.max_body, forms.echo_sent_task
         )
     except Refusal as refusal:
+        if is_fragment:
+            status = _status_of_busy(refusal)
+            return rendering.page("understood.html", status, problem=_too_heavy(refusal), understood=None)
         return _not_read(refusal)
-    if request.query_params.get("fragment"):
+    if is_fragment:
         return rendering.page("understood.html", **({"problem": None, "understood": None} | found))
     return (
         solve_page(fields, **found)
@@ -154,27 +158,35 @@ async def _refused(request: Request, fields: dict[str, str], problem: forms.Prob
 async def answer_beside(request: Request) -> Response:
     """The answer next to the form: nothing is stored; one at a time for each client, and none where it takes long."""
     engine: Engine = request.app.state.engine
-    found, is_free = None, False
     try:
         with engine.glances.hold(clients.client_of(request), 1):
-            is_free = True
             found = await results.read_sent(
                 request, engine.settings.max_body, result_tasks.glance_task, 2 * result_tasks.GLANCE
             )
     except Refusal as refusal:
-        if refusal.kind not in ("limit", "busy"):
-            raise
-    if not is_free:
-        return Response(status_code=204)
+        return rendering.page("glance.html", _status_of_busy(refusal), glance=None)
     return rendering.page("glance.html", glance=found)
+
+
+def _status_of_busy(refusal: Refusal) -> int:
+    """503, on which the script asks again, where the machine was busy or cold; anything else is refused as everywhere.
+
+    The work is bounded by processor time, so one that runs into a limit of the clock did not get the processor.
+    """
+    if refusal.kind not in ("limit", "busy"):
+        raise refusal
+    return 503
 
 
 def _not_read(refusal: Refusal) -> HTMLResponse:
     """The form at its start, where what was sent is too heavy to be read; anything else is refused as everywhere."""
     if refusal.kind != "limit":
         raise refusal
-    problem = forms.problem_of({"detail": refusal.detail}, {})
-    return solve_page(forms.fields_from({"equations": START}), problem=problem, status=refusal.status)
+    return solve_page(forms.fields_from({"equations": START}), problem=_too_heavy(refusal), status=refusal.status)
+
+
+def _too_heavy(refusal: Refusal) -> forms.Problem | None:
+    return forms.problem_of({"detail": refusal.detail}, {})
 
 
 async def understand(request: Request, fields: dict[str, str], patience: float | None = None) -> dict[str, Any]:

@@ -7,44 +7,50 @@ const root = document.documentElement;
 const ECHO_PAUSE = 120; // ms after the last key
 const FAULT_PAUSE = 900; // a half-typed equation is no mistake
 const ANSWER_PAUSE = 350; // a complete reading that is left alone is answered
-const BUSY_PAUSE = 3000; // a busy service is asked again, for an answer three times
+const BUSY_PAUSE = 3000; // ms after which a stream that broke is looked at again
+const AGAIN = [1000, 2000, 4000, 8000]; // ms after which a service that is busy or has just started is asked again
 const LOOK_PAUSE = 150; // ms between two looks at a result that grows
 const TALL = 20; // CSS pixels by which what scrolls down is higher than its box; brackets are a few higher
 const DRAFT = "draft:";
 
+// The answer to a form: a part of a page, or the sentence of a refusal. `isBusy`: the service has to be asked again.
+async function post(address, form, signal) {
+  const sent = new FormData(form);
+  const file = sent.get("document");
+  if (!(file instanceof File) || !file.name) sent.delete("document");
+  const answer = await fetch(address, { method: "POST", body: sent, signal });
+  const isPage = (answer.headers.get("content-type") ?? "").startsWith("text/html");
+  return { isBusy: [429, 503].includes(answer.status), isPage, text: isPage ? await answer.text() : (await answer.json()).detail };
+}
+
 function echo(form) {
   const target = document.getElementById(form.dataset.understood ?? "understood");
-  let timer = 0;
+  let [timer, typed, scolding, tries] = [0, 0, 0, 0];
   let asked = null;
-  let typed = 0;
-  let scolding = 0;
   const answering = form.dataset.answer ? answers(form) : null;
   const ask = async () => {
     asked?.abort();
     asked = new AbortController();
-    const sent = new FormData(form);
-    const file = sent.get("document");
-    if (!(file instanceof File) || !file.name) sent.delete("document");
     try {
-      const answer = await fetch(`${form.dataset.echo}?fragment=1`, { method: "POST", body: sent, signal: asked.signal });
+      const { isBusy, isPage, text } = await post(`${form.dataset.echo}?fragment=1`, form, asked.signal);
       // What was typed while the service starts is read once it has started.
-      if (answer.status === 503) { timer = setTimeout(ask, BUSY_PAUSE); return; }
-      // What was read before is not left standing under what is typed now.
-      if (!(answer.headers.get("content-type") ?? "").startsWith("text/html")) throw new Error("not a page");
-      const text = await answer.text();
+      if (isBusy && tries < AGAIN.length) { timer = setTimeout(ask, AGAIN[tries++]); return; }
       clearTimeout(scolding);
+      const isFault = !isPage || text.includes("data-problem");
       const show = () => {
-        target.innerHTML = text;
+        // What was read before is not left standing under what is typed now.
+        if (isPage) target.innerHTML = text;
+        else target.textContent = text;
         focusWide(target);
         // A screen reader hears where it ends, not each letter on the way.
-        if (text.includes("data-problem")) { said(target.querySelector(".detail")?.textContent ?? ""); answering?.clear(); }
+        if (isFault) { said(target.querySelector(".detail")?.textContent ?? ""); answering?.clear(); }
         else answering?.(typed);
       };
-      if (text.includes("data-problem") && Date.now() - typed < FAULT_PAUSE) scolding = setTimeout(show, FAULT_PAUSE - (Date.now() - typed));
+      if (isFault && Date.now() - typed < FAULT_PAUSE) scolding = setTimeout(show, FAULT_PAUSE - (Date.now() - typed));
       else show();
     } catch (error) {
       if (error.name === "AbortError") return;
-      target.textContent = error.message === "not a page" ? "The service failed on this text. This is an error of the program." : "The service does not answer at the moment.";
+      target.textContent = "The service does not answer at the moment.";
       answering?.clear();
     }
   };
@@ -54,7 +60,7 @@ function echo(form) {
     if (form.elements.name && event.target.tagName === "TEXTAREA") form.elements.name.value = "";
     clearTimeout(timer);
     clearTimeout(scolding);
-    typed = Date.now();
+    [typed, tries] = [Date.now(), 0];
     answering?.forget();
     timer = setTimeout(ask, ECHO_PAUSE);
   });
@@ -88,7 +94,7 @@ function said(text) {
 function answers(form) {
   const place = document.getElementById("glance");
   const panel = place.closest(".live");
-  let [timer, version, busy, again, patience] = [0, 0, false, false, 0];
+  let [timer, version, busy, again, tries] = [0, 0, false, false, 0];
   let motion = null;
   const show = () => {
     panel.hidden = false;
@@ -103,26 +109,19 @@ function answers(form) {
     if (busy) { again = true; return; }
     busy = true;
     const mine = version;
-    let waits = false;
-    try {
-      const sent = new FormData(form);
-      if (!sent.get("document")?.name) sent.delete("document");
-      const answer = await fetch(form.dataset.answer, { method: "POST", body: sent });
-      const text = answer.status === 200 ? await answer.text() : "";
-      waits = answer.status !== 200; // the service is busy, not at a loss
-      if (mine === version && text) {
-        place.innerHTML = text;
-        show();
-        said([...place.querySelectorAll("h2, p, .formula")].map((part) => part.getAttribute("aria-label") ?? part.textContent).join(" "));
-      }
-    } catch { /* the form works without */ }
+    const answer = await post(form.dataset.answer, form).catch(() => null); // the form works without
     busy = false;
-    if (again) { again = false; ask(); }
-    else if (waits && mine === version && patience-- > 0) timer = setTimeout(ask, BUSY_PAUSE);
+    if (again) { again = false; ask(); return; }
+    if (!answer || mine !== version) return;
+    if (answer.isBusy && tries < AGAIN.length) { timer = setTimeout(ask, AGAIN[tries++]); return; }
+    if (answer.isPage) place.innerHTML = answer.text;
+    else place.textContent = answer.text;
+    show();
+    said([...place.querySelectorAll("h2, p, .formula")].map((part) => part.getAttribute("aria-label") ?? part.textContent).join(" "));
   };
   const later = (typed) => {
     clearTimeout(timer);
-    patience = 3;
+    tries = 0;
     if (typed || !place.querySelector("[data-settled]")) timer = setTimeout(ask, Math.max(0, ANSWER_PAUSE - (Date.now() - typed)));
   };
   // What was typed since has no answer yet: the old one fades, and goes where the text cannot be read.

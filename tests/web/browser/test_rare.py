@@ -141,6 +141,25 @@ def test_a_printed_result_is_light_and_whole(browser: Browser, service: str) -> 
     page.context.close()
 
 
+def test_an_answer_that_a_busy_service_owes_comes_by_itself(visit: Visit) -> None:
+    """Two refusals with growing pauses, then the answer."""
+    asked: list[Route] = []
+
+    def answer(route: Route) -> None:
+        asked.append(route)
+        if len(asked) <= 2:
+            route.fulfill(status=503, content_type="text/html", body="<p>Later.</p>")
+        else:
+            route.continue_()
+
+    visit.page.route("**/answer", answer)
+    visit.go("/")
+    visit.page.get_by_label("Equations", exact=True).fill("x'' = -x - 0.7*x'")
+    expect(visit.page.locator("#live:not(.old) #glance h2")).to_contain_text("Yes")
+    assert len(asked) >= 3
+    visit.page.unroute("**/answer")
+
+
 def test_a_screen_reader_hears_one_end_state_and_no_half_equation(visit: Visit) -> None:
     visit.go("/")
     visit.page.evaluate(

@@ -10,7 +10,8 @@ import pytest
 
 from inverse_service.service.jobs.outcome import Outcome
 from inverse_service.web import clients
-from inverse_service.web.pages import solve
+from inverse_service.web.pages import results, solve
+from inverse_service.web.problems import Refusal
 
 
 class Starting:
@@ -38,3 +39,21 @@ def test_a_page_at_its_start_does_not_wait_for_workers(
     answer = asyncio.run(solve.understand(request, {}, patience))
     assert answer == (found and {"understood": found})
     assert engine.withdrawn == (0 if found else 1)
+
+
+@pytest.mark.parametrize(("kind", "status"), [("limit", 503), ("busy", 503), ("too-large", 413)])
+def test_a_busy_service_says_that_it_has_to_be_asked_again(
+    monkeypatch: pytest.MonkeyPatch, kind: str, status: int
+) -> None:
+    async def refuse(*arguments: Any) -> None:
+        raise Refusal(status, kind, "Not now.")
+
+    monkeypatch.setattr(clients, "client_of", lambda request: "one")
+    monkeypatch.setattr(results, "read_sent", refuse)
+    engine = SimpleNamespace(glances=clients.Shares(1, 1, ""), settings=SimpleNamespace(max_body=1))
+    request: Any = SimpleNamespace(app=SimpleNamespace(state=SimpleNamespace(engine=engine)))
+    try:
+        found = asyncio.run(solve.answer_beside(request)).status_code
+    except Refusal as refusal:
+        found = refusal.status
+    assert found == status
