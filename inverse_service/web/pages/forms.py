@@ -15,11 +15,9 @@ from urllib.parse import parse_qs, parse_qsl, urlencode
 from markupsafe import Markup
 
 from inverse_service import errors
-from inverse_service.expressions import letters, printing
-from inverse_service.expressions.tree import Acceleration, Symbol
+from inverse_service.expressions import letters
 from inverse_service.reading import reader
 from inverse_service.reading.document_names import AND_GUESS, GUESS, Declared, document_names
-from inverse_service.reading.names import Names
 from inverse_service.service.documents import plain_data
 from inverse_service.service.jobs import model, tasks
 from inverse_service.web.pages import typesetting
@@ -375,22 +373,14 @@ _LETTER = re.compile(rf"(?<![A-Za-z\\])(?:{'|'.join(sorted(letters.LETTER_COMMAN
 
 
 @dataclass(frozen=True, slots=True)
-class Line:
-    """A typeset formula and what a screen reader calls it."""
-
-    label: str
-    math: Markup
-
-
-@dataclass(frozen=True, slots=True)
 class Understood:
-    """Groups of formulas under headings, and names after the words that explain them.
+    """Groups of formulas under headings, each with the text that a screen reader says, and the meaning of the names.
 
     `readings` are what was read otherwise than it was typed: the text, its meaning, and what a button for a name sends.
     """
 
-    groups: list[tuple[str, list[Line]]]
-    names: list[tuple[str, Markup]]
+    groups: list[tuple[str, list[tuple[str, Markup]]]]
+    names: list[Markup]
     readings: list[tuple[str, str, str]]
 
 
@@ -420,66 +410,26 @@ class Problem:
     places: list[ShownPlace]
 
 
-def understood(answer: Mapping[str, Any]) -> Understood:
-    """The answer of /v1/parse, typeset, with the guessed names."""
-    groups = [("", _equations(answer))] if answer.get("equations") else []
-    for key, heading in (("lagrangian", "Lagrangian"), ("constraints", "Constraints")):
-        lines = _formulas(answer.get(key), heading)
-        if lines:
-            groups.insert(len(groups) - 1 if key == "lagrangian" else len(groups), (heading, lines))
-    readings = [(one["text"], one["as"], _as_a_name(one["text"], one["as"])) for one in answer.get("readings", ())]
-    return Understood(_ordered(groups), _names_understood(answer), readings)
+def understood(answer: Mapping[str, Any], time: str = "t") -> Understood:
+    """The answer of /v1/parse about a document with this time, typeset, with the guessed names."""
+    names = typesetting.names_of({**answer, "time": time})
+    lagrangian, equations = answer.get("lagrangian"), (answer.get("equations") or {}).items()
+    groups = (
+        ("Lagrangian", [lagrangian["text"]] if lagrangian else []),
+        ("Constraints", [f"{one['text']} = 0" for one in answer.get("constraints") or ()]),
+        ("Motion" if lagrangian else "", [reader.equation_line(name, found["text"]) for name, found in equations]),
+    )
+    timed = [Markup("containing {}").format(typesetting.formula(time, names))] if answer.get("depends_on_time") else []
+    return Understood(
+        [(words, [(one, typesetting.formula(one, names)) for one in lines]) for words, lines in groups if lines],
+        [*typesetting.meanings(answer), *timed],
+        [(one["text"], one["as"], _as_a_name(one["text"], one["as"])) for one in answer.get("readings", ())],
+    )
 
 
 def _as_a_name(text: str, meant: str) -> str:
     """What a button sends to declare the kx that was read as k*x; nothing for what was left out."""
     return f"parameters:0:0:{text}" if text.isidentifier() and re.fullmatch(r"[\w*()]+", meant) else ""
-
-
-def _ordered(groups: list[tuple[str, list[Line]]]) -> list[tuple[str, list[Line]]]:
-    order = {"Lagrangian": 0, "Constraints": 1, "": 2}
-    found = sorted(groups, key=lambda group: order[group[0]])
-    return [("Motion" if not heading and len(found) > 1 else heading, lines) for heading, lines in found]
-
-
-def _equations(answer: Mapping[str, Any]) -> list[Line]:
-    lines = []
-    for coordinate, found in answer["equations"].items():
-        left = printing.to_mathml(Acceleration(coordinate)).partition(">")[2].removesuffix("</math>")
-        right = str(typesetting.spaced(found["mathml"])).partition(">")[2].removesuffix("</math>")
-        solved = not reader.has_acceleration(found["text"])
-        line = f"{left}<mo>=</mo>{right}" if solved else f"{right}<mo>=</mo><mn>0</mn>"
-        lines.append(Line(reader.equation_line(coordinate, found["text"]), typesetting.math(f"<mrow>{line}</mrow>")))
-    return lines
-
-
-def _formulas(found: Any, heading: str) -> list[Line]:
-    """A parsed formula or a list of them; constraints are zero."""
-    if not found:
-        return []
-    formulas = found if isinstance(found, list) else [found]
-    zero = "<mo>=</mo><mn>0</mn>" if heading == "Constraints" else ""
-    lines = []
-    for formula in formulas:
-        inner = str(typesetting.spaced(formula["mathml"])).partition(">")[2].removesuffix("</math>")
-        ending = " = 0" if zero else ""
-        lines.append(Line(formula["text"] + ending, typesetting.math(f"<mrow>{inner}{zero}</mrow>")))
-    return lines
-
-
-def _names_understood(answer: Mapping[str, Any]) -> list[tuple[str, Markup]]:
-    rows = [("with constants", _symbols(answer["parameters"]))] if answer["parameters"] else []
-    if answer["functions"]:
-        names = Names(tuple(answer["coordinates"]), (), {k: tuple(v) for k, v in answer["functions"].items()})
-        texts = [f"{name}({', '.join(arguments)})" for name, arguments in answer["functions"].items()]
-        rows.append(("with any", Markup(", ").join(typesetting.formula(text, names) for text in texts)))
-    if answer.get("depends_on_time"):
-        rows.append(("containing", _symbols(["t"])))
-    return rows
-
-
-def _symbols(names: list[str]) -> Markup:
-    return Markup(", ").join(Markup(printing.to_mathml(Symbol(name))) for name in names)
 
 
 def problem_of(body: Mapping[str, Any], fields: Mapping[str, str]) -> Problem:
@@ -638,4 +588,4 @@ def _understood(fields: Fields, document: Mapping[str, Any]) -> dict[str, Any]:
         answer = parse_document(model.split_options(document)[0])
     except errors.InputError as error:
         return {"problem": problem_of_error(error, fields)} if typed else {}
-    return {"understood": understood(answer)}
+    return {"understood": understood(answer, document.get("time", "t"))}

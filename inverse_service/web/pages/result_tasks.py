@@ -222,7 +222,7 @@ def solve_result(look: Look, job: Mapping[str, Any], check: Mapping[str, Any] | 
         advice=advice,
         longer=longer_of(found, look.time_limit) if advice else None,
         more_words=_words_of_more(sheet),
-        exports=[(key, LABELS.get(key, key)) for key in exported(found)],
+        exports=exported(found),
         certified=bool(found.get("certificate") or (found.get("any_associated") or {}).get("certificate")),
         can_simulate=rendering.can_simulate() and system is not None,
     )
@@ -242,32 +242,24 @@ def _words_of_more(sheet: sheets.Sheet) -> str:
     return ", ".join(name.lower() if k else name for k, name in enumerate(told[:5])) or "Check your own L"
 
 
-# Languages of inverse_service.sympy.code, and the endings of their files.
-LANGUAGES = {
-    "sympy": "py", "python": "py", "julia": "jl", "matlab": "m", "octave": "m", "mathematica": "wl", "maple": "mpl",
-    "maxima": "mac", "c": "c", "cpp": "cpp", "fortran": "f90", "rust": "rs", "javascript": "js",
+# The texts to take along: label and ending of the file, the most wanted first.
+EXPORTS = {
+    "sympy": ("SymPy", "py"), "julia": ("Julia", "jl"), "matlab": ("MATLAB", "m"), "c": ("C", "c"),
+    "latex": ("LaTeX", "tex"), "python": ("Python", "py"), "octave": ("Octave", "m"),
+    "mathematica": ("Mathematica", "wl"), "maple": ("Maple", "mpl"), "maxima": ("Maxima", "mac"), "cpp": ("C++", "cpp"),
+    "fortran": ("Fortran", "f90"), "rust": ("Rust", "rs"), "javascript": ("JavaScript", "js"),
+    "client": ("Python client", "py"), "curl": ("curl", "sh"), "embed": ("HTML to embed", "html"),
 }  # fmt: skip
 
-ENDINGS = {**LANGUAGES, "latex": "tex", "client": "py", "curl": "sh", "embed": "html"}
 
-
-LABELS = {
-    "sympy": "SymPy", "julia": "Julia", "matlab": "MATLAB", "c": "C", "latex": "LaTeX", "python": "Python",
-    "octave": "Octave", "mathematica": "Mathematica", "maple": "Maple", "maxima": "Maxima", "cpp": "C++",
-    "fortran": "Fortran", "rust": "Rust", "javascript": "JavaScript", "client": "Python client", "curl": "curl",
-    "embed": "HTML to embed",
-}  # fmt: skip
-FIRST = ("sympy", "julia", "matlab", "c", "latex")
-TEXTS = ("latex", "client", "curl", "embed")
-
-
-def exported(result: Mapping[str, Any]) -> list[str]:
-    """The forms that a result has, the most wanted first; functions without formulas are symbols of SymPy alone."""
-    if result["system"] is None:
-        return ["latex", "embed"]
-    coded = ["sympy"] if result["system"]["functions"] else list(LANGUAGES)
-    keys = [*(key for key in FIRST if key in (*coded, *TEXTS)), *coded, *TEXTS]
-    return list(dict.fromkeys(keys))
+def exported(result: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Key and label of the texts that a result has; functions without formulas are symbols of SymPy alone."""
+    system, kept = result["system"], tuple(EXPORTS)
+    if system is None:
+        kept = ("latex", "embed")
+    elif system["functions"]:
+        kept = ("sympy", "latex", "client", "curl", "embed")
+    return [(key, EXPORTS[key][0]) for key in kept]
 
 
 def python_call(document: Mapping[str, Any], address: str) -> str:

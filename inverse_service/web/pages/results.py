@@ -228,8 +228,8 @@ def _file_of(kind: str, file: str, identifier: str, address: str) -> Made | None
             return "application/json", attached, result_tasks.certificate_task, ()
         if not folder and name == "picture" and ending in simulations.PICTURES:
             return simulations.PICTURES[ending], "", result_tasks.answer_picture_task, (ending,)
-        if folder == "code" and rest in result_tasks.ENDINGS:
-            inline = f'inline; filename="system.{result_tasks.ENDINGS[rest]}"'
+        if folder == "code" and rest in result_tasks.EXPORTS:
+            inline = f'inline; filename="system.{result_tasks.EXPORTS[rest][1]}"'
             return "text/plain", inline, result_tasks.code_task, (rest, address)
         return None
     if file == "figures.json":

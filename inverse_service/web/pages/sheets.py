@@ -272,7 +272,7 @@ def sheet_of(result: Mapping[str, Any], brief: bool = False, grows: bool = False
         sentence,
         notes,
         tuple(_typed(system, names)),
-        tuple(_about(result)),
+        _about(result),
         cases,
         more=() if brief else tuple(_more(result, names)),
         matrices=() if brief else tuple(_matrices(result.get("conditions"), names)),
@@ -391,20 +391,10 @@ def _equations(system: Mapping[str, Any], names: Names) -> list[Formula]:
     return [Formula("", typesetting.formula(line, names), line) for line in lines]
 
 
-def _about(result: Mapping[str, Any]) -> list[Markup]:
+def _about(result: Mapping[str, Any]) -> tuple[Markup, ...]:
     """The meaning of the names, stated once."""
-    system = result["system"] or {}
-    names = typesetting.names_of(system)
-    parts = []
-    if parameters := system.get("parameters"):
-        constants = "constants" if len(parameters) > 1 else "constant"
-        parts.append(Markup("with {} {}").format(constants, _listed(parameters, names)))
-    if system.get("functions"):
-        wanted = [f"{name}({', '.join(of)})" for name, of in system["functions"].items()]
-        parts.append(Markup("any function {}").format(_listed(wanted, names)))
-    for one in result.get("readings") or ():
-        parts.append(Markup("{} read as {}").format(one["text"], one["as"]))
-    return parts
+    read = (Markup("{} read as {}").format(one["text"], one["as"]) for one in result.get("readings") or ())
+    return (*typesetting.meanings(result["system"] or {}), *read)
 
 
 def _listed(texts: Iterable[str], names: Names) -> Markup:
@@ -647,7 +637,7 @@ def _constrained(result: Mapping[str, Any], names: Names, verdict: str, brief: b
     if len(cases) > 1:
         sentence = Markup("The answer {}: {} cases.").format(_colored(verdict, "depends on the case"), len(cases))
     return Sheet(
-        title_of(result), verdict, badge_of(result), sentence, tuple(notes), tuple(asked), tuple(_about(result)), cases,
+        title_of(result), verdict, badge_of(result), sentence, tuple(notes), tuple(asked), _about(result), cases,
         table, () if brief else tuple(_motion_more(result, part, names)), (), _missing(result, bool(pending)),
     )  # fmt: skip
 
@@ -751,7 +741,7 @@ def _forward(result: Mapping[str, Any], names: Names) -> Sheet:
     case = Case("", Markup("These are its equations of motion."), (), (*_equations(system, names), energy), (), ())
     return Sheet(
         title_of({**result, "system": {**system, "given": {"lagrangian": given}}}), "", "", case.sentence, (),
-        (formula_of("L", latex, names),), tuple(_about(result)), (case,), more=tuple(rows),
+        (formula_of("L", latex, names),), _about(result), (case,), more=tuple(rows),
     )  # fmt: skip
 
 

@@ -115,6 +115,16 @@ def conditions(texts: Sequence[str], names: Names) -> list[Markup]:
     return [formula(texts[k], names) for k in places]
 
 
+def meanings(system: Mapping[str, Any]) -> list[Markup]:
+    """What the names of a system mean that are not its coordinates: constants, and functions that may be any."""
+    parameters, functions = system.get("parameters") or (), (system.get("functions") or {}).items()
+    names = names_of(system) if parameters or functions else Names()
+    constants = [formula(name, names) for name in parameters]
+    wanted = [formula(f"{name}({', '.join(of)})", names) for name, of in functions]
+    groups = ((f"with constant{'s' * (len(constants) > 1)}", constants), ("any function", wanted))
+    return [Markup("{} {}").format(words, Markup(", ").join(listed)) for words, listed in groups if listed]
+
+
 def _breakable(text: str, names: Names) -> Markup | None:
     """A short formula as one <math>; a long one with each term in its own, so that lines can end between them."""
     if len(text) <= UNBROKEN:
