@@ -193,7 +193,7 @@ async def atlas_entry(name: str) -> HTMLResponse:
     found = atlas.entries().get(name)
     if found is None:
         raise Refusal(404, "not-found", "The atlas has no system of this name; /atlas searches it.")
-    names = _names(found["document"])
+    names = typesetting.names_of(found["document"])
     formulas = [typesetting.proposition(text, names) for text in found["equations"]]
     answers = [(letter, found[key]) for letter, key in (("L", "lagrangian"), ("H", "hamiltonian")) if found[key]]
     return rendering.page(
@@ -209,14 +209,6 @@ async def atlas_entry(name: str) -> HTMLResponse:
         question=forms.question_address(found["document"]),
         cite=routes_atlas.CITE,
     )
-
-
-def _names(document: dict[str, Any]) -> Names:
-    given = document.get("parameters") or ()
-    parameters = tuple(given) if not isinstance(given, str) else ()
-    functions = {name: tuple(of) for name, of in (document.get("functions") or {}).items()}
-    coordinates = document.get("coordinates") or tuple(document.get("equations") or ())
-    return typesetting.names_of({"coordinates": coordinates, "parameters": parameters, "functions": functions})
 
 
 def referenced(source: str) -> Markup:

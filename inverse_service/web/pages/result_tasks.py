@@ -60,7 +60,8 @@ def _limit_that_was_hit(result: Mapping[str, Any]) -> float | None:
     provenance = result["provenance"]
     stopped = (provenance.get("options") or {}).get("time_limit")
     if isinstance(stopped, int | float):
-        return stopped if "limit" in (result.get("reason") or "") else None
+        reasons = [result.get("reason") or "", *(one["reason"] for one in result.get("incomplete") or ())]
+        return stopped if any("limit" in reason for reason in reasons) else None
     limit, used = provenance.get("time_limit"), (provenance.get("seconds") or {}).values()
     return limit if isinstance(limit, int | float) and sum(used) >= MUCH_OF * limit else None
 

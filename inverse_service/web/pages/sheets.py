@@ -189,15 +189,15 @@ def _sentence(
         do = _colored(NO, "does not" if count == 1 else "do not")
         return Markup("{} {} come from any regular Lagrangian{}.").format(these.capitalize(), do, time)
     none = any(one["verdict"] == "not_variational" for one in answers)
-    if QUESTIONS.intersection(pending):
-        if none:
-            return Markup("L(q, q\u2032): none; L(t, q, q\u2032): {}.").format(_colored(OPEN, "being looked for"))
-        return Markup("Whether {} {} from a Lagrangian is {}.").format(these, come, _colored(OPEN, "being decided"))
+    return _open_sentence(f"{these} {come} from a Lagrangian", none and "Lagrangian", QUESTIONS.intersection(pending))
+
+
+def _open_sentence(asked: str, none: str | bool, pending: Collection[str]) -> Markup:
+    """That it is open, or sought, whether something holds; there may be `none` without the time."""
+    state = _colored(OPEN, "being decided" if pending else "undetermined")
     if none:
-        return Markup("No Lagrangian without the time exists; one with the time is {}.").format(
-            _colored(OPEN, "undetermined")
-        )
-    return Markup("Whether {} {} from a Lagrangian is {}.").format(these, come, _colored(OPEN, "undetermined"))
+        return Markup("No {} without the time exists; one with the time is {}.").format(none, state)
+    return Markup("Whether {} is {}.").format(asked, state)
 
 
 def _motion_sentence(verdict: str, motion: Mapping[str, Any], pending: Collection[str] = ()) -> Markup:
@@ -206,13 +206,8 @@ def _motion_sentence(verdict: str, motion: Mapping[str, Any], pending: Collectio
         return Markup("{} this motion can be given a Hamiltonian.").format(_colored(YES, "Yes,"))
     if verdict == NO:
         return Markup("This motion {} be given a Hamiltonian, by any associated system.").format(_colored(NO, "cannot"))
-    if pending:
-        return Markup("Whether this motion can be given a Hamiltonian is {}.").format(_colored(OPEN, "being decided"))
-    if motion.get("verdict") == "not_variational":
-        return Markup("No Hamiltonian without the time exists; one with the time is {}.").format(
-            _colored(OPEN, "undetermined")
-        )
-    return Markup("Whether this motion can be given a Hamiltonian is {}.").format(_colored(OPEN, "undetermined"))
+    none = motion.get("verdict") == "not_variational" and "Hamiltonian"
+    return _open_sentence("this motion can be given a Hamiltonian", none, pending)
 
 
 CHECKED = "An independent checker verified the proof."
@@ -429,7 +424,8 @@ def _missing(result: Mapping[str, Any], grows: bool) -> tuple[str, ...]:
     found = [str(one["part"]) for one in result.get("incomplete") or ()]
     if grows and is_constrained(result) and "any_associated" in found:
         found = [part for part in found if part in ("any_associated", "reduced")]
-    if not grows and verdict_of(result) == OPEN:  # the headline says it
+    verdict = verdict_of(result)
+    if not grows and (verdict == OPEN or (verdict == YES and is_constrained(result))):  # the headline says it
         found = [part for part in found if part not in (*QUESTIONS, "any_associated")]
     words = list(dict.fromkeys(PARTS.get(part, part.replace("_", " ")) for part in found))
     return (*words[:MOST_SOUGHT], *(["more"] if len(words) > MOST_SOUGHT else [])) if grows else tuple(words)
@@ -612,7 +608,9 @@ def _constrained(result: Mapping[str, Any], names: Names, verdict: str, brief: b
     notes = _checked([one for one in (motions[0], *part.get("associated", ())) if one.get("checked")])
     if motions[0].get("exceptions"):
         notes.insert(0, _general(motions[0]["exceptions"], result, names))
-    reason = motions[0].get("reason")
+    # What ended a question that was begun is the reason, not how far it was.
+    ended = [one["reason"] for one in result.get("incomplete") or () if one["part"] == "any_associated"]
+    reason = (ended or [motions[0].get("reason")])[0]
     if verdict == OPEN and reason and not pending:
         notes.insert(0, Markup("{}.").format(_capital(reason).rstrip(".")))
     if verdict == YES and not shown and not pending:
@@ -661,6 +659,8 @@ def _rows(
         if motion.get("freedom"):
             after.append(Markup("L along the constraints depends on {}.").format(motion["freedom"]))
         row = _row("Any", "all associated systems at once", motion, result, names, after=after, is_main=True)
+        if row.verdict == OPEN and _verdict_of_branch({}, result) == YES:  # one of those above is enough
+            row = replace(row, verdict=YES, word=WORDS[YES], steps=())
         yield replace(row, word=SEEKING) if row.verdict == OPEN and "any_associated" in pending else row
     reduced = result.get("reduced")
     if not reduced:

@@ -31,22 +31,22 @@ _TALL = re.compile(r"<(?:mfrac|msqrt|mtable)")
 
 
 def names_of(system: Mapping[str, Any] | None, integrals: Mapping[str, Any] | None = None) -> Names:
-    """The names of a result's system; momenta, entries of the multiplier and L, H read as parameters.
+    """The names of a result's system or of a document; momenta, entries of the multiplier and L, H are parameters.
 
     `integrals` are functions that an answer has besides.
     """
     if system is None:
         return Names(parameters=("L", "H"))
-    coordinates = tuple(system["coordinates"])
+    equations, given = system.get("equations"), system.get("parameters") or ()
+    coordinates = tuple(system.get("coordinates") or (equations if isinstance(equations, Mapping) else ()))
     n = len(coordinates)
     entries = [f"{letter}_{i}{j}" for letter in "gh" for i in range(1, n + 1) for j in range(i, n + 1)]
-    functions = {name: tuple(arguments) for name, arguments in system.get("functions", {}).items()}
+    functions = {name: tuple(arguments) for name, arguments in (system.get("functions") or {}).items()}
     functions |= {name: tuple(known["arguments"]) for name, known in (integrals or {}).items()}
-    taken = {*coordinates, *functions}
-    words = [system.get("time", "t"), *system["parameters"], *(f"p_{name}" for name in coordinates), *entries, "L", "H"]
-    return Names(
-        coordinates, tuple(dict.fromkeys(word for word in words if word not in taken and word != "t")), functions
-    )
+    parameters = () if isinstance(given, str) else given  # "guess"
+    words = (system.get("time", "t"), *parameters, *(f"p_{name}" for name in coordinates), *entries, "L", "H")
+    taken = {*coordinates, *functions, "t"}
+    return Names(coordinates, tuple(dict.fromkeys(word for word in words if word not in taken)), functions)
 
 
 def inner_mathml(text: str, names: Names) -> str | None:
@@ -303,8 +303,7 @@ def matrix_mathml(rows: list[list[str]]) -> str:
 
 def formulas_of(system: Mapping[str, Any]) -> tuple[Markup, ...]:
     """The definition of a system: L and the constraints, or its solved equations."""
-    named = {"parameters": tuple(system.get("parameters") or ()), "functions": system.get("functions") or {}}
-    names = names_of({**system, **named})
+    names = names_of(system)
     found = [equation("L", system["lagrangian"], names)] if system.get("lagrangian") else []
     constraints, equations = system.get("constraints") or (), system.get("equations")
     lines = [f"{text} = 0" for text in ([constraints] if isinstance(constraints, str) else constraints)]
