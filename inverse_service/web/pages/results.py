@@ -13,7 +13,7 @@ import logging
 import re
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, TypeVar, cast
 
 import httpx
@@ -25,6 +25,7 @@ from inverse_service.reading import document_names
 from inverse_service.service.documents import text_page
 from inverse_service.service.jobs.batch import answer_line
 from inverse_service.service.jobs.model import Job
+from inverse_service.service.jobs.outcome import Outcome
 from inverse_service.service.jobs.statements import BatchAnswer
 from inverse_service.web import asking, clients, journal, routes_jobs
 from inverse_service.web.clients import client_of, viewer_of
@@ -46,28 +47,9 @@ ORIGIN = "http://pages.invalid"
 logging.getLogger("httpx").setLevel(logging.WARNING)
 
 
-@dataclass(frozen=True, slots=True)
-class Answer:
-    """The answer of a call."""
-
-    status: int
-    headers: Mapping[str, str] = field(default_factory=dict)
-    body: bytes = b""
-
-    @property
-    def value(self) -> Any:
-        """The JSON value of the body."""
-        return json.loads(self.body)
-
-    @property
-    def is_problem(self) -> bool:
-        """Whether the call was refused."""
-        return self.status >= 400
-
-
 async def call(
     request: Request, method: str, path: str, document: Any = None, headers: Mapping[str, str] | None = None
-) -> Answer:
+) -> httpx.Response:
     """One call of this service, made inside the process; `document` is sent as JSON, bytes unchanged."""
     sent = {name: request.headers[name] for name in PASSED_ON if name in request.headers} | dict(headers or {})
     sent["X-Request-Id"] = journal.REQUEST.get()
@@ -79,8 +61,7 @@ async def call(
     client = (request.client.host, request.client.port) if request.client else ("", 0)
     transport = httpx.ASGITransport(app=request.app, raise_app_exceptions=False, client=client)
     async with httpx.AsyncClient(transport=transport, base_url=ORIGIN, timeout=None) as http:
-        found = await http.request(method, path, content=content, headers=as_sent(sent))
-    return Answer(found.status_code, found.headers, found.content)
+        return await http.request(method, path, content=content, headers=as_sent(sent))
 
 
 def as_sent(headers: Mapping[str, str]) -> dict[bytes, bytes]:
@@ -92,23 +73,29 @@ def as_sent(headers: Mapping[str, str]) -> dict[bytes, bytes]:
 SMALL_FORM = 10_000
 
 
-async def read_form(request: Request, limit: int) -> forms.Form:
+async def read_form(request: Request, limit: int | None = None) -> forms.Form:
     """The sent form; refuses one of another site (403), too large (413), not written by a browser (400)."""
-    return await read_sent(request, limit, forms.form_of)
+    return await read_sent(request, forms.form_of, limit=limit)
 
 
 async def read_sent(
-    request: Request, limit: int, task: Callable[[bytes, str], T], seconds: float = QUICK_DEADLINE
+    request: Request, task: Callable[[bytes, str], T], seconds: float = QUICK_DEADLINE, limit: int | None = None
 ) -> T:
     """What a task makes of the sent form, in a worker where it may be large; refuses as `read_form` does."""
     if not clients.is_of_own_page(request):
         raise Refusal(403, "cross-site", "Forms are taken from the pages of this service only.")
     engine: Engine = request.app.state.engine
-    content_type = request.headers.get("content-type", "")
+    limit, content_type = limit or engine.settings.max_body, request.headers.get("content-type", "")
     async with asking.body_of(request, limit) as body:
         if limit <= SMALL_FORM:
             return task(body, content_type)
         return await engine.read_body(client_of(request), task, body, content_type, seconds=seconds)
+
+
+async def quick(request: Request, task: Callable[..., Any], *arguments: Any, seconds: float = LONG_DEADLINE) -> Outcome:
+    """The outcome of a task of the quick processes for who asks."""
+    engine: Engine = request.app.state.engine
+    return await engine.run_quick(client_of(request), task, *arguments, seconds=seconds)
 
 
 # A job.
@@ -128,22 +115,17 @@ async def result(request: Request, identifier: str) -> Response:
     answer = await finished(request, identifier, PATIENCE)
     if answer is None:
         return missing()
-    judged = None
-    if answer.value["status"] == "successful" and answer.value["kind"] == "solve":
-        judged = await _judged(request, identifier)
-    return await shown(request, answer.value, judged)
-
-
-async def _judged(request: Request, identifier: str) -> dict[str, Any] | None:
-    own = request.query_params.get("lagrangian")
-    return await made(request, identifier, result_tasks.own_lagrangian_task, own) if own else None
+    job, own, judged = answer.json(), request.query_params.get("lagrangian"), None
+    if own and job["status"] == "successful" and job["kind"] == "solve":
+        judged = await made(request, identifier, result_tasks.own_lagrangian_task, own)
+    return await shown(request, job, judged)
 
 
 @router.get("/results/{identifier}/embed")
 async def embedded(request: Request, identifier: str) -> Response:
     """Verdict, equations and L alone: what this service and INVERSE_SERVICE_FRAME_ORIGINS show in frames."""
     answer = await successful(request, identifier)
-    if answer is None or answer.value["kind"] != "solve":
+    if answer is None or answer.json()["kind"] != "solve":
         return missing()
     found = await made(request, identifier, result_tasks.embed_task, VISITOR.get())
     return framed(found, request.app.state.engine.settings.frame_origins)
@@ -162,27 +144,20 @@ async def result_json(request: Request, identifier: str) -> Response:
 
 
 @router.post("/results/{identifier}/again")
+@router.post("/results/{identifier}/longer")
 async def again(request: Request, identifier: str) -> Response:
-    """The same question asked again, for work that was cancelled or failed."""
-    job = await _stored(request, identifier)
+    """The same question asked again: of work that was cancelled or failed, or with all the time the service gives."""
+    await read_form(request, SMALL_FORM)
+    job = await stored_job(request, identifier)
     if job is None:
         return missing()
-    return await _asked_again(request, job, json.loads(job.options))
-
-
-@router.post("/results/{identifier}/longer")
-async def longer(request: Request, identifier: str) -> Response:
-    """The same question asked with all the time that the service gives."""
-    job = await _stored(request, identifier)
-    return missing() if job is None else await _asked_again(request, job, {})
-
-
-async def _asked_again(request: Request, job: Job, options: dict[str, Any]) -> Response:
+    options = {} if request.url.path.endswith("/longer") else json.loads(job.options)
     document = json.loads(job.document) | ({"options": options} if options else {})
     headers = {"Prefer": "respond-async"} | ({"Cache-Control": "no-cache"} if options else {})
     answer = await call(request, "POST", f"/v1/{job.kind}", document, headers)
-    if answer.is_problem:
-        return page("missing.html", answer.status, active="", title="Not asked again", detail=answer.value["detail"])
+    if answer.is_error:
+        detail = answer.json()["detail"]
+        return page("missing.html", answer.status_code, active="", title="Not asked again", detail=detail)
     return RedirectResponse(result_address(answer), 303)
 
 
@@ -199,7 +174,7 @@ async def cancel(request: Request, identifier: str) -> Response:
 async def made_file(request: Request, identifier: str, file: str) -> Response:
     """A file that a worker makes of a result; nothing is made if the browser has it already."""
     answer = await successful(request, identifier)
-    found = None if answer is None else _file_of(answer.value["kind"], file, identifier, _address(request))
+    found = None if answer is None else _file_of(answer.json()["kind"], file, identifier, _address(request))
     if answer is None or found is None:
         return missing()
     media_type, disposition, task, arguments = found
@@ -243,7 +218,7 @@ def _file_of(kind: str, file: str, identifier: str, address: str) -> Made | None
     return None
 
 
-def kept(answer: Answer, what: str = "result") -> dict[str, str]:
+def kept(answer: httpx.Response, what: str = "result") -> dict[str, str]:
     """Headers of what is made of a finished job: the browser keeps it and asks whether it is still that."""
     tag = answer.headers["etag"].strip('"')
     return {"ETag": f'"{tag}-{what}"', "Cache-Control": REVALIDATE}
@@ -255,20 +230,20 @@ async def made(request: Request, identifier: str, task: Callable[..., T], *argum
     return await engine.made(client_of(request), task, engine.store.address, identifier, *arguments)
 
 
-async def successful(request: Request, identifier: str) -> Answer | None:
+async def successful(request: Request, identifier: str) -> httpx.Response | None:
     """The job without its result, if it is successful; otherwise None."""
     answer = await finished(request, identifier, 0)
-    return answer if answer is not None and answer.value["status"] == "successful" else None
+    return answer if answer is not None and answer.json()["status"] == "successful" else None
 
 
-async def finished(request: Request, identifier: str, patience: float) -> Answer | None:
+async def finished(request: Request, identifier: str, patience: float) -> httpx.Response | None:
     """The job without its result, after a short wait; None if there is no such job."""
     if not IDENTIFIER.fullmatch(identifier):
         return None
     answer = await call(request, "GET", f"/v1/jobs/{identifier}", None, {"Prefer": MINIMAL})
-    if answer.is_problem:
+    if answer.is_error:
         return None
-    if answer.value["status"] not in OPEN or not patience:
+    if answer.json()["status"] not in OPEN or not patience:
         return answer
     engine, viewer = request.app.state.engine, viewer_of(request)
     job, end = await engine.job(identifier, viewer), time.monotonic() + patience
@@ -279,12 +254,6 @@ async def finished(request: Request, identifier: str, patience: float) -> Answer
     return await finished(request, identifier, 0)
 
 
-async def _stored(request: Request, identifier: str) -> Job | None:
-    """The job with its document; None where there is none. Only forms of our own pages come here."""
-    await read_form(request, SMALL_FORM)
-    return await stored_job(request, identifier)
-
-
 async def stored_job(request: Request, identifier: str) -> Job | None:
     """The job with its document, without its answer; None if there is no such job."""
     engine: Engine = request.app.state.engine
@@ -292,10 +261,10 @@ async def stored_job(request: Request, identifier: str) -> Job | None:
     return await engine.job(identifier, viewer_of(request)) if is_id else None
 
 
-def result_address(answer: Answer) -> str:
+def result_address(answer: httpx.Response) -> str:
     """The permanent link of a job's result."""
     location = answer.headers.get("location") or answer.headers.get("content-location") or ""
-    identifier = location.rpartition("/")[2] or answer.value.get("id", "")
+    identifier = location.rpartition("/")[2] or answer.json().get("id", "")
     return f"/results/{identifier}"
 
 
@@ -321,9 +290,8 @@ def asked_of(document: Any) -> list[str]:
 async def shown(request: Request, job: dict[str, Any], check: dict[str, Any] | None = None) -> HTMLResponse:
     """The page of a job by its status."""
     if job["status"] in OPEN and "so_far" in (job["progress"] or {}):
-        engine: Engine = request.app.state.engine
-        about = (job, _look(request), int(time.time() - job["created"]))
-        told = await engine.run_quick(client_of(request), result_tasks.so_far_task, *about, seconds=LONG_DEADLINE)
+        waited = int(time.time() - job["created"])
+        told = await quick(request, result_tasks.so_far_task, job, _look(request), waited)
         if told.status == "done":
             return cast(HTMLResponse, told.value)
     if job["status"] in OPEN:
@@ -389,10 +357,10 @@ async def submit(request: Request) -> Response:
     is_array = body.lstrip()[:1] == b"["
     kind = "application/json" if is_array else "application/x-ndjson"
     answer = await call(request, "POST", "/v1/batches", body, {"Content-Type": kind})
-    if answer.is_problem:
+    if answer.is_error:
         typed = sent.text("lines") or EXAMPLE
-        return page("batch.html", answer.status, active="/batch", typed=typed, problem=answer.value["detail"])
-    return RedirectResponse(f"/batch/{answer.value['id']}", 303)
+        return page("batch.html", answer.status_code, active="/batch", typed=typed, problem=answer.json()["detail"])
+    return RedirectResponse(f"/batch/{answer.json()['id']}", 303)
 
 
 def as_documents(text: str) -> str:
@@ -428,15 +396,16 @@ def _csv(answers: list[BatchAnswer]) -> str:
 @router.get("/batch/{identifier}")
 async def batch(request: Request, identifier: str) -> HTMLResponse:
     """The page of a batch with the answers so far."""
-    values = await _values(request, identifier)
-    return missing() if values is None else page("batch_result.html", active="/batch", **values)
-
-
-@router.get("/batch/{identifier}/table")
-async def table(request: Request, identifier: str) -> HTMLResponse:
-    """Progress and table alone, for the script."""
-    values = await _values(request, identifier)
-    return missing() if values is None else page("batch_table.html", **values)
+    found = await call(request, "GET", f"/v1/batches/{identifier}") if IDENTIFIER.fullmatch(identifier) else None
+    if found is None or found.is_error:
+        return missing()
+    told, answers = found.json(), await _answers(request, identifier) or []
+    rows = await routes_jobs.engine_of(request).read(lambda: sorted(map(row_of, answers), key=lambda row: row.number))
+    still = told["counts"].get("accepted", 0) + told["counts"].get("running", 0)
+    return page(
+        "batch_result.html", active="/batch", batch=told, rows=rows[:SHOWN_LINES], all_rows=len(rows),
+        is_open=still > 0, done=told["total"] - still,
+    )  # fmt: skip
 
 
 @router.post("/batch/{identifier}/cancel")
@@ -455,20 +424,6 @@ async def line(request: Request, identifier: str, number: int) -> Response:
         if answer.number == number and answer.status == "successful":
             return RedirectResponse(f"/results/{answer.job}", 303)
     return missing()
-
-
-async def _values(request: Request, identifier: str) -> dict[str, Any] | None:
-    if not IDENTIFIER.fullmatch(identifier):
-        return None
-    found = await call(request, "GET", f"/v1/batches/{identifier}")
-    if found.is_problem:
-        return None
-    counts = found.value["counts"]
-    answers = await _answers(request, identifier) or []
-    rows = await routes_jobs.engine_of(request).read(lambda: sorted(map(row_of, answers), key=lambda row: row.number))
-    is_open = bool(counts.get("accepted", 0) + counts.get("running", 0))
-    done = found.value["total"] - counts.get("accepted", 0) - counts.get("running", 0)
-    return {"batch": found.value, "rows": rows[:SHOWN_LINES], "is_open": is_open, "done": done, "all_rows": len(rows)}
 
 
 async def _answers(request: Request, identifier: str, most: int = SHOWN_LINES + 1) -> list[BatchAnswer] | None:

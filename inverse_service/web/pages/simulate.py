@@ -18,8 +18,6 @@ from starlette.responses import HTMLResponse, JSONResponse, RedirectResponse, Re
 from inverse_service import catalogue, errors
 from inverse_service.reading import reader
 from inverse_service.service.documents import text_page
-from inverse_service.web import clients
-from inverse_service.web.engine import LONG_DEADLINE, Engine
 from inverse_service.web.pages import forms, library, rendering, result_tasks, results, solve, typesetting
 from inverse_service.web.pages.forms import Form
 from inverse_service.web.pages.preview import preview_task, price_task
@@ -52,7 +50,7 @@ async def form(request: Request) -> HTMLResponse:
 @router.post("/simulate")
 async def run(request: Request) -> Response:
     """The job of the scene; redirect to its page, or back to the form with corrections."""
-    sent = await results.read_form(request, request.app.state.engine.settings.max_body)
+    sent = await results.read_form(request)
     filled, base = await _sent_form(request, sent)
     try:
         scene = changed_scene(base, scene_document(filled, base["system"]))
@@ -63,15 +61,14 @@ async def run(request: Request) -> Response:
     if kind == "work-precision":
         scene["methods"] += [one for one in COMPARED if one not in scene["methods"]]
     answer = await results.call(request, "POST", CALLS[kind], scene, {"Prefer": "respond-async"})
-    if answer.is_problem:
-        return simulate_page(filled, forms.problem_of(answer.value, {}), answer.status)
+    if answer.is_error:
+        return simulate_page(filled, forms.problem_of(answer.json(), {}), answer.status_code)
     return RedirectResponse(results.result_address(answer), 303)
 
 
 async def _refuse_unreadable(request: Request, scene: dict[str, Any]) -> None:
     """InputError if a value of the form cannot be read: it is reported next to its field, and no job is created."""
-    engine: Engine = request.app.state.engine
-    outcome = await engine.run_quick(clients.client_of(request), preview_task, scene, seconds=LONG_DEADLINE)
+    outcome = await results.quick(request, preview_task, scene)
     if outcome.places:
         raise errors.DocumentRefused(tuple(outcome.places))
 
@@ -107,12 +104,11 @@ async def price(request: Request) -> Response:
 
 async def _of_form(request: Request, task: Callable[[Mapping[str, Any]], dict[str, Any]]) -> Response:
     """The result of a task for the current form, or the errors and their fields."""
-    sent = await results.read_form(request, request.app.state.engine.settings.max_body)
+    sent = await results.read_form(request)
     form, base = await _sent_form(request, sent)
-    engine: Engine = request.app.state.engine
     try:
         scene = changed_scene(base, scene_document(form, base["system"]))
-        outcome = await engine.run_quick(clients.client_of(request), task, scene, seconds=LONG_DEADLINE)
+        outcome = await results.quick(request, task, scene)
         found = outcome.value if outcome.status == "done" else _told(outcome.places)
     except errors.InputError as error:
         found = _told(error.places)

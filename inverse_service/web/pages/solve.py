@@ -114,14 +114,14 @@ async def _keep_glance(engine: Engine, client: str, key: str, fields: dict[str, 
 async def submit(request: Request) -> Response:
     """The job of the form; redirect to its page, or back to the form with corrections."""
     try:
-        sent = await results.read_sent(request, request.app.state.engine.settings.max_body, forms.sent_task)
+        sent = await results.read_sent(request, forms.sent_task)
     except Refusal as refusal:
         return _not_read(refusal)
     if sent.document is None:
         return await _refused(request, sent.fields, sent.problem, 422)
     answer = await results.call(request, "POST", "/v1/solve", sent.document, {"Prefer": "respond-async"})
-    if answer.is_problem:
-        return await _refused(request, sent.shown, forms.problem_of(answer.value, sent.shown), answer.status)
+    if answer.is_error:
+        return await _refused(request, sent.shown, forms.problem_of(answer.json(), sent.shown), answer.status_code)
     return RedirectResponse(results.result_address(answer), 303)
 
 
@@ -130,9 +130,7 @@ async def echo(request: Request) -> Response:
     """What was understood of the form: the fragment for the script, else the form's link, whose page says it."""
     is_fragment = bool(request.query_params.get("fragment"))
     try:
-        fields, found = await results.read_sent(
-            request, request.app.state.engine.settings.max_body, forms.echo_sent_task
-        )
+        fields, found = await results.read_sent(request, forms.echo_sent_task)
     except Refusal as refusal:
         if is_fragment:
             status = _status_of_busy(refusal)
@@ -160,9 +158,7 @@ async def answer_beside(request: Request) -> Response:
     engine: Engine = request.app.state.engine
     try:
         with engine.glances.hold(clients.client_of(request), 1):
-            found = await results.read_sent(
-                request, engine.settings.max_body, result_tasks.glance_task, 2 * result_tasks.GLANCE
-            )
+            found = await results.read_sent(request, result_tasks.glance_task, 2 * result_tasks.GLANCE)
     except Refusal as refusal:
         return rendering.page("glance.html", _status_of_busy(refusal), glance=None)
     return rendering.page("glance.html", glance=found)
@@ -191,8 +187,7 @@ def _too_heavy(refusal: Refusal) -> forms.Problem | None:
 
 async def understand(request: Request, fields: dict[str, str], patience: float | None = None) -> dict[str, Any]:
     """How the fields are understood, for the template; nothing where no worker has said it in `patience` seconds."""
-    engine: Engine = request.app.state.engine
-    asked = engine.run_quick(clients.client_of(request), forms.echo_task, fields, seconds=QUICK_DEADLINE)
+    asked = results.quick(request, forms.echo_task, fields, seconds=QUICK_DEADLINE)
     try:
         outcome = await asyncio.wait_for(asked, patience)
     except (Refusal, TimeoutError):

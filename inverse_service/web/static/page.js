@@ -9,6 +9,7 @@ const FAULT_PAUSE = 900; // a half-typed equation is no mistake
 const ANSWER_PAUSE = 350; // a complete reading that is left alone is answered
 const BUSY_PAUSE = 3000; // ms after which a stream that broke is looked at again
 const AGAIN = [1000, 2000, 4000, 8000]; // ms after which a service that is busy or has just started is asked again
+const BATCH_PAUSE = 700; // ms between two looks at a batch that is open
 const LOOK_PAUSE = 150; // ms between two looks at a result that grows
 const TALL = 20; // CSS pixels by which what scrolls down is higher than its box; brackets are a few higher
 const DRAFT = "draft:";
@@ -344,15 +345,11 @@ function following() {
   });
 }
 
-function batchProgress(place) {
-  const look = async () => {
-    const answer = await fetch(place.dataset.batch, { headers: { Accept: "text/html" } });
-    if (!answer.ok) return setTimeout(look, 3000);
-    place.innerHTML = await answer.text();
-    if (place.querySelector("[data-open]")) setTimeout(look, 700);
-    return null;
-  };
-  if (place.querySelector("[data-open]")) setTimeout(look, 400);
+// The table of a batch that is open fills in.
+async function batchProgress() {
+  const answer = await fetch(location.pathname, { headers: { Accept: "text/html" } }).catch(() => null);
+  if (answer?.ok) renew(await answer.text());
+  if (!answer?.ok || document.querySelector("[data-open]")) setTimeout(batchProgress, answer?.ok ? BATCH_PAUSE : BUSY_PAUSE);
 }
 
 for (const form of document.querySelectorAll("form[data-echo]")) {
@@ -408,4 +405,4 @@ addEventListener("afterprint", () => {
 });
 for (const form of document.querySelectorAll("[data-theme-form]")) themes(form);
 following();
-for (const place of document.querySelectorAll("[data-batch]")) batchProgress(place);
+if (document.querySelector("[data-batch] [data-open]")) batchProgress();
