@@ -95,6 +95,7 @@ class ProvenStatement(Document):
     lagrangian: str | None = None
     lagrangian_domain: list[str] | None = None
     hamiltonian: str | None = None
+    hamiltonian_domain: list[str] | None = None
     momenta: dict[str, str] | None = None
     exceptions: list[str] | None = None
     text: str

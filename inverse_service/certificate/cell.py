@@ -713,10 +713,12 @@ def lacking(question: Question, stated: Sequence[str], cell: Cell) -> tuple[list
         ring.entries = iter(())
         own.clear()
         said.clear()
+        velocities = zip(question.bound, question.force_texts[len(question.free) :], strict=True)
+        rates = {name + "'": Reader(ring, text).value for name, text in velocities}
         for listed, found in ((cell.domain, own), (stated, said)):
             for text in listed:
                 ring.needs = {}
-                found.append(list(needs_of_text(ring, text)))
+                found.append(list(needs_of_text(ring, text, rates)))
 
     own, said = list[list[Need]](), list[list[Need]]()
     ring = letters_of(question, read)

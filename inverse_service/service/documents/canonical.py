@@ -43,8 +43,9 @@ def cell(
     certificate: Mapping[str, Any],
     proof: CheckResult,
     hamiltonian: Mapping[str, Any] | None = None,
+    everywhere: bool = True,
 ) -> dict[str, Any]:
-    """The proven statement on one cell."""
+    """The proven statement on one cell; `everywhere`: H holds on all of its stated domain there."""
     names, proven = names_of(system, certificate), proof.cell
     texts, latex = domain_of(proven, names)
     lagrangian = certificate.get("lagrangian") if certificate["kind"] == "lagrangian" else None
@@ -64,6 +65,7 @@ def cell(
         "lagrangian": lagrangian,
         "hamiltonian": None if hamiltonian is None else hamiltonian["text"],
         "momenta": None if hamiltonian is None else dict(hamiltonian["momenta"]),
+        "hamiltonian_domain": list(hamiltonian.get("domain") or []) if hamiltonian and everywhere else None,
     }
 
 
@@ -95,7 +97,7 @@ def of_cells(
 def _statement(system: Mapping[str, Any], one: Mapping[str, Any]) -> dict[str, Any]:
     shown = {key: system.get(key) or [] for key in ("coordinates", "equations", "parameters", "functions")}
     keys = ("question", "verdict", "domain", "near", "lagrangian", "lagrangian_domain", "hamiltonian", "momenta",
-            "exceptions")  # fmt: skip
+            "hamiltonian_domain", "exceptions")  # fmt: skip
     kept = {key: one[key] for key in keys}
     found = {"system": shown} | kept | {"text": _words(system, one), "latex": _latex(system, one)}
     return {key: value for key, value in found.items() if value is not None}
@@ -114,7 +116,9 @@ def _words(system: Mapping[str, Any], one: Mapping[str, Any]) -> str:
     parts += [f"L = {one['lagrangian']}{there}."] if one["lagrangian"] else []
     if one["hamiltonian"]:
         momenta = ", ".join(f"{name} = {text}" for name, text in one["momenta"].items())
-        parts.append(f"H = {one['hamiltonian']}, with {momenta}.")
+        where_h = f" where {', '.join(one['hamiltonian_domain'])}" if one["hamiltonian_domain"] else ""
+        where_h = ", at least on an open part of this set" if one["hamiltonian_domain"] is None else where_h
+        parts.append(f"H = {one['hamiltonian']}{where_h}, with {momenta}.")
     return " ".join(parts)
 
 

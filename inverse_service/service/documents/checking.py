@@ -12,6 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
 
+from inverse_service.certificate.cell import Cell
 from inverse_service.certificate.checker import CheckResult, check_certificate, check_text, judged
 from inverse_service.certificate.formulas import FORMAT, MAX_MEMBERS, OLD_FORMAT, RESULT_FORMAT, Ended, read_tokens
 from inverse_service.certificate.kinds import KINDS, named
@@ -35,12 +36,23 @@ _NO_CLAIM: Final = "This answer claims no verdict, so there is nothing to check;
 _NO_RESULT: Final = "The document is not a result: it has no known format, system, and verdict."
 _OPEN: Final = "A verdict is undetermined, or no certificate proves it."
 _VERDICTS: Final = ("variational", "not_variational", "undetermined")
-# The keys of a certificate that the checker reads.
+# The keys of a certificate that the checker reads: of each one, and by `among` and `kind`. Others have no effect.
 _READ: Final = {
-    "format", "system", "question", "claim", "kind", "near", "conditions", "roots", "among", "lagrangian",
-    "dissipation", "integrals", "factors", "order", "rows", "degree", "dimensions", "symbol", "bivectors", "along",
-    "orthogonal", "multiplier",
+    "format", "question", "claim", "kind", "near", "conditions", "roots", "among", "system/coordinates",
+    "system/equations", "system/parameters", "system/functions", "system/velocities",
 }  # fmt: skip
+_READ_OF: Final = {
+    ("", "lagrangian"): {"lagrangian", "integrals", "factors"},
+    ("", "existence"): {
+        *("order", "degree", "dimensions", "symbol/dimension", "symbol/prolonged", "symbol/characters")
+    },
+    ("", "nonexistence"): {"order", "rows"},
+    ("positive_definite", "existence"): {"multiplier"},
+    ("positive_definite", "nonexistence"): {"orthogonal"},
+    ("rayleigh", "lagrangian"): {"dissipation"},
+    ("rayleigh_general", "lagrangian"): {"dissipation"},
+}
+_READ_OF_MOTION: Final = {"bivectors", "along"}
 # The keys of a document that a comparison reads.
 _OF_DOCUMENT: Final = {
     "coordinates", "equations", "parameters", "functions", "where", "time", "lagrangian", "constraints", "motion",
@@ -126,7 +138,7 @@ def _of_certificate(certificate: dict[str, Any], document: object, end: float) -
     more = {
         "statement": statement,
         "cells": [] if statement is None else [canonical.cell_of(statement)],
-        "not_checked": [f"/{key}" for key in certificate if key not in _READ and certificate[key] not in ("", None)],
+        "not_checked": [*unclaimed(certificate, "", {f"/{key}" for key in read_keys(certificate)})],
     }
     return _answer(CheckResult(found.verdict, reasons), **more)
 
@@ -305,7 +317,8 @@ class Examination:
         if verdict != "undetermined" and certificates[0] is not None:
             proof = self.proof(certificates[0])
             energy = part.get("hamiltonian") if f"{at}/hamiltonian/text" in self.claimed else None
-            self.cells.append(canonical.cell(own, asked, str(verdict), certificates[0], proof, energy))
+            whole = f"{at}/hamiltonian/domain" in self.claimed
+            self.cells.append(canonical.cell(own, asked, str(verdict), certificates[0], proof, energy, whole))
         return good and None not in certificates and "undetermined" not in (verdict, later)
 
     def proof(self, certificate: dict[str, Any]) -> CheckResult:
@@ -329,14 +342,15 @@ class Examination:
             self.contradict(f"{at}/certificate", str(certificate)[:40], "It is no certificate.")
             return None
         proof = self.proof(certificate)
-        self.claim(*(f"{at}/certificate/{key}" for key in _READ))
+        self.claim(*(f"{at}/certificate/{key}" for key in read_keys(certificate)))
         if proof.verdict == "invalid":
             self.contradict(f"{at}/certificate", certificate.get("claim"), proof.reasons[0])
             return None
         good = self.fits(shown, certificate)
         self.agree(f"{at}/{shown.key}", good, shown.verdict, "Its certificate makes a different claim.")
         same = _same_system(_system(certificate), shown.system)
-        self.agree(f"{at}/certificate/system", same, "", "It is about a different system.")
+        if not same:
+            self.contradict(f"{at}/certificate/system", "", "It is about a different system.")
         if proof.verdict == "incomplete":
             self.unsettled(proof.reasons[0])
             return None
@@ -364,7 +378,7 @@ class Examination:
     def formulas(self, shown: Shown, certificate: dict[str, Any]) -> None:
         at, part = shown.at, shown.part
         for key in ("lagrangian", "dissipation"):
-            proven = certificate.get(key) if certificate["kind"] == "lagrangian" else None
+            proven = certificate.get(key) if key in read_keys(certificate) else None
             says = _text(part.get(key))
             place = f"{at}/{key}/text" if isinstance(part.get(key), dict) else f"{at}/{key}"
             if isinstance(part.get(key), str):
@@ -398,19 +412,25 @@ class Examination:
         if not listed:
             listed = [(f"{at}/domain", shown.around or [], proof.cell)]
         for place, stated, cell in listed:
-            # What is said about a kind of Lagrangians holds where the answer around it does.
-            whole = [*stated, *(one for one in shown.around or [] if one not in stated)]
-            missing, beyond = comparison.lacking(certificate, whole, cell, self.end - now())
-            if missing:
-                self.unsettled(f"{place or '/domain'} lacks {', '.join(missing)}.")
-                continue
-            self.claim(*(f"{place}/{k}" for k in range(len(stated)) if k not in beyond))
+            self.domain(place, stated, cell, certificate, shown.around or [])
+
+    def domain(
+        self, at: str, stated: Sequence[str], cell: Cell | None, certificate: dict[str, Any], around: Sequence[str] = ()
+    ) -> None:
+        """A stated domain has all members of the cell; about a kind, together with that of the answer around it."""
+        whole = [*stated, *(one for one in around if one not in stated)]
+        missing, beyond = comparison.lacking(certificate, whole, cell, self.end - now())
+        if missing:
+            self.unsettled(f"{at or '/domain'} lacks {', '.join(missing)}.")
+        else:
+            self.claim(*(f"{at}/{k}" for k in range(len(stated)) if k not in beyond))
 
     def exceptions(self, at: str, stated: Sequence[str], found: Sequence[str]) -> None:
         """The stated list has all values of parameters for which the proof is none, each of which is proven one."""
         place = f"{at}/exceptions"
         if any(one.startswith("single values") for one in (*found, *stated)):
-            return  # for one of both the time was over
+            self.open_places.append(place)  # for one of both the time was over
+            return
         proven = f"It is proven for general parameters, without {', '.join(found) or 'exceptions'}."
         self.agree(place, {*stated} == {*found}, ", ".join(map(str, stated)), proven)
 
@@ -506,7 +526,9 @@ class Examination:
             self.about_another("/instead", part, found, ("kind", "equations", "conditions"))
         else:  # which is compared itself
             good = derived.is_of_reduced(part, _object(self.result.get("reduced")))
-            self.agree("/instead", good, kind, "It is not the reduced system.")
+            self.agree("/instead/kind", good, kind, "It is not the reduced system.")
+            if document is not own:  # else the reduced system itself is compared with nothing
+                self.claim(*(f"/instead/{key}" for key in derived.OF_REDUCED))
 
     def cases(self, document: Any) -> None:
         """The Lagrangians of special cases that conditions on the parameters give."""
@@ -580,7 +602,7 @@ class Examination:
         certificates = [part[key] for key in keys]
         for key, certificate in zip(keys, certificates, strict=True):
             proof = self.proof(certificate)
-            self.claim(*(f"{at}/{key}/{name}" for name in _READ))
+            self.claim(*(f"{at}/{key}/{name}" for name in read_keys(certificate)))
             if proof.verdict == "invalid":
                 self.contradict(f"{at}/{key}", certificate.get("claim"), proof.reasons[0])
                 return
@@ -591,7 +613,8 @@ class Examination:
                 return
             moving = not alone or certificate["claim"] == "variational"
             good = moving and certificate.get("among") is None
-            if not self.agree(f"{at}/{key}/system", good, "", "It is about a different system."):
+            if not good:
+                self.contradict(f"{at}/{key}/system", "", "It is about a different system.")
                 return
             if proof.verdict == "incomplete":
                 self.unsettled(proof.reasons[0])
@@ -602,19 +625,25 @@ class Examination:
         texts = [text for formulas in parts for text in formulas.values()]
         timed = timed or any("t" in _tokens(text) for text in texts)
         same = all(one["system"] == certificates[0]["system"] for one in certificates)
-        self.agree(at + "/certificate_with_time/system", same, "", "It is about two motions.")
+        if not same:
+            self.contradict(f"{at}/certificate_with_time/system", "", "It is about two motions.")
         asked = {"verdict": "time_dependent" if timed else "autonomous", "verdict_with_time": "time_dependent"}
         for key, question in asked.items():
             good = part.get(key) == "undetermined" or any(proves(one, question, part.get(key)) for one in certificates)
             self.agree(f"{at}/{key}", good, part.get(key), "No certificate claims that.")
         used = all(any(proves(one, asked[key], part.get(key)) for key in asked) for one in certificates)
         self.agree(f"{at}/certificate/claim", used, "", "A certificate claims another verdict.")
-        proofs = [one["lagrangian"] for one in certificates if one["kind"] == "lagrangian"]
-        says = _text(part.get("lagrangian"))
-        good = says in (proofs or [None]) or (says is not None and _tokens(says) in map(_tokens, proofs))
+        proofs = [one for one in certificates if one["kind"] == "lagrangian"]
+        says, shape = _text(part.get("lagrangian")), _object(part.get("lagrangian"))
+        same_ones = [one for one in proofs if says is not None and _tokens(says) == _tokens(one["lagrangian"])]
         self.agree(
-            f"{at}/lagrangian/text" if says else f"{at}/lagrangian", good, says, "Its certificate proves another."
+            f"{at}/lagrangian/text" if says else f"{at}/lagrangian",
+            same_ones if says is not None else not proofs,
+            says,
+            "Its certificate proves another.",
         )
+        for one in same_ones[:1] if "domain" in shape else ():
+            self.domain(f"{at}/lagrangian/domain", shape["domain"], self.proof(one).formulas, one)
         if part.get("checked") is not None and certificates:
             self.agree(f"{at}/checked", part["checked"] == "valid", part["checked"], "The checker says valid.")
         found = [one for certificate in certificates for one in self.proof(certificate).exceptions]
@@ -698,6 +727,14 @@ def unclaimed(value: Any, at: str, claimed: set[str]) -> Iterator[str]:
         return
     for key, part in below:
         yield from unclaimed(part, f"{at}/{key}", claimed)
+
+
+def read_keys(certificate: Mapping[str, Any]) -> set[str]:
+    """What the checker reads of this certificate."""
+    among, kind = str(certificate.get("among")), str(certificate.get("kind"))
+    moving = "velocities" in _object(certificate.get("system"))
+    found = [_READ_OF.get((of, kind), set()) for of in ("", among)]
+    return _READ.union(*found, _READ_OF_MOTION if moving else ())
 
 
 def proves(certificate: Mapping[str, Any], question: str, verdict: str | None) -> bool:

@@ -36,6 +36,7 @@ SEARCH = "search"
 SHARE_OF_TREE = 0.7  # of the time for special cases; the remainder is for their Lagrangians
 _MOST_CASES = 6
 _SHOWN = ("lagrangian", "hamiltonian", "certificate", "checked")
+OF_REDUCED = (*_SHOWN, "equations", "clock")  # what `instead` repeats of the reduced system
 Values = Mapping[ex.Expression, ex.Expression]
 
 
@@ -330,12 +331,9 @@ def system_there(document: Any, conditions: Any) -> SecondOrderSystem | None:
 
 def is_of_reduced(part: Mapping[str, Any], reduced: Mapping[str, Any]) -> bool:
     """Whether `instead` repeats the reduced system, or this with its clock."""
-    known = [reduced, reduced.get("with_clock") or {}]
-    return any(
-        all(one.get(key) == part.get(key) for key in (*_SHOWN, "equations"))
-        and one.get("factor", "") == part.get("clock", "")
-        for one in known
-    )
+    known = [{**one, "clock": one.get("factor")} for one in (reduced, reduced.get("with_clock") or {})]
+    same = [all((one.get(key) or None) == (part.get(key) or None) for key in OF_REDUCED) for one in known]
+    return bool(part.get("lagrangian")) and any(same)
 
 
 def questions_of(part: Mapping[str, Any], system: SecondOrderSystem) -> Sequence[str]:
