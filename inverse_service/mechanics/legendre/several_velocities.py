@@ -2,13 +2,6 @@
 
 p_v = M^T p_y, so a transform in y with p_y = M^-T p_v gives H and v = M^-1 y.
 
-Blocks quadratic in some of their velocities w, with coefficients that depend on the others u.
-
-L = L_0(u) + A(u) w + w^T G(u) w/2 gives w = G^-1 (p_w - A). Routh's function
-R(u; p_w) = L - p_w w = L_0 - (p_w - A)^T G^-1 (p_w - A)/2 is a Lagrangian in u alone, and its
-H = p_u u - R is that of L (Routh 1877).
-
-
 Blocks L = F(S), S a quadratic form: relativistic, Finsler, radial quartic; and L = g(v_k) + v_k phi(w / v_k).
 
 For F(S), S = u^T G u/2 with u = v + h a shifted velocity, p = F'(S) G u. Let R = p^T G^-1 p. For F = k sqrt(b + s S),
@@ -19,13 +12,6 @@ For ratios, w the other velocities (the rational family of the paper), with u = 
 p_k = g'(v_k) + phi - u phi'(u). If phi* and g* are the Legendre transforms, then u = phi*'(p_w),
 v_k = g*'(p_k + phi*(p_w)) and H = g*(p_k + phi*(p_w)). For g = a v_k^2/2 and phi = u^T S u/2:
 H = (p_k + p_w^T S^-1 p_w/2)^2 / (2 a).
-
-
-Blocks of two velocities that are homogeneous of a degree d in them, such as Finsler functions.
-
-With u = w/v and L = v^d g(u), the momenta are p_w = v^(d-1) g'(u) and p_v = v^(d-1) (d g - u g'): their quotient
-F(u) = g'/(d g - u g') = p_w/p_v is an equation for u alone. Then v^(d-1) = p_w/g'(u), and by Euler's theorem
-d L = p_v v + p_w w, H = (d - 1) (p_v + p_w u) v/d.
 """
 
 from __future__ import annotations
@@ -35,11 +21,10 @@ from dataclasses import dataclass
 from fractions import Fraction
 from itertools import combinations, product
 
-from inverse_service import bounds
 from inverse_service.expressions import collecting, derivative
 from inverse_service.expressions import tree as ex
 from inverse_service.mechanics import quadratic_forms
-from inverse_service.mechanics.legendre import blocks, one_velocity, short_forms
+from inverse_service.mechanics.legendre import blocks, short_forms
 
 Form = tuple[ex.Expression, ...]
 Table = dict[ex.Expression, ex.Expression]
@@ -131,63 +116,6 @@ def linear_coefficients(terms: Iterable[collecting.Term], names: Sequence[str]) 
         term = value * (collecting.monomial_tree(rest) if rest else ex.ONE)
         found[name] = found.get(name, ex.ZERO) + term
     return found
-
-
-@dataclass(frozen=True, slots=True)
-class _RouthParts:
-    """rest + linear[i] w_i + w^T G w/2, with G^-1."""
-
-    rest: ex.Expression
-    linear: tuple[ex.Expression, ...]
-    inverse: blocks.Inverse
-
-
-def routh_branches(block: blocks.Block, solve: blocks.Solver) -> Iterator[blocks.Branch]:
-    """The branches for the largest sets of velocities that can be eliminated so."""
-    for ignored in _choices(block):
-        parts = _routh_parts(block, ignored)
-        if parts is None:
-            continue
-        left, momenta = [name for name in block.names if name not in ignored], [block.momenta[name] for name in ignored]
-        shifted = [p - a for p, a in zip(momenta, parts.linear, strict=True)]
-        form = ex.substitute(blocks.quadratic_form(parts.inverse, momenta), dict(zip(momenta, shifted, strict=True)))
-        solved = [short_forms.simplified(ex.dot(row, shifted)) for row in parts.inverse.entries]
-        function = short_forms.simplified(parts.rest - ex.HALF * form)
-        for inner in solve(function, left, block.momenta):
-            rates = dict(zip((*left, *ignored), (*inner.velocities, *solved), strict=True))
-            yield blocks.Branch(tuple(rates[name] for name in block.names), inner.hamiltonian, inner.conditions)
-
-
-def _choices(block: blocks.Block) -> Iterator[tuple[str, ...]]:
-    """Sets of velocities in which every term has degree 2 at most, not all, the largest first."""
-    monomials = [monomial for monomial, _ in collecting.expand(block.function)]
-    tables = [(blocks.degrees(monomial, [name]), name) for name in block.names for monomial in monomials]
-    unfit = {name for found, name in tables if found is None or found.get(name, 0) not in (0, 1, 2)}
-    fit = [name for name in block.names if name not in unfit]
-    count = 0
-    for size in range(min(len(fit), len(block.names) - 1), 0, -1):
-        for chosen in combinations(fit, size):
-            if count < bounds.CANDIDATES and all(_degree(monomial, chosen) <= 2 for monomial in monomials):
-                count += 1
-                yield chosen
-
-
-def _degree(monomial: collecting.Monomial, names: Sequence[str]) -> Fraction:
-    found = blocks.degrees(monomial, names) or {}
-    return sum(found.values(), Fraction(0))
-
-
-def _routh_parts(block: blocks.Block, ignored: Sequence[str]) -> _RouthParts | None:
-    groups: tuple[list[collecting.Term], list[collecting.Term], list[collecting.Term]] = ([], [], [])
-    for monomial, value in collecting.expand(block.function):
-        groups[int(_degree(monomial, ignored))].append((monomial, value))
-    rest, linear, quadratic = groups
-    matrix = blocks.form_matrix(quadratic, ignored) if quadratic else None
-    inverse = blocks.invert(matrix) if matrix else None
-    slopes = linear_coefficients(linear, ignored)
-    if inverse is None or slopes is None:
-        return None
-    return _RouthParts(collecting.terms_tree(rest), tuple(slopes.get(name, ex.ZERO) for name in ignored), inverse)
 
 
 # A space is in no name that a user can declare.
@@ -414,65 +342,3 @@ def _with_ratios(block: blocks.Block, pivot: str, inner: blocks.Branch, outer: b
     conditions += [ex.substitute(condition, shifted) for condition in outer.conditions]
     rates = tuple(velocities[name] for name in block.names)
     return blocks.Branch(rates, ex.substitute(outer.hamiltonian, shifted), tuple(conditions))
-
-
-@dataclass(frozen=True, slots=True)
-class Ray:
-    """d, and as functions of u, the velocity of `other`: g' and d g - u g'."""
-
-    pivot: str
-    other: str
-    degree: Fraction
-    above: ex.Expression
-    below: ex.Expression
-
-
-def rays(block: blocks.Block) -> Iterator[Ray]:
-    """For each velocity as v; none where the block is not of this kind."""
-    degree = homogeneous_degree(block.function, block.names) if len(block.names) == 2 else None
-    if degree is None or degree in (0, 1):
-        return
-    for pivot, other in (block.names, block.names[::-1]):
-        u = ex.Velocity(other)
-        along = short_forms.simplified(ex.substitute(block.function, {ex.Velocity(pivot): ex.ONE}))
-        slope = short_forms.simplified(derivative.differentiate(along, u))
-        below = short_forms.simplified(degree * along - u * slope)
-        yield Ray(pivot, other, degree, slope, below)
-
-
-def homogeneous_branches(block: blocks.Block, solve: blocks.Solver) -> Iterator[blocks.Branch]:
-    """The branches, u and v found one after the other."""
-    for ray in rays(block):
-        u, v = ex.Velocity(ray.other), ex.Velocity(ray.pivot)
-        p, q = block.momenta[ray.pivot], block.momenta[ray.other]
-        equation = p * ray.above - q * ray.below
-        for ratio in one_velocity.roots_for(equation, u, ex.ZERO):
-            value = short_forms.simplified(ratio.value)
-            raised = q / ex.substitute(ray.above, {u: value})
-            for length in one_velocity.isolate(v ** (ray.degree - 1), v, raised):
-                rate = short_forms.simplified(length.value)
-                work = (p + q * value) * rate
-                rates = {ray.pivot: rate, ray.other: short_forms.simplified(value * rate)}
-                yield blocks.Branch(
-                    tuple(rates[name] for name in block.names),
-                    short_forms.simplified((ray.degree - 1) / ray.degree * work),
-                    (*(ex.substitute(c, {u: u / v}) for c in ratio.conditions), *length.conditions),
-                )
-
-
-def homogeneous_degree(tree: ex.Expression, names: Sequence[str]) -> Fraction | None:
-    """The degree in these velocities, None where the tree is not homogeneous in them."""
-    match tree:
-        case ex.Velocity(name) if name in names:
-            return Fraction(1)
-        case ex.Sum(terms):
-            found = {homogeneous_degree(term, names) for term in terms}
-            return found.pop() if len(found) == 1 else None
-        case ex.Product(factors):
-            degrees = [homogeneous_degree(factor, names) for factor in factors]
-            return None if None in degrees else sum((d for d in degrees if d), Fraction(0))
-        case ex.Power(base, ex.Number(exponent)):
-            inner = homogeneous_degree(base, names)
-            return None if inner is None else inner * exponent
-        case _:
-            return None if short_forms.velocities_in(tree, names) else Fraction(0)

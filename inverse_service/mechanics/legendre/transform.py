@@ -317,8 +317,6 @@ def block_branches(block: blocks.Block, reach: Reach) -> Iterator[blocks.Branch]
     for family in (
         several_velocities.radial_branches,
         several_velocities.ratio_branches,
-        several_velocities.homogeneous_branches,
-        several_velocities.routh_branches,
         several_velocities.linear_branches,
         one_velocity.scalar_branches,
     ):
