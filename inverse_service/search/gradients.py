@@ -106,7 +106,7 @@ class Integrator:
             return terms_of(writing.quotient(tree_of(terms), exact_field.Budget.short(), symbols))
         return terms
 
-    def integral(self, slope: Terms, variable: ex.Symbol) -> tuple[Terms, Terms]:
+    def integral(self, slope: Terms, variable: ex.Symbol, is_cancelled: bool = False) -> tuple[Terms, Terms]:
         """(an integral of a part of the slope over one variable, the remaining slope)."""
         groups: dict[Monomial, Terms] = {}
         for key, value in slope.items():
@@ -124,6 +124,10 @@ class Integrator:
         known = quadratures.primitive(variable, other)
         if known is not None:
             return add_terms(total, terms_of(known)), {}
+        cancelled = other if is_cancelled else self._cancelled(other)
+        if cancelled != other:
+            part, left = self.integral(cancelled, variable, is_cancelled=True)
+            return add_terms(total, part), left
         left = Terms()
         for beside, inner in _outside(other, variable):
             found = quadratures.antiderivative(self.system, tree_of(inner), variable, self.table)
@@ -132,6 +136,15 @@ class Integrator:
             else:
                 total = add_terms(total, multiply_terms(beside, terms_of(found)))
         return total, left
+
+    def _cancelled(self, terms: Terms) -> Terms:
+        """The factor of each product of parameters over its own denominator: a x (x - 1)/(x^2 (x - 1)) is a/x."""
+        parameters, groups = set(map(ex.Symbol, self.system.parameters)), dict[Monomial, Terms]()
+        for key, value in terms.items():
+            constants = frozenset(item for item in key if item[0] in parameters)
+            groups.setdefault(constants, {})[key - constants] = value
+        parts = [multiply_terms({key: Fraction(1)}, self.in_normal_form(inner)) for key, inner in groups.items()]
+        return _sum(iter(parts))
 
     def under_a_sign(self, slope: ex.Expression, variable: ex.Symbol) -> ex.Expression:
         """F with dF/dx = slope, F a function of all variables that the slope holds; its other slopes are left open."""

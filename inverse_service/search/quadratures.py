@@ -26,6 +26,7 @@ from inverse_service.search.terms import (
     TooManyTerms,
     add_terms,
     derivative_of_terms,
+    letter_derivative,
     monomial,
     monomial_tree,
     rank,
@@ -198,7 +199,7 @@ def primitive(x: ex.Symbol, wanted: Terms) -> ex.Expression | None:
         raised = dict.fromkeys(m for key in fresh for m in material.antiderivatives(key, x) if m not in columns)
         added = sorted(raised, key=rank)[: most - len(columns)]
         if columns and not added:
-            return None
+            break
         deadline.check(len(added))
         columns |= {m: _proper(derivative_of_terms({m: Fraction(1)}, x), x) for m in added}
         fresh = [key for m in added for key in columns[m]]
@@ -208,7 +209,7 @@ def primitive(x: ex.Symbol, wanted: Terms) -> ex.Expression | None:
         found = _with_constants(x, columns, wanted)
         if found is not None:
             return found
-    return None
+    return _by_partial_fractions(x, wanted)
 
 
 def _with_constants(x: ex.Symbol, columns: Iterable[Monomial], wanted: Terms) -> ex.Expression | None:
@@ -222,6 +223,12 @@ def _with_constants(x: ex.Symbol, columns: Iterable[Monomial], wanted: Terms) ->
         for key, value in terms.items():
             own: Monomial = frozenset(item for item in key if ex.holds(item[0], x))
             side.setdefault(own, {})[key - own] = value
+    found = _combination(sides)
+    return None if found is None else ex.add(*(c * monomial_tree(list(plain)[k]) for k, c in found))
+
+
+def _combination(sides: Sequence[Mapping[Monomial, Terms]]) -> list[tuple[int, ex.Expression]] | None:
+    """(k, c_k) with sum_k c_k sides[k] = sides[-1], c_k in the field of the generators of the coefficients."""
     trees = [[tree_of(side.get(key, {})) for side in sides] for key in dict.fromkeys(k for side in sides for k in side)]
     try:
         budget = exact_field.Budget.short()
@@ -229,10 +236,50 @@ def _with_constants(x: ex.Symbol, columns: Iterable[Monomial], wanted: Terms) ->
         found = matrices.reduced_rows([[ring.value(tree) for tree in row] for row in trees], range(len(sides)))
     except (exact_field.TooLarge, ZeroDivisionError):
         return None
-    if len(plain) in found.pivots:
+    if len(sides) - 1 in found.pivots:
         return None
-    pairs = zip(found.pivots, found.rows, strict=True)
-    return ex.add(*(exact_field.quotient_tree(ring, row[-1]) * monomial_tree(list(plain)[k]) for k, row in pairs))
+    return [(k, exact_field.quotient_tree(ring, row[-1])) for k, row in zip(found.pivots, found.rows, strict=True)]
+
+
+def _by_partial_fractions(x: ex.Symbol, wanted: Terms) -> ex.Expression | None:
+    """Of a rational function of x whose denominators are linear in x; its other generators are constants."""
+    poles, one = dict[ex.Expression, int](), monomial(x)
+    for key in wanted:
+        for letter, e in key:
+            if not ex.holds(letter, x):
+                continue
+            slope = letter_derivative(letter, x)
+            if e.denominator > 1 or any(ex.holds(p, x) for part in slope for p, _ in part):
+                return None
+            if e < 0:
+                poles[letter] = max(poles.get(letter, 0), int(-e))
+    if not 2 <= sum(poles.values()) <= _HIGHEST:
+        return None
+    whole: Monomial = frozenset((letter, Fraction(e)) for letter, e in poles.items())
+
+    def by_power(terms: Terms) -> dict[Monomial, Terms]:
+        """The terms over the common denominator, by powers of x."""
+        found = dict[Monomial, Terms]()
+        numerator = ex.add(*(value * monomial_tree(times(key, whole)) for key, value in terms.items()))
+        for key, value in terms_of(numerator).items():
+            own: Monomial = frozenset(item for item in key if item[0] == x)
+            found.setdefault(own, {})[key - own] = value
+        return found
+
+    right = by_power(wanted)
+    highest = max(int(dict(own).get(x, 0)) for own in right) - sum(poles.values())
+    parts = [(letter, j) for letter, e in poles.items() for j in range(1, e + 1)]
+    units = [times(frozenset(), monomial(letter), -j) for letter, j in parts]
+    units += [times(frozenset(), one, k) for k in range(highest + 1)]
+    found = _combination([*(by_power({unit: Fraction(1)}) for unit in units), right])
+    if found is None:
+        return None
+    rates = [tree_of(letter_derivative(letter, x)) for letter, _ in parts]
+    primitives = [
+        (ex.Apply("log", letter) if j == 1 else letter ** (1 - j) / (1 - j)) / rate
+        for (letter, j), rate in zip(parts, rates, strict=True)
+    ] + [x ** (k + 1) / (k + 1) for k in range(highest + 1)]
+    return ex.add(*(c * primitives[k] for k, c in found))
 
 
 _NAMES = ("F", "G", "H", "K", "P", "Q", "S", "U", "W", "Z")

@@ -65,6 +65,8 @@ from inverse_service.search.terms import (
 _ORDERS = 6
 # Steps of the search for these orders.
 _STEPS = 4_000
+# Free numbers in constants C, of which zeros are made: three for two masses with a spring.
+_MOST_FREE = 3
 _FAILED = (ValueError, TooManyTerms, TooLarge, InputError, ZeroDivisionError, IrreducibleAtoms, KeyError)
 
 Factor = tuple[Fraction, Monomial]
@@ -242,23 +244,23 @@ def symmetric_lines(lines: Lines) -> Iterator[Lines]:
 
 
 def _self_adjoint_sums(lines: Lines) -> Lines | None:
-    """G q'' + H = C (M q'' + B) with constants C; None where the conditions do not leave one C up to a factor.
+    """G q'' + H = C (M q'' + B) with constants C, as many of them 0 as can be; None where there is none, or too many.
 
     They are G_ij = G_ji and, where these leave more than one, d_j H_i = d_i H_j at v = 0 if t does not occur, and
     d_vj H_i + d_vi H_j = D (G_ij + G_ji). Each says (C Y)_ij = sign (C Y)_ji for a known matrix Y.
     """
-    found = _constant_sums(lines, [(lines.matrix, 1)])
-    if len(found) > 1:
+    found = _constant_sums(lines, [(lines.matrix, 1)], 1)
+    if found is None:
         still, damping = [], []
         for row, rest in zip(lines.matrix, lines.rest, strict=True):
             still.append([derivative_of_terms(_at_rest(rest), q) for q in lines.coordinates])
             slopes = [derivative_of_terms(rest, v) for v in lines.velocities]
             damping.append([add_terms(b, _along(lines, entry), -1) for b, entry in zip(slopes, row, strict=True)])
         known = [] if ex.holds(ex.add(*lines.system.given), ex.TIME) else [(still, 1)]
-        found = _constant_sums(lines, [(lines.matrix, 1), *known, (damping, -1)])
-    if len(found) != 1:
+        found = _constant_sums(lines, [(lines.matrix, 1), *known, (damping, -1)], _MOST_FREE)
+    if not found:
         return None
-    rows = [found[0][i :: len(lines.rest)] for i in lines.places]
+    rows = [found[i :: len(lines.rest)] for i in lines.places]
     matrix = [[_dot(row, column) for column in zip(*lines.matrix, strict=True)] for row in rows]
     return replace(lines, matrix=matrix, rest=[_dot(row, lines.rest) for row in rows])
 
@@ -270,10 +272,10 @@ def _dot(left: Sequence[Terms], right: Sequence[Terms]) -> Terms:
     return total
 
 
-def _constant_sums(lines: Lines, tables: Sequence[tuple[list[list[Terms]], int]]) -> list[list[Terms]]:
-    """A basis of the constants C_ik, in the order of (k, i), with (C Y)_ij = sign (C Y)_ji for each (Y, sign).
+def _constant_sums(lines: Lines, tables: Sequence[tuple[list[list[Terms]], int]], most: int) -> list[Terms] | None:
+    """Constants C_ik, in the order of (k, i), with (C Y)_ij = sign (C Y)_ji for each (Y, sign), det C != 0.
 
-    One vector is exact; of more, only their number counts.
+    Empty where there are none, None where more than `most` numbers are free; of more than one, some C_ik are 0.
     """
     symbols: list[ex.Symbol | ex.Velocity] = [ex.TIME, *lines.coordinates, *lines.velocities]
     trees = [[[tree_of(entry) for entry in row] for row in table] for table, _ in tables]
@@ -286,13 +288,23 @@ def _constant_sums(lines: Lines, tables: Sequence[tuple[list[list[Terms]], int]]
             for i, j in combinations_with_replacement(lines.places, 2):
                 column.append((table[k][j] if a == i else zero) - (table[k][i].scaled(sign) if a == j else zero))
         columns.append(column)
-    found = []
-    for one in matrices.null_vectors(ring, columns):
-        whole = matrices.numerators(ring, one)
-        common = reduce(lambda left, right: left.gcd(right), whole)
-        quotients = [exact_field.Quotient(ring.field, entry // common, ()) for entry in whole]
-        found.append([terms_of(exact_field.quotient_tree(ring, c)) for c in quotients])
-    return found
+    basis, n = matrices.null_vectors(ring, columns), len(lines.rest)
+    if len(basis) > most:
+        return None
+    found = list[list[exact_field.Quotient]]()
+    for chosen in combinations(range(n * n), len(basis) - 1) if basis else ():
+        rows = [[vector[k] for vector in basis] for k in chosen]
+        weights = list(matrices.null_space(rows, len(basis), ring.constant(1)).values())
+        if len(weights) == 1:
+            vector = [matrices.dot(zero, weights[0], entries) for entries in zip(*basis, strict=True)]
+            if not matrices.determinant([vector[i::n] for i in lines.places], ring.constant(1)).is_zero:
+                whole = matrices.numerators(ring, vector)
+                common = reduce(lambda left, right: left.gcd(right), whole)
+                found.append([exact_field.Quotient(ring.field, entry // common, ()) for entry in whole])
+    if not found:
+        return []
+    best = min(found, key=lambda one: (sum(not c.is_zero for c in one), sum(map(matrices.weight, one))))
+    return [terms_of(exact_field.quotient_tree(ring, c)) for c in best]
 
 
 def _factor(left: Terms, right: Terms) -> Factor | None:
