@@ -401,7 +401,8 @@ def minus_inside(tree: ex.Expression) -> ex.Expression:
         case ex.Product((ex.Number(value), *factors)) if value < 0:
             for place, factor in enumerate(factors):
                 base, exponent = (factor.base, factor.exponent) if isinstance(factor, ex.Power) else (factor, ex.ONE)
-                if _is_difference(base) and isinstance(exponent, ex.Number) and exponent.value % 2 == 1:
+                turns = _is_difference(base) or _is_mostly_negative(base)
+                if turns and isinstance(exponent, ex.Number) and exponent.value % 2 == 1:
                     turned = ex.add(*map(ex.negate, base.terms[::-1])) ** exponent
                     return ex.multiply(ex.number(-value), *factors[:place], turned, *factors[place + 1 :])
     return tree
@@ -454,6 +455,12 @@ def _is_difference(tree: ex.Expression) -> TypeGuard[ex.Sum]:
     terms = tree.terms if isinstance(tree, ex.Sum) else ()
     signs = {_is_negative(term) for term in terms}
     return len(terms) == len(signs) == 2 and any(isinstance(term, ex.Number) for term in terms)
+
+
+def _is_mostly_negative(tree: ex.Expression) -> TypeGuard[ex.Sum]:
+    """Whether it is a sum with more minus signs than plus signs."""
+    terms = tree.terms if isinstance(tree, ex.Sum) else ()
+    return 2 * sum(map(_is_negative, terms)) > len(terms) > 0
 
 
 def _is_negative(term: ex.Expression) -> bool:

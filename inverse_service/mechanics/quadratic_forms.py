@@ -19,6 +19,7 @@ from inverse_service.expressions.collecting import Monomial, Term, expand, terms
 
 Expression = ex.Expression
 Terms = dict[Monomial, Fraction]
+Power = tuple[Expression, Fraction]
 # Orders of the variables that are tried, and terms of a part that is factored.
 _MOST_ORDERS, _MOST_TERMS = 24, 60
 
@@ -26,8 +27,9 @@ _MOST_ORDERS, _MOST_TERMS = 24, 60
 def short_forms(tree: Expression, letters: Collection[Expression]) -> Iterator[Expression]:
     """The tree with its quadratic part in `letters` as sums of squares, or its parts of higher degree as powers.
 
-    Terms that are not polynomial in `letters` are unchanged. Yields nothing for a long quadratic part.
+    Terms that are not polynomial in `letters` are unchanged. A long quadratic part has no squares.
     """
+    yield _over_shared_sums(tree, letters)
     parts: dict[int, Terms] = {}
     rest: list[Expression] = []
     for term in tree.terms if isinstance(tree, ex.Sum) else (tree,):
@@ -47,6 +49,24 @@ def short_forms(tree: Expression, letters: Collection[Expression]) -> Iterator[E
     for order in islice(permutations(own), _MOST_ORDERS):
         squares = [square for group in groups for square in _squares(group, order)]
         yield ex.add(*squares, *higher, *rest)
+
+
+def _over_shared_sums(tree: Expression, letters: Collection[Expression]) -> Expression:
+    """Terms with `letters`, and sums that they share taken out where these vary: (x^2 + y^2) (x'^2 + y'^2)/2."""
+    groups: dict[frozenset[Power], list[list[Power]]] = {}
+    for term in tree.terms if isinstance(tree, ex.Sum) else (tree,):
+        powers = ex.powers_of(term)
+        shared = [(p, e) for p, e in powers if isinstance(p, ex.Sum | ex.Apply) and not ex.holds(p, *letters)]
+        # Sums of masses have no functions and no powers, and stay with their velocities.
+        varies = any(isinstance(node, ex.Apply | ex.Power) for p, _ in shared for node in ex.walk(p))
+        key = frozenset(shared) if varies and ex.holds(term, *letters) else frozenset()
+        groups.setdefault(key, []).append(powers)
+    found = []
+    for key, terms in groups.items():
+        common = [power for power in terms[0] if key and all(power in term for term in terms)]
+        rest = [ex.multiply(*(p**e for p, e in term if (p, e) not in common)) for term in terms]
+        found.append(ex.multiply(*(p**e for p, e in common), ex.add(*rest)))
+    return ex.add(*found)
 
 
 def power_of_form(tree: Expression) -> tuple[Expression, int] | None:

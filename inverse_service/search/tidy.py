@@ -95,7 +95,7 @@ def tidied(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
     """
     tree = _merged(without_arctangents(tree))
     with suppress(*_FAILED):
-        tree = _finite(tree, system)
+        tree = _finite(_regular_gauge(tree, system), system)
     if _size(tree) > bounds.TERMS:
         return tree
     while (shorter := _shortest(tree, system)) != tree:
@@ -120,6 +120,29 @@ def _finite(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
     (moved,) = exact_field.factored([potential - start], symbols, exact_field.Budget.short())
     left = _constant_divisors([moved], parameters) & divisors
     return tree if len(left) >= len(divisors) else ex.add(*(t for t in terms if t not in rest), moved)
+
+
+def _regular_gauge(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
+    """With c sin(u)^2 q' for -c cos(u)^2 q', constant c, where q'^2 has the factor sin(u)^2: 0 where that is 0.
+
+    The difference is the total derivative of c q.
+    """
+    terms = list(tree.terms) if isinstance(tree, ex.Sum) else [tree]
+    constants = _parameters(system)
+    for velocity in map(ex.Velocity, system.coordinates):
+        powers = [dict(ex.powers_of(term)) for term in terms]
+        squares = [{*table.items()} for table in powers if table.get(velocity) == 2]
+        for k, table in enumerate(powers):
+            for letter, e in list(table.items()) if table.get(velocity) == 1 else ():
+                if isinstance(letter, ex.Apply) and letter.function == "cos" and e == 2:
+                    sine = ex.Apply("sin", letter.argument)
+                    others = {base for base in table if base not in (letter, velocity)}
+                    plain = all(
+                        isinstance(base, ex.Number) or constants.issuperset(variables_in(base)) for base in others
+                    )
+                    if plain and squares and all((sine, 2) in square for square in squares):
+                        terms[k] = ex.substitute(terms[k], {letter**2: ex.negated(sine**2)})
+    return ex.add(*terms)
 
 
 def _constant_divisors(trees: Iterable[ex.Expression], parameters: frozenset[ex.Symbol]) -> set[ex.Expression]:
@@ -296,7 +319,8 @@ def _other_forms(tree: ex.Expression, system: SecondOrderSystem) -> list[ex.Expr
             found.append(form(tree))
         except _FAILED:
             continue
-    return [*found, *quadratic_forms.short_forms(tree, [ex.Velocity(name) for name in system.coordinates])]
+    velocities, positions = ([kind(name) for name in system.coordinates] for kind in (ex.Velocity, ex.Symbol))
+    return [*found, *(form for some in (velocities, positions) for form in quadratic_forms.short_forms(tree, some))]
 
 
 @lru_cache(maxsize=1024)
