@@ -438,6 +438,30 @@ def numbers_outside(tree: ex.Expression) -> ex.Expression:
     return ex.multiply(ex.number(Fraction(1, math.prod(shares))), *whole)
 
 
+def plain_quotients(tree: ex.Expression) -> ex.Expression:
+    """18 (c u v - u^2/3 - v^2/3)/(c^2 - 16) as 6 (u^2 + v^2 - 3 c u v)/(16 - c^2).
+
+    Fractions in brackets that the number in front takes away, and minus signs of two brackets at once.
+    """
+    tree = ex.rebuild(tree, plain_quotients)
+    if not isinstance(tree, ex.Product):
+        return tree
+    number = _coefficient(tree)
+    powers = ex.powers_of(ex.multiply(*tree.factors[isinstance(tree.factors[0], ex.Number) :]))
+    sums = {k: base.terms for k, (base, e) in enumerate(powers) if isinstance(base, ex.Sum) and e % 2 == 1}
+    surplus = {k: 2 * sum(map(_is_negative, terms)) - len(terms) for k, terms in sums.items()}
+    ordered = iter(sorted(sums, key=lambda k: -surplus[k]))
+    for one, other in zip(ordered, ordered, strict=False):
+        if surplus[one] + surplus[other] > 0:
+            sums |= {k: tuple(map(ex.negate, sums[k][::-1])) for k in (one, other)}
+    for k, terms in sums.items():
+        share = math.lcm(*(_coefficient(term).denominator for term in terms)) if powers[k][1] == 1 else 1
+        share = share if number.numerator % share == 0 else 1
+        number /= share
+        powers[k] = ex.add(*(share * term for term in terms)), powers[k][1]
+    return ex.multiply(ex.number(number), *(base**e for base, e in powers))
+
+
 def _common_denominator(tree: ex.Expression) -> int:
     """The denominator of the coefficients of a sum if all share it, else 1; negative if all coefficients are."""
     found = [_coefficient(term) for term in tree.terms] if isinstance(tree, ex.Sum) else [Fraction(1)]

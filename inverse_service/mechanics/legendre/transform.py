@@ -231,7 +231,7 @@ def _closed(
     whole = collecting.roots_upright(writing.joined(short_forms.without_cancelling(short)))
     return replace(
         implicit,
-        hamiltonian=quadratic_forms.shortest_form(whole, implicit.symbols),
+        hamiltonian=collecting.plain_quotients(quadratic_forms.shortest_form(whole, implicit.symbols)),
         velocities=tuple(
             writing.joined(collecting.merge_powers(velocity)) for velocity in blocks.resolved(chained, names)
         ),
