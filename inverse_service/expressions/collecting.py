@@ -14,7 +14,6 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from fractions import Fraction
 from functools import lru_cache
-from typing import TypeGuard
 
 from flint import fmpz
 
@@ -401,8 +400,9 @@ def minus_inside(tree: ex.Expression) -> ex.Expression:
         case ex.Product((ex.Number(value), *factors)) if value < 0:
             for place, factor in enumerate(factors):
                 base, exponent = (factor.base, factor.exponent) if isinstance(factor, ex.Power) else (factor, ex.ONE)
-                turns = _is_difference(base) or _is_mostly_negative(base)
-                if turns and isinstance(exponent, ex.Number) and exponent.value % 2 == 1:
+                if not isinstance(base, ex.Sum) or not (_is_difference(base) or _is_mostly_negative(base)):
+                    continue
+                if isinstance(exponent, ex.Number) and exponent.value % 2 == 1:
                     turned = ex.add(*map(ex.negate, base.terms[::-1])) ** exponent
                     return ex.multiply(ex.number(-value), *factors[:place], turned, *factors[place + 1 :])
     return tree
@@ -474,17 +474,15 @@ def _coefficient(term: ex.Expression) -> Fraction:
     return first.value if isinstance(first, ex.Number) else Fraction(1)
 
 
-def _is_difference(tree: ex.Expression) -> TypeGuard[ex.Sum]:
-    """Whether it is a sum of two terms of opposite sign, one of them a number."""
-    terms = tree.terms if isinstance(tree, ex.Sum) else ()
-    signs = {_is_negative(term) for term in terms}
-    return len(terms) == len(signs) == 2 and any(isinstance(term, ex.Number) for term in terms)
+def _is_difference(tree: ex.Sum) -> bool:
+    """Whether it has two terms of opposite sign, one of them a number."""
+    signs = {_is_negative(term) for term in tree.terms}
+    return len(tree.terms) == len(signs) == 2 and any(isinstance(term, ex.Number) for term in tree.terms)
 
 
-def _is_mostly_negative(tree: ex.Expression) -> TypeGuard[ex.Sum]:
-    """Whether it is a sum with more minus signs than plus signs."""
-    terms = tree.terms if isinstance(tree, ex.Sum) else ()
-    return 2 * sum(map(_is_negative, terms)) > len(terms) > 0
+def _is_mostly_negative(tree: ex.Sum) -> bool:
+    """Whether it has more minus signs than plus signs."""
+    return 2 * sum(map(_is_negative, tree.terms)) > len(tree.terms)
 
 
 def _is_negative(term: ex.Expression) -> bool:

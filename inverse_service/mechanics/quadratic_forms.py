@@ -56,7 +56,9 @@ def _over_shared_sums(tree: Expression, letters: Collection[Expression]) -> Expr
     groups: dict[frozenset[Power], list[list[Power]]] = {}
     for term in tree.terms if isinstance(tree, ex.Sum) else (tree,):
         powers = ex.powers_of(term)
-        shared = [(p, e) for p, e in powers if isinstance(p, ex.Sum | ex.Apply) and not ex.holds(p, *letters)]
+        shared: list[Power] = [
+            (p, e) for p, e in powers if isinstance(p, ex.Sum | ex.Apply) and not ex.holds(p, *letters)
+        ]
         # Sums of masses have no functions and no powers, and stay with their velocities.
         varies = any(isinstance(node, ex.Apply | ex.Power) for p, _ in shared for node in ex.walk(p))
         key = frozenset(shared) if varies and ex.holds(term, *letters) else frozenset()

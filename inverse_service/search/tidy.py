@@ -127,7 +127,7 @@ def _regular_gauge(tree: ex.Expression, system: SecondOrderSystem) -> ex.Express
 
     The difference is the total derivative of c q.
     """
-    terms = list(tree.terms) if isinstance(tree, ex.Sum) else [tree]
+    terms: list[ex.Expression] = list(tree.terms) if isinstance(tree, ex.Sum) else [tree]
     constants = _parameters(system)
     for velocity in map(ex.Velocity, system.coordinates):
         powers = [dict(ex.powers_of(term)) for term in terms]
@@ -135,12 +135,12 @@ def _regular_gauge(tree: ex.Expression, system: SecondOrderSystem) -> ex.Express
         for k, table in enumerate(powers):
             for letter, e in list(table.items()) if table.get(velocity) == 1 else ():
                 if isinstance(letter, ex.Apply) and letter.function == "cos" and e == 2:
-                    sine = ex.Apply("sin", letter.argument)
+                    sine: ex.Expression = ex.Apply("sin", letter.argument)
                     others = {base for base in table if base not in (letter, velocity)}
                     plain = all(
                         isinstance(base, ex.Number) or constants.issuperset(variables_in(base)) for base in others
                     )
-                    if plain and squares and all((sine, 2) in square for square in squares):
+                    if plain and squares and all((sine, Fraction(2)) in square for square in squares):
                         terms[k] = ex.substitute(terms[k], {letter**2: ex.negated(sine**2)})
     return ex.add(*terms)
 
