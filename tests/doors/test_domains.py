@@ -76,9 +76,13 @@ def test_several_coordinates_have_the_domain_of_the_proof() -> None:
     assert "lagrangian_domain" not in said["statement"]
 
 
-@pytest.mark.parametrize("name", ["t", "tau"])
-def test_the_name_of_the_time_is_that_of_the_document(name: str) -> None:
-    result = json.loads(inverse_service.solve({"equations": {"x": f"-x - {name}*x'"}, "time": name}).to_json())
+LINES = [{"equations": {"x": f"-x - {name}*x'"}, "time": name} for name in ("t", "tau")]
+FREE = {"lagrangian": "(x'^2 + y'^2)/2", "constraints": ["y' = x*x'"], "associated": "any"}  # no formula holds a time
+
+
+@pytest.mark.parametrize("document", [*LINES, FREE])
+def test_the_name_of_the_time_is_that_of_the_document(document: dict[str, Any]) -> None:
+    result = json.loads(inverse_service.solve(document).to_json())
     found = inverse_service.check(result)
     assert (found["verdict"], "/system/time" in found["not_checked"]) == ("valid", False)
     result["system"]["time"] = "s"

@@ -231,7 +231,7 @@ class Examination:
             self.claim(*(f"/system/given/{key}" for key in given if key in _OF_DOCUMENT))
         ready = prepared(document)
         plain = ready.document
-        if "time" in system:  # one with another name was put back to t
+        if "time" in system and (self.has_document or system["time"] == "t"):
             self.agree("/system/time", system["time"] == ready.time, system["time"], f"It is called {ready.time}.")
         if isinstance(document, dict) and "id" in document:
             self.agree("/id", result.get("id", document["id"]) == document["id"], result.get("id"), "the id as given")

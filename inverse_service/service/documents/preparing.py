@@ -282,7 +282,7 @@ def inward(result: Mapping[str, Any]) -> Mapping[str, Any]:
         return result
     other = prepared(system.get("given")).other
     changed = _changed(dict(result), {time: "t", "t": other})
-    return {**changed, "system": {key: value for key, value in changed["system"].items() if key != "time"}}
+    return {**changed, "system": {**changed["system"], "time": time}}
 
 
 def _time_name(plain: dict[str, Any]) -> str:
