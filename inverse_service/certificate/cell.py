@@ -12,11 +12,12 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
-from itertools import islice, pairwise
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
-from flint import Ordering, fmpq, fmpq_mpoly_ctx, fmpz_poly
+from flint import Ordering, fmpq, fmpq_mpoly_ctx
 
+from .exceptions import has_real_zeros, primitive
 from .formulas import Ended, Reader, read_tokens
 from .numbers import Entry
 
@@ -149,7 +150,8 @@ class Letters:
 
     def elementary(self, name: str, u: Quotient) -> Quotient:
         if name == "atan" and self.question.halves:
-            list(islice(self.entries, 2))  # log(1 + u^2), and its half
+            for _ in range(2):  # log(1 + u^2), and its half
+                next(self.entries, None)
         entry = next(self.entries, Entry())
         pieces = list(self.pieces(">", u)) if name == "log" else []
         self.needs |= {need: None for need in pieces if need.kind == ">"}  # what touches 0 matters where a root is left
@@ -534,19 +536,9 @@ class Knowledge:
 
     def by_roots(self, p: Polynomial) -> int:
         """Of a polynomial in one generator without real roots."""
-        letters = self.ring.holds(p)
-        if len(letters) != 1 or p.total_degree() > 40:
+        if len(self.ring.holds(p)) != 1 or p.total_degree() > 40 or has_real_zeros(p):
             return 0
-        terms = [(int(exponents[letters[0]]), coefficient) for exponents, coefficient in p.terms()]
-        scale = math.lcm(*(int(c.q) for _, c in terms))
-        listed = [0] * (max(e for e, _ in terms) + 1)
-        for e, c in terms:
-            listed[e] = int((c * scale).p)
-        if not listed[0] or len(listed) % 2 == 0:
-            return 0
-        roots: list[Any] = fmpz_poly(listed).complex_roots()  # pairs (root, multiplicity)
-        real = any(root.imag.contains(0) for root, _ in roots)
-        return 0 if real else 1 if listed[0] > 0 else -1
+        return 1 if p.leading_coefficient() > 0 else -1
 
     def by_arctangents(self, p: Polynomial, depth: int) -> int:
         """b + c atan u has the sign of b + c pi/2 and b - c pi/2, one of which may be 0."""
@@ -690,13 +682,6 @@ def smaller(known: Knowledge, need: Need) -> Need:
             if known.sign(w.below * (a * a * w.below - b * b * w.above)) > 0:
                 left = a
     return need_of(need.kind, left * sign) if not left.is_constant() else need
-
-
-def primitive(polynomial: Polynomial) -> Polynomial:
-    """Times a positive number, so that its coefficients are integers without a common factor."""
-    values = [coefficient for _, coefficient in polynomial.terms()]
-    scale = fmpq(math.lcm(*(int(c.q) for c in values)), math.gcd(*(int(c.p) for c in values)))
-    return polynomial * scale
 
 
 def is_convex(ring: Letters, polynomial: Polynomial) -> bool:

@@ -339,11 +339,8 @@ class Finding:
 
     def text(self, factor: Polynomial) -> str:
         """As an equation with positive coefficients on both sides; c1 = -c2 for c1 + c2 = 0."""
-        terms = [(tuple(map(int, exponents)), coefficient) for exponents, coefficient in factor.terms()]
-        scale = math.lcm(*(int(c.q) for _, c in terms)) * (1 if terms[0][1] > 0 else -1)
-        whole = [(key, int((c * scale).p)) for key, c in terms]
-        common = math.gcd(*(c for _, c in whole))
-        whole = [(key, c // common) for key, c in whole]
+        sign = 1 if factor.leading_coefficient() > 0 else -1
+        whole = [(tuple(map(int, key)), int(c.p)) for key, c in primitive(factor * sign).terms()]
         plain = len(whole) == 2 and all(sum(key) <= 1 and c > 0 for key, c in whole)
         left = whole[:1] if plain else [one for one in whole if one[1] > 0]
         right = [one for one in whole if one not in left]
@@ -358,14 +355,20 @@ class Finding:
         return " + ".join(words) or "0"
 
 
-def has_real_zeros(factor: Polynomial) -> bool:
-    """False only for a polynomial in one parameter of which no root is real."""
-    if sum(1 for e in factor.degrees() if e) != 1:
+def primitive(polynomial: Polynomial) -> Polynomial:
+    """Times a positive number, so that its coefficients are integers without a common factor."""
+    values = [coefficient for _, coefficient in polynomial.terms()]
+    scale = fmpq(math.lcm(*(int(c.q) for c in values)), math.gcd(*(int(c.p) for c in values)))
+    return polynomial * scale
+
+
+def has_real_zeros(polynomial: Polynomial) -> bool:
+    """False only for a polynomial in one generator of which no root is real."""
+    letters = [k for k, e in enumerate(polynomial.degrees()) if e]
+    if len(letters) != 1:
         return True
-    scale, place = factor.leading_coefficient(), next(k for k, e in enumerate(factor.degrees()) if e)
-    terms = [(int(exponents[place]), coefficient / scale) for exponents, coefficient in factor.terms()]
-    common, listed = math.lcm(*(int(c.q) for _, c in terms)), [0] * (1 + max(e for e, _ in terms))
-    for e, c in terms:
-        listed[e] = int((c * common).p)
-    roots: list[Any] = fmpz_poly(listed).complex_roots()
+    coefficients = [0] * (int(polynomial.total_degree()) + 1)
+    for exponents, coefficient in primitive(polynomial).terms():
+        coefficients[int(exponents[letters[0]])] = int(coefficient.p)
+    roots: list[Any] = fmpz_poly(coefficients).complex_roots()  # pairs (root, multiplicity)
     return any(root.imag.contains(0) for root, _ in roots)

@@ -34,9 +34,6 @@ SYSTEM = {"coordinates": [NAME, MAX_COORDINATES], "parameters?": [NAME, MAX_NAME
 VERDICTS = "variational|not_variational|undetermined"
 CERTIFICATE = {"format": FORMAT, "system": {}, "question": "autonomous|time_dependent", "claim": VERDICTS,
                "near?": {}, "conditions?": [TEXT, MAX_LISTED], "kind": "lagrangian|existence|nonexistence"}  # fmt: skip
-RESULT = {"format": RESULT_FORMAT, "system": {}, "question?": r"L\((t, )?q, q'\)", "verdict": VERDICTS,
-          "lagrangian?": {}, "verdict_with_time?": VERDICTS, "branches?": [{}, 8], "kinds?": {},
-          "with_time?": {"verdict?": VERDICTS, "lagrangian?": {}}}  # fmt: skip
 
 
 class Ended(Exception):

@@ -70,10 +70,6 @@ class MonomialKeys:
     def bits(self) -> int:
         return 63 // self.size
 
-    @property
-    def largest_degree(self) -> int:
-        return (1 << self.bits) - 1
-
     def key(self, exponents: Sequence[int]) -> int:
         return sum(int(e) << (self.bits * k) for k, e in enumerate(exponents))
 
