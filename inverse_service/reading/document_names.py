@@ -274,10 +274,10 @@ def _checked_functions(names: Names, texts: Mapping[str, str]) -> dict[str, tupl
             if argument != "t" and argument not in names.coordinates and names.derivative(argument) is None:
                 foreign.setdefault(function, place)
     for function, place in foreign.items():
-        if all(_always_called(function, text, names) for text in texts.values()) and texts:
-            if any(function in text for text in texts.values()):
-                foreign = {name: at for name, at in foreign.items() if name != function}  # a dummy
-        elif not texts or any(function in text for text in texts.values()):
+        calls = [call for text in texts.values() if (call := _always_called(function, text, names)) is not None]
+        if calls and all(calls):
+            foreign = {name: at for name, at in foreign.items() if name != function}  # a dummy
+        elif calls or not texts:
             raise errors.InputError(
                 f"{function} depends on {names.functions[function][place]}, which is not a coordinate: use one of "
                 f"{refusals.joined(names.coordinates)}.",
@@ -286,12 +286,13 @@ def _checked_functions(names: Names, texts: Mapping[str, str]) -> dict[str, tupl
     return {function: arguments for function, arguments in names.functions.items() if function not in foreign}
 
 
-def _always_called(function: str, text: str, names: Names) -> bool:
-    """Whether brackets with arguments follow the function wherever it occurs in a text."""
+def _always_called(function: str, text: str, names: Names) -> bool | None:
+    """Whether brackets with arguments follow the function wherever it occurs in a text; None where it does not."""
     try:
         tokens = reader.read_tokens(text, names)
     except errors.InputError:
-        return True
+        return True if function in text else None
+    called: bool | None = None
     for place, token in enumerate(tokens):
         if token.kind == "name" and names.spelling(token.text) == function:
             after = place + 1
@@ -299,9 +300,8 @@ def _always_called(function: str, text: str, names: Names) -> bool:
                 after += 1 + (tokens[after].text == "^")
             if at(tokens, after).is_operator("["):
                 after = closing(tokens, after) + 1
-            if not at(tokens, after).is_operator("("):
-                return False
-    return True
+            called = called is not False and at(tokens, after).is_operator("(")
+    return called
 
 
 def _coordinates(
@@ -528,15 +528,12 @@ NEVER_GUESSED = (
     | FUNCTIONS
     | known_words.REFUSED.keys()
     | {"e", "E", "Pi"}
-    | (known_words.REFUSED_UNLESS_DECLARED.keys() - {"I", "gamma", "Gamma", "zeta", "sn", "cn", "dn"})
+    | (known_words.REFUSED_UNLESS_DECLARED.keys() - {"I", "gamma", "Gamma", "zeta", *known_words.MAY_BE_CONSTANTS})
 )
-# Bessel, Airy and integral functions; these names can denote constants.
-_SPECIAL = frozenset(("J0", "J1", "Y0", "Y1", "Ai", "Bi", "Si", "Ci", "Ei", "Li"))
 CALLED_LETTERS = FUNCTION_LETTERS | {"g", "G", "phi", "Phi", "psi", "Psi", "P", "Q"}
 # As functions of t these are usually impulses and steps.
 Call = tuple[str, tuple[str, ...]]  # a name with the names in the brackets after it
 _PROGRAMS = re.compile(r"\b(?:Eq|diff|Derivative|Mul|Add)\s*\(|\[")  # where E is Euler's number
-_ELLIPTIC = ("sn", "cn", "dn")
 _IMPULSES = frozenset(("delta", "theta", "Theta", "H"))
 
 
@@ -610,8 +607,10 @@ def _guessed(texts: Mapping[str, str], declared: Names) -> Guess:
             if error := reader.remark(line, place):
                 raise error.at(pointer)
             followed = at(line, place + 1).is_operator("(")
-            if followed and token.text in _ELLIPTIC and (error := known_words.reason_against(token.text, token.column)):
-                raise error.at(pointer)
+            if count := _elliptic_arguments(line, place):
+                wanted = '["u", "k"]' if count > 1 else '["u"]'
+                if error := known_words.reason_against(token.text, token.column, wanted):
+                    raise error.at(pointer)
             timed = (*coordinates, "t") if _may_depend_on_time(token.text) else coordinates
             arguments = _call_arguments(line, _after_power_of_time(line, place + 1), timed)
             if not arguments and (count := _called_with(line, place, declared)):
@@ -688,7 +687,9 @@ def _is_one_of_many(name: str, coordinates: Sequence[str]) -> bool:
     """Whether it is x_1 or x2, and x or x with another number is a coordinate; x_0 is usually a constant."""
     numbered = re.fullmatch("([A-Za-z]+)_?([1-9][0-9]*)", name)
     stems = {re.sub("_?[0-9]+$", "", coordinate) for coordinate in coordinates}
-    return numbered is not None and numbered[1] in stems and known_words.looks_like_a_coordinate(numbered[1])
+    if numbered is None or numbered[1] not in stems:
+        return False
+    return known_words.looks_like_a_coordinate(numbered[1]) or numbered[1] in GREEK_NAMES
 
 
 def _takes_argument(line: Sequence[Token], place: int) -> bool:
@@ -747,6 +748,8 @@ def _ask_back(
             continue
         if meant := known_words.readings(name, together):
             raise known_words.undeclared(name, column, meant).at(pointer)
+        if meant := _lost_power(name, names.coordinates):
+            raise known_words.undeclared(name, column, meant).at(pointer)
         if name == "x" or _is_one_of_many(name, names.coordinates):
             raise known_words.ask_for_the_time(name, column, names.coordinates).at(pointer)
         if name == "r" and {"x", "y"} <= {*names.coordinates}:
@@ -759,6 +762,16 @@ def _ask_back(
             instead = f"{other} occurs too; write one of the two"
             raise refusals.refusal(known_words.not_declared(name), token.column, instead, (other,)).at(pointer)
     return splits
+
+
+def _lost_power(name: str, coordinates: Sequence[str]) -> tuple[str, ...]:
+    """a*x^2 for ax2, pasted without its raised 2, and a*q2 for aq2 next to q1; Fx1 is usually a component."""
+    cut = re.fullmatch("((?:[A-Za-z][0-9]?){1,3}?)([A-Za-z])([1-9])", name)
+    if cut is None or cut[1] in _COMPONENTS:
+        return ()
+    if cut[2] in coordinates:
+        return (f"{cut[1]}*{cut[2]}^{cut[3]}",)
+    return (f"{cut[1]}*{cut[2]}{cut[3]}",) if _is_one_of_many(cut[2] + cut[3], coordinates) else ()
 
 
 _WORDS_OF_MOTION = {"velocity": "'", "speed": "'", "position": "", "acceleration": "''"}
@@ -880,7 +893,19 @@ def _tokens(text: str, declared: Names) -> list[Token]:
 def _looks_like_a_function(name: str) -> bool:
     """Whether the name may be a known function, such as a mistyped sqrt, acot or gamma; then it is not guessed."""
     is_word = re.match("[A-Za-z]{3}", name) is not None and name not in GREEK_NAMES
-    return is_word or name.replace("_", "") in _SPECIAL or name in known_words.REFUSED_UNLESS_DECLARED
+    return is_word or {name, name.replace("_", "")} & known_words.REFUSED_UNLESS_DECLARED.keys() != set()
+
+
+def _elliptic_arguments(line: Sequence[Token], place: int) -> int:
+    """The number of arguments of sn u, cn(u, k) and dn^2(u, k); 0 for a constant, as in cn*x."""
+    opening = place + 1
+    if at(line, opening).is_operator("^"):
+        opening = closing(line, opening + 1) + 1 if at(line, opening + 1).is_operator("(") else opening + 2
+    if line[place].text not in known_words.ELLIPTIC:
+        return 0
+    if at(line, opening).is_operator("("):
+        return len(split_at_commas(line[opening + 1 : closing(line, opening)]))
+    return int(at(line, opening).kind == "name")
 
 
 def _may_depend_on_time(name: str) -> bool:

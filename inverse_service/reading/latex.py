@@ -362,17 +362,30 @@ class LatexTranslator:
             self._emit(_PRODUCTS[name], raw)
         elif name in _COMPARED:
             self._emit(_COMPARED[name], raw)
-        elif name == "partial" and not self._raw.ahead.is_operator("_"):
-            self._emit(PARTIAL, raw)
+        elif name == "partial":
+            self._partial(raw)
         elif name == "\\":
             self._emit(";", raw)
         else:
-            if name == "partial":
-                raise refusal("a partial derivative occurs", raw.column, "write diff(A(x, y), x), A declared")
             what, instead = f"the command \\{shorten(name)} is not accepted", MARKED.get(name) or _REASONS.get(name)
             if not instead and name in REFUSED:
                 raise refused(what, REFUSED[name], raw.column)
             raise refusal(what, raw.column, instead or "write the formula without it")
+
+    def _partial(self, raw: Token) -> None:
+        r"""\partial, and \partial_x as \frac{\partial}{\partial x}."""
+        by = self._with_subscript("")[1:]
+        if not by:
+            self._emit(PARTIAL, raw)
+            return
+        if {*by} == {"t"}:
+            raise refusal("a partial derivative occurs", raw.column, "write diff(A(x, y), x), A declared")
+        self._tokens.append(Token("operator", "(", raw.column, True, FRACTION))
+        for text in ("(", PARTIAL, ")", "/", "(", PARTIAL):
+            self._emit(text, raw)
+        self._emit_name(by, raw)
+        for text in "))":
+            self._emit(text, raw)
 
     def _function(self, name: str, raw: Token) -> None:
         if self._raw.ahead.is_operator("_"):

@@ -50,10 +50,15 @@ _COMPLEX, _OF_PARTS = (
 )
 _NO_NUMBER, _ANOTHER = ("is not a number", "write a finite number"), "rename a function of your own"
 _COMMAND = ("is a command of another program", "write the equations alone")
-_SPECIAL_FUNCTIONS = (
-    "erf", "erfc", "besselj", "bessely", "besseli", "besselk", "sn", "cn", "dn", "airyai", "airybi", "LambertW",
-    "lambertw", "ellipk", "ellipe",
-)  # fmt: skip
+ELLIPTIC = ("sn", "cn", "dn")
+# Names of special functions that denote constants where no argument follows.
+MAY_BE_CONSTANTS = frozenset(("J0", "J1", "Y0", "Y1", "Ai", "Bi", "Si", "Ci", "Ei", "Li", *ELLIPTIC))
+# The arguments that each special function is declared with.
+_SPECIAL_FUNCTIONS = {
+    **dict.fromkeys(("erf", "erfc", "airyai", "airybi", "LambertW", "lambertw", "ellipk", "ellipe"), '["u"]'),
+    **dict.fromkeys(("besselj", "bessely", "besseli", "besselk"), '["n", "u"]'),
+    **dict.fromkeys(sorted(MAY_BE_CONSTANTS), '["u"]'),
+}
 _HOW_TO_DECLARE = (
     'declare it as an arbitrary function, "functions": {"%s": %s}: a Lagrangian found this way also holds for it, '
     'while "not variational" may not'
@@ -82,10 +87,7 @@ REFUSED: dict[str, Reason] = {
 }  # fmt: skip
 # Documents may declare these names; undeclared ones are refused with a better reason than "unknown".
 REFUSED_UNLESS_DECLARED: dict[str, Reason] = {
-    **{
-        name: (_SPECIAL, _HOW_TO_DECLARE % (name, '["n", "u"]' if name.startswith("bessel") else '["u"]'))
-        for name in _SPECIAL_FUNCTIONS
-    },
+    **{name: (_SPECIAL, _HOW_TO_DECLARE % (name, arguments)) for name, arguments in _SPECIAL_FUNCTIONS.items()},
     **dict.fromkeys(("i", "I", "j"), (_COMPLEX, "write real equations", "parameters")),
     **dict.fromkeys(("gamma", "Gamma", "zeta"), (_SPECIAL + " and not a declared name", _ANOTHER, "parameters")),
     "lg": ("may mean log10 or log2", "write log10(x)", "parameters"),
@@ -141,16 +143,20 @@ def check_domain(function: str, argument: Expression, column: int) -> None:
         raise refusal(f"{function} of this number has no real value", column, f"give it {wanted}")
 
 
-def reason_against(name: str, column: int) -> InputError | None:
-    """The refusal of a well-known name that formulas cannot use, or None."""
+def reason_against(name: str, column: int, arguments: str = '["u"]') -> InputError | None:
+    """The refusal of a well-known name that formulas cannot use, or None; sn(u, k) has two `arguments`."""
     if name.startswith("log_"):
         return refusal("a base of a logarithm occurs", column, "write log(x)/log(2) or log(x, 2)")
-    entry = REFUSED.get(name) or REFUSED_UNLESS_DECLARED.get(name)
+    plain = name.replace("_", "")  # J_0
+    entry = REFUSED.get(name) or REFUSED_UNLESS_DECLARED.get(plain if plain in MAY_BE_CONSTANTS else name)
     meant = ("(pi/180)",) if name in _DEGREES else (f"{name[0]}_1",) if entry and entry[1] == _ANOTHER else ()
-    return refused(f"{name} {entry[0]}", entry, column, meant) if entry else None
+    if not entry:
+        return None
+    problem, instead, *declare = entry
+    return refused(f"{name} {problem}", (problem, instead.replace('["u"]', arguments), *declare), column, meant)
 
 
-def refused(what: str, reason: Reason, column: int, meant: tuple[str, ...] = ()) -> InputError:
+def refused(what: str, reason: Sequence[str], column: int, meant: tuple[str, ...] = ()) -> InputError:
     """The refusal for this reason."""
     return refusal(f"{what}; it occurs", column, reason[1], meant, declare="".join(reason[2:]))
 
@@ -224,7 +230,7 @@ def unknown_name(name: str, names: Names, column: int, follows: str = "") -> Inp
     another name is put in its place.
     """
     known = reason_against(name, column)
-    if known is not None:
+    if known is not None and (follows == "(" or name.replace("_", "") not in MAY_BE_CONSTANTS):
         return known
     shown = not_declared(name)
     if name == "d":

@@ -35,7 +35,9 @@ _GREEK_OF_MATHEMATICA = re.compile(r"\\\[(?:Curly)?(?:Capital)?([A-Z][a-z]+)\]")
 _TO = r"subject\s+to|s\.\s?t\."
 _WORDS = rf"(?:(?:{_TO}|with|under)\s+(?:the\s+)?constraints?|{_TO}|constraints?(?=\s*:))"
 # The words between a Lagrangian and its constraints, in LaTeX in an upright font.
-_SUBJECT_TO = re.compile(rf"\\(?:text|textrm|mathrm|mbox)\s*\{{\s*(?:and\s+)?{_WORDS}\s*:?\s*\}}\s*:?|\b{_WORDS}\s*:?")
+_SUBJECT_TO = re.compile(
+    rf"\\(?:text|textrm|mathrm|mbox)\s*\{{\s*(?:and\s+)?{_WORDS}\s*:?\s*\}}\s*:?|\b{_WORDS}\s*:?", re.I
+)
 _ACCELERATION = re.compile(r"(?<!')''(?!['(])")
 _MATHEMATICA = re.compile(r"[A-Za-z']\[|==")
 

@@ -30,6 +30,7 @@ DOCUMENTS: list[tuple[dict[str, Any], dict[str, str], str | None, set[str]]] = [
         None,
         {"energy"},
     ),
+    ({"equations": "2L = x'^2 + x^2"}, {"x": "x"}, "p_x^2/2 - x^2/2", {"energy"}),
     ({"lagrangian": "1/x'"}, {"x": "0"}, "-2*sqrt(-p_x)", set()),
     ({"lagrangian": "x'^3/3"}, {"x": "0"}, "2*p_x^(3/2)/3", set()),
     ({"lagrangian": "-sqrt(1 - x'^2)"}, {"x": "0"}, "sqrt(p_x^2 + 1)", set()),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import json
 import random
 import re
@@ -10,10 +9,12 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import httpx
 import pytest
 
 from inverse_service.errors import InputError
 from inverse_service.service.documents.documents import parse_document
+from tests.doors import calls
 from tests.doors.rows import rows
 
 ROOT = Path(__file__).parents[2]
@@ -74,9 +75,29 @@ def _texts(value: Any) -> Iterator[str]:
 
 @pytest.mark.parametrize("every", [127, pytest.param(9, marks=pytest.mark.slow)])
 def test_no_beginning_of_a_formula_is_a_fault_of_the_program(every: int) -> None:
+    for text in shortened()[::every]:
+        read({"equations": text, "parameters": "guess"})
+
+
+def shortened() -> list[str]:
+    """Every beginning of the formulas, and the formulas without one of their characters."""
     texts = formulas()
     assert len(texts) > 300
-    shortened = [text[:length] for text in texts for length in range(1, len(text))]
-    deleted = [text[:place] + text[place + 1 :] for text in texts for place in range(len(text))]
-    for text in itertools.islice(itertools.chain(shortened, deleted), 0, None, every):
-        read({"equations": text, "parameters": "guess"})
+    begun = [text[:length] for text in texts for length in range(1, len(text))]
+    return begun + [text[:place] + text[place + 1 :] for text in texts for place in range(len(text))]
+
+
+@pytest.mark.nightly
+def test_no_beginning_of_a_formula_is_a_fault_of_the_program_at_any_door(service: str, tmp_path: Path) -> None:
+    chosen = random.Random(0).sample(shortened(), 3000)
+    documents = [{"id": str(place), "equations": text, "parameters": "guess"} for place, text in enumerate(chosen)]
+    with httpx.Client(base_url=service, timeout=60) as client:
+        for document in documents:
+            form = {"kind": "equations", "equations": document["equations"]}
+            assert client.post("/v1/parse", json=document).status_code in (200, 422), document
+            assert client.post("/understood?fragment=1", data=form).status_code == 200, document
+    lines, answers = tmp_path / "lines.ndjson", tmp_path / "answers.ndjson"
+    lines.write_text("".join(f"{json.dumps(document)}\n" for document in documents[:300]))
+    code, _, err = calls.command("batch", str(lines), "-o", str(answers), "--time-limit", "1")
+    assert code in (0, 1), err
+    assert all(json.loads(line).get("status", 200) < 500 for line in answers.read_text().splitlines())

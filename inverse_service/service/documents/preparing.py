@@ -171,7 +171,7 @@ def _with_lagrangian(plain: dict[str, Any]) -> tuple[dict[str, Any], dict[str, s
             (pointer, named[0] + formula) for kind, (named, formula, pointer) in energies.items() if kind != "whole"
         ]
         named, formula, _ = energies["whole"]
-        lagrangian = " " * named.end() + formula
+        lagrangian = f"{'.5*('.rjust(named.end())}{formula})" if named["twice"] else " " * named.end() + formula
     else:
         for named, formula, _ in energies.values():
             sign = ("-" if named["potential"] else "+") + (".5*(" if named["twice"] else "(")
