@@ -77,7 +77,7 @@ def is_json(media_type: str) -> bool:
 
 def too_large(limit: int) -> Refusal:
     """The body exceeds the limit, which GET /v1/limits reports."""
-    return Refusal(413, "too-large", f"The body has more than {limit} bytes; send a smaller document.")
+    return Refusal(413, "too-large", f"The body has more than {limit:,} bytes; send a smaller document.")
 
 
 @dataclass(frozen=True, slots=True)

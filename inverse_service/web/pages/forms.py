@@ -551,7 +551,10 @@ class Sent:
 
 def sent_task(body: bytes, content_type: str) -> Sent:
     """The sent solve form to what it says."""
-    form = form_of(body, content_type)
+    return _sent(form_of(body, content_type))
+
+
+def _sent(form: Form) -> Sent:
     fields = fields_of(form)
     try:
         document = document_of(form)
@@ -563,29 +566,25 @@ def sent_task(body: bytes, content_type: str) -> Sent:
 def echo_sent_task(body: bytes, content_type: str) -> tuple[Fields, dict[str, Any]]:
     """The sent solve form to its fields and how it is understood."""
     sent = sent_task(body, content_type)
-    if sent.document is None:
-        return sent.fields, {"problem": sent.problem}
-    return sent.fields, _understood(sent.fields, sent.document)
+    return sent.fields, _understood(sent)
 
 
 def echo_task(fields: Fields) -> dict[str, Any]:
     """The fields of the solve form to how they are understood."""
-    try:
-        document = document_of(Form({name: (value,) for name, value in fields.items()}))
-    except errors.InputError as error:
-        return {"problem": problem_of_error(error, fields)}
-    return _understood(fields, document)
+    return _understood(_sent(Form({name: (value,) for name, value in fields.items()})))
 
 
-def _understood(fields: Fields, document: Mapping[str, Any]) -> dict[str, Any]:
-    """The answer of /v1/parse about a document, for the template."""
-    typed = any(fields[name] for name in ("equations", "lagrangian", "constraints"))
-    if not (typed or document):
+def _understood(sent: Sent) -> dict[str, Any]:
+    """The answer of /v1/parse about a form, for the template; empty where nothing was typed."""
+    if sent.document is None:
+        return {"problem": sent.problem}
+    typed = any(sent.fields[name] for name in ("equations", "lagrangian", "constraints"))
+    if not (typed or sent.document):
         return {}
     from inverse_service.service.documents.documents import parse_document
 
     try:
-        answer = parse_document(model.split_options(document)[0])
+        answer = parse_document(model.split_options(sent.document)[0])
     except errors.InputError as error:
-        return {"problem": problem_of_error(error, fields)} if typed else {}
-    return {"understood": understood(answer, document.get("time", "t"))}
+        return {"problem": problem_of_error(error, sent.fields)} if typed else {}
+    return {"understood": understood(answer, sent.document.get("time", "t"))}

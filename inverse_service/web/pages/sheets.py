@@ -24,6 +24,7 @@ YES, NO, OPEN, DIFFERS = "yes", "no", "open", "differs"
 VERDICTS = {"variational": YES, "not_variational": NO}
 BADGES = {YES: "a Lagrangian", NO: "no Lagrangian", OPEN: "undetermined", DIFFERS: "differs by case"}
 OF_MOTION = {YES: "has a Hamiltonian", NO: "has no Hamiltonian", OPEN: "undetermined", DIFFERS: "differs by case"}
+LONGEST_TITLE = 60  # characters of its first line
 MAX_STEPS = 200  # on a page; the whole is in the JSON
 LONGEST_MATRICES = 6_000  # characters of all matrices on a page: typeset they weigh 25 times that
 TENSORS = (("Phi", "<mi>Φ</mi>"), ("nabla_Phi", "<mi>∇</mi><mi>Φ</mi>"))
@@ -150,9 +151,8 @@ def title_of(result: Mapping[str, Any]) -> str:
     named = system.get("name") or (first if len(lines) < 2 else f"{first}, \u2026")
     if given:
         named = f"L = {given}" + (" with constraints" if is_constrained(result) else "")
-    if "verdict" not in result:
-        return f"{named[:60]}: equations of motion"
-    return f"{named[:60]}: {badge_of(result)}"
+    shown = named if len(named) <= LONGEST_TITLE else f"{named[:LONGEST_TITLE]}\u2026"
+    return f"{shown}: {badge_of(result) if 'verdict' in result else 'equations of motion'}"
 
 
 def badge_of(result: Mapping[str, Any]) -> str:

@@ -61,10 +61,10 @@ def simulation_result(address: str, job: Mapping[str, Any], document: str) -> HT
     )
 
 
-def _members(columns: Mapping[str, Sequence[Any]]) -> tuple[list[str], list[list[str]]]:
+def _members(columns: Mapping[str, Sequence[Any]]) -> tuple[list[str], list[tuple[int, list[str]]]]:
     """The headings and the first rows of the numbers of an ensemble, one row for each run."""
     rows = zip(*columns.values(), strict=True)
-    shown = [[str(k), *map(short_number, row)] for k, row in enumerate(itertools.islice(rows, MOST_MEMBERS), 1)]
+    shown = [(k, list(map(short_number, row))) for k, row in enumerate(itertools.islice(rows, MOST_MEMBERS), 1)]
     return list(map(_heading, columns)), shown
 
 
@@ -356,9 +356,11 @@ def costs(result: Mapping[str, Any]) -> dict[str, Any]:
     """What each tick cost: seconds of every stage by method, and what was derived for all of them."""
     methods = [method for method in result["methods"] if method.get("seconds")]
     stages = list(dict.fromkeys(stage for method in methods for stage in method["seconds"]))
-    rows = [(stage, [duration(method["seconds"].get(stage)) for method in methods]) for stage in stages]
+    rows = [
+        (stage.replace("_", " "), [duration(method["seconds"].get(stage)) for method in methods]) for stage in stages
+    ]
     shared = [(stage, duration(value)) for stage, value in result.get("seconds", {}).items()]
-    return {"labels": [method["label"] for method in methods], "rows": rows, "shared": shared}
+    return {"labels": [method_name(method["label"]) for method in methods], "rows": rows, "shared": shared}
 
 
 def part_costs(result: Mapping[str, Any]) -> dict[str, Any]:
@@ -373,7 +375,7 @@ def part_costs(result: Mapping[str, Any]) -> dict[str, Any]:
         title = f"{name} observed" if kind == "observed" else name
         rows.append((title, [_price(part[0]) if part else "\u2013" for part in found]))
     notes = dict.fromkeys(method["cost"]["note"] for method in methods if method["cost"].get("note"))
-    return {"labels": [method["label"] for method in methods], "rows": rows, "notes": list(notes)}
+    return {"labels": [method_name(method["label"]) for method in methods], "rows": rows, "notes": list(notes)}
 
 
 def _price(part: Mapping[str, Any]) -> str:
