@@ -106,12 +106,17 @@ def wants_fresh(request: Request) -> bool:
     return bool(directives & {"no-cache", "no-store"})
 
 
-def batch_key_of(request: Request) -> str:
-    """`Idempotency-Key`, which distinguishes batches of the same lines; a random one for a fresh batch."""
+def key_of(request: Request) -> str:
+    """`Idempotency-Key`, which a client sends with one question or one batch only; empty where there is none."""
     given = request.headers.get("idempotency-key", "")
     if len(given) > LARGEST_KEY:
         raise Refusal(422, "limit", f"The header 'Idempotency-Key' takes at most {LARGEST_KEY} characters.")
-    return given or (uuid.uuid4().hex if wants_fresh(request) else "")
+    return given
+
+
+def batch_key_of(request: Request) -> str:
+    """The key, which distinguishes batches of the same lines; a random one for a fresh batch."""
+    return key_of(request) or (uuid.uuid4().hex if wants_fresh(request) else "")
 
 
 def time_limit_of(request: Request, server: model.JobOptions) -> float | None:

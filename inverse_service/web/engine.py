@@ -171,11 +171,11 @@ class Engine:
         """A batch as this viewer may see it; None also for another client's."""
         return viewer.seen(await self.read(self.store.batch, id))
 
-    async def submit(self, request: model.JobRequest, viewer: model.Viewer, seconds: float) -> model.Job:
-        """The stored job of a question when it is final, or as it is after so many seconds."""
+    async def submit(self, request: model.JobRequest, viewer: model.Viewer, seconds: float, key: str = "") -> model.Job:
+        """The stored job of a question, sent with this key, when it is final, or as it is after so many seconds."""
         own = viewer.own(request)
         with self.hub.waiting(asking.end_of(own.id)) as ended:
-            job, is_known = await self.read(self._submit, own)
+            job, is_known = await self.read(self._submit, own, key)
             if is_known:
                 self.count_known(request.kind)
             return await self._until_final(job, viewer, seconds, ended)
@@ -197,12 +197,19 @@ class Engine:
         """A waiting request polls its job at this interval (s), because other front ends send no events to this one."""
         return KEEP_ALIVE if self.store.exclusive else LOOK_AGAIN
 
-    def _submit(self, request: model.JobRequest) -> tuple[model.Job, bool]:
+    def _submit(self, request: model.JobRequest, key: str) -> tuple[model.Job, bool]:
+        self._claim_key(request.client, key, request.id)
         found = self.store.job(request.id, PART)
         if found is not None and found.is_final and not found.is_to_be_asked(request.fresh, time.time()):
             return found, True
         is_known = found is not None and found.is_open
         return self.supervisor.submit(request, self.bounds), is_known
+
+    def _claim_key(self, client: str, key: str, digest: str) -> None:
+        """Refuses an Idempotency-Key that this client sent with something else."""
+        if key and not self.store.claim_key(client, key, digest):
+            detail = "This Idempotency-Key came with another question or other lines before; send this with a new one."
+            raise problems.Refusal(422, "idempotency-key", detail)
 
     async def wait(self, job: model.Job, viewer: model.Viewer, seconds: float) -> model.Job:
         """The job when it is final, or as it is after so many seconds."""
@@ -239,9 +246,7 @@ class Engine:
         self, kind: str, viewer: model.Viewer, lines: Sequence[statements.BatchLine], key: str
     ) -> statements.Batch:
         client, lines = viewer.name, [viewer.own_line(line) for line in lines]
-        if key and not self.store.claim_key(client, key, statements.batch_id(kind, client, lines, key, 0)):
-            detail = "This Idempotency-Key came with other lines before; send these with a new one."
-            raise problems.Refusal(422, "idempotency-key", detail)
+        self._claim_key(client, key, statements.batch_id(kind, client, lines, key, 0) if key else "")
         latest: statements.Batch | None = None
         for generation in itertools.count():
             id = statements.batch_id(kind, client, lines, key, generation)

@@ -96,7 +96,7 @@ ASKED: Final = {f"/v1/{kind}": kind for kind in ("solve", "simulate", "work-prec
 # The headers that an answer depends on; it holds for the same ones, letter by letter.
 READ: Final = frozenset((
     b"accept", b"authorization", b"cache-control", b"content-encoding", b"content-length", b"content-type", b"cookie",
-    b"host", b"origin", b"prefer", b"sec-fetch-site", b"transfer-encoding", b"x-api-key",
+    b"host", b"idempotency-key", b"origin", b"prefer", b"sec-fetch-site", b"transfer-encoding", b"x-api-key",
 ))  # fmt: skip
 # Of each call, and so not of an answer.
 OF_A_CALL: Final = frozenset((b"ratelimit", b"ratelimit-policy"))

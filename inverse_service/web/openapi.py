@@ -64,10 +64,10 @@ def _parameter(place: str, name: str, description: str, **schema: Any) -> dict[s
 LIMIT = "Seconds; at most the limit of the service."
 TIME_LIMIT = _parameter("query", "time_limit", LIMIT, type="number", exclusiveMinimum=0)
 PREFER = _parameter("header", "Prefer", "respond-async, or wait=S with at most 20 s.", type="string")
-KEY = "Distinguishes batches of the same lines."
-BATCH_KEY = _parameter("header", "Idempotency-Key", KEY, type="string", maxLength=255)
-TIME_LIMIT_QUERY = {"parameters": [TIME_LIMIT, PREFER]}
-BATCH_PARAMETERS = {"parameters": [TIME_LIMIT, BATCH_KEY]}
+KEY = "Sent with one question, or one batch, only; distinguishes batches of the same lines."
+ONCE = _parameter("header", "Idempotency-Key", KEY, type="string", maxLength=255)
+TIME_LIMIT_QUERY = {"parameters": [TIME_LIMIT, PREFER, ONCE]}
+BATCH_PARAMETERS = {"parameters": [TIME_LIMIT, ONCE]}
 
 
 REFERENCE = "#/components/schemas/{model}"

@@ -39,7 +39,8 @@ async def solve(request: Request) -> Response:
     The job is stored before any answer. The call waits 2 s, or as `Prefer: wait=S` says (at most 20);
     past it, or with `Prefer: respond-async`, the answer is 202 with the job's address. `?time_limit=S`, or
     `"options": {"time_limit": S, "memory_limit": MiB, "seed": N}` in the document, lower the limits of
-    the service. The same question is answered from the store; `Cache-Control: no-cache` asks again.
+    the service. The same question is answered from the store; `Cache-Control: no-cache` asks again. An
+    `Idempotency-Key` that came with another question before is refused (422).
     `Accept` may ask for text, LaTeX or a SymPy program instead of JSON.
     """
     return await ask(request, "solve")
@@ -53,7 +54,7 @@ async def ask(request: Request, kind: str) -> Response:
     terms = tasks.Terms(kind, server, asking.time_limit_of(request, server), client, asking.wants_fresh(request))
     async with asking.json_body_of(request, asking.FACTORS[kind] * engine.settings.max_body) as body:
         question = await engine.read_body(client, tasks.ask_task, body, terms)
-    job = await engine.submit(question, viewer, preference.wait)
+    job = await engine.submit(question, viewer, preference.wait, asking.key_of(request))
     if job.is_open and preference.wait <= 0 and kind == "solve":
         await engine.look_ahead(client, question.document)
     answer = await job_answers.result_response(request, job, engine, preference)

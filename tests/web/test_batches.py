@@ -133,7 +133,12 @@ def test_a_batch_that_is_sent_again_is_the_same_one(client: httpx.Client) -> Non
     assert len(set(places)) == len(places)
     assert client.post("/v1/batches", json=lines, headers={"Idempotency-Key": "k" * 256}).status_code == 422
     other = client.post("/v1/batches", json=lines[:2], headers={"Idempotency-Key": "a"})
-    assert (other.status_code, other.json()["type"].rpartition(":")[2]) == (422, "idempotency-key")
+    ask = {"url": "/v1/solve", "json": {"equations": "x'' = -x"}}
+    single = client.post(**ask, headers={"Idempotency-Key": "a"})
+    for refused in (other, single):
+        assert (refused.status_code, refused.json()["type"].rpartition(":")[2]) == (422, "idempotency-key")
+    for _ in range(3):  # made, from the store, from memory
+        assert client.post(**ask, headers={"Idempotency-Key": "of one question"}).status_code == 200
 
 
 def test_results_come_as_an_array_where_that_is_asked_for(client: httpx.Client) -> None:
