@@ -11,9 +11,9 @@ Functions of position and time that multiply the velocity shapes of an ansatz.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from fractions import Fraction
 from math import inf, lcm
 
@@ -26,33 +26,27 @@ from inverse_service.search import ansatz
 from inverse_service.search.gradients import Integrator
 from inverse_service.search.material import (
     Material,
-    coefficient,
     integrating_candidates,
     moving_letters,
-    simplified,
 )
 from inverse_service.search.terms import (
     EMPTY,
     Monomial,
     Terms,
     TooManyTerms,
-    add_terms,
-    derivative_of_terms,
     monomial,
     monomial_tree,
-    multiply_terms,
     rank,
-    split_velocities,
     times,
 )
 
 
-def factor_of(material: Material, variables: Sequence[ex.Symbol], slopes: Sequence[Terms]) -> Monomial | None:
-    """phi with d log phi/d variables[i] = slopes[i], a product of letters and exponentials; None where it is none."""
+def integrating_factor(material: Material, c: Terms, variable: ex.Symbol) -> Monomial | None:
+    """exp(-int c d variable), a product of powers of letters and exponentials; None where it is none."""
     # Without a real point, so that SymPy is not asked: most coefficients have an elementary integral or none.
     integrator, phi, rest = Integrator(material.analysis.system), EMPTY, Terms()
     with suppress(TooManyTerms):
-        logarithm = integrator.function_of(variables, slopes)
+        logarithm = integrator.function_of([variable], [c])
         integrator.table = material.analysis.real_point
         for key, value in logarithm.items() if logarithm is not None else ():
             match [*key]:
@@ -61,7 +55,7 @@ def factor_of(material: Material, variables: Sequence[ex.Symbol], slopes: Sequen
                 case _:
                     rest[key] = value
         found = None if logarithm is None else integrator.exponential(rest)
-        return times(phi, next(iter(found))) if found and len(found) == 1 else None
+        return times(EMPTY, times(phi, next(iter(found))), -1) if found and len(found) == 1 else None
     return None
 
 
@@ -124,21 +118,18 @@ class Factors:
     """What follows from the coefficients c of v_i v_l and v_i in f_i.
 
     `along[i]` is exp(-int c_ii dq_i), `across[i]` the product of exp(-int c_il dq_l) over l != i;
-    `in_time` holds 1 and exp(-int c dt); `plain` all factors for a quadratic L, and their inverses. `fitted[i, e]` is
-    phi with g_ii = phi v_i^e for a diagonal g.
+    `in_time` holds 1 and exp(-int c dt); `plain` all factors for a quadratic L, and their inverses.
     """
 
     along: Mapping[int, Monomial]
     across: Mapping[int, Monomial]
     in_time: tuple[Monomial, ...]
     plain: tuple[Monomial, ...]
-    fitted: Mapping[tuple[int, Fraction], Monomial] = field(default_factory=dict)
 
     def of_degree(self, i: int, degree: Fraction) -> list[Monomial]:
         """Candidates phi with g_ii = phi v_i^degree, from all c_il or from c_ii alone."""
         own = times(EMPTY, self.along.get(i, EMPTY), 2 + degree)
-        fitted = [self.fitted[i, degree]] if (i, degree) in self.fitted else []
-        return list(dict.fromkeys([*fitted, own, times(own, self.across.get(i, EMPTY), 1 + degree)]))
+        return list(dict.fromkeys([own, times(own, self.across.get(i, EMPTY), 1 + degree)]))
 
 
 NO_FACTORS = Factors({}, {}, (EMPTY,), (EMPTY,))
@@ -151,7 +142,7 @@ def find_factors(material: Material, seed: int) -> Factors:
     single: dict[Monomial, None] = {EMPTY: None}
     in_time: dict[Monomial, None] = {EMPTY: None}
     for i, c, variable in integrating_candidates(material)[: bounds.COLUMNS]:
-        factor = factor_of(material, [variable], [{key: -value for key, value in c.items()}])
+        factor = integrating_factor(material, c, variable)
         if not factor:
             continue
         if variable == ex.TIME:
@@ -170,32 +161,7 @@ def find_factors(material: Material, seed: int) -> Factors:
         single[times(across.get(i, EMPTY), along.get(i, EMPTY), 2)] = None
     inverted = [times(EMPTY, factor, -1) for factor in single]
     chosen = tuple(dict.fromkeys([*sorted(single, key=rank), *sorted(inverted, key=rank)]))[: bounds.CANDIDATES]
-    return Factors(along, across, tuple(_first(in_time, whole)), chosen, dict(_fitted(material)))
-
-
-def _fitted(material: Material) -> Iterator[tuple[tuple[int, Fraction], Monomial]]:
-    """phi for a diagonal g with g_ii = phi v_i^e: (H2) asks for Gamma(log phi) = -df_i/dv_i - e f_i/v_i."""
-    motion, room = material.motion, bounds.CANDIDATES
-    for i, (v, f) in enumerate(zip(motion.velocities, motion.forces, strict=True)):
-        for e in sorted({-dict(key).get(v, Fraction(0)) for key in f}, reverse=True):
-            phi = None
-            with suppress(TooManyTerms):
-                divided = multiply_terms(f, {frozenset([(v, -Fraction(1))]): -e})
-                rate = add_terms(divided, derivative_of_terms(f, v), -1)
-                phi = _exponential_of(material, rate) if rate and room else None
-            if phi:
-                room -= 1
-                yield (i, e), phi
-
-
-def _exponential_of(material: Material, rate: Terms) -> Monomial | None:
-    """phi(t, q) with Gamma(log phi) = rate, which is linear in the velocities then; None where none is found."""
-    motion = material.motion
-    parts = [EMPTY, *map(monomial, motion.velocities)]
-    if any(split_velocities(key)[1] not in parts for key in rate):
-        return None
-    slopes = [simplified(material, coefficient(rate, part)) for part in parts]
-    return factor_of(material, [ex.TIME, *motion.coordinates], slopes)
+    return Factors(along, across, tuple(_first(in_time, whole)), chosen)
 
 
 def _first(in_time: Iterable[Monomial], whole: Monomial | None) -> list[Monomial]:

@@ -55,7 +55,7 @@ from inverse_service.mechanics.euler_lagrange import euler_lagrange_residual
 from inverse_service.search.ansatz import LetterTable, helmholtz_matrix, letters_of, sampler_of, table_at, to_montgomery
 from inverse_service.search.factors import Factors, position_monomials, products
 from inverse_service.search.gradients import Integrator
-from inverse_service.search.material import Material, antiderivatives, distinct, moving_letters
+from inverse_service.search.material import Material, distinct, moving_letters
 from inverse_service.search.terms import (
     EMPTY,
     Monomial,
@@ -65,7 +65,6 @@ from inverse_service.search.terms import (
     has_velocity,
     is_linear,
     monomial,
-    split_velocities,
     terms_of,
     times,
     tree_of,
@@ -225,31 +224,6 @@ def exponentials(material: Material) -> list[Monomial]:
             found[times(EMPTY, part, -1)] = None
             found.update(dict.fromkeys(frozenset([(p, Fraction(s))]) for p, _ in part for s in (1, -1, 2, -2)))
     return distinct(list(found))
-
-
-def without_squares(key: Monomial) -> list[Monomial]:
-    """With sin^2 u or cos^2 u also the monomial without it, 1 = sin^2 u + cos^2 u; sinh and cosh likewise."""
-    return [
-        times(key, frozenset([(letter, Fraction(2))]), -1)
-        for letter, e in key
-        if isinstance(letter, Apply) and letter.function in ("sin", "cos", "sinh", "cosh") and e >= 2
-    ]
-
-
-def each_once(terms: Sequence[Monomial]) -> list[Monomial]:
-    """The terms without m sin^2 u where m and m cos^2 u are among them, and without m sinh^2 u likewise."""
-    every = set(terms)
-    pairs = {"sin": "cos", "sinh": "cosh"}
-
-    def is_sum(key: Monomial) -> bool:
-        squares = [p for p, e in key if isinstance(p, Apply) and p.function in pairs and e >= 2]
-        return any(
-            {rest := times(key, monomial(p), -2), times(rest, monomial(Apply(pairs[p.function], p.argument)), 2)}
-            <= every
-            for p in squares
-        )
-
-    return [key for key in terms if not is_sum(key)]
 
 
 def is_admissible(material: Material, key: Monomial) -> bool:
@@ -482,16 +456,7 @@ def _functions(material: Material, factors: Factors, room: int) -> list[Monomial
     others = distinct([*material.parameter_monomials[: room // 3], *position_monomials(material, 4, 2 * room)])
     # A coordinate that does not occur in f can occur in L all the same.
     plain = [monomial(*some) for d in (1, 2) for some in combinations_with_replacement(material.motion.coordinates, d)]
-    raised = _antiderivatives_of_forces(material)[: room // 3]
-    return list(dict.fromkeys([*fitted, *raised, *others, *plain, *products(fitted, plain)]))[: max(room, len(fitted))]
-
-
-def _antiderivatives_of_forces(material: Material) -> list[Monomial]:
-    """B(q) with dB/dq_j = T for the functions of position T in f that hold a function such as log x."""
-    motion = material.motion
-    parts = dict.fromkeys(split_velocities(key)[0] for terms in motion.forces for key in terms)
-    special = [part for part in parts if any(isinstance(letter, Apply) for letter, _ in part)]
-    return distinct([m for part in special for q in motion.coordinates for m in antiderivatives(part, q)])
+    return list(dict.fromkeys([*fitted, *others, *plain, *products(fitted, plain)]))[: max(room, len(fitted))]
 
 
 def with_parameters(material: Material, terms: Sequence[Monomial], most: int) -> list[Monomial]:

@@ -300,12 +300,9 @@ def _solve(material: Material, family: families.Family, terms: Sequence[Monomial
         # Of short rows: more terms than these have, times monomials of parameters, are too many unknowns.
         if material.analysis.system.parameters and not family.given and len(terms) <= 2 * bounds.SMALL:
             terms = families.with_parameters(material, ansatz.occurring_terms(sampler, terms, seed), family.terms)
-        for some in dict.fromkeys((tuple(families.each_once(terms)), tuple(terms))):
-            space = ansatz.solve_multiplier(sampler, some, seed)
-            members = needed_combinations(space, seed)
-            chosen = list(dict.fromkeys(key for k in members for key in space.combinations[k]))
-            if not any(map(families.without_squares, chosen)):
-                break
+        space = ansatz.solve_multiplier(sampler, terms, seed)
+        members = needed_combinations(space, seed)
+        chosen = list(dict.fromkeys(key for k in members for key in space.combinations[k]))
         found = [families.with_potential(material, space.combinations[k]) for k in members]
         space = ansatz.LagrangianSpace(sampler, tuple(one for one in found if one))
         best = best_members(space, seed)

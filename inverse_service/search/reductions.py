@@ -3,7 +3,6 @@
 A regular Lagrangian stays one under a change of coordinates new = W(old), old = psi(new), one or two at a time:
 shear        X = x + g(y, …) where x + g, or its rate x' + g_y y' + …, occurs in f as a sum
 rotation     X = a x + b y, Y = a y - b x where a x + b y occurs in f
-exponential  X = e^x where e^x occurs in f
 polar        X = r cos u, Y = r sin u where u occurs in f only under sine and cosine
 """
 
@@ -116,7 +115,6 @@ def suggested(material: Material) -> list[Change]:
         *(_rotation(*pair) for pair in rotations),
         *(_shear(x, rest) for x, rest in shears if not _is_multiple(rest)),
         *_polar_changes(material),
-        *_exponential_changes(material),
         *(_shear(x, rest) for x, rest in shears if _is_multiple(rest)),
     ]
 
@@ -207,19 +205,6 @@ def _rotation(x: str, y: str, c: Fraction) -> Change:
         y: (b * first + a * second) / length,
     }
     return Change("rotation", new, old)
-
-
-def _exponential_changes(material: Material) -> Iterator[Change]:
-    """For each coordinate x with e^x or e^(k x) in f."""
-    nodes = (node for f in material.analysis.system.accelerations for node in ex.walk(f))
-    arguments = dict.fromkeys(node.argument for node in nodes if isinstance(node, ex.Apply) and node.function == "exp")
-    multiples = [argument.factors for argument in arguments if isinstance(argument, ex.Product)]
-    bare = {factors[-1] for factors in multiples if len(factors) == 2 and isinstance(factors[0], ex.Number)}
-    for name in material.analysis.system.coordinates:
-        if ex.Symbol(name) in arguments or ex.Symbol(name) in bare:
-            yield Change(
-                "exponential", {name: ex.Apply("exp", ex.Symbol(name))}, {name: ex.Apply("log", ex.Symbol(name))}
-            )
 
 
 def _polar_changes(material: Material) -> Iterator[Change]:
