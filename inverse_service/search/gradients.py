@@ -57,6 +57,7 @@ class Integrator:
     table: real_point.RealTable | None = None
     signs: bool = False
     names: Iterator[str] = field(init=False)
+    missed: bool = False  # whether an integral was not found
 
     def __post_init__(self) -> None:
         self.names = quadratures.fresh_names(self.system)
@@ -70,6 +71,7 @@ class Integrator:
             if not rest[k]:
                 continue
             part, left = self.integral(rest[k], variable)
+            self.missed = self.missed or bool(left)
             if left and not self.signs:
                 return None
             total = add_terms(total, part)
@@ -232,6 +234,7 @@ class Integrator:
                 if not any(left for _, left in parts.values()):
                     break
             else:
+                self.missed = True
                 if not self.signs:
                     return None
                 k = max(held, key=lambda k: held[k])

@@ -28,7 +28,7 @@ from functools import reduce
 from itertools import combinations, combinations_with_replacement, islice, product
 
 from inverse_service import bounds
-from inverse_service.deadline import check
+from inverse_service.deadline import check, end, now
 from inverse_service.errors import InputError, IrreducibleAtoms
 from inverse_service.expressions import tree as ex
 from inverse_service.field import exact_field, matrices
@@ -65,9 +65,13 @@ from inverse_service.search.terms import (
 _ORDERS = 6
 # Steps of the search for these orders.
 _STEPS = 4_000
-# Free numbers in constants C, of which zeros are made: three for two masses with a spring.
-_MOST_FREE = 3
+# Free numbers in constants C: with a third one, zeros no longer lead to the lines of a book.
+_MOST_FREE = 2
 _FAILED = (ValueError, TooManyTerms, TooLarge, InputError, ZeroDivisionError, IrreducibleAtoms, KeyError)
+
+# Lines that are self-adjoint with no factors: the search asks again for those that were tried before the decision.
+_VAIN: dict[tuple[tuple[str, ...], tuple[ex.Expression, ...]], None] = {}
+_MOST_VAIN = 64
 
 Factor = tuple[Fraction, Monomial]
 
@@ -114,18 +118,29 @@ def lagrangians_of_lines(
         else [ex.Acceleration(q) - f for q, f in zip(system.coordinates, system.accelerations, strict=True)]
     )
     for equations in dict.fromkeys((tuple(given), tuple(solved))):
-        if len(equations) != len(system.coordinates):
+        question = (*system.coordinates, *system.parameters), equations
+        if len(equations) != len(system.coordinates) or question in _VAIN:
             continue
         try:
             lines = lines_of(system, equations)
         except _FAILED:
             continue
+        is_open = False
         for scaled in _proposed_lines(lines):
             check()
-            with suppress(*_FAILED):
-                found = _lagrangian(scaled, Integrator(system, table, signs))
-                if found is not None:
-                    yield found
+            integrator = Integrator(system, table, signs)
+            try:
+                found = _lagrangian(scaled, integrator)
+            except _FAILED:
+                is_open = True
+                continue
+            is_open = is_open or integrator.missed or found is not None
+            if found is not None:
+                yield found
+        if not is_open and now() < end():
+            _VAIN[question] = None
+            while len(_VAIN) > _MOST_VAIN:
+                del _VAIN[next(iter(_VAIN))]
 
 
 def _proposed_lines(lines: Lines) -> Iterator[Lines]:
@@ -275,7 +290,8 @@ def _dot(left: Sequence[Terms], right: Sequence[Terms]) -> Terms:
 def _constant_sums(lines: Lines, tables: Sequence[tuple[list[list[Terms]], int]], most: int) -> list[Terms] | None:
     """Constants C_ik, in the order of (k, i), with (C Y)_ij = sign (C Y)_ji for each (Y, sign), det C != 0.
 
-    Empty where there are none, None where more than `most` numbers are free; of more than one, some C_ik are 0.
+    Empty where there are none, None where more than `most` numbers are free. Of more than one, those of a line that
+    is added to another or taken from it, else with a zero.
     """
     symbols: list[ex.Symbol | ex.Velocity] = [ex.TIME, *lines.coordinates, *lines.velocities]
     trees = [[[tree_of(entry) for entry in row] for row in table] for table, _ in tables]
@@ -289,6 +305,12 @@ def _constant_sums(lines: Lines, tables: Sequence[tuple[list[list[Terms]], int]]
                 column.append((table[k][j] if a == i else zero) - (table[k][i].scaled(sign) if a == j else zero))
         columns.append(column)
     basis, n = matrices.null_vectors(ring, columns), len(lines.rest)
+    if len(basis) > 1 and most > 1:
+        diagonal = [exact_field.sum_of(zero, entries) for entries in zip(*columns[:: n + 1], strict=True)]
+        for k, i, sign in ((k, i, s) for k, i in product(lines.places, lines.places) for s in (-1, 1) if k != i):
+            if all((d + c.scaled(sign)).is_zero for d, c in zip(diagonal, columns[k * n + i], strict=True)):
+                return [{EMPTY: Fraction(1)} if a == b else {EMPTY: Fraction(sign)} if (a, b) == (k, i) else {}
+                        for a, b in product(lines.places, lines.places)]  # fmt: skip
     if len(basis) > most:
         return None
     found = list[list[exact_field.Quotient]]()
@@ -303,8 +325,8 @@ def _constant_sums(lines: Lines, tables: Sequence[tuple[list[list[Terms]], int]]
                 found.append([exact_field.Quotient(ring.field, entry // common, ()) for entry in whole])
     if not found:
         return []
-    best = min(found, key=lambda one: (sum(not c.is_zero for c in one), sum(map(matrices.weight, one))))
-    return [terms_of(exact_field.quotient_tree(ring, c)) for c in best]
+    trees_of = [[exact_field.quotient_tree(ring, c) for c in one] for one in found]
+    return list(map(terms_of, min(trees_of, key=lambda one: sum(map(ex.node_count, one)))))
 
 
 def _factor(left: Terms, right: Terms) -> Factor | None:
@@ -342,10 +364,12 @@ def _lagrangian(lines: Lines, integrator: Integrator) -> ex.Expression | None:
             given, back = (derivative_of_terms(lines.rest[a], lines.velocities[b]) for a, b in ((i, j), (j, i)))
             if is_zero(given) != is_zero(back):
                 return None  # (H2) between parts: psi_i d_vj B_i + psi_j d_vi B_j = 0
-    functions = [_common_function(lines, part, integrator) for part in parts]
-    if any(function is None for function in functions):
-        return None
-    table = {i: function for part, function in zip(parts, functions, strict=True) if function for i in part}
+    table = dict[int, Terms]()
+    for part in parts:
+        function = _common_function(lines, part, integrator)
+        if function is None:
+            return None
+        table |= dict.fromkeys(part, function)
     scaled = lines.times([table[i] for i in lines.places]) if any(f != ONE_TERM for f in table.values()) else lines
     constants = _constants(scaled, parts)
     if constants is None:

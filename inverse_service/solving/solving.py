@@ -435,7 +435,7 @@ def _searched(work: Work, decision: deciding.Decision, highest: float) -> Search
 
 Progress = Callable[[str], None]
 # A search that takes longer reports the results confirmed so far, s; before, the Lagrangian itself is expected.
-_AT_ONCE = 0.5
+_AT_ONCE = 1.0
 NOT_YET = "This is not decided yet."
 OPEN = Answer("undetermined", reason=NOT_YET)  # for a question that is not yet decided
 log = logging.getLogger(__name__)
