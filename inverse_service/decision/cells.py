@@ -19,6 +19,7 @@ from inverse_service.mechanics import second_order_system
 Answer = TypeVar("Answer")
 _MOST_OUTSIDE = 64  # choices of one side of each cell
 _OTHER_POINTS = range(2, 8)  # seeds of points on other parts of a cell
+_FAR = 8
 NO_TIME = "the time was over"
 NO_POINT = "no real point was found in this set"
 TOO_MANY = f"more than {second_order_system.MOST_BRANCHES} cells"
@@ -87,11 +88,21 @@ def other_part(
     One at which the claim is wrong, or else where it is undecided; None where it is proven at all points tried.
     """
     found = list[tuple[real_point.RealTable, checker.CheckResult]]()
-    for point in (point_of(system, seed) for seed in _OTHER_POINTS):
-        if point is not None and real_point.are_positive(sides, point) and deadline.now() < end:
+    for point in (one for seed in _OTHER_POINTS for one in _points(system, seed)):
+        if real_point.are_positive(sides, point) and deadline.now() < end:
             moved = {**certificate, "near": certify.moved_to(certificate["near"], point)}
             found.append((point, checker.check_certificate(moved, time_limit=deadline.left(end, 1.0))))
     return next((one for verdict in ("invalid", "incomplete") for one in found if one[1].verdict == verdict), None)
+
+
+def _points(system: second_order_system.SecondOrderSystem, seed: int) -> list[real_point.RealTable]:
+    """A point, and one in its direction beyond other zeros of what is periodic; where f is defined."""
+    near = point_of(system, seed)
+    if near is None:
+        return []
+    far = near | {name: _FAR * near[name] for name in deciding.variables_of(system) if name in near}
+    kernels = tuple(map(tower.to_kernels, system.accelerations))
+    return [near, far] if real_point.is_defined(kernels, far) else [near]
 
 
 def point_of(system: second_order_system.SecondOrderSystem, seed: int = 1) -> real_point.RealTable | None:

@@ -87,3 +87,14 @@ def test_the_name_of_the_time_is_that_of_the_document(document: dict[str, Any]) 
     assert (found["verdict"], "/system/time" in found["not_checked"]) == ("valid", False)
     result["system"]["time"] = "s"
     assert inverse_service.check(result)["verdict"] == "invalid"
+
+
+def test_a_part_beyond_a_pole_of_an_arctangent_has_no_answer_of_its_own() -> None:
+    half = "atan(sin(x)/(1 + cos(x)))"  # x/2 between -pi and pi
+    result = inverse_service.solve({"equations": {"x": f"{half}*y' - y^2", "y": "-x*x'/2 - 2*x*y"}})
+    (left,) = result["not_answered"]
+    assert result["domain"] == left["domain"] == ["cos(x) > -1"]
+    assert abs(float(left["near"]["x"])) > 3.2
+    assert "radian" not in left["near"]
+    own = {"system": {"equations": {"x": "-x"}}, "lagrangian": f"x'^2/2 - x^2/2 + x^3*({half} - x/2)"}
+    assert inverse_service.check(own)["verdict"] == "differs"

@@ -16,7 +16,7 @@ from inverse_service.decision import certify, solutions
 from inverse_service.decision.cells import Left
 from inverse_service.expressions import inequalities, printing
 from inverse_service.expressions import tree as ex
-from inverse_service.field import real_point
+from inverse_service.field import real_point, tower
 from inverse_service.mechanics import method_advice
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading.document_names import Declared
@@ -112,7 +112,7 @@ def to_result(
 
 
 def _not_answered(left: Left) -> schemas.NotAnsweredPart:
-    named = {name_of(key): mpmath.nstr(value, 20) for key, value in (left.near or {}).items()}
+    named = {name_of(key): mpmath.nstr(value, 12) for key, value in (left.near or {}).items() if key != tower.RADIAN}
     near = {name: value for name, value in named.items() if name}
     return schemas.NotAnsweredPart(
         domain=list(map(inequalities.inequality_text, real_point.strongest(left.positive))),
