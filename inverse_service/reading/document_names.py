@@ -740,7 +740,12 @@ def _ask_back(
         if name not in components and (parts := known_words.only_split(name, together)):
             splits[name] = parts
             continue
-        if raised and name in raised and name not in plain and (parts := known_words.factors_of(name)):
+        parts = known_words.factors_of(name)
+        mixed = not (name.islower() or name.istitle() or name.isupper())  # GMm, where m also occurs alone
+        if mixed and {*parts} & {*plain} and _FACTOR_OF_MOTION.fullmatch(name):
+            splits[name] = parts
+            continue
+        if raised and name in raised and name not in plain and parts:
             mechanical = name if raised[name] else name.removesuffix("e")  # k e^(-x)
             if not _FACTOR_OF_MOTION.fullmatch(mechanical):
                 raise known_words.undeclared(name, column, ("*".join(parts),)).at(pointer)
