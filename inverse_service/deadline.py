@@ -24,6 +24,7 @@ class _Work:
 # The moment that it is, in s of processor time of this thread.
 now = time.thread_time
 _ENDS: ContextVar[float] = ContextVar("ends", default=float("inf"))
+_HALF: ContextVar[float] = ContextVar("half", default=float("-inf"))
 _AMOUNTS: ContextVar[tuple[_Work, ...]] = ContextVar("amounts", default=())
 # The least time for a part of the work that has begun, in s.
 LEAST = 0.1
@@ -38,6 +39,25 @@ class OutOfTime(Exception):
 def left(moment: float, least: float = LEAST) -> float:
     """The seconds until a moment (`now`), at least `least`."""
     return max(least, moment - now())
+
+
+@contextmanager
+def whole(limit: float) -> Iterator[None]:
+    """Within the block a question is answered that has so many seconds altogether."""
+    token = _HALF.set(now() + limit / 2)
+    try:
+        yield
+    finally:
+        _HALF.reset(token)
+
+
+def share(part: float, end: float) -> float:
+    """The moment until which a decision may take this part of the time until `end`.
+
+    In the first half of the `whole` time none has to leave some to others: what is decided by then without a limit
+    is decided with it.
+    """
+    return max(now() + part * (end - now()), _HALF.get())
 
 
 @contextmanager

@@ -33,7 +33,7 @@ from inverse_service.constrained.lagrangian import (
     on_whole_motion,
     own_system,
 )
-from inverse_service.deadline import OutOfTime, now, until
+from inverse_service.deadline import OutOfTime, now, share, until
 from inverse_service.decision.deciding import RationalSeries, as_tree, is_irrational, reconstructed, solution
 from inverse_service.decision.solutions import Answer, Lagrangian, Step, Verdict
 from inverse_service.errors import IrreducibleAtoms
@@ -207,7 +207,7 @@ def _carry_reduced_answer(work: _Work, analyzed: AnalyzedMotion, reduced: Answer
 
 
 def _decide_in_share(work: _Work, analyzed: AnalyzedMotion, with_time: bool) -> Finding:
-    limit = now() + _SHARE_OF_DECISION * work.left()
+    limit = share(_SHARE_OF_DECISION, work.deadline)
     return decide_motion(analyzed, with_time, work.seed, limit, lambda stage: work.progress(f"any: {stage}"))
 
 

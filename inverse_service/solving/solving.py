@@ -39,8 +39,9 @@ if TYPE_CHECKING:
     from inverse_service.mechanics.first_integrals import FirstIntegral
 # Of the time left after the decision, the part that the search for a closed form may take.
 _SEARCH_SHARE = 0.5
-# Of the time left, what the decision on the first of two questions may take.
-_SHARE_OF_FIRST = 0.6
+# Of the time left, what the decision on the first of two questions may take, and what factors for the equations as
+# written may.
+_SHARE_OF_FIRST, _SHARE_AS_GIVEN = 0.6, 0.3
 _UNCONNECTED = "this part is not connected with the one answered"
 _UNSOLVED = (
     "the accelerations in solved form are too long to decide about, and no Lagrangian of the equations as "
@@ -216,27 +217,28 @@ def _as_given(work: Work) -> Answer | None:
     written = tuple(second_order_system.on_branch(equation, system) for equation in work.options.given)
     without_time = work.options.time_dependent is False and not system.depends_on_time
     best: ex.Expression | None = None
-    for signs in (False, True):
-        for tree in () if best is not None else row_factors.lagrangians_of_lines(system, written, table, signs):
-            if (best is not None and ex.holds(tree, ex.TIME)) or (ex.holds(tree, ex.TIME) and without_time):
-                continue
-            best = next(
-                (
-                    f
-                    for f in dict.fromkeys((tidy.tidied(tree, system), tree))
-                    if is_confirmed(work, f, ex.holds(f, ex.TIME))
-                ),
-                best,
-            )
-            if best is not None and not ex.holds(best, ex.TIME):
-                break
+    with suppress(deadline.OutOfTime), deadline.until(deadline.now() + _SHARE_AS_GIVEN * work.left()):
+        for signs in (False, True):
+            for tree in () if best is not None else row_factors.lagrangians_of_lines(system, written, table, signs):
+                if (best is not None and ex.holds(tree, ex.TIME)) or (ex.holds(tree, ex.TIME) and without_time):
+                    continue
+                best = next(
+                    (
+                        f
+                        for f in dict.fromkeys((tidy.tidied(tree, system), tree))
+                        if is_confirmed(work, f, ex.holds(f, ex.TIME))
+                    ),
+                    best,
+                )
+                if best is not None and not ex.holds(best, ex.TIME):
+                    break
     work.add_seconds("search", began)
     if best is None:
         return None
     with_time = ex.holds(best, ex.TIME)
     short = not (system.is_unsolved or len(system.coordinates) > _MOST_COORDINATES)
     short = short and sum(map(ex.node_count, system.accelerations)) <= bounds.TERMS
-    decision = _decide(work, with_time, _MOST_FOR_FREEDOM) if short else None
+    decision = _decide(work, with_time, _SHARE_AS_GIVEN, _MOST_FOR_FREEDOM) if short else None
     found = of_lagrangian(work.analysis, with_time, best, AS_GIVEN, as_given_steps(), decision)
     return completed(work, replace(found, checked="valid"), None, with_time)
 
@@ -313,28 +315,29 @@ def _answer(work: Work, with_time: bool) -> Answer:
     decision = _decide(work, with_time)
     work.autonomous = work.autonomous if with_time else decision
     if decision.verdict == "undetermined":
+        if decision.reason.startswith(involution.OUT_OF_TIME):
+            work.cut[named("existence", with_time)] = decision.reason
         return Answer("undetermined", reason=decision.reason)
     if decision.verdict == "not_variational":
         return _negative(work, decision)
     return _by_lagrangian(work, decision) or confirmed(work, _by_existence(work, decision))
 
 
-def _decide(work: Work, with_time: bool, unknowns: int = involution.MOST_UNKNOWNS) -> deciding.Decision:
+def _decide(
+    work: Work, with_time: bool, part: float | None = None, unknowns: int = involution.MOST_UNKNOWNS
+) -> deciding.Decision:
     if work.analysis.system.is_unsolved:
         return deciding.Decision("undetermined", with_time, 0, _UNSOLVED)
     stage = "decision with time" if with_time else "decision"
     work.progress(stage)
     is_first = not with_time and work.options.time_dependent is None  # the other question has its share, too
-    limits = involution.Limits(
-        deadline=deadline.now() + (_SHARE_OF_FIRST if is_first else 1.0) * work.left(), unknowns=unknowns
-    )
+    limit = deadline.share(part or (_SHARE_OF_FIRST if is_first else 1.0), work.end)
+    limits = involution.Limits(deadline=limit, unknowns=unknowns)
     decision = deciding.decide(
         work.analysis.system, with_time, work.options.seed, limits, work.progress, analysis=work.analysis
     )
     work.seconds[stage] = decision.seconds
     work.points.extend(decision.points)
-    if decision.reason.startswith(involution.OUT_OF_TIME):
-        work.cut[named("existence", with_time)] = decision.reason
     return decision
 
 

@@ -12,6 +12,7 @@ import subprocess
 import sys
 import time
 from collections import Counter
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -170,6 +171,71 @@ def test_a_killed_service_loses_and_doubles_nothing_and_leaves_no_process(servic
 @pytest.mark.slow
 def test_killed_workers_lose_and_double_nothing(service: Service) -> None:
     kill_workers(service, *FAST)
+
+
+KNIFE = {  # a knife edge between springs: its motion is known at once, all of it after some seconds
+    "coordinates": ["x", "y", "phi"],
+    "lagrangian": "(x'^2+y'^2+phi'^2)/2 - (x^2+y^2)/2",
+    "constraints": ["sin(phi)*x' - cos(phi)*y' = 0"],
+}
+Job = dict[str, Any]
+
+
+def look(service: Service, place: str, is_enough: Callable[[Job], Any]) -> Job:
+    """The job once it is as wanted."""
+    end = time.monotonic() + 240
+    while time.monotonic() < end:
+        job: Job = service.client.get(place).json()
+        if is_enough(job):
+            return job
+        time.sleep(0.05)
+    raise AssertionError("The job comes no further.")
+
+
+def motion_of(job: Job) -> Any:
+    """What is known of the motion; None before that."""
+    so_far = (job.get("progress") or {}).get("so_far") or {}
+    return (so_far.get("nonholonomic") or {}).get("equations_of_motion")
+
+
+def kill_those_of(service: Service) -> None:
+    for pid in service.workers():
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(pid, signal.SIGKILL)
+
+
+def began(service: Service) -> tuple[str, Any]:
+    """The place of a job that runs and has its motion, and this."""
+    asked = service.client.post("/v1/solve", json=KNIFE, headers={"Prefer": "respond-async"})
+    place = asked.headers["location"]
+    return place, motion_of(look(service, place, motion_of))
+
+
+@pytest.mark.slow
+def test_parts_outlive_the_worker_and_the_service_and_the_job_goes_on(service: Service) -> None:
+    place, motion = began(service)
+    kill_those_of(service)
+    assert motion_of(service.client.get(place).json()) == motion
+    time.sleep(1.0)  # parts are written three times a second
+    service.kill()
+    service.start()
+    assert motion_of(look(service, place, lambda job: job["status"] != "accepted")) == motion
+    job = look(service, place, lambda job: job["status"] not in ("accepted", "running"))
+    result = job["result"]
+    assert (result["any_associated"]["verdict"], result["incomplete"]) == ("variational", [])
+    assert result["nonholonomic"]["equations_of_motion"] == motion
+
+
+@pytest.mark.slow
+def test_a_job_whose_workers_are_killed_again_and_again_ends_with_its_parts(service: Service) -> None:
+    place, motion = began(service)
+    while service.client.get(place).json()["status"] in ("accepted", "running"):
+        kill_those_of(service)
+        time.sleep(0.5)
+    result = service.client.get(place).json()["result"]
+    assert result["nonholonomic"]["equations_of_motion"] == motion
+    assert "killed repeatedly" in result["incomplete"][0]["reason"]
+    assert service.client.post("/v1/check", json=result).json()["verdict"] in ("valid", "incomplete")
 
 
 @pytest.mark.nightly

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from api_schemas.base import ParseAnswer
 from inverse_service import errors
-from inverse_service.deadline import now
+from inverse_service.deadline import now, whole
 from inverse_service.decision.solutions import SolveOptions
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading import reader
@@ -59,7 +59,8 @@ def solve_document(document: Any, options: SolveOptions, progress: Progress | No
     try:
         ready = preparing.prepared(document)
         grow = Growing(progress, lambda found: _with_given(ready.outward(found), document))
-        found = _in_own_words(ready, lambda cases: cases.solve(ready.document, options, grow))
+        with whole(options.time_limit):
+            found = _in_own_words(ready, lambda cases: cases.solve(ready.document, options, grow))
     except ENDED as error:
         if preparing.is_forward(document):
             raise

@@ -12,6 +12,8 @@ import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, Final
 
+from inverse_service import deadline
+
 Tell = Callable[[Any], None]
 # Which fields of a result a part is; the first message brings all others.
 FIELDS: Final[dict[str, tuple[str, ...]]] = {
@@ -37,7 +39,8 @@ _STAGES: Final = {
     "ansatz": "lagrangian", "method": "lagrangian", "any": "any_associated",
     "first integrals": "first_integrals",
 }  # fmt: skip
-# What is finished sooner after a message waits for the next part to begin: to make a result so far takes some ms, s.
+# What is finished sooner after a message waits for the next part to begin: to make a result so far takes some ms; s of
+# processor time, so that it costs a busy machine no larger share.
 AT_ONCE = 0.1
 _TO_COME = "The computation is in progress."
 _MORE: Final = {
@@ -54,7 +57,7 @@ class Growing:
 
     def __init__(self, tell: Tell | None, outward: Callable[[Any], Any] = lambda value: value) -> None:
         self._tell, self._outward = tell, outward
-        self._told = self._since = time.monotonic()
+        self._since, self._told = time.monotonic(), deadline.now()
         self._waiting: Callable[[], Mapping[str, Any]] | None = None
         self._part, self._seconds = "understood", dict[str, float]()
         self._known: dict[str, Any] = {}
@@ -92,13 +95,13 @@ class Growing:
             self._send_waiting()
 
     def _send_waiting(self) -> None:
-        if self._waiting is None or time.monotonic() - self._told < AT_ONCE:
+        if self._waiting is None or deadline.now() - self._told < AT_ONCE:
             return
         make, self._waiting, part = self._waiting, None, self._part
         self._count_from_now("certificate")
         self._send(dict(make()))
         self._count_from_now(part)
-        self._told = time.monotonic()
+        self._told = deadline.now()
 
     def end(self, result: dict[str, Any]) -> dict[str, Any]:
         """The whole result: with the seconds of its parts, and those for which the time was over."""

@@ -19,7 +19,7 @@ from inverse_service.constrained import answering, nonholonomic_study
 from inverse_service.constrained import reduced as deciding
 from inverse_service.constrained.hamiltonise import Comparison, Hamiltonisation
 from inverse_service.constrained.lagrangian import first_system
-from inverse_service.deadline import now
+from inverse_service.deadline import now, share
 from inverse_service.decision import solutions
 from inverse_service.explanation import wording
 from inverse_service.expressions import collecting, notation, printing
@@ -486,9 +486,9 @@ def solve_nonholonomic(document: Any, options: solutions.SolveOptions, grow: Gro
     questions = ("existence", *["existence_with_time"] * (schema.time_dependent_lagrangian is not False))
     grow.wanted = (
         "motion",
-        "first_integrals",
         *questions,
         "any_associated",
+        "first_integrals",
         "reduced",
         "lagrangian",
         "hamiltonian",
@@ -498,8 +498,6 @@ def solve_nonholonomic(document: Any, options: solutions.SolveOptions, grow: Gro
     made = _Made(schema, report, grow, last)
     first = [nonholonomic_study.Study(report, (_unasked(defined, solving.NOT_YET),), 0)]
     made.tell(("motion",), first)
-    made.find_first_integrals(options)
-    made.tell(("first_integrals",), first)
     asked = dataclasses.replace(
         options,
         time_dependent=schema.time_dependent_lagrangian,
@@ -516,9 +514,11 @@ def solve_nonholonomic(document: Any, options: solutions.SolveOptions, grow: Gro
     own = made.begin_reduced(options.seed)
     for place, study in enumerate(studies):
         grow.begin("any_associated")
-        share = now() + (last - now()) * SHARE_OF_ANY / (len(studies) - place)
-        made.ask(study, asked, share, own, lambda: made.tell((), studies) if len(studies) == 1 else None)
+        limit = share(SHARE_OF_ANY / (len(studies) - place), last)
+        made.ask(study, asked, limit, own, lambda: made.tell((), studies) if len(studies) == 1 else None)
     made.tell(("any_associated",), studies)
+    made.find_first_integrals(options)
+    made.tell(("first_integrals",), studies)
     made.end_reduced(options.seed)
     whole = made.whole(studies)
     if schema.special_cases:
@@ -626,21 +626,21 @@ def _about_the_motion(
     if one.system is None:
         raise errors.InputError(one.explanation, "/associated")
     last = end - SHARE_LEFT * options.time_limit
-    grow.wanted, made = ("motion", "first_integrals", "any_associated", "reduced"), _Made(schema, report, grow, last)
+    grow.wanted, made = ("motion", "any_associated", "first_integrals", "reduced"), _Made(schema, report, grow, last)
     answered = map(_unasked, nonholonomic_study.on_branches(one))
     studies = [nonholonomic_study.Study(report, (each,), 0) for each in answered]
     grow.hand_over(("motion",), lambda: compared(made.whole(studies), 1.0))
-    made.find_first_integrals(options)
-    grow.hand_over(("first_integrals",), lambda: compared(made.whole(studies), 1.0))
     asked = dataclasses.replace(options, time_dependent=schema.time_dependent_lagrangian)
     own = made.begin_reduced(options.seed)
     told = partial(grow.hand_over, (), lambda: compared(made.whole(studies), 1.0))
     for left, study in zip(range(len(studies), 0, -1), studies, strict=True):
         grow.begin("any_associated")
         # Other clocks of the reduced system, which come after, have a floor too.
-        share = now() + (1 - SHARE_OF_REDUCED) * (last - now()) / left
-        made.ask(study, asked, share, own, told if len(studies) == 1 else lambda: None)
+        limit = share((1 - SHARE_OF_REDUCED) / left, last)
+        made.ask(study, asked, limit, own, told if len(studies) == 1 else lambda: None)
     grow.hand_over(("any_associated",), lambda: compared(made.whole(studies), max(1.0, end - now())))
+    made.find_first_integrals(options)
+    grow.hand_over(("first_integrals",), lambda: compared(made.whole(studies), 1.0))
     made.end_reduced(options.seed)
     grow.begin("certificate")
     return grow.end(compared(made.whole(studies), end - now()))

@@ -142,7 +142,7 @@ def answers_of(branch: Mapping[str, Any], result: Mapping[str, Any]) -> list[dic
 # Sentences.
 
 
-def title_of(result: Mapping[str, Any]) -> str:
+def title_of(result: Mapping[str, Any], pending: Collection[str] = ()) -> str:
     """The title of this result in tabs, bookmarks and the history: its first line, and the verdict."""
     system = result["system"] or {}
     lines = list((system.get("equations") or {}).items())
@@ -152,12 +152,15 @@ def title_of(result: Mapping[str, Any]) -> str:
     if given:
         named = f"L = {given}" + (" with constraints" if is_constrained(result) else "")
     shown = named if len(named) <= LONGEST_TITLE else f"{named[:LONGEST_TITLE]}\u2026"
-    return f"{shown}: {badge_of(result) if 'verdict' in result else 'equations of motion'}"
+    return f"{shown}: {badge_of(result, pending) if 'verdict' in result else 'equations of motion'}"
 
 
-def badge_of(result: Mapping[str, Any]) -> str:
+def badge_of(result: Mapping[str, Any], pending: Collection[str] = ()) -> str:
     """The verdict in two or three words."""
-    return (OF_MOTION if is_constrained(result) else BADGES)[verdict_of(result)]
+    verdict = verdict_of(result)
+    if verdict == OPEN and pending:
+        return SEEKING.lower()
+    return (OF_MOTION if is_constrained(result) else BADGES)[verdict]
 
 
 def _colored(verdict: str, word: str) -> Markup:
@@ -261,9 +264,9 @@ def sheet_of(result: Mapping[str, Any], brief: bool = False, grows: bool = False
             for one in unanswered
         )
     return Sheet(
-        title_of(result),
+        title_of(result, pending),
         verdict,
-        badge_of(result),
+        badge_of(result, pending),
         sentence,
         notes,
         tuple(_typed(system, names)),
@@ -635,7 +638,8 @@ def _constrained(result: Mapping[str, Any], names: Names, verdict: str, brief: b
     if len(cases) > 1:
         sentence = Markup("The answer {}: {} cases.").format(_colored(verdict, "depends on the case"), len(cases))
     return Sheet(
-        title_of(result), verdict, badge_of(result), sentence, tuple(notes), tuple(asked), _about(result), cases,
+        title_of(result, pending), verdict, badge_of(result, pending), sentence, tuple(notes), tuple(asked),
+        _about(result), cases,
         table, () if brief else tuple(_motion_more(result, part, names)), (), _missing(result, bool(pending)),
     )  # fmt: skip
 
@@ -649,7 +653,8 @@ def _rows(
 ) -> Iterable[Row]:
     """First, second, third, any, reduced, another clock."""
     for one in part.get("associated") or ():
-        yield _associated_row(one, result, names)
+        row = _associated_row(one, result, names)
+        yield replace(row, word=SEEKING) if row.verdict == OPEN and "existence" in pending else row
     if motion:
         after = []
         if lagrangian := motion.get("lagrangian"):
