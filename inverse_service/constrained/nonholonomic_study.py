@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import compress
 from typing import Literal, TypeVar
 
 from inverse_service import errors
@@ -304,7 +305,9 @@ def _confirm_known(report: MotionReport, one: paper_class.AssociatedSystem, end:
         Known(here(each.lagrangian), _map_transform(each.transform, here), tuple(map(here, each.images)), each.label)
         for each in paper_class.propose_lagrangians(report.member, one.kind)
     ]
-    return confirmed(one.system, proposals, end) if proposals else ()
+    if not proposals:
+        return ()
+    return tuple(compress(proposals, confirmed(one.system, [each.lagrangian for each in proposals], end)))
 
 
 def _map_transform(found: LegendreTransform, here: Callable[[ex.Expression], ex.Expression]) -> LegendreTransform:

@@ -232,15 +232,12 @@ def _on_constraints(motion: constrained_motion.ConstrainedMotion, lagrangian: ex
 def _decided(system: SecondOrderSystem, candidate: ex.Expression | None, options: solutions.SolveOptions) -> Decided:
     """By the candidate, if the checker confirms it, else by the solver."""
     end = now() + options.time_limit
-    if candidate is not None and ex.TIME not in ex.walk(candidate) and not system.depends_on_time:
-        try:
-            known = Known(candidate, legendre(candidate, system.coordinates), (), CONSTRAINED)
-        except errors.InputError:  # singular
-            known = None
-        if known is not None and confirmed(system, [known], end):
-            found = solution_with(system, [known], options)
-            assert found.autonomous is not None
-            return Decided(found.system, found.autonomous)
+    without_time = candidate is not None and not system.depends_on_time and not ex.holds(candidate, ex.TIME)
+    if candidate is not None and without_time and any(confirmed(system, [candidate], end)):
+        known = Known(candidate, legendre(candidate, system.coordinates), (), CONSTRAINED)
+        found = solution_with(system, [known], options)
+        assert found.autonomous is not None
+        return Decided(found.system, found.autonomous)
     solution = solving.solve(system, replace(options, time_limit=left(end)))
     assert solution.main is not None
     return Decided(solution.system, solution.main)
@@ -256,13 +253,13 @@ class Known:
     source: str
 
 
-def confirmed(system: SecondOrderSystem, proposals: Sequence[Known], deadline: float) -> tuple[Known, ...]:
-    """Those that the independent checker finds to be Lagrangians of the system."""
+def confirmed(system: SecondOrderSystem, proposals: Sequence[ex.Expression], deadline: float) -> tuple[bool, ...]:
+    """Which of them the independent checker finds to be regular Lagrangians of the system."""
     try:
         analysis = deciding.analyze(system)
     except errors.IrreducibleAtoms:
-        return ()
-    return tuple(known for known in proposals if _is_valid(analysis, known.lagrangian, deadline))
+        return (False,) * len(proposals)
+    return tuple(_is_valid(analysis, tree, deadline) for tree in proposals)
 
 
 def _is_valid(analysis: deciding.Analysis, lagrangian: ex.Expression, deadline: float) -> bool:

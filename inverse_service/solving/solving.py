@@ -197,8 +197,14 @@ def _answers(work: Work) -> tuple[Answer | None, Answer | None]:
     if given is not None and not _holds_time(given):
         return None if depends or wanted else given, None if wanted is False and not depends else given
     if given is not None:
-        return None if depends or wanted else _answer(work, with_time=False), given
-    autonomous = None if depends or wanted is True else _answer(work, with_time=False)
+        return None if depends or wanted else _answer(work, _decide(work, with_time=False)), given
+    first = None if depends or wanted is True else _decide(work, with_time=False)
+    if first is not None and first.verdict == "not_variational" and wanted is None:
+        timed = _decide(work, with_time=True, order=first.order)
+        both = _negative(work, timed) if timed.verdict == "not_variational" else None
+        if both is not None and both.verdict == "not_variational":
+            return both, both  # one proof
+    autonomous = None if first is None else _answer(work, first)
     if wanted is False and not depends:
         return autonomous, None
     if autonomous is not None and autonomous.verdict == "variational":
@@ -206,7 +212,7 @@ def _answers(work: Work) -> tuple[Answer | None, Answer | None]:
         with_time = autonomous if plain else _with_time_instead(work, autonomous)
         same = _without_time(work, with_time) if with_time is not autonomous else None
         return (same, same) if same is not None else (autonomous, with_time)
-    return autonomous, _answer(work, with_time=True)
+    return autonomous, _answer(work, _decide(work, with_time=True))
 
 
 def _as_given(work: Work) -> Answer | None:
@@ -311,12 +317,11 @@ def _without_time(work: Work, answer: Answer) -> Answer | None:
     return completed(work, replace(found, checked="valid"), None, with_time=False)
 
 
-def _answer(work: Work, with_time: bool) -> Answer:
-    decision = _decide(work, with_time)
-    work.autonomous = work.autonomous if with_time else decision
+def _answer(work: Work, decision: deciding.Decision) -> Answer:
+    work.autonomous = work.autonomous if decision.with_time else decision
     if decision.verdict == "undetermined":
         if decision.reason.startswith(involution.OUT_OF_TIME):
-            work.cut[named("existence", with_time)] = decision.reason
+            work.cut[named("existence", decision.with_time)] = decision.reason
         return Answer("undetermined", reason=decision.reason)
     if decision.verdict == "not_variational":
         return _negative(work, decision)
@@ -324,7 +329,11 @@ def _answer(work: Work, with_time: bool) -> Answer:
 
 
 def _decide(
-    work: Work, with_time: bool, part: float | None = None, unknowns: int = involution.MOST_UNKNOWNS
+    work: Work,
+    with_time: bool,
+    part: float | None = None,
+    unknowns: int = involution.MOST_UNKNOWNS,
+    order: int = involution.Limits().order,
 ) -> deciding.Decision:
     if work.analysis.system.is_unsolved:
         return deciding.Decision("undetermined", with_time, 0, _UNSOLVED)
@@ -332,7 +341,7 @@ def _decide(
     work.progress(stage)
     is_first = not with_time and work.options.time_dependent is None  # the other question has its share, too
     limit = deadline.share(part or (_SHARE_OF_FIRST if is_first else 1.0), work.end)
-    limits = involution.Limits(deadline=limit, unknowns=unknowns)
+    limits = involution.Limits(order, limit, unknowns)
     decision = deciding.decide(
         work.analysis.system, with_time, work.options.seed, limits, work.progress, analysis=work.analysis
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import dataclasses
 import json
 import time
 from typing import Any
@@ -10,9 +11,11 @@ from typing import Any
 import pytest
 
 import inverse_service
+from inverse_service import deadline
 from inverse_service.certificate.checker import CheckResult
 from inverse_service.decision import certify
 from inverse_service.decision.solutions import SolveOptions
+from inverse_service.reading import tokens
 from inverse_service.service.documents import growing
 from inverse_service.service.documents.checking import check_plain
 from inverse_service.service.documents.documents import solve_document
@@ -181,3 +184,18 @@ def test_the_page_says_no_more_than_is_known(document: dict[str, Any]) -> None:
         text = bytes(so_far_task(job, Look(Visitor(), "http://localhost", 60.0), 3).body).decode()
         assert not [words for words in ("none was found", "ndetermined") if words in text]
         assert 'data-events="/v1/jobs/a/events"' in text
+
+
+def test_a_result_longer_than_what_is_read_is_not_called_invalid(monkeypatch: pytest.MonkeyPatch) -> None:
+    result = json.loads(json.dumps(told_once(PARTICLE)[1]))
+    monkeypatch.setattr(tokens, "LIMITS", dataclasses.replace(tokens.LIMITS, tokens=10))
+    found = check_plain(result)
+    assert (found["verdict"], found["contradictions"]) == ("incomplete", [])
+    assert "too long to be read again" in found["reasons"][0]
+
+
+@pytest.mark.parametrize("part", [0.0, 0.1])
+def test_in_the_first_half_of_a_limit_no_share_ends_a_decision(part: float) -> None:
+    with deadline.whole(100.0):
+        assert deadline.share(part, deadline.now() + 20.0) > deadline.now() + 49.0
+    assert deadline.share(0.5, deadline.now() + 20.0) == pytest.approx(deadline.now() + 10.0, abs=0.1)
