@@ -454,7 +454,7 @@ def sentence(place: errors.Place, fields: Collection[str] = (), is_marked: bool 
     if place.declare and place.declare in fields:
         where = f"\u201c{FIELD_NAMES[place.declare]}\u201d, in \u201cAsk in detail\u201d"
         said += f" A name can be declared in {where}."
-    return said[:1].upper() + said[1:] if said.startswith(("the ", "a ", "an ", "this ", "what ", "where ")) else said
+    return typesetting.capitalized(said) if said.startswith(("the ", "a ", "an ", "this ", "what ", "where ")) else said
 
 
 def _fault(place: Mapping[str, Any]) -> errors.Place:

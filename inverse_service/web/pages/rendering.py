@@ -236,7 +236,7 @@ def environment() -> Environment:
     found.filters["duration"] = duration
     found.filters["method_name"] = method_name
     found.filters["code_marks"] = code_marks
-    found.filters["capitalized"] = lambda text: text[:1].upper() + text[1:]
+    found.filters["capitalized"] = typesetting.capitalized
     found.filters["progress_text"] = progress_text
     return found
 

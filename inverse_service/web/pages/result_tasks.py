@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import gzip
 import json
+import pprint
 import re
 import shlex
 import textwrap
@@ -267,15 +268,11 @@ def python_call(document: Mapping[str, Any], address: str) -> str:
     """The call with the client of this package."""
     return (
         "from inverse_service.client import Client\n\n"
+        f"document = {pprint.pformat(dict(document), sort_dicts=False)}\n"
         f"with Client({address!r}) as client:\n"
-        f"    result = client.solve({_python(document)})\n"
+        "    result = client.solve(document)\n"
         "print(result.verdict, result.lagrangian)\n"
     )
-
-
-def _python(document: Mapping[str, Any]) -> str:
-    lines = [f"        {key!r}: {value!r},\n" for key, value in document.items()]
-    return "{\n" + "".join(lines) + "    }"
 
 
 def curl_of(document: Mapping[str, Any], address: str) -> str:

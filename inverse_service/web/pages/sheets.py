@@ -292,7 +292,7 @@ def _case(
     if not {*domain}.issuperset(formula):
         notes.append(Markup("This formula holds where {}.").format(_listed(formula, names)))
     if shown.get("reason") and verdict == OPEN and not pending:
-        notes.append(Markup("{}.").format(shown["reason"][:1].upper() + shown["reason"][1:].rstrip(".")))
+        notes.append(Markup("{}.").format(typesetting.capitalized(shown["reason"]).rstrip(".")))
     if shown.get("exceptions") and result.get("system"):
         notes.append(_general(shown["exceptions"], result, names))
     notes += _checked([shown])
@@ -348,7 +348,9 @@ def _formulas(part: Mapping[str, Any], result: Mapping[str, Any], names: Names) 
         momenta = [f"{name} = {text}" for name, text in hamiltonian["momenta"].items()]
         notes = [Markup("with {}").format(_listed(momenta, names))] if momenta else []
         if hamiltonian.get("implicit"):
-            notes.append(Markup(hamiltonian.get("reason") and "{}").format(_capital(hamiltonian["reason"])))
+            notes.append(
+                Markup(hamiltonian.get("reason") and "{}").format(typesetting.capitalized(hamiltonian["reason"]))
+            )
         if hamiltonian.get("constraints"):
             zero = _listed([f"{text} = 0" for text in hamiltonian["constraints"]], names)
             notes.append(Markup("on {}").format(zero))
@@ -381,12 +383,15 @@ def _typed(system: Mapping[str, Any], names: Names) -> list[Formula]:
         lines = [f"{printing.to_text(left)} = {printing.to_text(right)}" for left, right in pairs]
     except errors.InputError:
         return _equations(system, names)
-    return [Formula("", typesetting.formula(line, names), line) for line in lines] or _equations(system, names)
+    return _lines(lines, names) or _equations(system, names)
 
 
 def _equations(system: Mapping[str, Any], names: Names) -> list[Formula]:
-    lines = [reader.equation_line(*pair) for pair in system["equations"].items()]
-    return [Formula("", typesetting.formula(line, names), line) for line in lines]
+    return _lines([reader.equation_line(*pair) for pair in system["equations"].items()], names)
+
+
+def _lines(texts: Iterable[str], names: Names) -> list[Formula]:
+    return [Formula("", typesetting.formula(text, names), text) for text in texts]
 
 
 def _about(result: Mapping[str, Any]) -> tuple[Markup, ...]:
@@ -398,10 +403,6 @@ def _about(result: Mapping[str, Any]) -> tuple[Markup, ...]:
 def _listed(texts: Iterable[str], names: Names) -> Markup:
     kept = list(texts)
     return Markup(", ").join(typesetting.conditions(kept, names)) if kept else Markup("")
-
-
-def _capital(text: str) -> str:
-    return text[:1].upper() + text[1:]
 
 
 QUESTIONS = frozenset(("existence", "existence_with_time"))
@@ -466,7 +467,7 @@ def _answer_rows(shown: Mapping[str, Any], result: Mapping[str, Any], names: Nam
         rows.append(Row("Multiplier", "the Hessian of L in the velocities", formulas=(
             Formula("", typesetting.matrix(shown["multiplier"], names), str(shown["multiplier"])),)))  # fmt: skip
     if space := shown.get("solution_space"):
-        rows.append(Row("How many", f"{_capital(space['statement'])}."))
+        rows.append(Row("How many", f"{typesetting.capitalized(space['statement'])}."))
     return rows
 
 
@@ -474,7 +475,7 @@ def _conserved(one: Mapping[str, Any], names: Names) -> Row:
     """A first integral with the symmetry behind it."""
     symmetry = one.get("symmetry") or ""
     hint = one["name"] + f", by the symmetry {symmetry.replace('->', ARROW)}" * bool(symmetry)
-    return Row("Conserved", _capital(hint), formulas=(formula_of("", one, names),))
+    return Row("Conserved", typesetting.capitalized(hint), formulas=(formula_of("", one, names),))
 
 
 def _more(result: Mapping[str, Any], names: Names) -> Iterable[Row]:
@@ -487,10 +488,10 @@ def _more(result: Mapping[str, Any], names: Names) -> Iterable[Row]:
     for name, part in (result.get("kinds") or {}).items():
         verdict = VERDICTS.get(part["verdict"], OPEN)
         found = tuple(_formulas(part, result, names))
-        told = Markup.escape(_capital(part.get("reason") or ""))
+        told = Markup.escape(typesetting.capitalized(part.get("reason") or ""))
         if part.get("exceptions"):
             told += Markup(". " * bool(told)) + _general(part["exceptions"], result, names)
-        yield Row(KIND_NAMES.get(name, _capital(name)), told, verdict, WORDS[verdict], found)
+        yield Row(KIND_NAMES.get(name, typesetting.capitalized(name)), told, verdict, WORDS[verdict], found)
     if clock := result.get("with_clock"):
         yield _clock_row(clock, result, names)
     if cases := result.get("special_cases"):
@@ -514,7 +515,7 @@ def _row(
     """The row of an answer: its verdict, its formulas, and its proof between other sentences."""
     found = _common((part.get("verdict"), part.get("verdict_with_time")))
     word = "Yes, with t" if found == YES and part.get("verdict") != "variational" else WORDS[found]
-    reason = [Markup(_capital(part["reason"]))] if part.get("reason") else []
+    reason = [Markup.escape(typesetting.capitalized(part["reason"]))] if part.get("reason") else []
     steps = (*before, *_steps(part, names), *after, *reason, *_checked([part]))
     return Row(name, hint, found, word, tuple(_formulas(part, result, names)), steps, is_main)
 
@@ -599,10 +600,7 @@ def _constrained(result: Mapping[str, Any], names: Names, verdict: str, brief: b
     table = tuple(_rows(result, part, motions[0], names, pending))
     main = next((row for row in table if row.is_main), None)
     asked = [formula_of("L", part["lagrangian"], names)] if part.get("lagrangian") else []
-    asked += [
-        Formula("", typesetting.formula(f"{one['text']} = 0", names), f"{one['text']} = 0")
-        for one in part.get("constraints") or ()
-    ]
+    asked += _lines([f"{one['text']} = 0" for one in part.get("constraints") or ()], names)
     if not asked:
         asked = _equations(result["system"] or {"equations": {}}, names)
     # Those of the reduced motion and of another clock are about other equations.
@@ -615,7 +613,7 @@ def _constrained(result: Mapping[str, Any], names: Names, verdict: str, brief: b
     ended = [one["reason"] for one in result.get("incomplete") or () if one["part"] == "any_associated"]
     reason = (ended or [motions[0].get("reason")])[0]
     if verdict == OPEN and reason and not pending:
-        notes.insert(0, Markup("{}.").format(_capital(reason).rstrip(".")))
+        notes.insert(0, Markup("{}.").format(typesetting.capitalized(reason).rstrip(".")))
     if verdict == YES and not shown and not pending:
         notes.append(Markup("None was found in closed form."))
     if shown and shown is not main:
@@ -674,7 +672,7 @@ def _rows(
         return
     over = Markup("the equations of {} alone").format(_listed(reduced["coordinates"], names))
     before = [Markup("The equations {}.").format(_solved(reduced, names))]
-    before += [Markup(reduced["statement"])] if reduced.get("statement") else []
+    before += [Markup.escape(reduced["statement"])] if reduced.get("statement") else []
     row = _row("Reduced", over, reduced, result, names, before)
     yield row
     clock = result.get("with_clock") or reduced.get("with_clock")
@@ -684,11 +682,13 @@ def _rows(
         yield Row("Another clock", "a new time, dτ = N dt", "", "Not needed")
     else:
         why = reduced.get("without_clock")
-        yield Row("Another clock", "a new time, dτ = N dt", OPEN, "None found", (), (Markup(why),) if why else ())
+        yield Row(
+            "Another clock", "a new time, dτ = N dt", OPEN, "None found", (), (Markup.escape(why),) if why else ()
+        )
 
 
 def _associated_row(one: Mapping[str, Any], result: Mapping[str, Any], names: Names) -> Row:
-    name, hint = _capital(one["kind"]), HINTS.get(one["kind"], "")
+    name, hint = typesetting.capitalized(one["kind"]), HINTS.get(one["kind"], "")
     if not one["defined"]:
         why = Markup(typesetting.sentence(one.get("explanation") or "", names))
         return Row(name, hint, "", "Not defined", (), (why,))
@@ -707,7 +707,7 @@ def _motion_more(result: Mapping[str, Any], part: Mapping[str, Any], names: Name
     motion = part["equations_of_motion"]
     lines = [f"{name}'' = {f['text']}" for name, f in motion["second_order"].items()]
     lines += [f"{name}' = {f['text']}" for name, f in motion["first_order"].items()]
-    yield Row("Motion", formulas=tuple(Formula("", typesetting.formula(line, names), line) for line in lines))
+    yield Row("Motion", formulas=tuple(_lines(lines, names)))
     for k, one in enumerate(motion.get("multipliers") or (), 1):
         yield Row("Force of the constraint", formulas=(formula_of(f"\u03bb{k}", one, names),))
     yield from (_conserved(one, names) for one in part.get("first_integrals") or ())
@@ -722,10 +722,10 @@ def _motion_more(result: Mapping[str, Any], part: Mapping[str, Any], names: Name
             typesetting.sentence(one, names) + Markup(" {}").format(one["verdict"]) for one in entry["statements"]
         ]
         zero = _listed([f"{one['text']} = 0" for one in entry["constraints"]], names)
-        word = "Confirmed" if entry["holds"] else "Not confirmed"
+        word, label = "Confirmed" if entry["holds"] else "Not confirmed", typesetting.capitalized(entry["label"])
         yield Row(
-            f"In phase space, {entry['associated']}", Markup("{} on {}").format(_capital(entry["label"]), zero) if zero
-            else _capital(entry["label"]), YES if entry["holds"] else OPEN, word,
+            f"In phase space, {entry['associated']}", Markup("{} on {}").format(label, zero) if zero else label,
+            YES if entry["holds"] else OPEN, word,
             (formula_of("H", entry["hamiltonian"], names),) if entry["hamiltonian"] else (), tuple(stated),
         )  # fmt: skip
     yield from _more(result, names)

@@ -321,7 +321,7 @@ def notes_of(result: Mapping[str, Any]) -> list[str]:
     found: dict[str, list[str]] = {}
     for method in result["methods"]:
         own = [str(method[key]) for key in ("note", "energy_note", "error_note", "phase_note") if method.get(key)]
-        for text in (*(f"{text[:1].upper()}{text[1:]}".replace(FIELD, "") for text in own), *notes_of_formulas(method)):
+        for text in (*(typesetting.capitalized(text).replace(FIELD, "") for text in own), *notes_of_formulas(method)):
             found.setdefault(text, []).append(method["label"])
     return [*result["notes"], *(f"{', '.join(map(method_name, labels))}: {note}" for note, labels in found.items())]
 

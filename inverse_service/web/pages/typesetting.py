@@ -154,6 +154,11 @@ def _terms(text: str) -> list[tuple[str, str]]:
     return [*found, (sign, text[start:])]
 
 
+def capitalized(text: str) -> str:
+    """A sentence, or a name as a title, with its first letter in upper case."""
+    return text[:1].upper() + text[1:]
+
+
 def code(text: str) -> Markup:
     """A text that is not typeset."""
     return Markup("<code>{}</code>").format(text)
@@ -272,11 +277,12 @@ def matrix(rows: Sequence[Sequence[str]], names: Names) -> Markup:
 
 
 def matrix_inner(rows: Sequence[Sequence[str]], names: Names) -> str | None:
-    """The MathML of a matrix; None if an entry cannot be parsed."""
+    """The MathML of a matrix in round brackets; None if an entry cannot be parsed."""
     entries = [[inner_mathml(entry, names) for entry in row] for row in rows]
     if any(entry is None for row in entries for entry in row):
         return None
-    return matrix_mathml([[entry or "" for entry in row] for row in entries])
+    body = "".join(f"<mtr>{''.join(f'<mtd>{entry}</mtd>' for entry in row)}</mtr>" for row in entries)
+    return f"<mrow><mo>(</mo><mtable>{body}</mtable><mo>)</mo></mrow>"
 
 
 def low_fences(mathml: str) -> str:
@@ -293,12 +299,6 @@ def low_fences(mathml: str) -> str:
     for place in sorted(low, reverse=True):
         mathml = mathml[:place] + '<mo stretchy="false">' + mathml[place + 4 :]
     return mathml
-
-
-def matrix_mathml(rows: list[list[str]]) -> str:
-    """A matrix in round brackets, its entries being MathML."""
-    body = "".join(f"<mtr>{''.join(f'<mtd>{entry}</mtd>' for entry in row)}</mtr>" for row in rows)
-    return f"<mrow><mo>(</mo><mtable>{body}</mtable><mo>)</mo></mrow>"
 
 
 def formulas_of(system: Mapping[str, Any]) -> tuple[Markup, ...]:
