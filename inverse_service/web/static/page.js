@@ -14,6 +14,8 @@ const LOOK_PAUSE = 150; // ms between two looks at a result that grows
 const TALL = 20; // CSS pixels by which what scrolls down is higher than its box; brackets are a few higher
 const DRAFT = "draft:";
 
+const FAILED = "The service failed on this text. This is an error of the program.";
+
 // The answer to a form: a part of a page, or the sentence of a refusal. `isBusy`: the service has to be asked again.
 async function post(address, form, signal) {
   const sent = new FormData(form);
@@ -21,7 +23,7 @@ async function post(address, form, signal) {
   if (!(file instanceof File) || !file.name) sent.delete("document");
   const answer = await fetch(address, { method: "POST", body: sent, signal });
   const isPage = (answer.headers.get("content-type") ?? "").startsWith("text/html");
-  return { isBusy: [429, 503].includes(answer.status), isPage, text: isPage ? await answer.text() : (await answer.json()).detail };
+  return { isBusy: [429, 503].includes(answer.status), isPage, text: isPage ? await answer.text() : (await answer.json()).detail ?? FAILED };
 }
 
 function echo(form) {
