@@ -105,16 +105,18 @@ def _again(run: observing.Observed, repeat: Repeat) -> tuple[Finer, trajectory.T
 def estimated(run: observing.Observed, repeat: Repeat) -> dict[str, Any]:
     """{estimated_error, estimated_error_share, estimated_until, doubt}: the greatest error of a position, and the
     greatest share of the range of a coordinate; the end of the comparison if it is earlier; warnings if they are large.
+    `lost` is the outcome of a run that one step leads elsewhere, and else None.
 
     `repeat` runs a method of a scene.
     """
     at, doubts, turns = run.trajectory, [_change_of_energy(run)], initial.angles(run.scene)
-    numbers: dict[str, Any] = {}
+    numbers: dict[str, Any] = {"lost": None}
     again, found = _again(run, repeat)
     if isinstance(found, trajectory.Trajectory):
         count = min(len(found.times), len(at.times))
         errors, shares = errors_of(at.positions[:count], found.positions[:count], turns, again.part)
-        numbers = {"estimated_error": observing.greatest(errors), "estimated_error_share": observing.greatest(shares)}
+        numbers |= {"estimated_error": observing.greatest(errors), "estimated_error_share": observing.greatest(shares)}
+        numbers["lost"] = _lost(run, shares.max(axis=1)) if again.how == HALF else None
         numbers |= {"estimated_until": float(at.times[count - 1])} if count < len(at.times) else {}
         doubts.append(_elsewhere(run, errors, shares, AGAIN.format(again.how)))
         early = count < len(at.times) and found.outcome.kind not in GOES_ON
@@ -127,6 +129,23 @@ def estimated(run: observing.Observed, repeat: Repeat) -> dict[str, Any]:
             )
         )
     return numbers | {"doubt": " ".join(filter(None, doubts))}
+
+
+def _lost(run: observing.Observed, shares: trajectory.Array) -> trajectory.Outcome | None:
+    """The outcome of a run that one step of a fixed length takes from a thousandth of the range to TOO_LARGE of it: no
+    chaos parts motions so fast, and the step is too long there."""
+    choice = run.requested.choice
+    if choice is None or not choice.guard or run.scene.grid.record_every > 1:
+        return None
+    if choice.method in method_table.OWN_STEPS or run.in_pieces:
+        return None
+    places = np.flatnonzero((shares[1:] > TOO_LARGE) & (shares[:-1] < SUDDEN * TOO_LARGE))
+    if not len(places):
+        return None
+    k = int(places[0])
+    return trajectory.Outcome(
+        "unresolved", k, float(run.trajectory.times[k]), LOST.format(shares[k + 1]), None, SHORTER
+    )
 
 
 def _elsewhere(run: observing.Observed, errors: trajectory.Array, shares: trajectory.Array, which: str) -> str:
@@ -161,6 +180,7 @@ ENDS_ELSEWHERE = (
 TOO_NARROW = "A force acts within a step at t = {:.6g}, and `adaptive` cannot resolve it. Give it more width."
 CREATED = 0.75  # of the kinetic energy: more from nothing in one step is no motion
 NOT_CONSTANT = "the energy, which is constant, changes in one step by {:.3g} of the kinetic energy"
+LOST, SUDDEN = "one step differs from two of half its length by {:.3g} of the range of a coordinate", 0.01
 SHORTER = "take a smaller step, or `adaptive`"
 
 

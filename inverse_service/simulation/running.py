@@ -155,6 +155,8 @@ def run_method(
     if outcome.completed:
         with derivation.timed(seconds, "half the step"):
             numbers |= estimates.estimated(run_.observed, partial(_again, problem, run_.free, stop, derived))
+        if (lost := numbers.pop("lost")) is not None and not run_.events:
+            return _cut(run_, run_.observed, lost)
         if len(moments := estimates.moments_between(run_.observed)):
             with derivation.timed(seconds, "adaptive"):
                 numbers = _with_missed_force(moments, run_.observed, numbers, derived, stop)
@@ -163,6 +165,17 @@ def run_method(
         with derivation.timed(seconds, COST):
             numbers[COST] = part_costs(scene, requested, problem, run_.free, stop, find or _no_free)
     return replace(run_, outcome=outcome, numbers=numbers, seconds=seconds)
+
+
+def _cut(run: MethodRun, observed: observing.Observed, outcome: Outcome) -> MethodRun:
+    """The run up to its outcome, with the quantities observed so far."""
+    seconds = dict(run.seconds)
+    ran = observed.trajectory.ended(observed.trajectory.times <= (outcome.time or 0.0), outcome)
+    shorter = replace(observed, trajectory=ran)
+    numbers, series = observing.observed_quantities(shorter, seconds)
+    return replace(
+        run, outcome=outcome, trajectory=ran, numbers=numbers, series=series, seconds=seconds, observed=shorter
+    )
 
 
 def _with_missed_force(
