@@ -109,8 +109,11 @@ def estimated(run: observing.Observed, repeat: Repeat) -> dict[str, Any]:
 
     `repeat` runs a method of a scene.
     """
-    at, doubts, turns = run.trajectory, [_change_of_energy(run)], initial.angles(run.scene)
-    numbers: dict[str, Any] = {"lost": None}
+    at, turns, known = run.trajectory, initial.angles(run.scene), energies_of(run)
+    numbers: dict[str, Any] = {"lost": None if known is None else _with_made_energy(run, *known)}
+    if numbers["lost"] is not None:
+        return numbers | {"doubt": ""}
+    doubts = ["" if known is None else _change_of_energy(*known)]
     again, found = _again(run, repeat)
     if isinstance(found, trajectory.Trajectory):
         count = min(len(found.times), len(at.times))
@@ -131,20 +134,44 @@ def estimated(run: observing.Observed, repeat: Repeat) -> dict[str, Any]:
     return numbers | {"doubt": " ".join(filter(None, doubts))}
 
 
-def _lost(run: observing.Observed, shares: trajectory.Array) -> trajectory.Outcome | None:
-    """The outcome of a run that one step of a fixed length takes from a thousandth of the range to TOO_LARGE of it: no
-    chaos parts motions so fast, and the step is too long there."""
+def _has_fixed_steps(run: observing.Observed) -> bool:
+    """Whether all steps of a run are recorded, of one length and guarded."""
     choice = run.requested.choice
-    if choice is None or not choice.guard or run.scene.grid.record_every > 1:
-        return None
-    if choice.method in method_table.OWN_STEPS or run.in_pieces:
-        return None
+    is_fixed = choice is not None and choice.guard and choice.method not in method_table.OWN_STEPS
+    return is_fixed and run.scene.grid.record_every == 1 and not run.in_pieces
+
+
+def _lost(run: observing.Observed, shares: trajectory.Array) -> trajectory.Outcome | None:
+    """The outcome of a run that one step takes from a thousandth of the range to TOO_LARGE of it: no chaos parts
+    motions so fast, and the step is too long there."""
     places = np.flatnonzero((shares[1:] > TOO_LARGE) & (shares[:-1] < SUDDEN * TOO_LARGE))
-    if not len(places):
+    if not len(places) or not _has_fixed_steps(run):
         return None
     k = int(places[0])
     return trajectory.Outcome(
         "unresolved", k, float(run.trajectory.times[k]), LOST.format(shares[k + 1]), None, SHORTER
+    )
+
+
+def _with_made_energy(
+    run: observing.Observed, energies: trajectory.Array, kinetic: trajectory.Array
+) -> trajectory.Outcome | None:
+    """The outcome of a run in which one step changes a constant energy by CREATED of the kinetic energy, the mean one
+    and that at its ends: the step is too long there, and what follows is another motion."""
+    if not _has_fixed_steps(run):
+        return None
+    changes = np.abs(np.diff(energies))
+    sudden = changes > CREATED * np.maximum(kinetic[1:], kinetic[:-1])
+    end = None
+    while len(places := np.flatnonzero(sudden[:end] & (changes[:end] > CREATED * kinetic[:end].mean()))):
+        end = int(places[0])  # the mean of what is left shows smaller changes, down to the first
+        if end == 0:
+            break
+    if end is None:
+        return None
+    part = changes[end] / max(kinetic[end], kinetic[end + 1])
+    return trajectory.Outcome(
+        "unresolved", end, float(run.trajectory.times[end]), NOT_CONSTANT.format(part), None, SHORTER
     )
 
 
@@ -159,12 +186,10 @@ def _elsewhere(run: observing.Observed, errors: trajectory.Array, shares: trajec
     return ELSEWHERE.format(which, run.trajectory.times[first], run.scene.coordinates[k], worst)
 
 
-def _change_of_energy(run: observing.Observed) -> str:
+def _change_of_energy(energies: trajectory.Array, kinetic: trajectory.Array) -> str:
     """max |E - E_0|, where it is more than CHANGED of the mean kinetic energy, which no constant in L changes; a tenth
     of that suffices where it is CHANGED of E_0, which is what `max_energy_error` shows."""
-    if (known := energies_of(run)) is None:
-        return ""
-    energies, mean = known[0], max(float(known[1].mean()), schemes.SMALLEST)
+    mean = max(float(kinetic.mean()), schemes.SMALLEST)
     change, start = float(np.abs(energies - energies[0]).max()), abs(float(energies[0]))
     is_much = change > CHANGED * min(mean, max(start, CHANGED * mean))
     return VARIES.format(change, change / mean, start) if is_much else ""
@@ -309,7 +334,7 @@ def with_missed_force(
     leads to other `other` positions (m, n) than the method; None if it cannot pass the peak at the `moment`."""
     if other is None:
         unknown = {"estimated_error": None, "estimated_error_share": None}
-        return numbers | unknown | {"doubt": numbers["doubt"] or TOO_NARROW.format(moment)}
+        return numbers | unknown | {"doubt": TOO_NARROW.format(moment)}
     apart = float(np.abs(other[-1] - run.trajectory.positions[-1]).max())
     size = float(np.ptp(other, axis=0).max())
     known = numbers.get("estimated_error") or 0.0
@@ -317,24 +342,4 @@ def with_missed_force(
         return numbers
     share = max(apart / max(size, schemes.SMALLEST), numbers.get("estimated_error_share") or 0.0)
     found = {"estimated_error": apart, "estimated_error_share": share}
-    return numbers | found | {"doubt": numbers["doubt"] or ENDS_ELSEWHERE.format(apart)}
-
-
-def unresolved(run: observing.Observed) -> trajectory.Outcome | None:
-    """The outcome of a run in which one step changes a constant energy by CREATED of the kinetic energy, the mean one
-    and that at its ends: the step is too long there, and what follows is another motion."""
-    scene, at, choice = run.scene, run.trajectory, run.requested.choice
-    if choice is None or not choice.guard or scene.grid.record_every > 1 or (known := energies_of(run)) is None:
-        return None
-    energies, kinetic = known
-    changes = np.abs(np.diff(energies))
-    sudden = changes > CREATED * np.maximum(kinetic[1:], kinetic[:-1])
-    end = None
-    while len(places := np.flatnonzero(sudden[:end] & (changes[:end] > CREATED * kinetic[:end].mean()))):
-        end = int(places[0])  # the mean of what is left shows smaller changes, down to the first
-        if end == 0:
-            break
-    if end is None:
-        return None
-    part = changes[end] / max(kinetic[end], kinetic[end + 1])
-    return trajectory.Outcome("unresolved", end, float(at.times[end]), NOT_CONSTANT.format(part), None, SHORTER)
+    return numbers | found | {"doubt": ENDS_ELSEWHERE.format(apart)}

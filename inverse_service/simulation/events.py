@@ -100,7 +100,7 @@ def with_events(
     end = min(ends)
     kept = ran.times < end
     outcome = Outcome("completed", int(kept.sum()) - 1, end, note=ENDED.format(end))
-    return ran.ended(kept, outcome), tuple(_until(one, end) for one in found)
+    return ran.ended(kept, outcome), tuple(until(one, end) for one in found)
 
 
 def where_ended(found: tuple[Found, ...], outcome: Outcome) -> tuple[float, Array, Array] | None:
@@ -109,7 +109,8 @@ def where_ended(found: tuple[Found, ...], outcome: Outcome) -> tuple[float, Arra
     return next(((float(one.times[0]), one.positions[0], one.velocities[0]) for one in stops), None)
 
 
-def _until(found: Found, end: float) -> Found:
+def until(found: Found, end: float) -> Found:
+    """The points of an event up to the end."""
     kept = found.times <= end
     return Found(found.event, found.times[kept], found.positions[kept], found.velocities[kept], found.note)
 

@@ -41,7 +41,7 @@ from inverse_service.simulation import (
     observing,
     schemes,
 )
-from inverse_service.simulation.events import Found, Pieces, has_pieces, period_of, run_pieces, with_events
+from inverse_service.simulation.events import Found, Pieces, has_pieces, period_of, run_pieces, until, with_events
 from inverse_service.simulation.numeric_formulas import array_value, table_of
 from inverse_service.simulation.scene_data import (
     EXACT,
@@ -155,9 +155,9 @@ def run_method(
     if outcome.completed:
         with derivation.timed(seconds, "half the step"):
             numbers |= estimates.estimated(run_.observed, partial(_again, problem, run_.free, stop, derived))
-        if (lost := numbers.pop("lost")) is not None and not run_.events:
+        if (lost := numbers.pop("lost")) is not None:
             return _cut(run_, run_.observed, lost)
-        if len(moments := estimates.moments_between(run_.observed)):
+        if not numbers["doubt"] and len(moments := estimates.moments_between(run_.observed)):
             with derivation.timed(seconds, "adaptive"):
                 numbers = _with_missed_force(moments, run_.observed, numbers, derived, stop)
         outcome = replace(outcome, doubt=numbers.pop("doubt"))
@@ -173,9 +173,11 @@ def _cut(run: MethodRun, observed: observing.Observed, outcome: Outcome) -> Meth
     ran = observed.trajectory.ended(observed.trajectory.times <= (outcome.time or 0.0), outcome)
     shorter = replace(observed, trajectory=ran)
     numbers, series = observing.observed_quantities(shorter, seconds)
+    events = tuple(until(one, outcome.time or 0.0) for one in run.events)
     return replace(
-        run, outcome=outcome, trajectory=ran, numbers=numbers, series=series, seconds=seconds, observed=shorter
-    )
+        run, outcome=outcome, trajectory=ran, numbers=numbers, series=series, seconds=seconds, events=events,
+        observed=shorter,
+    )  # fmt: skip
 
 
 def _with_missed_force(
@@ -225,8 +227,7 @@ def observed_run(
     observed = observing.Observed(scene, requested, found, problem, values, truth, pieces is not None)
     events: tuple[Found, ...] = () if pieces is None else pieces.events
     if pieces is None:
-        other = estimates.other_motion(observed) or estimates.unresolved(observed) if found.outcome.completed else None
-        if other is not None:
+        if found.outcome.completed and (other := estimates.other_motion(observed)) is not None:
             found = found.ended(found.times <= (other.time or 0.0), other)
             observed = replace(observed, trajectory=found)
         if scene.events and len(found.times) > 1:
