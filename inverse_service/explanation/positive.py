@@ -25,13 +25,7 @@ from inverse_service.expressions.notation import Formula, listed, matrix, partia
 from inverse_service.expressions.tree import ONE, TIME, ZERO, Acceleration, Expression, Symbol, Velocity, node_count
 from inverse_service.field.exact_field import Budget, Quotient, TooLarge, quotient_tree, sum_of
 from inverse_service.field.matrices import determinant
-from inverse_service.mechanics.conditions import (
-    MotionInRing,
-    connection,
-    jacobi_endomorphism,
-    motion_in_ring,
-    one_matrix,
-)
+from inverse_service.mechanics import conditions
 from inverse_service.mechanics.legendre.transform import legendre
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.search.protocol import SearchOutcome, describe
@@ -65,7 +59,7 @@ def explain_positive(system: SecondOrderSystem, multiplier: Sequence[Sequence[Ex
     try:
         if len(system.coordinates) > LARGEST_N:
             raise TooLarge("too many coordinates to write everything out")
-        exact = motion_in_ring(system, 2, budget, trees=[entry for row in multiplier for entry in row])
+        exact = conditions.motion_in_ring(system, 2, budget, trees=[entry for row in multiplier for entry in row])
         g = tuple(tuple(exact.ring.value(entry) for entry in row) for row in multiplier)
         return _worked_out(exact, g)
     except (TooLarge, ZeroDivisionError):
@@ -80,13 +74,13 @@ def explain_positive(system: SecondOrderSystem, multiplier: Sequence[Sequence[Ex
         return Explanation(plan, complete=False)
 
 
-def _worked_out(exact: MotionInRing, g: Matrix) -> Explanation:
+def _worked_out(exact: conditions.MotionInRing, g: Matrix) -> Explanation:
     motion, span = exact.motion, range(exact.motion.size)
-    n = connection(motion)
+    n = conditions.connection(motion)
     product = _product(exact, g, n)
     forced = [[product[i][j] + product[j][i] for j in span] for i in span]
     moved = [[motion.along(entry) for entry in row] for row in g]
-    lowered = _product(exact, g, jacobi_endomorphism(motion))
+    lowered = _product(exact, g, conditions.jacobi_endomorphism(motion))
     one = exact.ring.constant(1)
     size = determinant(g, one)
     _require_zero([*_asymmetry(g), *_curl(exact, g), *_asymmetry(lowered)])
@@ -113,7 +107,7 @@ def _worked_out(exact: MotionInRing, g: Matrix) -> Explanation:
     return Explanation(steps)
 
 
-def _product(exact: MotionInRing, left: Matrix, right: Matrix) -> list[list[Quotient]]:
+def _product(exact: conditions.MotionInRing, left: Matrix, right: Matrix) -> list[list[Quotient]]:
     span = range(exact.motion.size)
     return [[sum_of(exact.motion.zero, [left[i][m] * right[m][j] for m in span]) for j in span] for i in span]
 
@@ -122,7 +116,7 @@ def _asymmetry(matrix: Matrix) -> list[Quotient]:
     return [matrix[i][j] - matrix[j][i] for i, j in itertools.combinations(range(len(matrix)), 2)]
 
 
-def _curl(exact: MotionInRing, g: Matrix) -> list[Quotient]:
+def _curl(exact: conditions.MotionInRing, g: Matrix) -> list[Quotient]:
     """dg_ij/dv^k - dg_ik/dv^j."""
     by, span = exact.motion.by_velocity, range(exact.motion.size)
     return [by[k](g[i][j]) - by[j](g[i][k]) for i in span for j, k in itertools.combinations(span, 2)]
@@ -133,7 +127,7 @@ def _require_zero(differences: Sequence[Quotient]) -> None:
         raise TooLarge("an identity was not recognized")
 
 
-def _matrix(exact: MotionInRing, entries: Matrix) -> Formula:
+def _matrix(exact: conditions.MotionInRing, entries: Matrix) -> Formula:
     if len(entries) > 1 and all(entry.is_zero for line in entries for entry in line):
         return theory("0")
     return matrix([[quotient_tree(exact.ring, entry) for entry in line] for line in entries])
@@ -225,7 +219,7 @@ def of_one_coordinate(name: str, with_time: bool, is_found: bool) -> Step:
 def not_found(system: SecondOrderSystem, space: SolutionSpace | None) -> Step:
     """What is known without a closed form, and what to try; the factor as an integral if one matrix remains."""
     known = "" if space is None else f": {space.statement}"
-    found = one_matrix(system) if len(system.coordinates) > 1 else None
+    found = conditions.one_matrix(system) if len(system.coordinates) > 1 else None
     factor: list[Piece] = []
     if found is not None:
         places = itertools.combinations_with_replacement(range(len(system.coordinates)), 2)

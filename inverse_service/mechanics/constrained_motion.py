@@ -25,16 +25,7 @@ from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.derivative import differentiate, differentiate_in_time
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import TIME, ZERO, Expression, Symbol, Velocity, add, holds, substitute, walk
-from inverse_service.field.exact_field import (
-    Budget,
-    Derivation,
-    ExactRing,
-    Quotient,
-    TooLarge,
-    exact_ring,
-    quotient_tree,
-    sum_of,
-)
+from inverse_service.field import exact_field
 from inverse_service.field.matrices import determinant, dot, reduced_rows, solve_square, weight
 from inverse_service.mechanics.second_order_system import Functions
 from inverse_service.mechanics.writing import readable
@@ -50,7 +41,7 @@ _HOLONOMIC = (
     "constraint {} contains no velocity, it restricts the positions (a holonomic constraint): eliminate a coordinate, "
     "or write its derivative in time."
 )
-Matrix = tuple[tuple[Quotient, ...], ...]
+Matrix = tuple[tuple[exact_field.Quotient, ...], ...]
 
 # Coordinates of a system with constraints.
 MOST_CONSTRAINED = 12
@@ -80,39 +71,39 @@ class Geometry:
     """
 
     system: NonholonomicSystem
-    ring: ExactRing
+    ring: exact_field.ExactRing
     mass: Matrix
-    linear: tuple[Quotient, ...]
-    potential: Quotient
+    linear: tuple[exact_field.Quotient, ...]
+    potential: exact_field.Quotient
     rows: Matrix
-    offsets: tuple[Quotient, ...]
+    offsets: tuple[exact_field.Quotient, ...]
 
     @property
     def size(self) -> int:
         return len(self.system.coordinates)
 
     @property
-    def zero(self) -> Quotient:
+    def zero(self) -> exact_field.Quotient:
         return self.ring.constant(0)
 
-    def velocity(self, place: int) -> Quotient:
+    def velocity(self, place: int) -> exact_field.Quotient:
         """The velocity of a coordinate as a generator."""
         return self.ring.atoms[Velocity(self.system.coordinates[place])]
 
-    def by_coordinate(self, place: int, element: Quotient) -> Quotient:
+    def by_coordinate(self, place: int, element: exact_field.Quotient) -> exact_field.Quotient:
         return self.ring.partial(1 + place)(element)
 
-    def by_velocity(self, place: int, element: Quotient) -> Quotient:
+    def by_velocity(self, place: int, element: exact_field.Quotient) -> exact_field.Quotient:
         return self.ring.partial(1 + self.size + place)(element)
 
-    def by_time(self, element: Quotient) -> Quotient:
+    def by_time(self, element: exact_field.Quotient) -> exact_field.Quotient:
         return self.ring.partial(0)(element)
 
-    def depends_on_position(self, element: Quotient) -> bool:
+    def depends_on_position(self, element: exact_field.Quotient) -> bool:
         """Whether t or a coordinate enters."""
         return any(not self.ring.partial(k)(element).is_zero for k in range(1 + self.size))
 
-    def tree(self, element: Quotient) -> Expression:
+    def tree(self, element: exact_field.Quotient) -> Expression:
         """The element as a formula for people."""
         return readable(self.ring, element)
 
@@ -128,7 +119,7 @@ class Frame:
     free: tuple[int, ...]
     dependent: tuple[int, ...]
     basis: Matrix
-    drift: tuple[Quotient, ...]
+    drift: tuple[exact_field.Quotient, ...]
 
 
 def geometry(system: NonholonomicSystem, time_limit: float = TIME_LIMIT) -> Geometry:
@@ -137,23 +128,23 @@ def geometry(system: NonholonomicSystem, time_limit: float = TIME_LIMIT) -> Geom
     Dependent, contradicting and velocity-free constraints are refused too, each with its pointer.
     """
     try:
-        return _geometry(system, Budget(TERM_LIMIT, now() + time_limit))
+        return _geometry(system, exact_field.Budget(TERM_LIMIT, now() + time_limit))
     except ZeroDivisionError:
         raise InputError("the Lagrangian or a constraint divides by zero: remove the division.") from None
-    except TooLarge as error:
+    except exact_field.TooLarge as error:
         raise too_large(error) from None
 
 
-def too_large(error: TooLarge) -> LimitError:
+def too_large(error: exact_field.TooLarge) -> LimitError:
     """The refusal of a document that needs too large expressions."""
     return LimitError(f"the equations of motion are too large to be written out, {error}: use fewer symbols.")
 
 
-def _geometry(system: NonholonomicSystem, budget: Budget) -> Geometry:
+def _geometry(system: NonholonomicSystem, budget: exact_field.Budget) -> Geometry:
     names = system.coordinates
     coordinates, velocities = [Symbol(name) for name in names], [Velocity(name) for name in names]
     trees = [system.lagrangian, *system.constraints]
-    ring = exact_ring(trees, [TIME, *coordinates, *velocities], ORDERS, budget)
+    ring = exact_field.exact_ring(trees, [TIME, *coordinates, *velocities], ORDERS, budget)
     mass, linear, potential = _lagrangian_parts(ring, ring.value(system.lagrangian), names)
     parts = [_constraint_parts(ring, tree, place, names) for place, tree in enumerate(system.constraints)]
     rows, offsets = tuple(row for row, _ in parts), tuple(offset for _, offset in parts)
@@ -163,8 +154,8 @@ def _geometry(system: NonholonomicSystem, budget: Budget) -> Geometry:
 
 
 def _lagrangian_parts(
-    ring: ExactRing, lagrangian: Quotient, names: Sequence[str]
-) -> tuple[Matrix, tuple[Quotient, ...], Quotient]:
+    ring: exact_field.ExactRing, lagrangian: exact_field.Quotient, names: Sequence[str]
+) -> tuple[Matrix, tuple[exact_field.Quotient, ...], exact_field.Quotient]:
     """g, b, V; InputError where a third derivative in the velocities does not vanish."""
     n = len(names)
     by = [ring.partial(1 + n + place) for place in range(n)]
@@ -188,27 +179,29 @@ def _lagrangian_parts(
         for i, row in enumerate(mass)
         for j, entry in enumerate(row)
     ]
-    kinetic = sum_of(ring.constant(0), half)
+    kinetic = exact_field.sum_of(ring.constant(0), half)
     rest = _less(lagrangian, [b * speed for b, speed in zip(linear, speeds, strict=True)])
     return mass, linear, kinetic - rest
 
 
-def _holds_velocity(ring: ExactRing, element: Quotient, by: Sequence[Derivation]) -> bool:
+def _holds_velocity(
+    ring: exact_field.ExactRing, element: exact_field.Quotient, by: Sequence[exact_field.Derivation]
+) -> bool:
     """Whether a velocity enters, if only by its sign as in v/sqrt(v^2), whose derivative is zero."""
     if any(not derivative(element).is_zero for derivative in by):
         return True
-    return any(isinstance(node, Velocity) for node in walk(quotient_tree(ring, element)))
+    return any(isinstance(node, Velocity) for node in walk(exact_field.quotient_tree(ring, element)))
 
 
-def _less(first: Quotient, terms: Sequence[Quotient]) -> Quotient:
+def _less(first: exact_field.Quotient, terms: Sequence[exact_field.Quotient]) -> exact_field.Quotient:
     for term in terms:
         first = first - term
     return first
 
 
 def _constraint_parts(
-    ring: ExactRing, tree: Expression, place: int, names: Sequence[str]
-) -> tuple[tuple[Quotient, ...], Quotient]:
+    ring: exact_field.ExactRing, tree: Expression, place: int, names: Sequence[str]
+) -> tuple[tuple[exact_field.Quotient, ...], exact_field.Quotient]:
     """w_i and c of one constraint; InputError where it is not linear in the velocities, or has none."""
     n, pointer = len(names), f"/constraints/{place}"
     value = ring.value(tree)
@@ -351,18 +344,18 @@ class EliminatedMotion:
 
     geometry: Geometry
     frame: Frame
-    velocities: tuple[Quotient, ...]
-    accelerations: tuple[Quotient, ...]
-    inertia: tuple[tuple[Quotient, ...], ...]
-    multipliers: tuple[Quotient, ...]
+    velocities: tuple[exact_field.Quotient, ...]
+    accelerations: tuple[exact_field.Quotient, ...]
+    inertia: tuple[tuple[exact_field.Quotient, ...], ...]
+    multipliers: tuple[exact_field.Quotient, ...]
 
-    def rate(self, element: Quotient) -> Quotient:
+    def rate(self, element: exact_field.Quotient) -> exact_field.Quotient:
         """The derivative along the motion of a function of (t, q, u)."""
         parts = self.geometry
         terms = [parts.by_time(element)]
         terms += [self.velocities[k] * parts.by_coordinate(k, element) for k in range(parts.size)]
         terms += [self.accelerations[k] * parts.by_velocity(k, element) for k in self.frame.free]
-        return sum_of(parts.zero, terms)
+        return exact_field.sum_of(parts.zero, terms)
 
 
 def equations_of_motion(system: NonholonomicSystem) -> EquationsOfMotion:
@@ -374,7 +367,7 @@ def equations_of_motion(system: NonholonomicSystem) -> EquationsOfMotion:
     parts = geometry(system)
     try:
         return written(eliminate_multipliers(parts, frames(parts)[0]))
-    except TooLarge as error:
+    except exact_field.TooLarge as error:
         raise too_large(error) from None
 
 
@@ -423,17 +416,19 @@ def eliminate_multipliers(parts: Geometry, choice: Frame) -> EliminatedMotion:
     return EliminatedMotion(parts, choice, velocities, accelerations, inertia, multipliers)
 
 
-def _rows(choice: Frame) -> list[tuple[tuple[Quotient, ...], Quotient]]:
+def _rows(choice: Frame) -> list[tuple[tuple[exact_field.Quotient, ...], exact_field.Quotient]]:
     return list(zip(choice.basis, choice.drift, strict=True))
 
 
-def _rate(parts: Geometry, velocities: Sequence[Quotient], element: Quotient) -> Quotient:
+def _rate(
+    parts: Geometry, velocities: Sequence[exact_field.Quotient], element: exact_field.Quotient
+) -> exact_field.Quotient:
     """The derivative in time of a function of (t, q)."""
     terms = [velocities[k] * parts.by_coordinate(k, element) for k in range(parts.size)]
-    return sum_of(parts.zero, [parts.by_time(element), *terms])
+    return exact_field.sum_of(parts.zero, [parts.by_time(element), *terms])
 
 
-def _force(parts: Geometry, velocities: Sequence[Quotient]) -> list[Quotient]:
+def _force(parts: Geometry, velocities: Sequence[exact_field.Quotient]) -> list[exact_field.Quotient]:
     """F with d/dt(dL/dv) - dL/dq = g a - F, after substituting the velocities."""
     n = parts.size
     half = Fraction(1, 2)
@@ -445,13 +440,13 @@ def _force(parts: Geometry, velocities: Sequence[Quotient]) -> list[Quotient]:
             terms.append(-(velocities[j] * _rate(parts, velocities, parts.mass[i][j])))
             slopes = [parts.by_coordinate(i, parts.mass[j][k]) for k in range(n)]
             terms.append((velocities[j] * dot(parts.zero, slopes, velocities)).scaled(half))
-        found.append(sum_of(parts.zero, terms))
+        found.append(exact_field.sum_of(parts.zero, terms))
     return found
 
 
 def _multipliers(
-    parts: Geometry, choice: Frame, accelerations: Sequence[Quotient], force: Sequence[Quotient]
-) -> tuple[Quotient, ...]:
+    parts: Geometry, choice: Frame, accelerations: Sequence[exact_field.Quotient], force: Sequence[exact_field.Quotient]
+) -> tuple[exact_field.Quotient, ...]:
     """lambda_a from the dependent rows of g a - F = lambda_a w^a."""
     matrix = [[row[place] for row in parts.rows] for place in choice.dependent]
     right = [dot(parts.zero, parts.mass[i], accelerations) - force[i] for i in choice.dependent]

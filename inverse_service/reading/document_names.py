@@ -16,16 +16,8 @@ from inverse_service import errors
 from inverse_service.expressions import refusals
 from inverse_service.expressions import tree as ex
 from inverse_service.reading import names as known_words
+from inverse_service.reading import names as nm
 from inverse_service.reading import reader
-from inverse_service.reading.names import (
-    DERIVATIVE_NAMES,
-    FUNCTION_LETTERS,
-    FUNCTIONS,
-    GREEK_NAMES,
-    Names,
-    declared_name,
-    escaped,
-)
 from inverse_service.reading.tokens import Token, after_primes, at, check_brackets, closing, split_at_commas
 
 ParameterValue = str | int | float | None
@@ -41,9 +33,9 @@ def parameter_values(parameters: Sequence[str] | Mapping[str, ParameterValue]) -
         return {}
     values = {}
     for name, value in parameters.items():
-        pointer = f"/parameters/{escaped(name)}"
+        pointer = f"/parameters/{nm.escaped(name)}"
         if value is not None:
-            values[declared_name(name, pointer, "parameter")] = _constant(value, pointer)
+            values[nm.declared_name(name, pointer, "parameter")] = _constant(value, pointer)
     return values
 
 
@@ -52,7 +44,7 @@ def _constant(value: str | int | float, pointer: str) -> ex.Expression:
         raise errors.InputError('the value of a parameter is not a number: write it as in "1/2".', pointer)
     text = value if isinstance(value, str) else repr(value) if isinstance(value, float) else _digits(value, pointer)
     try:
-        return reader.read_formula(text, Names(time=False))
+        return reader.read_formula(text, nm.Names(time=False))
     except errors.InputError as error:
         if error.declare:
             detail = 'the value of a parameter contains a name: write a number as in "1/2" or "2*pi", or use "where".'
@@ -136,7 +128,7 @@ class Declared:
 class Known:
     """The names of a document, and the substitutions for those that have a formula or a value."""
 
-    names: Names
+    names: nm.Names
     definitions: Mapping[ex.Expression, ex.Expression]
     values: Mapping[str, ex.Expression]
 
@@ -144,7 +136,7 @@ class Known:
         """The tree with definitions and values substituted; InputError if it then has no value."""
         return with_values(ex.substitute(tree, dict(self.definitions)) if self.definitions else tree, self.values)
 
-    def remaining(self) -> Names:
+    def remaining(self) -> nm.Names:
         """The names that can still occur after the substitution."""
         gone = {*self.values, *(node.name for node in self.definitions if isinstance(node, ex.Symbol))}
         parameters = tuple(name for name in self.names.parameters if name not in gone)
@@ -155,16 +147,16 @@ def known_names(
     declared: Declared, texts: Mapping[str, str], order: int = 2, keys: Sequence[str] = (), pairs: bool = False
 ) -> Known:
     """The names that the formulas of a document may use, and their substitutions; see `document_names`."""
-    where = {f"/where/{escaped(name)}": text for name, text in declared.where.items()}
+    where = {f"/where/{nm.escaped(name)}": text for name, text in declared.where.items()}
     names = document_names(declared, {**texts, **where}, order, keys, pairs)
     definitions = _definitions(declared.where, names)
     values = parameter_values(declared.named_parameters())
     return Known(replace(names, definitions=definitions), definitions, values)
 
 
-def _definitions(where: Mapping[str, str], names: Names) -> dict[ex.Expression, ex.Expression]:
+def _definitions(where: Mapping[str, str], names: nm.Names) -> dict[ex.Expression, ex.Expression]:
     """The formula of each name of `where`, free of such names; InputError for circular definitions."""
-    pointers = {declared_name(name, f"/where/{escaped(name)}"): f"/where/{escaped(name)}" for name in where}
+    pointers = {nm.declared_name(name, f"/where/{nm.escaped(name)}"): f"/where/{nm.escaped(name)}" for name in where}
     texts = dict(zip(pointers, where.values(), strict=False))
     found: dict[ex.Expression, ex.Expression] = {}
     name = ""
@@ -194,14 +186,14 @@ def _ordered(used: Mapping[str, set[str]]) -> list[str]:
     return list(done)
 
 
-def _names_in(text: str, names: Names) -> set[str]:
+def _names_in(text: str, names: nm.Names) -> set[str]:
     """The names in a formula."""
     return {names.spelling(token.text) for token in reader.read_tokens(text, names) if token.kind == "name"}
 
 
 def document_names(
     declared: Declared, texts: Mapping[str, str], order: int = 2, keys: Sequence[str] = (), pairs: bool = False
-) -> Names:
+) -> nm.Names:
     """The names that the formulas of a document may use; InputError with the pointer of an invalid one.
 
     `texts` are the formulas by their pointers, `order` is that of the derivative that makes a coordinate, and
@@ -211,16 +203,16 @@ def document_names(
     named = declared.named_parameters()
     keyed = isinstance(named, Mapping)
     parameters = tuple(
-        declared_name(parameter, f"/parameters/{escaped(parameter) if keyed else place}", "parameter")
+        nm.declared_name(parameter, f"/parameters/{nm.escaped(parameter) if keyed else place}", "parameter")
         for place, parameter in enumerate(bounded(list(named), "/parameters", "parameters", refusals.LIMITS.names))
     )
     functions = {
-        declared_name(key, f"/functions/{escaped(key)}", "function"): _arguments(key, words)
+        nm.declared_name(key, f"/functions/{nm.escaped(key)}", "function"): _arguments(key, words)
         for key, words in declared.functions.items()
     }
     bounded(list(declared.functions), "/functions", "functions", refusals.LIMITS.names)
-    defined = tuple(declared_name(name, f"/where/{escaped(name)}") for name in declared.where)
-    names = with_products(Names((), (*parameters, *defined), functions), declared, texts, order)
+    defined = tuple(nm.declared_name(name, f"/where/{nm.escaped(name)}") for name in declared.where)
+    names = with_products(nm.Names((), (*parameters, *defined), functions), declared, texts, order)
     names = replace(names, coordinates=_coordinates(declared, names, texts, order, keys))
     if declared.guesses:
         names = _with_guessed(texts, names)
@@ -230,7 +222,7 @@ def document_names(
     return replace(names, functions=_checked_functions(names, texts))
 
 
-def with_products(names: Names, declared: Declared, texts: Mapping[str, str], order: int = 2) -> Names:
+def with_products(names: nm.Names, declared: Declared, texts: Mapping[str, str], order: int = 2) -> nm.Names:
     """The names, including m and x'' in mx'' if undeclared names may be guessed."""
     if not declared.guesses:
         return names
@@ -246,7 +238,7 @@ def bounded(words: list[str], pointer: str, what: str, most: int) -> list[str]:
 
 
 def _arguments(function: str, words: Sequence[str]) -> tuple[str, ...]:
-    pointer = f"/functions/{escaped(function)}"
+    pointer = f"/functions/{nm.escaped(function)}"
     if isinstance(words, str) or not words:
         raise errors.InputError(
             f"the function {refusals.shorten(function)} has no list of arguments: name the coordinates it depends on, "
@@ -255,7 +247,7 @@ def _arguments(function: str, words: Sequence[str]) -> tuple[str, ...]:
         )
     bounded(list(words), pointer, "arguments", refusals.LIMITS.function_arguments)
     return tuple(
-        "t" if word == "t" else declared_name(_VELOCITY.sub(r"\1\2_dot", word), f"{pointer}/{place}", "argument")
+        "t" if word == "t" else nm.declared_name(_VELOCITY.sub(r"\1\2_dot", word), f"{pointer}/{place}", "argument")
         for place, word in enumerate(words)
     )
 
@@ -263,7 +255,7 @@ def _arguments(function: str, words: Sequence[str]) -> tuple[str, ...]:
 _VELOCITY = re.compile(r"\s*(?:\\dot\s*\{?\s*(\\?\w+)\s*\}?|(.+)')\s*")
 
 
-def _checked_functions(names: Names, texts: Mapping[str, str]) -> dict[str, tuple[str, ...]]:
+def _checked_functions(names: nm.Names, texts: Mapping[str, str]) -> dict[str, tuple[str, ...]]:
     """The functions of coordinates; a function of other names is refused if it occurs, and otherwise omitted."""
     foreign: dict[str, int] = {}
     for function, arguments in names.functions.items():
@@ -286,7 +278,7 @@ def _checked_functions(names: Names, texts: Mapping[str, str]) -> dict[str, tupl
     return {function: arguments for function, arguments in names.functions.items() if function not in foreign}
 
 
-def _always_called(function: str, text: str, names: Names) -> bool | None:
+def _always_called(function: str, text: str, names: nm.Names) -> bool | None:
     """Whether brackets with arguments follow the function wherever it occurs in a text; None where it does not."""
     try:
         tokens = reader.read_tokens(text, names)
@@ -305,12 +297,13 @@ def _always_called(function: str, text: str, names: Names) -> bool | None:
 
 
 def _coordinates(
-    declared: Declared, names: Names, texts: Mapping[str, str], order: int, keys: Sequence[str]
+    declared: Declared, names: nm.Names, texts: Mapping[str, str], order: int, keys: Sequence[str]
 ) -> tuple[str, ...]:
     if declared.coordinates is not None:
         pointer = "/coordinates"
         found = tuple(
-            declared_name(word, f"{pointer}/{place}", "coordinate") for place, word in enumerate(declared.coordinates)
+            nm.declared_name(word, f"{pointer}/{place}", "coordinate")
+            for place, word in enumerate(declared.coordinates)
         )
     else:
         pointer = "/equations" if order == 2 else "/lagrangian"
@@ -336,10 +329,10 @@ _SPELLED = {
 }
 
 
-def _nothing_moves(texts: Mapping[str, str], names: Names, order: int) -> errors.InputError | None:
+def _nothing_moves(texts: Mapping[str, str], names: nm.Names, order: int) -> errors.InputError | None:
     """The cause of missing coordinates: a declaration of the same name, or another spelling of derivatives; None for
     neither."""
-    for name in inferred_coordinates(texts, Names(), order):
+    for name in inferred_coordinates(texts, nm.Names(), order):
         known = names.spelling(name)
         derivatives = "two derivatives" if order == 2 else "a derivative"
         return errors.InputError(
@@ -363,7 +356,7 @@ _NO_VELOCITY = "the Lagrangian contains no velocity such as x': write kinetic mi
 _LONGEST_ARGUMENTS = 400
 
 
-def moving_products(texts: Mapping[str, str], declared: Names, order: int = 2) -> dict[str, tuple[str, ...]]:
+def moving_products(texts: Mapping[str, str], declared: nm.Names, order: int = 2) -> dict[str, tuple[str, ...]]:
     """The products among the runs of letters with primes: mx'' is m x''; also y y'' and L I'' without the space."""
     lines = [line for text in texts.values() if (line := _tokens(text, declared))]
     words = [(line[k].text, is_primed(line, k)) for line in lines for k in range(len(line)) if line[k].kind == "name"]
@@ -371,20 +364,20 @@ def moving_products(texts: Mapping[str, str], declared: Names, order: int = 2) -
     found: dict[str, tuple[str, ...]] = {}
     for line in lines:
         for name in moving_names(line, order):
-            if name in GREEK_NAMES or declared.role(declared.spelling(name)) or not name.replace("_", "").isalnum():
+            if name in nm.GREEK_NAMES or declared.role(declared.spelling(name)) or not name.replace("_", "").isalnum():
                 continue
             for cut in range(1, len(name)):
                 factor, moving = name[:cut], name[cut:]
-                single = len(moving) == 1 or moving in GREEK_NAMES or re.fullmatch("[A-Za-z]_?[0-9]", moving)
+                single = len(moving) == 1 or moving in nm.GREEK_NAMES or re.fullmatch("[A-Za-z]_?[0-9]", moving)
                 elsewhere = moving in alone | primed
                 if name in alone and (moving not in primed or known_words.is_momentum(name, (moving,))):
                     continue
-                mechanical = _FACTOR_OF_MOTION.fullmatch(factor) or factor in GREEK_NAMES
-                named = (known_words.looks_like_a_coordinate(moving) or moving in GREEK_NAMES) and mechanical
+                mechanical = _FACTOR_OF_MOTION.fullmatch(factor) or factor in nm.GREEK_NAMES
+                named = (known_words.looks_like_a_coordinate(moving) or moving in nm.GREEK_NAMES) and mechanical
                 plain = mechanical or (len(factor) < 3 and factor.isalpha() and not {*factor} & {*"dDeij"})
                 bending = len(factor) == 2 and factor.isupper() and known_words.looks_like_a_coordinate(moving)  # E I y
                 if single and moving != "t" and plain and (bending or elsewhere or named):
-                    factors = [factor] if factor in GREEK_NAMES else re.findall("[A-Za-z][0-9]?", factor)
+                    factors = [factor] if factor in nm.GREEK_NAMES else re.findall("[A-Za-z][0-9]?", factor)
                     found.setdefault(name, (*factors, moving))
     return found
 
@@ -400,7 +393,7 @@ def _refuse_products(tokens: Sequence[Token], products: Mapping[str, tuple[str, 
             )
 
 
-def inferred_coordinates(texts: Mapping[str, str], declared: Names, order: int = 2) -> tuple[str, ...]:
+def inferred_coordinates(texts: Mapping[str, str], declared: nm.Names, order: int = 2) -> tuple[str, ...]:
     """The names with this many time derivatives (x'', x_ddot, diff(x, t, 2), …), each once, in order.
 
     `texts` are given by their pointers; `declared` holds parameters and functions, which are not coordinates.
@@ -412,7 +405,7 @@ def inferred_coordinates(texts: Mapping[str, str], declared: Names, order: int =
             if not declared.guesses:
                 _refuse_products(tokens, moving_products({pointer: text}, declared, order))
         names = [name for name in moving_names(tokens, order) if declared.role(declared.spelling(name)) is None]
-        found.update(dict.fromkeys(declared_name(name, pointer, "coordinate") for name in names))
+        found.update(dict.fromkeys(nm.declared_name(name, pointer, "coordinate") for name in names))
     return tuple(found)
 
 
@@ -420,7 +413,7 @@ def inferred_coordinates(texts: Mapping[str, str], declared: Names, order: int =
 _FACTOR_OF_MOTION = re.compile("([mMIJLCRlrabckghqGQ][0-9]?){1,4}")
 
 
-def key_coordinate(key: str, names: Names, pointer: str) -> str:
+def key_coordinate(key: str, names: nm.Names, pointer: str) -> str:
     """The coordinate that a key x, x'', x_ddot or \\ddot{x} of `equations` means; InputError if there is none."""
     name = names.spelling(key_name(key, names))
     if name not in names.coordinates:
@@ -432,9 +425,9 @@ def key_coordinate(key: str, names: Names, pointer: str) -> str:
     return name
 
 
-def key_name(key: str, names: Names) -> str:
+def key_name(key: str, names: nm.Names) -> str:
     """The name in a key of `equations`, with or without two derivatives."""
-    pointer = f"/equations/{escaped(key)}"
+    pointer = f"/equations/{nm.escaped(key)}"
     if names.role(key):
         return key
     try:
@@ -444,7 +437,7 @@ def key_name(key: str, names: Names) -> str:
     accelerated = moving_names(tokens, 2)
     if len(accelerated) == 1 and all(token.kind == "prime" for token in tokens[1:]):
         return accelerated[0]
-    return declared_name(key, pointer, "coordinate")
+    return nm.declared_name(key, pointer, "coordinate")
 
 
 def moving_names(tokens: Sequence[Token], order: int) -> list[str]:
@@ -462,7 +455,7 @@ def _motions(tokens: Sequence[Token]) -> list[tuple[str, int]]:
         if token.kind != "name":
             continue
         primes, after = _primes(tokens[place:])
-        if token.text in DERIVATIVE_NAMES:
+        if token.text in nm.DERIVATIVE_NAMES:
             inner, length = _differentiated(tokens[place : place + _LONGEST_ARGUMENTS])
             found += inner
             place += length
@@ -477,7 +470,7 @@ def _multiplies_a_sum(name: Token, after: Sequence[Token]) -> bool:
     """Whether the brackets after the primes are a factor: x''(1 + x^2), r'' (M + m); V''(x - y) is a function."""
     opening = next(place for place, token in enumerate(after) if token.kind != "prime")
     inside = after[opening + 2 : closing(after, opening)]
-    plain = known_words.looks_like_a_coordinate(name.text) or name.text in GREEK_NAMES
+    plain = known_words.looks_like_a_coordinate(name.text) or name.text in nm.GREEK_NAMES
     return plain and any(token.is_operator("+", "-") for token in inside)
 
 
@@ -525,12 +518,12 @@ def is_primed(line: Sequence[Token], place: int) -> bool:
 # Refused as functions or as numbers, so a guess would not make them parameters either.
 NEVER_GUESSED = (
     known_words.RESERVED
-    | FUNCTIONS
+    | nm.FUNCTIONS
     | known_words.REFUSED.keys()
     | {"e", "E", "Pi"}
     | (known_words.REFUSED_UNLESS_DECLARED.keys() - {"I", "gamma", "Gamma", "zeta", *known_words.MAY_BE_CONSTANTS})
 )
-CALLED_LETTERS = FUNCTION_LETTERS | {"g", "G", "phi", "Phi", "psi", "Psi", "P", "Q"}
+CALLED_LETTERS = nm.FUNCTION_LETTERS | {"g", "G", "phi", "Phi", "psi", "Psi", "P", "Q"}
 # As functions of t these are usually impulses and steps.
 Call = tuple[str, tuple[str, ...]]  # a name with the names in the brackets after it
 _PROGRAMS = re.compile(r"\b(?:Eq|diff|Derivative|Mul|Add)\s*\(|\[")  # where E is Euler's number
@@ -549,7 +542,7 @@ class Guess:
 _MOST_ROUNDS = 4  # a run that is split may contain a name that splits others
 
 
-def _with_guessed(texts: Mapping[str, str], declared: Names) -> Names:
+def _with_guessed(texts: Mapping[str, str], declared: nm.Names) -> nm.Names:
     """The names with the undeclared ones that the texts use; InputError as in `_guessed`.
 
     An unmatched bracket is reported before a suspect name, because it may change the interpretation.
@@ -571,7 +564,7 @@ def _with_guessed(texts: Mapping[str, str], declared: Names) -> Names:
         raise
 
 
-def _guessed(texts: Mapping[str, str], declared: Names) -> Guess:
+def _guessed(texts: Mapping[str, str], declared: nm.Names) -> Guess:
     """The undeclared names other than coordinates in the texts, which are given by their pointers.
 
     A text that cannot be tokenized adds nothing: its error is reported when it is read. InputError, with what may
@@ -639,10 +632,10 @@ def _guessed(texts: Mapping[str, str], declared: Names) -> Guess:
     for name, arguments in slopes.items():
         found_functions.setdefault(name, arguments)
     guessed = {name: at for name, at in found_parameters.items() if name not in found_functions}
-    _ask_back(called, Names(coordinates, (), {**declared.functions, **found_functions}))
-    known_names = Names(coordinates, declared.parameters, {**declared.functions, **found_functions})
+    _ask_back(called, nm.Names(coordinates, (), {**declared.functions, **found_functions}))
+    known_names = nm.Names(coordinates, declared.parameters, {**declared.functions, **found_functions})
     held = [token.text for pointer, line in lines.items() if pointer.startswith("/constraints") for token in line]
-    rolls = "r" in held and GREEK_NAMES & {*coordinates}  # then r is the radius of a wheel
+    rolls = "r" in held and nm.GREEK_NAMES & {*coordinates}  # then r is the radius of a wheel
     splits |= _ask_back({name: at for name, at in guessed.items() if name != "r" or not rolls}, known_names, raised)
     return Guess(tuple(name for name in guessed if name not in splits), found_functions, splits)
 
@@ -657,7 +650,7 @@ def _product_or_function(line: Sequence[Token], place: int, argument: str, text:
     return refusals.refusal(f"{what} a product or a function", name.column, instead, both if plain else (), span)
 
 
-def _slopes(lines: Iterable[Sequence[Token]], declared: Names) -> dict[str, tuple[str, ...]]:
+def _slopes(lines: Iterable[Sequence[Token]], declared: nm.Names) -> dict[str, tuple[str, ...]]:
     """An undeclared V as a function of all coordinates if its derivatives by all occur, of r if only dV/dr does.
 
     A potential U or V depends on no momenta.
@@ -667,7 +660,7 @@ def _slopes(lines: Iterable[Sequence[Token]], declared: Names) -> dict[str, tupl
     for line in lines:
         for place in range(len(line) - 4):
             called, opening, name, *rest = line[place : place + 5]
-            if called.text not in DERIVATIVE_NAMES or not opening.is_operator("(") or name.kind != "name":
+            if called.text not in nm.DERIVATIVE_NAMES or not opening.is_operator("(") or name.kind != "name":
                 continue
             by = [token.text for token in line[place + 3 : closing(line, place + 1)] if not token.is_operator(",")]
             if rest[0].is_operator(",") and by and {*by} <= {*declared.coordinates} and not declared.role(name.text):
@@ -689,7 +682,7 @@ def _is_one_of_many(name: str, coordinates: Sequence[str]) -> bool:
     stems = {re.sub("_?[0-9]+$", "", coordinate) for coordinate in coordinates}
     if numbered is None or numbered[1] not in stems:
         return False
-    return known_words.looks_like_a_coordinate(numbered[1]) or numbered[1] in GREEK_NAMES
+    return known_words.looks_like_a_coordinate(numbered[1]) or numbered[1] in nm.GREEK_NAMES
 
 
 def _takes_argument(line: Sequence[Token], place: int) -> bool:
@@ -702,7 +695,7 @@ def _takes_argument(line: Sequence[Token], place: int) -> bool:
 _COMPONENTS = frozenset("ABEFJPVpv")  # Fx and Fy are usually two components
 
 
-def _called_with(line: Sequence[Token], place: int, declared: Names) -> int:
+def _called_with(line: Sequence[Token], place: int, declared: nm.Names) -> int:
     """The number of arguments of an undeclared F in F(x*y), F(x, x') or f(y/x); 0 if it may be a factor."""
     opening = place + 1
     opening = after_primes(line, opening)
@@ -720,14 +713,14 @@ def _called_with(line: Sequence[Token], place: int, declared: Names) -> int:
 
 
 def _ask_back(
-    guessed: Mapping[str, tuple[str, Token]], names: Names, raised: Mapping[str, bool] | None = None
+    guessed: Mapping[str, tuple[str, Token]], names: nm.Names, raised: Mapping[str, bool] | None = None
 ) -> dict[str, tuple[str, ...]]:
     """The runs of letters that are clearly products; InputError for the first name that may not be a constant."""
     words = [name for name in guessed if 1 < len(name) < 4 and name.isalpha() and name[0] != "d"]
     shared = {letter for first, second in itertools.combinations(words, 2) for letter in {*first} & {*second}}
     plain = [name for name in guessed if re.fullmatch("[A-Za-z][0-9]*", name)]
     letters = (*plain, *shared)  # ml and mgl are products
-    together = Names(names.coordinates, (*names.parameters, *letters), names.functions)
+    together = nm.Names(names.coordinates, (*names.parameters, *letters), names.functions)
     seen: dict[str, str] = {}
     splits: dict[str, tuple[str, ...]] = {}
     ends: dict[str, set[str]] = {}  # by its first letter, the coordinates that Fx and Fy end in
@@ -813,7 +806,11 @@ def _refuse_operators(
         instead = "a transpose? write components"
         raise refusals.refusal("a raised T occurs", token.column, instead, declare="parameters").at(pointer)
     around = [other.text for other in line[place + 1 : place + 3]]
-    by = around[1] if len(before) == 2 and before[0] in DERIVATIVE_NAMES and around[:1] == [","] and around[1:] else ""
+    by = (
+        around[1]
+        if len(before) == 2 and before[0] in nm.DERIVATIVE_NAMES and around[:1] == [","] and around[1:]
+        else ""
+    )
     if by in coordinates and token.text not in slopes:
         meant = f"diff({token.text}({by}), {by})"
         what, called = f"a derivative of {token.text} by {by} occurs", (f"{token.text}({by})",)
@@ -884,11 +881,13 @@ def _half_a_number(line: Sequence[Token], place: int) -> errors.InputError | Non
 def _is_apart(line: Sequence[Token], place: int) -> bool:
     """Whether this is k (x), which may be k*x; f (x) and V (x) are usually functions."""
     return (
-        line[place].text not in FUNCTION_LETTERS and line[place + 1].is_operator("(") and line[place + 1].space_before
+        line[place].text not in nm.FUNCTION_LETTERS
+        and line[place + 1].is_operator("(")
+        and line[place + 1].space_before
     )
 
 
-def _tokens(text: str, declared: Names) -> list[Token]:
+def _tokens(text: str, declared: nm.Names) -> list[Token]:
     try:
         return reader.read_tokens(text, declared)
     except errors.InputError:
@@ -897,7 +896,7 @@ def _tokens(text: str, declared: Names) -> list[Token]:
 
 def _looks_like_a_function(name: str) -> bool:
     """Whether the name may be a known function, such as a mistyped sqrt, acot or gamma; then it is not guessed."""
-    is_word = re.match("[A-Za-z]{3}", name) is not None and name not in GREEK_NAMES
+    is_word = re.match("[A-Za-z]{3}", name) is not None and name not in nm.GREEK_NAMES
     return is_word or {name, name.replace("_", "")} & known_words.REFUSED_UNLESS_DECLARED.keys() != set()
 
 
@@ -921,7 +920,7 @@ def _may_depend_on_time(name: str) -> bool:
 
 def _may_be_called(line: Sequence[Token], place: int) -> bool:
     """Whether this is f (x - y), which looks like a function rather than a factor, so the writer is asked."""
-    return line[place].text in FUNCTION_LETTERS and at(line, place + 1).is_operator("(")
+    return line[place].text in nm.FUNCTION_LETTERS and at(line, place + 1).is_operator("(")
 
 
 def _after_power_of_time(line: Sequence[Token], place: int) -> int:

@@ -12,16 +12,8 @@ from inverse_service.errors import InputError
 from inverse_service.expressions.letters import DOTS, GREEK, LETTER_COMMANDS, SCRIPT_L, SPACES, SUBSCRIPTS
 from inverse_service.expressions.refusals import LIMITS, at_most, refusal, shorten
 from inverse_service.reading import components
+from inverse_service.reading import names as nm
 from inverse_service.reading import tokens as plain
-from inverse_service.reading.names import (
-    DERIVATIVE_NAMES,
-    FUNCTION_LETTERS,
-    FUNCTIONS,
-    REFUSED,
-    Names,
-    Role,
-    refused,
-)
 from inverse_service.reading.tokens import FACTOR, FRACTION, PARTIAL, TOTAL, Token, Tokens, TokenStream
 
 _ROW_SPACE = re.compile(r"\s*\[\s*-?[0-9.]+\s*(pt|pc|em|ex|mm|cm|in|jot|\\jot)\s*\]")
@@ -195,7 +187,7 @@ def _conditions(text: str) -> dict[int, tuple[Tokens, int]]:
     return found
 
 
-def role_before(tokens: Sequence[Token], names: Names) -> Role | None:
+def role_before(tokens: Sequence[Token], names: nm.Names) -> nm.Role | None:
     """The role of the last name, in x as in x' and x^{2}; None for anything else."""
     place = _before_power(tokens)
     while place >= 0 and tokens[place].kind == "prime":
@@ -224,7 +216,7 @@ OTHER_LETTERS = dict.fromkeys(
     _OTHER_LETTER,
 )
 MARKED = VECTORS | OTHER_LETTERS
-_WORDS = FUNCTIONS | DERIVATIVE_NAMES | REFUSED.keys()
+_WORDS = nm.FUNCTIONS | nm.DERIVATIVE_NAMES | nm.REFUSED.keys()
 
 _FRACTIONS = ("frac", "tfrac", "dfrac", "cfrac")
 _PRODUCTS = {"cdot": "*", "times": "*", "ast": "*", "div": "/", "lbrace": "(", "rbrace": ")", "{": "(", "}": ")"}
@@ -259,7 +251,7 @@ class LatexTranslator:
 
     __slots__ = ("_names", "_raw", "_tokens")
 
-    def __init__(self, raw: TokenStream, names: Names) -> None:
+    def __init__(self, raw: TokenStream, names: nm.Names) -> None:
         self._raw = raw
         self._names = names
         self._tokens: Tokens = []
@@ -299,7 +291,7 @@ class LatexTranslator:
             if self._raw.ahead.is_operator("^") and self._tokens[-1].kind != "prime":
                 raise refusal("a second power occurs", self._raw.ahead.column, "write x^{a^b} or (x^a)^b")
         elif raw.is_operator("("):
-            called = bool(self._tokens) and self._tokens[-1].text in FUNCTION_LETTERS
+            called = bool(self._tokens) and self._tokens[-1].text in nm.FUNCTION_LETTERS
             self._emit("(", raw, space=raw.space_before or (not called and self._holds_a_sum()))
         elif raw.is_operator(*"+-*/)=,;|&!", *plain.COMPARED, "true"):
             self._tokens.append(raw)
@@ -350,7 +342,7 @@ class LatexTranslator:
             self._root(raw)
         elif name in ("dot", "ddot"):
             self._dot(raw, 1 if name == "dot" else 2)
-        elif name in FUNCTIONS:
+        elif name in nm.FUNCTIONS:
             self._function(name, raw)
         elif name in FONTS:
             self._font(raw)
@@ -368,8 +360,8 @@ class LatexTranslator:
             self._emit(";", raw)
         else:
             what, instead = f"the command \\{shorten(name)} is not accepted", MARKED.get(name) or _REASONS.get(name)
-            if not instead and name in REFUSED:
-                raise refused(what, REFUSED[name], raw.column)
+            if not instead and name in nm.REFUSED:
+                raise nm.refused(what, nm.REFUSED[name], raw.column)
             raise refusal(what, raw.column, instead or "write the formula without it")
 
     def _partial(self, raw: Token) -> None:
@@ -440,7 +432,7 @@ class LatexTranslator:
                 self._one()
         closing = self._raw.take()
         inner = self._tokens[start:]
-        after_function = start > 0 and self._tokens[start - 1].text in FUNCTIONS
+        after_function = start > 0 and self._tokens[start - 1].text in nm.FUNCTIONS
         if len(inner) == 1 and inner[0].is_operator(","):
             return  # 0{,}5
         is_name = bool(inner) and inner[0].kind == "name" and all(token.kind == "prime" for token in inner[1:])
@@ -544,7 +536,7 @@ class LatexTranslator:
         r"""\omega^2_0 as \omega_0^2: TeX sets both orders alike; takes nothing if no subscript follows."""
         start, length = self._raw.position, len(self._tokens)
         last = self._tokens[-1] if self._tokens else None
-        if last is None or last.kind != "name" or "_" in last.text or last.text in FUNCTIONS:
+        if last is None or last.kind != "name" or "_" in last.text or last.text in nm.FUNCTIONS:
             return False
         raw = self._raw.ahead
         group = self._raw.take_group()
@@ -694,6 +686,6 @@ def _is_prime(raw: Token) -> bool:
     return raw.is_command("prime") or raw.kind == "prime"
 
 
-def tokenize(text: str, names: Names | None = None) -> Tokens:
+def tokenize(text: str, names: nm.Names | None = None) -> Tokens:
     """The tokens of a LaTeX formula; without `names` every letter is a separate name."""
-    return LatexTranslator(scan(text), names or Names()).all()
+    return LatexTranslator(scan(text), names or nm.Names()).all()

@@ -26,17 +26,7 @@ from inverse_service import errors
 from inverse_service.expressions import derivative, refusals
 from inverse_service.expressions import tree as ex
 from inverse_service.expressions.pieces import either, piecewise, step
-from inverse_service.reading.names import (
-    DERIVATIVE_NAMES,
-    FUNCTIONS,
-    GREEK_NAMES,
-    MAY_BE_FUNCTIONS,
-    PIECEWISE,
-    Names,
-    Role,
-    call,
-    unknown_name,
-)
+from inverse_service.reading import names as nm
 from inverse_service.reading.tokens import END, Token, TokenStream, outside, unexpected
 
 _BITS_PER_DIGIT = 3.3219280948873626
@@ -153,7 +143,7 @@ class Variable:
     column: int
 
 
-def carry_out(expression: ex.Expression, variables: Sequence[Variable], names: Names) -> ex.Expression:
+def carry_out(expression: ex.Expression, variables: Sequence[Variable], names: nm.Names) -> ex.Expression:
     """The derivative: along the motion (x -> x' -> x'') if the variable is t, otherwise partial."""
     order = sum(variable.times for variable in variables)
     refusals.at_most(order, refusals.LIMITS.derivative_order, "a derivative is too high", variables[0].column)
@@ -164,7 +154,7 @@ def carry_out(expression: ex.Expression, variables: Sequence[Variable], names: N
     return expression
 
 
-def _defined(expression: ex.Expression, variables: Sequence[Variable], names: Names) -> ex.Expression:
+def _defined(expression: ex.Expression, variables: Sequence[Variable], names: nm.Names) -> ex.Expression:
     """The operand with the formulas of its names substituted; InputError for the derivative of a constant."""
     for variable in variables:
         if isinstance(variable.node, ex.Symbol) and variable.node in names.definitions:
@@ -177,7 +167,7 @@ def _defined(expression: ex.Expression, variables: Sequence[Variable], names: Na
     return ex.substitute(expression, dict(names.definitions)) if names.definitions else expression
 
 
-def _once(expression: ex.Expression, variable: Variable, names: Names) -> ex.Expression:
+def _once(expression: ex.Expression, variable: Variable, names: nm.Names) -> ex.Expression:
     nodes = ex.node_count(expression)
     refusals.at_most(
         nodes, refusals.LIMITS.derivative_nodes, "the formula to differentiate is too large", variable.column
@@ -200,7 +190,7 @@ def _refuse_two_meanings(function: ex.Arbitrary, column: int) -> None:
     raise refusals.refusal(what, column, f"write {partial} for the partial one, and with the other terms for the other")
 
 
-def _along_motion(expression: ex.Expression, variable: Variable, names: Names) -> ex.Expression:
+def _along_motion(expression: ex.Expression, variable: Variable, names: nm.Names) -> ex.Expression:
     try:
         return derivative.differentiate_in_time(expression, names.coordinates)
     except ValueError:
@@ -219,7 +209,7 @@ class FormulaParser:
 
     __slots__ = ("_bars", "_names", "_stream")
 
-    def __init__(self, stream: TokenStream, names: Names) -> None:
+    def __init__(self, stream: TokenStream, names: nm.Names) -> None:
         self._stream = stream
         self._names = names
         self._bars = 0
@@ -299,7 +289,7 @@ class FormulaParser:
             return True
         if not ahead.space_before:
             return False
-        if (name in FUNCTIONS or name in DERIVATIVE_NAMES) and role is None:
+        if (name in nm.FUNCTIONS or name in nm.DERIVATIVE_NAMES) and role is None:
             return True
         below = [stream.look(place - stream.position) for place in range(slash, stream.position)]
         if below[-1].is_operator(")") and below[0].kind in ("name", "operator"):
@@ -309,7 +299,7 @@ class FormulaParser:
         numbers = all(token.kind == "number" or token.is_operator("*", "(", ")", "^") for token in above)
         return len(below) == 1 and below[0].kind == "number" and (numbers or moves or ahead.is_operator("("))
 
-    def _is_half(self, start: int, slash: int, role: Role | None) -> bool:
+    def _is_half(self, start: int, slash: int, role: nm.Role | None) -> bool:
         """Whether this is 1/2m, 1/2x'^2 or m/2(x'^2 + y'^2) in a Lagrangian; 1/2r^2 may be 1/(2 r^2)."""
         stream, ahead = self._stream, self._stream.ahead
         over, under = stream.source(start, slash - 1), stream.source(slash, stream.position)
@@ -406,7 +396,7 @@ class FormulaParser:
         if token.kind == "name":
             return self._name(token)
         if token.is_operator("|"):
-            return call("abs", self._until(token, "|", 1), token.column)
+            return nm.call("abs", self._until(token, "|", 1), token.column)
         if not token.is_operator("("):
             raise unexpected(token, _OPERAND)
         return self._until(token, ")", 1)[0]
@@ -495,12 +485,12 @@ class FormulaParser:
         return ex.multiply(*found)
 
     def _elementary(self, token: Token) -> ex.Expression:
-        if token.text in PIECEWISE:
+        if token.text in nm.PIECEWISE:
             return self._piecewise(token)
         exponent = self._function_power(token)
         if (opening := self._stream.ahead).is_operator("("):
             group, start = self._stream.group(), self._stream.position
-            result = call(token.text, self._arguments(), token.column)
+            result = nm.call(token.text, self._arguments(), token.column)
             if self._stream.ahead.text == "t" and token.text in _OF_ANGLES and _is_frequency(group):
                 inside = self._stream.source(start, self._stream.position)
                 inner = inside if len(group) > 2 else inside[1:-1]
@@ -509,7 +499,7 @@ class FormulaParser:
                 span = (token.column, self._stream.look(1).column)
                 raise refusals.refusal(said, opening.column, f"write {meant[0]} or {meant[1]}", meant, span)
         else:
-            result = call(token.text, [self._bare_argument(token)], token.column)
+            result = nm.call(token.text, [self._bare_argument(token)], token.column)
         return raised(result, exponent, token.column) if exponent else result
 
     def _function_power(self, token: Token) -> ex.Expression | None:
@@ -533,7 +523,7 @@ class FormulaParser:
         with suppress(errors.InputError):
             self._factor()
         argument = stream.source(place, stream.position)
-        if not argument or sign or not is_one or f"a{name}" not in FUNCTIONS:
+        if not argument or sign or not is_one or f"a{name}" not in nm.FUNCTIONS:
             return refusals.refusal(*said)
         called = argument if argument.startswith("(") else f"({argument})"
         return refusals.refusal(
@@ -573,10 +563,10 @@ class FormulaParser:
         first = stream.look(start - stream.position)
         if stream.position != start + 1 or (first.kind == "name" and not self._is_constant(first)):
             return 0
-        latin, glued = first.kind == "name" and first.text not in GREEK_NAMES, True
+        latin, glued = first.kind == "name" and first.text not in nm.GREEK_NAMES, True
         for place in itertools.count():
             token = stream.look(place)
-            plain = token.kind == "name" and token.text not in FUNCTIONS and stream.look(place + 1).kind != "prime"
+            plain = token.kind == "name" and token.text not in nm.FUNCTIONS and stream.look(place + 1).kind != "prime"
             if not plain or stream.look(place + 1).is_operator("^"):
                 return 0
             glued = glued and not token.space_before
@@ -587,7 +577,7 @@ class FormulaParser:
                 return place + 1 if glued or latin else 0
             if not self._is_constant(token):
                 return 0
-            latin = latin and token.text not in GREEK_NAMES
+            latin = latin and token.text not in nm.GREEK_NAMES
         return 0
 
     def _is_constant(self, token: Token) -> bool:
@@ -631,7 +621,7 @@ class FormulaParser:
         if self._names.role(name) == "coordinate":
             return self._stream.look(1).kind == "prime"
         undeclared = self._names.role(name) is None
-        return undeclared and (name in FUNCTIONS or self._names.derivative(name) is not None)
+        return undeclared and (name in nm.FUNCTIONS or self._names.derivative(name) is not None)
 
     def _name(self, token: Token) -> ex.Expression:
         name = self._names.spelling(token.text)
@@ -642,9 +632,9 @@ class FormulaParser:
                 return self._single(ex.Symbol(name), token)
             case "function":
                 return self._arbitrary(name, token)
-        if name in DERIVATIVE_NAMES:
+        if name in nm.DERIVATIVE_NAMES:
             return self._derivative(token)
-        if name in FUNCTIONS:
+        if name in nm.FUNCTIONS:
             return self._elementary(token)
         return self._constant(name, token)
 
@@ -660,7 +650,7 @@ class FormulaParser:
         dotted = self._names.derivative(name)
         if dotted:
             return self._coordinate(*dotted, token)
-        raise unknown_name(token.text, self._names, token.column, self._stream.ahead.text)
+        raise nm.unknown_name(token.text, self._names, token.column, self._stream.ahead.text)
 
     def _euler(self, token: Token) -> ex.Expression:
         """exp(1) if it is raised to a formula; a charge e, or its square, is not Euler's number."""
@@ -703,14 +693,14 @@ class FormulaParser:
         """Whether the bracket after a name is clearly a factor: mu(1 - x^2), R(cos phi), J(x')^2."""
         group = self._stream.group()
         parts = [part for place, part in outside(group[1:]) if place]
-        sums = self._stream.look(1).text in FUNCTIONS or any(
+        sums = self._stream.look(1).text in nm.FUNCTIONS or any(
             part.is_operator("+", "-") or part.kind == "prime" for part in parts
         )
         if any(part.is_operator(",") or part.text == "t" != token.text for part in group):
             return False
         closed = len(group) < self._stream.left
         moves = self._names.role(self._names.spelling(token.text)) == "coordinate"
-        return closed and sums and (moves or token.text not in MAY_BE_FUNCTIONS)
+        return closed and sums and (moves or token.text not in nm.MAY_BE_FUNCTIONS)
 
     def _coordinate(self, name: str, order: int, token: Token) -> ex.Expression:
         order += self._primes()
@@ -869,7 +859,7 @@ class FormulaParser:
         dotted = self._names.derivative(name)
         if dotted:
             return self._coordinate(*dotted, token)
-        raise unknown_name(token.text, self._names, token.column)
+        raise nm.unknown_name(token.text, self._names, token.column)
 
 
 _OPERAND = "a number, a name or '('"
@@ -886,7 +876,7 @@ def _starts_factor(token: Token) -> bool:
     return token.kind in ("number", "name") or token.is_operator("(")
 
 
-def parse_tokens(tokens: list[Token], end_column: int, names: Names) -> ex.Expression:
+def parse_tokens(tokens: list[Token], end_column: int, names: nm.Names) -> ex.Expression:
     """The formula that the tokens spell; errors about a missing end give `end_column`."""
     try:
         return FormulaParser(TokenStream(tokens, end_column), names).formula()

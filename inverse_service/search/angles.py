@@ -10,25 +10,13 @@ from fractions import Fraction
 from functools import lru_cache
 
 from inverse_service.expressions import tree as ex
-from inverse_service.search.terms import (
-    Monomial,
-    Terms,
-    TooManyTerms,
-    add_terms,
-    monomial,
-    monomial_tree,
-    multiply_terms,
-    split_content,
-    terms_of,
-    times,
-    tree_of,
-)
+from inverse_service.search import terms as tm
 
 # Powers of one function that are written by multiple angles.
 _POWERS = 4
 
 
-def shortest(terms: Terms) -> Terms:
+def shortest(terms: tm.Terms) -> tm.Terms:
     """The form with the fewest terms; the given one where there are as many."""
     best = terms
     try:
@@ -38,71 +26,71 @@ def shortest(terms: Terms) -> Terms:
         for argument in dict.fromkeys(_arguments(terms)):
             other = _with_sines(best, argument)
             best = other if _length(other) < _length(best) else best
-    except TooManyTerms:
+    except tm.TooManyTerms:
         return best
     return waves if _length(waves) < _length(best) else best
 
 
-def _length(terms: Terms) -> tuple[int, int]:
+def _length(terms: tm.Terms) -> tuple[int, int]:
     return len(terms), sum(len(key) for key in terms)
 
 
-def _arguments(terms: Terms) -> list[ex.Expression]:
+def _arguments(terms: tm.Terms) -> list[ex.Expression]:
     return [p.argument for key in terms for p, _ in key if isinstance(p, ex.Apply) and p.function in ("sin", "cos")]
 
 
-def _with_sines(terms: Terms, argument: ex.Expression) -> Terms:
+def _with_sines(terms: tm.Terms, argument: ex.Expression) -> tm.Terms:
     """cos^2 replaced by 1 - sin^2 in one angle."""
     cosine, sine = ex.Apply("cos", argument), ex.Apply("sin", argument)
-    result: Terms = {}
+    result: tm.Terms = {}
     for key, value in terms.items():
-        part: Terms = {key: value}
+        part: tm.Terms = {key: value}
         e = dict(key).get(cosine, Fraction(0))
         if e.denominator == 1 and e >= 2:
             half = int(e) // 2
-            part = {times(key, monomial(cosine), -2 * half): value}
+            part = {tm.times(key, tm.monomial(cosine), -2 * half): value}
             for _ in range(half):
-                part = multiply_terms(
-                    part, {frozenset(): Fraction(1), times(frozenset(), monomial(sine), 2): Fraction(-1)}
+                part = tm.multiply_terms(
+                    part, {frozenset(): Fraction(1), tm.times(frozenset(), tm.monomial(sine), 2): Fraction(-1)}
                 )
         for other, c in part.items():
             _add(result, other, c)
     return {key: value for key, value in result.items() if value}
 
 
-def _halved(waves: Terms) -> Terms:
+def _halved(waves: tm.Terms) -> tm.Terms:
     """cos 2u as 1 - 2 sin^2 u or 2 cos^2 u - 1 for each u where that has fewer terms."""
     for double in dict.fromkeys(p for key in waves for p, _ in key if isinstance(p, ex.Apply) and p.function == "cos"):
-        halves = {key: value / 2 for key, value in terms_of(double.argument).items()}
+        halves = {key: value / 2 for key, value in tm.terms_of(double.argument).items()}
         if any(value.denominator > 1 for value in halves.values()):
             continue
         for name, unit in (("sin", 1), ("cos", -1)):
-            square = times(frozenset(), monomial(ex.Apply(name, tree_of(halves))), 2)
-            held: Terms = {key: value for key, value in waves.items() if (double, Fraction(1)) in key}
-            other = add_terms(waves, held, -1)
+            square = tm.times(frozenset(), tm.monomial(ex.Apply(name, tm.tree_of(halves))), 2)
+            held: tm.Terms = {key: value for key, value in waves.items() if (double, Fraction(1)) in key}
+            other = tm.add_terms(waves, held, -1)
             for extra, factor in ((frozenset(), unit), (square, -2 * unit)):
-                rest = {times(key - {(double, Fraction(1))}, extra): value for key, value in held.items()}
-                other = add_terms(other, rest, factor)
+                rest = {tm.times(key - {(double, Fraction(1))}, extra): value for key, value in held.items()}
+                other = tm.add_terms(other, rest, factor)
             waves = other if _length(other) < _length(waves) else waves
     return waves
 
 
-def by_multiple_angles(terms: Terms) -> Terms:
+def by_multiple_angles(terms: tm.Terms) -> tm.Terms:
     """Products of sines and cosines as sums of those of sums of angles."""
-    result: Terms = {}
+    result: tm.Terms = {}
     for key, value in terms.items():
-        circular: Monomial = frozenset(
+        circular: tm.Monomial = frozenset(
             (p, e)
             for p, e in key
             if isinstance(p, ex.Apply) and p.function in ("sin", "cos") and e.denominator == 1 and 0 < e <= _POWERS
         )
         for letter, factor in _in_waves(circular):
-            _add(result, times(key - circular, letter), factor * value)
+            _add(result, tm.times(key - circular, letter), factor * value)
     return {key: value for key, value in result.items() if value}
 
 
 @lru_cache(maxsize=1024)
-def _in_waves(circular: Monomial) -> tuple[tuple[Monomial, Fraction], ...]:
+def _in_waves(circular: tm.Monomial) -> tuple[tuple[tm.Monomial, Fraction], ...]:
     """The terms of a product of sines and cosines: cos u cos w = (cos(u - w) + cos(u + w))/2 and the like."""
     functions = sorted((p for p, _ in circular if isinstance(p, ex.Apply)), key=repr)
     angles = list(dict.fromkeys(p.argument for p in functions))
@@ -119,21 +107,21 @@ def _in_waves(circular: Monomial) -> tuple[tuple[Monomial, Fraction], ...]:
                     wave = "cos" if same else "sin", (*turns[:place], turns[place] + turn, *turns[place + 1 :])
                     product[wave] = product.get(wave, Fraction(0)) + (-half if odd else half)
             waves = product
-    result: Terms = {}
-    sums = [terms_of(angle) for angle in angles]
+    result: tm.Terms = {}
+    sums = [tm.terms_of(angle) for angle in angles]
     for (name, turns), factor in waves.items():
-        argument: Terms = {}
+        argument: tm.Terms = {}
         for turn, angle in zip(turns, sums, strict=True):
-            argument = add_terms(argument, angle, turn) if turn else argument
+            argument = tm.add_terms(argument, angle, turn) if turn else argument
         if argument:
-            ((letter, sign),) = terms_of(ex.Apply(name, tree_of(argument))).items()
+            ((letter, sign),) = tm.terms_of(ex.Apply(name, tm.tree_of(argument))).items()
             _add(result, letter, sign * factor)
         elif name == "cos":
             _add(result, frozenset(), factor)
     return tuple(result.items())
 
 
-def _add(terms: Terms, key: Monomial, value: Fraction) -> None:
+def _add(terms: tm.Terms, key: tm.Monomial, value: Fraction) -> None:
     terms[key] = terms.get(key, Fraction(0)) + value
 
 
@@ -147,26 +135,26 @@ def with_sums_of_angles(tree: ex.Expression) -> ex.Expression:
     if not isinstance(tree, ex.Sum):
         return tree
     try:
-        terms = terms_of(tree)
+        terms = tm.terms_of(tree)
         short = shortest(terms) if len(set(_arguments(terms))) > 1 else terms
-        forms = [tree, tree_of(short), _by_letters(short)]
-    except TooManyTerms:
+        forms = [tree, tm.tree_of(short), _by_letters(short)]
+    except tm.TooManyTerms:
         return tree
     return min(forms, key=ex.node_count)
 
 
-def _by_letters(terms: Terms) -> ex.Expression:
+def _by_letters(terms: tm.Terms) -> ex.Expression:
     """The sum over products of functions and velocities; the common factors of each coefficient are factored out."""
-    groups: dict[Monomial, Terms] = {}
+    groups: dict[tm.Monomial, tm.Terms] = {}
     for key, value in terms.items():
-        outer: Monomial = frozenset(item for item in key if not isinstance(item[0], ex.Symbol))
+        outer: tm.Monomial = frozenset(item for item in key if not isinstance(item[0], ex.Symbol))
         groups.setdefault(outer, {})[key - outer] = value
     parts = []
     for outer, inner in groups.items():
-        content, common, rest = split_content(inner)
+        content, common, rest = tm.split_content(inner)
         if len(inner) > 1 and all(value < 0 for value in inner.values()):
             content, rest = -content, ex.negated(rest)
-        parts.append(content * monomial_tree(common) * rest * monomial_tree(outer))
+        parts.append(content * tm.monomial_tree(common) * rest * tm.monomial_tree(outer))
     return ex.add(*parts)
 
 

@@ -23,50 +23,41 @@ from inverse_service.expressions import tree as ex
 from inverse_service.field import null_vectors, tower
 from inverse_service.field.point import SingularPoint, evaluate
 from inverse_service.search import ansatz
+from inverse_service.search import terms as tm
 from inverse_service.search.gradients import Integrator
 from inverse_service.search.material import (
     Material,
     integrating_candidates,
     moving_letters,
 )
-from inverse_service.search.terms import (
-    EMPTY,
-    Monomial,
-    Terms,
-    TooManyTerms,
-    monomial,
-    monomial_tree,
-    rank,
-    times,
-)
 
 
-def integrating_factor(material: Material, c: Terms, variable: ex.Symbol) -> Monomial | None:
+def integrating_factor(material: Material, c: tm.Terms, variable: ex.Symbol) -> tm.Monomial | None:
     """exp(-int c d variable), a product of powers of letters and exponentials; None where it is none."""
     # Without a real point, so that SymPy is not asked: most coefficients have an elementary integral or none.
-    integrator, phi, rest = Integrator(material.analysis.system), EMPTY, Terms()
-    with suppress(TooManyTerms):
+    integrator, phi, rest = Integrator(material.analysis.system), tm.EMPTY, tm.Terms()
+    with suppress(tm.TooManyTerms):
         logarithm = integrator.function_of([variable], [c])
         integrator.table = material.analysis.real_point
         for key, value in logarithm.items() if logarithm is not None else ():
             match [*key]:
                 case [(ex.Apply("log", ex.Sum() as base), power)] if power == 1:
-                    phi = times(phi, monomial(integrator.positive(base)), value)  # not multiplied out
+                    phi = tm.times(phi, tm.monomial(integrator.positive(base)), value)  # not multiplied out
                 case _:
                     rest[key] = value
         found = None if logarithm is None else integrator.exponential(rest)
-        return times(EMPTY, times(phi, next(iter(found))), -1) if found and len(found) == 1 else None
+        return tm.times(tm.EMPTY, tm.times(phi, next(iter(found))), -1) if found and len(found) == 1 else None
     return None
 
 
-def divergence_factor(material: Material, seed: int) -> Monomial | None:
+def divergence_factor(material: Material, seed: int) -> tm.Monomial | None:
     """exp(ct) with c not 0, or None where the divergence asks for none or is no such combination."""
     letters: list[ex.Expression] = [
         *material.motion.velocities,
         *material.position_letters,
         *dict.fromkeys([*material.velocity_letters, *moving_letters(material)]),
     ]
-    constants = [monomial_tree(key) for key in material.parameter_monomials[: bounds.CANDIDATES]]
+    constants = [tm.monomial_tree(key) for key in material.parameter_monomials[: bounds.CANDIDATES]]
     try:
         solution = _constants_of_divergence(material, letters, constants, seed)
     except (errors.IrreducibleAtoms, SingularPoint, ValueError):
@@ -77,8 +68,8 @@ def divergence_factor(material: Material, seed: int) -> Monomial | None:
     if len(found) != 1:
         return None
     k, c = found[0]
-    rate = times(material.parameter_monomials[k], monomial(ex.TIME))
-    return frozenset([(ex.Apply("exp", monomial_tree(rate)), c)])
+    rate = tm.times(material.parameter_monomials[k], tm.monomial(ex.TIME))
+    return frozenset([(ex.Apply("exp", tm.monomial_tree(rate)), c)])
 
 
 def is_free_of_divergence(analysis: Analysis, seed: int) -> bool:
@@ -121,58 +112,58 @@ class Factors:
     `in_time` holds 1 and exp(-int c dt); `plain` all factors for a quadratic L, and their inverses.
     """
 
-    along: Mapping[int, Monomial]
-    across: Mapping[int, Monomial]
-    in_time: tuple[Monomial, ...]
-    plain: tuple[Monomial, ...]
+    along: Mapping[int, tm.Monomial]
+    across: Mapping[int, tm.Monomial]
+    in_time: tuple[tm.Monomial, ...]
+    plain: tuple[tm.Monomial, ...]
 
-    def of_degree(self, i: int, degree: Fraction) -> list[Monomial]:
+    def of_degree(self, i: int, degree: Fraction) -> list[tm.Monomial]:
         """Candidates phi with g_ii = phi v_i^degree, from all c_il or from c_ii alone."""
-        own = times(EMPTY, self.along.get(i, EMPTY), 2 + degree)
-        return list(dict.fromkeys([own, times(own, self.across.get(i, EMPTY), 1 + degree)]))
+        own = tm.times(tm.EMPTY, self.along.get(i, tm.EMPTY), 2 + degree)
+        return list(dict.fromkeys([own, tm.times(own, self.across.get(i, tm.EMPTY), 1 + degree)]))
 
 
-NO_FACTORS = Factors({}, {}, (EMPTY,), (EMPTY,))
+NO_FACTORS = Factors({}, {}, (tm.EMPTY,), (tm.EMPTY,))
 
 
 def find_factors(material: Material, seed: int) -> Factors:
     """Integrating factors of all coefficients for which they are products of letters."""
-    along: dict[int, Monomial] = {}
-    across: dict[int, Monomial] = {}
-    single: dict[Monomial, None] = {EMPTY: None}
-    in_time: dict[Monomial, None] = {EMPTY: None}
+    along: dict[int, tm.Monomial] = {}
+    across: dict[int, tm.Monomial] = {}
+    single: dict[tm.Monomial, None] = {tm.EMPTY: None}
+    in_time: dict[tm.Monomial, None] = {tm.EMPTY: None}
     for i, c, variable in integrating_candidates(material)[: bounds.COLUMNS]:
         factor = integrating_factor(material, c, variable)
         if not factor:
             continue
         if variable == ex.TIME:
             # g = e^(-(1 + k) int c dt) v^k solves Gamma(g) = -g df/dv for f = c v.
-            in_time.update(dict.fromkeys(times(EMPTY, factor, e) for e in (1, -1, 2, -2, 3)))
+            in_time.update(dict.fromkeys(tm.times(tm.EMPTY, factor, e) for e in (1, -1, 2, -2, 3)))
         elif variable == material.motion.coordinates[i]:
             along[i] = factor
-            single[times(EMPTY, factor, 2)] = None
+            single[tm.times(tm.EMPTY, factor, 2)] = None
         else:
-            across[i] = times(across.get(i, EMPTY), factor)
+            across[i] = tm.times(across.get(i, tm.EMPTY), factor)
             single[factor] = None
     whole = divergence_factor(material, seed) if material.motion.with_time else None
     if whole:
         in_time[whole] = None
     for i in range(material.motion.size):
-        single[times(across.get(i, EMPTY), along.get(i, EMPTY), 2)] = None
-    inverted = [times(EMPTY, factor, -1) for factor in single]
-    chosen = tuple(dict.fromkeys([*sorted(single, key=rank), *sorted(inverted, key=rank)]))[: bounds.CANDIDATES]
+        single[tm.times(across.get(i, tm.EMPTY), along.get(i, tm.EMPTY), 2)] = None
+    inverted = [tm.times(tm.EMPTY, factor, -1) for factor in single]
+    chosen = tuple(dict.fromkeys([*sorted(single, key=tm.rank), *sorted(inverted, key=tm.rank)]))[: bounds.CANDIDATES]
     return Factors(along, across, tuple(_first(in_time, whole)), chosen)
 
 
-def _first(in_time: Iterable[Monomial], whole: Monomial | None) -> list[Monomial]:
+def _first(in_time: Iterable[tm.Monomial], whole: tm.Monomial | None) -> list[tm.Monomial]:
     """1, the factor of the divergence, and the simplest others."""
-    ordered = [EMPTY, *([whole] if whole else []), *sorted(in_time, key=rank)]
+    ordered = [tm.EMPTY, *([whole] if whole else []), *sorted(in_time, key=tm.rank)]
     return list(dict.fromkeys(ordered))[:_MOST_IN_TIME]
 
 
-def products(left: Iterable[Monomial], right: Sequence[Monomial]) -> list[Monomial]:
+def products(left: Iterable[tm.Monomial], right: Sequence[tm.Monomial]) -> list[tm.Monomial]:
     """All products of one of each."""
-    return [times(a, b) for a in left for b in right]
+    return [tm.times(a, b) for a in left for b in right]
 
 
 def _exponents(letter: ex.Expression, seen: set[Fraction]) -> list[Fraction]:
@@ -188,7 +179,7 @@ def _exponents(letter: ex.Expression, seen: set[Fraction]) -> list[Fraction]:
     return [one, -one] if any(e < 0 for e in seen) else [one]
 
 
-def position_monomials(material: Material, degree: int, room: float = inf) -> list[Monomial]:
+def position_monomials(material: Material, degree: int, room: float = inf) -> list[tm.Monomial]:
     """Products of at most `degree` generators of position: sums, their inverses and roots, others as in f.
 
     Products of three or more generators are added only while there are at most `room` in all.
@@ -198,14 +189,14 @@ def position_monomials(material: Material, degree: int, room: float = inf) -> li
         for key in terms:
             for letter, e in key:
                 powers.setdefault(letter, set()).add(e)
-    units: list[Monomial] = []
+    units: list[tm.Monomial] = []
     for letter in material.position_letters:
         units += [frozenset([(letter, e)]) for e in _exponents(letter, powers.get(letter, set()))]
-    found, layer = {EMPTY}, [(EMPTY, 0)]  # products, and the first unit that may extend them
+    found, layer = {tm.EMPTY}, [(tm.EMPTY, 0)]  # products, and the first unit that may extend them
     for count in range(1, degree + 1):
-        layer = [(times(m, units[k]), k) for m, first in layer for k in range(first, len(units))]
+        layer = [(tm.times(m, units[k]), k) for m, first in layer for k in range(first, len(units))]
         every = found.union(m for m, _ in layer)
         if count > 2 and len(every) > room:
             break
         found = every
-    return sorted(found, key=rank)
+    return sorted(found, key=tm.rank)

@@ -29,21 +29,7 @@ from flint import nmod_mat
 from inverse_service import bounds
 from inverse_service.deadline import check
 from inverse_service.errors import IrreducibleAtoms
-from inverse_service.expressions.tree import (
-    TIME,
-    Apply,
-    Expression,
-    Number,
-    Power,
-    Sum,
-    Symbol,
-    Velocity,
-    holds,
-    is_exponential,
-    number,
-    square_root,
-    walk,
-)
+from inverse_service.expressions import tree as ex
 from inverse_service.field import modular, null_vectors
 from inverse_service.field import point as ps
 from inverse_service.field.echelon import Words
@@ -52,107 +38,97 @@ from inverse_service.field.modular import Field, compiled, multiply, reconstruct
 from inverse_service.field.point import Expansion, SingularPoint, Variable, variables_in
 from inverse_service.field.sample_points import SamplePoints
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_residual
+from inverse_service.search import terms as tm
 from inverse_service.search.ansatz import LetterTable, helmholtz_matrix, letters_of, sampler_of, table_at, to_montgomery
 from inverse_service.search.factors import Factors, position_monomials, products
 from inverse_service.search.gradients import Integrator
 from inverse_service.search.material import Material, distinct, moving_letters
-from inverse_service.search.terms import (
-    EMPTY,
-    Monomial,
-    Terms,
-    TooManyTerms,
-    add_terms,
-    has_velocity,
-    is_linear,
-    monomial,
-    terms_of,
-    times,
-    tree_of,
-)
 
 _POWERS = tuple(Fraction(e, 2) for e in (1, 3, 4, 5, 6, 8, -2, -4))
 _ROOTS = tuple(Fraction(e, 2) for e in (1, -1, 2, -2, 3, -3, 4))
 _HALVES = (Fraction(1, 2), Fraction(-1, 2))
 
 
-def ratios(material: Material) -> list[Monomial]:
+def ratios(material: Material) -> list[tm.Monomial]:
     """v_i v_j and v_i v_j / v_k."""
     return distinct([*quadratic(material), *quotients(material, 2)])
 
 
-def of_velocities(material: Material) -> list[Monomial]:
+def of_velocities(material: Material) -> list[tm.Monomial]:
     """These, powers and logarithms of one velocity."""
     return distinct([*ratios(material), *(shape for v in material.motion.velocities for shape in single(v))])
 
 
-def functions(material: Material) -> list[Monomial]:
+def functions(material: Material) -> list[tm.Monomial]:
     """These, and what f itself holds."""
     return distinct([*of_velocities(material), *of_letters(material)])
 
 
-def as_in_force(material: Material) -> list[Monomial]:
+def as_in_force(material: Material) -> list[tm.Monomial]:
     """Those of these that need no other roots and logarithms than f holds: f has values for them already."""
     items = {item for terms in material.motion.forces for key in terms for item in key}
     letters, rooted = {p for p, _ in items}, {p for p, e in items if e.denominator > 1}
 
-    def is_held(letter: Expression, e: Fraction) -> bool:
-        plain = not isinstance(letter, Apply) or is_exponential(letter) or letter in letters
+    def is_held(letter: ex.Expression, e: Fraction) -> bool:
+        plain = not isinstance(letter, ex.Apply) or ex.is_exponential(letter) or letter in letters
         return plain and (e.denominator == 1 or letter in rooted)
 
     return [shape for shape in functions(material) if all(is_held(p, e) for p, e in shape)]
 
 
-def polynomials(material: Material) -> list[Monomial]:
+def polynomials(material: Material) -> list[tm.Monomial]:
     """Products of two, three and four velocities, of several coordinates."""
     if material.motion.size == 1:
         return []
     return [shape for degree in (2, 3, 4) for shape in powers(material, degree)]
 
 
-def roots_of_constants(material: Material) -> list[Monomial]:
+def roots_of_constants(material: Material) -> list[tm.Monomial]:
     """v_i v_j and 1 times roots of what constant velocities make in f, as a frequency squared w^2 + k."""
     constant = [v for v, f in zip(material.motion.velocities, material.motion.forces, strict=True) if not f]
-    moving: list[Expression] = [
+    moving: list[ex.Expression] = [
         *material.motion.coordinates,
         *(v for v in material.motion.velocities if v not in constant),
     ]
-    letters = [p for p in moving_letters(material) if isinstance(p, Sum) and not holds(p, *moving)]
+    letters = [p for p in moving_letters(material) if isinstance(p, ex.Sum) and not ex.holds(p, *moving)]
     if not letters:
         return []
-    kept = distinct([*map(monomial, letters), monomial(*letters)])
-    rooted = [times(EMPTY, key, e) for key in products([EMPTY, *map(monomial, constant)], kept) for e in _HALVES]
-    return [*quadratic(material), *products([EMPTY, *quadratic(material)], rooted)]
+    kept = distinct([*map(tm.monomial, letters), tm.monomial(*letters)])
+    rooted = [
+        tm.times(tm.EMPTY, key, e) for key in products([tm.EMPTY, *map(tm.monomial, constant)], kept) for e in _HALVES
+    ]
+    return [*quadratic(material), *products([tm.EMPTY, *quadratic(material)], rooted)]
 
 
-def complex_logarithms(material: Material) -> list[Monomial]:
+def complex_logarithms(material: Material) -> list[tm.Monomial]:
     """v_i v_j, and the parts of z' log z' for two velocities as one complex z': z'' = -(U_y + i U_x) z' has them."""
-    found: list[Monomial] = []
+    found: list[tm.Monomial] = []
     for v, w in itertools.combinations(material.motion.velocities, 2):
-        modulus = Apply("log", v**2 + w**2)
-        angle = Apply("atan", w / v)
-        found += [monomial(letter, part) for letter in (v, w) for part in (modulus, angle)]
+        modulus = ex.Apply("log", v**2 + w**2)
+        angle = ex.Apply("atan", w / v)
+        found += [tm.monomial(letter, part) for letter in (v, w) for part in (modulus, angle)]
     return [*found, *quadratic(material)] if found else []
 
 
-def quadratic(material: Material) -> list[Monomial]:
+def quadratic(material: Material) -> list[tm.Monomial]:
     """v_i v_j."""
     return powers(material, 2)
 
 
-def powers(material: Material, degree: int) -> list[Monomial]:
+def powers(material: Material, degree: int) -> list[tm.Monomial]:
     """Products of `degree` velocities."""
     velocities = material.motion.velocities
-    return [monomial(*chosen) for chosen in itertools.combinations_with_replacement(velocities, degree)]
+    return [tm.monomial(*chosen) for chosen in itertools.combinations_with_replacement(velocities, degree)]
 
 
-def quotients(material: Material, degree: int) -> list[Monomial]:
+def quotients(material: Material, degree: int) -> list[tm.Monomial]:
     """Products of `degree` velocities over w^(degree - 1) or w^(degree - 2), w another velocity or a sum of them in f.
 
     Where some velocities are constant along the motion, only these are divided by.
     """
     exponents = {degree - 1, degree - 2} - {0}
     return [
-        times(product, monomial(w), -e)
+        tm.times(product, tm.monomial(w), -e)
         for product in powers(material, degree)
         for w in (*divisors(material), *material.linear_sums)
         if all(w != letter for letter, _ in product)
@@ -160,95 +136,95 @@ def quotients(material: Material, degree: int) -> list[Monomial]:
     ]
 
 
-def divisors(material: Material) -> list[Expression]:
+def divisors(material: Material) -> list[ex.Expression]:
     """The velocities that are constant along the motion, else all."""
     motion = material.motion
     constant = [v for v, f in zip(motion.velocities, motion.forces, strict=True) if not f]
     return list(constant or motion.velocities)
 
 
-def single(velocity: Expression) -> list[Monomial]:
+def single(velocity: ex.Expression) -> list[tm.Monomial]:
     """Powers, log v and v log v."""
-    log = Apply("log", velocity)
-    return [monomial(velocity, log), monomial(log), *(frozenset([(velocity, e)]) for e in _POWERS)]
+    log = ex.Apply("log", velocity)
+    return [tm.monomial(velocity, log), tm.monomial(log), *(frozenset([(velocity, e)]) for e in _POWERS)]
 
 
-def of_letters(material: Material) -> list[Monomial]:
+def of_letters(material: Material) -> list[tm.Monomial]:
     """Powers, logarithms and exponentials of the generators of f with velocities, and those times a velocity."""
-    shapes: list[Monomial] = exponentials(material)
+    shapes: list[tm.Monomial] = exponentials(material)
     for letter in moving_letters(material):
-        if isinstance(letter, Sum):
+        if isinstance(letter, ex.Sum):
             # Its integer powers are sums of products that are in the list themselves.
             shapes += [frozenset([(letter, e)]) for e in _ROOTS if e < 0 or e.denominator > 1]
-            shapes += [monomial(Apply("log", letter)), *_arctangents(letter)]
+            shapes += [tm.monomial(ex.Apply("log", letter)), *_arctangents(letter)]
         else:
             shapes += [frozenset([(letter, Fraction(e))]) for e in (1, -1, 2)]
-    plain = [EMPTY, *(monomial(v) for v in material.motion.velocities)]
-    return distinct([times(a, b) for a in shapes for b in plain])
+    plain = [tm.EMPTY, *(tm.monomial(v) for v in material.motion.velocities)]
+    return distinct([tm.times(a, b) for a in shapes for b in plain])
 
 
-def _arctangents(letter: Expression) -> list[Monomial]:
+def _arctangents(letter: ex.Expression) -> list[tm.Monomial]:
     """atan(c v) for a letter a v^2 + b with numbers a, b, c^2 = a/b."""
     match letter:
-        case Sum((Number() as constant, square)) | Sum((square, Number() as constant)):
-            terms = list(terms_of(square).items())
+        case ex.Sum((ex.Number() as constant, square)) | ex.Sum((square, ex.Number() as constant)):
+            terms = list(tm.terms_of(square).items())
         case _:
             return []
     match [(list(key), value / constant.value) for key, value in terms]:
-        case [([(Velocity() as v, power)], ratio)] if power == 2 and ratio > 0:
-            return [monomial(Apply("atan", _root(ratio) * v))]
+        case [([(ex.Velocity() as v, power)], ratio)] if power == 2 and ratio > 0:
+            return [tm.monomial(ex.Apply("atan", _root(ratio) * v))]
     return []
 
 
-def _root(value: Fraction) -> Expression:
+def _root(value: Fraction) -> ex.Expression:
     """Its square root, a number where it is rational."""
     top, bottom = isqrt(value.numerator), isqrt(value.denominator)
     exact = top**2 == value.numerator and bottom**2 == value.denominator
-    return number(Fraction(top, bottom)) if exact else square_root(number(value))
+    return ex.number(Fraction(top, bottom)) if exact else ex.square_root(ex.number(value))
 
 
-def exponentials(material: Material) -> list[Monomial]:
+def exponentials(material: Material) -> list[tm.Monomial]:
     """The products of exponentials of velocities in f, and their inverses."""
-    found: dict[Monomial, None] = {}
+    found: dict[tm.Monomial, None] = {}
     keys = [key for terms in material.motion.forces for key in terms]
     for letter in material.velocity_letters:
-        if isinstance(letter, Sum):
+        if isinstance(letter, ex.Sum):
             try:
-                keys += list(terms_of(letter))
-            except TooManyTerms:
+                keys += list(tm.terms_of(letter))
+            except tm.TooManyTerms:
                 continue
     for key in keys:
-        part: Monomial = frozenset((p, e) for p, e in key if is_exponential(p) and has_velocity(p))
+        part: tm.Monomial = frozenset((p, e) for p, e in key if ex.is_exponential(p) and tm.has_velocity(p))
         if part:
             found[part] = None
-            found[times(EMPTY, part, -1)] = None
+            found[tm.times(tm.EMPTY, part, -1)] = None
             found.update(dict.fromkeys(frozenset([(p, Fraction(s))]) for p, _ in part for s in (1, -1, 2, -2)))
     return distinct(list(found))
 
 
-def is_admissible(material: Material, key: Monomial) -> bool:
+def is_admissible(material: Material, key: tm.Monomial) -> bool:
     """L may contain t only where requested, and a pure constant is not a term."""
-    if all(isinstance(letter, Number) for letter, _ in key):
+    if all(isinstance(letter, ex.Number) for letter, _ in key):
         return False
-    return material.motion.with_time or not any(holds(letter, TIME) for letter, _ in key)
+    return material.motion.with_time or not any(ex.holds(letter, ex.TIME) for letter, _ in key)
 
 
-def with_potential(material: Material, combination: Mapping[Monomial, Fraction]) -> Terms:
+def with_potential(material: Material, combination: Mapping[tm.Monomial, Fraction]) -> tm.Terms:
     """The combination, whose Hessian is a multiplier, with A_i(t, q) v_i - V(t, q) that make it a Lagrangian.
 
     Its Euler-Lagrange expressions are affine in the velocities then. Empty where no A and V are found.
     """
     system, motion = material.analysis.system, material.motion
-    symbols: list[Symbol | Velocity] = [TIME, *motion.coordinates, *motion.velocities]
-    trees = euler_lagrange_residual(tree_of(combination), system.coordinates, system.accelerations)
+    symbols: list[ex.Symbol | ex.Velocity] = [ex.TIME, *motion.coordinates, *motion.velocities]
+    trees = euler_lagrange_residual(tm.tree_of(combination), system.coordinates, system.accelerations)
     integrator = Integrator(system, material.analysis.real_point)
     # Unchanged sums are integrated term by term; over one denominator terms that are not affine cancel.
     for form in (lambda: trees, lambda: factored(list(trees), symbols, Budget.long())):
         check()
-        with suppress(TooLarge, TooManyTerms, ZeroDivisionError, KeyError):
-            rest = integrator.linear_terms([add_terms({}, terms_of(tree), -1) for tree in form()])
+        with suppress(TooLarge, tm.TooManyTerms, ZeroDivisionError, KeyError):
+            rest = integrator.linear_terms([tm.add_terms({}, tm.terms_of(tree), -1) for tree in form()])
             if rest is not None:
-                return add_terms(dict(combination), rest)
+                return tm.add_terms(dict(combination), rest)
     return {}
 
 
@@ -263,22 +239,22 @@ class Possible:
     coefficients are e^(rho t) c(q) with one rho, where that of most of them is seen; `alone` where it is seen of all.
     """
 
-    shapes: list[Monomial]
-    fixed: Mapping[Monomial, frozenset[Variable]] = field(default_factory=dict)
+    shapes: list[tm.Monomial]
+    fixed: Mapping[tm.Monomial, frozenset[Variable]] = field(default_factory=dict)
     growth: Fraction | None = None
     alone: bool = False
 
-    def may_have(self, factor: Monomial, shape: Monomial) -> bool:
+    def may_have(self, factor: tm.Monomial, shape: tm.Monomial) -> bool:
         """Whether a function of t and the coordinates can occur in the coefficient of a shape."""
         return self.fixed.get(shape, frozenset()).isdisjoint(name for p, _ in factor for name in variables_in(p))
 
-    def in_time(self, others: Sequence[Monomial]) -> tuple[Monomial, ...]:
+    def in_time(self, others: Sequence[tm.Monomial]) -> tuple[tm.Monomial, ...]:
         """e^(rho t), before the others where it is not alone."""
-        own = frozenset([(Apply("exp", TIME), self.growth)]) if self.growth else EMPTY
+        own = frozenset([(ex.Apply("exp", ex.TIME), self.growth)]) if self.growth else tm.EMPTY
         return tuple(others) if self.growth is None else tuple(dict.fromkeys([own, *(() if self.alone else others)]))
 
 
-def possible_shapes(material: Material, shapes: Sequence[Monomial], seed: int) -> Possible:
+def possible_shapes(material: Material, shapes: Sequence[tm.Monomial], seed: int) -> Possible:
     """Those that can occur; where the test cannot be made, the simplest."""
     try:
         return _possible_shapes(material, shapes, seed)
@@ -286,7 +262,7 @@ def possible_shapes(material: Material, shapes: Sequence[Monomial], seed: int) -
         return Possible(list(shapes[: bounds.SMALL]))
 
 
-def _possible_shapes(material: Material, shapes: Sequence[Monomial], seed: int) -> Possible:
+def _possible_shapes(material: Material, shapes: Sequence[tm.Monomial], seed: int) -> Possible:
     if not shapes:
         return Possible([])
     unknowns = material.motion.size + 1 + material.motion.with_time
@@ -304,7 +280,7 @@ def _possible_shapes(material: Material, shapes: Sequence[Monomial], seed: int) 
     weights = found[: len(chosen)]
     fixed = dict(zip(chosen, _fixed(material, found, len(chosen)), strict=True))
     used = _used(chosen, weights, hessians[0], table.prime)
-    squares = used == [monomial(v, v) for v in material.motion.velocities]
+    squares = used == [tm.monomial(v, v) for v in material.motion.velocities]
     if squares and not _has_function_of_position(points):
         return Possible([])
     if not used or not material.motion.with_time or material.analysis.system.depends_on_time:
@@ -318,7 +294,7 @@ def _fixed(material: Material, solution: Sequence[int], count: int) -> list[froz
 
     A derivative that is 0 in a random solution is 0 in all, at this place and so at almost all of them.
     """
-    names: list[Variable] = [*([TIME] if material.motion.with_time else []), *material.motion.coordinates]
+    names: list[Variable] = [*([ex.TIME] if material.motion.with_time else []), *material.motion.coordinates]
     rates = {name: solution[(k + 1) * count : (k + 2) * count] for k, name in enumerate(names)}
     return [frozenset(name for name in names if not rates[name][shape]) for shape in range(count)]
 
@@ -374,7 +350,7 @@ def _fill_rates(rates: Words, hessians: Words, rows: Words, field: Field) -> Non
                     row += 1
 
 
-def _used(shapes: Sequence[Monomial], weights: Sequence[int], hessians: Words, prime: int) -> list[Monomial]:
+def _used(shapes: Sequence[tm.Monomial], weights: Sequence[int], hessians: Words, prime: int) -> list[tm.Monomial]:
     """The shapes with a coefficient in a random solution; none where its g is singular, as then all are."""
     n = hessians.shape[1]
     g = nmod_mat(1, len(weights), weights, prime) * nmod_mat(len(weights), n * n, hessians.ravel().tolist(), prime)
@@ -392,18 +368,18 @@ class Family:
 
     name: str
     cost: float
-    shapes: Callable[[Material], Sequence[Monomial]]
+    shapes: Callable[[Material], Sequence[tm.Monomial]]
     terms: int
     given: bool = False
 
 
-def kinetic_terms(material: Material, family: Family, factors: Factors, seed: int) -> Iterator[list[Monomial]]:
+def kinetic_terms(material: Material, family: Family, factors: Factors, seed: int) -> Iterator[list[tm.Monomial]]:
     """The terms of an ansatz that have a Hessian, simple ones first; none where these make no regular multiplier.
 
     Several coordinates have few multipliers, so constant coefficients, up to e^(rho t), come before functions of
     position; a logarithm has values for some velocities only, so that what does without comes before it.
     """
-    shapes = [key for key in family.shapes(material) if not is_linear(key)]
+    shapes = [key for key in family.shapes(material) if not tm.is_linear(key)]
     if family.given:
         yield [key for key in shapes if is_admissible(material, key)]
         return
@@ -413,14 +389,16 @@ def kinetic_terms(material: Material, family: Family, factors: Factors, seed: in
         yield chosen
         return
     if material.motion.size > 1:
-        plain = [shape for shape in chosen if not any(isinstance(p, Apply) and not is_exponential(p) for p, _ in shape)]
-        yield products(possible.in_time([EMPTY])[:1], plain)
+        plain = [
+            shape for shape in chosen if not any(isinstance(p, ex.Apply) and not ex.is_exponential(p) for p, _ in shape)
+        ]
+        yield products(possible.in_time([tm.EMPTY])[:1], plain)
     yield _with_functions(material, family, factors, possible, chosen)
 
 
 def _with_functions(
-    material: Material, family: Family, factors: Factors, possible: Possible, chosen: Sequence[Monomial]
-) -> list[Monomial]:
+    material: Material, family: Family, factors: Factors, possible: Possible, chosen: Sequence[tm.Monomial]
+) -> list[tm.Monomial]:
     """The shapes with functions of t and of position as coefficients."""
     in_time = possible.in_time(factors.in_time)
     # For one coordinate every f has a Lagrangian, so most searches end with long rows, which found none there.
@@ -431,57 +409,59 @@ def _with_functions(
     pairs += [(m, shape) for shape in chosen for m in _fitted(material, factors, shape) if possible.may_have(m, shape)]
     if material.motion.with_time and not material.position_letters:
         # Where f holds no position, first integrals can be linear in t: x'' = x'^2 keeps 1/x' + t.
-        pairs += [(monomial(TIME), shape) for shape in chosen if possible.may_have(monomial(TIME), shape)]
-    found = distinct([times(m, shape) for m, shape in pairs])
-    return [key for key in found if is_admissible(material, key) and not is_linear(key)]
+        pairs += [(tm.monomial(ex.TIME), shape) for shape in chosen if possible.may_have(tm.monomial(ex.TIME), shape)]
+    found = distinct([tm.times(m, shape) for m, shape in pairs])
+    return [key for key in found if is_admissible(material, key) and not tm.is_linear(key)]
 
 
-def _with_roots_of_numbers(material: Material, shapes: Sequence[Monomial]) -> list[Monomial]:
+def _with_roots_of_numbers(material: Material, shapes: Sequence[tm.Monomial]) -> list[tm.Monomial]:
     """Roots of sums also times the roots of numbers in f: sqrt(x'^2 + y'^2/2) is sqrt(1/2) sqrt(2 x'^2 + y'^2)."""
     letters = (item for terms in material.motion.forces for key in terms for item in key)
-    nodes = (Power(p, number(e)) if isinstance(p, Number) else p for p, e in letters)
+    nodes = (ex.Power(p, ex.number(e)) if isinstance(p, ex.Number) else p for p, e in letters)
     constants = dict.fromkeys(
         frozenset([(node.base, node.exponent.value % 1)])
         for tree in dict.fromkeys(nodes)
-        for node in walk(tree)
-        if isinstance(node, Power) and isinstance(node.base, Number) and isinstance(node.exponent, Number)
+        for node in ex.walk(tree)
+        if isinstance(node, ex.Power) and isinstance(node.base, ex.Number) and isinstance(node.exponent, ex.Number)
     )
-    rooted = [s for s in shapes if any(isinstance(p, Sum) and e.denominator > 1 for p, e in s)]
+    rooted = [s for s in shapes if any(isinstance(p, ex.Sum) and e.denominator > 1 for p, e in s)]
     return [*shapes, *products(constants, rooted)]
 
 
-def _functions(material: Material, factors: Factors, room: int) -> list[Monomial]:
+def _functions(material: Material, factors: Factors, room: int) -> list[tm.Monomial]:
     """1, parameters, integrating factors and products of letters of position, the simplest of them."""
-    fitted = list(dict.fromkeys([EMPTY, *factors.plain[: room // 3]]))
+    fitted = list(dict.fromkeys([tm.EMPTY, *factors.plain[: room // 3]]))
     others = distinct([*material.parameter_monomials[: room // 3], *position_monomials(material, 4, 2 * room)])
     # A coordinate that does not occur in f can occur in L all the same.
-    plain = [monomial(*some) for d in (1, 2) for some in combinations_with_replacement(material.motion.coordinates, d)]
+    plain = [
+        tm.monomial(*some) for d in (1, 2) for some in combinations_with_replacement(material.motion.coordinates, d)
+    ]
     return list(dict.fromkeys([*fitted, *others, *plain, *products(fitted, plain)]))[: max(room, len(fitted))]
 
 
-def with_parameters(material: Material, terms: Sequence[Monomial], most: int) -> list[Monomial]:
+def with_parameters(material: Material, terms: Sequence[tm.Monomial], most: int) -> list[tm.Monomial]:
     """The terms times products of the factors of f with parameters, for coefficients that contain parameters."""
     constants = distinct(products(material.parameter_monomials, material.parameter_monomials))
     return distinct(products(terms, constants[: max(1, most // len(terms))])) if terms else []
 
 
-def _fitted(material: Material, factors: Factors, shape: Monomial) -> Iterator[Monomial]:
+def _fitted(material: Material, factors: Factors, shape: tm.Monomial) -> Iterator[tm.Monomial]:
     """The factors besides a power of v_i that the coefficients of v_i v_l in f_i require."""
     for i, v in enumerate(material.motion.velocities):
         exponent = dict(shape).get(v, Fraction(0))
-        if shape == monomial(Apply("log", v)):
+        if shape == tm.monomial(ex.Apply("log", v)):
             yield from factors.of_degree(i, Fraction(-2))
         if exponent and len(shape) <= 2:
             for degree in {exponent - 2, Fraction(-1), Fraction(-2)}:
                 yield from factors.of_degree(i, degree)
 
 
-def label(family: Family, terms: Sequence[Monomial]) -> str:
+def label(family: Family, terms: Sequence[tm.Monomial]) -> str:
     """What a reader calls the ansatz in which these kinetic terms were found."""
-    moving = [[(p, e) for p, e in key if has_velocity(p)] for key in terms if not is_linear(key)]
+    moving = [[(p, e) for p, e in key if tm.has_velocity(p)] for key in terms if not tm.is_linear(key)]
     if family.name == NAME:
         return NAME
-    if not all(isinstance(p, Velocity) for part in moving for p, _ in part):
+    if not all(isinstance(p, ex.Velocity) for part in moving for p, _ in part):
         return "functions of the velocities"
     if all(e.denominator == 1 for part in moving for _, e in part):
         if all(e > 0 for part in moving for _, e in part):
@@ -494,7 +474,7 @@ def label(family: Family, terms: Sequence[Monomial]) -> str:
 NAME = "the given terms"
 
 
-def own_family(given: Sequence[Expression]) -> Family | None:
+def own_family(given: Sequence[ex.Expression]) -> Family | None:
     """The ansatz of the monomials of the given terms, each with its own coefficient; None without terms.
 
     Potentials and linear terms are added as to any family, so that kinetic terms are enough; those
@@ -506,9 +486,9 @@ def own_family(given: Sequence[Expression]) -> Family | None:
     return Family(NAME, 0, lambda material: monomials, 0, given=True)
 
 
-def monomials_of(term: Expression) -> list[Monomial]:
+def monomials_of(term: ex.Expression) -> list[tm.Monomial]:
     """The monomials of a term multiplied out; the term as one letter where that would be long."""
     try:
-        return list(terms_of(term))
-    except TooManyTerms:
-        return [monomial(term)]
+        return list(tm.terms_of(term))
+    except tm.TooManyTerms:
+        return [tm.monomial(term)]

@@ -26,24 +26,9 @@ from inverse_service.field import exact_field, real_point
 from inverse_service.mechanics import implicit_equations, writing
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.search import quadratures
-from inverse_service.search.terms import (
-    EMPTY,
-    Monomial,
-    Terms,
-    TooManyTerms,
-    add_terms,
-    derivative_of_terms,
-    letter_derivative,
-    monomial,
-    multiply_terms,
-    split_content,
-    split_velocities,
-    terms_of,
-    times,
-    tree_of,
-)
+from inverse_service.search import terms as tm
 
-ONE_TERM: Terms = {EMPTY: Fraction(1)}
+ONE_TERM: tm.Terms = {tm.EMPTY: Fraction(1)}
 
 
 @dataclass(slots=True)
@@ -62,11 +47,11 @@ class Integrator:
     def __post_init__(self) -> None:
         self.names = quadratures.fresh_names(self.system)
 
-    def function_of(self, variables: Sequence[ex.Symbol], slopes: Sequence[Terms]) -> Terms | None:
+    def function_of(self, variables: Sequence[ex.Symbol], slopes: Sequence[tm.Terms]) -> tm.Terms | None:
         """phi with d phi/d variables[i] = slopes[i]; None where there is none, or none is found."""
         if not _is_closed(variables, slopes):
             return None
-        rest, total = [dict(slope) for slope in slopes], Terms()
+        rest, total = [dict(slope) for slope in slopes], tm.Terms()
         for k, variable in enumerate(variables):
             if not rest[k]:
                 continue
@@ -74,29 +59,29 @@ class Integrator:
             self.missed = self.missed or bool(left)
             if left and not self.signs:
                 return None
-            total = add_terms(total, part)
+            total = tm.add_terms(total, part)
             for j, q in enumerate(variables):
-                if j != k and (slope := derivative_of_terms(part, q)):
-                    rest[j] = add_terms(rest[j], slope, -1)
+                if j != k and (slope := tm.derivative_of_terms(part, q)):
+                    rest[j] = tm.add_terms(rest[j], slope, -1)
                     if any(_holds(rest[j], earlier) for earlier in variables[: k + 1]):
                         rest[j] = self.in_normal_form(rest[j])
             rest[k] = left
             if left:
                 signed = self._under_signs(variables, rest, k)
-                return None if signed is None else add_terms(total, signed)
+                return None if signed is None else tm.add_terms(total, signed)
         return None if any(rest) and not all(is_zero(terms) for terms in rest) else total
 
-    def _under_signs(self, variables: Sequence[ex.Symbol], slopes: Sequence[Terms], k: int) -> Terms | None:
+    def _under_signs(self, variables: Sequence[ex.Symbol], slopes: Sequence[tm.Terms], k: int) -> tm.Terms | None:
         """Functions with these slopes, constants outside where one variable alone is moving."""
         rest = [self.in_normal_form(terms) for terms in slopes]
         if any(terms for j, terms in enumerate(rest) if j != k):
             return None  # a function under an integral sign is known by one derivative
         return _sum(
-            multiply_terms(beside, {monomial(self.under_a_sign(tree_of(inner), variables[k])): Fraction(1)})
+            tm.multiply_terms(beside, {tm.monomial(self.under_a_sign(tm.tree_of(inner), variables[k])): Fraction(1)})
             for beside, inner in _outside(rest[k], variables[k])
         )
 
-    def in_normal_form(self, terms: Terms) -> Terms:
+    def in_normal_form(self, terms: tm.Terms) -> tm.Terms:
         """The sum over one denominator, with the relations among its letters used; 0 where it vanishes."""
         if not terms:
             return terms
@@ -104,48 +89,48 @@ class Integrator:
             return {}
         names = self.system.coordinates
         symbols: list[ex.Symbol | ex.Velocity] = [ex.TIME, *map(ex.Symbol, names), *map(ex.Velocity, names)]
-        with suppress(TooManyTerms):
-            return terms_of(writing.quotient(tree_of(terms), exact_field.Budget.short(), symbols))
+        with suppress(tm.TooManyTerms):
+            return tm.terms_of(writing.quotient(tm.tree_of(terms), exact_field.Budget.short(), symbols))
         return terms
 
-    def integral(self, slope: Terms, variable: ex.Symbol, is_cancelled: bool = False) -> tuple[Terms, Terms]:
+    def integral(self, slope: tm.Terms, variable: ex.Symbol, is_cancelled: bool = False) -> tuple[tm.Terms, tm.Terms]:
         """(an integral of a part of the slope over one variable, the remaining slope)."""
-        groups: dict[Monomial, Terms] = {}
+        groups: dict[tm.Monomial, tm.Terms] = {}
         for key, value in slope.items():
             own = frozenset(item for item in key if item[0] != variable and ex.holds(item[0], variable))
-            groups.setdefault(own, {})[times(key, own, -1)] = value
-        total, other = Terms(), Terms()
+            groups.setdefault(own, {})[tm.times(key, own, -1)] = value
+        total, other = tm.Terms(), tm.Terms()
         for own, beside in groups.items():
             part = power_rule(own, beside, variable)
             if part is None:
-                other = add_terms(other, multiply_terms({own: Fraction(1)}, beside))
+                other = tm.add_terms(other, tm.multiply_terms({own: Fraction(1)}, beside))
             else:
-                total = add_terms(total, part)
+                total = tm.add_terms(total, part)
         if not other:
             return total, other
         known = quadratures.primitive(variable, other)
         if known is not None:
-            return add_terms(total, terms_of(known)), {}
+            return tm.add_terms(total, tm.terms_of(known)), {}
         cancelled = other if is_cancelled else self._cancelled(other)
         if cancelled != other:
             part, left = self.integral(cancelled, variable, is_cancelled=True)
-            return add_terms(total, part), left
-        left = Terms()
+            return tm.add_terms(total, part), left
+        left = tm.Terms()
         for beside, inner in _outside(other, variable):
-            found = quadratures.antiderivative(self.system, tree_of(inner), variable, self.table)
+            found = quadratures.antiderivative(self.system, tm.tree_of(inner), variable, self.table)
             if found is None:
-                left = add_terms(left, multiply_terms(beside, inner))
+                left = tm.add_terms(left, tm.multiply_terms(beside, inner))
             else:
-                total = add_terms(total, multiply_terms(beside, terms_of(found)))
+                total = tm.add_terms(total, tm.multiply_terms(beside, tm.terms_of(found)))
         return total, left
 
-    def _cancelled(self, terms: Terms) -> Terms:
+    def _cancelled(self, terms: tm.Terms) -> tm.Terms:
         """The factor of each product of parameters over its own denominator: a x (x - 1)/(x^2 (x - 1)) is a/x."""
-        parameters, groups = set(map(ex.Symbol, self.system.parameters)), dict[Monomial, Terms]()
+        parameters, groups = set(map(ex.Symbol, self.system.parameters)), dict[tm.Monomial, tm.Terms]()
         for key, value in terms.items():
             constants = frozenset(item for item in key if item[0] in parameters)
             groups.setdefault(constants, {})[key - constants] = value
-        parts = [multiply_terms({key: Fraction(1)}, self.in_normal_form(inner)) for key, inner in groups.items()]
+        parts = [tm.multiply_terms({key: Fraction(1)}, self.in_normal_form(inner)) for key, inner in groups.items()]
         return _sum(iter(parts))
 
     def under_a_sign(self, slope: ex.Expression, variable: ex.Symbol) -> ex.Expression:
@@ -155,23 +140,23 @@ class Integrator:
         slopes = tuple(slope if argument == variable else None for argument in arguments)
         return ex.Integral(next(self.names), arguments, (0,) * len(arguments), slopes)
 
-    def exponential(self, logarithm: Terms) -> Terms:
+    def exponential(self, logarithm: tm.Terms) -> tm.Terms:
         """exp of a sum: c log(u) with constant c gives u^c, -u where u is negative at the real point."""
-        product: Terms = dict(ONE_TERM)
+        product: tm.Terms = dict(ONE_TERM)
         varying = {ex.TIME, *map(ex.Symbol, self.system.coordinates)}
-        exponents: dict[ex.Expression, Terms] = {}
-        rest = Terms()
+        exponents: dict[ex.Expression, tm.Terms] = {}
+        rest = tm.Terms()
         for key, value in logarithm.items():
             log = next((p for p, e in key if isinstance(p, ex.Apply) and p.function == "log" and e == 1), None)
             others = key - {(log, Fraction(1))} if log is not None else key
             if isinstance(log, ex.Apply) and not any(ex.holds(p, *varying) for p, _ in others):
                 sums = exponents.get(log.argument, {})
-                exponents[log.argument] = add_terms(sums, {others: value})
+                exponents[log.argument] = tm.add_terms(sums, {others: value})
             else:
                 rest[key] = value
         for base, exponent in exponents.items():
-            product = multiply_terms(product, terms_of(self.positive(base) ** tree_of(exponent)))
-        return multiply_terms(product, terms_of(ex.Apply("exp", tree_of(rest)))) if rest else product
+            product = tm.multiply_terms(product, tm.terms_of(self.positive(base) ** tm.tree_of(exponent)))
+        return tm.multiply_terms(product, tm.terms_of(ex.Apply("exp", tm.tree_of(rest)))) if rest else product
 
     def positive(self, base: ex.Expression) -> ex.Expression:
         """The tree, or its opposite where that is positive at the real point."""
@@ -180,42 +165,42 @@ class Integrator:
                 return ex.negated(base)
         return base
 
-    def linear_terms(self, wanted: Sequence[Terms]) -> Terms | None:
+    def linear_terms(self, wanted: Sequence[tm.Terms]) -> tm.Terms | None:
         """A_i v_i - V with these Euler-Lagrange expressions, one for each coordinate; None where none is found."""
         names = self.system.coordinates
         symbols = [ex.Symbol(name) for name in names]
         # Relations among generators may make an expression affine in the velocities that is not so as written.
         rest = [self.in_normal_form(w) if _by_velocity(w, names) is None else w for w in wanted]
-        total = Terms()
+        total = tm.Terms()
         for i, j in combinations(range(len(names)), 2):
             magnetic = _round_potential(names, rest, i, j)
             if magnetic is not None:
-                total = add_terms(total, terms_of(magnetic))
-                own = expressions_without_acceleration(names, terms_of(magnetic))
-                rest = [self.in_normal_form(add_terms(w, part, -1)) for w, part in zip(rest, own, strict=True)]
-        fields: dict[tuple[int, int], Terms] = {}
-        slopes = list[Terms]()
+                total = tm.add_terms(total, tm.terms_of(magnetic))
+                own = expressions_without_acceleration(names, tm.terms_of(magnetic))
+                rest = [self.in_normal_form(tm.add_terms(w, part, -1)) for w, part in zip(rest, own, strict=True)]
+        fields: dict[tuple[int, int], tm.Terms] = {}
+        slopes = list[tm.Terms]()
         for i, terms in enumerate(rest):
             parts = _by_velocity(terms, names)
             if parts is None:
                 return None
-            slopes.append({key: value for key, value in terms.items() if not split_velocities(key)[1]})
+            slopes.append({key: value for key, value in terms.items() if not tm.split_velocities(key)[1]})
             fields |= {(i, j): part for j, part in enumerate(parts) if part}
-        if not all(is_zero(add_terms(field, fields.get((j, i), {}))) for (i, j), field in fields.items()):
+        if not all(is_zero(tm.add_terms(field, fields.get((j, i), {}))) for (i, j), field in fields.items()):
             return None
         potential = self._vector_potential(fields, slopes)
         if potential is None:
             return None
         for i, a in potential.items():
-            total = add_terms(total, multiply_terms(a, {monomial(ex.Velocity(names[i])): Fraction(1)}))
+            total = tm.add_terms(total, tm.multiply_terms(a, {tm.monomial(ex.Velocity(names[i])): Fraction(1)}))
             if _holds(a, ex.TIME):
-                slopes[i] = add_terms(slopes[i], derivative_of_terms(a, ex.TIME), -1)
+                slopes[i] = tm.add_terms(slopes[i], tm.derivative_of_terms(a, ex.TIME), -1)
         scalar = self.function_of(symbols, slopes)
-        return None if scalar is None else add_terms(total, scalar, -1)
+        return None if scalar is None else tm.add_terms(total, scalar, -1)
 
     def _vector_potential(
-        self, fields: dict[tuple[int, int], Terms], slopes: Sequence[Terms]
-    ) -> dict[int, Terms] | None:
+        self, fields: dict[tuple[int, int], tm.Terms], slopes: Sequence[tm.Terms]
+    ) -> dict[int, tm.Terms] | None:
         """A_i with d_j A_i - d_i A_j = fields[i, j]; `slopes` are the other terms, whose symmetries it is to have."""
         symbols = [ex.Symbol(name) for name in self.system.coordinates]
         ordered = sorted(pair for pair in fields if pair[0] < pair[1])
@@ -223,7 +208,7 @@ class Integrator:
             radial = _along_rays(fields, symbols)
             if radial is not None:
                 return radial
-        found, done = dict[int, Terms](), set[int]()
+        found, done = dict[int, tm.Terms](), set[int]()
         rest = {pair: dict(terms) for pair, terms in fields.items()}
         while rest := {pair: terms for pair, terms in rest.items() if terms and not is_zero(terms)}:
             held = {
@@ -241,14 +226,16 @@ class Integrator:
                 parts = {i: self.integral(rest[i, k], symbols[k]) for i, j in rest if j == k}
             for i, (part, left) in parts.items():
                 if left:
-                    part = add_terms(part, {monomial(self.under_a_sign(tree_of(left), symbols[k])): Fraction(1)})
-                found[i] = add_terms(found.get(i, {}), part)
+                    part = tm.add_terms(
+                        part, {tm.monomial(self.under_a_sign(tm.tree_of(left), symbols[k])): Fraction(1)}
+                    )
+                found[i] = tm.add_terms(found.get(i, {}), part)
                 for m in range(len(symbols)):
                     if m == k:
                         rest[i, k], rest[k, i] = {}, {}
-                    elif m != i and (slope := derivative_of_terms(part, symbols[m])):
-                        rest[i, m] = add_terms(rest.get((i, m), {}), slope, -1)
-                        rest[m, i] = add_terms(rest.get((m, i), {}), slope)
+                    elif m != i and (slope := tm.derivative_of_terms(part, symbols[m])):
+                        rest[i, m] = tm.add_terms(rest.get((i, m), {}), slope, -1)
+                        rest[m, i] = tm.add_terms(rest.get((m, i), {}), slope)
             done.add(k)
             # A field with sources (d_i F_jk + d_j F_ki + d_k F_ij != 0) depends on coordinates that are done.
             if any(done & {*pair} and not is_zero(terms) for pair, terms in rest.items()):
@@ -257,30 +244,34 @@ class Integrator:
         return found
 
 
-def expressions_without_acceleration(names: Sequence[str], terms: Terms) -> list[Terms]:
+def expressions_without_acceleration(names: Sequence[str], terms: tm.Terms) -> list[tm.Terms]:
     """v_j L_(v_i q_j) + L_(v_i t) - L_(q_i) for each i."""
     found = []
     for name in names:
         check()
-        momentum = derivative_of_terms(terms, ex.Velocity(name))
-        total = add_terms(derivative_of_terms(momentum, ex.TIME), derivative_of_terms(terms, ex.Symbol(name)), -1)
+        momentum = tm.derivative_of_terms(terms, ex.Velocity(name))
+        total = tm.add_terms(
+            tm.derivative_of_terms(momentum, ex.TIME), tm.derivative_of_terms(terms, ex.Symbol(name)), -1
+        )
         for other in names:
-            slope = derivative_of_terms(momentum, ex.Symbol(other))
-            total = add_terms(total, multiply_terms(slope, {monomial(ex.Velocity(other)): Fraction(1)}))
+            slope = tm.derivative_of_terms(momentum, ex.Symbol(other))
+            total = tm.add_terms(total, tm.multiply_terms(slope, {tm.monomial(ex.Velocity(other)): Fraction(1)}))
         found.append(quadratures.in_one_square(total))
     return found
 
 
-def _round_potential(names: Sequence[str], wanted: Sequence[Terms], i: int, j: int) -> ex.Expression | None:
+def _round_potential(names: Sequence[str], wanted: Sequence[tm.Terms], i: int, j: int) -> ex.Expression | None:
     """A(s) (x y' - y x') for the terms B y' of E_x, -B x' of E_y where B depends on x and y by s = x^2 + y^2 alone.
 
     It is regular where B is, but for the axis: B = -2 (s A)', and s A is the integral of -x B by x at y = 0.
     """
     x, y, v, w = ex.Symbol(names[i]), ex.Symbol(names[j]), ex.Velocity(names[i]), ex.Velocity(names[j])
     field = _beside(wanted[i], w)
-    if not field or not _is_round(field, x, y) or add_terms(field, _beside(wanted[j], v)):
+    if not field or not _is_round(field, x, y) or tm.add_terms(field, _beside(wanted[j], v)):
         return None
-    radial = multiply_terms(terms_of(ex.substitute(tree_of(field), {y: ex.ZERO})), {monomial(x): Fraction(1)})
+    radial = tm.multiply_terms(
+        tm.terms_of(ex.substitute(tm.tree_of(field), {y: ex.ZERO})), {tm.monomial(x): Fraction(1)}
+    )
     flux = quadratures.primitive(x, radial)
     if flux is None:
         return None
@@ -289,32 +280,36 @@ def _round_potential(names: Sequence[str], wanted: Sequence[Terms], i: int, j: i
     return ex.substitute(flux, table) * square**-1 * (y * v - x * w)
 
 
-def _is_round(field: Terms, x: ex.Symbol, y: ex.Symbol) -> bool:
+def _is_round(field: tm.Terms, x: ex.Symbol, y: ex.Symbol) -> bool:
     """Whether it depends on x^2 + y^2, and on x and y in no other way: x B_y = y B_x."""
-    slopes = [derivative_of_terms(field, variable) for variable in (x, y)]
-    turned = [multiply_terms(slope, {monomial(q): Fraction(1)}) for slope, q in zip(slopes, (y, x), strict=True)]
+    slopes = [tm.derivative_of_terms(field, variable) for variable in (x, y)]
+    turned = [tm.multiply_terms(slope, {tm.monomial(q): Fraction(1)}) for slope, q in zip(slopes, (y, x), strict=True)]
     return bool(slopes[0]) and turned[0] == turned[1]
 
 
-def _beside(terms: Terms, velocity: ex.Velocity) -> Terms:
+def _beside(terms: tm.Terms, velocity: ex.Velocity) -> tm.Terms:
     """The coefficient of a velocity."""
-    return {key - monomial(velocity): a for key, a in terms.items() if split_velocities(key)[1] == monomial(velocity)}
+    return {
+        key - tm.monomial(velocity): a
+        for key, a in terms.items()
+        if tm.split_velocities(key)[1] == tm.monomial(velocity)
+    }
 
 
-def _sum(parts: Iterator[Terms]) -> Terms:
-    total = Terms()
+def _sum(parts: Iterator[tm.Terms]) -> tm.Terms:
+    total = tm.Terms()
     for part in parts:
-        total = add_terms(total, part)
+        total = tm.add_terms(total, part)
     return total
 
 
-def _outside(slope: Terms, variable: ex.Symbol) -> list[tuple[Terms, Terms]]:
+def _outside(slope: tm.Terms, variable: ex.Symbol) -> list[tuple[tm.Terms, tm.Terms]]:
     """(c, g) with slope = sum of c g, c free of the variable, g without other factors; c are no multiples."""
-    found: dict[Monomial, Terms] = {}
+    found: dict[tm.Monomial, tm.Terms] = {}
     for key, value in slope.items():
-        own: Monomial = frozenset(item for item in key if ex.holds(item[0], variable))
-        found.setdefault(own, {})[times(key, own, -1)] = value
-    pairs: list[tuple[Terms, Terms]] = []
+        own: tm.Monomial = frozenset(item for item in key if ex.holds(item[0], variable))
+        found.setdefault(own, {})[tm.times(key, own, -1)] = value
+    pairs: list[tuple[tm.Terms, tm.Terms]] = []
     for key, beside in found.items():
         for known, inner in pairs:
             ratios = {beside[one] / known[one] for one in known} if known.keys() == beside.keys() else set()
@@ -326,72 +321,74 @@ def _outside(slope: Terms, variable: ex.Symbol) -> list[tuple[Terms, Terms]]:
     return pairs
 
 
-def _is_closed(variables: Sequence[ex.Symbol], slopes: Sequence[Terms]) -> bool:
+def _is_closed(variables: Sequence[ex.Symbol], slopes: Sequence[tm.Terms]) -> bool:
     """Whether the mixed derivatives agree."""
     for (p, one), (q, other) in combinations(zip(variables, slopes, strict=True), 2):
-        turning = add_terms(derivative_of_terms(one, q), derivative_of_terms(other, p), -1)
+        turning = tm.add_terms(tm.derivative_of_terms(one, q), tm.derivative_of_terms(other, p), -1)
         if not is_zero(turning):
             return False
     return True
 
 
-def _holds(terms: Terms, variable: ex.Symbol) -> bool:
+def _holds(terms: tm.Terms, variable: ex.Symbol) -> bool:
     return any(ex.holds(letter, variable) for key in terms for letter, _ in key)
 
 
-def is_zero(terms: Terms) -> bool:
+def is_zero(terms: tm.Terms) -> bool:
     """Whether the sum vanishes, by relations among its letters if need be: tried at random points."""
     if not terms:
         return True
     if len(terms) == 1:
         return False
     try:
-        return implicit_equations.vanishes(tree_of(terms))
+        return implicit_equations.vanishes(tm.tree_of(terms))
     except errors.InputError:
         return False
 
 
-def power_rule(own: Monomial, beside: Terms, x: ex.Symbol) -> Terms | None:
+def power_rule(own: tm.Monomial, beside: tm.Terms, x: ex.Symbol) -> tm.Terms | None:
     """The integral of own * beside over x where that is a power of x, or c u^e du/dx with u^e = own."""
     if not own:
-        total = Terms()
+        total = tm.Terms()
         for key, value in beside.items():
-            e, raised = dict(key).get(x, Fraction(0)), times(key, monomial(x))
+            e, raised = dict(key).get(x, Fraction(0)), tm.times(key, tm.monomial(x))
             if e == -1:
-                total = add_terms(total, {times(raised, monomial(ex.Apply("log", x))): value})
+                total = tm.add_terms(total, {tm.times(raised, tm.monomial(ex.Apply("log", x))): value})
             else:
-                total = add_terms(total, {raised: value / (e + 1)})
+                total = tm.add_terms(total, {raised: value / (e + 1)})
         return total
     if len(own) != 1:
         return None
     ((u, e),) = own
-    if isinstance(u, ex.Sum) and (whole := constant_factor(beside, terms_of(u))) is not None:
+    if isinstance(u, ex.Sum) and (whole := constant_factor(beside, tm.terms_of(u))) is not None:
         beside, e = whole, e + 1  # x/(x - y)^3 - y/(x - y)^3
-    factor = constant_factor(beside, letter_derivative(u, x))
+    factor = constant_factor(beside, tm.letter_derivative(u, x))
     if factor is None or _holds(factor, x) or ex.is_exponential(u):
         return None
-    power: Terms = {frozenset([(u, e + 1)]): 1 / (e + 1)} if e != -1 else {monomial(ex.Apply("log", u)): Fraction(1)}
-    return multiply_terms(factor, power)
+    power: tm.Terms = (
+        {frozenset([(u, e + 1)]): 1 / (e + 1)} if e != -1 else {tm.monomial(ex.Apply("log", u)): Fraction(1)}
+    )
+    return tm.multiply_terms(factor, power)
 
 
-def constant_factor(left: Terms, right: Terms) -> Terms | None:
+def constant_factor(left: tm.Terms, right: tm.Terms) -> tm.Terms | None:
     """The monomial c with left = c right; None where the quotient is no monomial."""
     if not left or not right:
         return None
-    (a, m, p), (b, n, q) = split_content(left), split_content(right)
+    (a, m, p), (b, n, q) = tm.split_content(left), tm.split_content(right)
     if p == q:
-        return {times(m, n, -1): a / b}
-    if p == ex.negated(q) or terms_of(p) == {key: -value for key, value in terms_of(q).items()}:
-        return {times(m, n, -1): -a / b}
+        return {tm.times(m, n, -1): a / b}
+    if p == ex.negated(q) or tm.terms_of(p) == {key: -value for key, value in tm.terms_of(q).items()}:
+        return {tm.times(m, n, -1): -a / b}
     return None
 
 
-def _by_velocity(terms: Terms, names: Sequence[str]) -> list[Terms] | None:
+def _by_velocity(terms: tm.Terms, names: Sequence[str]) -> list[tm.Terms] | None:
     """The coefficient of each velocity; None where the terms are not affine in these."""
-    found: list[Terms] = [{} for _ in names]
+    found: list[tm.Terms] = [{} for _ in names]
     places = {ex.Velocity(name): k for k, name in enumerate(names)}
     for key, value in terms.items():
-        rest, moving = split_velocities(key)
+        rest, moving = tm.split_velocities(key)
         if not moving:
             continue
         ((letter, e), *more) = moving
@@ -401,25 +398,25 @@ def _by_velocity(terms: Terms, names: Sequence[str]) -> list[Terms] | None:
     return found
 
 
-def _is_turned(symbols: Sequence[ex.Symbol], slopes: Sequence[Terms], pairs: Sequence[tuple[int, int]]) -> bool:
+def _is_turned(symbols: Sequence[ex.Symbol], slopes: Sequence[tm.Terms], pairs: Sequence[tuple[int, int]]) -> bool:
     """Whether turning these pairs of coordinates, or scaling one up and the other down, leaves the potential alone."""
-    turning, scaling = Terms(), Terms()
+    turning, scaling = tm.Terms(), tm.Terms()
     for i, j in pairs:
-        one, other = ({monomial(symbols[k]): Fraction(1)} for k in (i, j))
-        turning = add_terms(turning, multiply_terms(slopes[j], one))
-        turning = add_terms(turning, multiply_terms(slopes[i], other), -1)
-        scaling = add_terms(scaling, multiply_terms(slopes[i], one))
-        scaling = add_terms(scaling, multiply_terms(slopes[j], other), -1)
+        one, other = ({tm.monomial(symbols[k]): Fraction(1)} for k in (i, j))
+        turning = tm.add_terms(turning, tm.multiply_terms(slopes[j], one))
+        turning = tm.add_terms(turning, tm.multiply_terms(slopes[i], other), -1)
+        scaling = tm.add_terms(scaling, tm.multiply_terms(slopes[i], one))
+        scaling = tm.add_terms(scaling, tm.multiply_terms(slopes[j], other), -1)
     return is_zero(turning) or is_zero(scaling)
 
 
-def _along_rays(fields: dict[tuple[int, int], Terms], symbols: Sequence[ex.Symbol]) -> dict[int, Terms] | None:
+def _along_rays(fields: dict[tuple[int, int], tm.Terms], symbols: Sequence[ex.Symbol]) -> dict[int, tm.Terms] | None:
     """A_i = q_j int_0^1 s F_ij(s q) ds of constant fields (Poincare's homotopy); None for other fields."""
-    found: dict[int, Terms] = {}
+    found: dict[int, tm.Terms] = {}
     for (i, j), terms in fields.items():
         for key, value in terms.items():
             if any(ex.holds(letter, *symbols) for letter, _ in key):
                 return None
-            term = {times(key, monomial(symbols[j])): value / 2}
-            found[i] = add_terms(found.get(i, {}), term)
+            term = {tm.times(key, tm.monomial(symbols[j])): value / 2}
+            found[i] = tm.add_terms(found.get(i, {}), term)
     return found

@@ -29,61 +29,41 @@ from inverse_service.expressions import tree as ex
 from inverse_service.expressions.evaluation import NoRealValue
 from inverse_service.field import exact_field, real_point
 from inverse_service.mechanics import conditions
-from inverse_service.search.terms import (
-    EMPTY,
-    Monomial,
-    MotionTerms,
-    Terms,
-    TooManyTerms,
-    add_terms,
-    derivative_of_terms,
-    has_velocity,
-    irreducible_factors,
-    letter_derivative,
-    monomial,
-    monomial_tree,
-    multiply_terms,
-    rank,
-    split_content,
-    split_velocities,
-    terms_of,
-    times,
-    tree_of,
-)
+from inverse_service.search import terms as tm
 
 _HALF = Fraction(1, 2)
 
 
-def quadratic_antiderivatives(key: Monomial, variable: ex.Expression) -> Iterator[Monomial]:
+def quadratic_antiderivatives(key: tm.Monomial, variable: ex.Expression) -> Iterator[tm.Monomial]:
     """Candidates for the antiderivative of the monomial, constant factors left out."""
     for letter, e in key:
         whole = e.denominator == 1 and e < 0
         if isinstance(letter, ex.Sum) and abs(e) <= bounds.POWER and (whole or e.denominator == 2):
             try:
                 yield from _of_letter(key, letter, e, variable)
-            except TooManyTerms:
+            except tm.TooManyTerms:
                 continue
 
 
-def _of_letter(key: Monomial, letter: ex.Sum, e: Fraction, variable: ex.Expression) -> Iterator[Monomial]:
-    slope = letter_derivative(letter, variable)
-    second = derivative_of_terms(slope, variable)
-    if not second or ex.holds(tree_of(second), variable):
+def _of_letter(key: tm.Monomial, letter: ex.Sum, e: Fraction, variable: ex.Expression) -> Iterator[tm.Monomial]:
+    slope = tm.letter_derivative(letter, variable)
+    second = tm.derivative_of_terms(slope, variable)
+    if not second or ex.holds(tm.tree_of(second), variable):
         return
-    squared = multiply_terms(slope, slope)
-    D = add_terms({k: 2 * a for k, a in multiply_terms(terms_of(letter), second).items()}, squared, -1)
+    squared = tm.multiply_terms(slope, slope)
+    D = tm.add_terms({k: 2 * a for k, a in tm.multiply_terms(tm.terms_of(letter), second).items()}, squared, -1)
     if not D:
         return
-    rest, scale = times(key, frozenset([(letter, e)]), -1), _monomial(D)
+    rest, scale = tm.times(key, frozenset([(letter, e)]), -1), _monomial(D)
     for exponent, power_of_d in _steps(e):
-        outer = times(times(rest, frozenset([(letter, exponent)])), scale, power_of_d)
-        yield from (times(outer, part) for part in slope)
+        outer = tm.times(tm.times(rest, frozenset([(letter, exponent)])), scale, power_of_d)
+        yield from (tm.times(outer, part) for part in slope)
     if e == Fraction(-3, 2):
         return  # 1 + 2 e is zero on the way up: nothing is left
     functions = _of_inverse(slope, D) if e.denominator == 1 else _of_root(letter, slope, second, D)
-    last = times(rest, scale, math.floor(e + 1))
+    last = tm.times(rest, scale, math.floor(e + 1))
     for k in range(3 if e in (-1, -_HALF) else 1):  # the variable itself may occur in the monomial: v/p, v^2/p
-        yield from (times(times(last, monomial(variable), -k), function) for function in functions)
+        yield from (tm.times(tm.times(last, tm.monomial(variable), -k), function) for function in functions)
 
 
 def _steps(e: Fraction) -> list[tuple[Fraction, int]]:
@@ -93,56 +73,56 @@ def _steps(e: Fraction) -> list[tuple[Fraction, int]]:
     return [(e - k, k) for k in range(bounds.POWER + 1) if e - k > 0]
 
 
-def _of_inverse(slope: Terms, D: Terms) -> list[Monomial]:
+def _of_inverse(slope: tm.Terms, D: tm.Terms) -> list[tm.Monomial]:
     """atan(p'/sqrt D)/sqrt D, or log(p' -+ sqrt(-D))/sqrt(-D)."""
     root = _root(_magnitude(D))
-    inverse = times(EMPTY, _monomial(root), -1)
+    inverse = tm.times(tm.EMPTY, _monomial(root), -1)
     if _is_negative(D):
-        return [times(inverse, _logarithm(add_terms(slope, root, sign))) for sign in (1, -1)]
-    return [times(inverse, monomial(ex.Apply("atan", tree_of(_quotient(slope, root)))))]
+        return [tm.times(inverse, _logarithm(tm.add_terms(slope, root, sign))) for sign in (1, -1)]
+    return [tm.times(inverse, tm.monomial(ex.Apply("atan", tm.tree_of(_quotient(slope, root)))))]
 
 
-def _of_root(letter: ex.Sum, slope: Terms, second: Terms, D: Terms) -> list[Monomial]:
+def _of_root(letter: ex.Sum, slope: tm.Terms, second: tm.Terms, D: tm.Terms) -> list[tm.Monomial]:
     """log(p' + sqrt(2 p'' p)), or asin(p'/sqrt(-D)) where p'' is negative."""
     if _is_negative(second):
-        return [monomial(ex.Apply("asin", tree_of(_quotient(_magnitude(slope), _root(_magnitude(D))))))]
+        return [tm.monomial(ex.Apply("asin", tm.tree_of(_quotient(_magnitude(slope), _root(_magnitude(D))))))]
     doubled = {key: 2 * value for key, value in second.items()}
-    radical: Terms = {frozenset([(letter, _HALF)]): Fraction(1)}
-    return [_logarithm(add_terms(slope, multiply_terms(_root(doubled), radical)))]
+    radical: tm.Terms = {frozenset([(letter, _HALF)]): Fraction(1)}
+    return [_logarithm(tm.add_terms(slope, tm.multiply_terms(_root(doubled), radical)))]
 
 
-def _is_negative(terms: Terms) -> bool:
+def _is_negative(terms: tm.Terms) -> bool:
     return all(value < 0 for value in terms.values())
 
 
-def _magnitude(terms: Terms) -> Terms:
+def _magnitude(terms: tm.Terms) -> tm.Terms:
     return {key: -value for key, value in terms.items()} if _is_negative(terms) else terms
 
 
-def _quotient(above: Terms, below: Terms) -> Terms:
-    return multiply_terms(above, terms_of(tree_of(below) ** -1))
+def _quotient(above: tm.Terms, below: tm.Terms) -> tm.Terms:
+    return tm.multiply_terms(above, tm.terms_of(tm.tree_of(below) ** -1))
 
 
-def _logarithm(terms: Terms) -> Monomial:
+def _logarithm(terms: tm.Terms) -> tm.Monomial:
     """The log of a sum, constant factors left out."""
-    _, common, primitive = split_content(terms)
-    return monomial(ex.Apply("log", monomial_tree(common) * primitive))
+    _, common, primitive = tm.split_content(terms)
+    return tm.monomial(ex.Apply("log", tm.monomial_tree(common) * primitive))
 
 
-def _monomial(terms: Terms) -> Monomial:
+def _monomial(terms: tm.Terms) -> tm.Monomial:
     """The sum as one monomial, its number left out."""
-    ((key, _),) = terms_of(tree_of(terms) ** -1).items()
-    return times(EMPTY, key, -1)
+    ((key, _),) = tm.terms_of(tm.tree_of(terms) ** -1).items()
+    return tm.times(tm.EMPTY, key, -1)
 
 
-def _root(terms: Terms) -> Terms:
+def _root(terms: tm.Terms) -> tm.Terms:
     """The square root: of a monomial taken letter by letter, of a sum a letter."""
     if len(terms) == 1:
         ((key, value),) = terms.items()
         above, below = math.isqrt(abs(value.numerator)), math.isqrt(value.denominator)
         if value > 0 and above**2 == value.numerator and below**2 == value.denominator:
             return {frozenset((letter, e / 2) for letter, e in key): Fraction(above, below)}
-    return terms_of(tree_of(terms) ** _HALF)
+    return tm.terms_of(tm.tree_of(terms) ** _HALF)
 
 
 _COMPANIONS = {"sin": "cos", "cos": "sin", "sinh": "cosh", "cosh": "sinh"}
@@ -153,11 +133,11 @@ class Material:
     """f as terms, its generators sorted by the variables they depend on; `shared` holds results that rungs share."""
 
     analysis: Analysis
-    motion: MotionTerms
+    motion: tm.MotionTerms
     position_letters: tuple[ex.Expression, ...]
     velocity_letters: tuple[ex.Expression, ...]
     linear_sums: tuple[ex.Expression, ...]
-    parameter_monomials: tuple[Monomial, ...]
+    parameter_monomials: tuple[tm.Monomial, ...]
     shared: dict[str, Any] = field(default_factory=dict, compare=False, repr=False)
 
 
@@ -167,7 +147,7 @@ def gather(analysis: Analysis, with_time: bool) -> Material:
     trees = _factored(analysis)
     pairs = zip(trees, system.accelerations, strict=True)
     forces = tuple(oriented(_shorter(*pair), analysis.real_point) for pair in pairs)
-    motion = MotionTerms(
+    motion = tm.MotionTerms(
         tuple(ex.Symbol(name) for name in system.coordinates),
         tuple(ex.Velocity(name) for name in system.coordinates),
         forces,
@@ -175,8 +155,8 @@ def gather(analysis: Analysis, with_time: bool) -> Material:
     )
     letters = _letters(forces)
     parameters = frozenset(ex.Symbol(name) for name in system.parameters)
-    position = [p for p in letters if not has_velocity(p) and ex.holds(p, ex.TIME, *motion.coordinates)]
-    moving = [p for p in letters if has_velocity(p) and not isinstance(p, ex.Velocity)]
+    position = [p for p in letters if not tm.has_velocity(p) and ex.holds(p, ex.TIME, *motion.coordinates)]
+    moving = [p for p in letters if tm.has_velocity(p) and not isinstance(p, ex.Velocity)]
     constants = _parameter_monomials(forces, parameters)
     return Material(analysis, motion, tuple(position), tuple(moving), _linear_sums(trees), constants)
 
@@ -191,35 +171,35 @@ def _factored(analysis: Analysis) -> list[ex.Expression]:
         return list(system.accelerations)
 
 
-def _shorter(factored: ex.Expression, given: ex.Expression) -> Terms:
+def _shorter(factored: ex.Expression, given: ex.Expression) -> tm.Terms:
     """The expansion with fewer terms; a common denominator can make many of a few."""
     found = []
     for tree in (factored, given):
         try:
-            found.append(terms_of(tree))
-        except TooManyTerms:
+            found.append(tm.terms_of(tree))
+        except tm.TooManyTerms:
             continue
     if not found:
-        raise TooManyTerms
+        raise tm.TooManyTerms
     return min(found, key=len)
 
 
-def simplified(material: Material, terms: Terms) -> Terms:
+def simplified(material: Material, terms: tm.Terms) -> tm.Terms:
     """The sum over its common denominator with common factors cancelled, if that is shorter."""
-    tree = tree_of(terms)
+    tree = tm.tree_of(terms)
     symbols: list[ex.Symbol | ex.Velocity] = [ex.TIME, *material.motion.coordinates, *material.motion.velocities]
     try:
-        other = terms_of(exact_field.factored([tree], symbols, exact_field.Budget.long())[0])
-    except (exact_field.TooLarge, ZeroDivisionError, TooManyTerms):
+        other = tm.terms_of(exact_field.factored([tree], symbols, exact_field.Budget.long())[0])
+    except (exact_field.TooLarge, ZeroDivisionError, tm.TooManyTerms):
         return terms
     return other if len(other) < len(terms) else terms
 
 
-def oriented(terms: Terms, table: real_point.RealTable | None) -> Terms:
+def oriented(terms: tm.Terms, table: real_point.RealTable | None) -> tm.Terms:
     """Sums that are negative at the real point replaced by their opposites, so that roots of letters exist."""
-    result: Terms = {}
+    result: tm.Terms = {}
     for key, value in terms.items():
-        product = EMPTY
+        product = tm.EMPTY
         for letter, e in key:
             if (
                 table is not None
@@ -228,13 +208,13 @@ def oriented(terms: Terms, table: real_point.RealTable | None) -> Terms:
                 and real_point.real_sign(letter, table) < 0
             ):
                 value = value if e % 2 == 0 else -value
-                letter = tree_of({k: -v for k, v in terms_of(letter).items()})
-            product = times(product, frozenset([(letter, e)]))
-        result = add_terms(result, {product: value})
+                letter = tm.tree_of({k: -v for k, v in tm.terms_of(letter).items()})
+            product = tm.times(product, frozenset([(letter, e)]))
+        result = tm.add_terms(result, {product: value})
     return result
 
 
-def _letters(forces: Iterable[Terms]) -> list[ex.Expression]:
+def _letters(forces: Iterable[tm.Terms]) -> list[ex.Expression]:
     """Letters of f and symbols inside its sums, the partner of each sine and cosine, A for A'."""
     found: dict[ex.Expression, None] = {}
     for terms in forces:
@@ -270,12 +250,12 @@ def _linear_sums(trees: Iterable[ex.Expression]) -> tuple[ex.Expression, ...]:
         for node in ex.walk(tree):
             if isinstance(node, ex.Sum):
                 try:
-                    terms = terms_of(node)
-                except TooManyTerms:
+                    terms = tm.terms_of(node)
+                except tm.TooManyTerms:
                     continue
                 keys = [[(p, e) for p, e in key if not isinstance(p, ex.Number)] for key in terms]
                 if keys and all(len(k) == 1 and isinstance(k[0][0], ex.Velocity) and k[0][1] == 1 for k in keys):
-                    found[split_content(terms)[2]] = None
+                    found[tm.split_content(terms)[2]] = None
     return tuple(found)
 
 
@@ -294,15 +274,15 @@ def _moving_letters(material: Material) -> Iterator[ex.Expression]:
     known = [p for p in material.velocity_letters if not ex.is_exponential(p)]
     yield from (p for p in known if not isinstance(p, ex.Sum) or _is_plain(p))
     for node in dict.fromkeys(node for f in material.analysis.system.accelerations for node in ex.walk(f)):
-        if isinstance(node, ex.Sum) and has_velocity(node):
-            with suppress(TooManyTerms, exact_field.TooLarge):
-                whole = split_content(terms)[2] if (terms := terms_of(node)) else node  # a sum may be 0
+        if isinstance(node, ex.Sum) and tm.has_velocity(node):
+            with suppress(tm.TooManyTerms, exact_field.TooLarge):
+                whole = tm.split_content(terms)[2] if (terms := tm.terms_of(node)) else node  # a sum may be 0
                 parts = (
                     ()
-                    if whole in known or tree_of({key: -value for key, value in terms_of(whole).items()}) in known
-                    else irreducible_factors(node)
+                    if whole in known or tm.tree_of({key: -value for key, value in tm.terms_of(whole).items()}) in known
+                    else tm.irreducible_factors(node)
                 )
-                yield from (p for p in parts if has_velocity(p) and _is_plain(p))
+                yield from (p for p in parts if tm.has_velocity(p) and _is_plain(p))
 
 
 def _positive(letter: ex.Expression, table: real_point.RealTable) -> ex.Expression:
@@ -311,7 +291,7 @@ def _positive(letter: ex.Expression, table: real_point.RealTable) -> ex.Expressi
         negative = isinstance(letter, ex.Sum) and real_point.real_sign(letter, table) < 0
     except (errors.IrreducibleAtoms, NoRealValue):
         return letter
-    return tree_of({key: -value for key, value in terms_of(letter).items()}) if negative else letter
+    return tm.tree_of({key: -value for key, value in tm.terms_of(letter).items()}) if negative else letter
 
 
 def _is_plain(node: ex.Expression) -> bool:
@@ -321,57 +301,57 @@ def _is_plain(node: ex.Expression) -> bool:
     return whole and ex.node_count(node) <= bounds.NODES
 
 
-def _parameter_monomials(forces: Iterable[Terms], parameters: frozenset[ex.Symbol]) -> tuple[Monomial, ...]:
+def _parameter_monomials(forces: Iterable[tm.Terms], parameters: frozenset[ex.Symbol]) -> tuple[tm.Monomial, ...]:
     """Parameter parts of the terms of f, their inverses and quotients, simple ones first."""
 
     def is_constant(letter: ex.Expression) -> bool:
         nodes = [node for node in ex.walk(letter) if isinstance(node, ex.Symbol | ex.Velocity)]
         return bool(nodes) and all(node in parameters for node in nodes)
 
-    parts: dict[Monomial, None] = {EMPTY: None}
+    parts: dict[tm.Monomial, None] = {tm.EMPTY: None}
     for terms in forces:
         for key in terms:
-            part: Monomial = frozenset(item for item in key if is_constant(item[0]))
+            part: tm.Monomial = frozenset(item for item in key if is_constant(item[0]))
             for letter, e in part:
                 parts[frozenset([(letter, e)])] = None
                 parts[frozenset([(letter, -e)])] = None
             parts[part] = None
-            parts[times(EMPTY, part, -1)] = None
-    return tuple(sorted(parts, key=rank))
+            parts[tm.times(tm.EMPTY, part, -1)] = None
+    return tuple(sorted(parts, key=tm.rank))
 
 
 @lru_cache(maxsize=8192)
-def antiderivatives(key: Monomial, variable: ex.Expression) -> tuple[Monomial, ...]:
+def antiderivatives(key: tm.Monomial, variable: ex.Expression) -> tuple[tm.Monomial, ...]:
     """Monomials whose derivative by the variable may contain `key`, by raising one letter at a time."""
     letters = dict.fromkeys([variable, *(letter for letter, _ in key)])
     for letter in list(letters):
         letters.update(dict.fromkeys(companions(letter)))
         if isinstance(letter, ex.Apply) and isinstance(letter.argument, ex.Sum):
             letters[letter.argument] = None  # (x + 1) log(x + 1)
-    found: dict[Monomial, None] = dict.fromkeys(
-        times(key, monomial(p, q)) for p, _ in key for q in companions(p) if isinstance(p, ex.Apply)
+    found: dict[tm.Monomial, None] = dict.fromkeys(
+        tm.times(key, tm.monomial(p, q)) for p, _ in key for q in companions(p) if isinstance(p, ex.Apply)
     )  # sin(x)/cos(x) for 1/cos(x)^2
     for letter in letters:
         try:
-            slope = letter_derivative(letter, variable)
-        except TooManyTerms:
+            slope = tm.letter_derivative(letter, variable)
+        except tm.TooManyTerms:
             continue
         for unit in slope:
-            raised = times(times(key, monomial(letter)), unit, -1)
+            raised = tm.times(tm.times(key, tm.monomial(letter)), unit, -1)
             if any(p == letter for p, _ in raised) or letter == variable:
                 found[raised] = None
             if not any(p == letter for p, _ in raised):
-                found[times(raised, monomial(ex.Apply("log", letter)))] = None
+                found[tm.times(raised, tm.monomial(ex.Apply("log", letter)))] = None
     roots = [letter for letter, e in key if isinstance(letter, ex.Sum) and e == Fraction(-1, 2)]
     if len(roots) == 2:  # sqrt(x - 1) sqrt(x + 1), whose slope is x over it
-        found[times(times(key, monomial(*roots)), monomial(variable), -1)] = None
+        found[tm.times(tm.times(key, tm.monomial(*roots)), tm.monomial(variable), -1)] = None
     found.update(dict.fromkeys(quadratic_antiderivatives(key, variable)))
     found.update(dict.fromkeys(_raised_powers(key, variable)))
-    found.pop(EMPTY, None)
+    found.pop(tm.EMPTY, None)
     return tuple(found)
 
 
-def _raised_powers(key: Monomial, variable: ex.Expression) -> list[Monomial]:
+def _raised_powers(key: tm.Monomial, variable: ex.Expression) -> list[tm.Monomial]:
     """p^(e+1) / ((e+1) dp) for p^e with a symbolic exponent, a numeric power of p next to it included."""
     found = []
     for letter, times_over in key:
@@ -379,50 +359,50 @@ def _raised_powers(key: Monomial, variable: ex.Expression) -> list[Monomial]:
             continue
         base, beside = letter.base, dict(key).get(letter.base, Fraction(0))
         raised_exponent = times_over * letter.exponent + beside + 1
-        if isinstance(raised_exponent, ex.Sum) and not has_velocity(base):
-            whole = times(times(key, monomial(base)), monomial(raised_exponent), -1)
-            found += [times(whole, unit, -1) for unit in letter_derivative(base, variable)]
+        if isinstance(raised_exponent, ex.Sum) and not tm.has_velocity(base):
+            whole = tm.times(tm.times(key, tm.monomial(base)), tm.monomial(raised_exponent), -1)
+            found += [tm.times(whole, unit, -1) for unit in tm.letter_derivative(base, variable)]
     return found
 
 
-def coefficient(terms: Terms, moving: Monomial) -> Terms:
+def coefficient(terms: tm.Terms, moving: tm.Monomial) -> tm.Terms:
     """The terms with exactly these velocity letters, these taken out."""
-    return {split_velocities(key)[0]: value for key, value in terms.items() if split_velocities(key)[1] == moving}
+    return {tm.split_velocities(key)[0]: value for key, value in terms.items() if tm.split_velocities(key)[1] == moving}
 
 
-def integrating_candidates(material: Material) -> list[tuple[int, Terms, ex.Symbol]]:
+def integrating_candidates(material: Material) -> list[tuple[int, tm.Terms, ex.Symbol]]:
     """(i, c, variable) with wanted factors exp(-int c d variable): from c v_i v_l, c v_i^2, c v_i in f_i."""
     motion = material.motion
-    found: list[tuple[int, Terms, ex.Symbol]] = []
+    found: list[tuple[int, tm.Terms, ex.Symbol]] = []
     for i, (v, f) in enumerate(zip(motion.velocities, motion.forces, strict=True)):
         for q, w in zip(motion.coordinates, motion.velocities, strict=True):
-            c = simplified(material, coefficient(f, monomial(v, w)))
+            c = simplified(material, coefficient(f, tm.monomial(v, w)))
             if c:
                 found.append((i, c, q))
         own = any(place == i and variable == motion.coordinates[i] for place, _, variable in found)
         found += [] if own else [(i, c, motion.coordinates[i]) for c in _alone(material, i)]
-        drag = simplified(material, coefficient(f, monomial(v))) if motion.with_time else {}
+        drag = simplified(material, coefficient(f, tm.monomial(v))) if motion.with_time else {}
         still = {key: c for key, c in drag.items() if not any(ex.holds(p, *motion.coordinates) for p, _ in key)}
         if still and (len(still) == len(drag) or motion.size == 1):
             found.append((i, still, ex.TIME))
     return found
 
 
-def _alone(material: Material, i: int) -> list[Terms]:
+def _alone(material: Material, i: int) -> list[tm.Terms]:
     """c with c v_i^2 in f_i where another velocity is 0, for f_i with sums of velocities in denominators."""
     motion, force = material.motion, material.analysis.system.accelerations[i]
-    if not any(isinstance(p, ex.Sum) and has_velocity(p) and e < 0 for key in motion.forces[i] for p, e in key):
+    if not any(isinstance(p, ex.Sum) and tm.has_velocity(p) and e < 0 for key in motion.forces[i] for p, e in key):
         return []
     symbols: list[ex.Symbol | ex.Velocity] = [ex.TIME, *motion.coordinates, *motion.velocities]
     own, held = motion.velocities[i], set(ex.walk(force))
     for v in (w for w in motion.velocities if w in held and w != own):
-        with suppress(exact_field.TooLarge, ZeroDivisionError, TooManyTerms, KeyError, ValueError):
+        with suppress(exact_field.TooLarge, ZeroDivisionError, tm.TooManyTerms, KeyError, ValueError):
             (rest,) = exact_field.factored([ex.substitute(force, {v: ex.ZERO})], symbols, exact_field.Budget.long())
-            if c := coefficient(terms_of(rest), monomial(own, own)):
+            if c := coefficient(tm.terms_of(rest), tm.monomial(own, own)):
                 return [c]
     return []
 
 
-def distinct(parts: Sequence[Monomial]) -> list[Monomial]:
+def distinct(parts: Sequence[tm.Monomial]) -> list[tm.Monomial]:
     """Each once, simple ones first."""
-    return sorted(dict.fromkeys(parts), key=rank)
+    return sorted(dict.fromkeys(parts), key=tm.rank)

@@ -27,16 +27,7 @@ from inverse_service.expressions import tree as ex
 from inverse_service.field import point, real_point
 from inverse_service.mechanics import euler_lagrange
 from inverse_service.search import ansatz
-from inverse_service.search.terms import (
-    Monomial,
-    add_terms,
-    has_velocity,
-    is_linear,
-    monomial_tree,
-    rank,
-    times,
-    tree_of,
-)
+from inverse_service.search import terms as tm
 
 IntegerMatrix = list[list[int]]
 # Eigenvalues below this part of the largest are zero.
@@ -46,7 +37,7 @@ _TINY = mpmath.mpf(10) ** -20
 def hessians(space: ansatz.LagrangianSpace, seed: int) -> tuple[int, list[IntegerMatrix]]:
     """(prime, d2L/dv dv of each combination at one random point)."""
     every = dict.fromkeys(key for c in space.combinations for key in c)
-    candidates = [key for key in every if not is_linear(key)]
+    candidates = [key for key in every if not tm.is_linear(key)]
     letters = ansatz.letters_of(candidates)
     table = ansatz.letter_table(space.sampler, letters, 1, seed)
     index = {letter: k for k, letter in enumerate(letters)}
@@ -74,7 +65,7 @@ def _hessian(table: ansatz.LetterTable, letters: Sequence[tuple[int, Fraction]],
     ]  # fmt: skip
 
 
-def _combined(single: dict[Monomial, IntegerMatrix], combination: ansatz.Combination, prime: int) -> IntegerMatrix:
+def _combined(single: dict[tm.Monomial, IntegerMatrix], combination: ansatz.Combination, prime: int) -> IntegerMatrix:
     n = len(next(iter(single.values())))
     total = [[0] * n for _ in range(n)]
     for key in combination.keys() & single.keys():
@@ -141,7 +132,7 @@ def _rank(matrices: Sequence[IntegerMatrix], weights: Sequence[int], prime: int)
 
 def complexity(combination: ansatz.Combination) -> tuple[Fraction | int, int]:
     """Total weight of its terms, and their number."""
-    return sum((rank(key)[0] + 1 for key in combination), Fraction(0)), len(combination)
+    return sum((tm.rank(key)[0] + 1 for key in combination), Fraction(0)), len(combination)
 
 
 def gauge_of(space: ansatz.LagrangianSpace, seed: int) -> list[ansatz.Combination]:
@@ -158,7 +149,7 @@ def reduced(total: ansatz.Combination, gauge: Sequence[ansatz.Combination]) -> a
         for element in gauge:
             for key, a in element.items():
                 if key in total:
-                    shorter = add_terms(total, element, -total[key] / a)
+                    shorter = tm.add_terms(total, element, -total[key] / a)
                     if shorter and complexity(shorter) < complexity(total):
                         total, improved = shorter, True
     return total
@@ -166,9 +157,9 @@ def reduced(total: ansatz.Combination, gauge: Sequence[ansatz.Combination]) -> a
 
 def scaled(combination: ansatz.Combination) -> ansatz.Combination:
     """The simplest term that is not linear in the velocities gets coefficient 1/2 if quadratic, else 1."""
-    moving = [key for key in combination if not is_linear(key)] or list(combination)
-    leading = min(moving, key=rank)
-    target = Fraction(1, 2) if any(e == 2 and has_velocity(letter) for letter, e in leading) else Fraction(1)
+    moving = [key for key in combination if not tm.is_linear(key)] or list(combination)
+    leading = min(moving, key=tm.rank)
+    target = Fraction(1, 2) if any(e == 2 and tm.has_velocity(letter) for letter, e in leading) else Fraction(1)
     factor = target / combination[leading]
     return {key: a * factor for key, a in combination.items()}
 
@@ -313,15 +304,15 @@ def _divided(member: Member, parameters: frozenset[ex.Symbol], table: real_point
     found = [member]
     for part in dict.fromkeys(_constants(member.terms, parameters)):
         if part:
-            sign = -1 if real_point.real_sign(monomial_tree(part), table) < 0 else 1
-            terms = {times(key, part, -1): sign * value for key, value in member.terms.items()}
+            sign = -1 if real_point.real_sign(tm.monomial_tree(part), table) < 0 else 1
+            terms = {tm.times(key, part, -1): sign * value for key, value in member.terms.items()}
             found.append(replace(member, terms=terms))
     return min(found, key=lambda one: _order(one, parameters))
 
 
-def _constants(terms: ansatz.Combination, parameters: frozenset[ex.Symbol]) -> list[Monomial]:
+def _constants(terms: ansatz.Combination, parameters: frozenset[ex.Symbol]) -> list[tm.Monomial]:
     """The letters of each kinetic term that hold nothing but parameters."""
-    kinetic = [key for key in terms if not is_linear(key)]
+    kinetic = [key for key in terms if not tm.is_linear(key)]
     return [frozenset(item for item in key if _is_constant(item[0], parameters)) for key in kinetic]
 
 
@@ -347,16 +338,16 @@ def _sum_of(space: ansatz.LagrangianSpace, gauge: Sequence[ansatz.Combination], 
     """
     names = space.sampler.analysis.system.coordinates
     parts = [scaled(reduced(space.combinations[k], gauge)) for k in chosen]
-    found = [signature(space, euler_lagrange.hessian(tree_of(part), names)) for part in parts]
+    found = [signature(space, euler_lagrange.hessian(tm.tree_of(part), names)) for part in parts]
     signs = [-1 if one is not None and one[1] > one[0] else 1 for one in found]
     total: ansatz.Combination = {}
     inertia = None
     for spread in range(3):
         total = {}
         for k, (part, sign) in enumerate(zip(parts, signs, strict=True)):
-            total = add_terms(total, part, sign * (1 + spread * k))
+            total = tm.add_terms(total, part, sign * (1 + spread * k))
         total = reduced(total, gauge)
-        inertia = signature(space, euler_lagrange.hessian(tree_of(total), names))
+        inertia = signature(space, euler_lagrange.hessian(tm.tree_of(total), names))
         if inertia is None or sum(inertia) == len(names):
             break
     given = tuple(space.combinations[k] for k in chosen)
@@ -376,7 +367,7 @@ def _definite_sums(space: ansatz.LagrangianSpace, gauge: Sequence[ansatz.Combina
     for weights in definite_weights([matrix for _, matrix in with_hessian]):
         total: ansatz.Combination = {}
         for weight, (c, _) in zip(weights, with_hessian, strict=True):
-            total = add_terms(total, c, weight)
+            total = tm.add_terms(total, c, weight)
         parts = tuple(c for weight, (c, _) in zip(weights, with_hessian, strict=True) if weight)
         found.append(Member(_scaled_up(reduced(total, gauge)), parts, definite=True))
     return found
@@ -384,7 +375,7 @@ def _definite_sums(space: ansatz.LagrangianSpace, gauge: Sequence[ansatz.Combina
 
 def _is_quadratic(combination: ansatz.Combination) -> bool:
     """Whether its terms are v_i v_j, v_i or 1 times functions of position."""
-    moving = [[(letter, e) for letter, e in key if has_velocity(letter)] for key in combination]
+    moving = [[(letter, e) for letter, e in key if tm.has_velocity(letter)] for key in combination]
     plain = all(isinstance(letter, ex.Velocity) for part in moving for letter, _ in part)
     return plain and all(
         sum(e for _, e in part) in (0, 1, 2) and min((e for _, e in part), default=1) > 0 for part in moving
@@ -402,14 +393,14 @@ def _real_hessian(space: ansatz.LagrangianSpace, combination: ansatz.Combination
     """d2L/dv dv at the real point; None where it vanishes or has no value."""
     deadline.check()
     table = space.sampler.real_point
-    if table is None or not any(not is_linear(key) for key in combination):
+    if table is None or not any(not tm.is_linear(key) for key in combination):
         return None
     names = space.sampler.analysis.system.coordinates
     with mpmath.workdps(20):
         try:
             entries = [
                 [float(evaluation.evaluate(e, table)) for e in row]
-                for row in euler_lagrange.hessian(tree_of(combination), names)
+                for row in euler_lagrange.hessian(tm.tree_of(combination), names)
             ]
         except (evaluation.NoRealValue, ArithmeticError, TypeError):
             return None

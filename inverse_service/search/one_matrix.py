@@ -45,27 +45,14 @@ from inverse_service.field.real_point import real_sign
 from inverse_service.field.tower import to_kernels
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.search import angles
+from inverse_service.search import terms as tm
 from inverse_service.search.gradients import ONE_TERM, Integrator
 from inverse_service.search.interpolation import Given, Interpolation, NoFit, kernel_of, letters_of, whole_numbers
 from inverse_service.search.material import Material
-from inverse_service.search.terms import (
-    EMPTY,
-    Monomial,
-    Terms,
-    TooManyTerms,
-    add_terms,
-    has_velocity,
-    monomial,
-    monomial_tree,
-    multiply_terms,
-    terms_of,
-    times,
-    tree_of,
-)
 
 # Coordinates up to which kernels at points are cheap.
 _MOST = 8
-_FAILED = (NoFit, TooManyTerms, TooLarge, ZeroDivisionError, ValueError, KeyError, IrreducibleAtoms)
+_FAILED = (NoFit, tm.TooManyTerms, TooLarge, ZeroDivisionError, ValueError, KeyError, IrreducibleAtoms)
 
 
 def accepts(material: Material) -> bool:
@@ -171,15 +158,15 @@ class OneMatrix:
         def rank(generator: Generator) -> int:
             return {"angle": 0, "exp": 1}.get(generator[0], 2 if generator[1] in own else 3)
 
-        return sorted((one for one in points.values if not has_velocity(one[1])), key=rank)
+        return sorted((one for one in points.values if not tm.has_velocity(one[1])), key=rank)
 
-    def matrix(self) -> list[Terms]:
+    def matrix(self) -> list[tm.Terms]:
         """The one matrix, or of several the one of least degree."""
         if self.kernel > 1:
             return lowest_matrix(self)
         return Interpolation(self.matrix_values, self.variables(), self.units).terms()
 
-    def lagrangian(self, integrator: Integrator, entries: Sequence[Terms]) -> ex.Expression | None:
+    def lagrangian(self, integrator: Integrator, entries: Sequence[tm.Terms]) -> ex.Expression | None:
         """The one with this matrix, up to a factor that is found."""
         variables = self.variables()
         matrix = self._oriented(whole_numbers(entries), integrator)
@@ -188,33 +175,33 @@ class OneMatrix:
             return None
         phi, drag = scale
         shown = [angles.shortest(terms) for terms in matrix]
-        kinetic = Terms()
+        kinetic = tm.Terms()
         for (i, j), terms in zip(self.pairs, shown, strict=True):
             v, w = (ex.Velocity(self.system.coordinates[k]) for k in (i, j))
-            square = {monomial(v, w): Fraction(1, 2) if i == j else Fraction(1)}
-            kinetic = add_terms(kinetic, multiply_terms(terms, square))
+            square = {tm.monomial(v, w): Fraction(1, 2) if i == j else Fraction(1)}
+            kinetic = tm.add_terms(kinetic, tm.multiply_terms(terms, square))
         wanted = self._wanted(matrix, variables, drag)
-        rest = None if wanted is None else integrator.linear_terms([multiply_terms(phi, w) for w in wanted])
-        return None if rest is None else ex.add(tree_of(phi) * tree_of(kinetic), tree_of(rest))
+        rest = None if wanted is None else integrator.linear_terms([tm.multiply_terms(phi, w) for w in wanted])
+        return None if rest is None else ex.add(tm.tree_of(phi) * tm.tree_of(kinetic), tm.tree_of(rest))
 
-    def _oriented(self, matrix: Sequence[Terms], integrator: Integrator) -> list[Terms]:
+    def _oriented(self, matrix: Sequence[tm.Terms], integrator: Integrator) -> list[tm.Terms]:
         """Positive in its first entry on the diagonal that is not 0, at the real point."""
         entry = next((m for (i, j), m in zip(self.pairs, matrix, strict=True) if i == j and m), matrix[0])
         with suppress(NoRealValue, IrreducibleAtoms):
-            if integrator.table is not None and real_sign(tree_of(entry), integrator.table) < 0:
+            if integrator.table is not None and real_sign(tm.tree_of(entry), integrator.table) < 0:
                 return [{key: -value for key, value in terms.items()} for terms in matrix]
         return list(matrix)
 
-    def _at(self, points: Points, matrix: Sequence[Terms], order: int) -> tuple[Flow, Numbers]:
+    def _at(self, points: Points, matrix: Sequence[tm.Terms], order: int) -> tuple[Flow, Numbers]:
         """The flow, and G and its derivatives along it, (order, points, n, n)."""
         flow, n = Flow(points, self.forces, order), len(self.forces)
         values = np.zeros((order, points.count, n, n), np.int64)
         for (i, j), terms in zip(self.pairs, matrix, strict=True):
             if terms:
-                values[:, :, i, j] = values[:, :, j, i] = flow.tree(tree_of(terms)).data[0]
+                values[:, :, i, j] = values[:, :, j, i] = flow.tree(tm.tree_of(terms)).data[0]
         return flow, values
 
-    def _rates(self, points: Points, matrix: Sequence[Terms]) -> tuple[Numbers, Numbers, Numbers]:
+    def _rates(self, points: Points, matrix: Sequence[tm.Terms]) -> tuple[Numbers, Numbers, Numbers]:
         """(G, Gamma G, G N + N^T G) at the points, (points, n, n)."""
         flow, values = self._at(points, matrix, 2)
         by_velocity, _ = flow.slopes()
@@ -222,8 +209,8 @@ class OneMatrix:
         return values[0], values[1], (half + half.transpose(0, 2, 1)) % PRIME
 
     def _scale(
-        self, matrix: Sequence[Terms], variables: Sequence[Generator], integrator: Integrator
-    ) -> tuple[Terms, Terms] | None:
+        self, matrix: Sequence[tm.Terms], variables: Sequence[Generator], integrator: Integrator
+    ) -> tuple[tm.Terms, tm.Terms] | None:
         """(phi, T): the factor, and the part of Gamma(log phi) without velocities."""
         points = self.points({}, 12)
         _, along, turned = self._rates(points, matrix)
@@ -233,7 +220,7 @@ class OneMatrix:
             return dict(ONE_TERM), {}
         for (i, j), terms in zip(self.pairs, matrix, strict=True):
             if terms and not turned[good][:, i, j].any() and integrator.system:
-                inverse = terms_of(ex.power(tree_of(angles.shortest(terms)), -1))
+                inverse = tm.terms_of(ex.power(tm.tree_of(angles.shortest(terms)), -1))
                 return inverse, self._drag(inverse, integrator)
         e = next(pair for pair, terms in zip(self.pairs, matrix, strict=True) if terms)
         n, zeros = len(self.forces), np.zeros
@@ -255,19 +242,23 @@ class OneMatrix:
             return np.array(found)[:, good], rest
 
         below, *above = Interpolation(form, variables, self.units).terms()
-        slopes = [tree_of(terms) / tree_of(below) for terms in above]
+        slopes = [tm.tree_of(terms) / tm.tree_of(below) for terms in above]
         names = [ex.TIME, *map(ex.Symbol, self.system.coordinates)]
-        logarithm = integrator.function_of(names, [terms_of(tree) for tree in factored(slopes, names, Budget.long())])
-        return None if logarithm is None else (integrator.exponential(logarithm), terms_of(slopes[0]))
+        logarithm = integrator.function_of(
+            names, [tm.terms_of(tree) for tree in factored(slopes, names, Budget.long())]
+        )
+        return None if logarithm is None else (integrator.exponential(logarithm), tm.terms_of(slopes[0]))
 
-    def _drag(self, phi: Terms, integrator: Integrator) -> Terms:
+    def _drag(self, phi: tm.Terms, integrator: Integrator) -> tm.Terms:
         """d_t log phi."""
         from inverse_service.expressions.derivative import differentiate
 
-        rate = differentiate(tree_of(phi), ex.TIME)
-        return terms_of(rate / tree_of(phi)) if rate != ex.ZERO else {}
+        rate = differentiate(tm.tree_of(phi), ex.TIME)
+        return tm.terms_of(rate / tm.tree_of(phi)) if rate != ex.ZERO else {}
 
-    def _wanted(self, matrix: Sequence[Terms], variables: Sequence[Generator], drag: Terms) -> list[Terms] | None:
+    def _wanted(
+        self, matrix: Sequence[tm.Terms], variables: Sequence[Generator], drag: tm.Terms
+    ) -> list[tm.Terms] | None:
         """-(W_i + F_ij v_j): the Euler-Lagrange expressions that A_i v_i - V has over phi."""
         n = len(self.forces)
         places = list(combinations(range(n), 2))
@@ -280,7 +271,7 @@ class OneMatrix:
             pushes = sum(values[0][:, :, m] * forces[:, m, None] % PRIME for m in range(n)) % PRIME
             fields = (matrix_product(values[0], by_velocity[0]) + values[1]) % PRIME
             if drag:
-                factor = flow.tree(tree_of(drag)).data[0, 0]
+                factor = flow.tree(tm.tree_of(drag)).data[0, 0]
                 fields = (fields + values[0] * factor[:, None, None]) % PRIME
             if ((fields + fields.transpose(0, 2, 1)) % PRIME)[points.good].any():
                 raise NoFit("f is not that of a multiplier without velocities")
@@ -290,48 +281,50 @@ class OneMatrix:
         try:
             below, *above = Interpolation(form, variables, self.units).terms()
             names = [ex.TIME, *map(ex.Symbol, self.system.coordinates)]
-            constant = below.keys() == {EMPTY}
+            constant = below.keys() == {tm.EMPTY}
             if constant:
-                above = [{key: value / below[EMPTY] for key, value in terms.items()} for terms in above]
+                above = [{key: value / below[tm.EMPTY] for key, value in terms.items()} for terms in above]
             else:
-                trees = factored([tree_of(terms) / tree_of(below) for terms in above], names, Budget.long())
-                above = [terms_of(tree) for tree in trees]
+                trees = factored([tm.tree_of(terms) / tm.tree_of(below) for terms in above], names, Budget.long())
+                above = [tm.terms_of(tree) for tree in trees]
         except NoFit:
             above = self._in_symbols(matrix, drag, places)
         above = [angles.shortest(terms) for terms in above]
         wanted = [{key: -value for key, value in terms.items()} for terms in above[:n]]
         for (i, j), terms in zip(places, above[n:], strict=True):
             check()
-            v, w = ({monomial(ex.Velocity(self.system.coordinates[k])): Fraction(1)} for k in (i, j))
-            wanted[i] = add_terms(wanted[i], multiply_terms(terms, w), -1)
-            wanted[j] = add_terms(wanted[j], multiply_terms(terms, v))
+            v, w = ({tm.monomial(ex.Velocity(self.system.coordinates[k])): Fraction(1)} for k in (i, j))
+            wanted[i] = tm.add_terms(wanted[i], tm.multiply_terms(terms, w), -1)
+            wanted[j] = tm.add_terms(wanted[j], tm.multiply_terms(terms, v))
         return wanted
 
-    def _in_symbols(self, matrix: Sequence[Terms], drag: Terms, places: Sequence[tuple[int, int]]) -> list[Terms]:
+    def _in_symbols(
+        self, matrix: Sequence[tm.Terms], drag: tm.Terms, places: Sequence[tuple[int, int]]
+    ) -> list[tm.Terms]:
         """W and F by exact arithmetic, where f has roots."""
         from inverse_service.expressions.derivative import differentiate
 
         n, names = len(self.forces), [ex.TIME, *map(ex.Symbol, self.system.coordinates)]
         velocities = [ex.Velocity(name) for name in self.system.coordinates]
         still: dict[ex.Expression, ex.Expression] = dict.fromkeys(velocities, ex.ZERO)
-        table = {pair: tree_of(terms) for pair, terms in zip(self.pairs, matrix, strict=True)}
+        table = {pair: tm.tree_of(terms) for pair, terms in zip(self.pairs, matrix, strict=True)}
         entry = [[table[min(i, j), max(i, j)] for j in range(n)] for i in range(n)]
         forces = [ex.substitute(f, still) for f in self.system.accelerations]
         slopes = [[ex.substitute(differentiate(f, v), still) for v in velocities] for f in self.system.accelerations]
         trees = [ex.add(*(entry[i][m] * forces[m] for m in range(n))) for i in range(n)]
         for i, j in places:
-            moving = differentiate(entry[i][j], ex.TIME) + tree_of(drag) * entry[i][j]
+            moving = differentiate(entry[i][j], ex.TIME) + tm.tree_of(drag) * entry[i][j]
             trees.append(ex.add(*(entry[i][m] * slopes[m][j] for m in range(n)), moving))
-        return [terms_of(tree) for tree in factored(trees, names, Budget.long())]
+        return [tm.terms_of(tree) for tree in factored(trees, names, Budget.long())]
 
 
 # The highest degree, and unknown coefficients.
 _DEGREE, _UNKNOWNS = 2, 700
 # A coefficient: the entry of the matrix and the product of letters.
-Column = tuple[int, Monomial]
+Column = tuple[int, tm.Monomial]
 
 
-def lowest_matrix(search: OneMatrix) -> list[Terms]:
+def lowest_matrix(search: OneMatrix) -> list[tm.Terms]:
     """The entries of the matrix; NoFit where no degree has exactly one regular solution."""
     variables = search.variables()
     names = {ex.TIME, *map(ex.Symbol, search.system.coordinates)}
@@ -355,23 +348,23 @@ def lowest_matrix(search: OneMatrix) -> list[Terms]:
     raise NoFit("no least degree has one matrix")
 
 
-def _monomials(own: Sequence[Generator], search: OneMatrix, degree: int) -> list[Monomial]:
+def _monomials(own: Sequence[Generator], search: OneMatrix, degree: int) -> list[tm.Monomial]:
     """Products of letters of `degree` different variables at most; a coordinate only where it is no angle."""
     angles = {what for kind, what in own if kind == "angle"}
     used = [v for v in own if not (v[0] == "variable" and v[1] in angles)]
-    found: dict[Monomial, None] = {EMPTY: None}
+    found: dict[tm.Monomial, None] = {tm.EMPTY: None}
     for size in range(1, degree + 1):
         for chosen in combinations(used, size):
             letters = [[letter for letter in letters_of(v, search.units) if letter] for v in chosen]
             for some in product(*letters):
-                key = EMPTY
+                key = tm.EMPTY
                 for letter in some:
-                    key = times(key, letter)
+                    key = tm.times(key, letter)
                 found[key] = None
     return list(found)
 
 
-def _interpolated(search: OneMatrix, support: Sequence[Column], constants: Sequence[Generator]) -> list[Terms]:
+def _interpolated(search: OneMatrix, support: Sequence[Column], constants: Sequence[Generator]) -> list[tm.Terms]:
     solver = _Solver(search, support)
 
     def values(given: Given, count: int) -> tuple[Numbers, Points]:
@@ -383,9 +376,9 @@ def _interpolated(search: OneMatrix, support: Sequence[Column], constants: Seque
         return np.array([vectors[k][0] for k in good], np.int64).reshape(len(good), len(support)).T, points
 
     coefficients = Interpolation(values, constants, search.units).terms()
-    matrix: list[Terms] = [{} for _ in search.pairs]
+    matrix: list[tm.Terms] = [{} for _ in search.pairs]
     for (entry, key), terms in zip(support, coefficients, strict=True):
-        matrix[entry] = add_terms(matrix[entry], multiply_terms(terms, {key: Fraction(1)}))
+        matrix[entry] = tm.add_terms(matrix[entry], tm.multiply_terms(terms, {key: Fraction(1)}))
     return matrix
 
 
@@ -405,7 +398,7 @@ class _Solver:
         points = search.points(wide, 2 * places * count)
         flow = Flow(points, search.forces, 2)
         connection, (tensor,) = flow.tensors(1)
-        series = {key: flow.tree(monomial_tree(key)).data[0] for key in {key for _, key in self.columns}}
+        series = {key: flow.tree(tm.monomial_tree(key)).data[0] for key in {key for _, key in self.columns}}
         check(len(self.columns) * points.count)
         rows = np.zeros((points.count, each, len(self.columns)), np.int64)
         number = {pair: k for k, pair in enumerate(search.pairs)}

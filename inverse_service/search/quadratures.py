@@ -20,20 +20,7 @@ from inverse_service.field import exact_field, matrices, modular, real_point
 from inverse_service.mechanics import writing
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.search import material
-from inverse_service.search.terms import (
-    Monomial,
-    Terms,
-    TooManyTerms,
-    add_terms,
-    derivative_of_terms,
-    letter_derivative,
-    monomial,
-    monomial_tree,
-    rank,
-    terms_of,
-    times,
-    tree_of,
-)
+from inverse_service.search import terms as tm
 
 _LARGEST_FACTORED = 10**15
 
@@ -43,12 +30,12 @@ def factored(tree: ex.Expression, variables: Sequence[ex.Symbol | ex.Velocity]) 
     try:
         return exact_field.factored([tree], [ex.TIME, *variables], exact_field.Budget.long())[0]
     except (exact_field.TooLarge, ZeroDivisionError, KeyError) as problem:
-        raise TooManyTerms from problem
+        raise tm.TooManyTerms from problem
 
 
 def expanded(tree: ex.Expression) -> ex.Expression:
     """The tree as a sum of monomials in letters."""
-    return tree_of(terms_of(tree))
+    return tm.tree_of(tm.terms_of(tree))
 
 
 def weight(tree: ex.Expression) -> int:
@@ -125,23 +112,23 @@ def solution(columns: Sequence[Mapping[Any, Fraction]], right: Mapping[Any, Frac
 _SQUARES = {"sin": ("cos", 1, -1), "cos": ("sin", 1, -1), "sinh": ("cosh", -1, 1), "cosh": ("sinh", 1, 1)}
 
 
-def in_one_square(terms: Terms) -> Terms:
+def in_one_square(terms: tm.Terms) -> tm.Terms:
     """sin(u)^2/cos(u)^k as 1/cos(u)^k - 1/cos(u)^(k - 2) and so on, so that equal terms look equal."""
-    result: Terms = {}
+    result: tm.Terms = {}
     for key, value in terms.items():
-        result = add_terms(result, _of_one_square(key), value)
+        result = tm.add_terms(result, _of_one_square(key), value)
     return result
 
 
-def _of_one_square(key: Monomial) -> Terms:
+def _of_one_square(key: tm.Monomial) -> tm.Terms:
     powers = dict(key)
     for letter, e in key:
         if e >= 2 and isinstance(letter, ex.Apply) and letter.function in _SQUARES:
             name, a, b = _SQUARES[letter.function]
             partner = ex.Apply(name, letter.argument)
             if powers.get(partner, 0) < 0:
-                less = times(key, monomial(letter), -2)
-                parts = {less: Fraction(a), times(less, monomial(partner), 2): Fraction(b)}
+                less = tm.times(key, tm.monomial(letter), -2)
+                parts = {less: Fraction(a), tm.times(less, tm.monomial(partner), 2): Fraction(b)}
                 return in_one_square(parts)
     return {key: Fraction(1)}
 
@@ -150,9 +137,9 @@ def _of_one_square(key: Monomial) -> Terms:
 _HIGHEST = 12
 
 
-def _proper(terms: Terms, x: ex.Symbol) -> Terms:
+def _proper(terms: tm.Terms, x: ex.Symbol) -> tm.Terms:
     """The terms `in_one_square`, and x^3/(x^2 + a) as x - a x/(x^2 + a): no such power of x over its divisor."""
-    left, result = in_one_square(terms), Terms()
+    left, result = in_one_square(terms), tm.Terms()
     while left:
         deadline.check()
         key = max(left, key=lambda one: dict(one).get(x, Fraction(0)))
@@ -160,11 +147,11 @@ def _proper(terms: Terms, x: ex.Symbol) -> Terms:
         if parts is None:
             result[key] = value
         else:
-            left = add_terms(left, parts, value)
+            left = tm.add_terms(left, parts, value)
     return result
 
 
-def _divided(key: Monomial, x: ex.Symbol) -> Terms | None:
+def _divided(key: tm.Monomial, x: ex.Symbol) -> tm.Terms | None:
     """Substitutes x^d = (D - r)/c for a divisor D = c x^d + r with a number c; None where there is no such divisor."""
     power = dict(key).get(x, Fraction(0))
     for letter, e in key:
@@ -176,60 +163,62 @@ def _divided(key: Monomial, x: ex.Symbol) -> Terms | None:
             or not ex.holds(letter, x)
         ):
             continue
-        rest = terms_of(letter)
+        rest = tm.terms_of(letter)
         degree = max(dict(part).get(x, Fraction(0)) for part in rest)
-        lead: Monomial = frozenset({(x, degree)})
+        lead: tm.Monomial = frozenset({(x, degree)})
         plain = all(p == x or not ex.holds(p, x) for part in rest for p, _ in part)
         if plain and lead in rest and 2 <= degree <= power and sum((x, degree) in part for part in rest) == 1:
-            value, less = rest.pop(lead), times(key, lead, -1)
-            found = {times(less, monomial(letter), 1): 1 / value}
-            return add_terms(found, {times(less, part, 1): a / value for part, a in rest.items()}, -1)
+            value, less = rest.pop(lead), tm.times(key, lead, -1)
+            found = {tm.times(less, tm.monomial(letter), 1): 1 / value}
+            return tm.add_terms(found, {tm.times(less, part, 1): a / value for part, a in rest.items()}, -1)
     return None
 
 
-def primitive(x: ex.Symbol, wanted: Terms) -> ex.Expression | None:
+def primitive(x: ex.Symbol, wanted: tm.Terms) -> ex.Expression | None:
     """A sum of monomials with the derivative `wanted` by x, by linear algebra over what may have its terms as a part.
 
     The coefficients are rational where that suffices, else they contain generators without x. None if none is found.
     """
-    columns: dict[Monomial, Terms] = {}
+    columns: dict[tm.Monomial, tm.Terms] = {}
     wanted = _proper(wanted, x)
     fresh, most = list(wanted), 2 * bounds.COLUMNS + 4 * len(wanted)
     for _ in range(bounds.FEW):
         raised = dict.fromkeys(m for key in fresh for m in material.antiderivatives(key, x) if m not in columns)
-        added = sorted(raised, key=rank)[: most - len(columns)]
+        added = sorted(raised, key=tm.rank)[: most - len(columns)]
         if columns and not added:
             break
         deadline.check(len(added))
-        columns |= {m: _proper(derivative_of_terms({m: Fraction(1)}, x), x) for m in added}
+        columns |= {m: _proper(tm.derivative_of_terms({m: Fraction(1)}, x), x) for m in added}
         fresh = [key for m in added for key in columns[m]]
         rational = solution(list(columns.values()), wanted)
         if rational is not None:
-            return tree_of({m: a for m, a in zip(columns, rational, strict=True) if a})
+            return tm.tree_of({m: a for m, a in zip(columns, rational, strict=True) if a})
         found = _with_constants(x, columns, wanted)
         if found is not None:
             return found
     return _by_partial_fractions(x, wanted)
 
 
-def _with_constants(x: ex.Symbol, columns: Iterable[Monomial], wanted: Terms) -> ex.Expression | None:
+def _with_constants(x: ex.Symbol, columns: Iterable[tm.Monomial], wanted: tm.Terms) -> ex.Expression | None:
     """The same with coefficients from the field of the generators without x."""
     varying = dict.fromkeys(frozenset(item for item in m if ex.holds(item[0], x)) for m in columns)
-    plain = {m: _proper(derivative_of_terms({m: Fraction(1)}, x), x) for m in varying if m}
+    plain = {m: _proper(tm.derivative_of_terms({m: Fraction(1)}, x), x) for m in varying if m}
     if not plain or len(varying) > bounds.COLUMNS:
         return None
-    sides: list[dict[Monomial, Terms]] = [{} for _ in range(len(plain) + 1)]
+    sides: list[dict[tm.Monomial, tm.Terms]] = [{} for _ in range(len(plain) + 1)]
     for side, terms in zip(sides, (*plain.values(), wanted), strict=True):
         for key, value in terms.items():
-            own: Monomial = frozenset(item for item in key if ex.holds(item[0], x))
+            own: tm.Monomial = frozenset(item for item in key if ex.holds(item[0], x))
             side.setdefault(own, {})[key - own] = value
     found = _combination(sides)
-    return None if found is None else ex.add(*(c * monomial_tree(list(plain)[k]) for k, c in found))
+    return None if found is None else ex.add(*(c * tm.monomial_tree(list(plain)[k]) for k, c in found))
 
 
-def _combination(sides: Sequence[Mapping[Monomial, Terms]]) -> list[tuple[int, ex.Expression]] | None:
+def _combination(sides: Sequence[Mapping[tm.Monomial, tm.Terms]]) -> list[tuple[int, ex.Expression]] | None:
     """(k, c_k) with sum_k c_k sides[k] = sides[-1], c_k in the field of the generators of the coefficients."""
-    trees = [[tree_of(side.get(key, {})) for side in sides] for key in dict.fromkeys(k for side in sides for k in side)]
+    trees = [
+        [tm.tree_of(side.get(key, {})) for side in sides] for key in dict.fromkeys(k for side in sides for k in side)
+    ]
     try:
         budget = exact_field.Budget.short()
         ring = exact_field.exact_ring([tree for row in trees for tree in row], [], 0, budget, slopes=False)
@@ -241,40 +230,40 @@ def _combination(sides: Sequence[Mapping[Monomial, Terms]]) -> list[tuple[int, e
     return [(k, exact_field.quotient_tree(ring, row[-1])) for k, row in zip(found.pivots, found.rows, strict=True)]
 
 
-def _by_partial_fractions(x: ex.Symbol, wanted: Terms) -> ex.Expression | None:
+def _by_partial_fractions(x: ex.Symbol, wanted: tm.Terms) -> ex.Expression | None:
     """Of a rational function of x whose denominators are linear in x; its other generators are constants."""
-    poles, one = dict[ex.Expression, int](), monomial(x)
+    poles, one = dict[ex.Expression, int](), tm.monomial(x)
     for key in wanted:
         for letter, e in key:
             if not ex.holds(letter, x):
                 continue
-            slope = letter_derivative(letter, x)
+            slope = tm.letter_derivative(letter, x)
             if e.denominator > 1 or any(ex.holds(p, x) for part in slope for p, _ in part):
                 return None
             if e < 0:
                 poles[letter] = max(poles.get(letter, 0), int(-e))
     if not 2 <= sum(poles.values()) <= _HIGHEST:
         return None
-    whole: Monomial = frozenset((letter, Fraction(e)) for letter, e in poles.items())
+    whole: tm.Monomial = frozenset((letter, Fraction(e)) for letter, e in poles.items())
 
-    def by_power(terms: Terms) -> dict[Monomial, Terms]:
+    def by_power(terms: tm.Terms) -> dict[tm.Monomial, tm.Terms]:
         """The terms over the common denominator, by powers of x."""
-        found = dict[Monomial, Terms]()
-        numerator = ex.add(*(value * monomial_tree(times(key, whole)) for key, value in terms.items()))
-        for key, value in terms_of(numerator).items():
-            own: Monomial = frozenset(item for item in key if item[0] == x)
+        found = dict[tm.Monomial, tm.Terms]()
+        numerator = ex.add(*(value * tm.monomial_tree(tm.times(key, whole)) for key, value in terms.items()))
+        for key, value in tm.terms_of(numerator).items():
+            own: tm.Monomial = frozenset(item for item in key if item[0] == x)
             found.setdefault(own, {})[key - own] = value
         return found
 
     right = by_power(wanted)
     highest = max(int(dict(own).get(x, 0)) for own in right) - sum(poles.values())
     parts = [(letter, j) for letter, e in poles.items() for j in range(1, e + 1)]
-    units = [times(frozenset(), monomial(letter), -j) for letter, j in parts]
-    units += [times(frozenset(), one, k) for k in range(highest + 1)]
+    units = [tm.times(frozenset(), tm.monomial(letter), -j) for letter, j in parts]
+    units += [tm.times(frozenset(), one, k) for k in range(highest + 1)]
     found = _combination([*(by_power({unit: Fraction(1)}) for unit in units), right])
     if found is None:
         return None
-    rates = [tree_of(letter_derivative(letter, x)) for letter, _ in parts]
+    rates = [tm.tree_of(tm.letter_derivative(letter, x)) for letter, _ in parts]
     primitives = [
         (ex.Apply("log", letter) if j == 1 else letter ** (1 - j) / (1 - j)) / rate
         for (letter, j), rate in zip(parts, rates, strict=True)
@@ -294,8 +283,8 @@ def antiderivative(
     plain = writing.joined(ex.substitute(slope if table is None else real_form(slope, table), {variable: letter}))
     forms = [(plain, letter, letter), *((form, inner, w) for form, w in _substitutions(plain, letter, inner))]
     for form, name, meant in forms:
-        with suppress(TooManyTerms, exact_field.TooLarge, ZeroDivisionError):
-            found = primitive(name, terms_of(form))
+        with suppress(tm.TooManyTerms, exact_field.TooLarge, ZeroDivisionError):
+            found = primitive(name, tm.terms_of(form))
             if found is not None:
                 return ex.substitute(ex.substitute(found, {name: meant}), {letter: variable})
     if not table or variable not in table:

@@ -36,30 +36,9 @@ from inverse_service.field.exact_field import Budget, TooLarge, factored
 from inverse_service.field.real_point import RealTable
 from inverse_service.mechanics.implicit_equations import linear_equation
 from inverse_service.mechanics.second_order_system import Branch, SecondOrderSystem, connected
-from inverse_service.search.gradients import (
-    ONE_TERM,
-    Integrator,
-    constant_factor,
-    expressions_without_acceleration,
-    is_zero,
-)
+from inverse_service.search import gradients
+from inverse_service.search import terms as tm
 from inverse_service.search.material import Material
-from inverse_service.search.terms import (
-    EMPTY,
-    Monomial,
-    Terms,
-    TooManyTerms,
-    add_terms,
-    derivative_of_terms,
-    has_velocity,
-    monomial,
-    multiply_terms,
-    split_content,
-    split_velocities,
-    terms_of,
-    times,
-    tree_of,
-)
 
 # Orders of the lines that are tried: Bateman's pair is two damped oscillators in one order, autonomous in the other.
 _ORDERS = 6
@@ -67,13 +46,13 @@ _ORDERS = 6
 _STEPS = 4_000
 # Free numbers in constants C: with a third one, zeros no longer lead to the lines of a book.
 _MOST_FREE = 2
-_FAILED = (ValueError, TooManyTerms, TooLarge, InputError, ZeroDivisionError, IrreducibleAtoms, KeyError)
+_FAILED = (ValueError, tm.TooManyTerms, TooLarge, InputError, ZeroDivisionError, IrreducibleAtoms, KeyError)
 
 # Lines that are self-adjoint with no factors: the search asks again for those that were tried before the decision.
 _VAIN: dict[tuple[tuple[str, ...], tuple[ex.Expression, ...]], None] = {}
 _MOST_VAIN = 64
 
-Factor = tuple[Fraction, Monomial]
+Factor = tuple[Fraction, tm.Monomial]
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,8 +60,8 @@ class Lines:
     """E_i = sum_j matrix[i][j] q''_j + rest[i] for the coordinates of a system, in their order."""
 
     system: SecondOrderSystem
-    matrix: list[list[Terms]]
-    rest: list[Terms]
+    matrix: list[list[tm.Terms]]
+    rest: list[tm.Terms]
     order: Sequence[int] = ()  # of the lines as they were given
 
     @property
@@ -97,11 +76,11 @@ class Lines:
     def velocities(self) -> list[ex.Velocity]:
         return list(map(ex.Velocity, self.system.coordinates))
 
-    def times(self, factors: Sequence[Terms]) -> Lines:
+    def times(self, factors: Sequence[tm.Terms]) -> Lines:
         """Each line times its factor."""
-        matrix = [[multiply_terms(c, entry) for entry in row] for c, row in zip(factors, self.matrix, strict=True)]
+        matrix = [[tm.multiply_terms(c, entry) for entry in row] for c, row in zip(factors, self.matrix, strict=True)]
         return replace(
-            self, matrix=matrix, rest=[multiply_terms(*pair) for pair in zip(factors, self.rest, strict=True)]
+            self, matrix=matrix, rest=[tm.multiply_terms(*pair) for pair in zip(factors, self.rest, strict=True)]
         )
 
 
@@ -128,7 +107,7 @@ def lagrangians_of_lines(
         is_open = False
         for scaled in _proposed_lines(lines):
             check()
-            integrator = Integrator(system, table, signs)
+            integrator = gradients.Integrator(system, table, signs)
             try:
                 found = _lagrangian(scaled, integrator)
             except _FAILED:
@@ -177,7 +156,7 @@ def in_own_order(system: SecondOrderSystem) -> SecondOrderSystem | None:
         for scaled in islice(symmetric_lines(lines_of(system, system.given)), _ORDERS):
             check()
             with suppress(*_FAILED):
-                if _lagrangian(scaled, Integrator(system)) is not None:
+                if _lagrangian(scaled, gradients.Integrator(system)) is not None:
                     return replace(system, branch=Branch(tuple(system.given[k] for k in scaled.order), unsolved=True))
     return None
 
@@ -186,8 +165,8 @@ def lines_of(system: SecondOrderSystem, equations: Sequence[ex.Expression]) -> L
     """InputError where an acceleration does not enter linearly, TooManyTerms where a sum is long."""
     parts = [linear_equation(equation) for equation in equations]
     names = system.coordinates
-    matrix = [[terms_of(part.coefficients[q]) if q in part.coefficients else {} for q in names] for part in parts]
-    return Lines(system, matrix, [terms_of(part.rest) for part in parts])
+    matrix = [[tm.terms_of(part.coefficients[q]) if q in part.coefficients else {} for q in names] for part in parts]
+    return Lines(system, matrix, [tm.terms_of(part.rest) for part in parts])
 
 
 def symmetric_lines(lines: Lines) -> Iterator[Lines]:
@@ -234,7 +213,7 @@ def symmetric_lines(lines: Lines) -> Iterator[Lines]:
             step = ratio(other, i, row, j)
             if step is None:
                 return None
-            wanted = known[j][0] * step[0], times(known[j][1], step[1])
+            wanted = known[j][0] * step[0], tm.times(known[j][1], step[1])
             if own is None or labels[j] == part:
                 if own is not None and own != wanted:
                     return None
@@ -243,13 +222,13 @@ def symmetric_lines(lines: Lines) -> Iterator[Lines]:
                     labels = [labels[j] if label == part else label for label in labels]
                     part = labels[j]
             else:  # two parts are joined: all of that part is scaled
-                shift = own[0] / wanted[0], times(own[1], wanted[1], -1)
+                shift = own[0] / wanted[0], tm.times(own[1], wanted[1], -1)
                 for k, label in enumerate(labels):
                     if label == labels[j] and k != j:
-                        known[k] = known[k][0] * shift[0], times(known[k][1], shift[1])
-                known[j] = known[j][0] * shift[0], times(known[j][1], shift[1])
+                        known[k] = known[k][0] * shift[0], tm.times(known[k][1], shift[1])
+                known[j] = known[j][0] * shift[0], tm.times(known[j][1], shift[1])
                 labels = [part if label == parts[j] else label for label in labels]
-        return [*known, own or (Fraction(1), EMPTY)], [*labels, part]
+        return [*known, own or (Fraction(1), tm.EMPTY)], [*labels, part]
 
     constants = {ex.PI, *map(ex.Symbol, lines.system.parameters)}
     for order, factors, parts in extended([], [], []):
@@ -268,9 +247,9 @@ def _self_adjoint_sums(lines: Lines) -> Lines | None:
     if found is None:
         still, damping = [], []
         for row, rest in zip(lines.matrix, lines.rest, strict=True):
-            still.append([derivative_of_terms(_at_rest(rest), q) for q in lines.coordinates])
-            slopes = [derivative_of_terms(rest, v) for v in lines.velocities]
-            damping.append([add_terms(b, _along(lines, entry), -1) for b, entry in zip(slopes, row, strict=True)])
+            still.append([tm.derivative_of_terms(_at_rest(rest), q) for q in lines.coordinates])
+            slopes = [tm.derivative_of_terms(rest, v) for v in lines.velocities]
+            damping.append([tm.add_terms(b, _along(lines, entry), -1) for b, entry in zip(slopes, row, strict=True)])
         known = [] if ex.holds(ex.add(*lines.system.given), ex.TIME) else [(still, 1)]
         found = _constant_sums(lines, [(lines.matrix, 1), *known, (damping, -1)], _MOST_FREE)
     if not found:
@@ -280,21 +259,23 @@ def _self_adjoint_sums(lines: Lines) -> Lines | None:
     return replace(lines, matrix=matrix, rest=[_dot(row, lines.rest) for row in rows])
 
 
-def _dot(left: Sequence[Terms], right: Sequence[Terms]) -> Terms:
-    total = Terms()
+def _dot(left: Sequence[tm.Terms], right: Sequence[tm.Terms]) -> tm.Terms:
+    total = tm.Terms()
     for a, b in zip(left, right, strict=True):
-        total = add_terms(total, multiply_terms(a, b))
+        total = tm.add_terms(total, tm.multiply_terms(a, b))
     return total
 
 
-def _constant_sums(lines: Lines, tables: Sequence[tuple[list[list[Terms]], int]], most: int) -> list[Terms] | None:
+def _constant_sums(
+    lines: Lines, tables: Sequence[tuple[list[list[tm.Terms]], int]], most: int
+) -> list[tm.Terms] | None:
     """Constants C_ik, in the order of (k, i), with (C Y)_ij = sign (C Y)_ji for each (Y, sign), det C != 0.
 
     Empty where there are none, None where more than `most` numbers are free. Of more than one, those of a line that
     is added to another or taken from it, else with a zero.
     """
     symbols: list[ex.Symbol | ex.Velocity] = [ex.TIME, *lines.coordinates, *lines.velocities]
-    trees = [[[tree_of(entry) for entry in row] for row in table] for table, _ in tables]
+    trees = [[[tm.tree_of(entry) for entry in row] for row in table] for table, _ in tables]
     ring = exact_field.exact_ring([e for table in trees for row in table for e in row], symbols, 1, Budget.long())
     zero, columns = ring.constant(0), list[list[exact_field.Quotient]]()
     values = [[list(map(ring.value, row)) for row in table] for table in trees]
@@ -309,7 +290,7 @@ def _constant_sums(lines: Lines, tables: Sequence[tuple[list[list[Terms]], int]]
         diagonal = [exact_field.sum_of(zero, entries) for entries in zip(*columns[:: n + 1], strict=True)]
         for k, i, sign in ((k, i, s) for k, i in product(lines.places, lines.places) for s in (-1, 1) if k != i):
             if all((d + c.scaled(sign)).is_zero for d, c in zip(diagonal, columns[k * n + i], strict=True)):
-                return [{EMPTY: Fraction(1)} if a == b else {EMPTY: Fraction(sign)} if (a, b) == (k, i) else {}
+                return [{tm.EMPTY: Fraction(1)} if a == b else {tm.EMPTY: Fraction(sign)} if (a, b) == (k, i) else {}
                         for a, b in product(lines.places, lines.places)]  # fmt: skip
     if len(basis) > most:
         return None
@@ -326,16 +307,16 @@ def _constant_sums(lines: Lines, tables: Sequence[tuple[list[list[Terms]], int]]
     if not found:
         return []
     trees_of = [[exact_field.quotient_tree(ring, c) for c in one] for one in found]
-    return list(map(terms_of, min(trees_of, key=lambda one: sum(map(ex.node_count, one)))))
+    return list(map(tm.terms_of, min(trees_of, key=lambda one: sum(map(ex.node_count, one)))))
 
 
-def _factor(left: Terms, right: Terms) -> Factor | None:
+def _factor(left: tm.Terms, right: tm.Terms) -> Factor | None:
     """c(t, q) with c right = left, one monomial."""
-    found = constant_factor(left, right)
+    found = gradients.constant_factor(left, right)
     if found is None:
         return None
     ((key, value),) = found.items()
-    return None if any(has_velocity(letter) for letter, _ in key) else (value, key)
+    return None if any(tm.has_velocity(letter) for letter, _ in key) else (value, key)
 
 
 def _cleared(factors: Sequence[Factor], parts: Sequence[int], constants: set[ex.Symbol]) -> list[Factor]:
@@ -347,7 +328,7 @@ def _cleared(factors: Sequence[Factor], parts: Sequence[int], constants: set[ex.
         letters = dict.fromkeys(p for table in tables for p in table if _is_constant(p, constants))
         least = frozenset((p, e) for p in letters if (e := min(table.get(p, Fraction(0)) for table in tables)))
         for k in members:
-            found[k] = found[k][0], times(found[k][1], least, -1)
+            found[k] = found[k][0], tm.times(found[k][1], least, -1)
     return found
 
 
@@ -356,101 +337,105 @@ def _is_constant(letter: ex.Expression, constants: set[ex.Symbol]) -> bool:
     return bool(leaves) and all(leaf in constants for leaf in leaves)
 
 
-def _lagrangian(lines: Lines, integrator: Integrator) -> ex.Expression | None:
+def _lagrangian(lines: Lines, integrator: gradients.Integrator) -> ex.Expression | None:
     """L of lines with a symmetric matrix, each connected part of them times its function and its constant."""
     parts = connected(list(lines.places), [{i, j} for i in lines.places for j in lines.places if lines.matrix[i][j]])
     for part in parts:
         for i, j in ((i, j) for i in part for j in lines.places if j not in part):
-            given, back = (derivative_of_terms(lines.rest[a], lines.velocities[b]) for a, b in ((i, j), (j, i)))
-            if is_zero(given) != is_zero(back):
+            given, back = (tm.derivative_of_terms(lines.rest[a], lines.velocities[b]) for a, b in ((i, j), (j, i)))
+            if gradients.is_zero(given) != gradients.is_zero(back):
                 return None  # (H2) between parts: psi_i d_vj B_i + psi_j d_vi B_j = 0
-    table = dict[int, Terms]()
+    table = dict[int, tm.Terms]()
     for part in parts:
         function = _common_function(lines, part, integrator)
         if function is None:
             return None
         table |= dict.fromkeys(part, function)
-    scaled = lines.times([table[i] for i in lines.places]) if any(f != ONE_TERM for f in table.values()) else lines
+    scaled = (
+        lines.times([table[i] for i in lines.places]) if any(f != gradients.ONE_TERM for f in table.values()) else lines
+    )
     constants = _constants(scaled, parts)
     if constants is None:
         return None
-    if any(c != ONE_TERM for c in constants.values()):
+    if any(c != gradients.ONE_TERM for c in constants.values()):
         scaled = scaled.times([constants[i] for i in lines.places])
     kinetic = _kinetic(scaled)
     if kinetic is None:
         return None
-    own = expressions_without_acceleration(lines.system.coordinates, kinetic)
-    rest = integrator.linear_terms([add_terms(terms, part, -1) for terms, part in zip(scaled.rest, own, strict=True)])
+    own = gradients.expressions_without_acceleration(lines.system.coordinates, kinetic)
+    rest = integrator.linear_terms(
+        [tm.add_terms(terms, part, -1) for terms, part in zip(scaled.rest, own, strict=True)]
+    )
     if rest is None:
         return None
     sign = -1 if all(value < 0 for value in kinetic.values()) else 1
-    total = add_terms(kinetic, rest)
-    return ex.add(tree_of(_scaled(kinetic, sign)), tree_of(_scaled(rest, sign))) if total else None
+    total = tm.add_terms(kinetic, rest)
+    return ex.add(tm.tree_of(_scaled(kinetic, sign)), tm.tree_of(_scaled(rest, sign))) if total else None
 
 
-def _scaled(terms: Terms, factor: int) -> Terms:
+def _scaled(terms: tm.Terms, factor: int) -> tm.Terms:
     return {key: value * factor for key, value in terms.items()}
 
 
-def _common_function(lines: Lines, part: Sequence[int], integrator: Integrator) -> Terms | None:
+def _common_function(lines: Lines, part: Sequence[int], integrator: gradients.Integrator) -> tm.Terms | None:
     """psi(t, q) for the lines of one connected part; None where no function of these will do."""
     pairs = [(i, j) for i in part for j in part if i <= j and lines.matrix[i][j]]
     i, j = min(pairs, key=lambda pair: (len(lines.matrix[pair[0]][pair[1]]), pair[0] != pair[1], pair))
     entry = lines.matrix[i][j]
     rate = _rate(lines, i, j)
-    if is_zero(rate):
-        return dict(ONE_TERM)
+    if gradients.is_zero(rate):
+        return dict(gradients.ONE_TERM)
     for k, m in ((k, m) for k in part for m in part if k <= m and (k, m) != (i, j)):
-        crossed = multiply_terms(_rate(lines, k, m), entry)
-        if not is_zero(add_terms(crossed, multiply_terms(rate, lines.matrix[k][m]), -1)):
+        crossed = tm.multiply_terms(_rate(lines, k, m), entry)
+        if not gradients.is_zero(tm.add_terms(crossed, tm.multiply_terms(rate, lines.matrix[k][m]), -1)):
             return None  # (H2) asks for one slope of log psi for all entries, also those that are 0
     slope = _divided(rate, entry, integrator)
-    form: list[Terms] = [{} for _ in range(1 + len(lines.rest))]
+    form: list[tm.Terms] = [{} for _ in range(1 + len(lines.rest))]
     places = {v: 1 + k for k, v in enumerate(lines.velocities)}
     for key, value in slope.items():
-        outside, moving = split_velocities(key)
+        outside, moving = tm.split_velocities(key)
         if not moving:
-            form[0] = add_terms(form[0], {outside: value})
+            form[0] = tm.add_terms(form[0], {outside: value})
             continue
         ((letter, e), *more) = moving
         if more or e != 1 or letter not in places:
             return None
-        form[places[letter]] = add_terms(form[places[letter]], {outside: value})
+        form[places[letter]] = tm.add_terms(form[places[letter]], {outside: value})
     form = [integrator.in_normal_form(terms) for terms in form]
     logarithm = integrator.function_of([ex.TIME, *lines.coordinates], form)
     return None if logarithm is None else integrator.exponential(logarithm)
 
 
-def _along(lines: Lines, entry: Terms) -> Terms:
+def _along(lines: Lines, entry: tm.Terms) -> tm.Terms:
     """D entry."""
-    total = derivative_of_terms(entry, ex.TIME)
+    total = tm.derivative_of_terms(entry, ex.TIME)
     for q, v in zip(lines.coordinates, lines.velocities, strict=True):
-        total = add_terms(total, multiply_terms(derivative_of_terms(entry, q), {monomial(v): Fraction(1)}))
+        total = tm.add_terms(total, tm.multiply_terms(tm.derivative_of_terms(entry, q), {tm.monomial(v): Fraction(1)}))
     return total
 
 
-def _rate(lines: Lines, i: int, j: int) -> Terms:
+def _rate(lines: Lines, i: int, j: int) -> tm.Terms:
     """(d_vj B_i + d_vi B_j)/2 - D G_ij."""
     velocities, half = lines.velocities, Fraction(1, 2)
     total = _scaled(_along(lines, lines.matrix[i][j]), -1)
-    total = add_terms(total, derivative_of_terms(lines.rest[i], velocities[j]), half)
-    return add_terms(total, derivative_of_terms(lines.rest[j], velocities[i]), half)
+    total = tm.add_terms(total, tm.derivative_of_terms(lines.rest[i], velocities[j]), half)
+    return tm.add_terms(total, tm.derivative_of_terms(lines.rest[j], velocities[i]), half)
 
 
-def _divided(left: Terms, right: Terms, integrator: Integrator) -> Terms:
+def _divided(left: tm.Terms, right: tm.Terms, integrator: gradients.Integrator) -> tm.Terms:
     """left/right as a sum, common factors cancelled."""
     if len(right) == 1:
         ((key, value),) = right.items()
-        return {times(one, key, -1): a / value for one, a in left.items()}
-    found = constant_factor(left, right)
+        return {tm.times(one, key, -1): a / value for one, a in left.items()}
+    found = gradients.constant_factor(left, right)
     if found is not None:
         return found
     names = integrator.system.coordinates
     symbols: list[ex.Symbol | ex.Velocity] = [ex.TIME, *map(ex.Symbol, names), *map(ex.Velocity, names)]
-    return terms_of(factored([tree_of(left) / tree_of(right)], symbols, Budget.short())[0])
+    return tm.terms_of(factored([tm.tree_of(left) / tm.tree_of(right)], symbols, Budget.short())[0])
 
 
-def _constants(lines: Lines, parts: Sequence[Sequence[int]]) -> dict[int, Terms] | None:
+def _constants(lines: Lines, parts: Sequence[Sequence[int]]) -> dict[int, tm.Terms] | None:
     """K for each line, one in each connected part, so that terms between different parts fit; None where none does."""
     own = {i: k for k, part in enumerate(parts) for i in part}
     constants = {ex.PI, *map(ex.Symbol, lines.system.parameters)}
@@ -459,27 +444,27 @@ def _constants(lines: Lines, parts: Sequence[Sequence[int]]) -> dict[int, Terms]
         a, b = own[i], own[j]
         if a == b or b in edges.get(a, {}):
             continue
-        left = derivative_of_terms(lines.rest[i], lines.velocities[j])
-        right = _scaled(derivative_of_terms(lines.rest[j], lines.velocities[i]), -1)
+        left = tm.derivative_of_terms(lines.rest[i], lines.velocities[j])
+        right = _scaled(tm.derivative_of_terms(lines.rest[j], lines.velocities[i]), -1)
         if not left and not right:
-            left = _at_rest(derivative_of_terms(lines.rest[i], lines.coordinates[j]))
-            right = _at_rest(derivative_of_terms(lines.rest[j], lines.coordinates[i]))
+            left = _at_rest(tm.derivative_of_terms(lines.rest[i], lines.coordinates[j]))
+            right = _at_rest(tm.derivative_of_terms(lines.rest[j], lines.coordinates[i]))
         if not left and not right:
             continue
         ratio = _factor(left, right) or _quotient(lines, left, right)  # K_b = ratio K_a
         if ratio is None or not all(_is_constant(p, constants) or isinstance(p, ex.Number) for p, _ in ratio[1]):
             return None
         edges.setdefault(a, {})[b] = ratio
-        edges.setdefault(b, {})[a] = 1 / ratio[0], times(EMPTY, ratio[1], -1)
+        edges.setdefault(b, {})[a] = 1 / ratio[0], tm.times(tm.EMPTY, ratio[1], -1)
     found: dict[int, Factor] = {}
     roots: dict[int, int] = {}
     for start in range(len(parts)):
         if start in found:
             continue
-        found[start], roots[start], queue = (Fraction(1), EMPTY), start, [start]
+        found[start], roots[start], queue = (Fraction(1), tm.EMPTY), start, [start]
         for a in queue:
             for b, (value, key) in edges.get(a, {}).items():
-                wanted = found[a][0] * value, times(found[a][1], key)
+                wanted = found[a][0] * value, tm.times(found[a][1], key)
                 if b not in found:
                     found[b], roots[b] = wanted, start
                     queue.append(b)
@@ -492,30 +477,30 @@ def _constants(lines: Lines, parts: Sequence[Sequence[int]]) -> dict[int, Terms]
     return {i: {cleared[k][1]: cleared[k][0]} for k, part in enumerate(parts) for i in part}
 
 
-def _quotient(lines: Lines, left: Terms, right: Terms) -> Factor | None:
+def _quotient(lines: Lines, left: tm.Terms, right: tm.Terms) -> Factor | None:
     """left/right where relations among their generators make it one monomial."""
-    if is_zero(left) or is_zero(right):
+    if gradients.is_zero(left) or gradients.is_zero(right):
         return None
-    found = _divided(left, right, Integrator(lines.system))
+    found = _divided(left, right, gradients.Integrator(lines.system))
     return next(((value, key) for key, value in found.items()), None) if len(found) == 1 else None
 
 
-def _at_rest(terms: Terms) -> Terms:
-    return {key: value for key, value in terms.items() if not split_velocities(key)[1]}
+def _at_rest(terms: tm.Terms) -> tm.Terms:
+    return {key: value for key, value in terms.items() if not tm.split_velocities(key)[1]}
 
 
-def _kinetic(lines: Lines) -> Terms | None:
+def _kinetic(lines: Lines) -> tm.Terms | None:
     """sum G_ij v_i v_j/((d + 1)(d + 2)); None where a part of G is of degree -1 or -2, or not a polynomial in v."""
-    total: Terms = {}
+    total: tm.Terms = {}
     for row, v in zip(lines.matrix, lines.velocities, strict=True):
         for entry, w in zip(row, lines.velocities, strict=True):
             for key, value in entry.items():
-                _, moving = split_velocities(key)
+                _, moving = tm.split_velocities(key)
                 degree = sum((e for _, e in moving), Fraction(0))
                 if not all(isinstance(letter, ex.Velocity) for letter, _ in moving) or degree in (-1, -2):
                     return None
-                term = {times(key, monomial(v, w)): value / ((degree + 1) * (degree + 2))}
-                total = add_terms(total, term)
+                term = {tm.times(key, tm.monomial(v, w)): value / ((degree + 1) * (degree + 2))}
+                total = tm.add_terms(total, term)
     return total
 
 
@@ -529,24 +514,26 @@ def with_written_masses(
     try:
         lines = lines_of(system, given) if len(given) == len(system.coordinates) <= bounds.COORDINATES else None
         written = None if lines is None else next((one.matrix for one in symmetric_lines(lines)), None)
-        hessian = _hessian(terms_of(lagrangian), system.coordinates)
-    except (TooManyTerms, InputError):
+        hessian = _hessian(tm.terms_of(lagrangian), system.coordinates)
+    except (tm.TooManyTerms, InputError):
         return None
     if written is None or hessian is None or not _is_multiple(hessian, written):
         return None
     parameters: set[ex.Expression] = {ex.PI, *map(ex.Symbol, system.parameters)}
     (number, wanted), (value, known) = _constant(written[0][0], parameters), _constant(hessian[0][0], parameters)
-    factor, ratio = times(wanted, known, -1), abs(number / value)
+    factor, ratio = tm.times(wanted, known, -1), abs(number / value)
     # The factor stays in one piece, so that it cancels: (m + M)/(m + M).
-    return tree_of({times(key, factor): ratio * c for key, c in terms_of(lagrangian).items()}) if factor else None
+    return (
+        tm.tree_of({tm.times(key, factor): ratio * c for key, c in tm.terms_of(lagrangian).items()}) if factor else None
+    )
 
 
-def _hessian(terms: Terms, names: Sequence[str]) -> list[list[Terms]] | None:
+def _hessian(terms: tm.Terms, names: Sequence[str]) -> list[list[tm.Terms]] | None:
     """d^2 L/dv_i dv_j; None where L is not of degree 2 in the velocities."""
     places = {ex.Velocity(name): k for k, name in enumerate(names)}
-    found: list[list[Terms]] = [[{} for _ in names] for _ in names]
+    found: list[list[tm.Terms]] = [[{} for _ in names] for _ in names]
     for key, value in terms.items():
-        rest, moving = split_velocities(key)
+        rest, moving = tm.split_velocities(key)
         if any(v not in places or e not in (1, 2) for v, e in moving) or sum(e for _, e in moving) > 2:
             return None
         rates = [places[v] for v, e in moving if isinstance(v, ex.Velocity) for _ in range(int(e))]
@@ -556,16 +543,16 @@ def _hessian(terms: Terms, names: Sequence[str]) -> list[list[Terms]] | None:
     return found
 
 
-def _is_multiple(left: Sequence[Sequence[Terms]], right: Sequence[Sequence[Terms]]) -> bool:
+def _is_multiple(left: Sequence[Sequence[tm.Terms]], right: Sequence[Sequence[tm.Terms]]) -> bool:
     """Whether left = h right with any function h."""
     first, other = left[0][0], right[0][0]
     pairs = [pair for rows in zip(left, right, strict=True) for pair in zip(*rows, strict=True)]
-    return bool(first and other) and all(multiply_terms(a, other) == multiply_terms(first, b) for a, b in pairs)
+    return bool(first and other) and all(tm.multiply_terms(a, other) == tm.multiply_terms(first, b) for a, b in pairs)
 
 
-def _constant(terms: Terms, parameters: set[ex.Expression]) -> tuple[Fraction, Monomial]:
+def _constant(terms: tm.Terms, parameters: set[ex.Expression]) -> tuple[Fraction, tm.Monomial]:
     """The factor of a sum that is made of numbers and parameters alone, with a sum of parameters as one generator."""
-    content, common, rest = split_content(terms)
-    outside: Monomial = frozenset(item for item in common if item[0] in parameters)
-    whole = rest != ex.ONE and {letter for key in terms_of(rest) for letter, _ in key} <= parameters
-    return content, times(outside, monomial(rest)) if whole else outside
+    content, common, rest = tm.split_content(terms)
+    outside: tm.Monomial = frozenset(item for item in common if item[0] in parameters)
+    whole = rest != ex.ONE and {letter for key in tm.terms_of(rest) for letter, _ in key} <= parameters
+    return content, tm.times(outside, tm.monomial(rest)) if whole else outside

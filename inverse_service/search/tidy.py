@@ -25,18 +25,7 @@ from inverse_service.field.tower import AngleRule, Tower, to_kernels
 from inverse_service.mechanics import quadratic_forms, writing
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.search import angles
-from inverse_service.search.terms import (
-    EMPTY,
-    Monomial,
-    Terms,
-    TooManyTerms,
-    has_velocity,
-    monomial_tree,
-    split_content,
-    terms_of,
-    times,
-    tree_of,
-)
+from inverse_service.search import terms as tm
 
 _LARGEST = 4
 
@@ -79,7 +68,7 @@ _MUCH = 2
 
 _FAILED = (
     exact_field.TooLarge,
-    TooManyTerms,
+    tm.TooManyTerms,
     ZeroDivisionError,
     errors.IrreducibleAtoms,
     errors.InputError,
@@ -109,7 +98,7 @@ def _finite(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
     a^2/(2 k (1 + k x^2)) less a^2/(2 k) is -a^2 x^2/(2 (1 + k x^2)), which has a value for k = 0.
     """
     terms = tree.terms if isinstance(tree, ex.Sum) else (tree,)
-    rest = [term for term in terms if not has_velocity(term)]
+    rest = [term for term in terms if not tm.has_velocity(term)]
     parameters = _parameters(system)
     divisors = _constant_divisors(rest, parameters) - _constant_divisors(system.accelerations, parameters)
     if not divisors or any(ex.holds(term, ex.TIME) for term in rest):
@@ -163,38 +152,38 @@ def with_written_roots(
     such root.
     """
     constants = _parameters(system)
-    written: dict[ex.Expression, tuple[ex.Expression, Monomial, Fraction]] = {}
+    written: dict[ex.Expression, tuple[ex.Expression, tm.Monomial, Fraction]] = {}
     for node in ex.distinct_nodes(system.given):
         match node:
-            case ex.Power(ex.Sum() as radicand, ex.Number(e)) if e.denominator > 1 and has_velocity(radicand):
-                with suppress(TooManyTerms):
-                    terms = terms_of(radicand)
+            case ex.Power(ex.Sum() as radicand, ex.Number(e)) if e.denominator > 1 and tm.has_velocity(radicand):
+                with suppress(tm.TooManyTerms):
+                    terms = tm.terms_of(radicand)
                     below = _divisor(terms, constants)
-                    whole = {times(key, below): value for key, value in terms.items()}
-                    content, _, rest = split_content(whole)
+                    whole = {tm.times(key, below): value for key, value in terms.items()}
+                    content, _, rest = tm.split_content(whole)
                     written[rest] = (radicand, below, content)
     if not any(below for _, below, _ in written.values()):
         return None
 
-    found: dict[Monomial, Fraction] = {}
-    for key, value in terms_of(tree).items():
+    found: dict[tm.Monomial, Fraction] = {}
+    for key, value in tm.terms_of(tree).items():
         for letter, e in key:
-            entry: tuple[ex.Expression, Monomial, Fraction] = (letter, EMPTY, Fraction(1))
+            entry: tuple[ex.Expression, tm.Monomial, Fraction] = (letter, tm.EMPTY, Fraction(1))
             base, below, content = written.get(letter, entry)
             if content != 1:
                 return None
-            key = times(times(key, frozenset([(letter, -e)])), frozenset([(base, e)])) if below else key
+            key = tm.times(tm.times(key, frozenset([(letter, -e)])), frozenset([(base, e)])) if below else key
             for constant, power in below:
                 value = value * (1 if real_point.real_sign(constant, point) > 0 or not (power * e) % 2 else -1)
-            key = times(key, below, e)
+            key = tm.times(key, below, e)
         found[key] = found.get(key, Fraction(0)) + value
     rooted = {letter for _, below, _ in written.values() for letter, _ in below}
     below = _divisor(found, constants)
     sign = prod(real_point.real_sign(letter, point) for letter, e in below if letter in rooted and e % 2)
-    return kinetic_first(tree_of({times(key, below): sign * value for key, value in found.items()}))
+    return kinetic_first(tm.tree_of({tm.times(key, below): sign * value for key, value in found.items()}))
 
 
-def _divisor(terms: Terms, constants: frozenset[ex.Symbol]) -> Monomial:
+def _divisor(terms: tm.Terms, constants: frozenset[ex.Symbol]) -> tm.Monomial:
     """The lowest product of constants that all terms are polynomials in once they are multiplied with it."""
     lowest: dict[ex.Expression, Fraction] = {}
     for key in terms:
@@ -235,7 +224,7 @@ def _degree(tree: ex.Expression) -> int:
         case ex.Product(factors):
             return sum(map(_degree, factors))
         case _:
-            return 2 if has_velocity(tree) else 0
+            return 2 if tm.has_velocity(tree) else 0
 
 
 def _as_written(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
@@ -243,9 +232,9 @@ def _as_written(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression
     table: dict[ex.Expression, ex.Expression] = {}
     for node in ex.distinct_nodes(system.accelerations):
         if isinstance(node, ex.Sum):
-            with suppress(TooManyTerms):
-                terms = terms_of(node)
-                content, common, expansion = split_content(terms) if terms else (Fraction(0), EMPTY, node)
+            with suppress(tm.TooManyTerms):
+                terms = tm.terms_of(node)
+                content, common, expansion = tm.split_content(terms) if terms else (Fraction(0), tm.EMPTY, node)
                 if not common and content == 1 and _size(node) < _size(expansion):
                     table[expansion] = node
     return ex.substitute(tree, table)
@@ -275,17 +264,17 @@ def _merged(tree: ex.Expression) -> ex.Expression:
 
 
 def _ordered(exponent: ex.Expression) -> ex.Expression:
-    return tree_of(terms_of(exponent))
+    return tm.tree_of(tm.terms_of(exponent))
 
 
 def _absorbed(base: ex.Expression, table: dict[ex.Expression, ex.Expression]) -> list[ex.Expression]:
     """What is left of sums to one power whose product is a multiple of the base: they are counted in there."""
-    whole = terms_of(base)
+    whole = tm.terms_of(base)
     sums = [
         p for p, e in table.items() if isinstance(p, ex.Sum) and isinstance(e, ex.Number) and e.value.denominator == 1
     ]
     for chosen in (some for k in (1, 2) for some in combinations(sums, k)):
-        found = terms_of(ex.multiply(*chosen))
+        found = tm.terms_of(ex.multiply(*chosen))
         ratio = next((found.get(key, Fraction(0)) / a for key, a in whole.items()), Fraction(0))
         if ratio and found == {key: ratio * a for key, a in whole.items()} and len({table[p] for p in chosen}) == 1:
             exponents = [table.pop(p) for p in chosen]
@@ -350,39 +339,39 @@ def collected_inside(tree: ex.Expression) -> ex.Expression:
 
 def _with_common_factor(form: Callable[[ex.Expression], ex.Expression], tree: ex.Expression) -> ex.Expression:
     """An exponential of t that all terms share before a bracket, kinetic terms in that form: e^(ct) (x'^2 - x^2)/2."""
-    terms = terms_of(tree)
-    content, shared, _ = split_content(terms) if terms else (Fraction(0), EMPTY, tree)
-    common: Monomial = frozenset((p, e) for p, e in shared if _is_exponential_of_time(p))
+    terms = tm.terms_of(tree)
+    content, shared, _ = tm.split_content(terms) if terms else (Fraction(0), tm.EMPTY, tree)
+    common: tm.Monomial = frozenset((p, e) for p, e in shared if _is_exponential_of_time(p))
     if not common:
         return tree
     content = content if content == Fraction(1, 2) else Fraction(1)
-    rest = {times(key, common, -1): value / content for key, value in terms.items()}
-    moving = {key: value for key, value in rest.items() if any(has_velocity(p) for p, _ in key)}
-    kinetic = min(tree_of(moving), form(tree_of(moving)), key=_preference)
-    inside = kinetic + tree_of({key: value for key, value in rest.items() if key not in moving})
-    return content * monomial_tree(common) * inside
+    rest = {tm.times(key, common, -1): value / content for key, value in terms.items()}
+    moving = {key: value for key, value in rest.items() if any(tm.has_velocity(p) for p, _ in key)}
+    kinetic = min(tm.tree_of(moving), form(tm.tree_of(moving)), key=_preference)
+    inside = kinetic + tm.tree_of({key: value for key, value in rest.items() if key not in moving})
+    return content * tm.monomial_tree(common) * inside
 
 
 def _is_exponential_of_time(letter: ex.Expression) -> bool:
     return ex.is_exponential(letter) and ex.holds(letter, ex.TIME)
 
 
-def _split(terms: Terms, is_outside: Callable[[ex.Expression], bool]) -> dict[Monomial, Terms]:
+def _split(terms: tm.Terms, is_outside: Callable[[ex.Expression], bool]) -> dict[tm.Monomial, tm.Terms]:
     """The sum grouped by products of the generators that are outside: the coefficient of each product."""
-    groups: dict[Monomial, Terms] = {}
+    groups: dict[tm.Monomial, tm.Terms] = {}
     for key, value in terms.items():
-        outer: Monomial = frozenset(item for item in key if is_outside(item[0]))
+        outer: tm.Monomial = frozenset(item for item in key if is_outside(item[0]))
         groups.setdefault(outer, {})[key - outer] = value
     return groups
 
 
 def _by_parameters(parameters: frozenset[ex.Symbol], tree: ex.Expression) -> ex.Expression:
     """The sum over what varies of its coefficients, factored: n^2 + 2 m n is n (n + 2 m)."""
-    groups = _split(terms_of(tree), lambda letter: letter not in parameters)
+    groups = _split(tm.terms_of(tree), lambda letter: letter not in parameters)
     coefficients = exact_field.factored(
-        [tree_of(inner) for inner in groups.values()], sorted(parameters, key=repr), exact_field.Budget.short()
+        [tm.tree_of(inner) for inner in groups.values()], sorted(parameters, key=repr), exact_field.Budget.short()
     )
-    return ex.add(*(c * monomial_tree(key) for c, key in zip(coefficients, groups, strict=True)))
+    return ex.add(*(c * tm.monomial_tree(key) for c, key in zip(coefficients, groups, strict=True)))
 
 
 def _by_rates(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
@@ -391,9 +380,9 @@ def _by_rates(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
     The terms without velocities stay apart where one bracket is not much shorter.
     """
     parts = []
-    for rates, inner in _split(_without_squares(terms_of(tree), _parameters(system)), has_velocity).items():
+    for rates, inner in _split(_without_squares(tm.terms_of(tree), _parameters(system)), tm.has_velocity).items():
         terms = {key | rates: value for key, value in inner.items()}
-        forms = [tree_of(terms), *([_by_both(system, terms)] if len(terms) > 1 else [])]
+        forms = [tm.tree_of(terms), *([_by_both(system, terms)] if len(terms) > 1 else [])]
         whole = _part(rates, inner, system)
         if rates or _MUCH * _size(whole) < min(map(_size, forms)):
             forms.append(whole)
@@ -401,23 +390,23 @@ def _by_rates(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
     return ex.add(*parts)
 
 
-def _by_both(system: SecondOrderSystem, terms: Terms) -> ex.Expression:
+def _by_both(system: SecondOrderSystem, terms: tm.Terms) -> ex.Expression:
     """By parameters where several belong to the same product of other generators; else by these generators."""
     parameters = _parameters(system)
     groups = _split(terms, lambda letter: letter not in parameters)
     several = {key | c: value for key, inner in groups.items() for c, value in inner.items() if len(inner) > 1}
     rest = {key: value for key, value in terms.items() if key not in several}
-    return _by_parameters(parameters, tree_of(several)) + _by_letters(system, rest)
+    return _by_parameters(parameters, tm.tree_of(several)) + _by_letters(system, rest)
 
 
 def _grouped(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
     """The sum over velocities and parameters of their coefficients, each in its shortest form."""
-    return _by_letters(system, _without_squares(terms_of(tree), _parameters(system)))
+    return _by_letters(system, _without_squares(tm.terms_of(tree), _parameters(system)))
 
 
-def _by_letters(system: SecondOrderSystem, terms: Terms) -> ex.Expression:
+def _by_letters(system: SecondOrderSystem, terms: tm.Terms) -> ex.Expression:
     parameters = _parameters(system)
-    groups = _split(terms, lambda letter: letter in parameters or has_velocity(letter))
+    groups = _split(terms, lambda letter: letter in parameters or tm.has_velocity(letter))
     return ex.add(*(_part(outer, inner, system) for outer, inner in groups.items()))
 
 
@@ -425,21 +414,21 @@ def _parameters(system: SecondOrderSystem) -> frozenset[ex.Symbol]:
     return frozenset(ex.Symbol(name) for name in system.parameters)
 
 
-def _without_squares(terms: Terms, parameters: frozenset[ex.Symbol]) -> Terms:
+def _without_squares(terms: tm.Terms, parameters: frozenset[ex.Symbol]) -> tm.Terms:
     """Even powers of parameters that all terms share left out: a positive multiple is as good a Lagrangian."""
-    shared = frozenset.intersection(*terms) if terms else EMPTY
+    shared = frozenset.intersection(*terms) if terms else tm.EMPTY
     common = frozenset((letter, e) for letter, e in shared if letter in parameters and e % 2 == 0)
-    return {times(key, common, -1): value for key, value in terms.items()}
+    return {tm.times(key, common, -1): value for key, value in terms.items()}
 
 
-def _part(outer: Monomial, inner: Terms, system: SecondOrderSystem) -> ex.Expression:
+def _part(outer: tm.Monomial, inner: tm.Terms, system: SecondOrderSystem) -> ex.Expression:
     inner = angles.shortest(inner)
-    plain = tree_of(inner)
-    moving: Monomial = frozenset(item for item in outer if has_velocity(item[0]))
-    constant, rates = monomial_tree(outer - moving), monomial_tree(moving)
-    content, common, rest = split_content(inner) if moving else (Fraction(1), EMPTY, plain)
-    whole = content * constant * monomial_tree(common) * rest * rates
-    if len(inner) == 1 and next(iter(inner)) == EMPTY:
+    plain = tm.tree_of(inner)
+    moving: tm.Monomial = frozenset(item for item in outer if tm.has_velocity(item[0]))
+    constant, rates = tm.monomial_tree(outer - moving), tm.monomial_tree(moving)
+    content, common, rest = tm.split_content(inner) if moving else (Fraction(1), tm.EMPTY, plain)
+    whole = content * constant * tm.monomial_tree(common) * rest * rates
+    if len(inner) == 1 and next(iter(inner)) == tm.EMPTY:
         return whole
     quotient = _quotient(plain, system.parameters, system.coordinates)
     if _is_sum_of(quotient, len(inner)):

@@ -39,26 +39,11 @@ from inverse_service.simulation import (
     motions,
     numeric_formulas,
     observing,
+    scene_data,
     schemes,
 )
 from inverse_service.simulation.events import Found, Pieces, has_pieces, period_of, run_pieces, until, with_events
 from inverse_service.simulation.numeric_formulas import array_value, table_of
-from inverse_service.simulation.scene_data import (
-    EXACT,
-    Effect,
-    FreeLagrangian,
-    Grid,
-    MethodChoice,
-    Observation,
-    Problem,
-    Progress,
-    Requested,
-    Scene,
-    Start,
-    Stop,
-    Truth,
-    Unavailable,
-)
 
 LATE = "The time limit was reached before this method could run. Take fewer methods or steps, or a longer time limit."
 FAULT = "This method failed because of a fault of the program ({}): please report the scene."
@@ -73,13 +58,13 @@ class MethodRun:
     velocities at its points need.
     """
 
-    requested: Requested
+    requested: scene_data.Requested
     outcome: Outcome
     trajectory: Trajectory | None
     numbers: Mapping[str, Any] = field(default_factory=dict)
     series: Mapping[str, Array] = field(default_factory=dict)
     seconds: Mapping[str, float] = field(default_factory=dict)
-    free: FreeLagrangian | None = None
+    free: scene_data.FreeLagrangian | None = None
     events: tuple[Found, ...] = ()
     observed: observing.Observed | None = None
     pieces: Pieces | None = None
@@ -89,9 +74,9 @@ class MethodRun:
 class SceneRun:
     """All runs of a scene, with the true motion where something observed needed it."""
 
-    scene: Scene
+    scene: scene_data.Scene
     derived: derivation.Derived
-    truth: Truth | Unavailable | None
+    truth: scene_data.Truth | scene_data.Unavailable | None
     runs: tuple[MethodRun, ...]
     members: tuple[ensembles.EnsembleRun, ...] = ()
     lyapunov: Mapping[str, Any] | None = None
@@ -99,8 +84,9 @@ class SceneRun:
 
 
 def run_scene(
-    scene: Scene, derived: derivation.Derived, progress: Progress | None = None, stop: Stop | None = None,
-    find: derivation.Find | None = None, compared_until: Stop | None = None,
+    scene: scene_data.Scene, derived: derivation.Derived, progress: scene_data.Progress | None = None,
+    stop: scene_data.Stop | None = None, find: derivation.Find | None = None,
+    compared_until: scene_data.Stop | None = None,
 ) -> SceneRun:  # fmt: skip
     """Run every method; the failure of one method is its outcome and does not affect the others.
 
@@ -130,7 +116,7 @@ def run_scene(
             logging.getLogger(__name__).exception("the method %s failed", requested.method)
             runs.append(MethodRun(requested, Outcome("failed", remedy=FAULT.format(type(error).__name__)), None))
     exponent = None
-    begins = not isinstance(derivation.with_accelerations(scene, derived), Unavailable)
+    begins = not isinstance(derivation.with_accelerations(scene, derived), scene_data.Unavailable)
     if "lyapunov" in scene.observe and isinstance(derived.accelerations, tuple) and begins:
         tell("Lyapunov exponent")
         exponent = largest_exponent(scene, derived.accelerations, stop)
@@ -139,11 +125,11 @@ def run_scene(
 
 
 def run_method(
-    scene: Scene,
-    requested: Requested,
+    scene: scene_data.Scene,
+    requested: scene_data.Requested,
     derived: derivation.Derived,
-    truth: Truth | Unavailable | None,
-    stop: Stop | None = None,
+    truth: scene_data.Truth | scene_data.Unavailable | None,
+    stop: scene_data.Stop | None = None,
     find: derivation.Find | None = None,
 ) -> MethodRun:
     """One method and its observed quantities, with an estimate of its error, and the cost of its parts."""
@@ -181,19 +167,23 @@ def _cut(run: MethodRun, observed: observing.Observed, outcome: Outcome) -> Meth
 
 
 def _with_missed_force(
-    moments: Array, run: observing.Observed, numbers: dict[str, Any], derived: derivation.Derived, stop: Stop | None
+    moments: Array,
+    run: observing.Observed,
+    numbers: dict[str, Any],
+    derived: derivation.Derived,
+    stop: scene_data.Stop | None,
 ) -> dict[str, Any]:
     """The estimate of a run, compared with positions by DOP853 whose steps end on the moments, at these and at the
     end."""
     scene, grid = run.scene, run.scene.grid
     problem = derivation.with_accelerations(scene, derivation.derived_for_truth(scene, derived))
-    if isinstance(problem, Unavailable):
+    if isinstance(problem, scene_data.Unavailable):
         return numbers
-    start = Start(tuple(scene.positions), velocities=tuple(scene.velocities))
+    start = scene_data.Start(tuple(scene.positions), velocities=tuple(scene.velocities))
     found = [scene.positions]
     begin, end = grid.begin, grid.begin + grid.step * grid.steps
     for moment in [*moments[(moments > begin) & (moments < end)], end]:
-        part = Grid(grid.step, max(1, round((moment - begin) / grid.step)), 1, begin)
+        part = scene_data.Grid(grid.step, max(1, round((moment - begin) / grid.step)), 1, begin)
         part = replace(part, step=(moment - begin) / part.steps)
         ran = _part(scene, problem, EXPLICIT, start, part, stop)
         if stop is not None and stop():
@@ -201,24 +191,24 @@ def _with_missed_force(
         if not ran.outcome.completed or ran.velocities is None:
             return estimates.with_missed_force(run, numbers, None, float(moment))
         found += list(ran.positions[1:])
-        start, begin = Start(tuple(ran.positions[-1]), velocities=tuple(ran.velocities[-1])), float(moment)
+        start, begin = scene_data.Start(tuple(ran.positions[-1]), velocities=tuple(ran.velocities[-1])), float(moment)
     return estimates.with_missed_force(run, numbers, np.array(found), begin)
 
 
 def observed_run(
-    scene: Scene,
-    requested: Requested,
+    scene: scene_data.Scene,
+    requested: scene_data.Requested,
     derived: derivation.Derived,
-    truth: Truth | Unavailable | None,
-    stop: Stop | None = None,
+    truth: scene_data.Truth | scene_data.Unavailable | None,
+    stop: scene_data.Stop | None = None,
 ) -> MethodRun:
     """One method and its observed quantities, up to the point that it reached within the domain of its formulas."""
     free = derived.free.get(requested.free) if requested.method in ("variational", "modified") else None
-    known = free if isinstance(free, FreeLagrangian) else None
+    known = free if isinstance(free, scene_data.FreeLagrangian) else None
     if (lost := initial.ended_at_start(scene)) is not None:
         return MethodRun(requested, lost.outcome, lost, free=known)
     problem, ran = _motion(scene, requested, derived, known, stop)
-    if isinstance(ran, Unavailable):
+    if isinstance(ran, scene_data.Unavailable):
         return MethodRun(requested, Outcome("unavailable", remedy=ran.reason), None)
     pieces = ran if isinstance(ran, Pieces) else None
     found = ran.trajectory if isinstance(ran, Pieces) else ran
@@ -244,30 +234,37 @@ def observed_run(
 
 
 def _motion(
-    scene: Scene, requested: Requested, derived: derivation.Derived, free: FreeLagrangian | None, stop: Stop | None
-) -> tuple[Problem | None, Trajectory | Pieces | Unavailable]:
+    scene: scene_data.Scene,
+    requested: scene_data.Requested,
+    derived: derivation.Derived,
+    free: scene_data.FreeLagrangian | None,
+    stop: scene_data.Stop | None,
+) -> tuple[scene_data.Problem | None, Trajectory | Pieces | scene_data.Unavailable]:
     """The problem of a method (None for the exact solution), and its trajectory or its pieces."""
-    if requested.method == EXACT:
+    if requested.method == scene_data.EXACT:
         exact = exact_trajectory(scene, derived)
         return None, with_series(scene, exact) if isinstance(exact, Trajectory) else exact
     problem = derivation.problem_of(scene, requested, derived)
-    if isinstance(problem, Unavailable):
+    if isinstance(problem, scene_data.Unavailable):
         return None, problem
     return problem, _integrated(scene, requested, problem, free, stop, derived)
 
 
 def _integrated(
-    scene: Scene, requested: Requested, problem: Problem, free: FreeLagrangian | None, stop: Stop | None,
+    scene: scene_data.Scene, requested: scene_data.Requested, problem: scene_data.Problem,
+    free: scene_data.FreeLagrangian | None, stop: scene_data.Stop | None,
     derived: derivation.Derived | None = None,
-) -> Trajectory | Pieces | Unavailable:  # fmt: skip
+) -> Trajectory | Pieces | scene_data.Unavailable:  # fmt: skip
     assert requested.choice is not None
     values = values_of(scene, requested, free)
     if "energy" in scene.observe and scene.lagrangian is not None:
         values[observing.ENERGY_START] = observing.start_energy(scene) or 0.0
         if not np.isfinite(values[observing.ENERGY_START]):
-            return Unavailable("The energy has no finite value at the start: start somewhere else.")
+            return scene_data.Unavailable("The energy has no finite value at the start: start somewhere else.")
 
-    def piece(what: Problem, choice: MethodChoice, start: Start, grid: Grid) -> Trajectory:
+    def piece(
+        what: scene_data.Problem, choice: scene_data.MethodChoice, start: scene_data.Start, grid: scene_data.Grid
+    ) -> Trajectory:
         own, observation = observed_problem(scene, what)
         return execution.run(own, choice, start, grid, values, observation, stop)
 
@@ -280,21 +277,23 @@ def _integrated(
         found = run_pieces(
             whole, requested, problem, derivation.with_accelerations(scene, derived), start, values, piece, stop
         )
-        return found if every == 1 or isinstance(found, Unavailable) else found.thinned(scene.grid)
+        return found if every == 1 or isinstance(found, scene_data.Unavailable) else found.thinned(scene.grid)
     except InputError as error:
-        return Unavailable(error.detail)
+        return scene_data.Unavailable(error.detail)
 
 
 def _again(
-    problem: Problem, free: FreeLagrangian | None, stop: Stop | None, derived: derivation.Derived, scene: Scene,
-    requested: Requested,
-) -> Trajectory | Unavailable:  # fmt: skip
+    problem: scene_data.Problem, free: scene_data.FreeLagrangian | None, stop: scene_data.Stop | None,
+    derived: derivation.Derived, scene: scene_data.Scene, requested: scene_data.Requested,
+) -> Trajectory | scene_data.Unavailable:  # fmt: skip
     """The method once more."""
     found = _integrated(scene, requested, problem, free, stop, derived)
     return found.trajectory if isinstance(found, Pieces) else found
 
 
-def observed_problem(scene: Scene, problem: Problem) -> tuple[Problem, Observation]:
+def observed_problem(
+    scene: scene_data.Scene, problem: scene_data.Problem
+) -> tuple[scene_data.Problem, scene_data.Observation]:
     """The problem with the parameters that the observed formulas need, and the recorded formulas."""
     observation = observing.observables(scene)
     if observation and "energy" in scene.observe:
@@ -314,7 +313,8 @@ _OPERATION = re.compile(r"= (?:fadd|fsub|fmul|fdiv|fneg|fcmp|(?:tail )?call)\b")
 
 
 def part_costs(
-    scene: Scene, requested: Requested, problem: Problem, free: FreeLagrangian | None, stop: Stop | None,
+    scene: scene_data.Scene, requested: scene_data.Requested, problem: scene_data.Problem,
+    free: scene_data.FreeLagrangian | None, stop: scene_data.Stop | None,
     find: derivation.Find,
 ) -> dict[str, Any]:  # fmt: skip
     """The key `cost` of a method: the whole step, and each part of it as the difference to the scene without it; no
@@ -323,30 +323,32 @@ def part_costs(
     if not method_table.METHODS[requested.method].has_kernel:
         return {"note": NOT_IN_STEPS}
 
-    def best(variant: Scene, what: Problem, steps: int) -> tuple[float, int] | Unavailable:
+    def best(
+        variant: scene_data.Scene, what: scene_data.Problem, steps: int
+    ) -> tuple[float, int] | scene_data.Unavailable:
         """(seconds of the fastest run with so many steps, steps that it makes)."""
         known, least, spent, done = None, float("inf"), 0.0, 0
         if what.free_lagrangian is not None:
-            known = free or FreeLagrangian(what.free_lagrangian, what.free_hamiltonian, {}, "")
+            known = free or scene_data.FreeLagrangian(what.free_lagrangian, what.free_hamiltonian, {}, "")
         for turn in range(REPEATS):
             if (turn >= LEAST_REPEATS and spent > LONG_ENOUGH) or (turn and stop is not None and stop()):
                 break
             ran = _integrated(replace(variant, grid=replace(variant.grid, steps=steps)), requested, what, known, stop)
-            if isinstance(ran, Unavailable):
+            if isinstance(ran, scene_data.Unavailable):
                 return ran
             assert isinstance(ran, Trajectory)
             done = steps if ran.outcome.completed else ran.outcome.step or 0
             least, spent = min(least, ran.run_seconds), spent + ran.run_seconds
-        return (least, done) if done else Unavailable("no step is made.")
+        return (least, done) if done else scene_data.Unavailable("no step is made.")
 
-    def price(variant: Scene, what: Problem) -> tuple[float, int, int] | Unavailable:
+    def price(variant: scene_data.Scene, what: scene_data.Problem) -> tuple[float, int, int] | scene_data.Unavailable:
         """(ns of a step or nan, operations, steps that were timed)."""
         begun, steps = best(variant, what, 1), min(scene.grid.steps, TIMED_STEPS)
-        if isinstance(begun, Unavailable):
+        if isinstance(begun, scene_data.Unavailable):
             return begun
         while True:
             whole = best(variant, what, steps)
-            if isinstance(whole, Unavailable):
+            if isinstance(whole, scene_data.Unavailable):
                 return whole
             is_long = whole[0] > 2 * begun[0]
             if is_long or whole[1] < steps or steps >= TIMED_STEPS:
@@ -356,7 +358,7 @@ def part_costs(
         return step, operations(*observed_problem(variant, what), requested), whole[1]
 
     whole = price(scene, problem)
-    if isinstance(whole, Unavailable):
+    if isinstance(whole, scene_data.Unavailable):
         return {"note": whole.reason}
     together = _belongs_together(scene, requested)
     variants = [] if together else [(part.name, "effect", turned(scene, part)) for part in scene.parts if part.acts]
@@ -366,9 +368,9 @@ def part_costs(
     parts = []
     for name, kind, variant in variants:
         without = derivation.problem_of(variant, requested, derivation.derive(_alone(variant, requested), find))
-        found = without if isinstance(without, Unavailable) else price(variant, without)
+        found = without if isinstance(without, scene_data.Unavailable) else price(variant, without)
         part: dict[str, Any] = {"name": name, "kind": kind, "step_ns": None, "operations": None}
-        if isinstance(found, Unavailable):
+        if isinstance(found, scene_data.Unavailable):
             part["note"] = f"Without it: {found.reason}"
         else:
             part["operations"] = whole[1] - found[1]
@@ -379,36 +381,40 @@ def part_costs(
     return numbers | ({"note": note} if note else {}) | {"parts": parts}
 
 
-def _belongs_together(scene: Scene, requested: Requested) -> bool:
+def _belongs_together(scene: scene_data.Scene, requested: scene_data.Requested) -> bool:
     """Whether the effects of a method are in one free Lagrangian, from which none can be removed."""
     return bool(scene.constraints) and requested.method in method_table.USES_FREE
 
 
-def turned(scene: Scene, part: Effect) -> Scene:
+def turned(scene: scene_data.Scene, part: scene_data.Effect) -> scene_data.Scene:
     """The scene without the effect, where it acts, or with it."""
     names = (name for name in scene.effects if name != part.name)
     effects = tuple(names) if part.acts else (*scene.effects, part.name)
     return replace(scene, lagrangian=part.lagrangian, constraints=part.constraints, forces=part.forces, effects=effects)
 
 
-def _alone(scene: Scene, requested: Requested) -> Scene:
+def _alone(scene: scene_data.Scene, requested: scene_data.Requested) -> scene_data.Scene:
     """The scene with one method and what its kernel observes."""
     return replace(scene, methods=(requested,), observe=tuple(name for name in scene.observe if name in IN_KERNEL))
 
 
-def effects_of(scene: Scene, derived: derivation.Derived, find: derivation.Find) -> dict[str, Any]:
+def effects_of(scene: scene_data.Scene, derived: derivation.Derived, find: derivation.Find) -> dict[str, Any]:
     """{acting, left_out, method}: each effect with the operations of a step that it adds, or would add, to the first
     method that steps with a kernel; None if that cannot be determined."""
     method = next((one for one in scene.methods if method_table.METHODS[one.method].has_kernel
                    and not _belongs_together(scene, one)), None)  # fmt: skip
 
-    def count(variant: Scene, known: derivation.Derived | None) -> int | None:
+    def count(variant: scene_data.Scene, known: derivation.Derived | None) -> int | None:
         if method is None or len(scene.coordinates) > LARGE:
             return None
         alone = _alone(variant, method)
         problem = derivation.problem_of(variant, method, known or derivation.derive(alone, find))
         try:
-            return None if isinstance(problem, Unavailable) else operations(*observed_problem(alone, problem), method)
+            return (
+                None
+                if isinstance(problem, scene_data.Unavailable)
+                else operations(*observed_problem(alone, problem), method)
+            )
         except InputError:  # the method is not for such a scene
             return None
 
@@ -422,33 +428,42 @@ def effects_of(scene: Scene, derived: derivation.Derived, find: derivation.Find)
     return {"acting": found[True], "left_out": found[False], "method": label, "operations": whole}
 
 
-def operations(problem: Problem, observation: Observation, requested: Requested) -> int:
+def operations(
+    problem: scene_data.Problem, observation: scene_data.Observation, requested: scene_data.Requested
+) -> int:
     """Floating-point instructions and calls in the kernel of a method, each counted once: no load changes them."""
     assert requested.choice is not None
     text = compiled.kernel_text(schemes.program_of(numeric_formulas.Formulas(problem), requested.choice, observation))
     return len(_OPERATION.findall(text))
 
 
-def _no_free(*_: object) -> Unavailable:
-    return Unavailable("no free Lagrangian was looked for.")
+def _no_free(*_: object) -> scene_data.Unavailable:
+    return scene_data.Unavailable("no free Lagrangian was looked for.")
 
 
-def values_of(scene: Scene, requested: Requested, free: FreeLagrangian | None) -> dict[str, float]:
+def values_of(
+    scene: scene_data.Scene, requested: scene_data.Requested, free: scene_data.FreeLagrangian | None
+) -> dict[str, float]:
     """Numbers of all parameters, the free constants of the method too."""
     return dict(scene.values) | (dict(free.constants) if free else {}) | dict(requested.constants)
 
 
-def start_of(scene: Scene, requested: Requested, free: FreeLagrangian | None, values: Mapping[str, float]) -> Start:
+def start_of(
+    scene: scene_data.Scene,
+    requested: scene_data.Requested,
+    free: scene_data.FreeLagrangian | None,
+    values: Mapping[str, float],
+) -> scene_data.Start:
     """The start of a method: momenta where L~ gives them itself (they may be 0/0 in the velocities)."""
     positions, velocities = tuple(map(float, scene.positions)), tuple(map(float, scene.velocities))
     momenta = None
     if free is not None and free.start_momenta is not None and requested.convention == "momenta":
         found = free.start_momenta(scene.positions, scene.velocities, values)
         momenta = tuple(map(float, found)) if np.isfinite(found).all() else None
-    return Start(positions, velocities=velocities, momenta=momenta, convention=requested.convention)
+    return scene_data.Start(positions, velocities=velocities, momenta=momenta, convention=requested.convention)
 
 
-def with_series(scene: Scene, trajectory: Trajectory) -> Trajectory:
+def with_series(scene: scene_data.Scene, trajectory: Trajectory) -> Trajectory:
     """The exact trajectory with the formulas of the observed quantities at its points."""
     values = dict(scene.values) | {observing.ENERGY_START: observing.start_energy(scene) or 0.0}
     table = table_of(scene.coordinates, trajectory.positions, trajectory.velocities, values, trajectory.times)
@@ -457,21 +472,23 @@ def with_series(scene: Scene, trajectory: Trajectory) -> Trajectory:
     return replace(trajectory, series=series, maxima=maxima)
 
 
-def _truth(scene: Scene, derived: derivation.Derived, stop: Stop | None) -> Truth | Unavailable:
+def _truth(
+    scene: scene_data.Scene, derived: derivation.Derived, stop: scene_data.Stop | None
+) -> scene_data.Truth | scene_data.Unavailable:
     """The true motion; circles are compared with the exact solution only, so they cost no reference run."""
     if derivation.COMPARED & set(scene.observe) or isinstance(derived.exact, motions.ExactMotion):
         return true_motion(scene, derived, stop)
-    return Unavailable("No exact solution is known here.")
+    return scene_data.Unavailable("No exact solution is known here.")
 
 
 PARTS = 200
-CHOICE = MethodChoice("adaptive", tolerance=1e-10)
+CHOICE = scene_data.MethodChoice("adaptive", tolerance=1e-10)
 OVER = "The time limit was reached before the exponent was found. Take fewer methods or steps, or a longer time limit."
 ENDED = "The motion ends at t = {:.6g}, before the exponent has converged."
 
 
 def largest_exponent(
-    scene: Scene, accelerations: tuple[Expression, ...], stop: Callable[[], bool] | None = None
+    scene: scene_data.Scene, accelerations: tuple[Expression, ...], stop: Callable[[], bool] | None = None
 ) -> dict[str, Any]:
     """{largest, half, time}: the exponent over the whole run and over its first half, which shows its convergence."""
     problem = with_tangent(scene, accelerations)
@@ -484,8 +501,10 @@ def largest_exponent(
     total, halves = 0.0, []
     for part in range(PARTS):
         begin = scene.grid.begin + part * length / PARTS
-        start = Start((*positions, *tangent[:n]), velocities=(*velocities, *tangent[n:]))
-        found = execution.run(problem, CHOICE, start, Grid(length / PARTS, 1, 1, begin), dict(scene.values), (), stop)
+        start = scene_data.Start((*positions, *tangent[:n]), velocities=(*velocities, *tangent[n:]))
+        found = execution.run(
+            problem, CHOICE, start, scene_data.Grid(length / PARTS, 1, 1, begin), dict(scene.values), (), stop
+        )
         if stop is not None and stop():
             return {"largest": None, "note": OVER}
         if not found.outcome.completed or found.velocities is None:
@@ -500,7 +519,7 @@ def largest_exponent(
 
 
 def _on_constraints(
-    tangent: Array, scene: Scene, slopes: list[list[Expression]], positions: Array, velocities: Array
+    tangent: Array, scene: scene_data.Scene, slopes: list[list[Expression]], positions: Array, velocities: Array
 ) -> Array:
     """The tangent to motions that keep the constraints, (2 n,): others, which the accelerations have too, may part."""
     if not slopes:
@@ -511,7 +530,7 @@ def _on_constraints(
     return found
 
 
-def with_tangent(scene: Scene, accelerations: tuple[Expression, ...]) -> Problem:
+def with_tangent(scene: scene_data.Scene, accelerations: tuple[Expression, ...]) -> scene_data.Problem:
     """The motion with its variational equations; the tangent of x has a name that no formula uses."""
     names = scene.coordinates
     tangents = tuple(f"tangent_of_{name}" for name in names)
@@ -520,7 +539,7 @@ def with_tangent(scene: Scene, accelerations: tuple[Expression, ...]) -> Problem
         terms = [differentiate(force, Symbol(x)) * Symbol(w) for x, w in zip(names, tangents, strict=True)]
         terms += [differentiate(force, Velocity(x)) * Velocity(w) for x, w in zip(names, tangents, strict=True)]
         rows.append(collect(add(*terms)))
-    return Problem((*names, *tangents), tuple(scene.values), accelerations=(*accelerations, *rows))
+    return scene_data.Problem((*names, *tangents), tuple(scene.values), accelerations=(*accelerations, *rows))
 
 
 ENOUGH = 1e-12  # two solutions agree if their distance over the size of the motion is less
@@ -529,47 +548,52 @@ SAFETY = 4.0  # times the distance of the two: a bound of the error of the bette
 ROUND_OFF = 1e-15
 MOST_STEPS = 1_000_000
 TAYLOR, EXPLICIT, IMPLICIT = (
-    MethodChoice("heyoka", tolerance=1e-15), MethodChoice("adaptive", tolerance=1e-13), MethodChoice("reference"),
+    scene_data.MethodChoice("heyoka", tolerance=1e-15), scene_data.MethodChoice("adaptive", tolerance=1e-13),
+    scene_data.MethodChoice("reference"),
 )  # fmt: skip
 NONE_FOUND = "No reference solution was found: the reference integrators did not complete the run."
 PARTED = "The true motion is known until t = {:.6g} only: {}."
 
 
-def true_motion(scene: Scene, derived: derivation.Derived, stop: Stop | None = None) -> Truth | Unavailable:
+def true_motion(
+    scene: scene_data.Scene, derived: derivation.Derived, stop: scene_data.Stop | None = None
+) -> scene_data.Truth | scene_data.Unavailable:
     """The true motion at the recorded times of the scene, or why it is not known."""
     if not isinstance(derived.exact, motions.ExactMotion):
         return _references(scene, derived, stop)
     found = exact_trajectory(scene, derived)
-    if isinstance(found, Unavailable) or found.velocities is None:
-        return found if isinstance(found, Unavailable) else Unavailable(NONE_FOUND)
+    if isinstance(found, scene_data.Unavailable) or found.velocities is None:
+        return found if isinstance(found, scene_data.Unavailable) else scene_data.Unavailable(NONE_FOUND)
     bounds = ROUND_OFF * (1 + np.maximum.accumulate(np.abs(found.positions).max(axis=1)))
-    return Truth(found.times, found.positions, found.velocities, "exact", bounds, found.run_seconds)
+    return scene_data.Truth(found.times, found.positions, found.velocities, "exact", bounds, found.run_seconds)
 
 
-def exact_trajectory(scene: Scene, derived: derivation.Derived) -> Trajectory | Unavailable:
+def exact_trajectory(scene: scene_data.Scene, derived: derivation.Derived) -> Trajectory | scene_data.Unavailable:
     """The exact solution as a trajectory, at the recorded times."""
     if not isinstance(derived.exact, motions.ExactMotion):
         reason = derived.exact.reason if derived.exact is not None else "It was not requested."
-        return Unavailable(f"No exact solution is known for this scene. {reason}")
+        return scene_data.Unavailable(f"No exact solution is known for this scene. {reason}")
     if initial.ended_at_start(scene) is not None:
-        return Unavailable(initial.NO_VALUE)
+        return scene_data.Unavailable(initial.NO_VALUE)
     begun = time.perf_counter()
     times = scene.grid.times
     try:
         rows = motions.positions_of(derived.exact, scene.positions, scene.velocities, times - scene.grid.begin)
     except ValueError as error:
-        return Unavailable(f"The exact solution ends: {error}.")
+        return scene_data.Unavailable(f"The exact solution ends: {error}.")
     seconds = time.perf_counter() - begun
     return Trajectory(times, rows[0], None, np.array(rows[1]), Outcome("completed"), 0, 0, 0.0, seconds)
 
 
-def _references(scene: Scene, derived: derivation.Derived, stop: Stop | None) -> Truth | Unavailable:
+def _references(
+    scene: scene_data.Scene, derived: derivation.Derived, stop: scene_data.Stop | None
+) -> scene_data.Truth | scene_data.Unavailable:
     begun, times = time.perf_counter(), scene.grid.times
     problem = derivation.with_accelerations(scene, derived)
-    if isinstance(problem, Unavailable):
+    if isinstance(problem, scene_data.Unavailable):
         return problem
 
-    def rows(choice: MethodChoice, refinement: int = 1) -> Array:
+    def rows(choice: scene_data.MethodChoice, refinement: int = 1) -> Array:
         return _rows(scene, problem, choice, refinement, times, stop)
 
     try:
@@ -580,7 +604,7 @@ def _references(scene: Scene, derived: derivation.Derived, stop: Stop | None) ->
     return _judged(times, first, second, by, begun)
 
 
-def _collocation(rows: Callable[..., Array], other: Array, steps: int, stop: Stop | None) -> Array:
+def _collocation(rows: Callable[..., Array], other: Array, steps: int, stop: scene_data.Stop | None) -> Array:
     """Gauss-Legendre of order 12, refined until it agrees with the other or no longer comes nearer."""
     nearest, refinement, best = np.inf, 1, np.full_like(other, np.nan)
     while refinement * steps <= MOST_STEPS and not (stop and stop()):
@@ -595,11 +619,16 @@ def _collocation(rows: Callable[..., Array], other: Array, steps: int, stop: Sto
 
 
 def _rows(
-    scene: Scene, problem: Problem, choice: MethodChoice, refinement: int, times: Array, stop: Stop | None
+    scene: scene_data.Scene,
+    problem: scene_data.Problem,
+    choice: scene_data.MethodChoice,
+    refinement: int,
+    times: Array,
+    stop: scene_data.Stop | None,
 ) -> Array:
     """Positions and velocities of a reference at the recorded times, (m, 2 n); nan where it did not arrive."""
     grid = scene.grid
-    start = Start(tuple(scene.positions), velocities=tuple(scene.velocities))
+    start = scene_data.Start(tuple(scene.positions), velocities=tuple(scene.velocities))
     rows = np.full((len(times), 2 * len(scene.coordinates)), np.nan)
     rows[0] = [*scene.positions, *scene.velocities]
     whole, rest = divmod(grid.steps, grid.record_every)
@@ -608,9 +637,9 @@ def _rows(
     for every, count in pieces:
         begin = float(times[done])
         if choice.method == "reference":
-            part = Grid(grid.step / refinement, every * count * refinement, every * refinement, begin)
+            part = scene_data.Grid(grid.step / refinement, every * count * refinement, every * refinement, begin)
         else:
-            part = Grid(grid.step * every, count, 1, begin)
+            part = scene_data.Grid(grid.step * every, count, 1, begin)
         ran = _part(scene, problem, choice, start, part, stop)
         if ran.velocities is None:
             break
@@ -619,16 +648,23 @@ def _rows(
         done += len(table)
         if not ran.outcome.completed:
             break
-        start = Start(tuple(ran.positions[-1]), velocities=tuple(ran.velocities[-1]))
+        start = scene_data.Start(tuple(ran.positions[-1]), velocities=tuple(ran.velocities[-1]))
     return rows
 
 
 def _part(
-    scene: Scene, problem: Problem, choice: MethodChoice, start: Start, grid: Grid, stop: Stop | None
+    scene: scene_data.Scene,
+    problem: scene_data.Problem,
+    choice: scene_data.MethodChoice,
+    start: scene_data.Start,
+    grid: scene_data.Grid,
+    stop: scene_data.Stop | None,
 ) -> Trajectory:
     """A part of the run, with the events that act and the switches in it."""
 
-    def piece(what: Problem, by: MethodChoice, begin: Start, over: Grid) -> Trajectory:
+    def piece(
+        what: scene_data.Problem, by: scene_data.MethodChoice, begin: scene_data.Start, over: scene_data.Grid
+    ) -> Trajectory:
         return execution.run(what, by, begin, over, dict(scene.values), (), stop)
 
     acting = tuple(event for event in scene.events if event.acts)
@@ -637,9 +673,9 @@ def _part(
     if not in_pieces:
         return piece(problem, choice, start, grid)
     found = run_pieces(
-        own, Requested("", choice.method, None, choice), problem, problem, start, scene.values, piece, stop
+        own, scene_data.Requested("", choice.method, None, choice), problem, problem, start, scene.values, piece, stop
     )
-    if isinstance(found, Unavailable):
+    if isinstance(found, scene_data.Unavailable):
         raise InputError(found.reason)
     return found.thinned(grid).trajectory
 
@@ -658,13 +694,15 @@ def _distances(first: Array, second: Array) -> Array:
     return found
 
 
-def _judged(times: Array, first: Array, second: Array, by: str, begun: float) -> Truth | Unavailable:
+def _judged(
+    times: Array, first: Array, second: Array, by: str, begun: float
+) -> scene_data.Truth | scene_data.Unavailable:
     """The reference, the bound of its error, and the time until which it is known."""
     distances = _distances(first, second)
     good = np.isfinite(distances) & (SAFETY * distances <= USELESS * _size(first))
     until = len(good) if good.all() else int(np.argmin(good))
     if until < 2:
-        return Unavailable(NONE_FOUND)
+        return scene_data.Unavailable(NONE_FOUND)
     rows, reason = first.copy(), ""
     rows[until:] = np.nan
     if until < len(times):
@@ -675,4 +713,4 @@ def _judged(times: Array, first: Array, second: Array, by: str, begun: float) ->
     bounds = SAFETY * np.where(good, distances, np.nan)
     bounds = bounds + ROUND_OFF * np.maximum.accumulate(np.abs(rows[:, :n]).max(axis=1))
     seconds = time.perf_counter() - begun
-    return Truth(times, rows[:, :n], rows[:, n:], "reference", bounds, seconds, reason, by)
+    return scene_data.Truth(times, rows[:, :n], rows[:, n:], "reference", bounds, seconds, reason, by)

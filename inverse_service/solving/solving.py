@@ -13,20 +13,7 @@ from inverse_service import bounds, deadline, errors
 from inverse_service.certificate import checker, formulas
 from inverse_service.decision import cells, certify, deciding
 from inverse_service.decision.solutions import Answer, Conditions, Lagrangian, Solution, SolveOptions, Step
-from inverse_service.explanation import wording
-from inverse_service.explanation.positive import (
-    as_given_steps,
-    branch_steps,
-    existence_steps,
-    hamiltonian_of,
-    legendre_steps,
-    not_found,
-    of_lagrangian,
-    of_one_coordinate,
-    search_steps,
-    series_steps,
-    verification_steps,
-)
+from inverse_service.explanation import positive, wording
 from inverse_service.expressions import collecting, notation, printing
 from inverse_service.expressions import tree as ex
 from inverse_service.linear_pde import involution
@@ -245,7 +232,7 @@ def _as_given(work: Work) -> Answer | None:
     short = not (system.is_unsolved or len(system.coordinates) > _MOST_COORDINATES)
     short = short and sum(map(ex.node_count, system.accelerations)) <= bounds.TERMS
     decision = _decide(work, with_time, _SHARE_AS_GIVEN, _MOST_FOR_FREEDOM) if short else None
-    found = of_lagrangian(work.analysis, with_time, best, AS_GIVEN, as_given_steps(), decision)
+    found = positive.of_lagrangian(work.analysis, with_time, best, AS_GIVEN, positive.as_given_steps(), decision)
     return completed(work, replace(found, checked="valid"), None, with_time)
 
 
@@ -262,10 +249,10 @@ def _explained(
         answer = answer and wording.with_shared_letters(answer, system)
         if answer is None or not answer.explanation:
             return answer
-        steps = branch_steps(system, answer.positive, answer.nonzero)
+        steps = positive.branch_steps(system, answer.positive, answer.nonzero)
         known, found = {*answer.positive, *answer.nonzero}, answer.lagrangian
         if len(system.coordinates) == 1 and found and not known.issuperset((*found.positive, *found.nonzero)):
-            steps += (of_one_coordinate(system.coordinates[0], _holds_time(answer), is_found=True),)
+            steps += (positive.of_one_coordinate(system.coordinates[0], _holds_time(answer), is_found=True),)
         return replace(answer, explanation=(*steps, *answer.explanation))
 
     autonomous = explained(answers[0])
@@ -383,12 +370,15 @@ def _reasons(work: Work, with_time: bool) -> tuple[Step, ...]:
 
 def _by_existence(work: Work, decision: deciding.Decision) -> Answer:
     certificate = certify.of_decision(work.analysis, decision, work.options.series_order, work.options.seed)
-    series = series_steps(work.analysis, decision, work.options.series_order)
-    steps, known = (not_found(work.analysis.system, decision.space), *series), existence_steps(decision)
+    series = positive.series_steps(work.analysis, decision, work.options.series_order)
+    steps, known = (
+        (positive.not_found(work.analysis.system, decision.space), *series),
+        positive.existence_steps(decision),
+    )
     if len(work.analysis.system.coordinates) == 1:
         name = work.analysis.system.coordinates[0]
-        steps = (of_one_coordinate(name, decision.with_time, is_found=False),)
-        known = (not_found(work.analysis.system, decision.space), *series)
+        steps = (positive.of_one_coordinate(name, decision.with_time, is_found=False),)
+        known = (positive.not_found(work.analysis.system, decision.space), *series)
     return Answer("variational", space=decision.space, certificate=certificate, explanation=steps, details=known)
 
 
@@ -416,8 +406,8 @@ def _as_written(work: Work, decision: deciding.Decision, tree: ex.Expression) ->
 def _proposed(work: Work, decision: deciding.Decision, tree: ex.Expression) -> Answer:
     assert work.outcome is not None
     assert work.outcome.found is not None
-    how = search_steps(work.outcome)
-    return of_lagrangian(work.analysis, decision.with_time, tree, work.outcome.found.family, how, decision)
+    how = positive.search_steps(work.outcome)
+    return positive.of_lagrangian(work.analysis, decision.with_time, tree, work.outcome.found.family, how, decision)
 
 
 def _searched(work: Work, decision: deciding.Decision, highest: float) -> SearchOutcome:
@@ -576,8 +566,12 @@ def completed(work: Work, answer: Answer, others: Found | None, with_time: bool)
     began = deadline.now()
     work.progress("Hamiltonian")
     names = work.analysis.system.coordinates
-    hamiltonian = hamiltonian_of(answer.lagrangian.expression, names, answer.lagrangian.positive)
-    steps = (*answer.details, *verification_steps(work.analysis, answer.lagrangian), *legendre_steps(hamiltonian))
+    hamiltonian = positive.hamiltonian_of(answer.lagrangian.expression, names, answer.lagrangian.positive)
+    steps = (
+        *answer.details,
+        *positive.verification_steps(work.analysis, answer.lagrangian),
+        *positive.legendre_steps(hamiltonian),
+    )
     work.add_seconds("Hamiltonian", began)
     answer = replace(answer, hamiltonian=hamiltonian, details=steps)
     tell(work, answer, with_time)
