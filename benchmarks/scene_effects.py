@@ -21,8 +21,7 @@ from inverse_service.expressions.tree import add
 from inverse_service.reading.names import Names
 from inverse_service.reading.reader import read_formula
 from inverse_service.simulation.derivation import derive, lagrangian_parts, problem_of
-from inverse_service.simulation.running import MethodRun, observed_problem, run_method
-from inverse_service.simulation.running import operations as operations_of
+from inverse_service.simulation.running import MethodRun, observed_problem, operations as operations_of, run_method
 from inverse_service.simulation.scene_data import (
     FreeLagrangian,
     Grid,

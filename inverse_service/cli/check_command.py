@@ -20,12 +20,10 @@ from xml.etree import ElementTree
 import typer
 
 from inverse_service import errors
-from inverse_service.cli import command_line as cli
-from inverse_service.cli import solve_command
+from inverse_service.cli import command_line as cli, solve_command
 from inverse_service.decision.solutions import SolveOptions
 from inverse_service.service.documents import plain_data
-from inverse_service.service.jobs import batch as batches
-from inverse_service.service.jobs import model, tasks, workers
+from inverse_service.service.jobs import batch as batches, model, tasks, workers
 from inverse_service.service.jobs.outcome import value_of
 from inverse_service.settings import read_settings
 

@@ -14,8 +14,7 @@ from typing import Annotated, Any
 
 import typer
 
-from inverse_service import catalogue as catalog
-from inverse_service import errors
+from inverse_service import catalogue as catalog, errors
 from inverse_service.cli import command_line as cli
 from inverse_service.decision.solutions import SolveOptions
 from inverse_service.reading import document_names

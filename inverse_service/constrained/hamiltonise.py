@@ -19,8 +19,7 @@ from flint import nmod_mat
 from numpy.typing import NDArray
 
 from inverse_service import bounds, errors
-from inverse_service.expressions import derivative, printing
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import derivative, printing, tree as ex
 from inverse_service.expressions.functions import FUNCTION
 from inverse_service.field import real_point, reduction
 from inverse_service.field.point import Point, SingularPoint, Variable, evaluate

@@ -24,8 +24,7 @@ from inverse_service.constrained.reduced import reduced_system
 from inverse_service.deadline import OutOfTime, check, left, now, until, within
 from inverse_service.decision import deciding
 from inverse_service.decision.solutions import Lagrangian, SolveOptions
-from inverse_service.expressions import collecting, derivative
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import collecting, derivative, tree as ex
 from inverse_service.field import exact_field, matrices, modular, null_vectors, tower
 from inverse_service.field.echelon import Words
 from inverse_service.field.modular import Field, compiled, minus, multiply, plus

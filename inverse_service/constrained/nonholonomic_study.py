@@ -18,8 +18,13 @@ from inverse_service.decision import solutions
 from inverse_service.explanation import wording
 from inverse_service.expressions import tree as ex
 from inverse_service.field.exact_field import TooLarge
-from inverse_service.mechanics import constrained_motion, nonholonomic_integrals, paper_class, second_order_system
-from inverse_service.mechanics import first_integrals as kept
+from inverse_service.mechanics import (
+    constrained_motion,
+    first_integrals as kept,
+    nonholonomic_integrals,
+    paper_class,
+    second_order_system,
+)
 from inverse_service.mechanics.first_integrals import FirstIntegral
 from inverse_service.mechanics.legendre.transform import LegendreTransform
 from inverse_service.solving import solving

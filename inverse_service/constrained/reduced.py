@@ -23,8 +23,7 @@ from inverse_service.certificate import checker
 from inverse_service.deadline import left, now
 from inverse_service.decision import certify, deciding, solutions
 from inverse_service.explanation import positive, wording
-from inverse_service.expressions import notation
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import notation, tree as ex
 from inverse_service.field import real_point, reduction, tower
 from inverse_service.field.exact_field import TooLarge
 from inverse_service.field.point import Expansion, SingularPoint, gradient

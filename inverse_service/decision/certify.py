@@ -15,8 +15,7 @@ from inverse_service import bounds, errors
 from inverse_service.certificate import checker
 from inverse_service.certificate.cell import Cell
 from inverse_service.decision import deciding
-from inverse_service.expressions import collecting, evaluation, inequalities, printing
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import collecting, evaluation, inequalities, printing, tree as ex
 from inverse_service.field import exact_field, real_point, reduction, tower
 from inverse_service.mechanics import euler_lagrange, implicit_equations
 from inverse_service.reading import reader

@@ -27,16 +27,13 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 from inverse_service import bounds, deadline, errors
 from inverse_service.decision import solutions
 from inverse_service.decision.kinds import helmholtz
-from inverse_service.expressions import printing
-from inverse_service.expressions import tree as ex
-from inverse_service.field import modular, reduction
-from inverse_service.field import point as ps
+from inverse_service.expressions import printing, tree as ex
+from inverse_service.field import modular, point as ps, reduction
 from inverse_service.field.echelon import Echelon
 from inverse_service.field.exact_field import TooLarge
 from inverse_service.field.real_point import RealTable, find_real_point
 from inverse_service.field.tower import Tower, draw_point, to_kernels
-from inverse_service.linear_pde import equations as pde
-from inverse_service.linear_pde import involution
+from inverse_service.linear_pde import equations as pde, involution
 from inverse_service.mechanics import conditions, second_order_system
 
 if TYPE_CHECKING:

@@ -18,8 +18,7 @@ from fractions import Fraction
 
 from flint import Ordering, fmpq, fmpq_mpoly, fmpq_mpoly_ctx
 
-from inverse_service.explanation import hierarchy
-from inverse_service.explanation import theorems as th
+from inverse_service.explanation import hierarchy, theorems as th
 from inverse_service.expressions import tree as ex
 from inverse_service.field import exact_field
 from inverse_service.mechanics.conditions import Motion

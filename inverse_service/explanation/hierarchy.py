@@ -38,8 +38,7 @@ from flint import nmod_mat
 
 from inverse_service import bounds, errors
 from inverse_service.decision import deciding
-from inverse_service.expressions import notation
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import notation, tree as ex
 from inverse_service.field import exact_field, matrices, null_vectors, tower
 from inverse_service.field.point import Point, SingularPoint, evaluate
 from inverse_service.mechanics.conditions import (

@@ -30,8 +30,7 @@ from inverse_service.deadline import now
 from inverse_service.decision.deciding import Analysis, LocalScalar, motion_of_series
 from inverse_service.decision.solutions import Step
 from inverse_service.explanation import hierarchy, wording
-from inverse_service.expressions import notation, printing
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import notation, printing, tree as ex
 from inverse_service.field import exact_field, matrices, modular, null_vectors, tower
 from inverse_service.field.point import Point, SingularPoint, Variable, evaluate, number_value, variables_in
 from inverse_service.mechanics.conditions import MotionInRing, Tensor11, Tensor12, motion_in_ring

@@ -21,8 +21,7 @@ from flint import fmpq, fmpq_mpoly, fmpq_mpoly_ctx
 from inverse_service.certificate import formulas
 from inverse_service.decision.deciding import Analysis
 from inverse_service.explanation import hierarchy, negative, wording
-from inverse_service.expressions import printing
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import printing, tree as ex
 from inverse_service.field import exact_field, matrices
 from inverse_service.mechanics import conditions
 from inverse_service.mechanics.second_order_system import SecondOrderSystem

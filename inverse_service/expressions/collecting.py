@@ -18,8 +18,7 @@ from functools import lru_cache
 from flint import fmpz
 
 from inverse_service import deadline
-from inverse_service.expressions import functions, printing
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import functions, printing, tree as ex
 
 Monomial = tuple[tuple[ex.Expression, Fraction], ...]
 Term = tuple[Monomial, Fraction]

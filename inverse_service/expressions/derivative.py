@@ -7,8 +7,7 @@ from fractions import Fraction
 from functools import lru_cache
 
 from inverse_service import errors
-from inverse_service.expressions import functions
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import functions, tree as ex
 
 # For each arbitrary function the names of its arguments and its formula over them.
 Definitions = Mapping[str, tuple[tuple[str, ...], ex.Expression]]

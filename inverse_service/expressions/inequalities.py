@@ -12,8 +12,7 @@ from typing import Any
 
 from flint import fmpq, fmpq_poly
 
-from inverse_service.expressions import collecting, notation
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import collecting, notation, tree as ex
 
 _DEGREE, _HIGHEST = 40, 64
 _FINE = 2**64  # parts of one in a square root

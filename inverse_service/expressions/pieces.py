@@ -8,8 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from inverse_service.expressions import collecting, printing, refusals
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import collecting, printing, refusals, tree as ex
 
 MOST_PIECES, MOST_BOUNDARIES = 8, 7
 STEP = "Heaviside"

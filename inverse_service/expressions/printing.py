@@ -32,8 +32,7 @@ from functools import lru_cache
 from html import escape
 from itertools import zip_longest
 
-from inverse_service.expressions import functions, letters
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import functions, letters, tree as ex
 
 _EXPONENTIAL = ex.Apply("exp", ex.ONE)
 

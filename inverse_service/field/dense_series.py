@@ -27,8 +27,7 @@ import numpy as np
 import numpy.typing as npt
 
 from inverse_service.expressions import tree as ex
-from inverse_service.field import modular
-from inverse_service.field import point as ps
+from inverse_service.field import modular, point as ps
 from inverse_service.field.exact_field import TooLarge
 from inverse_service.field.modular import Field, compiled, minus, multiply, plus, power
 from inverse_service.kernels.machine_code.kernels import Kept

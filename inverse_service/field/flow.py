@@ -27,8 +27,7 @@ import numpy as np
 import numpy.typing as npt
 
 from inverse_service import deadline
-from inverse_service.expressions import collecting, derivative
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import collecting, derivative, tree as ex
 from inverse_service.field import tower
 
 Numbers = npt.NDArray[np.int64]

@@ -26,8 +26,7 @@ import numpy as np
 import numpy.typing as npt
 from flint import fmpz
 
-from inverse_service.kernels.machine_code.kernels import compiled as compiled
-from inverse_service.kernels.machine_code.kernels import intrinsic
+from inverse_service.kernels.machine_code.kernels import compiled as compiled, intrinsic
 
 # -1 modulo this: 2, 3, 5, 7, 11 and 13 are residues.
 _MODULUS = 8 * 3 * 5 * 7 * 11 * 13

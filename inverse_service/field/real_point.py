@@ -14,8 +14,7 @@ from itertools import pairwise
 import mpmath
 
 from inverse_service import errors
-from inverse_service.expressions import evaluation
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import evaluation, tree as ex
 from inverse_service.field import tower
 from inverse_service.field.point import Variable
 

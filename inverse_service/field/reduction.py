@@ -31,12 +31,9 @@ from itertools import combinations
 from flint import fmpq_mpoly, fmpz_mat
 
 from inverse_service import errors
-from inverse_service.expressions import collecting, inequalities
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import collecting, inequalities, tree as ex
 from inverse_service.expressions.pieces import STEP
-from inverse_service.field import exact_field, modular, real_point
-from inverse_service.field import point as ps
-from inverse_service.field import tower as towers
+from inverse_service.field import exact_field, modular, point as ps, real_point, tower as towers
 
 _MOST_TERMS, _CAPACITY = 3_000, 48
 # Of an angle under a root: its sine has twice this degree in the tangent of the half angle.

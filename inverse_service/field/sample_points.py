@@ -16,9 +16,7 @@ import numpy.typing as npt
 
 from inverse_service import deadline, errors
 from inverse_service.expressions import tree as ex
-from inverse_service.field import modular
-from inverse_service.field import point as ps
-from inverse_service.field import tower as towers
+from inverse_service.field import modular, point as ps, tower as towers
 from inverse_service.field.dense_series import Machine, SeriesProgram, constants_at, run
 from inverse_service.field.exact_field import TooLarge
 from inverse_service.field.modular import Field, compiled, minus, multiply, plus, power

@@ -31,8 +31,7 @@ from flint import nmod_mat
 
 from inverse_service import errors
 from inverse_service.expressions import tree as ex
-from inverse_service.field import modular, null_vectors
-from inverse_service.field import point as ps
+from inverse_service.field import modular, null_vectors, point as ps
 
 # The angle of one radian, when constants such as cos(1) occur.
 RADIAN = ex.Symbol("radian")

@@ -14,8 +14,7 @@ from functools import reduce
 from time import thread_time
 from typing import TYPE_CHECKING, Any
 
-from inverse_service.certificate import checker
-from inverse_service.certificate import question as checks
+from inverse_service.certificate import checker, question as checks
 from inverse_service.certificate.formulas import (
     MAX_POWER,
     Ended,
@@ -27,8 +26,7 @@ from inverse_service.certificate.formulas import (
     read_tokens,
 )
 from inverse_service.certificate.numbers import Balls, Undefined
-from inverse_service.expressions import derivative
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import derivative, tree as ex
 
 if TYPE_CHECKING:
     from inverse_service.mechanics.constrained_motion import NonholonomicSystem

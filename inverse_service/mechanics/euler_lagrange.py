@@ -7,8 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from inverse_service.expressions import collecting, derivative
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import collecting, derivative, tree as ex
 
 Matrix = tuple[tuple[ex.Expression, ...], ...]
 

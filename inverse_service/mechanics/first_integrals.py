@@ -23,8 +23,7 @@ import numpy as np
 
 from inverse_service import errors
 from inverse_service.deadline import OutOfTime, check, now
-from inverse_service.expressions import collecting, derivative, printing
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import collecting, derivative, printing, tree as ex
 from inverse_service.field import exact_field, flow, matrices, null_vectors
 from inverse_service.field.point import Variable
 from inverse_service.field.tower import to_kernels

@@ -24,8 +24,7 @@ import flint
 from mpmath import mp, mpf
 
 from inverse_service import bounds, errors
-from inverse_service.expressions import evaluation, graphs
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import evaluation, graphs, tree as ex
 from inverse_service.field import exact_field
 
 _POINTS = 3

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from inverse_service.expressions import collecting, derivative, printing
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import collecting, derivative, printing, tree as ex
 from inverse_service.mechanics import euler_lagrange
 
 EXACT = "; where a single trajectory is to be exact, adaptive costs less."

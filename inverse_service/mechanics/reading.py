@@ -14,8 +14,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from inverse_service import errors
-from inverse_service.expressions import derivative, refusals
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import derivative, refusals, tree as ex
 from inverse_service.mechanics import implicit_equations
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading import document_names, reader

@@ -8,8 +8,7 @@ from functools import lru_cache
 from itertools import islice
 from typing import TypeVar
 
-from inverse_service.expressions import collecting
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import collecting, tree as ex
 from inverse_service.field import real_point, reduction, tower
 from inverse_service.field.point import Variable
 from inverse_service.reading.names import Names

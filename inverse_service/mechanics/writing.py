@@ -8,8 +8,7 @@ from functools import lru_cache
 from itertools import permutations
 
 from inverse_service import bounds, errors
-from inverse_service.expressions import collecting, inequalities
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import collecting, inequalities, tree as ex
 from inverse_service.field import exact_field
 
 _MOST_PRODUCTS = 64

@@ -13,11 +13,8 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from inverse_service import errors
-from inverse_service.expressions import refusals
-from inverse_service.expressions import tree as ex
-from inverse_service.reading import names as known_words
-from inverse_service.reading import names as nm
-from inverse_service.reading import reader
+from inverse_service.expressions import refusals, tree as ex
+from inverse_service.reading import names as known_words, names as nm, reader
 from inverse_service.reading.tokens import Token, after_primes, at, check_brackets, closing, split_at_commas
 
 ParameterValue = str | int | float | None

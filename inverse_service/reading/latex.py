@@ -11,9 +11,7 @@ from fractions import Fraction
 from inverse_service.errors import InputError
 from inverse_service.expressions.letters import DOTS, GREEK, LETTER_COMMANDS, SCRIPT_L, SPACES, SUBSCRIPTS
 from inverse_service.expressions.refusals import LIMITS, at_most, refusal, shorten
-from inverse_service.reading import components
-from inverse_service.reading import names as nm
-from inverse_service.reading import tokens as plain
+from inverse_service.reading import components, names as nm, tokens as plain
 from inverse_service.reading.tokens import FACTOR, FRACTION, PARTIAL, TOTAL, Token, Tokens, TokenStream
 
 _ROW_SPACE = re.compile(r"\s*\[\s*-?[0-9.]+\s*(pt|pc|em|ex|mm|cm|in|jot|\\jot)\s*\]")

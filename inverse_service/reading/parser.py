@@ -23,8 +23,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from inverse_service import errors
-from inverse_service.expressions import derivative, refusals
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import derivative, refusals, tree as ex
 from inverse_service.expressions.pieces import either, piecewise, step
 from inverse_service.reading import names as nm
 from inverse_service.reading.tokens import END, Token, TokenStream, outside, unexpected

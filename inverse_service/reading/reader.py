@@ -14,8 +14,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from inverse_service import errors
-from inverse_service.expressions import refusals
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import refusals, tree as ex
 from inverse_service.reading import notations, parser
 from inverse_service.reading.names import FUNCTIONS, MAY_BE_FUNCTIONS, Names, written_product
 from inverse_service.reading.tokens import (

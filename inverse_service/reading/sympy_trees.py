@@ -15,8 +15,7 @@ from sympy.integrals.heurisch import heurisch
 from sympy.simplify.fu import TR8
 
 from inverse_service import errors
-from inverse_service.expressions import functions
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import functions, tree as ex
 from inverse_service.expressions.pieces import either, piecewise, step
 from inverse_service.reading import parser
 

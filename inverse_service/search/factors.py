@@ -22,8 +22,7 @@ from inverse_service.decision.deciding import Analysis
 from inverse_service.expressions import tree as ex
 from inverse_service.field import null_vectors, tower
 from inverse_service.field.point import SingularPoint, evaluate
-from inverse_service.search import ansatz
-from inverse_service.search import terms as tm
+from inverse_service.search import ansatz, terms as tm
 from inverse_service.search.gradients import Integrator
 from inverse_service.search.material import (
     Material,

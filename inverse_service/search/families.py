@@ -30,8 +30,7 @@ from inverse_service import bounds
 from inverse_service.deadline import check
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions import tree as ex
-from inverse_service.field import modular, null_vectors
-from inverse_service.field import point as ps
+from inverse_service.field import modular, null_vectors, point as ps
 from inverse_service.field.echelon import Words
 from inverse_service.field.exact_field import Budget, TooLarge, factored
 from inverse_service.field.modular import Field, compiled, multiply, reconstruct

@@ -25,8 +25,7 @@ from inverse_service.expressions.evaluation import NoRealValue
 from inverse_service.field import exact_field, real_point
 from inverse_service.mechanics import implicit_equations, writing
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.search import quadratures
-from inverse_service.search import terms as tm
+from inverse_service.search import quadratures, terms as tm
 
 ONE_TERM: tm.Terms = {tm.EMPTY: Fraction(1)}
 

@@ -14,8 +14,7 @@ import mpmath
 from inverse_service import bounds, errors
 from inverse_service.deadline import OutOfTime, check, until, within
 from inverse_service.decision import deciding
-from inverse_service.expressions import evaluation
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import evaluation, tree as ex
 from inverse_service.field import real_point
 from inverse_service.field.point import SingularPoint
 from inverse_service.mechanics import euler_lagrange, implicit_equations

@@ -33,8 +33,7 @@ from flint import fmpq, fmpq_mat, fmpq_mpoly
 from numpy.typing import NDArray
 
 from inverse_service import bounds
-from inverse_service.expressions import evaluation
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import evaluation, tree as ex
 from inverse_service.field import exact_field, matrices, real_point
 from inverse_service.search import members, quadratures
 from inverse_service.search.material import Material

@@ -22,12 +22,10 @@ from flint import nmod_mat
 from numpy.typing import NDArray
 
 from inverse_service import bounds, deadline
-from inverse_service.expressions import evaluation
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import evaluation, tree as ex
 from inverse_service.field import point, real_point
 from inverse_service.mechanics import euler_lagrange
-from inverse_service.search import ansatz
-from inverse_service.search import terms as tm
+from inverse_service.search import ansatz, terms as tm
 
 IntegerMatrix = list[list[int]]
 # Eigenvalues below this part of the largest are zero.

@@ -38,8 +38,7 @@ import mpmath
 import numpy as np
 
 from inverse_service import bounds, deadline, errors
-from inverse_service.expressions import derivative, evaluation
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import derivative, evaluation, tree as ex
 from inverse_service.field import null_vectors, real_point
 from inverse_service.field.point import SingularPoint, number_value
 from inverse_service.search import ansatz, members, quadratures

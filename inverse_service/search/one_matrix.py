@@ -44,8 +44,7 @@ from inverse_service.field.flow import PRIME, Flow, Generator, Numbers, Points, 
 from inverse_service.field.real_point import real_sign
 from inverse_service.field.tower import to_kernels
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.search import angles
-from inverse_service.search import terms as tm
+from inverse_service.search import angles, terms as tm
 from inverse_service.search.gradients import ONE_TERM, Integrator
 from inverse_service.search.interpolation import Given, Interpolation, NoFit, kernel_of, letters_of, whole_numbers
 from inverse_service.search.material import Material

@@ -20,8 +20,7 @@ import mpmath
 from inverse_service import deadline
 from inverse_service.decision import certify, deciding
 from inverse_service.decision.solutions import Lagrangian, Matrix
-from inverse_service.expressions import evaluation, inequalities, printing
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import evaluation, inequalities, printing, tree as ex
 from inverse_service.field import exact_field, real_point
 from inverse_service.mechanics import euler_lagrange, writing
 from inverse_service.search import terms

@@ -14,13 +14,11 @@ from typing import Any
 from inverse_service import bounds, deadline, errors
 from inverse_service.certificate import checker
 from inverse_service.decision import certify, deciding
-from inverse_service.expressions import collecting, derivative, evaluation
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import collecting, derivative, evaluation, tree as ex
 from inverse_service.field import exact_field, matrices, modular, real_point
 from inverse_service.mechanics import writing
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.search import material
-from inverse_service.search import terms as tm
+from inverse_service.search import material, terms as tm
 
 _LARGEST_FACTORED = 10**15
 

@@ -18,8 +18,7 @@ from functools import partial
 
 from inverse_service import bounds, deadline
 from inverse_service.decision import certify
-from inverse_service.expressions import collecting, derivative
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import collecting, derivative, tree as ex
 from inverse_service.field import exact_field, tower
 from inverse_service.mechanics import writing
 from inverse_service.mechanics.second_order_system import SecondOrderSystem, connected

@@ -36,8 +36,7 @@ from inverse_service.field.exact_field import Budget, TooLarge, factored
 from inverse_service.field.real_point import RealTable
 from inverse_service.mechanics.implicit_equations import linear_equation
 from inverse_service.mechanics.second_order_system import Branch, SecondOrderSystem, connected
-from inverse_service.search import gradients
-from inverse_service.search import terms as tm
+from inverse_service.search import gradients, terms as tm
 from inverse_service.search.material import Material
 
 # Orders of the lines that are tried: Bateman's pair is two damped oscillators in one order, autonomous in the other.

@@ -17,15 +17,13 @@ import mpmath
 
 from inverse_service import bounds, errors
 from inverse_service.decision import deciding
-from inverse_service.expressions import collecting, evaluation
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import collecting, evaluation, tree as ex
 from inverse_service.field import exact_field, real_point
 from inverse_service.field.point import variables_in
 from inverse_service.field.tower import AngleRule, Tower, to_kernels
 from inverse_service.mechanics import quadratic_forms, writing
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.search import angles
-from inverse_service.search import terms as tm
+from inverse_service.search import angles, terms as tm
 
 _LARGEST = 4
 

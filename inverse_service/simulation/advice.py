@@ -6,11 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from inverse_service.expressions import derivative
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import derivative, tree as ex
 from inverse_service.mechanics import method_advice
-from inverse_service.simulation import initial, numeric_formulas
-from inverse_service.simulation import scene_data as data
+from inverse_service.simulation import initial, numeric_formulas, scene_data as data
 
 STIFF = 1e3  # length of a run in decay times beyond which an explicit method spends its steps on decayed components
 SHARE = 10.0  # real parts compared with imaginary ones

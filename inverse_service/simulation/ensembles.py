@@ -25,8 +25,7 @@ from inverse_service.kernels.codegen.kernel import CONTROL
 from inverse_service.kernels.codegen.program import NO_START, STATUS, STOPPED_AT, STOPPED_VALUE
 from inverse_service.kernels.codegen.symengine_trees import closure
 from inverse_service.kernels.machine_code.loading import processor_features
-from inverse_service.simulation import initial, observing
-from inverse_service.simulation import scene_data as data
+from inverse_service.simulation import initial, observing, scene_data as data
 from inverse_service.simulation.derivation import Derived, problem_of
 from inverse_service.simulation.estimates import TOO_LARGE, errors_of, finer
 from inverse_service.simulation.execution import check, kernel_of, stopped, unknown_names, weights_of

@@ -19,9 +19,7 @@ from numpy.typing import NDArray
 
 from inverse_service.expressions import tree as ex
 from inverse_service.integrators import method_table, trajectory
-from inverse_service.simulation import initial, motions, observing, schemes
-from inverse_service.simulation import numeric_formulas as nf
-from inverse_service.simulation import scene_data as data
+from inverse_service.simulation import initial, motions, numeric_formulas as nf, observing, scene_data as data, schemes
 
 MOST_STEPS = 1_000_000
 CHANGED, TIGHTER, TIGHTEST, LEAST_RANGE, ROUND_OFF = 0.1, 0.1, 1e-14, 0.01, 1e-15

@@ -30,13 +30,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inverse_service import errors
-from inverse_service.expressions import derivative, printing
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import derivative, printing, tree as ex
 from inverse_service.integrators import method_table
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
-from inverse_service.simulation import ensembles, initial, motions, observing
-from inverse_service.simulation import numeric_formulas as nf
-from inverse_service.simulation import scene_data as data
+from inverse_service.simulation import (
+    ensembles,
+    initial,
+    motions,
+    numeric_formulas as nf,
+    observing,
+    scene_data as data,
+)
 
 State = tuple[Array, Array, Array]  # times (m,), positions and velocities (m, n)
 CONTINUED = data.MethodChoice("adaptive", tolerance=1e-14)

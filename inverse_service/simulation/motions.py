@@ -42,8 +42,7 @@ from typing import Any
 import numpy as np
 
 from inverse_service import errors
-from inverse_service.expressions import collecting, derivative, graphs
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import collecting, derivative, graphs, tree as ex
 from inverse_service.integrators.trajectory import Array
 from inverse_service.mechanics import euler_lagrange
 from inverse_service.simulation import initial, numeric_formulas

@@ -17,8 +17,7 @@ from typing import Any
 import numpy as np
 
 from inverse_service import errors
-from inverse_service.expressions import functions, printing
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import functions, printing, tree as ex
 from inverse_service.field import exact_field
 from inverse_service.integrators.trajectory import Array
 from inverse_service.kernels.codegen import symengine_trees as se

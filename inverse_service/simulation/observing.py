@@ -34,13 +34,10 @@ from typing import Any
 
 import numpy as np
 
-from inverse_service.expressions import collecting, derivative, printing
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import collecting, derivative, printing, tree as ex
 from inverse_service.integrators.trajectory import Array, Trajectory
 from inverse_service.mechanics import euler_lagrange
-from inverse_service.simulation import derivation, motions
-from inverse_service.simulation import numeric_formulas as nf
-from inverse_service.simulation import scene_data as data
+from inverse_service.simulation import derivation, motions, numeric_formulas as nf, scene_data as data
 
 WITH_TIME = "The Lagrangian contains t, so its energy changes."
 FORCED = "Forces do work, so the energy T + V changes: see its balance with the work."

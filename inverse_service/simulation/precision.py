@@ -20,8 +20,7 @@ import numpy as np
 
 from inverse_service.integrators import method_table
 from inverse_service.integrators.trajectory import Array
-from inverse_service.simulation import derivation, observing, running
-from inverse_service.simulation import scene_data as data
+from inverse_service.simulation import derivation, observing, running, scene_data as data
 
 CHECKS = 8
 TARGETS = (1e-3, 1e-6, 1e-9, 1e-12)

@@ -9,8 +9,7 @@ from fractions import Fraction
 from inverse_service import bounds
 from inverse_service.deadline import now
 from inverse_service.decision import deciding
-from inverse_service.expressions import derivative
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import derivative, tree as ex
 from inverse_service.field import exact_field, real_point, tower
 from inverse_service.linear_pde.involution import Limits
 from inverse_service.mechanics import constrained_motion, nonholonomic_integrals, second_order_system

@@ -18,8 +18,7 @@ from inverse_service import bounds, errors
 from inverse_service.deadline import now
 from inverse_service.decision import certify, deciding, solutions
 from inverse_service.decision.kinds import helmholtz
-from inverse_service.expressions import collecting, evaluation
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import collecting, evaluation, tree as ex
 from inverse_service.field import matrices, modular, null_vectors, real_point
 from inverse_service.field.point import Point, SingularPoint, number_value
 from inverse_service.linear_pde import equations, involution

@@ -14,8 +14,7 @@ from inverse_service.certificate import checker, formulas
 from inverse_service.decision import cells, certify, deciding
 from inverse_service.decision.solutions import Answer, Conditions, Lagrangian, Solution, SolveOptions, Step
 from inverse_service.explanation import positive, wording
-from inverse_service.expressions import collecting, notation, printing
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import collecting, notation, printing, tree as ex
 from inverse_service.linear_pde import involution
 from inverse_service.mechanics import second_order_system
 from inverse_service.search import row_factors, terms, tidy

@@ -20,8 +20,7 @@ from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import TIME, Acceleration, Arbitrary, Expression, Symbol, Velocity
 from inverse_service.mechanics.conditions import conditions
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.reading.names import Names as FormulaNames
-from inverse_service.reading.names import declared_name
+from inverse_service.reading.names import Names as FormulaNames, declared_name
 from inverse_service.reading.reader import read_formula
 from inverse_service.reading.sympy_trees import Leaves, from_sympy, to_sympy
 from inverse_service.service.documents.accepting import to_schema, to_system

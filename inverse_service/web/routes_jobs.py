@@ -11,8 +11,7 @@ from fastapi import APIRouter, Depends, Query
 from starlette.requests import Request
 from starlette.responses import JSONResponse, Response, StreamingResponse
 
-from api_schemas.job import Job as JobDocument
-from api_schemas.job import JobList
+from api_schemas.job import Job as JobDocument, JobList
 from inverse_service import errors
 from inverse_service.service.jobs import model, supervisor, tasks
 from inverse_service.web import asking, clients, job_answers, openapi

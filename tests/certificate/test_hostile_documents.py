@@ -7,8 +7,7 @@ import time
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from inverse_service.certificate.checker import CheckResult, check_certificate, check_text
 from tests.certificate.documents import Document, changed, check_result, existence, lagrangian, nonexistence, result

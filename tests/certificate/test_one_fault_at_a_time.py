@@ -10,8 +10,7 @@ import pytest
 from inverse_service.certificate.checker import check_certificate
 from inverse_service.certificate.numbers import Residues
 from inverse_service.certificate.question import Question, Tools
-from inverse_service.certificate.series import Elimination, Expansion, Symbol
-from inverse_service.certificate.series import symbol_of as sizes_of
+from inverse_service.certificate.series import Elimination, Expansion, Symbol, symbol_of as sizes_of
 from tests.certificate.documents import Document, changed, check_result, existence, lagrangian, nonexistence, result
 from tests.certificate.test_nonexistence_certificates import BAD_ROWS
 

@@ -9,13 +9,11 @@ import xml.etree.ElementTree as ElementTree
 from fractions import Fraction
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as some
+from hypothesis import given, settings, strategies as some
 from mpmath import mp, mpf
 
 from inverse_service import errors
-from inverse_service.expressions import evaluation, functions, printing
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import evaluation, functions, printing, tree as ex
 from inverse_service.reading import reader
 from inverse_service.reading.names import Names
 

@@ -6,8 +6,7 @@ from fractions import Fraction
 
 import pytest
 from flint import fmpz
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from inverse_service.field.modular import is_positive, positive_power, prime_factors, reconstruct, safe_prime
 

@@ -10,8 +10,7 @@ import json
 from collections.abc import Callable
 from typing import Any, Final
 
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as some
+from hypothesis import HealthCheck, given, settings, strategies as some
 
 from inverse_service.certificate import checker
 from inverse_service.errors import InputError, LimitError

@@ -7,8 +7,7 @@ from collections.abc import Sequence
 from fractions import Fraction
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from inverse_service.deadline import now
 from inverse_service.decision.deciding import Decision, HelmholtzAt, analyze, decide

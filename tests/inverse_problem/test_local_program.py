@@ -15,8 +15,7 @@ from inverse_service.field.exact_field import TooLarge
 from inverse_service.field.modular import safe_prime
 from inverse_service.field.point import Variable
 from inverse_service.field.tower import draw_point
-from inverse_service.linear_pde import equations as emission
-from inverse_service.linear_pde import involution as settling
+from inverse_service.linear_pde import equations as emission, involution as settling
 from inverse_service.linear_pde.equations import Equations, rows_of_degree
 from inverse_service.linear_pde.involution import Coefficients
 from inverse_service.mechanics.reading import read_system

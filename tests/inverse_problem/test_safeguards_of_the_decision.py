@@ -9,8 +9,7 @@ import pytest
 from inverse_service.certificate.checker import check_certificate
 from inverse_service.decision import certify
 from inverse_service.decision.deciding import HelmholtzAt, analyze, decide
-from inverse_service.linear_pde import involution
-from inverse_service.linear_pde import involution as settling
+from inverse_service.linear_pde import involution, involution as settling
 from inverse_service.linear_pde.involution import Finding, Limits
 from inverse_service.mechanics.reading import read_system
 

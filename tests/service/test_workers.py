@@ -14,8 +14,7 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from inverse_service.service.jobs import tasks
-from inverse_service.service.jobs import workers as workers_module
+from inverse_service.service.jobs import tasks, workers as workers_module
 from inverse_service.service.jobs.outcome import Call, Outcome, outcome_of_exit
 from inverse_service.service.jobs.workers import MOST_CROWDED, Workers, run_alone
 

@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 import sympy as sp
-from sympy.physics.mechanics import Lagrangian as lagrangian_of
-from sympy.physics.mechanics import Particle, Point, ReferenceFrame, dynamicsymbols
+from sympy.physics.mechanics import Lagrangian as lagrangian_of, Particle, Point, ReferenceFrame, dynamicsymbols
 
 import inverse_service
 from inverse_service.errors import InputError

@@ -49,9 +49,7 @@ import numpy.typing as npt
 
 from inverse_service.expressions import tree as ex
 from inverse_service.expressions.derivative import differentiate_in_time
-from inverse_service.field import dense_series as machine
-from inverse_service.field import point as ps
-from inverse_service.field import tower
+from inverse_service.field import dense_series as machine, point as ps, tower
 from inverse_service.linear_pde import equations as pde
 from inverse_service.linear_pde.involution import Matrix
 

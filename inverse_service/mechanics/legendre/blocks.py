@@ -12,8 +12,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from inverse_service import bounds, errors
-from inverse_service.expressions import collecting
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import collecting, tree as ex
 from inverse_service.mechanics import implicit_equations
 from inverse_service.mechanics.legendre import short_forms
 from inverse_service.mechanics.second_order_system import connected

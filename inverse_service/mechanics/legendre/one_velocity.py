@@ -18,8 +18,7 @@ from fractions import Fraction
 from functools import lru_cache
 
 from inverse_service import bounds
-from inverse_service.expressions import collecting, derivative
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import collecting, derivative, tree as ex
 from inverse_service.mechanics.legendre import blocks, sampling, short_forms
 
 Rule = Callable[[ex.Expression], ex.Expression]

@@ -11,8 +11,7 @@ from typing import Any
 from mpmath import mp, mpf
 
 from inverse_service import bounds
-from inverse_service.expressions import collecting, evaluation
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import collecting, evaluation, tree as ex
 
 _ROUGH_DIGITS, _MOST_DIGITS = 2, 300
 _MOST_POINTS, _FEWER_POINTS = 20, 8

@@ -21,8 +21,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from itertools import combinations, product
 
-from inverse_service.expressions import collecting, derivative
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import collecting, derivative, tree as ex
 from inverse_service.mechanics import quadratic_forms
 from inverse_service.mechanics.legendre import blocks, short_forms
 

@@ -8,8 +8,7 @@ from functools import lru_cache
 from math import isqrt
 
 from inverse_service import bounds, deadline, errors
-from inverse_service.expressions import collecting
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import collecting, tree as ex
 from inverse_service.field import exact_field
 from inverse_service.mechanics import implicit_equations, writing
 

@@ -12,8 +12,7 @@ from functools import partial
 from itertools import islice, product
 
 from inverse_service import bounds, deadline, errors
-from inverse_service.expressions import collecting, printing
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import collecting, printing, tree as ex
 from inverse_service.field import real_point
 from inverse_service.mechanics import euler_lagrange, quadratic_forms, writing
 from inverse_service.mechanics.legendre import blocks, sampling, short_forms

@@ -12,8 +12,7 @@ from itertools import permutations
 from typing import Any
 
 from inverse_service import errors
-from inverse_service.expressions import collecting
-from inverse_service.expressions import tree as trees
+from inverse_service.expressions import collecting, tree as trees
 from inverse_service.reading import reader
 from inverse_service.reading.names import Names
 

@@ -11,12 +11,10 @@ from time import thread_time
 from typing import TYPE_CHECKING, Any
 
 from inverse_service import errors
-from inverse_service.certificate import cell, checker, formulas
-from inverse_service.certificate import question as checks
+from inverse_service.certificate import cell, checker, formulas, question as checks
 from inverse_service.deadline import now
 from inverse_service.decision.cells import point_of
-from inverse_service.expressions import derivative
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import derivative, tree as ex
 from inverse_service.expressions.printing import to_text
 from inverse_service.field import real_point
 from inverse_service.mechanics import second_order_system

@@ -17,8 +17,7 @@ from inverse_service import deadline, errors
 from inverse_service.decision import deciding
 from inverse_service.decision.solutions import Answer, Solution, SolveOptions
 from inverse_service.explanation import positive
-from inverse_service.expressions import collecting, printing
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import collecting, printing, tree as ex
 from inverse_service.field import real_point
 from inverse_service.mechanics import second_order_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem

@@ -15,15 +15,13 @@ from api_schemas import nonholonomic as schemas
 from api_schemas.base import ParseAnswer
 from api_schemas.result import AdvicePart, HamiltonianPart
 from inverse_service import errors
-from inverse_service.constrained import answering, nonholonomic_study
-from inverse_service.constrained import reduced as deciding
+from inverse_service.constrained import answering, nonholonomic_study, reduced as deciding
 from inverse_service.constrained.hamiltonise import Comparison, Hamiltonisation
 from inverse_service.constrained.lagrangian import first_system
 from inverse_service.deadline import now, share
 from inverse_service.decision import solutions
 from inverse_service.explanation import wording
-from inverse_service.expressions import collecting, notation, printing
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import collecting, notation, printing, tree as ex
 from inverse_service.field.exact_field import TooLarge
 from inverse_service.mechanics import constrained_motion, method_advice
 from inverse_service.mechanics.first_integrals import FirstIntegral, first_integrals

@@ -14,8 +14,7 @@ from api_schemas.system import SystemDocument
 from inverse_service import __version__
 from inverse_service.decision import certify, solutions
 from inverse_service.decision.cells import Left
-from inverse_service.expressions import inequalities, printing
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import inequalities, printing, tree as ex
 from inverse_service.field import real_point, tower
 from inverse_service.mechanics import method_advice
 from inverse_service.mechanics.second_order_system import SecondOrderSystem

@@ -18,8 +18,7 @@ from matplotlib.figure import Figure
 
 from inverse_service.errors import InputError
 from inverse_service.integrators.trajectory import Array
-from inverse_service.service.figures import style as styles
-from inverse_service.service.figures import time_series
+from inverse_service.service.figures import style as styles, time_series
 from inverse_service.simulation import observing
 
 MOST_POINTS = 4000

@@ -17,8 +17,7 @@ from api_schemas.scene import SceneDocument
 from inverse_service import catalogue
 from inverse_service.decision.solutions import SolveOptions
 from inverse_service.errors import InputError, InverseServiceError
-from inverse_service.expressions import derivative, printing
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import derivative, printing, tree as ex
 from inverse_service.field.exact_field import TooLarge
 from inverse_service.integrators.trajectory import Array
 from inverse_service.mechanics.constrained_motion import NonholonomicSystem, eliminate_multipliers, frames, geometry

@@ -11,8 +11,7 @@ from typing import Any
 
 from api_schemas import base, scene
 from inverse_service import catalogue, errors
-from inverse_service.expressions import derivative, pieces
-from inverse_service.expressions import tree as trees
+from inverse_service.expressions import derivative, pieces, tree as trees
 from inverse_service.field import tower
 from inverse_service.mechanics import constrained_motion, reading
 from inverse_service.reading import reader

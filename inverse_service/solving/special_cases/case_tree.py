@@ -20,8 +20,7 @@ from inverse_service.deadline import now, until
 from inverse_service.decision import deciding
 from inverse_service.decision.solutions import Verdict
 from inverse_service.explanation import hierarchy
-from inverse_service.expressions import collecting, printing
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import collecting, printing, tree as ex
 from inverse_service.field import exact_field
 from inverse_service.linear_pde.involution import Limits
 from inverse_service.mechanics.conditions import motion_in_ring

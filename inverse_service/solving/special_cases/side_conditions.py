@@ -19,8 +19,7 @@ from flint import fmpq, fmpq_mpoly
 from inverse_service.decision.deciding import Analysis
 from inverse_service.explanation import negative
 from inverse_service.explanation.hierarchy import EquationName, eliminate, local_motion, tensors_at, tensors_to_depth
-from inverse_service.expressions import collecting, derivative
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import collecting, derivative, tree as ex
 from inverse_service.field import exact_field, matrices
 from inverse_service.mechanics import conditions, euler_lagrange
 from inverse_service.mechanics.second_order_system import SecondOrderSystem

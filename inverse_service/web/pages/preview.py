@@ -10,8 +10,7 @@ from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
 from inverse_service import errors
-from inverse_service.expressions import derivative, letters
-from inverse_service.expressions import tree as trees
+from inverse_service.expressions import derivative, letters, tree as trees
 from inverse_service.reading import reader
 from inverse_service.reading.names import Names
 from inverse_service.web.pages import rendering
