@@ -72,12 +72,13 @@ class IntegralPart(base.Document):
     derivatives: dict[str, str]
 
 
-class FirstIntegralPart(Formula):
+class FirstIntegralPart(base.Document):
     """A function of (t, q, q') that is constant along the motion; `symmetry` is the one behind it (Noether's theorem).
 
     `domain` are conditions under which the formula has a value.
     """
 
+    text: str
     name: str
     symmetry: str = ""
     domain: list[str] = Field(default_factory=list)
@@ -170,7 +171,8 @@ class SpecialCasesPart(base.Document):
 class OtherAnswer(base.Document):
     """The answer to the other question, L(t, q, q'), where it differs from the main one; `domain` as in a result.
 
-    `explanation` are the steps that convince, `details` those that say how it was found and what else proves it.
+    `explanation` are the steps that convince, `details` those that say how it was found and what else proves it; those
+    among the main `details` are not repeated.
     """
 
     verdict: Verdict

@@ -90,6 +90,13 @@ def _worked_out(exact: conditions.MotionInRing, g: Matrix) -> Explanation:
     shown = [entry for matrix in (g, moved, n, lowered) for row in matrix for entry in row]
     if sum(len(entry.numerator) for entry in [*shown, size]) > MOST_TERMS_SHOWN:
         raise TooLarge("the products fill pages")
+    if len(g) == 1:  # what concerns symmetry says nothing
+        step = said(
+            "The velocity Hessian of `L`, ", row("g = ", quotient_tree(exact.ring, size)),
+            ", is not identically zero, and ", row("Gamma(g) = ", quotient_tree(exact.ring, moved[0][0])),
+            " equals `-g df/dv`, so it is a multiplier.", about=("multiplier",),
+        )  # fmt: skip
+        return Explanation((step,))
     steps = (
         said(
             "The velocity Hessian of `L` is the multiplier `g`; `dg_ij/dv^k` is symmetric in `j` and `k`.",
@@ -134,39 +141,33 @@ def _matrix(exact: conditions.MotionInRing, entries: Matrix) -> Formula:
 
 
 def euler_lagrange_steps(system: SecondOrderSystem, lagrangian: Expression) -> tuple[Step, ...]:
-    """One step for each coordinate: dL/dv, its derivative along the motion, dL/dq, and the equation that they make.
+    """One step for each coordinate: dL/dv, dL/dq, and the equation that they make.
 
     A single sentence where these formulas are long.
     """
     short = len(system.coordinates) <= _MOST_LINES
     lines = [_line(lagrangian, name, system.coordinates) for name in system.coordinates if short]
     if not short or any(sum(map(node_count, line)) > bounds.SHOWN for line in lines):
-        those = (
-            "the equations in their given form" if system.is_unsolved else "equations that `f` satisfies identically"
-        )
-        return (said(f"Substituting `L` into `d/dt(dL/dq') - dL/dq = 0` gives {those}."),)
+        what = "the equations in their given form" if system.is_unsolved else "equations that the motion satisfies"
+        return (said(f"Substituting the Lagrangian into the Euler-Lagrange equations gives {what}."),)
     sentences = [_sentence(name, *line) for name, line in zip(system.coordinates, lines, strict=True)]
-    concluded = [*sentences[-1], " ", *_conclusion(system, [line[3] for line in lines])]
+    concluded = [*sentences[-1], " ", *_conclusion(system, [line[2] for line in lines])]
     return tuple(said(*pieces) for pieces in (*sentences[:-1], concluded))
 
 
 def _line(lagrangian: Expression, name: str, names: Sequence[str]) -> tuple[Expression, ...]:
-    """(dL/dv, its derivative along the motion, dL/dq, the difference of these)."""
+    """(dL/dv, dL/dq, d/dt dL/dv - dL/dq)."""
     momentum = collect(differentiate(lagrangian, Velocity(name)))
-    rate = collect(differentiate_in_time(momentum, names))
     force = collect(differentiate(lagrangian, Symbol(name)))
-    return momentum, rate, force, collect(rate - force)
+    return momentum, force, collect(differentiate_in_time(momentum, names) - force)
 
 
-def _sentence(
-    name: str, momentum: Expression, rate: Expression, force: Expression, equation: Expression
-) -> list[Piece]:
+def _sentence(name: str, momentum: Expression, force: Expression, equation: Expression) -> list[Piece]:
     lagrangian = theory("L")
     slope, pull = (partial_derivative(lagrangian, by) for by in (Velocity(name), Symbol(name)))
-    rated = row("d/dt ", slope)
     return [
-        row(slope, " = ", momentum), ", ", row(rated, " = ", rate), " and ", row(pull, " = ", force),
-        ", so the Euler-Lagrange equation ", row(rated, " - ", pull, " = 0"), " reads ", row(equation, " = 0"), ".",
+        row(slope, " = ", momentum), " and ", row(pull, " = ", force), ", so the Euler-Lagrange equation ",
+        row("d/dt ", slope, " - ", pull, " = 0"), " reads ", row(equation, " = 0"), ".",
     ]  # fmt: skip
 
 
@@ -209,7 +210,7 @@ def existence_steps(decision: Decision) -> tuple[Step, ...]:
 def of_one_coordinate(name: str, with_time: bool, is_found: bool) -> Step:
     """The theorem of N. Sonin (1886) and G. Darboux (1894, Lecons III, art. 604)."""
     question = "L(t, q, q')" if with_time else "L(q, q')"
-    form = "`L` is one in closed form" if is_found else "no closed form was found"
+    form = "one is given in closed form" if is_found else "no closed form was found"
     return said(
         f"Every equation of one coordinate has a regular Lagrangian {question} {checker.near_points(name, with_time)} "
         f"(Sonin 1886, Darboux 1894); {form}."
@@ -295,9 +296,8 @@ def branch_steps(
 def as_given_steps() -> tuple[Step, ...]:
     """How L follows from equations that are Euler-Lagrange equations as written."""
     step = said(
-        "Each equation is multiplied by a factor, found from quotients of coefficients, so that the system becomes "
-        "self-adjoint. Then the matrix of the accelerations is the Hessian of a Lagrangian, which follows by "
-        "integration.", about=("Helmholtz",),
+        "Factors found from quotients of coefficients make the equations self-adjoint. Then the matrix of the "
+        "accelerations is the Hessian of a Lagrangian, which follows by integration.", about=("Helmholtz",),
     )  # fmt: skip
     return (step,)
 
@@ -308,15 +308,11 @@ def search_steps(outcome: SearchOutcome) -> tuple[Step, ...]:
 
     assert outcome.found is not None
     name, _ = outcome.tried[-1]
-    reason = (
-        f"{REASONS[name]} This gives `L`."
-        if name in REASONS
-        else (
-            f"In the family '{name}' the Euler-Lagrange equations along the motion are linear in the coefficients; "
-            "solving them gives `L`."
-        )
+    of_family = (
+        f"In the family '{name}' the Euler-Lagrange equations along the motion are linear in the coefficients; "
+        "solving them gives `L`."
     )
-    first = said(reason)
+    first = said(REASONS.get(name, of_family))
     if len(outcome.found.parts) < 2:
         return (first,)
     parts = [row(f"C_{k}*(", part, ")") for k, part in enumerate(outcome.found.parts, start=1)]

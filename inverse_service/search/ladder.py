@@ -61,7 +61,7 @@ LEAVES = (
         linear_systems.is_linear,
         linear_systems.linear_lagrangians,
         "The system is linear. A multiplier `g` that depends only on `t` must satisfy `g' = g N + (g N)^T`, and "
-        "`g Phi` must be symmetric.",
+        "`g Phi` must be symmetric; integration gives `L`.",
     ),
     protocol.Leaf(
         "one coordinate, products of Darboux factors",

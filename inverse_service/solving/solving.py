@@ -139,7 +139,7 @@ def _solve(system: second_order_system.SecondOrderSystem, options: SolveOptions,
     autonomous, with_time = _explained(_answers(work), system)
     provenance: dict[str, Any] = {
         "seed": options.seed,
-        "time_limit": options.time_limit,
+        "time_limit": round(options.time_limit, 4),
         "points": [dict(point) for k, point in enumerate(work.points) if point not in work.points[:k]],
         "conditions_left_out": left_out,
     }

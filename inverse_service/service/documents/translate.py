@@ -97,6 +97,7 @@ def to_result(
     `others` are the solutions on further cells of the same system, `left` the cells without one.
     """
     branches = [solution, *others] if others else []
+    found = {key: value for key, value in plain(solution.provenance).items() if value != ""}
     return schemas.ResultDocument(
         system=to_understood(solution.system, schema),
         question="L(t, q, q')" if answers_time(solution, schema.time_dependent_lagrangian) else "L(q, q')",
@@ -106,7 +107,7 @@ def to_result(
         not_answered=[_not_answered(one) for one in left],
         advice=_advice(solution, schema.time_dependent_lagrangian),
         guessed=guessed_names(schema, solution.system),
-        provenance={"program": "inverse-service", "version": __version__, **plain(solution.provenance)},
+        provenance={"program": "inverse-service", "version": __version__, **found},
     )
 
 
@@ -135,21 +136,23 @@ def _both_answers(solution: solutions.Solution, schema: Asking) -> dict[str, Any
     main, other = main_and_other(solution, schema.time_dependent_lagrangian)
     time = solution.with_time
     proven = _proven(main, time)
-    return answer_fields(main, solution.system) | {
+    shown = answer_fields(main, solution.system)
+    second = None if other is None else answer_fields(other, solution.system)
+    if second is not None:
+        second["details"] = [step for step in second["details"] if step not in shown["details"]]
+    return shown | {
         "certificate": None if proven.certificate is None else plain(proven.certificate),
         "exceptions": list(proven.exceptions),
         "verdict_with_time": time.verdict if time is not None else None,
-        "with_time": None if other is None else schemas.OtherAnswer(**answer_fields(other, solution.system)),
+        "with_time": None if second is None else schemas.OtherAnswer(**second),
         "first_integrals": [integral_part(one) for one in solution.first_integrals],
     }
 
 
 def integral_part(found: FirstIntegral) -> schemas.FirstIntegralPart:
     """A first integral with the conditions under which its formula has a value."""
-    domain = _domain(*conditions_of(found.expression))
-    return schemas.FirstIntegralPart(
-        name=found.name, symmetry=found.symmetry, domain=domain, **formula_fields(found.expression)
-    )
+    domain, text = _domain(*conditions_of(found.expression)), printing.to_text(found.expression)
+    return schemas.FirstIntegralPart(text=text, name=found.name, symmetry=found.symmetry, domain=domain)
 
 
 def conditions_of(tree: ex.Expression) -> tuple[list[ex.Expression], list[ex.Expression]]:
