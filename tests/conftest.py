@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+
+from tests.serving import serving
 
 
 @pytest.fixture(scope="session")
@@ -25,19 +24,9 @@ def patient(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
 
 def running_service(folder: Path, time_limit: int = 10, frame_origins: str = "") -> Iterator[str]:
     """A service with its store in a folder; `time_limit` in s by the clock, so a busy machine needs more."""
-    command = [sys.executable, "-m", "inverse_service", "serve", "--port", "0"]
-    environment = {
-        **os.environ,
-        "INVERSE_SERVICE_TIME_LIMIT": str(time_limit),
-        "INVERSE_SERVICE_WORKERS": "2",
-        "INVERSE_SERVICE_DATABASE": str(folder / "jobs.sqlite"),
-        "INVERSE_SERVICE_LOG_LEVEL": "warning",
-        "INVERSE_SERVICE_FRAME_ORIGINS": frame_origins,
-    }
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment) as process:
-        assert process.stdout is not None
-        yield process.stdout.readline().strip()
-        process.terminate()
+    more = {"database": str(folder / "jobs.sqlite"), "log_level": "warning", "frame_origins": frame_origins}
+    with serving(time_limit=str(time_limit), **more) as (_, address):
+        yield address
 
 
 @pytest.hookimpl(tryfirst=True)

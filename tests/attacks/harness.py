@@ -11,7 +11,6 @@ import os
 import signal
 import socket
 import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -22,7 +21,8 @@ from types import TracebackType
 
 import httpx
 
-COMMAND = [sys.executable, "-m", "inverse_service", "serve", "--port", "0"]
+from tests.serving import COMMAND, serving, until
+
 OTHER = "127.0.0.2"
 LOOK_EVERY = 0.02
 FEWEST_LOOKS = 40
@@ -115,20 +115,12 @@ class Attacked:
 def attacked(folder: Path, descriptors: int | None = None, **settings: str) -> Iterator[Attacked]:
     """A service with a fresh database, ready to be asked; it may have only so many descriptors."""
     command = COMMAND if descriptors is None else ["sh", "-c", f'ulimit -n {descriptors}; exec "$@"', "sh", *COMMAND]
-    environment = os.environ | {"INVERSE_SERVICE_DATABASE": str(folder / "jobs.sqlite"), "INVERSE_SERVICE_WORKERS": "2"}
-    environment |= {f"INVERSE_SERVICE_{name.upper()}": value for name, value in settings.items()}
+    settings = {"database": str(folder / "jobs.sqlite")} | settings
     log = folder / "log"
-    with (
-        log.open("wb") as stream,
-        subprocess.Popen(command, stdout=subprocess.PIPE, stderr=stream, text=True, env=environment) as process,
-    ):
-        assert process.stdout is not None
-        found = Attacked(process.stdout.readline().strip(), process, log)
+    with log.open("wb") as stream, serving(command, stream, **settings) as (process, address):
         try:
-            end = time.monotonic() + 60
-            while httpx.get(f"{found.address}/readyz", timeout=30).status_code != 200 and time.monotonic() < end:
-                time.sleep(0.1)
-            yield found
+            until(lambda: httpx.get(f"{address}/readyz", timeout=30).status_code == 200)
+            yield Attacked(address, process, log)
         finally:
             process.kill()
 

@@ -12,6 +12,8 @@ from pathlib import Path
 import httpx
 import pytest
 
+from tests.serving import until
+
 pytest.importorskip("distributed")
 from inverse_service.service.scenes.simulating import simulate
 from tests.attacks.harness import Attacked, Watch, attacked
@@ -104,10 +106,7 @@ def test_a_dead_scheduler_is_not_ready_and_a_new_one_gets_the_jobs(both: Both) -
     service, machines = both
     with Watch(service) as watch, service.client() as client:
         machines.kill_scheduler()
-        end = time.monotonic() + 60
-        while client.get("/readyz").status_code == 200 and time.monotonic() < end:
-            time.sleep(0.2)
-        assert client.get("/readyz").status_code == 503
+        until(lambda: client.get("/readyz").status_code == 503)
         place = client.post(
             "/v1/solve", json={"coordinates": ["x"], "equations": {"x": "-11*x"}}, headers={"Prefer": "respond-async"}
         ).headers["location"]

@@ -9,13 +9,11 @@ from typing import Any
 import httpx
 
 from tests.attacks.harness import attacked
-
-NAMES = [f"x{k}" for k in range(8)]
-TERMS = "+".join(f"{a}*{b}'^2*sin({a}*{b})" for a in NAMES for b in NAMES)
+from tests.serving import HARD, until
 
 
 def long_question(number: int) -> dict[str, Any]:
-    return {"coordinates": NAMES, "equations": dict.fromkeys(NAMES, TERMS), "name": f"long {number}"}
+    return HARD | {"name": f"long {number}"}
 
 
 def answered(client: httpx.Client, address: str) -> dict[str, Any]:
@@ -37,8 +35,7 @@ def test_runs_at_their_limit_and_cancelled_ones_are_charged(tmp_path: Path) -> N
         assert used["memory"] > 10
         running = alice.post("/v1/solve", json=long_question(2), headers={"Prefer": "respond-async"})
         address = running.headers["Location"]
-        while alice.get(address).json()["status"] != "running":
-            time.sleep(0.05)
+        until(lambda: alice.get(address).json()["status"] == "running")
         time.sleep(4.0)
         assert alice.delete(address).status_code == 200
         end = time.monotonic() + 10

@@ -18,6 +18,8 @@ from typing import Any
 import httpx
 import pytest
 
+from tests.serving import until
+
 pytest.importorskip("psycopg")
 from inverse_service.client import Client
 from tests.attacks.harness import Attacked, Watch, attacked
@@ -132,13 +134,7 @@ def answered_through(service: Attacked, lines: int, harm: Any, harms: int) -> No
         answers = list(client.batch_results(batch))
         assert Counter(answer.id for answer in answers) == dict.fromkeys(range(lines), 1)
         assert client.call(f"/v1/batches/{batch.id}").counts == {"successful": lines}
-        end = time.monotonic() + 120
-        left = set(kept)
-        while left and time.monotonic() < end:
-            left -= {place for place in left if other.get(place).json()["status"] == "successful"}
-            time.sleep(0.1)
-    assert kept
-    assert left == set()
+        until(lambda: {other.get(place).json()["status"] for place in kept} == {"successful"}, 120)
     print(f"{harms} times, {lines} lines and {len(kept)} jobs: each answered once")
 
 

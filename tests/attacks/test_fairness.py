@@ -8,10 +8,7 @@ from collections.abc import Iterator
 import pytest
 
 from tests.attacks.harness import Attacked, attacked
-
-NAMES = [f"x{k}" for k in range(8)]
-TERMS = "+".join(f"{a}*{b}'^2*sin({a}*{b})" for a in NAMES for b in NAMES)
-HARD = {"coordinates": NAMES, "equations": dict.fromkeys(NAMES, TERMS)}
+from tests.serving import HARD
 
 
 @pytest.fixture(scope="module")

@@ -9,11 +9,12 @@ import json
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 from typing import Any
 
 import pytest
+
+from tests.serving import until
 
 SYSTEM = {"coordinates": ["x"], "equations": {"x": "-x"}}
 COMMAND = [sys.executable, "-m", "inverse_service", "batch"]
@@ -80,9 +81,7 @@ def test_a_batch_that_is_killed_half_way_and_started_again_answers_every_line_on
     source.write_text("".join(json.dumps({"id": f"s{k}", **SYSTEM, "name": f"{k}"}) + "\n" for k in range(count)))
     command = [*COMMAND, str(source), "--output", str(output), "--workers", "2"]
     with subprocess.Popen(command, stderr=subprocess.DEVNULL) as process:
-        end = time.monotonic() + 120
-        while (not output.exists() or output.read_bytes().count(b"\n") < 10) and time.monotonic() < end:
-            time.sleep(0.01)
+        until(lambda: output.exists() and output.read_bytes().count(b"\n") >= 10, 120, 0.01)
         process.send_signal(signal.SIGKILL)
     done = output.read_bytes().count(b"\n")
     assert 10 <= done < count
@@ -204,9 +203,7 @@ def test_an_interrupted_batch_says_how_far_it_came(files: tuple[Path, Path], num
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
         signal.signal(signal.SIGINT, before)
-        end = time.monotonic() + 120
-        while (not output.exists() or not output.read_bytes()) and time.monotonic() < end:
-            time.sleep(0.01)
+        until(lambda: output.exists() and output.read_bytes(), 120, 0.01)
         process.send_signal(number)
         said = process.communicate(timeout=30)[1]
     # A loaded machine may have answered one more before the signal arrived.

@@ -10,9 +10,7 @@ from typing import Any
 import pytest
 
 from inverse_service.client import AsyncClient, Client, JobDismissed, JobFailed, RequestRefused
-
-NAMES = [f"x{k}" for k in range(8)]
-TERMS = "+".join(f"{a}*{b}'^2*sin({a}*{b})" for a in NAMES for b in NAMES)
+from tests.serving import NAMES, TERMS
 
 
 def oscillator(k: int) -> dict[str, Any]:

@@ -19,6 +19,7 @@ import pytest
 from inverse_service import errors
 from inverse_service.service.cluster import front, remote
 from inverse_service.service.jobs import opening, tasks
+from tests.serving import serving, until
 
 pytest.importorskip("distributed")
 pytestmark = [
@@ -74,16 +75,11 @@ def test_the_deadline_holds_in_c_and_memory_is_bounded(cluster: Cluster) -> None
 def test_a_cancelled_task_stops_there_too(cluster: Cluster, machines: processes.Cluster) -> None:
     outcome(cluster, tasks.load_engine)
     running = cluster.submit(Call(pow, (3, 10**9), 600.0))
-    session, end = machines.workers[0].pid, time.monotonic() + 120
-    while not (busy := _busy(session)) and time.monotonic() < end:
-        pass
+    busy: list[int] = []
+    until(lambda: busy.extend(_busy(machines.workers[0].pid)) or busy, 120)
     running.cancel()
     assert running.outcome.result(60).status == "cancelled"
-    end = time.monotonic() + 60
-    while any(Path(f"/proc/{pid}").exists() for pid in busy) and time.monotonic() < end:
-        time.sleep(0.02)
-    assert busy
-    assert not any(Path(f"/proc/{pid}").exists() for pid in busy)
+    until(lambda: not any(Path(f"/proc/{pid}").exists() for pid in busy))
 
 
 def _busy(session: int) -> list[int]:
@@ -110,10 +106,7 @@ def test_progress_comes_through(cluster: Cluster) -> None:
     call = Call(tasks.job_task, ("solve", document, options), 20.0, None, True)
     found = cluster.submit(call, heard.append).outcome.result(60)
     assert found.status == "done", found
-    end = time.monotonic() + 60
-    while not heard and time.monotonic() < end:
-        time.sleep(0.02)
-    assert heard
+    until(lambda: heard)
 
 
 @pytest.mark.slow
@@ -134,23 +127,12 @@ def test_a_batch_is_answered_once_a_line(machines: processes.Cluster, tmp_path: 
 
 @pytest.mark.slow
 def test_the_service_solves_on_the_cluster(machines: processes.Cluster, tmp_path: Path) -> None:
-    environment = {
-        **os.environ,
-        "INVERSE_SERVICE_CLUSTER": machines.address,
-        "INVERSE_SERVICE_DATABASE": str(tmp_path / "jobs.sqlite"),
-        "INVERSE_SERVICE_LOG_LEVEL": "error",
-    }
-    command = [sys.executable, "-m", "inverse_service", "serve", "--port", "0"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment) as process:
-        try:
-            assert process.stdout is not None
-            address = process.stdout.readline().strip()
-            document = {"coordinates": ["x"], "equations": {"x": "-x"}}
-            answer = httpx.post(f"{address}/v1/solve", json=document, headers={"Prefer": "wait=20"}, timeout=60)
-            assert answer.status_code == 200, answer.text
-            assert answer.json()["verdict"] == "variational"
-        finally:
-            process.terminate()
+    settings = {"cluster": machines.address, "database": str(tmp_path / "jobs.sqlite"), "log_level": "error"}
+    with serving(**settings) as (_, address):
+        document = {"coordinates": ["x"], "equations": {"x": "-x"}}
+        answer = httpx.post(f"{address}/v1/solve", json=document, headers={"Prefer": "wait=20"}, timeout=60)
+        assert answer.status_code == 200, answer.text
+        assert answer.json()["verdict"] == "variational"
 
 
 def test_a_cluster_with_another_program_is_refused(

@@ -15,7 +15,8 @@ import httpx
 import pytest
 
 from inverse_service.settings import hash_of_key
-from tests.web.test_operations import ALICE, ASYNC, BOB, COMMAND, EASY, HARD
+from tests.serving import COMMAND, HARD, environment_of, serving, until
+from tests.web.test_operations import ALICE, ASYNC, BOB, EASY
 
 Admin = Callable[..., list[Any]]
 
@@ -26,32 +27,21 @@ def service(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[tuple[ht
     database = str(tmp_path / "jobs.sqlite")
     if request.param == "postgres":
         database = request.getfixturevalue("postgres").database("admin")
-    environment = os.environ | {
-        "INVERSE_SERVICE_DATABASE": database,
-        "INVERSE_SERVICE_API_KEYS": f"alice:{hash_of_key('alice-key')}, bob:{hash_of_key('bob-key')}",
-        "INVERSE_SERVICE_WORKERS": "2",
-    }
+    keys = f"alice:{hash_of_key('alice-key')}, bob:{hash_of_key('bob-key')}"
+    settings = {"database": database, "api_keys": keys}
+    environment = environment_of(settings)
 
     def admin(*words: str) -> list[Any]:
         command = [*COMMAND[:3], "admin", *words]
         done = subprocess.run(command, capture_output=True, text=True, check=True, env=environment, timeout=60)
         return [json.loads(line) for line in done.stdout.splitlines()]
 
-    with subprocess.Popen(
-        COMMAND, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, env=environment
-    ) as process:
-        assert process.stdout is not None
-        with httpx.Client(base_url=process.stdout.readline().strip(), timeout=60) as client:
-            until(lambda: client.get("/readyz").status_code == 200)
-            yield client, admin
-        process.kill()
-
-
-def until(holds: Callable[[], bool], seconds: float = 60.0) -> None:
-    end = time.monotonic() + seconds
-    while not holds():
-        assert time.monotonic() < end
-        time.sleep(0.1)
+    with (
+        serving(stderr=subprocess.DEVNULL, **settings) as (_, address),
+        httpx.Client(base_url=address, timeout=60) as client,
+    ):
+        until(lambda: client.get("/readyz").status_code == 200)
+        yield client, admin
 
 
 @pytest.mark.slow

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import itertools
-import os
 import subprocess
-import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -19,13 +17,11 @@ from inverse_service.errors import InputError
 from inverse_service.service.jobs.model import StoreUnavailable
 from inverse_service.service.jobs.opening import open_store
 from inverse_service.service.jobs.postgres_store import PostgresStore
+from tests.serving import HARD, serving
 from tests.store.server import Server
 from tests.store.test_job_store import request as job_request
 
 COUNT = itertools.count()
-NAMES = [f"x{k}" for k in range(8)]
-TERMS = "+".join(f"{a}*{b}'^2*sin({a}*{b})" for a in NAMES for b in NAMES)
-HARD = {"coordinates": NAMES, "equations": dict.fromkeys(NAMES, TERMS)}
 Start = Callable[[], tuple["subprocess.Popen[str]", Client]]
 
 
@@ -41,17 +37,13 @@ def lines(count: int) -> list[dict[str, Any]]:
 def start(postgres: Server) -> Iterator[Start]:
     """Starts a front end over the store of this test."""
     address = postgres.database(f"front{next(COUNT)}")
-    environment = {**os.environ, "INVERSE_SERVICE_DATABASE": address, "INVERSE_SERVICE_WORKERS": "1"}
-    environment |= {"INVERSE_SERVICE_LOG_LEVEL": "error", "INVERSE_SERVICE_TIME_LIMIT": "30"}
+    settings = {"database": address, "workers": "1", "log_level": "error", "time_limit": "30"}
     with contextlib.ExitStack() as stack:
 
         def front_end() -> tuple[subprocess.Popen[str], Client]:
-            command = [sys.executable, "-m", "inverse_service", "serve", "--port", "0"]
-            process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment)
-            stack.enter_context(process)
+            process, address = stack.enter_context(serving(**settings))
             stack.callback(process.kill)
-            assert process.stdout is not None
-            return process, stack.enter_context(Client(process.stdout.readline().strip()))
+            return process, stack.enter_context(Client(address))
 
         yield front_end
 

@@ -19,6 +19,7 @@ from inverse_service.service.jobs.opening import stored_answer
 from inverse_service.service.jobs.outcome import Usage
 from inverse_service.service.jobs.statements import BatchLine
 from inverse_service.service.jobs.store import JobStore
+from tests.values import present
 
 Stores = Callable[[], JobStore]
 USAGE = Usage(0.5, 0.25, 64.0)
@@ -68,14 +69,11 @@ def test_the_life_of_a_job(store: JobStore) -> None:
     )  # fmt: skip
     assert store.claim("p", 5) == []
     assert store.finish("a", 1, b'{"verdict": 1}', USAGE)
-    found = store.job("a")
-    assert found is not None
+    found = present(store.job("a"))
     assert (found.status, found.body, found.revision) == ("successful", b'{"verdict": 1}', 1)
     assert (found.wall, found.cpu, found.memory) == (USAGE.wall, USAGE.cpu, USAGE.memory)
     assert found.created <= (found.started or 0) <= (found.finished or 0)
-    without = store.job("a", 0)
-    assert without is not None
-    assert without.body is None
+    assert present(store.job("a", 0)).body is None
 
 
 @pytest.mark.slow
@@ -89,8 +87,7 @@ def test_the_same_question_is_answered_from_the_store_until_it_is_asked_anew(sto
     assert (job.status, store.counts()) == ("accepted", {"accepted": 1})
     (job,) = store.claim("o", 1)
     assert store.finish("a", job.attempt, b"2", USAGE)
-    found = store.job("a")
-    assert found is not None
+    found = present(store.job("a"))
     assert (found.body, found.revision) == (b"2", 2)
 
 
@@ -115,21 +112,17 @@ def test_failures_are_kept_and_a_dismissed_job_is_accepted_again(store: JobStore
 def test_a_result_of_an_earlier_attempt_is_dropped(store: JobStore) -> None:
     store.submit([request("a")])
     (first,) = store.claim("o", 1)
-    released = store.release("a", first.attempt, crashed=True)
-    assert released is not None
+    released = present(store.release("a", first.attempt, crashed=True))
     assert (released.status, released.crashes) == ("accepted", 1)
     (second,) = store.claim("o", 1)
     assert second.attempt > first.attempt
     assert not store.finish("a", first.attempt, b"old", USAGE)
     assert not store.finish("a", first.attempt, b"old", USAGE, status="failed")
-    again = store.release("a", first.attempt, crashed=True)
-    assert again is not None
+    again = present(store.release("a", first.attempt, crashed=True))
     assert (again.status, again.crashes) == ("running", 1)
     assert store.finish("a", second.attempt, b"new", USAGE)
     assert not store.finish("a", second.attempt, b"twice", USAGE)
-    found = store.job("a")
-    assert found is not None
-    assert found.body == b"new"
+    assert present(store.job("a")).body == b"new"
 
 
 def test_claims_go_by_turns_of_the_clients_then_by_priority_then_by_age(store: JobStore) -> None:
@@ -175,8 +168,7 @@ def test_a_batch_and_a_single_question_do_not_cancel_each_other(store: JobStore)
     (job,) = store.claim("o", 5)
     store.finish("a", job.attempt, b"1", USAGE)
     assert [answer.body for answer in store.batch_answers("C")] == [b"1"]
-    found = store.batch("B")
-    assert found is not None
+    found = present(store.batch("B"))
     assert found.counts == {"dismissed": 1}, "an answer that came later is not that of a cancelled line"
 
 
@@ -302,8 +294,7 @@ def test_a_batch_counts_its_lines_and_answers_them_in_the_order_of_their_ends(st
     orders = [answer.order for answer in answers]
     assert orders == sorted(set(orders))
     assert store.batch_answers("B", after=orders[1], limit=2) == answers[2:4]
-    found = store.batch("B")
-    assert found is not None
+    found = present(store.batch("B"))
     assert (found.status, found.counts) == ("successful", {"successful": 3, "failed": 2})
 
 
@@ -374,9 +365,7 @@ def test_what_is_stored_is_there_after_closing(stores: Stores) -> None:
     store.create_batch("B", "solve", "", [BatchLine(1, '"\\u0000"', request("a"))])
     store.close()
     again = stores()
-    found = again.job("a")
-    assert found is not None
-    assert found.body == b"\x00\xff"
+    assert present(again.job("a")).body == b"\x00\xff"
     assert len(again.batch_answers("B")) == 1
 
 

@@ -11,6 +11,7 @@ import pytest
 from inverse_service.service.jobs.model import Bounds, JobRequest, TooManyJobs
 from inverse_service.service.jobs.statements import BatchLine
 from inverse_service.service.jobs.store import JobStore
+from tests.values import present
 
 LINES = [BatchLine(k, str(k), JobRequest(f"job {k}", "solve", "{}", client="alice")) for k in range(1, 4_001)]
 
@@ -29,14 +30,12 @@ def writes_beside(store: JobStore, change: Callable[[], object]) -> int:
 
 def test_others_write_while_a_batch_is_stored_and_while_it_is_dismissed(store: JobStore) -> None:
     assert writes_beside(store, lambda: store.create_batch("batch", "solve", "alice", LINES)) > 5
-    batch = store.batch("batch")
-    assert batch is not None
+    batch = present(store.batch("batch"))
     assert (batch.total, batch.counts) == (4_000, {"accepted": 4_000})
     dismissed: list[str] = []
     assert writes_beside(store, lambda: dismissed.extend(store.dismiss_batch("batch"))) > 5
     assert len(dismissed) == 4_000
-    batch = store.batch("batch")
-    assert batch is not None
+    batch = present(store.batch("batch"))
     assert batch.counts == {"dismissed": 4_000}
     assert [answer.order for answer in store.batch_answers("batch", limit=5_000)] == list(range(1, 4_001))
 

@@ -18,6 +18,7 @@ from inverse_service.service.jobs.outcome import Usage
 from inverse_service.service.jobs.sqlite_store import SqliteStore
 from inverse_service.service.jobs.statements import VERSION, BatchLine
 from inverse_service.service.jobs.store import JobStore
+from tests.values import present
 
 OLD = Path(__file__).parent / "version_1"
 COUNT = itertools.count()
@@ -50,12 +51,10 @@ def old(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Callable[[],
 def test_everything_of_0_1_0_is_there_and_goes_on(old: Callable[[], JobStore]) -> None:
     store = old()
     assert dict(store.counts()) == {"successful": 1, "failed": 1, "dismissed": 2, "running": 1, "accepted": 2}
-    answered = store.job("answered")
-    assert answered is not None
+    answered = present(store.job("answered"))
     assert (answered.body, answered.client, answered.expires) == (b'{"verdict": "variational"}', "alice", None)
     assert [event.number for event in store.events("answered")] == [1]
-    batch = store.batch("batch")
-    assert batch is not None
+    batch = present(store.batch("batch"))
     assert batch.counts == {"successful": 1, "accepted": 1, "dismissed": 1, "failed": 1}
     assert sorted((a.number, a.status) for a in store.batch_answers("batch")) == [
         (1, "successful"), (3, "dismissed"), (4, "failed"),

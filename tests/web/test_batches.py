@@ -3,19 +3,14 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
 from typing import Any
 
 import httpx
 import pytest
 
+from tests.serving import HARD
+
 NDJSON = {"Content-Type": "application/x-ndjson"}
-
-
-@pytest.fixture(scope="module")
-def client(service: str) -> Iterator[httpx.Client]:
-    with httpx.Client(base_url=service, timeout=60) as client:
-        yield client
 
 
 def system(k: object, **more: Any) -> dict[str, Any]:
@@ -24,9 +19,7 @@ def system(k: object, **more: Any) -> dict[str, Any]:
 
 def blockers(name: str) -> list[dict[str, Any]]:
     """Systems that take longer than any test waits."""
-    names = [f"x{k}" for k in range(8)]
-    terms = "+".join(f"{a}*{b}'^2*sin({a}*{b})" for a in names for b in names)
-    return [{"coordinates": names, "equations": dict.fromkeys(names, terms), "name": f"{name} {k}"} for k in range(4)]
+    return [HARD | {"name": f"{name} {k}"} for k in range(4)]
 
 
 def results(client: httpx.Client, response: httpx.Response) -> list[dict[str, Any]]:

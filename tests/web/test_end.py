@@ -2,38 +2,21 @@
 
 from __future__ import annotations
 
-import json
 import os
 import signal
 import subprocess
 import sys
 import tempfile
-import time
 from pathlib import Path
 
 import httpx
 import pytest
 
 from inverse_service.service.jobs.locks import remove_abandoned
+from tests.cluster.processes import processes
+from tests.serving import COMMAND, HARD, until
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="reads /proc; the kernel's death signal is Linux")
-COMMAND = [sys.executable, "-m", "inverse_service", "serve", "--port", "0"]
-NAMES = [f"x{k}" for k in range(8)]
-TERMS = "+".join(f"{a}*{b}'^2*sin({a}*{b})" for a in NAMES for b in NAMES)
-HARD = {"coordinates": NAMES, "equations": dict.fromkeys(NAMES, TERMS)}
-
-
-def processes(session: int) -> list[int]:
-    """Processes of a session that are not zombies."""
-    found = []
-    for folder in Path("/proc").glob("[0-9]*"):
-        try:
-            state, _, _, its_session = (folder / "stat").read_text().rpartition(")")[2].split()[:4]
-        except OSError:
-            continue
-        if int(its_session) == session and state != "Z":
-            found.append(int(folder.name))
-    return found
 
 
 @pytest.mark.slow
@@ -46,25 +29,16 @@ def test_no_worker_outlives_the_service(ending: signal.Signals, busy: bool, tmp_
         try:
             assert process.stdout is not None
             address = process.stdout.readline().strip()
-            while httpx.get(f"{address}/readyz", timeout=30).status_code != 200:
-                time.sleep(0.05)  # its workers still start
+            until(lambda: httpx.get(f"{address}/readyz", timeout=30).status_code == 200)  # its workers still start
             if busy:
                 with pytest.raises(httpx.ReadTimeout):
-                    httpx.post(
-                        f"{address}/v1/solve",
-                        content=json.dumps(HARD),
-                        timeout=0.3,
-                        headers={"Content-Type": "application/json"},
-                    )
+                    httpx.post(f"{address}/v1/solve", json=HARD, timeout=0.3)
             assert len(processes(process.pid)) > 2
         except BaseException:
             process.kill()  # leaving the block waits for the service, which nobody else would end
             raise
         process.send_signal(ending)
-    end = time.monotonic() + 60
-    while processes(process.pid) and time.monotonic() < end:
-        time.sleep(0.05)
-    assert processes(process.pid) == []
+    until(lambda: processes(process.pid) == [])
     for folder in tmp_path.iterdir():  # a killed one leaves its folder to the next
         assert ending == signal.SIGKILL
         os.utime(folder, (0, 0))

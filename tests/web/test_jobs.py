@@ -6,15 +6,13 @@ import itertools
 import json
 import re
 import time
-from collections.abc import Iterator
 from typing import Any
 
 import httpx
 import pytest
 
-NAMES = [f"x{k}" for k in range(8)]
-TERMS = "+".join(f"{a}*{b}'^2*sin({a}*{b})" for a in NAMES for b in NAMES)
-HARD = {"coordinates": NAMES, "equations": dict.fromkeys(NAMES, TERMS)}
+from tests.serving import HARD, until
+
 ASYNC = {"Prefer": "respond-async"}
 _numbers = itertools.count()
 
@@ -27,12 +25,6 @@ def easy() -> dict[str, Any]:
 def hard() -> dict[str, Any]:
     """One that takes longer than the time limit, and that nobody has asked for yet."""
     return HARD | {"name": f"hard {next(_numbers)}"}
-
-
-@pytest.fixture(scope="module")
-def client(service: str) -> Iterator[httpx.Client]:
-    with httpx.Client(base_url=service, timeout=30) as client:
-        yield client
 
 
 def finished(client: httpx.Client, place: str) -> httpx.Response:
@@ -175,9 +167,7 @@ def test_events_bring_the_parts_of_the_result_as_they_are_finished(client: httpx
 
 def test_a_cancelled_job_stops_working(client: httpx.Client) -> None:
     place = client.post("/v1/solve", json=hard(), headers=ASYNC).headers["location"]
-    end = time.monotonic() + 120
-    while client.get(place).json()["status"] != "running" and time.monotonic() < end:
-        time.sleep(0.02)
+    until(lambda: client.get(place).json()["status"] == "running", 120)
     assert client.get(place).json()["progress"] is not None
     response = client.delete(place)
     assert (response.status_code, response.json()["status"]) == (200, "dismissed")

@@ -19,6 +19,8 @@ from typing import Any
 import httpx
 import pytest
 
+from tests.serving import until
+
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
 FAST, LONG = (60, 1), (1000, 50)
 EXTRA = {"coordinates": ["x"], "equations": {"x": "-x^5"}}
@@ -141,9 +143,7 @@ def kill_services(service: Service, count: int, kills: int) -> None:
         service.start()
         assert service.batch(place)["total"] == count
     assert_each_line_is_answered_once(service, place, count)
-    end = time.monotonic() + 120
-    while service.client.get(extra).status_code == 202 and time.monotonic() < end:
-        time.sleep(0.05)
+    until(lambda: service.client.get(extra).status_code != 202, 120)
     assert service.client.get(extra).json()["status"] == "successful"
     assert left + service.kill() == []
     print(f"{kills} kills, all processes gone after {service.longest_end:.1f} s at the longest")

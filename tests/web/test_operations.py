@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import json
-import os
 import signal
 import socket
 import subprocess
-import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -19,14 +17,11 @@ import httpx
 import pytest
 
 from inverse_service.settings import hash_of_key
+from tests.serving import COMMAND, HARD, environment_of, serving, until
 
-NAMES = [f"x{k}" for k in range(8)]
-TERMS = "+".join(f"{a}*{b}'^2*sin({a}*{b})" for a in NAMES for b in NAMES)
-HARD = {"coordinates": NAMES, "equations": dict.fromkeys(NAMES, TERMS)}
 EASY = {"coordinates": ["x"], "equations": {"x": "-x"}}
 ALICE, BOB = {"Authorization": "Bearer alice-key"}, {"X-API-Key": "bob-key"}
 ASYNC = {"Prefer": "respond-async"}
-COMMAND = [sys.executable, "-m", "inverse_service", "serve", "--port", "0"]
 
 
 @dataclass(frozen=True)
@@ -35,29 +30,23 @@ class Guarded:
 
     process: subprocess.Popen[str]
     address: str
-    environment: dict[str, str]
+    settings: dict[str, str]
     log: Path
 
 
 @pytest.fixture(scope="module")
 def guarded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Guarded]:
     folder = tmp_path_factory.mktemp("guarded")
-    environment = os.environ | {
-        "INVERSE_SERVICE_DATABASE": str(folder / "jobs.sqlite"),
-        "INVERSE_SERVICE_API_KEYS": f"alice:{hash_of_key('alice-key')}, bob:{hash_of_key('bob-key')}",
-        "INVERSE_SERVICE_CLIENT_QUEUE": "3",
-        "INVERSE_SERVICE_CLIENT_RUNNING": "1",
-        "INVERSE_SERVICE_WORKERS": "2",
-        "INVERSE_SERVICE_CORS_ORIGINS": "https://a.example",
+    settings = {
+        "database": str(folder / "jobs.sqlite"),
+        "api_keys": f"alice:{hash_of_key('alice-key')}, bob:{hash_of_key('bob-key')}",
+        "client_queue": "3",
+        "client_running": "1",
+        "cors_origins": "https://a.example",
     }
     log = folder / "log"
-    with (
-        log.open("wb") as stream,
-        subprocess.Popen(COMMAND, stdout=subprocess.PIPE, stderr=stream, text=True, env=environment) as process,
-    ):
-        assert process.stdout is not None
-        yield Guarded(process, process.stdout.readline().strip(), environment, log)
-        process.kill()
+    with log.open("wb") as stream, serving(stderr=stream, **settings) as (process, address):
+        yield Guarded(process, address, settings, log)
 
 
 @pytest.fixture(scope="module")
@@ -71,9 +60,7 @@ def test_without_a_good_key_nothing_under_v1_is_answered(client: httpx.Client) -
         for call in (client.get("/v1/jobs", headers=headers), client.post("/v1/solve", json=EASY, headers=headers)):
             assert (call.status_code, call.json()["type"]) == (401, "urn:inverse-service:problem:key")
             assert call.headers["www-authenticate"].startswith("Bearer")
-    end = time.monotonic() + 60
-    while client.get("/readyz").status_code == 503 and time.monotonic() < end:
-        time.sleep(0.1)
+    until(lambda: client.get("/readyz").status_code != 503)
     for place in ("/livez", "/readyz", "/metrics", "/openapi.json"):
         assert client.get(place).status_code == 200
     assert client.get("/v1/jobs", headers=ALICE).status_code == 200
@@ -185,7 +172,7 @@ def test_a_head_of_thousands_of_lines_is_refused(service: str, lines: int, statu
 
 @pytest.mark.slow
 def test_a_second_service_on_the_same_database_says_so(guarded: Guarded) -> None:
-    run = subprocess.run(COMMAND, capture_output=True, text=True, env=guarded.environment, timeout=60)
+    run = subprocess.run(COMMAND, capture_output=True, text=True, env=environment_of(guarded.settings), timeout=60)
     assert run.returncode == 2
     assert "INVERSE_SERVICE_DATABASE" in run.stderr
     assert "Traceback" not in run.stderr
@@ -285,16 +272,11 @@ def test_a_stopped_service_ends_its_streams_and_keeps_its_jobs(client: httpx.Cli
     threads = [threading.Thread(target=work) for work in (listen, wait)]
     for thread in threads:
         thread.start()
-    end = time.monotonic() + 120
-    while not (found and open_jobs(client) >= 2) and time.monotonic() < end:
-        time.sleep(0.05)
+    until(lambda: found and open_jobs(client) >= 2, 120)
     guarded.process.send_signal(signal.SIGTERM)
     assert guarded.process.wait(60) == 0
     for thread in threads:
         thread.join(60)
     assert 202 in found
-    with subprocess.Popen(COMMAND, stdout=subprocess.PIPE, text=True, env=guarded.environment) as again:
-        assert again.stdout is not None
-        address = again.stdout.readline().strip()
+    with serving(**guarded.settings) as (_, address):
         assert httpx.get(address + place, headers=BOB, timeout=30).json()["status"] in ("accepted", "running")
-        again.kill()

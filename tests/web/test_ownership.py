@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-import os
 import re
-import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import httpx
@@ -18,13 +14,12 @@ from fastapi.routing import APIRoute
 
 from inverse_service.settings import Settings, hash_of_key
 from inverse_service.web.application import create_application
+from tests import serving
 
 SECRET = "of alice alone"
 ALICE, BOB = {"Authorization": "Bearer alice-key"}, {"X-API-Key": "bob-key"}
 WAIT, ASYNC = {"Prefer": "wait=20"}, {"Prefer": "respond-async"}
-NAMES = [f"x{k}" for k in range(8)]
-TERMS = "+".join(f"{a}*{b}'^2*sin({a}*{b})" for a in NAMES for b in NAMES)
-HARD = {"name": SECRET, "coordinates": NAMES, "equations": dict.fromkeys(NAMES, TERMS)}
+HARD = serving.HARD | {"name": SECRET}
 EASY = {"name": SECRET, "coordinates": ["x"], "equations": {"x": "-x"}}
 SCENE = {
     "name": SECRET,
@@ -39,19 +34,13 @@ SCENE = {
 
 @pytest.fixture(scope="module")
 def client(tmp_path_factory: pytest.TempPathFactory) -> Iterator[httpx.Client]:
-    folder: Path = tmp_path_factory.mktemp("owned")
-    environment = os.environ | {
-        "INVERSE_SERVICE_DATABASE": str(folder / "jobs.sqlite"),
-        "INVERSE_SERVICE_API_KEYS": f"alice:{hash_of_key('alice-key')}, bob:{hash_of_key('bob-key')}",
-        "INVERSE_SERVICE_WORKERS": "2",
-        "INVERSE_SERVICE_LOG_LEVEL": "warning",
-    }
-    command = [sys.executable, "-m", "inverse_service", "serve", "--port", "0"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment) as process:
-        assert process.stdout is not None
-        with httpx.Client(base_url=process.stdout.readline().strip(), timeout=60) as client:
-            yield client
-        process.terminate()
+    database = str(tmp_path_factory.mktemp("owned") / "jobs.sqlite")
+    keys = f"alice:{hash_of_key('alice-key')}, bob:{hash_of_key('bob-key')}"
+    with (
+        serving.serving(database=database, api_keys=keys, log_level="warning") as (_, address),
+        httpx.Client(base_url=address, timeout=60) as client,
+    ):
+        yield client
 
 
 @dataclass(frozen=True)
@@ -80,9 +69,7 @@ def ids(client: httpx.Client) -> Ids:
         ask(client, "/v1/solve", HARD, ALICE | ASYNC),
     )
     for place in (f"/v1/jobs/{found.solved}", f"/v1/jobs/{found.simulated}", f"/v1/batches/{found.batch}"):
-        end = time.monotonic() + 60
-        while client.get(place, headers=ALICE).json()["status"] != "successful" and time.monotonic() < end:
-            time.sleep(0.1)
+        serving.until(lambda place=place: client.get(place, headers=ALICE).json()["status"] == "successful")
         assert client.get(place, headers=ALICE).json()["status"] == "successful"
     return found
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import gzip
 import json
 import re
-from collections.abc import Iterator
 from typing import Any
 
 import httpx
@@ -16,16 +15,11 @@ from inverse_service.errors import InputError
 from inverse_service.reading.names import Names
 from inverse_service.reading.reader import read_formula
 from inverse_service.web.pages.forms import sentence
+from tests.serving import HARD
 
 OSCILLATOR = {"coordinates": ["x"], "equations": {"x": "-x"}}
 JSON = {"Content-Type": "application/json"}
 PROBLEM_KEYS = {"type", "title", "status", "detail", "errors"}
-
-
-@pytest.fixture(scope="module")
-def client(service: str) -> Iterator[httpx.Client]:
-    with httpx.Client(base_url=service, timeout=30) as client:
-        yield client
 
 
 def understood(client: httpx.Client, fields: dict[str, str]) -> httpx.Response:
@@ -151,10 +145,7 @@ def test_parse_says_what_was_understood(client: httpx.Client) -> None:
 
 
 def test_a_deadline_gives_an_undetermined_result(client: httpx.Client) -> None:
-    names = [f"x{k}" for k in range(8)]
-    terms = "+".join(f"{a}*{b}'^2*sin({a}*{b})" for a in names for b in names)
-    document = {"coordinates": names, "equations": dict.fromkeys(names, terms)}
-    response = client.post("/v1/solve?time_limit=0.5", json=document, headers={"Prefer": "wait=20"})
+    response = client.post("/v1/solve?time_limit=0.5", json=HARD, headers={"Prefer": "wait=20"})
     assert response.status_code == 200, response.text
     assert response.json()["verdict"] == "undetermined"
     assert "limit" in response.json()["reason"]

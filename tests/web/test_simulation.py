@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import json
 import re
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -17,12 +16,6 @@ from tests.simulation.cards import CARDS, Card, judge
 
 SCENES = Path(__file__).parents[2] / "docs" / "scenes"
 PATIENT = {"Prefer": "wait=20"}
-
-
-@pytest.fixture(scope="module")
-def client(service: str) -> Iterator[httpx.Client]:
-    with httpx.Client(base_url=service, timeout=60) as client:
-        yield client
 
 
 def scene(**changes: Any) -> dict[str, Any]:

@@ -7,7 +7,6 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -23,13 +22,6 @@ USAGE = Usage(1.0, 0.5, 100.0)
 
 def request(name: str = "a", **changes: object) -> JobRequest:
     return replace(JobRequest(name, "solve", "{}", client="c"), **changes)  # type: ignore[arg-type]
-
-
-@pytest.fixture
-def store(tmp_path: Path) -> Iterator[SqliteStore]:
-    store = SqliteStore(tmp_path / "jobs.sqlite")
-    yield store
-    store.close()
 
 
 def claimed(store: SqliteStore, name: str = "a") -> Job:

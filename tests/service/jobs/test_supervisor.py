@@ -7,6 +7,7 @@ import sqlite3
 import threading
 import time
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,8 @@ from inverse_service.service.jobs import model, tasks, workers
 from inverse_service.service.jobs.outcome import Call, Outcome, Usage
 from inverse_service.service.jobs.sqlite_store import SqliteStore
 from inverse_service.service.jobs.supervisor import TICK, Supervisor, described
+from tests.serving import until
+from tests.values import present
 
 DONE = Outcome("done", tasks.Answer(b'{"verdict": "variational"}', "variational"))
 SYSTEM = {"coordinates": ["x"], "equations": {"x": "-x"}}
@@ -55,25 +58,24 @@ class Hanging(workers.Running):
             self.end(Outcome("crash"))
 
 
-@pytest.fixture
-def store(tmp_path: Path) -> Iterator[SqliteStore]:
-    store = SqliteStore(tmp_path / "jobs.sqlite")
-    yield store
-    store.close()
-
-
 def request(name: str = "") -> model.JobRequest:
     return tasks.request_of("solve", SYSTEM | {"name": name}, model.JobOptions())
 
 
 def final(store: SqliteStore, id: str) -> model.Job:
-    end = time.monotonic() + 60
-    while time.monotonic() < end:
-        job = store.job(id)
-        if job is not None and job.is_final:
-            return job
-        time.sleep(0.002)
-    raise AssertionError("the job does not end")
+    until(lambda: (job := store.job(id)) is not None and job.is_final)
+    return present(store.job(id))
+
+
+@contextmanager
+def supervised(store: SqliteStore, executor: Scripted, quick: Scripted | None = None) -> Iterator[Supervisor]:
+    """A supervisor at work; it is stopped at the end."""
+    supervisor = Supervisor(store, executor, quick=quick)
+    supervisor.start()
+    try:
+        yield supervisor
+    finally:
+        supervisor.stop()
 
 
 def run(store: SqliteStore, *outcomes: Outcome, understood: Outcome | None = None) -> tuple[model.Job, dict[str, Any]]:
@@ -83,11 +85,9 @@ def run(store: SqliteStore, *outcomes: Outcome, understood: Outcome | None = Non
     def end_of(call: Call) -> Outcome:
         return understood or Outcome("crash") if call.task is tasks.understand_job_task else left.pop(0)
 
-    supervisor = Supervisor(store, Scripted(end_of))
-    supervisor.start()
-    (job,) = store.submit([request()])
-    job = final(store, job.id)
-    supervisor.stop()
+    with supervised(store, Scripted(end_of)):
+        (job,) = store.submit([request()])
+        job = final(store, job.id)
     assert left == []
     return job, json.loads(job.body or b"null")
 
@@ -100,13 +100,12 @@ def test_a_result_is_stored_as_the_worker_wrote_it(store: SqliteStore) -> None:
 def test_a_new_question_takes_two_commits(store: SqliteStore, monkeypatch: pytest.MonkeyPatch) -> None:
     commits = list[int]()
     commit = store._writer._commit
-    supervisor, heard = Supervisor(store, Scripted(lambda call: DONE)), list[model.Change]()
+    heard = list[model.Change]()
     store.on_change(heard.append)
-    supervisor.start()
-    monkeypatch.setattr(store._writer, "_commit", lambda changes: (commits.append(len(changes)), commit(changes)))
-    jobs = [supervisor.submit(request(str(k)), model.Bounds()) for k in range(3)]
-    assert {final(store, job.id).status for job in jobs} == {"successful"}
-    supervisor.stop()
+    with supervised(store, Scripted(lambda call: DONE)) as supervisor:
+        monkeypatch.setattr(store._writer, "_commit", lambda changes: (commits.append(len(changes)), commit(changes)))
+        jobs = [supervisor.submit(request(str(k)), model.Bounds()) for k in range(3)]
+        assert {final(store, job.id).status for job in jobs} == {"successful"}
     assert sum(commits) == 2 * 3, "one when it is accepted and begins, one when it ends"
     ended = [change.job for change in heard if change.what == "successful"]
     assert [job.body for job in ended if job is not None] == [DONE.value.body] * 3
@@ -167,11 +166,9 @@ def test_however_a_run_ends_its_result_is_what_was_finished(store: SqliteStore, 
                 report(SO_FAR)
             return super().submit(call, report)
 
-    supervisor = Supervisor(store, Telling(lambda call: Outcome(left.pop(0), spent=Usage(wall=2.0))))
-    supervisor.start()
-    (job,) = store.submit([request()])
-    job = final(store, job.id)
-    supervisor.stop()
+    with supervised(store, Telling(lambda call: Outcome(left.pop(0), spent=Usage(wall=2.0)))):
+        (job,) = store.submit([request()])
+        job = final(store, job.id)
     body = json.loads(job.body or b"null")
     assert (job.status, body["verdict"], left) == ("successful", "not_variational", [])
     assert body["incomplete"] == [
@@ -185,10 +182,8 @@ def test_what_was_finished_outlives_the_service(store: SqliteStore) -> None:
     store.claim("a service that was killed", 1)
     event = growing.events(SO_FAR)
     store.add_events([(job.id, model.Event(10_001 + k, "part", each)) for k, each in enumerate(event)])
-    supervisor = Supervisor(store, Scripted(lambda call: Outcome("deadline")))
-    supervisor.start()
-    body = json.loads(final(store, job.id).body or b"null")
-    supervisor.stop()
+    with supervised(store, Scripted(lambda call: Outcome("deadline"))):
+        body = json.loads(final(store, job.id).body or b"null")
     assert (body["verdict"], body["incomplete"][0]["part"]) == ("not_variational", "any_associated")
 
 
@@ -201,17 +196,13 @@ def test_a_job_that_is_cancelled_keeps_what_was_finished(store: SqliteStore) -> 
             reports.append(report)
             return super().submit(call, report)
 
-    supervisor = Supervisor(store, Telling(lambda call: None))
-    supervisor.start()
-    (job,) = store.submit([request()])
-    while not reports:
-        time.sleep(0.002)
-    reports[0](SO_FAR)
-    store.dismiss(job.id)
-    supervisor.cancel(job.id)
-    supervisor.stop()
-    found = store.job(job.id)
-    assert found is not None
+    with supervised(store, Telling(lambda call: None)) as supervisor:
+        (job,) = store.submit([request()])
+        until(lambda: reports)
+        reports[0](SO_FAR)
+        store.dismiss(job.id)
+        supervisor.cancel(job.id)
+    found = present(store.job(job.id))
     body = json.loads(found.body or b"null")
     assert (found.status, body["verdict"]) == ("dismissed", "not_variational")
     assert body["incomplete"][0]["reason"] == "The job was dismissed."
@@ -235,14 +226,9 @@ def test_a_fault_of_ours_is_not_tried_again(store: SqliteStore) -> None:
 
 def test_jobs_that_run_when_the_service_stops_run_later(store: SqliteStore) -> None:
     (job,) = store.submit([request()])
-    supervisor = Supervisor(store, Scripted(lambda call: None))
-    supervisor.start()
-    end = time.monotonic() + 10
-    while supervisor.running == 0 and time.monotonic() < end:
-        time.sleep(0.002)
-    supervisor.stop()
-    found = store.job(job.id)
-    assert found is not None
+    with supervised(store, Scripted(lambda call: None)) as supervisor:
+        until(lambda: supervisor.running)
+    found = present(store.job(job.id))
     assert (found.status, found.crashes, found.restarts) == ("accepted", 0, 0)
     assert run(store, DONE)[0].status == "successful"
 
@@ -252,14 +238,10 @@ def test_jobs_of_a_service_that_died_run_again_but_not_for_ever(store: SqliteSto
     for _ in range(model.MAX_RESTARTS - 1):
         store.claim("dead", 1)
         store.recover()
-    found = store.job(job.id)
-    assert found is not None
-    assert found.restarts == model.MAX_RESTARTS - 1
+    assert present(store.job(job.id)).restarts == model.MAX_RESTARTS - 1
     store.claim("dead", 1)
-    supervisor = Supervisor(store, Scripted(lambda call: DONE))
-    supervisor.start()
-    ended = final(store, job.id)
-    supervisor.stop()
+    with supervised(store, Scripted(lambda call: DONE)):
+        ended = final(store, job.id)
     assert ended.status == "failed"
     assert "died" in json.loads(ended.body or b"")["detail"]
 
@@ -279,44 +261,32 @@ def test_the_short_lane_gives_no_answer_to_what_a_limit_stopped(store: SqliteSto
         return None if call.task is tasks.understand_job_task else Outcome("deadline")
 
     quick = Scripted(lambda call: Outcome("done", {"coordinates": ["x"]}))
-    supervisor = Supervisor(store, Waiting(of_worker), quick=quick)
-    supervisor.start()
-    (job,) = store.submit([request()])
-    end = time.monotonic() + 10
-    while not waiting and time.monotonic() < end:
-        time.sleep(0.002)
-    time.sleep(5 * TICK)  # in which the short lane looks for what waits
-    waiting[0].cancel()
-    found = final(store, job.id)
-    supervisor.stop()
+    with supervised(store, Waiting(of_worker), quick):
+        (job,) = store.submit([request()])
+        until(lambda: waiting)
+        time.sleep(5 * TICK)  # in which the short lane looks for what waits
+        waiting[0].cancel()
+        found = final(store, job.id)
     assert [call.task for call in quick.calls] == [], found.priority
     assert (found.status, json.loads(found.body or b"")["verdict"]) == ("successful", "undetermined")
 
 
 def test_a_cancelled_job_frees_its_worker(store: SqliteStore) -> None:
-    supervisor = Supervisor(store, Scripted(lambda call: None))
-    supervisor.start()
-    (job,) = store.submit([request()])
-    end = time.monotonic() + 10
-    while supervisor.running == 0 and time.monotonic() < end:
-        time.sleep(0.002)
-    store.dismiss(job.id)
-    supervisor.cancel(job.id)
-    while supervisor.running and time.monotonic() < end:
-        time.sleep(0.002)
-    assert supervisor.running == 0
-    assert final(store, job.id).status == "dismissed"
-    supervisor.stop()
+    with supervised(store, Scripted(lambda call: None)) as supervisor:
+        (job,) = store.submit([request()])
+        until(lambda: supervisor.running)
+        store.dismiss(job.id)
+        supervisor.cancel(job.id)
+        until(lambda: supervisor.running == 0)
+        assert final(store, job.id).status == "dismissed"
 
 
 def test_the_options_of_a_job_reach_its_worker(store: SqliteStore) -> None:
     executor = Scripted(lambda call: DONE)
-    supervisor = Supervisor(store, executor)
-    supervisor.start()
     document, given = model.split_options(SYSTEM | {"options": {"time_limit": 3, "memory_limit": 2000, "seed": 5}})
-    (job,) = store.submit([tasks.request_of("solve", document, model.read_options(given, model.JobOptions()))])
-    final(store, job.id)
-    supervisor.stop()
+    with supervised(store, executor):
+        (job,) = store.submit([tasks.request_of("solve", document, model.read_options(given, model.JobOptions()))])
+        final(store, job.id)
     (call,) = executor.calls
     assert (call.deadline, call.memory_limit) == (3.0, 2000)
     assert json.loads(call.arguments[2])["seed"] == 5
@@ -362,38 +332,28 @@ def refusing(tmp_path: Path) -> Iterator[Refusing]:
 
 
 def test_an_answer_waits_for_a_store_that_is_away(refusing: Refusing) -> None:
-    supervisor = Supervisor(refusing, Scripted(lambda call: DONE))
-    supervisor.start()
-    (job,) = refusing.submit([request()])
-    assert refusing.refused.wait(10)
-    waiting = refusing.job(job.id)
-    assert waiting is not None
-    assert waiting.status == "running"
-    refusing.away = False
-    assert final(refusing, job.id).status == "successful"
-    supervisor.stop()
+    with supervised(refusing, Scripted(lambda call: DONE)):
+        (job,) = refusing.submit([request()])
+        assert refusing.refused.wait(10)
+        assert present(refusing.job(job.id)).status == "running"
+        refusing.away = False
+        assert final(refusing, job.id).status == "successful"
 
 
 def test_an_answer_that_waits_when_the_service_stops_is_computed_again(refusing: Refusing) -> None:
-    supervisor = Supervisor(refusing, Scripted(lambda call: DONE))
-    supervisor.start()
-    (job,) = refusing.submit([request()])
-    assert refusing.refused.wait(10)
-    supervisor.stop()
+    with supervised(refusing, Scripted(lambda call: DONE)):
+        (job,) = refusing.submit([request()])
+        assert refusing.refused.wait(10)
     refusing.away = False
-    again = Supervisor(refusing, Scripted(lambda call: DONE))
-    again.start()
-    assert final(refusing, job.id).status == "successful"
-    again.stop()
+    with supervised(refusing, Scripted(lambda call: DONE)):
+        assert final(refusing, job.id).status == "successful"
 
 
 def test_an_answer_lost_by_a_fault_ends_its_job(refusing: Refusing) -> None:
     refusing.error = sqlite3.DataError("string or blob too big")
-    supervisor = Supervisor(refusing, Scripted(lambda call: DONE))
-    supervisor.start()
-    (job,) = refusing.submit([request()])
-    ended = final(refusing, job.id)
-    supervisor.stop()
+    with supervised(refusing, Scripted(lambda call: DONE)):
+        (job,) = refusing.submit([request()])
+        ended = final(refusing, job.id)
     assert ended.status == "failed"
     assert b"could not be stored" in (ended.body or b"")
 
@@ -411,18 +371,15 @@ def test_a_short_question_is_answered_while_the_workers_have_long_ones(store: Sq
             return Busy(call, report)
 
     quick = Scripted(lambda call: DONE if "short" in call.arguments[1] else Outcome("deadline"))
-    supervisor = Supervisor(store, Long(lambda call: None), quick=quick)
-    supervisor.start()
-    for k in range(10):
-        store.submit([replace(request(f"long {k}"), client="alice")])
-    (long,) = store.submit([replace(request("another long"), client="bob")])
-    (short,) = store.submit([replace(request("short"), client="carol")])
-    assert final(store, short.id).status == "successful"
-    time.sleep(0.3)
-    supervisor.stop()
+    with supervised(store, Long(lambda call: None), quick):
+        for k in range(10):
+            store.submit([replace(request(f"long {k}"), client="alice")])
+        (long,) = store.submit([replace(request("another long"), client="bob")])
+        (short,) = store.submit([replace(request("short"), client="carol")])
+        assert final(store, short.id).status == "successful"
+        time.sleep(0.3)
     # Tried for a moment, each once; who has something running waits for its turn.
     assert sorted(call.client for call in quick.calls) == ["bob", "carol"]
     assert {call.deadline for call in quick.calls} == {0.5}
-    found = store.job(long.id)
-    assert found is not None
+    found = present(store.job(long.id))
     assert (found.status, found.attempt) == ("accepted", 1)

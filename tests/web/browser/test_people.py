@@ -13,6 +13,8 @@ import numpy as np
 import pytest
 from playwright.sync_api import Locator, Page, expect
 
+from tests.values import present
+
 from .conftest import Look, Pages, Visit, visited, whole
 from .test_every_page import is_too_wide, open_all, violations
 
@@ -48,8 +50,7 @@ def open_answer(page: Page) -> None:
 
 
 def bottom(place: Locator) -> float:
-    box = place.bounding_box()
-    assert box is not None
+    box = present(place.bounding_box())
     return box["y"] + box["height"]
 
 
@@ -256,8 +257,7 @@ def test_one_who_simulates(visit: Visit) -> None:
         assert shown.locator("canvas").evaluate(PIXELS, ink) > 100
     over = shown.locator(".u-over")
     over.scroll_into_view_if_needed()
-    box = over.bounding_box()
-    assert box is not None
+    box = present(over.bounding_box())
     page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
     expect(shown.locator("output")).to_contain_text(re.compile(r"t = (4\.9|5)"))  # of 10
     page.mouse.down()

@@ -15,6 +15,7 @@ import pytest
 from playwright.sync_api import Browser, Page, Route, expect
 
 from tests.conftest import running_service
+from tests.values import present
 
 from .conftest import Look, Visit, new_page, whole
 from .test_people import HARD, ORANGE, PIXELS
@@ -110,8 +111,7 @@ def test_a_link_carries_a_question_and_does_not_ask_it(visit: Visit, plain: Visi
 def test_the_link_to_the_question_of_a_result_fills_the_form_with_it(visit: Visit) -> None:
     visit.go("/?example=sho")
     visit.page.get_by_role("button", name="Open the answer").click()
-    link = visit.page.get_by_role("link", name="Link", exact=True).get_attribute("href")
-    assert link is not None
+    link = present(visit.page.get_by_role("link", name="Link", exact=True).get_attribute("href"))
     title = visit.page.title()
     assert "Lagrangian" in title
     visit.go(link)
@@ -120,9 +120,7 @@ def test_the_link_to_the_question_of_a_result_fills_the_form_with_it(visit: Visi
 
 @pytest.mark.parametrize("path", ["/nope", "/?example=nope", "/simulate?system=nope", "/results/nope"])
 def test_a_mistyped_address_has_a_page(plain: Visit, path: str) -> None:
-    answer = plain.page.goto(plain.address + path)
-    assert answer is not None
-    assert answer.status in (404, 422)
+    assert present(plain.page.goto(plain.address + path)).status in (404, 422)
     expect(plain.page.get_by_role("heading", level=1)).to_be_visible()
     expect(plain.page.get_by_role("link", name="Ask a question")).to_be_visible()
 
