@@ -115,7 +115,10 @@ class Explanation:
 
 def indices(system: SecondOrderSystem) -> list[Piece]:
     """Which index belongs to which coordinate."""
-    return separated([row(f"{k + 1} for ", Symbol(name)) for k, name in enumerate(system.coordinates)])
+    found: list[Piece] = []
+    for k, name in enumerate(system.coordinates, 1):
+        found += [f"{', ' * (k > 1)}{k} for ", Symbol(name)]
+    return found
 
 
 def opening(system: SecondOrderSystem, chosen: SufficientSet) -> Step:

@@ -141,6 +141,13 @@ def test_latex_is_a_document_with_its_texts_escaped(call: Any, tmp_path: Path) -
     assert out.startswith("\\documentclass")
     assert "disk \\& wheel\\_1" in out
     assert "\\ddot{" in out
+    assert "(indices: 1 for $\\phi$, 2 for $\\theta$, 3 for $x$" in out
+
+
+def test_latex_names_the_conditions_that_vanish(call: Any) -> None:
+    out = call("solve", "x'' = -x - 2*x'", "--format", "latex", "--explain").out
+    assert "\\[ \\nabla  \\Phi = 0 \\]" in out
+    assert ")." not in "".join(line for line in out.splitlines() if line.startswith("\\par ("))
 
 
 @pytest.mark.slow

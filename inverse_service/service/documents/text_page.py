@@ -384,7 +384,7 @@ def _conditions(conditions: dict[str, Any] | None) -> Iterator[Line]:
         found = [(place, text) for place, text in _entries(conditions[name], ()) if text != "0"]
         size = sum(len(text) for _, text in found)
         if not found:
-            yield _formula(1, name, "0")
+            yield _formula(1, {"text": name, "whole": name.replace("_", " ")}, "0")
         elif size > left:
             yield _said(1, f"{name}: {size} characters, in `conditions` of --format json")
         else:
