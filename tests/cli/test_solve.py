@@ -139,7 +139,7 @@ def test_a_result_goes_to_the_file_that_is_named(call: Any, tmp_path: Path) -> N
 def test_latex_is_a_document_with_its_texts_escaped(call: Any, tmp_path: Path) -> None:
     out = call("solve", written(tmp_path, DISK), "--format", "latex", "--explain").out
     assert out.startswith("\\documentclass")
-    assert "disk \\& wheel\\_1" in out
+    assert "Disk \\& wheel\\_1" in out
     assert "\\ddot{" in out
     assert "(indices: 1 for $\\phi$, 2 for $\\theta$, 3 for $x$" in out
 

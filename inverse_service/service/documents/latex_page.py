@@ -48,8 +48,9 @@ def _line(line: text_page.Line, names: Names) -> str:
     for place, part in enumerate(parts):
         if place % 2 == 0:
             assert isinstance(part, str)
+            ended = part.rstrip(")")[-1:] in ".:;?"
             alone = part and len(parts) == 1
-            found.append(escaped(part[:1].upper() + part[1:] + "." * (part.rstrip(")")[-1:] not in ".:;?") if alone else part))
+            found.append(escaped(part[:1].upper() + part[1:] + "." * (not ended) if alone else part))
         else:
             before = str(parts[place - 1]).rstrip()
             is_below = before[-1:] in (".", "") and place == len(parts) - 1

@@ -215,9 +215,7 @@ _look_at_system: Look = _later("documents.documents", "look")
 _look_at_scene: Look = _later("scenes.scene_reading", "scene_schema")
 _simulate = _later("scenes.simulating", "simulate")
 KINDS: Final[dict[str, Kind]] = {
-    "solve": Kind(
-        lambda d, o, report: solve_task(d, solve_options(o), report), _later("documents.documents", "look"), True
-    ),
+    "solve": Kind(lambda d, o, report: solve_task(d, solve_options(o), report), _look_at_system, True),
     "check": Kind(lambda d, o, report: check_task(model.write_json(d)), _looked_at),
     "simulate": Kind(lambda d, o, report: _simulate(d, report, o.time_limit), _look_at_scene),
     "work-precision": Kind(lambda d, o, report: work_precision_task(d, o.time_limit, report), _look_at_scene),
