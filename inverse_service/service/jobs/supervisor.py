@@ -510,7 +510,7 @@ def finish(
     usage, options = outcome.spent, model.stored_options(job.options)
     if outcome.status == "cancelled":
         # Dismissed: it is so in the store already. Otherwise the service stops, and the job runs later.
-        left = None if so_far is None else as_body(undetermined(outcome, options, so_far))
+        left = None if so_far is None else tasks.as_body(undetermined(outcome, options, so_far))
         if events:
             store.add_events([(job.id, event) for event in events])
         store.release(job.id, job.attempt, crashed=False, usage=usage, left=left)
@@ -535,7 +535,7 @@ def finish(
         log.error("task ended with %s: %s", outcome.status, outcome.detail, extra={"job": job.id})
     if is_undetermined(job, outcome) or (so_far is not None and outcome.status in ("crash", "killed")):
         result = undetermined(outcome, options, so_far)
-        store.finish(job.id, job.attempt, as_body(result), usage, model.TRANSIENT, events)
+        store.finish(job.id, job.attempt, tasks.as_body(result), usage, model.TRANSIENT, events)
         return tasks.label_of(result)
     problem = answers.of_outcome(outcome, options.time_limit, options.memory_limit)
     kept = None if outcome.status == "refused" else model.TRANSIENT
@@ -558,8 +558,3 @@ def undetermined(
         return answers.result_document(outcome, *asked, so_far)
     except errors.InverseServiceError:
         return answers.result_document(replace(outcome, value=None), *asked)
-
-
-def as_body(result: dict[str, Any]) -> bytes:
-    """A result as the store has it."""
-    return json.dumps(result, ensure_ascii=False, separators=(",", ":")).encode()

@@ -55,8 +55,12 @@ def job_task(kind: str, document: str, options: str, report: Callable[[Any], Non
     """A stored job to its Answer; JSON is read and written here, so that the web process is never blocked."""
     result = KINDS[kind].work(plain_data.read_json(document), model.stored_options(options), report)
     fault = result.get("provenance", {}).get("fault", "") if isinstance(result, dict) else ""
-    body = json.dumps(result, ensure_ascii=False, allow_nan=False, separators=(",", ":")).encode()
-    return Answer(body, label_of(result), fault)
+    return Answer(as_body(result), label_of(result), fault)
+
+
+def as_body(result: dict[str, Any]) -> bytes:
+    """A result as the store has it."""
+    return json.dumps(result, ensure_ascii=False, allow_nan=False, separators=(",", ":")).encode()
 
 
 def understand_job_task(document: str) -> dict[str, Any]:
