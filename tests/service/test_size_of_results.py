@@ -8,6 +8,8 @@ from typing import Any
 import pytest
 
 import inverse_service
+from inverse_service.service.documents import latex_page, text_page
+from inverse_service.web.pages import sheets
 
 KNIFE_EDGE = {
     "coordinates": ["x", "y", "phi"],
@@ -29,3 +31,15 @@ def test_an_answer_is_short(document: dict[str, Any], most: int) -> None:
         assert step["text"]
     for step in result["details"]:
         assert len({"text", "parts"} & set(step)) == 1
+
+
+@pytest.mark.parametrize("equations", ["x'' = x^2 + y^2; y'' = 0", "x'' = -y'; y'' = y"])  # the first: Douglas 1941
+def test_one_proof_of_a_no_answers_both_questions_at_every_door(equations: str) -> None:
+    result = inverse_service.solve({"equations": equations})
+    assert (result.verdict, result.verdict_with_time, result.with_time) == ("not_variational", "not_variational", None)
+    for page in (text_page.text_page(dict(result), False), latex_page.latex_page(dict(result), False)):
+        assert all(page.count(f"no regular Lagrangian {one} exists") == 1 for one in ("L(q, q')", "L(t, q, q')"))
+    answers = sheets.answers_of(result, result)
+    assert [(one["verdict"], one["timed"]) for one in answers] == [("not_variational", k) for k in (False, True)]
+    found = result.check()
+    assert (found["verdict"], found["statement"]["question"]) == ("valid", "L(t, q, q')")  # it covers L(q, q')
