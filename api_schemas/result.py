@@ -72,13 +72,12 @@ class IntegralPart(base.Document):
     derivatives: dict[str, str]
 
 
-class FirstIntegralPart(base.Document):
+class FirstIntegralPart(Formula):
     """A function of (t, q, q') that is constant along the motion; `symmetry` is the one behind it (Noether's theorem).
 
     `domain` are conditions under which the formula has a value.
     """
 
-    text: str
     name: str
     symmetry: str = ""
     domain: list[str] = Field(default_factory=list)

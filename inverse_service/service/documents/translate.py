@@ -151,8 +151,10 @@ def _both_answers(solution: solutions.Solution, schema: Asking) -> dict[str, Any
 
 def integral_part(found: FirstIntegral) -> schemas.FirstIntegralPart:
     """A first integral with the conditions under which its formula has a value."""
-    domain, text = _domain(*conditions_of(found.expression)), printing.to_text(found.expression)
-    return schemas.FirstIntegralPart(text=text, name=found.name, symmetry=found.symmetry, domain=domain)
+    domain = _domain(*conditions_of(found.expression))
+    return schemas.FirstIntegralPart(
+        name=found.name, symmetry=found.symmetry, domain=domain, **formula_fields(found.expression)
+    )
 
 
 def conditions_of(tree: ex.Expression) -> tuple[list[ex.Expression], list[ex.Expression]]:
