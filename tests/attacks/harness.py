@@ -5,7 +5,6 @@ Everything stays on this machine: the attacker is 127.0.0.1, the other client 12
 
 from __future__ import annotations
 
-import contextlib
 import multiprocessing
 import os
 import signal
@@ -15,17 +14,14 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from multiprocessing.connection import Connection
 from pathlib import Path
 from types import TracebackType
 
 import httpx
 
+from tests.attacks.looking import OTHER, look, memory_of
 from tests.serving import COMMAND, serving, until
 
-OTHER = "127.0.0.2"
-LOOK_EVERY = 0.02
-FEWEST_LOOKS = 40
 # What the longest look may take, without the time for which the cores did something else; a loop that is held shows
 # seconds.
 FREEZE = 0.1
@@ -36,36 +32,6 @@ ENDLESS = {
     "lagrangian": "x'^2/2+y'^2/2+z'^2/2-(" + "+".join(f"exp(x/{p})" for p in (2, 3, 5, 7, 11, 13, 17, 19, 23)) + ")",
     "constraints": ["z'=y*x'"],
 }
-
-
-@dataclass(frozen=True)
-class Cores:
-    """For how long a thread was on a core, and ready for one that did something else; s."""
-
-    ran: float
-    waited: float
-
-    @staticmethod
-    def of(thread: Path) -> Cores:
-        ran, waited, _ = map(int, (thread / "schedstat").read_text().split())
-        return Cores(ran / 1e9, waited / 1e9)
-
-
-def cores_of(process: int) -> dict[str, Cores]:
-    """Those of each thread of a process."""
-    found = {}
-    for place in Path(f"/proc/{process}/task").iterdir():
-        with contextlib.suppress(OSError):  # ended meanwhile
-            found[place.name] = Cores.of(place)
-    return found
-
-
-def memory_of(process: int) -> float:
-    """Resident memory of a process in MiB."""
-    for line in Path(f"/proc/{process}/status").read_text().splitlines():
-        if line.startswith("VmRSS:"):
-            return int(line.split()[1]) / 1024
-    raise AssertionError("the service is gone")
 
 
 @dataclass(frozen=True)
@@ -173,38 +139,3 @@ class Watch:
         if "PYTEST_XDIST_WORKER" not in os.environ:  # other tests beside it would be measured, too
             assert self.longest < FREEZE, f"/livez took {self.longest:.3f} s"
         assert self.memory < MEMORY, f"the web process had {self.memory:.0f} MiB"
-
-
-@dataclass(frozen=True)
-class Look:
-    """One look: what of it the service took, all of it (s), and the memory of the web process (MiB)."""
-
-    held: float
-    whole: float
-    memory: float
-
-
-def look(address: str, process: int, other: Connection) -> None:
-    """Look at /livez until the other end says that it is over, and send it all looks."""
-    own, looks = Path("/proc/thread-self"), list[Look]()
-    transport = httpx.HTTPTransport(local_address=OTHER)
-    with httpx.Client(base_url=address, timeout=30.0, transport=transport) as client:
-        other.send("looking")
-        while not other.poll() or len(looks) < FEWEST_LOOKS:
-            before, waited, began = cores_of(process), Cores.of(own).waited, time.monotonic()
-            assert client.get("/livez").status_code == 200
-            whole = time.monotonic() - began
-            held = _held(process, before, whole - (Cores.of(own).waited - waited))
-            looks.append(Look(held, whole, memory_of(process)))
-            time.sleep(LOOK_EVERY)
-    other.send(looks)
-
-
-def _held(process: int, before: dict[str, Cores], seconds: float) -> float:
-    """What of a look the service took: all but the time for which its loop, or a thread that had the interpreter,
-    waited for a core; never less than what the loop did meanwhile."""
-    loop = str(process)
-    now = {name: found for name, found in cores_of(process).items() if name in before}
-    others = (now[name].waited - before[name].waited for name in now if name != loop)
-    waited = now[loop].waited - before[loop].waited + max(others, default=0.0)
-    return max(now[loop].ran - before[loop].ran, seconds - waited)
