@@ -593,8 +593,7 @@ def cells_of(question: Question, by_theorem: bool = False) -> tuple[Cell, Cell]:
         forces.extend(ring.needs)
         collect_needs(ring, question.read(ring))
         ring.entries = iter(())
-        pairs = () if question.rational else question.conditions
-        positive = [ring.add([Reader(ring, one).value for one in pair], [1, -1]) for pair in pairs]
+        positive = [ring.add([Reader(ring, one).value for one in pair], [1, -1]) for pair in question.conditions]
         hints.extend(need for value in positive for need in ring.pieces(">", value))
         positive = [Reader(ring, said).value for _, said in (() if question.rational else question.roots)]
         hints.extend(need for value in positive for need in ring.pieces(">", value) if need.kind == ">")

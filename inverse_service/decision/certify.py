@@ -389,7 +389,11 @@ def head_of(
 
 def conditions_of(positive: Iterable[ex.Expression]) -> list[str]:
     """The inequalities of a certificate that say that these trees are positive."""
-    return [*dict.fromkeys(map(inequalities.inequality_text, positive))][:_MOST_CONDITIONS]
+    texts = (
+        f"{printing.to_text(tree)} > 0" if isinstance(tree, ex.Power) else inequalities.inequality_text(tree)
+        for tree in positive
+    )
+    return [*dict.fromkeys(texts)][:_MOST_CONDITIONS]
 
 
 def moved_to(near: Mapping[str, str], table: real_point.RealTable) -> dict[str, str]:

@@ -1,4 +1,4 @@
-"""Write the condition that a tree is positive as an inequality: x > 1, x^2 + y^2 < 1, y > x, u > 0."""
+"""Write the condition that a tree is positive as an inequality: x > 1, x^2 + y^2 < 1, y > x, u > 0, u != 0 for u^2."""
 
 from __future__ import annotations
 
@@ -20,6 +20,8 @@ _FINE = 2**64  # parts of one in a square root
 
 def inequality(tree: ex.Expression) -> notation.Formula:
     """The condition that the tree is positive, as a formula in all formats, collected where that is shorter."""
+    if isinstance(tree, ex.Power) and isinstance(tree.exponent, ex.Number) and tree.exponent.value % 2 == 0:
+        return notation.row(tree.base, " != 0")
     left, right, is_greater = _sides(min(tree, collecting.collect(tree), key=ex.node_count))
     return notation.row(left, " > " if is_greater else " < ", right)
 

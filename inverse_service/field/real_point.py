@@ -153,7 +153,8 @@ def real_sign(expression: ex.Expression, table: RealTable) -> int:
         case ex.Product(factors):
             return math.prod(real_sign(factor, table) for factor in factors)
         case ex.Power(base, ex.Number(exponent)) if exponent.denominator == 1:
-            return real_sign(base, table) if exponent.numerator % 2 else 1
+            sign = real_sign(base, table)
+            return sign if exponent.numerator % 2 else sign * sign
     known = table.get(expression)
     with mpmath.workdps(_DIGITS):
         value = evaluation.evaluate(expression, table) if known is None else known

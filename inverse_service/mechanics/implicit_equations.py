@@ -16,6 +16,7 @@ from __future__ import annotations
 import math
 import random
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
@@ -24,7 +25,7 @@ import flint
 from mpmath import mp, mpf
 
 from inverse_service import bounds, errors
-from inverse_service.expressions import evaluation, graphs, tree as ex
+from inverse_service.expressions import evaluation, graphs, inequalities, tree as ex
 from inverse_service.field import exact_field
 
 _POINTS = 3
@@ -154,8 +155,24 @@ def is_small(tree: ex.Expression, table: Mapping[ex.Expression, evaluation.Real]
     return bool(abs(mp.fsum(values)) <= mpf(10) ** (10 - bounds.DIGITS) * size)
 
 
+@dataclass(frozen=True, slots=True)
+class Solved:
+    """f with q'' = f, and what the equations are divided by for it that f does not show: M q'' = -b where det M != 0.
+
+    x x'' = -x gives f = -1 and x, which is not 0 where the two say the same.
+    """
+
+    accelerations: tuple[ex.Expression, ...]
+    nonzero: tuple[ex.Expression, ...] = ()
+
+
 def solve_accelerations(equations: Sequence[LinearEquation], coordinates: Sequence[str]) -> tuple[ex.Expression, ...]:
-    """f with q'' = f, in the order of `coordinates`.
+    """f with q'' = f, in the order of `coordinates`; errors as of `solve_lines`."""
+    return solve_lines(equations, coordinates).accelerations
+
+
+def solve_lines(equations: Sequence[LinearEquation], coordinates: Sequence[str]) -> Solved:
+    """f with q'' = f, in the order of `coordinates`, and where.
 
     InputError where the numbers differ or the matrix of the accelerations is singular; LimitError
     where its inverse would be too large to write down.
@@ -169,15 +186,34 @@ def solve_accelerations(equations: Sequence[LinearEquation], coordinates: Sequen
     pattern = [[k for k, entry in enumerate(row) if not entry.numerator.is_zero()] for row in rows]
     row_of = _matched(pattern, equations, coordinates)
     solved: dict[str, ex.Expression] = {}
+    divisors = dict[ex.Expression, None]()
     for block in graphs.components({column: pattern[row_of[column]] for column in range(len(pattern))}):
         chosen = [row_of[column] for column in block]
         rests = [_with_known(equations[row], solved) for row in chosen]
-        inverse = _inverse(ring, [[rows[row][column] for column in block] for row in chosen])
+        matrix = [[rows[row][column] for column in block] for row in chosen]
+        scales = [common_denominator(ring, row) for row in matrix]
+        inverse, determinant = _inverse(ring, matrix, scales)
         if inverse is None:
             raise _singular([coordinates[column] for column in block])
+        divisors.update(dict.fromkeys(factor for each in (determinant, *scales) for factor in ring.factors_of(each)))
         for place, column in enumerate(block):
             solved[coordinates[column]] = _solution(ring, inverse[place], rests, places)
-    return tuple(solved[name] for name in coordinates)
+    found = tuple(solved[name] for name in coordinates)
+    moving = {ex.TIME, *map(ex.Symbol, coordinates), *map(ex.Velocity, coordinates)}
+    return Solved(found, _unseen([one for one in divisors if not moving.isdisjoint(ex.walk(one))], found))
+
+
+def _unseen(divisors: Sequence[ex.Expression], accelerations: Sequence[ex.Expression]) -> tuple[ex.Expression, ...]:
+    """Those that may be 0 and by which no acceleration is divided."""
+    if not divisors:
+        return ()
+    seen = list[ex.Expression]()
+    for node in ex.distinct_nodes(accelerations):
+        if isinstance(node, ex.Power) and isinstance(node.exponent, ex.Number) and node.exponent.value < 0:
+            ring = OpaqueRing([node.base])
+            with suppress(errors.LimitError, ZeroDivisionError):
+                seen += ring.factors_of(ring.fraction(node.base).numerator)
+    return tuple(one for one in divisors if not inequalities.is_plainly_nonzero(one, seen))
 
 
 def _row(ring: OpaqueRing, equation: LinearEquation, coordinates: Sequence[str]) -> list[OpaqueFraction]:
@@ -220,13 +256,14 @@ def _scaled(coefficient: ex.Expression, expression: ex.Expression) -> ex.Express
     return coefficient * expression
 
 
-def _inverse(ring: OpaqueRing, matrix: list[list[OpaqueFraction]]) -> list[list[OpaqueFraction]] | None:
-    """The inverse of a block, None where its determinant is the zero function."""
-    scales = [common_denominator(ring, row) for row in matrix]
+def _inverse(
+    ring: OpaqueRing, matrix: list[list[OpaqueFraction]], scales: Sequence[Polynomial]
+) -> tuple[list[list[OpaqueFraction]] | None, Polynomial]:
+    """The inverse of a block, None where its determinant is the zero function, and the determinant up to its sign."""
     found = solved_rows(ring, [cleared(row, scale) for row, scale in zip(matrix, scales, strict=True)], scales)
     if found is None or vanishes(ring.tree(OpaqueFraction(found[1], ring.constant(1)))):
-        return None
-    return [[ring.reduced(entry, found[1]) for entry in row] for row in found[0]]
+        return None, ring.constant(0)
+    return [[ring.reduced(entry, found[1]) for entry in row] for row in found[0]], found[1]
 
 
 def _solution(
@@ -360,6 +397,10 @@ class OpaqueRing:
             inside = ex.multiply(*(factor**exponent for factor, exponent in under))
             below = [inside**-1]
         return ex.multiply(ex.number(content / under_content), *(f**k for f, k in over), *below)
+
+    def factors_of(self, polynomial: Polynomial) -> list[ex.Expression]:
+        """Its factors that are no numbers, each once."""
+        return [factor for factor, _ in self._factors(polynomial)[1]]
 
     def _factors(self, polynomial: Polynomial) -> tuple[Fraction, list[tuple[ex.Expression, int]]]:
         if polynomial.is_zero():

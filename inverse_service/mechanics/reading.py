@@ -128,9 +128,11 @@ def read_system(
     names, found, others = _understood(
         document_names.Declared(coordinates, parameters, functions or {}, where or {}), equations
     )
+    solved = _solved_for(found, names.coordinates)
     return SecondOrderSystem(
         coordinates=names.coordinates,
-        accelerations=_accelerations(found, names.coordinates),
+        accelerations=solved.accelerations,
+        nonzero=solved.nonzero,
         parameters=names.parameters,
         functions=tuple(names.functions.items()),
         name=name,
@@ -361,10 +363,10 @@ def _right_side(value: str, coordinate: str, names: Names, pointer: str) -> ex.E
         return right
 
 
-def _accelerations(found: list[_Equation], coordinates: tuple[str, ...]) -> tuple[ex.Expression, ...]:
+def _solved_for(found: list[_Equation], coordinates: tuple[str, ...]) -> implicit_equations.Solved:
     explicit = {left.coordinate: right for left, right, _ in found if isinstance(left, ex.Acceleration)}
     solved = not any(implicit_equations.has_acceleration(right) for right in explicit.values())
     if solved and len(explicit) == len(found) == len(coordinates):
-        return tuple(explicit[coordinate] for coordinate in coordinates)
+        return implicit_equations.Solved(tuple(explicit[coordinate] for coordinate in coordinates))
     residuals = [implicit_equations.linear_equation(left - right, pointer) for left, right, pointer in found]
-    return implicit_equations.solve_accelerations(residuals, coordinates)
+    return implicit_equations.solve_lines(residuals, coordinates)

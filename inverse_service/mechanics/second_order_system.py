@@ -37,6 +37,7 @@ class SecondOrderSystem:
 
     Parameters are generic constants (those with values were substituted); no Acceleration node
     is left in `accelerations`. `branch` is None where roots of squares were not looked for.
+    None of `nonzero` is 0: the equations as given say the same as q'' = f only there.
     `others` gives formulas for the names other than coordinates that first-order equations contain.
     """
 
@@ -47,6 +48,7 @@ class SecondOrderSystem:
     name: str = ""
     branch: Branch | None = None
     others: tuple[tuple[str, ex.Expression], ...] = ()
+    nonzero: tuple[ex.Expression, ...] = ()
 
     @property
     def names(self) -> Names:
@@ -70,9 +72,9 @@ class SecondOrderSystem:
 
     @property
     def positive(self) -> tuple[ex.Expression, ...]:
-        """What is positive on the branch, of what names this system has."""
+        """What is positive on the branch, squares of `nonzero` among them, of what names this system has."""
         names = {"t", "pi", *self.coordinates, *self.parameters}
-        found = () if self.branch is None else self.branch.positive
+        found = (*(() if self.branch is None else self.branch.positive), *(tree**2 for tree in self.nonzero))
         return tuple(tree for tree in found if all(_name(node) in names for node in ex.walk(tree) if _name(node)))
 
     @property
@@ -108,10 +110,14 @@ def branches_of(system: SecondOrderSystem) -> tuple[SecondOrderSystem, ...]:
     if system.branch is not None:
         return (system,)
     found = tuple(one for one, reached in _cases(system) if reached)
-    if not found or (len(found) > 1 and len({branch.accelerations for branch in found}) == 1):
+    if not found or (len(found) > 1 and len({(one.accelerations, _squares(one)) for one in found}) == 1):
         formulas = found[0].accelerations if found else system.accelerations  # |u|^2 is u^2 on both sides
         return (replace(system, accelerations=formulas, branch=Branch(system.accelerations)),)
     return _default_first(system, found) if len(found) > 1 else found
+
+
+def _squares(system: SecondOrderSystem) -> tuple[ex.Expression, ...]:
+    return tuple(collecting.collect(tree**2) for tree in system.nonzero)
 
 
 def _default_first(system: SecondOrderSystem, branches: tuple[SecondOrderSystem, ...]) -> tuple[SecondOrderSystem, ...]:
@@ -136,14 +142,20 @@ def unreached(system: SecondOrderSystem) -> tuple[SecondOrderSystem, ...]:
 
 @lru_cache(maxsize=16)
 def _cases(system: SecondOrderSystem) -> tuple[tuple[SecondOrderSystem, bool], ...]:
-    """The system on each case of signs, and whether a real point of it is known; without those seen to be empty."""
-    found = []
-    for case in islice(reduction.sign_cases(system.accelerations), 4 * MOST_COUNTED):
+    """The system on each case of signs, and whether a real point of it is known; without those seen to be empty.
+
+    Where one of `nonzero` is 0 all over a case, the equations as given leave a motion open there: it is no case.
+    """
+    found, number = [], len(system.accelerations)
+    for case in islice(reduction.sign_cases((*system.accelerations, *system.nonzero)), 4 * MOST_COUNTED):
+        nonzero = tuple(map(collecting.collect, case.formulas[number:]))
+        if ex.ZERO in nonzero:
+            continue
         reached = not case.positive or _has_point(system, case)
         if reached or not reduction.is_empty([*case.positive, *real_point.own_requirements(case.formulas)]):
             branch = Branch(system.accelerations, case.positive, case.roots)
-            formulas = tuple(map(collecting.collect, case.formulas)) if case.roots else system.accelerations
-            found.append((replace(system, accelerations=formulas, branch=branch), reached))
+            solved = tuple(map(collecting.collect, case.formulas[:number])) if case.roots else system.accelerations
+            found.append((replace(system, accelerations=solved, nonzero=nonzero, branch=branch), reached))
         if sum(reached for _, reached in found) == MOST_COUNTED:
             break
     return tuple(found)
@@ -153,7 +165,7 @@ def on_side(system: SecondOrderSystem, positive: Sequence[ex.Expression]) -> Sec
     """A system where these trees are positive too; None where they are seen not to be so at once."""
     branch = system.branch or Branch(system.accelerations)
     whole = tuple(dict.fromkeys((*branch.positive, *positive)))
-    if reduction.is_empty([*whole, *real_point.own_requirements(system.accelerations)]):
+    if reduction.is_empty([*system.positive, *positive, *real_point.own_requirements(system.accelerations)]):
         return None
     return replace(system, branch=replace(branch, positive=whole))
 

@@ -7,6 +7,7 @@ import re
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
+from functools import reduce
 from typing import Literal
 
 from inverse_service.errors import InputError, LimitError
@@ -21,7 +22,7 @@ ALIASES = {
     "ch": "cosh", "th": "tanh", "arsinh": "asinh", "arcosh": "acosh", "artanh": "atanh", "arcsinh": "asinh",
     "arccosh": "acosh", "arctanh": "atanh", "cosec": "csc", "Abs": "abs", "sgn": "sign", "signum": "sign",
     "heaviside": STEP, "arctg": "atan", "tgh": "tanh", "cotg": "cot", "cotan": "cot", "arsh": "asinh", "arch": "acosh",
-    "arth": "atanh",
+    "arth": "atanh", "Max": "max", "Min": "min",
 }  # fmt: skip
 
 
@@ -38,9 +39,11 @@ _COMPOSED: dict[str, Callable[[Expression], Expression]] = {
     "log10": lambda u: apply("log", u) / apply("log", number(10)),
     "log2": lambda u: apply("log", u) / apply("log", number(2)),
 }
+# The larger and the smaller of several: (a + b + |a - b|)/2, (a + b - |a - b|)/2.
+_EXTREMES = {"max": 1, "min": -1}
 DERIVATIVE_NAMES = frozenset(("diff", "Derivative"))
 PIECEWISE = frozenset(("piecewise", "Piecewise"))
-FUNCTIONS = FUNCTION.keys() | ALIASES.keys() | _COMPOSED.keys() | PIECEWISE | {STEP}
+FUNCTIONS = FUNCTION.keys() | ALIASES.keys() | _COMPOSED.keys() | _EXTREMES.keys() | PIECEWISE | {STEP}
 
 _KINK = "is not differentiable everywhere"
 _SPECIAL, _NOT_DONE = "is not an elementary function", "is not evaluated here"
@@ -75,8 +78,6 @@ Reason = tuple[str, str] | tuple[str, str, str]
 REFUSED: dict[str, Reason] = {
     **dict.fromkeys(("floor", "ceil", "round"), (_KINK, "write the integer for the interval that you study")),
     "mod": (_KINK, "write the formula of one interval"),
-    **dict.fromkeys(("max", "Max"), (_KINK, "write the larger one for the region that you study")),
-    **dict.fromkeys(("min", "Min"), (_KINK, "write the smaller one for the region that you study")),
     "DiracDelta": ("is not a function", "leave it out and study the motion between the impulses"),
     "atan2": ("has a jump", "write atan(y/x) on the branch that you study"),
     "factorial": (_SPECIAL, "write the number", "functions"),
@@ -115,6 +116,10 @@ def call(function: str, arguments: list[Expression], column: int) -> Expression:
     function = ALIASES.get(function, function)
     if function == "log" and len(arguments) == 2:
         return call("log", arguments[:1], column) / call("log", arguments[1:], column)
+    if function in _EXTREMES:
+        if len(arguments) < 2:
+            raise refusal(f"{function} has one argument", column, f"write several, as in {function}(u, 0)")
+        return reduce(lambda a, b: (a + b + _EXTREMES[function] * _magnitude(a - b)) / 2, arguments)
     if len(arguments) != 1:
         raise refusal(f"{function} has {len(arguments)} arguments", column, f"write one, as in {function}(u)")
     check_domain(function, arguments[0], column)

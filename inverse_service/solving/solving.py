@@ -78,7 +78,7 @@ def solve_branches(
         solutions.append(found)
         if told is not None and not alone:
             open_ones = tuple(
-                cells.Left(tuple(map(collecting.collect, each.positive)), None, NOT_YET) for each in waiting
+                cells.Left(tuple(map(collecting.collect, each.positive)), None, deadline.NOT_YET) for each in waiting
             )
             known = tuple(solutions)
             told((), lambda: (known, open_ones))
@@ -437,8 +437,7 @@ def _searched(work: Work, decision: deciding.Decision, highest: float) -> Search
 Progress = Callable[[str], None]
 # A search that takes longer reports the results confirmed so far, s; before, the Lagrangian itself is expected.
 _AT_ONCE = 1.0
-NOT_YET = "This is not decided yet."
-OPEN = Answer("undetermined", reason=NOT_YET)  # for a question that is not yet decided
+OPEN = Answer("undetermined", reason=deadline.NOT_YET)  # for a question that is not yet decided
 log = logging.getLogger(__name__)
 
 

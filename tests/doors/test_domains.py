@@ -63,6 +63,35 @@ def test_a_verdict_on_one_coordinate_holds_where_f_is_analytic(force: str, domai
     assert inverse_service.check(forged)["verdict"] == ("incomplete" if domain else "valid")
 
 
+@pytest.mark.parametrize(
+    ("lines", "domain"),
+    [
+        ({"equations": "x x'' = 0"}, ["x != 0"]),
+        ({"equations": ["x'' H(x) = 0"], "functions": {"H": ["x"]}}, ["H(x) != 0"]),
+        ({"equations": "(x - y) x'' = 0; y'' = -y"}, ["x - y != 0"]),
+        ({"equations": "x'' + cos(x - y) y'' = 0; cos(x - y) x'' + y'' = 0"}, [f"cos(x - y) {s} 1 != 0" for s in "-+"]),
+        ({"equations": "x''/x = -1"}, ["x != 0"]),
+        ({"equations": "sqrt(x) x'' = 0"}, ["x > 0"]),
+        ({"equations": "(x + abs(x)) x'' = 0"}, ["x > 0"]),
+        ({"equations": "(1 + x^2) x'' = 0"}, []),
+        ({"equations": ["m x'' = -m x"], "parameters": ["m"]}, []),
+    ],
+)
+def test_lines_are_the_system_only_where_what_they_are_divided_by_is_not_0(lines: Any, domain: list[str]) -> None:
+    """M(t, q, q') q'' = -b says q'' = f where det M is not 0; where it is 0 the lines leave the motion open."""
+    result = json.loads(inverse_service.solve(lines).to_json())
+    assert (result["verdict"], result["domain"], result["not_answered"]) == ("variational", domain, [])
+    said = inverse_service.check(result)
+    assert (said["verdict"], said["statement"]["domain"]) == ("valid", domain)
+    if domain:
+        (headline, *_) = (line for line in text_page(result, explain=False).splitlines() if "ariational" in line)
+        assert all(one in headline for one in domain)
+    own = {"system": lines, "lagrangian": result["lagrangian"]["text"]}
+    assert {*inverse_service.check(own)["cells"][0]["domain"]} >= {*domain}
+    forged = result | {"domain": []}
+    assert inverse_service.check(forged)["verdict"] == ("incomplete" if domain else "valid")
+
+
 def test_sides_on_which_f_is_another_formula_are_cells_of_their_own() -> None:
     result = inverse_service.solve({"equations": {"x": "abs(x) - x'"}})
     assert [branch["domain"] for branch in result["branches"]] == [["x > 0"], ["x < 0"]]

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import json
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 from inverse_service import check, solve
+from inverse_service.expressions import printing
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import negate
-from inverse_service.mechanics import reading
+from inverse_service.mechanics import implicit_equations
 from inverse_service.mechanics.agreement import Canonical
 from inverse_service.reading import parser as grammar
 from inverse_service.service.documents import accepting, translate
@@ -203,10 +205,14 @@ def test_a_fault_between_reading_and_canonical_form_never_leaves(broken: str, mo
     document = {"equations": "x'' + y'' + sin(x) = 0; x'' - y'' = y"}
     assert solve(document)["verdict"] == "variational"
     if broken == "solving":
-        right = reading.solve_accelerations
-        monkeypatch.setattr(reading, "solve_accelerations", lambda *given: tuple(map(negate, right(*given))))
+        right = implicit_equations.solve_lines
+
+        def wrong(*given: Any) -> implicit_equations.Solved:
+            return implicit_equations.Solved(tuple(map(negate, right(*given).accelerations)))
+
+        monkeypatch.setattr(implicit_equations, "solve_lines", wrong)
     else:
-        monkeypatch.setattr(translate, "to_text", lambda tree: "0")
+        monkeypatch.setattr(translate, "printing", SimpleNamespace(**vars(printing) | {"to_text": lambda tree: "0"}))
     result = solve(document)
     assert (result["verdict"], result["lagrangian"]) == ("undetermined", None)
     assert result["provenance"]["fault"] == "CertificateRefused"

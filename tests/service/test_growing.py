@@ -166,6 +166,7 @@ def test_cut_off_anywhere_the_result_is_what_was_finished(place: int) -> None:
     assert sum(cut["provenance"]["seconds"].values()) == pytest.approx(1.0 if cut["incomplete"] else 0.5)
     assert check_plain(json.loads(json.dumps(cut)))["verdict"] in ("valid", "incomplete")
     assert cut["nonholonomic"]["equations_of_motion"] == result["nonholonomic"]["equations_of_motion"]
+    assert "not decided yet" not in json.dumps(cut)
 
 
 def test_later_stages_keep_what_was_told() -> None:

@@ -190,9 +190,9 @@ SCENES = [
 ]  # fmt: skip
 
 
-def test_every_simulation_validates_and_what_is_amiss_does_not(description: dict[str, Any], service: str) -> None:
+def test_every_simulation_validates_and_what_is_amiss_does_not(description: dict[str, Any], patient: str) -> None:
     """Observed quantities of all kinds, events, an ensemble, a run that stops, a measurement; as it is answered."""
-    with httpx.Client(base_url=service) as client:
+    with httpx.Client(base_url=patient) as client:
         for call, scene in SCENES:
             asked = validator(description, body_schema(description, f"/v1/{call}"))
             assert not list(asked.iter_errors(scene))

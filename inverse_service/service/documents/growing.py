@@ -173,6 +173,17 @@ def cut_off(so_far: Mapping[str, Any], reason: str, seconds: Mapping[str, float]
     if names:
         taken[names[0]] = round(taken.get(names[0], 0.0) + max(0.0, wall - sum(taken.values())), 4)
     found = dict(so_far) | {"incomplete": left, "provenance": so_far["provenance"] | {"seconds": taken}}
+    said = f"{reason[:-1]} before a verdict could be proved."
     if found["verdict"] == "undetermined" and "existence" in names:
-        found["reason"] = f"{reason[:-1]} before a verdict could be proved."
-    return found
+        found["reason"] = said
+    return {key: _with_reason(value, said) for key, value in found.items()}
+
+
+def _with_reason(value: Any, reason: str) -> Any:
+    """The same with this reason for each verdict that was still to come."""
+    if isinstance(value, list):
+        return [_with_reason(one, reason) for one in value]
+    if not isinstance(value, dict):
+        return value
+    found = {key: _with_reason(one, reason) for key, one in value.items()}
+    return found | {"reason": reason} if found.get("reason") == deadline.NOT_YET else found

@@ -18,7 +18,7 @@ from inverse_service import errors
 from inverse_service.constrained import answering, nonholonomic_study, reduced as deciding
 from inverse_service.constrained.hamiltonise import Comparison, Hamiltonisation
 from inverse_service.constrained.lagrangian import first_system
-from inverse_service.deadline import now, share
+from inverse_service.deadline import NOT_YET, now, share
 from inverse_service.decision import solutions
 from inverse_service.explanation import wording
 from inverse_service.expressions import collecting, notation, printing, tree as ex
@@ -31,7 +31,6 @@ from inverse_service.reading import reader
 from inverse_service.reading.names import Names
 from inverse_service.service.documents import accepting, checking, derived, documents, preparing, translate
 from inverse_service.service.documents.growing import Growing
-from inverse_service.solving import solving
 
 T = TypeVar("T")
 
@@ -449,7 +448,7 @@ SHARE_OF_MOTION = 0.3
 SHARE_OF_SYSTEMS = 0.45
 SHARE_OF_ANY = 0.7
 # What is said of the motion before it was asked.
-OPEN = answering.MotionAnswer("undetermined", "undetermined", solving.NOT_YET)
+OPEN = answering.MotionAnswer("undetermined", "undetermined", NOT_YET)
 # What first integrals may take, s and of the time.
 FOR_INTEGRALS, SHARE_OF_INTEGRALS = 5.0, 0.1
 # What looking at a document again may take for an associated system that is only shown, s.
@@ -494,7 +493,7 @@ def solve_nonholonomic(document: Any, options: solutions.SolveOptions, grow: Gro
     )
     last = end - SHARE_LEFT * options.time_limit
     made = _Made(schema, report, grow, last)
-    first = [nonholonomic_study.Study(report, (_unasked(defined, solving.NOT_YET),), 0)]
+    first = [nonholonomic_study.Study(report, (_unasked(defined, NOT_YET),), 0)]
     made.tell(("motion",), first)
     asked = dataclasses.replace(
         options,
