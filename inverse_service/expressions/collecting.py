@@ -448,7 +448,7 @@ def plain_quotients(tree: ex.Expression) -> ex.Expression:
     number = _coefficient(tree)
     powers = ex.powers_of(ex.multiply(*tree.factors[isinstance(tree.factors[0], ex.Number) :]))
     sums = {k: base.terms for k, (base, e) in enumerate(powers) if isinstance(base, ex.Sum) and e % 2 == 1}
-    surplus = {k: 2 * sum(map(_is_negative, terms)) - len(terms) for k, terms in sums.items()}
+    surplus = {k: 2 * sum(map(is_negative, terms)) - len(terms) for k, terms in sums.items()}
     ordered = iter(sorted(sums, key=lambda k: -surplus[k]))
     for one, other in zip(ordered, ordered, strict=False):
         if surplus[one] + surplus[other] > 0:
@@ -475,14 +475,14 @@ def _coefficient(term: ex.Expression) -> Fraction:
 
 def _is_difference(tree: ex.Sum) -> bool:
     """Whether it has two terms of opposite sign, one of them a number."""
-    signs = {_is_negative(term) for term in tree.terms}
+    signs = {is_negative(term) for term in tree.terms}
     return len(tree.terms) == len(signs) == 2 and any(isinstance(term, ex.Number) for term in tree.terms)
 
 
 def _is_mostly_negative(tree: ex.Sum) -> bool:
     """Whether it has more minus signs than plus signs."""
-    return 2 * sum(map(_is_negative, tree.terms)) > len(tree.terms)
+    return 2 * sum(map(is_negative, tree.terms)) > len(tree.terms)
 
 
-def _is_negative(term: ex.Expression) -> bool:
+def is_negative(term: ex.Expression) -> bool:
     return _coefficient(term) < 0

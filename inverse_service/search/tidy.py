@@ -307,7 +307,18 @@ def _other_forms(tree: ex.Expression, system: SecondOrderSystem) -> list[ex.Expr
         except _FAILED:
             continue
     velocities, positions = ([kind(name) for name in system.coordinates] for kind in (ex.Velocity, ex.Symbol))
-    return [*found, *(form for some in (velocities, positions) for form in quadratic_forms.short_forms(tree, some))]
+    springs = (form for form in quadratic_forms.short_forms(tree, positions) if _has_one_sign(tree, form))
+    return [*found, *quadratic_forms.short_forms(tree, velocities), *springs]
+
+
+def _has_one_sign(tree: ex.Expression, form: ex.Expression) -> bool:
+    """Whether what the form puts in the place of terms of the tree has one sign: -k (a - b)^2/2, as of springs.
+
+    x^2 + 4 x y + y^2 has no such form: (x + 2 y)^2 - 3 y^2 is a difference.
+    """
+    terms = list(form.terms) if isinstance(form, ex.Sum) else [form]
+    new = [term for term in terms if not isinstance(tree, ex.Sum) or term not in tree.terms]
+    return len({collecting.is_negative(term) for term in new}) <= 1
 
 
 @lru_cache(maxsize=1024)
