@@ -160,9 +160,10 @@ def _definitions(where: Mapping[str, str], names: nm.Names) -> dict[ex.Expressio
     try:
         used = {name: _names_in(text, names) & texts.keys() for name, text in texts.items()}
         for name in _ordered(used):
-            found[ex.Symbol(name)] = ex.substitute(
-                reader.read_formula(texts[name], replace(names, definitions=found)), found
-            )
+            tree = ex.substitute(reader.read_formula(texts[name], replace(names, definitions=found)), found)
+            found[ex.Symbol(name)] = tree
+            if isinstance(tree, ex.Power) and tree.exponent == ex.HALF:  # r^2 is x^2 + y^2 where r is its root
+                found |= {ex.power(ex.Symbol(name), 2 * k): ex.power(tree.base, k) for k in (-3, -2, -1, 1, 2, 3)}
     except errors.InputError as error:
         raise error if error.pointer else error.at(pointers[name]) from None
     return found

@@ -299,13 +299,14 @@ class FormulaParser:
         return len(below) == 1 and below[0].kind == "number" and (numbers or moves or ahead.is_operator("("))
 
     def _is_half(self, start: int, slash: int, role: nm.Role | None) -> bool:
-        """Whether this is 1/2m, 1/2x'^2 or m/2(x'^2 + y'^2) in a Lagrangian; 1/2r^2 may be 1/(2 r^2)."""
+        """Whether this is 1/2m, 1/2x'^2, m/2 l^2 or m/2(x'^2 + y'^2) in a Lagrangian; 1/2r^2 may be 1/(2 r^2)."""
         stream, ahead = self._stream, self._stream.ahead
         over, under = stream.source(start, slash - 1), stream.source(slash, stream.position)
         bracket = ahead.is_operator("(") and any(token.kind == "prime" for token in stream.group())
         moves = role == "coordinate" and stream.look(1).kind == "prime"
         factor = role == "parameter" or moves or ahead.is_operator("(")
-        return under == "2" and (bracket or (over == "1" and factor))
+        apart = ahead.kind == "name" and ahead.space_before
+        return under == "2" and (bracket or apart or (over == "1" and factor))
 
     def _check_adjacent(self, after_division: bool) -> None:
         ahead, column = self._stream.ahead, self._stream.ahead.column

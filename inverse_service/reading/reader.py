@@ -37,6 +37,10 @@ _WORDS = rf"(?:(?:{_TO}|with|under)\s+(?:the\s+)?constraints?|{_TO}|constraints?
 _SUBJECT_TO = re.compile(
     rf"\\(?:text|textrm|mathrm|mbox)\s*\{{\s*(?:and\s+)?{_WORDS}\s*:?\s*\}}\s*:?|\b{_WORDS}\s*:?", re.I
 )
+# Van der Pol: x'' = …, Eq. (3.2): x'' = …
+_LABEL = re.compile(
+    r"(?:^|(?<=[;\n]))[ \t]*(?:[A-Z][\w -]{2,40}[\w]|[Ee]q(?:uation|\.)?\s*\(?[\d.]+[a-z]?\)?)\s*:(?![=:])"
+)
 _ACCELERATION = re.compile(r"(?<!')''(?!['(])")
 _MATHEMATICA = re.compile(r"[A-Za-z']\[|==")
 
@@ -107,6 +111,7 @@ def read_tokens(formula: str, names: Names | None = None) -> list[Token]:
     """The tokens, before any name is looked up."""
     formula = _GREEK_OF_MATHEMATICA.sub(_greek, formula)
     formula = _SUBJECT_TO.sub(lambda words: ";".ljust(len(words[0])), formula)
+    formula = _LABEL.sub(_without_label, formula)
     names = names or Names()
     if is_latex(formula):
         from inverse_service.reading import latex
@@ -205,6 +210,7 @@ def _without_remarks(tokens: list[Token], formula: str, names: Names) -> list[To
     found: list[Token] = []
     for place, (group, end) in enumerate(groups):
         following = groups[place + 1][0] if place + 1 < len(groups) else []
+        group = _without_condition(group, formula)
         listed = end is not None and end.is_operator(",") and len(group) == 1 and _is_condition(following)
         if equations and group and (_is_initial(group) or _is_condition(group) or listed):
             stop = end.column - 1 if end is not None else len(formula)
@@ -239,8 +245,22 @@ def _is_condition(group: Sequence[Token]) -> bool:
     return _has(group, *COMPARED) and not _has(group, "=") and not any(token.text in _BRANCHES for token in group)
 
 
+def _without_condition(group: list[Token], formula: str) -> list[Token]:
+    """The equation without the (k > 0) after it, whose names do not move."""
+    start = max((place for place, token in enumerate(group[:-1]) if token.is_operator("(")), default=0)
+    inside = group[start + 1 : -1]
+    apart = bool(start and group[-1].is_operator(")") and not group[start - 1].is_operator(*"+-*/^=("))
+    moving = {group[place].text for place in range(len(group) - 1) if group[place + 1].kind == "prime"}
+    if not (apart and group[start].space_before and _is_condition(inside)) or moving & {one.text for one in inside}:
+        return group
+    note(formula[group[start].column : group[-1].column - 1], CONDITION)
+    return group[:start]
+
+
 def _is_initial(group: Sequence[Token]) -> bool:
-    """Whether it is x(0) = 1 or x'(t_0) = v."""
+    """Whether it is x(0) = 1, x'(t_0) = v, or x = x(t)."""
+    if [token.text for token in group[1:]] == ["=", group[0].text, "(", "t", ")"]:
+        return True
     primes = sum(1 for _ in itertools.takewhile(lambda token: token.kind == "prime", group[1:]))
     opening, instant, closes, equals = (*(token.text for token in group[1 + primes : 5 + primes]), "", "", "", "")[:4]
     timed = instant in ("t_0", "t0") or instant.replace(".", "").isdigit()
@@ -297,6 +317,11 @@ def _with_products(tokens: list[Token], names: Names) -> list[Token]:
                 opened += 1
         found += [Token("operator", ")", column)] * opened
     return found
+
+
+def _without_label(match: re.Match[str]) -> str:
+    note(match[0].strip(), LEFT_OUT)
+    return " " * len(match[0])
 
 
 def _greek(match: re.Match[str]) -> str:

@@ -34,7 +34,7 @@ _LETTERS = "wzkbcudhgnalsTYZWJKBUDGNCP"
 _PLAIN_WORD = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 _LATEX_WORD = re.compile(r"(_\{?)?(\\?[A-Za-z]+)")
 # A name at the beginning of a word, behind a number; one inside. No long word may take time that grows with its square.
-_FIRST, _NAME = r"\b\d*([A-Za-z]\w*)", r"([A-Za-z]\w*+)"
+_FIRST, _NAME = r"\b\d*([A-Za-z\u0391-\u03c9]\w*)", r"([A-Za-z]\w*+)"
 # diff(y(x), x, 2), Derivative(y(x), (x, 2)), diff(y(x), x$2), D[y[x], {x, 2}]; y''(x) and d^2y/dx^2 are read as tokens.
 _NAMED = (
     re.compile(rf"(?:[dD]iff|Derivative|D)\s*[\[(]\s*{_NAME}\s*[\[(]\s*{_NAME}\s*[\])]\s*,\s*[({{]?\s*\2\b"),
@@ -124,7 +124,8 @@ class Prepared:
 
 
 _LETTER_L = re.compile(
-    r"(?:\\(?:mathcal|mathscr|mathrm)\s*(?:\{L\}|L)(?![A-Za-z])|\u2112)|(?P<named>\bL(?:agrangian)?\s*:=?|\bLagrangian\s*=)"
+    r"(?:\\(?:mathcal|mathscr|mathrm)\s*(?:\{L\}|L)(?![A-Za-z])|\u2112)"
+    r"|(?P<named>\bL(?:agrangian)?\s*:(?:\s*L\s*)?=?|\bLagrangian\s*=)"
 )
 # L, T, and V with an argument perhaps, and =; half of 2 T = … is meant.
 _ENERGY = re.compile(
@@ -137,7 +138,7 @@ _VECTOR = re.compile(
 )
 _WRAPPER_ENDS = re.compile(r"(?:\$+|\\\]|\\end\s*\{\w+\*?\}|[\s;,.])*$")
 _FORM = re.compile(r"(?<![A-Za-z\\])d(?:[A-Za-z]|\s*\\)")  # dx and d\theta, in dz = y dx
-_DEFINED = re.compile(r"\s*\\?([A-Za-z]\w*(?:_\{\w+\})?)(\([^()]*\))?\s*")
+_DEFINED = re.compile(r"\s*\\?([A-Za-z][^\W\u00b2]*(?:_\{\w+\})?)(?:(\([^()]*\))|(\^2|\^\{2\}|\u00b2))?\s*")
 
 
 def _with_lagrangian(plain: dict[str, Any]) -> tuple[dict[str, Any], dict[str, str]]:
@@ -161,9 +162,9 @@ def _with_lagrangian(plain: dict[str, Any]) -> tuple[dict[str, Any], dict[str, s
                 others.append((pointer, line))
             else:
                 energies[kind] = named, line[named.end() :], pointer
-    moves = "kinetic" in energies and _MOVES.search(energies["kinetic"][1])
-    bare = any(_BARE.search(line) for _, line in [*others, *((text, text) for _, text, _ in energies.values())])
-    if not ("whole" in energies or moves) or bare:
+    formulas = [*(line for _, line in others), *(text for _, text, _ in energies.values())]
+    moves = "kinetic" in energies and any(map(_MOVES.search, formulas))
+    if not ("whole" in energies or moves) or any(map(_BARE.search, formulas)):
         return plain, {}
     lagrangian = ""
     if "whole" in energies:
@@ -182,7 +183,8 @@ def _with_lagrangian(plain: dict[str, Any]) -> tuple[dict[str, Any], dict[str, s
     for pointer, line in others:
         left, equal, right = line.partition("=")
         if equal and (defined := _DEFINED.fullmatch(left)) and not (left.strip()[0] == "d" and _FORM.search(right)):
-            where[defined[1]] = " " * (len(left) + 1) + right
+            root = ("(", ")^{1/2}" if reader.is_latex(right) else ")^(1/2)") if defined[3] else ("", "")
+            where[defined[1]] = root[0].rjust(len(left) + 1) + right + root[1]
             places[f"/where/{defined[1]}"] = pointer
             if defined[2]:  # V(x) = k x^2/2
                 lagrangian = lagrangian.replace(f"{defined[1]}{defined[2]}", defined[1].ljust(len(left.strip())))
@@ -346,7 +348,7 @@ def _with_time_apart(plain: Mapping[str, Any], time: str) -> tuple[dict[str, Any
     known = Names((), tuple({time, *_declared(plain, (*NAMES, "equations", "where")), *moving}))
     found = {name: "*".join(parts) for name, parts in products.items() if time in parts}
     for pointer, text in texts.items():
-        for word in _PLAIN_WORD.finditer("" if "\\" in text else text):
+        for word in _PLAIN_WORD.finditer("" if reader.is_latex(text) else text):
             name, column = word[0], word.start() + 1
             plain_name = (
                 name not in FUNCTIONS and name not in found and not known.role(name) and name[0] != "d" and time in name
@@ -408,7 +410,7 @@ def _changed(value: Any, table: Mapping[str, str], pad: bool = False, latex: boo
     if isinstance(value, str):
         if value.startswith("<math"):
             return _in_mathml(value, table)
-        return (_in_latex if latex or "\\" in value else _in_plain_text)(value, table, pad)
+        return (_in_latex if latex or reader.is_latex(value) else _in_plain_text)(value, table, pad)
     if isinstance(value, Mapping):
         return {
             _in_plain_text(key, table, False) if key not in _STRUCTURE else key: part
