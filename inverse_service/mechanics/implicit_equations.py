@@ -297,7 +297,8 @@ def _wrong_number(count: int, coordinates: Sequence[str]) -> errors.InputError:
     equations, number_of = ("1 equation is" if count == 1 else f"{count} equations are"), len(coordinates)
     return errors.InputError(
         f"{equations} given for {number_of} acceleration{'s' * (number_of != 1)} ({wanted}): "
-        "write one equation for each coordinate.",
+        "write one equation for each coordinate."
+        + " Constraints and their multipliers go with a Lagrangian: L = …, x' = …." * (count > number_of),
         "/equations",
     )
 

@@ -210,9 +210,9 @@ VECTORS = dict.fromkeys(
     ("mathbf", "boldsymbol", "bm", "pmb", "bf", "textbf", "vec", "overrightarrow", "underline"), _COMPONENTS
 )
 OTHER_LETTERS = dict.fromkeys(
-    ("mathcal", "mathscr", "mathfrak", "mathbb", "mathsf", "mathtt", "hat", "widehat", "bar", "overline", "tilde"),
-    _OTHER_LETTER,
+    ("mathcal", "mathscr", "mathfrak", "mathbb", "mathsf", "mathtt", "hat", "widehat", "overline"), _OTHER_LETTER
 )
+ACCENTS = {"bar": "bar", "tilde": "tilde", "widetilde": "tilde"}  # \bar{x} is the name x_bar
 MARKED = VECTORS | OTHER_LETTERS
 _WORDS = nm.FUNCTIONS | nm.DERIVATIVE_NAMES | nm.REFUSED.keys()
 
@@ -344,6 +344,10 @@ class LatexTranslator:
             self._function(name, raw)
         elif name in FONTS:
             self._font(raw)
+        elif name in ACCENTS:
+            if not (accented := self._plain_piece(raw)):
+                raise refusal(f"\\{name} belongs to a name", raw.column, f"write \\{name}{{x}}")
+            self._emit_name(self._with_subscript(accented), raw)
         elif name in ("left", "right"):
             self._delimiter(raw)
         elif name in _BARS:
@@ -675,6 +679,9 @@ class LatexTranslator:
     def _plain_piece(self, raw: Token) -> str:
         if raw.is_command(*MARKED):
             raise refusal(f"\\{raw.text} occurs", raw.column, MARKED[raw.text])
+        if raw.is_command(*ACCENTS):
+            name = self._name_part()
+            return name and f"{name}_{ACCENTS[raw.text]}"
         if raw.kind == "command":
             return raw.text if self._names.role(raw.text) else LETTER_COMMANDS.get(raw.text, "")
         return raw.text if raw.kind in ("letter", "digit") else ""

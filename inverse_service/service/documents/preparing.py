@@ -136,6 +136,11 @@ _ENERGY = re.compile(
 _VECTOR = re.compile(
     rf"\\(?:{'|'.join(components.BOLD)})\s*(?:\{{\s*\\?\w+\s*\}}|\\?\w)\s*=\s*(?:\\left\s*)?\([^()=]*\)"
 )
+# d/dt ∂L/∂x' - ∂L/∂x = 0 beside L = …
+_DL = r"(?:\u2202|\\partial)\s*L\b[^;,\n=]*"
+_LAGRANGES_EQUATION = re.compile(
+    rf"(?:\\[dt]?frac\s*\{{\s*d\s*\}}\s*\{{\s*dt\s*\}}|d\s*/\s*dt)[^;,\n=]*?{_DL}=(?:\s*0|\s*\\?[dt]?\w*\{{?{_DL})\s*(?=$|[;,.\n\\])"
+)
 _WRAPPER_ENDS = re.compile(r"(?:\$+|\\\]|\\end\s*\{\w+\*?\}|[\s;,.])*$")
 _FORM = re.compile(r"(?<![A-Za-z\\])d(?:[A-Za-z]|\s*\\)")  # dx and d\theta, in dz = y dx
 _DEFINED = re.compile(r"\s*\\?([A-Za-z][^\W\u00b2]*(?:_\{\w+\})?)(?:(\([^()]*\))|(\^2|\^\{2\}|\u00b2))?\s*")
@@ -155,7 +160,7 @@ def _with_lagrangian(plain: dict[str, Any]) -> tuple[dict[str, Any], dict[str, s
     energies: dict[str, tuple[re.Match[str], str, str]] = {}
     others: list[tuple[str, str]] = []
     for pointer, text in texts.items():
-        for line in _lines(_LETTER_L.sub(_letter_l, text)):
+        for line in _lines(_LAGRANGES_EQUATION.sub(_left_out, _LETTER_L.sub(_letter_l, text))):
             named = _ENERGY.match(line)
             kind = next((kind for kind in ("whole", "kinetic", "potential") if named and named[kind]), "")
             if named is None or kind in energies or named[kind] in _declared(plain):
@@ -205,6 +210,11 @@ def _with_lagrangian(plain: dict[str, Any]) -> tuple[dict[str, Any], dict[str, s
 def _letter_l(match: re.Match[str]) -> str:
     """L at the same columns, and L = for Lagrangian: and L := ."""
     return f"{'L'.ljust(len(match[0]) - 1)}=" if match["named"] else "L".ljust(len(match[0]))
+
+
+def _left_out(match: re.Match[str]) -> str:
+    reader.note(match[0].strip(), reader.LEFT_OUT)
+    return " " * len(match[0])
 
 
 def _lines(text: str) -> list[str]:
