@@ -298,7 +298,8 @@ def _wrong_number(count: int, coordinates: Sequence[str]) -> errors.InputError:
     return errors.InputError(
         f"{equations} given for {number_of} acceleration{'s' * (number_of != 1)} ({wanted}): "
         "write one equation for each coordinate."
-        + " Constraints and their multipliers go with a Lagrangian: L = …, x' = …." * (count > number_of),
+        + " Constraints and their multipliers go with a Lagrangian: L = …, x' = …."
+        * (count > number_of),
         "/equations",
     )
 
