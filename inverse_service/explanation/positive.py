@@ -92,8 +92,8 @@ def _worked_out(exact: conditions.MotionInRing, g: Matrix) -> Explanation:
         raise TooLarge("the products fill pages")
     if len(g) == 1:  # what concerns symmetry says nothing
         step = said(
-            "The velocity Hessian of `L`, ", row("g = ", quotient_tree(exact.ring, size)),
-            ", is not identically zero, and ", row("Gamma(g) = ", quotient_tree(exact.ring, moved[0][0])),
+            "The velocity Hessian ", row("g = ", quotient_tree(exact.ring, size)),
+            " is not identically zero, and ", row("Gamma(g) = ", quotient_tree(exact.ring, moved[0][0])),
             " equals `-g df/dv`, so it is a multiplier.", about=("multiplier",),
         )  # fmt: skip
         return Explanation((step,))
@@ -148,8 +148,9 @@ def euler_lagrange_steps(system: SecondOrderSystem, lagrangian: Expression) -> t
     short = len(system.coordinates) <= _MOST_LINES
     lines = [_line(lagrangian, name, system.coordinates) for name in system.coordinates if short]
     if not short or any(sum(map(node_count, line)) > bounds.SHOWN for line in lines):
-        what = "the equations in their given form" if system.is_unsolved else "equations that the motion satisfies"
-        return (said(f"Substituting the Lagrangian into the Euler-Lagrange equations gives {what}."),)
+        if system.is_unsolved:
+            return (said("The Euler-Lagrange equations of the Lagrangian are the equations as given."),)
+        return (said("The motion satisfies the Euler-Lagrange equations of the Lagrangian."),)
     sentences = [_sentence(name, *line) for name, line in zip(system.coordinates, lines, strict=True)]
     concluded = [*sentences[-1], " ", *_conclusion(system, [line[2] for line in lines])]
     return tuple(said(*pieces) for pieces in (*sentences[:-1], concluded))
@@ -166,7 +167,7 @@ def _sentence(name: str, momentum: Expression, force: Expression, equation: Expr
     lagrangian = theory("L")
     slope, pull = (partial_derivative(lagrangian, by) for by in (Velocity(name), Symbol(name)))
     return [
-        row(slope, " = ", momentum), " and ", row(pull, " = ", force), ", so the Euler-Lagrange equation ",
+        row(slope, " = ", momentum), " and ", row(pull, " = ", force), ", so ",
         row("d/dt ", slope, " - ", pull, " = 0"), " reads ", row(equation, " = 0"), ".",
     ]  # fmt: skip
 
@@ -210,10 +211,10 @@ def existence_steps(decision: Decision) -> tuple[Step, ...]:
 def of_one_coordinate(name: str, with_time: bool, is_found: bool) -> Step:
     """The theorem of N. Sonin (1886) and G. Darboux (1894, Lecons III, art. 604)."""
     question = "L(t, q, q')" if with_time else "L(q, q')"
-    form = "one is given in closed form" if is_found else "no closed form was found"
+    form = "" if is_found else "; no closed form was found"
     return said(
         f"Every equation of one coordinate has a regular Lagrangian {question} {checker.near_points(name, with_time)} "
-        f"(Sonin 1886, Darboux 1894); {form}."
+        f"(Sonin 1886, Darboux 1894){form}."
     )
 
 
@@ -296,8 +297,8 @@ def branch_steps(
 def as_given_steps() -> tuple[Step, ...]:
     """How L follows from equations that are Euler-Lagrange equations as written."""
     step = said(
-        "Factors found from quotients of coefficients make the equations self-adjoint. Then the matrix of the "
-        "accelerations is the Hessian of a Lagrangian, which follows by integration.", about=("Helmholtz",),
+        "Factors found from quotients of coefficients make the equations self-adjoint; the matrix of the "
+        "accelerations is then the Hessian of a Lagrangian.", about=("Helmholtz",),
     )  # fmt: skip
     return (step,)
 
@@ -342,10 +343,9 @@ def hamiltonian_of(
 
 
 def legendre_steps(hamiltonian: Hamiltonian | None) -> tuple[Step, ...]:
-    """How H follows from the momenta."""
-    if hamiltonian is None:
+    """How H follows from the momenta, where there is more to say than that they are solved for the velocities."""
+    note = "" if hamiltonian is None else hamiltonian.note.rstrip(".").replace("`", "")
+    if hamiltonian is None or not note:
         return ()
-    branch = hamiltonian.note.rstrip(".").replace("`", "")
-    note = f" ({branch})" if branch else ""
-    solved = f"{branch}:" if hamiltonian.implicit else f"The momenta `p = dL/dv` are solved for the velocities{note};"
+    solved = f"{note}:" if hamiltonian.implicit else f"The momenta `p = dL/dv` are solved for the velocities ({note});"
     return (said(f"{solved} `H = p v - L`."),)

@@ -68,8 +68,8 @@ LEAVES = (
         6.5,
         one_coordinate.applies,
         one_coordinate.propose,
-        "For one coordinate the only condition is `Gamma(g) + g df/dv = 0`. A product of Darboux factors `P`, for "
-        "which `Gamma(P)` is a multiple of `P`, solves it. Integrating `g` twice over `v` gives `L`.",
+        "For one coordinate the only condition is `Gamma(g) + g df/dv = 0`. A product of Darboux factors (`Gamma(P)` "
+        "is a multiple of `P`) solves it. Integrating `g` twice over `v` gives `L`.",
     ),
     protocol.Leaf(
         "one coordinate, a function of the velocity",

@@ -146,7 +146,7 @@ def _solve(system: second_order_system.SecondOrderSystem, options: SolveOptions,
     if work.refused:
         provenance["refused_lagrangians"] = len(work.refused)
     kept = _first_integrals(work, autonomous, with_time)
-    provenance["seconds"] = {stage: round(value, 4) for stage, value in seconds.items()}
+    provenance["seconds"] = {stage: round(value, 3) for stage, value in seconds.items()}
     return Solution(system, autonomous, with_time, printed, provenance, work.cut, kept)
 
 
