@@ -1,4 +1,4 @@
-"""The job store in one SQLite file: write-ahead log, synchronous=FULL, one process, one writing thread."""
+"""The job store in one SQLite file: write-ahead log, synchronous=FULL, one process, one thread at a time writes."""
 
 from __future__ import annotations
 
@@ -34,66 +34,47 @@ class _Change:
 
 
 class Writer:
-    """The one thread that writes: changes that wait at the same time share one commit, and so one fsync."""
+    """Changes that wait at the same time share one commit, and so one fsync: who comes first commits for all."""
 
     def __init__(self, connection: sqlite3.Connection, durable: bool = True) -> None:
         self._connection = connection
         self._durable = durable
         self._synchronous = ""
-        self._changes: queue.SimpleQueue[_Change | None] = queue.SimpleQueue()
+        self._changes: queue.SimpleQueue[_Change] = queue.SimpleQueue()
         self._closed = False
         self._lock = threading.Lock()
-        self._thread = threading.Thread(target=self._run, name="store-writer", daemon=True)
-        self._thread.start()
 
     def write(self, function: Callable[[sqlite3.Connection], T], durable: bool = True) -> T:
         """Run it, commit, return its value; its exception where it raises one (nothing is changed then)."""
         answer: Future[T] = Future()
+        self._changes.put(_Change(function, durable, answer))
         with self._lock:
-            if self._closed:
-                raise sqlite3.ProgrammingError("the store is closed")
-            self._changes.put(_Change(function, durable, answer))
+            while not answer.done():
+                if self._closed:
+                    raise sqlite3.ProgrammingError("the store is closed")
+                self._commit([self._changes.get() for _ in range(min(MOST_AT_ONCE, self._changes.qsize()))])
         return answer.result()
 
     def close(self) -> None:
-        """Finish what waits and close the connection."""
+        """Finish what is under way and close the connection."""
         with self._lock:
-            if not self._closed:
-                self._closed = True
-                self._changes.put(None)
-        self._thread.join()
-
-    def _run(self) -> None:
-        while (first := self._changes.get()) is not None:
-            changes, last = self._waiting(first)
-            self._commit(changes)
-            if last:
-                break
-        self._connection.close()
-
-    def _waiting(self, first: _Change) -> tuple[list[_Change], bool]:
-        changes = [first]
-        while len(changes) < MOST_AT_ONCE and not self._changes.empty():
-            change = self._changes.get()
-            if change is None:
-                return changes, True
-            changes.append(change)
-        return changes, False
+            self._closed = True
+            self._connection.close()
 
     def _commit(self, changes: list[_Change]) -> None:
         durable = self._durable and any(change.durable for change in changes)
-        ended: list[tuple[_Change, Any, Exception | None]] = []
+        ended: list[tuple[_Change, Any, BaseException | None]] = []
         try:
             if (wanted := "FULL" if durable else "NORMAL") != self._synchronous:
                 self._connection.execute(f"PRAGMA synchronous = {wanted}")
                 self._synchronous = wanted
             self._connection.execute("BEGIN IMMEDIATE")
             ended = [self._apply(change, len(changes) == 1) for change in changes]
-            if self._connection.in_transaction:
-                self._connection.execute("COMMIT")
-        except sqlite3.Error as error:  # disk full, for example: none of them happened
-            if self._connection.in_transaction:
-                self._connection.execute("ROLLBACK")
+            self._connection.execute("COMMIT")
+        except BaseException as error:  # disk full, for example: none of them happened
+            with contextlib.suppress(sqlite3.Error):
+                if self._connection.in_transaction:
+                    self._connection.execute("ROLLBACK")
             ended = [(change, None, error) for change in changes]
         for change, value, problem in ended:
             if problem is None:
@@ -102,21 +83,20 @@ class Writer:
                 change.answer.set_exception(problem)
 
     def _apply(self, change: _Change, is_alone: bool) -> tuple[_Change, Any, Exception | None]:
-        """What a change of several in one transaction gives; one that fails is undone by itself."""
-        if not is_alone:
-            self._connection.execute(SAVE)
+        """What a change gives; of several in one transaction, one that fails is undone by itself."""
+        if is_alone:
+            return change, change.function(self._connection), None
+        self._connection.execute(SAVE)
+        value, problem = None, None
         try:
             value = change.function(self._connection)
         except Exception as error:  # handed to the caller, who is in another thread
-            if not is_alone:
-                self._connection.execute(UNDO)
-                self._connection.execute(KEEP)
-            elif self._connection.in_transaction:
-                self._connection.execute("ROLLBACK")
-            return change, None, error
-        if not is_alone:
-            self._connection.execute(KEEP)
-        return change, value, None
+            if not self._connection.in_transaction:  # disk full, for example: SQLite undid all of them
+                raise
+            problem = error
+            self._connection.execute(UNDO)
+        self._connection.execute(KEEP)
+        return change, value, problem
 
 
 T = TypeVar("T")
