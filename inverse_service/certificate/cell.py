@@ -690,6 +690,48 @@ def is_convex(ring: Letters, polynomial: Polynomial) -> bool:
     return plain and all(k < len(ring.question.names) + 1 for k in ring.holds(polynomial))
 
 
+def where_regular(question: Question, read_matrix: Callable[[Letters], list[list[Quotient]]]) -> Cell:
+    """Where the entries of a square matrix are defined and it is regular; parameters alone are generic."""
+    found = list[Need]()
+
+    def read(ring: Letters) -> None:
+        found.clear()
+        ring.entries = iter(())
+        matrix = read_matrix(ring)
+        for row in matrix:
+            for entry in row:
+                found.extend(ring.needs_of(entry))
+        factors = ring.factors(determinant(ring, matrix).above)[1]
+        found.extend(need_of("!=", factor) for factor, _ in factors)
+
+    ring = letters_of(question, read)
+    if ring.unknown:
+        return Cell(unknown=True)
+    moving = {"t", *question.coordinates, *(f"{name}'" for name in question.coordinates)}
+    texts = [(need, read_tokens(ring.text(need.polynomial), "cell")) for need in found]
+    return Cell(written(ring, strongest(ring, [need for need, tokens in texts if not moving.isdisjoint(tokens)])))
+
+
+def determinant(ring: Letters, matrix: list[list[Quotient]]) -> Quotient:
+    """By elimination in the field of quotients, with short pivots first."""
+    rows, value = [[*row] for row in matrix], Quotient(ring.one, ring.one)
+    while rows:
+        sizes = [(len(entry.above) + len(entry.below), i, j) for i, row in enumerate(rows)
+                 for j, entry in enumerate(row) if entry.above != 0]  # fmt: skip
+        if not sizes:
+            return ring.constant(Fraction(0))
+        _, i, j = min(sizes)
+        pivot_row = rows.pop(i)
+        pivot = pivot_row.pop(j)
+        value, inverse = ring.multiply(value, pivot), Quotient(pivot.below, pivot.above)
+        for row in rows:
+            factor = ring.multiply(row.pop(j), inverse)
+            if factor.above != 0:
+                products = [ring.multiply(factor, entry) for entry in pivot_row]
+                row[:] = [ring.add(pair, [1, -1]) for pair in map(list, zip(row, products, strict=True))]
+    return value
+
+
 def lacking(question: Question, stated: Sequence[str], cell: Cell) -> tuple[list[str], list[int]]:
     """The members of the cell that do not follow from a stated domain; which stated members do not follow from it."""
 

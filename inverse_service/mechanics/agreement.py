@@ -9,12 +9,13 @@ checker's reader understands too is read twice.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import reduce
+from itertools import chain
 from time import thread_time
 from typing import TYPE_CHECKING, Any
 
-from inverse_service.certificate import checker, question as checks
+from inverse_service.certificate import cell, checker, question as checks
 from inverse_service.certificate.formulas import (
     MAX_POWER,
     Ended,
@@ -70,6 +71,7 @@ def equations_agree(
 ) -> checker.CheckResult:
     """Whether E_k(t, q, q', f) = 0 for all k and dE/dq'' is regular there: then f is what E = 0 determines.
 
+    The `cell` of a valid answer says where it is regular: beyond it E = 0 is another system than q'' = f.
     `texts`, one for each equation or none, are read by the checker's reader as well, where it accepts them: the
     two have to agree about E_k.
     """
@@ -78,6 +80,9 @@ def equations_agree(
     slopes = [
         [derivative.differentiate(equation, ex.Acceleration(name)) for name in coordinates] for equation in equations
     ]
+
+    def matrix(ring: Ring, table: Table) -> list[list[Value]]:
+        return [[_value(slope, ring, table) for slope in row] for row in slopes]
 
     def parts(ring: Ring) -> _Parts:
         table, zeros = _table(ring, coordinates, ring.names), list[tuple[Value, str]]()
@@ -88,12 +93,18 @@ def equations_agree(
             if second is not None:
                 difference = ring.add([second, value], [1, -1])
                 zeros.append((difference, f"Two readers understand equation {number} as given differently."))
-        return _Parts(zeros, [[_value(slope, ring, table) for slope in row] for row in slopes])
+        return _Parts(zeros, matrix(ring, table))
+
+    def where(question: checks.Question) -> cell.Cell:
+        if question.unsolved or not any(map(moving.intersection, map(ex.walk, chain(*slopes)))):
+            return cell.Cell()
+        return cell.where_regular(question, lambda ring: matrix(ring, _leaves(coordinates, ring.names)))
 
     found = "The accelerations satisfy the equations as given, which determine them."
     wrong = "The equations as given do not determine the accelerations."
     plain = _is_rational(equations) and not any(_is_irrational(text) for text in texts if text is not None)
-    return _examined(canonical, parts, plain, (found, wrong), time_limit)
+    moving = {ex.TIME, *map(ex.Symbol, coordinates), *map(ex.Velocity, coordinates)}
+    return _examined(canonical, parts, plain, (found, wrong), time_limit, where)
 
 
 def _against(value: Value, ring: Ring) -> Value:
@@ -151,6 +162,7 @@ def _examined(
     rational: bool,
     sentences: tuple[str, str],
     time_limit: float,
+    where: Callable[[checks.Question], cell.Cell] = lambda question: cell.Cell(),
 ) -> checker.CheckResult:
     """The verdict on the parts by the checker's two rules; never raises."""
 
@@ -164,13 +176,19 @@ def _examined(
         question = checks.Question(tools, canonical.system, True, canonical.claim)
         question.prepare(parts, (), rational)
         question.settle(0, claims)
+        try:
+            regular.append(where(question))
+        except Ended:
+            regular.append(cell.Cell(unknown=True))
         return [sentences[0]]
 
-    begun = thread_time()
+    regular, begun = list[cell.Cell](), thread_time()
     found = checker.judged(work, time_limit, None)
     left = time_limit - (thread_time() - begun)
     # The points are drawn at random: other points may decide what these did not.
-    return checker.judged(work, left, None) if found.verdict == "incomplete" and left > time_limit / 2 else found
+    if found.verdict == "incomplete" and left > time_limit / 2:
+        found = checker.judged(work, left, None)
+    return replace(found, cell=regular[-1]) if found.verdict == "valid" else found
 
 
 def _on_constraints(

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 import inverse_service
+from inverse_service.service.documents import checking
 from inverse_service.service.documents.text_page import text_page
 from inverse_service.web.pages import sheets
 
@@ -88,8 +89,18 @@ def test_lines_are_the_system_only_where_what_they_are_divided_by_is_not_0(lines
         assert all(one in headline for one in domain)
     own = {"system": lines, "lagrangian": result["lagrangian"]["text"]}
     assert {*inverse_service.check(own)["cells"][0]["domain"]} >= {*domain}
-    forged = result | {"domain": []}
-    assert inverse_service.check(forged)["verdict"] == ("incomplete" if domain else "valid")
+    for forged in (result | {"domain": []}, everywhere(result)):
+        assert inverse_service.check(forged)["verdict"] == ("incomplete" if domain else "valid")
+    said = checking.check_plain(everywhere(result)["certificate"], lines)
+    assert {*said["statement"]["domain"]} >= {*domain}
+
+
+def everywhere(value: Any) -> Any:
+    """The same without a condition anywhere, in the certificate neither."""
+    if isinstance(value, dict):
+        kept = {key: [] if key == "domain" else everywhere(part) for key, part in value.items() if key != "conditions"}
+        return kept if "given" not in value else {**kept, "given": value["given"]}
+    return [everywhere(part) for part in value] if isinstance(value, list) else value
 
 
 def test_sides_on_which_f_is_another_formula_are_cells_of_their_own() -> None:

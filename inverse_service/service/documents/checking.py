@@ -137,6 +137,7 @@ def _of_certificate(certificate: dict[str, Any], document: object, end: float) -
         )
         reasons = (*reasons, *compared.reasons)
         found = compared if compared.verdict != "valid" else proof
+        proof = comparison.narrowed(certificate, proof, compared.cell, end - now())
     statement = None if found.verdict != "valid" else canonical.of_certificate(certificate, proof)
     more = {
         "statement": statement,
@@ -361,7 +362,8 @@ class Examination:
             return None
         self.reasons.extend(proof.reasons)
         if not shown.follows:
-            self.with_document(certificate)
+            proof = comparison.narrowed(certificate, proof, self.with_document(certificate), self.end - now())
+            self.proofs[json.dumps(certificate, sort_keys=True)] = proof
             # A part of a result that an older program wrote has no list.
             self.exceptions(at, part.get("exceptions", proof.exceptions if shown.kind else []), proof.exceptions)
         if "checked" in part:
@@ -422,6 +424,9 @@ class Examination:
     ) -> None:
         """A stated domain has all members of the cell; about a kind, together with that of the answer around it."""
         whole = [*stated, *(one for one in around if one not in stated)]
+        if cell is not None and cell.unknown:
+            self.unsettled(f"The formulas are too long to determine what {at or '/domain'} has to contain.")
+            return
         missing, beyond = comparison.lacking(certificate, whole, cell, self.end - now())
         if missing:
             self.unsettled(f"{at or '/domain'} lacks {', '.join(missing)}.")
@@ -458,11 +463,11 @@ class Examination:
                 self.open_places.append(f"{at}/domain")
             self.latex(at, energy, certificate, shown.system)
 
-    def with_document(self, certificate: dict[str, Any], moving: bool = False) -> None:
-        """The system of a certificate is that of the document, on the set of the claim."""
+    def with_document(self, certificate: dict[str, Any], moving: bool = False) -> Cell | None:
+        """The system of a certificate is that of the document on the set of the claim, where the cell has no more."""
         document = self.result["system"].get("given") if self.handed is None else self.handed
         if document is None:
-            return
+            return None
         parts = [moving, *(certificate.get(key) for key in ("system", "near", "conditions", "roots"))]
         key = json.dumps(parts, sort_keys=True)
         if key not in self.compared:
@@ -481,6 +486,7 @@ class Examination:
                 self.reasons.extend(found.reasons)
                 if not moving:  # a motion on constraints is not the associated system that is shown
                     self.claim(*(f"/system/{name}" for name in _system({})))
+        return self.compared[key].cell
 
     def kinds(self, plain: Any, own: dict[str, Any], moving: bool) -> None:
         """Answers about kinds of Lagrangians, each of which is a kind of the document."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import random
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from time import thread_time
 from typing import TYPE_CHECKING, Any
@@ -189,14 +189,35 @@ def lacking(
     """The members of the proven cell that do not follow from a stated domain; stated ones that were not proven."""
     if proven is None:
         return [], {*range(len(stated))}
-    tools = checks.Tools(random.Random(), thread_time() + max(1.0, limit))
-    question = checks.Question(tools, certificate["system"], True, dict(certificate))
-    question.read_integrals(certificate.get("integrals") or {})
     try:
-        missing, beyond = cell.lacking(question, stated, proven)
+        missing, beyond = cell.lacking(_question(certificate, limit), stated, proven)
     except formulas.Ended as end:
         return ([*end.reasons], set()) if end.verdict == "invalid" else ([], {*range(len(stated))})
     return missing, {*beyond}
+
+
+def _question(certificate: Mapping[str, Any], limit: float) -> checks.Question:
+    tools = checks.Tools(random.Random(), thread_time() + max(1.0, limit))
+    question = checks.Question(tools, certificate["system"], True, dict(certificate))
+    question.read_integrals(certificate.get("integrals") or {})
+    return question
+
+
+def narrowed(
+    certificate: Mapping[str, Any], proof: checker.CheckResult, where: cell.Cell | None, limit: float
+) -> checker.CheckResult:
+    """A proof about q'' = f as one about equations as given, which say the same on a cell only."""
+    if where is None or where == cell.Cell() or proof.cell is None or proof.formulas is None:
+        return proof
+    try:
+        more, _ = cell.lacking(_question(certificate, limit), proof.cell.domain, where)
+    except formulas.Ended:
+        more = [*where.domain]
+
+    def both(one: cell.Cell) -> cell.Cell:
+        return replace(one, domain=(*one.domain, *more), unknown=one.unknown or where.unknown)
+
+    return replace(proof, cell=both(proof.cell), formulas=both(proof.formulas))
 
 
 def trees_of(domain: Sequence[str], names: Names) -> list[ex.Expression]:
