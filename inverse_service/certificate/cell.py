@@ -1,9 +1,10 @@
 """The cell of a claim: where its formulas are defined and the relations that its proof used hold.
 
-Formulas are parsed into quotients of polynomials in *generators*: names, and roots and functions of quotients, all
-taken as independent. Denominators are not 0, and arguments of roots and logarithms are positive; both are
-factored. Most relations hold wherever their sides are real; the branch of an arctangent is constant only as long as
-the arguments that it relates have no pole, so the factors of these keep the sign that they have at the point P.
+Formulas are parsed into quotients of polynomials in *generators*: names, and roots and functions of
+quotients, all taken as independent. Denominators are not 0, and arguments of roots and logarithms
+are positive; both are factored. Most relations hold wherever their sides are real; the branch of an
+arctangent is constant only as long as the arguments that it relates have no pole, so the factors of
+these keep the sign that they have at the point P.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from flint import Ordering, fmpq, fmpq_mpoly_ctx
 
@@ -36,7 +37,10 @@ class TooManyLetters(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Need:
-    """A polynomial that is positive (">") or not zero ("!="); polynomials of flint are compared by their texts."""
+    """A polynomial that is positive (">") or not zero ("!=").
+
+    Polynomials of flint are compared by their texts.
+    """
 
     kind: str
     polynomial: Polynomial = field(compare=False)
@@ -55,13 +59,31 @@ class Quotient:
     below: Polynomial
 
 
+class Factors(NamedTuple):
+    """A number, and irreducible polynomials with leading coefficient 1 and their multiplicities."""
+
+    content: fmpq
+    listed: list[tuple[Polynomial, int]]
+
+    def odd(self) -> int:
+        """How many have an odd multiplicity."""
+        return sum(k % 2 for _, k in self.listed)
+
+
+class Multiple(NamedTuple):
+    """`factor` times the generator at `place`."""
+
+    place: int
+    factor: fmpq
+
+
 @dataclass(frozen=True, slots=True)
 class Cell:
     """Where a claim holds: inequalities "x > 0", "x - 1 != 0", each an expression and 0.
 
-    `sides` are those of them on which relations depend that the proof used. `one_side`: only the part of this set is
-    meant that is connected with P where all `>` hold. `unknown`: the formulas are too long to say where they are
-    defined.
+    `sides` are those of them on which relations depend that the proof used. `one_side`: only the
+    part of this set is meant that is connected with P where all `>` hold. `unknown`: the formulas
+    are too long to say where they are defined.
     """
 
     domain: tuple[str, ...] = ()
@@ -71,7 +93,10 @@ class Cell:
 
 
 class Letters:
-    """A ring for `Reader`; `needs` collects the conditions of the formulas, `cut` those of related arctangents."""
+    """A ring for `Reader`.
+
+    `needs` collects the conditions of the formulas, `cut` those of related arctangents.
+    """
 
     degree = 0
 
@@ -83,16 +108,21 @@ class Letters:
         self.generators = self.context.gens()
         self.one: Polynomial = self.context.constant(1)
         self.names: dict[str, Quotient] = {
-            name: Quotient(z, self.one) for name, z in zip(plain, self.generators, strict=False)}  # fmt: skip
+            name: Quotient(z, self.one) for name, z in zip(plain, self.generators, strict=False)
+        }
         self.places = dict[str, int]()
-        self.positive, self.bounded = {0}, set[int]()  # generators that are positive; those between -1 and 1
-        self.logarithms, self.odd = dict[int, Quotient](), dict[int, Quotient]()  # log u; atan u with the sign of u
-        self.exponentials, self.squares = dict[int, Quotient](), dict[int, Quotient]()  # e^u; sqrt(w)
+        self.positive = {0}  # generators that are positive
+        self.bounded = set[int]()  # those between -1 and 1
+        self.logarithms = dict[int, Quotient]()  # log u
+        self.odd = dict[int, Quotient]()  # atan u with the sign of u
+        self.exponentials = dict[int, Quotient]()  # e^u
+        self.squares = dict[int, Quotient]()  # sqrt(w)
         self.circular = dict[int, tuple[str, Quotient]]()  # sin u, cos u
         self.inner = dict[int, frozenset[Need]]()  # the conditions of a generator
-        self.pairs = dict[int, frozenset[Need]]()  # the conditions of the logarithm of a pair of the plan
+        # The conditions of the logarithm of a pair of the plan.
+        self.pairs = dict[int, frozenset[Need]]()
         self.needs, self.cut = dict[Need, None](), dict[Need, None]()
-        self.known = dict[str, tuple[fmpq, list[tuple[Polynomial, int]]]]()
+        self.known = dict[str, Factors]()
         self.ties, self.unknown = list[Any](), False
 
     # The operations of a ring.
@@ -101,8 +131,8 @@ class Letters:
         return Quotient(self.context.constant(fmpq(value.numerator, value.denominator)), self.one)
 
     def add(self, terms: list[Quotient], weights: Sequence[int] = ()) -> Quotient:
-        first, *rest = zip(terms, weights or [1] * len(terms), strict=True)
-        above, below = first[0].above * first[1], first[0].below
+        (first, times), *rest = zip(terms, weights or [1] * len(terms), strict=True)
+        above, below = first.above * times, first.below
         for term, weight in rest:
             self.question.check_time()
             if term.below == below:
@@ -115,7 +145,10 @@ class Letters:
         return self.reduced(above, below)
 
     def multiply(self, left: Quotient, right: Quotient, degree: int = 0) -> Quotient:
-        if len(left.above) * len(right.above) + len(left.below) * len(right.below) > 100 * MAX_TERMS:
+        if (
+            len(left.above) * len(right.above) + len(left.below) * len(right.below)
+            > 100 * MAX_TERMS
+        ):
             return self.opaque()
         first, second = self.reduced(left.above, right.below), self.reduced(right.above, left.below)
         found = Quotient(*self.bounded_pair(first.above * second.above, first.below * second.below))
@@ -144,7 +177,9 @@ class Letters:
             self.need("!=", u)
             u = Quotient(u.below, u.above) if u.above != 0 else self.opaque()
         size, most = abs(exponent), max(len(u.above), len(u.below))
-        if size > 4096 or (most > 1 and (size > 64 or math.comb(size + most - 1, size) > 40 * MAX_TERMS)):
+        if size > 4096 or (
+            most > 1 and (size > 64 or math.comb(size + most - 1, size) > 40 * MAX_TERMS)
+        ):
             return self.opaque()
         return self.without_squares(Quotient(*self.bounded_pair(u.above**size, u.below**size)))
 
@@ -154,7 +189,8 @@ class Letters:
                 next(self.entries, None)
         entry = next(self.entries, Entry())
         pieces = list(self.pieces(">", u)) if name == "log" else []
-        self.needs |= {need: None for need in pieces if need.kind == ">"}  # what touches 0 matters where a root is left
+        # What touches 0 matters where a root is left.
+        self.needs |= {need: None for need in pieces if need.kind == ">"}
         here = self.needs_of(u) | frozenset(pieces)
         if entry.pair:
             self.pairs[entry.pair] = here
@@ -170,7 +206,12 @@ class Letters:
             self.bounded.add(place)
             self.circular[place] = name, u
             arctangent = self.single(u.above) if u.below.is_constant() else None
-            if name == "cos" and arctangent and arctangent[0] in self.odd and abs(arctangent[1]) <= 1:
+            if (
+                name == "cos"
+                and arctangent
+                and arctangent.place in self.odd
+                and abs(arctangent.factor) <= 1
+            ):
                 self.positive.add(place)
         if name in ("log", "atan"):
             (self.logarithms if name == "log" else self.odd)[place] = u
@@ -179,7 +220,13 @@ class Letters:
 
     def function(self, name: str, orders: tuple[int, ...], arguments: list[Quotient]) -> Quotient:
         listed = ", ".join(map(self.text, arguments))
-        primes = "'" * orders[0] if len(orders) == 1 else f"[{','.join(map(str, orders))}]" if any(orders) else ""
+        primes = (
+            "'" * orders[0]
+            if len(orders) == 1
+            else f"[{','.join(map(str, orders))}]"
+            if any(orders)
+            else ""
+        )
         inner = frozenset().union(*map(self.needs_of, arguments))
         return Quotient(self.generators[self.letter(f"{name}{primes}({listed})", inner)], self.one)
 
@@ -187,7 +234,8 @@ class Letters:
         slope = Reader(self, self.question.integrals[name].slope).value
         inner = frozenset().union(*map(self.needs_of, [*arguments, slope]))
         return Quotient(
-            self.generators[self.letter(f"{name}({', '.join(map(self.text, arguments))})", inner)], self.one
+            self.generators[self.letter(f"{name}({', '.join(map(self.text, arguments))})", inner)],
+            self.one,
         )
 
     # Helpers of these.
@@ -201,7 +249,9 @@ class Letters:
                 place = next((k for k, e in enumerate(exponents) if e), -1)
                 if sum(map(int, exponents)) == 1 and place in self.logarithms:
                     a = coefficient * scale
-                    value = self.multiply(value, self.root(self.logarithms[place], Fraction(int(a.p), int(a.q))))
+                    value = self.multiply(
+                        value, self.root(self.logarithms[place], Fraction(int(a.p), int(a.q)))
+                    )
                 else:
                     kept += self.context.term(coeff=coefficient, exp_vec=exponents)
             rest = Quotient(kept * scale, self.one)
@@ -217,21 +267,29 @@ class Letters:
         self.positive.add(place)
         self.exponentials[place] = rest
         letter = self.generators[place] ** times
-        return self.multiply(value, Quotient(self.one, letter) if turned else Quotient(letter, self.one))
+        return self.multiply(
+            value, Quotient(self.one, letter) if turned else Quotient(letter, self.one)
+        )
 
     def root(self, w: Quotient, a: Fraction) -> Quotient:
-        """w^a: p^(k a) for the factors p^k of w with k and k a even, the others as an integral power times a root."""
+        """w^a: p^(k a) for the factors p^k of w with k and k a even.
+
+        The others give an integral power times a root.
+        """
         (content, above), (other, below) = self.factors(w.above), self.factors(w.below)
         value = Quotient(self.one, self.one)
         left = [self.context.constant(content), self.context.constant(other)]
-        every_one = all((k * a) % 2 == 0 for _, k in (*above, *below))  # then it is |c|^a times squares
+        # Then it is |c|^a times squares.
+        every_one = all((k * a) % 2 == 0 for _, k in (*above, *below))
         if every_one and content * other < 0:
             left[0] = -left[0]
         for side, sign, found in ((0, 1, above), (1, -1, below)):
             for p, k in found:
                 simple = self.single(p)
-                positive = simple is not None and simple[0] in self.positive
-                if (k * a).denominator == 1 and (positive or every_one or (k % 2 == 0 and (k * a) % 2 == 0)):
+                positive = simple is not None and simple.place in self.positive
+                if (k * a).denominator == 1 and (
+                    positive or every_one or (k % 2 == 0 and (k * a) % 2 == 0)
+                ):
                     value = self.raised(value, Quotient(p, self.one), int(sign * k * a))
                 else:
                     left[side] = left[side] * p**k
@@ -244,7 +302,9 @@ class Letters:
             number, degree = rest.above.leading_coefficient(), part.denominator
             over, under = number.p.root(degree), number.q.root(degree)
             if fmpq(over, under) ** degree == number:
-                return self.multiply(value, self.constant(Fraction(int(over), int(under)) ** part.numerator))
+                return self.multiply(
+                    value, self.constant(Fraction(int(over), int(under)) ** part.numerator)
+                )
         text = f"sqrt({inner})" if part == Fraction(1, 2) else f"({inner})^({part})"
         place = self.letter(text, self.needs_of(rest) | frozenset(self.pieces(">", rest)))
         self.positive.add(place)
@@ -258,7 +318,9 @@ class Letters:
             return self.opaque()
         if exponent < 0:
             self.need("!=", Quotient(base.below, self.one))
-        return self.multiply(value, Quotient(*self.bounded_pair(base.above**size, base.below**size)))
+        return self.multiply(
+            value, Quotient(*self.bounded_pair(base.above**size, base.below**size))
+        )
 
     def letter(self, text: str, inner: frozenset[Need]) -> int:
         if text not in self.places:
@@ -272,7 +334,9 @@ class Letters:
     def opaque(self) -> Quotient:
         """A generator for an expression that is too long."""
         self.unknown = True
-        return Quotient(self.generators[self.letter(f"... {len(self.texts)}", frozenset())], self.one)
+        return Quotient(
+            self.generators[self.letter(f"... {len(self.texts)}", frozenset())], self.one
+        )
 
     def bounded_pair(self, above: Polynomial, below: Polynomial) -> tuple[Polynomial, Polynomial]:
         if max(len(above), len(below)) <= MAX_TERMS:
@@ -287,7 +351,9 @@ class Letters:
         return Quotient(above / common, below / common)
 
     def is_negative(self, u: Quotient) -> bool:
-        return bool(u.above != 0) and bool(u.above.leading_coefficient() * u.below.leading_coefficient() < 0)
+        return bool(u.above != 0) and bool(
+            u.above.leading_coefficient() * u.below.leading_coefficient() < 0
+        )
 
     def parts_of(self, polynomial: Polynomial, place: int, degree: int) -> list[Polynomial]:
         """The coefficients of the powers of a generator."""
@@ -297,12 +363,12 @@ class Letters:
             parts[int(exponents[place])] += self.context.term(coeff=coefficient, exp_vec=lower)
         return parts
 
-    def single(self, polynomial: Polynomial) -> tuple[int, fmpq] | None:
-        """(generator, factor) of a number times one generator."""
-        terms = list(polynomial.terms())
-        if len(terms) != 1 or sum(map(int, terms[0][0])) != 1:
+    def single(self, polynomial: Polynomial) -> Multiple | None:
+        """A number times one generator."""
+        if len(polynomial) != 1 or polynomial.total_degree() != 1:
             return None
-        return next(k for k, e in enumerate(terms[0][0]) if e), terms[0][1]
+        (place,) = self.holds(polynomial)
+        return Multiple(place, polynomial.leading_coefficient())
 
     def holds(self, polynomial: Polynomial) -> list[int]:
         """The generators that occur."""
@@ -310,7 +376,7 @@ class Letters:
 
     def needs_of(self, u: Quotient) -> frozenset[Need]:
         """Where u is analytic: its poles, and the conditions of its generators."""
-        found = {need_of("!=", p) for p, _ in self.factors(u.below)[1]}
+        found = {need_of("!=", p) for p, _ in self.factors(u.below).listed}
         for polynomial in (u.above, u.below):
             found |= {need for k in self.holds(polynomial) for need in self.inner.get(k, ())}
         return frozenset(found)
@@ -321,7 +387,10 @@ class Letters:
         return found
 
     def pieces(self, kind: str, u: Quotient) -> Iterator[Need]:
-        """That u > 0, or u != 0, by factors: those of even multiplicity are not 0, the product of the others is > 0."""
+        """That u > 0, or u != 0, by factors.
+
+        Those of even multiplicity are not 0, the product of the others is > 0.
+        """
         (content, above), (other, below) = map(self.plain_factors, (u.above, u.below))
         if kind == "!=":
             yield from (need_of("!=", p) for p, _ in above)
@@ -335,31 +404,31 @@ class Letters:
         if not odd.is_constant():
             yield need_of(">", odd)
 
-    def plain_factors(self, polynomial: Polynomial) -> tuple[fmpq, list[tuple[Polynomial, int]]]:
-        """Factors, with as few of odd multiplicity as sin^2 + cos^2 = 1 gives, and plain ones for e^u - 1."""
-        forms = [self.factors(polynomial), *(self.factors(form) for form in self.circled(polynomial))]
-        content, found = min(forms, key=lambda form: (sum(k % 2 for _, k in form[1]), len(form[1])))
+    def plain_factors(self, polynomial: Polynomial) -> Factors:
+        """Factors: few of odd multiplicity by sin^2 + cos^2 = 1, and plain ones for e^u - 1."""
+        forms = map(self.factors, [polynomial, *self.circled(polynomial)])
+        content, found = min(forms, key=lambda form: (form.odd(), len(form.listed)))
         plain = list[tuple[Polynomial, int]]()
         for p, k in found:
             same = self.same_sign(p)
-            number, pieces = (fmpq(1), [(p, 1)]) if same is None else self.plain_factors(same)
-            content *= number if k % 2 else abs(number)
-            plain += [(q, k * j) for q, j in pieces]
-        return content, plain
+            own = Factors(fmpq(1), [(p, 1)]) if same is None else self.plain_factors(same)
+            content *= own.content if k % 2 else abs(own.content)
+            plain += [(q, k * j) for q, j in own.listed]
+        return Factors(content, plain)
 
     def same_sign(self, p: Polynomial) -> Polynomial | None:
         """A polynomial with the sign of this one, which has fewer functions in it."""
         letters = self.holds(p)
         if len(letters) != 1 or p.total_degree() != 1:
             return None
-        (place,), terms = letters, list(p.terms())
-        sign = 1 if terms[0][1] > 0 else -1
-        if len(terms) == 1 and place in self.odd:
+        (place,), (factor, *constant) = letters, (coefficient for _, coefficient in p.terms())
+        sign = 1 if factor > 0 else -1
+        if not constant and place in self.odd:
             return self.odd[place].above * self.odd[place].below * sign
-        if len(terms) == 1 and place in self.logarithms:
+        if not constant and place in self.logarithms:
             u = self.logarithms[place]
             return (u.above - u.below) * u.below * sign
-        if len(terms) == 2 and place in self.exponentials and terms[0][1] == -terms[1][1]:
+        if constant == [-factor] and place in self.exponentials:
             return self.exponentials[place].above * self.exponentials[place].below * sign
         return None
 
@@ -377,8 +446,7 @@ class Letters:
             if form != polynomial:
                 yield form
 
-    def factors(self, polynomial: Polynomial) -> tuple[fmpq, list[tuple[Polynomial, int]]]:
-        """(number, [(irreducible with leading coefficient 1, multiplicity)])."""
+    def factors(self, polynomial: Polynomial) -> Factors:
         if (key := str(polynomial)) not in self.known:
             content, found = fmpq(0), list[tuple[Polynomial, int]]()
             if polynomial.is_constant():
@@ -388,7 +456,7 @@ class Letters:
                 for p, k in listed:
                     head = p.leading_coefficient()
                     content, found = content * head ** int(k), [*found, (p / head, int(k))]
-            self.known[key] = content, found
+            self.known[key] = Factors(content, found)
         return self.known[key]
 
     def text(self, u: Quotient | Polynomial) -> str:
@@ -399,9 +467,15 @@ class Letters:
         words = ""
         for exponents, coefficient in u.terms():
             size, sign = abs(coefficient), "-" if coefficient < 0 else "+"
-            parts = [f"{self.texts[k]}^{e}" if e > 1 else self.texts[k] for k, e in enumerate(map(int, exponents)) if e]
+            parts = [
+                f"{self.texts[k]}^{e}" if e > 1 else self.texts[k]
+                for k, e in enumerate(map(int, exponents))
+                if e
+            ]
             parts = [str(size), *parts] if size != 1 or not parts else parts
-            words += f" {sign} " + "*".join(parts) if words else "-" * (sign == "-") + "*".join(parts)
+            words += (
+                f" {sign} " + "*".join(parts) if words else "-" * (sign == "-") + "*".join(parts)
+            )
         return words or "0"
 
 
@@ -412,7 +486,8 @@ class Knowledge:
         self.ring = ring
         self.nonzero, self.signs = set[str](), dict[str, int]()
         self.wholes, self.found = list[Polynomial](), dict[tuple[str, int], int]()
-        self.products, self.listed = list[tuple[int, list[Polynomial]]](), list[tuple[Polynomial, int]]()
+        self.products = list[tuple[int, list[Polynomial]]]()
+        self.listed = list[tuple[Polynomial, int]]()
         for need in needs:
             self.learn(need)
 
@@ -429,11 +504,17 @@ class Knowledge:
 
     def implies(self, need: Need) -> bool:
         if need.kind == "!=":
-            return all(str(p) in self.nonzero or self.sign(p) for p, _ in self.ring.factors(need.polynomial)[1])
+            return all(
+                str(p) in self.nonzero or self.sign(p)
+                for p, _ in self.ring.factors(need.polynomial).listed
+            )
         return self.sign(need.polynomial) > 0
 
     def sign(self, polynomial: Polynomial, depth: int = 3) -> int:
-        """1 or -1 where the polynomial has this sign wherever the needs hold; 0: that is not known."""
+        """1 or -1 where the polynomial has this sign wherever the needs hold.
+
+        0: that is not known.
+        """
         content, found = self.ring.factors(polynomial)
         if content == 0:
             return 0
@@ -476,7 +557,11 @@ class Knowledge:
         if (sign := self.by_facts(p) or self.by_terms(p)) or depth < 1:
             return sign
         found = self.by_roots(p) or self.by_squares(p, depth) or self.by_arctangents(p, depth)
-        return found or self.by_norm(p, depth) or (0 if simple is None else self.by_quarter(simple[0], depth))
+        return (
+            found
+            or self.by_norm(p, depth)
+            or (0 if simple is None else self.by_quarter(simple.place, depth))
+        )
 
     def by_facts(self, p: Polynomial) -> int:
         """p - q is a number, and q has a sign."""
@@ -525,7 +610,8 @@ class Knowledge:
                     strictly = strictly and (not e or bool(known) or f"z{k}" in self.nonzero)
                 constant = not any(map(int, exponents))
                 if free and c > 0:
-                    strict, least = strict or (strictly and not constant), least + (c if constant else 0)
+                    strict = strict or (strictly and not constant)
+                    least = least + (c if constant else 0)
                 elif constant or all(k in self.ring.bounded for k, e in enumerate(exponents) if e):
                     least -= abs(c)
                 else:
@@ -546,7 +632,9 @@ class Knowledge:
         for place in self.ring.odd:
             if p.degrees()[place] == 1:
                 b, c = self.ring.parts_of(p, place, 1)
-                ends = {self.sign(end, depth - 1) for end in (b + c * half, b - c * half) if end != 0}
+                ends = {
+                    self.sign(end, depth - 1) for end in (b + c * half, b - c * half) if end != 0
+                }
                 if len(ends) == 1:
                     return ends.pop()
         return 0
@@ -574,15 +662,17 @@ def letters_of(question: Question, read: Callable[[Letters], object]) -> Letters
             size *= 2
             if size > MAX_LETTERS:
                 raise Ended(
-                    "incomplete", "The formulas contain too many functions to determine where they are defined."
+                    "incomplete",
+                    "The formulas contain too many functions to determine where they are defined.",
                 ) from None
 
 
 def cells_of(question: Question, by_theorem: bool = False) -> tuple[Cell, Cell]:
     """Where the verdict of a claim that was found right holds, and where its formulas do.
 
-    Both are the same, unless a theorem about f alone gives the verdict: then it holds wherever f is analytic. Of this
-    set the sides are kept on which the relations between the formulas hold: beyond them others do.
+    Both are the same, unless a theorem about f alone gives the verdict: then it holds wherever f is
+    analytic. Of this set the sides are kept on which the relations between the formulas hold:
+    beyond them others do.
     """
     hints, forces = list[Need](), list[Need]()
 
@@ -593,10 +683,17 @@ def cells_of(question: Question, by_theorem: bool = False) -> tuple[Cell, Cell]:
         forces.extend(ring.needs)
         collect_needs(ring, question.read(ring))
         ring.entries = iter(())
-        positive = [ring.add([Reader(ring, one).value for one in pair], [1, -1]) for pair in question.conditions]
+        positive = [
+            ring.add([Reader(ring, one).value for one in pair], [1, -1])
+            for pair in question.conditions
+        ]
         hints.extend(need for value in positive for need in ring.pieces(">", value))
-        positive = [Reader(ring, said).value for _, said in (() if question.rational else question.roots)]
-        hints.extend(need for value in positive for need in ring.pieces(">", value) if need.kind == ">")
+        positive = [
+            Reader(ring, said).value for _, said in (() if question.rational else question.roots)
+        ]
+        hints.extend(
+            need for value in positive for need in ring.pieces(">", value) if need.kind == ">"
+        )
 
     ring = letters_of(question, read)
     cut = signed(question, ring, ring.needs if question.partly else ring.cut)
@@ -604,7 +701,9 @@ def cells_of(question: Question, by_theorem: bool = False) -> tuple[Cell, Cell]:
 
     def cell(needs: Iterable[Need]) -> Cell:
         kept = strongest(ring, [*hints, *cut, *needs])
-        one_side = bool(cut) and not all(is_convex(ring, need.polynomial) for need in kept if need.kind == ">")
+        one_side = bool(cut) and not all(
+            is_convex(ring, need.polynomial) for need in kept if need.kind == ">"
+        )
         return Cell(written(ring, kept), written(ring, sides), one_side, ring.unknown)
 
     formulas = cell(ring.needs)
@@ -643,9 +742,13 @@ def signed(question: Question, ring: Letters, needs: Iterable[Need]) -> list[Nee
 
         def positive(expansion: Any, tokens: tuple[str, ...] = tokens) -> bool:
             value = Reader(expansion, tokens).value.get(0, 0)
-            return bool(expansion.arithmetic.nonzero(expansion.arithmetic.number(Fraction(0)) + value) > 0)
+            return bool(
+                expansion.arithmetic.nonzero(expansion.arithmetic.number(Fraction(0)) + value) > 0
+            )
 
-        found.append(need_of(">", need.polynomial if question.in_balls(0, positive) else -need.polynomial))
+        found.append(
+            need_of(">", need.polynomial if question.in_balls(0, positive) else -need.polynomial)
+        )
     return found
 
 
@@ -659,10 +762,16 @@ def strongest(ring: Letters, needs: Sequence[Need]) -> list[Need]:
 
 
 def fewer(ring: Letters, kept: list[Need]) -> list[Need]:
-    for need in sorted(kept, key=lambda one: (len(one.polynomial), one.kind == ">", one.text), reverse=True):
+    for need in sorted(
+        kept, key=lambda one: (len(one.polynomial), one.kind == ">", one.text), reverse=True
+    ):
         rest = [one for one in kept if one is not need]
         known = Knowledge(ring, rest)
-        kept = rest if known.implies(need) else [smaller(known, one) if one is need else one for one in kept]
+        kept = (
+            rest
+            if known.implies(need)
+            else [smaller(known, one) if one is need else one for one in kept]
+        )
     return kept
 
 
@@ -684,14 +793,22 @@ def smaller(known: Knowledge, need: Need) -> Need:
 
 
 def is_convex(ring: Letters, polynomial: Polynomial) -> bool:
-    """Whether the set where it is positive is seen to be convex: it is affine in the names, minus squares of them."""
+    """Whether the set where it is positive is seen to be convex.
+
+    It is affine in the names, minus squares of them.
+    """
     shapes = [([e for e in map(int, exponents) if e], c) for exponents, c in polynomial.terms()]
     plain = all(sum(shape) <= 1 or (shape == [2] and c < 0) for shape, c in shapes)
     return plain and all(k < len(ring.question.names) + 1 for k in ring.holds(polynomial))
 
 
-def where_regular(question: Question, read_matrix: Callable[[Letters], list[list[Quotient]]]) -> Cell:
-    """Where the entries of a square matrix are defined and it is regular; parameters alone are generic."""
+def where_regular(
+    question: Question, read_matrix: Callable[[Letters], list[list[Quotient]]]
+) -> Cell:
+    """Where the entries of a square matrix are defined and it is regular.
+
+    Parameters alone are generic.
+    """
     found = list[Need]()
 
     def read(ring: Letters) -> None:
@@ -701,7 +818,7 @@ def where_regular(question: Question, read_matrix: Callable[[Letters], list[list
         for row in matrix:
             for entry in row:
                 found.extend(ring.needs_of(entry))
-        factors = ring.factors(determinant(ring, matrix).above)[1]
+        factors = ring.factors(determinant(ring, matrix).above).listed
         found.extend(need_of("!=", factor) for factor, _ in factors)
 
     ring = letters_of(question, read)
@@ -709,7 +826,11 @@ def where_regular(question: Question, read_matrix: Callable[[Letters], list[list
         return Cell(unknown=True)
     moving = {"t", *question.coordinates, *(f"{name}'" for name in question.coordinates)}
     texts = [(need, read_tokens(ring.text(need.polynomial), "cell")) for need in found]
-    return Cell(written(ring, strongest(ring, [need for need, tokens in texts if not moving.isdisjoint(tokens)])))
+    return Cell(
+        written(
+            ring, strongest(ring, [need for need, tokens in texts if not moving.isdisjoint(tokens)])
+        )
+    )
 
 
 def determinant(ring: Letters, matrix: list[list[Quotient]]) -> Quotient:
@@ -728,12 +849,17 @@ def determinant(ring: Letters, matrix: list[list[Quotient]]) -> Quotient:
             factor = ring.multiply(row.pop(j), inverse)
             if factor.above != 0:
                 products = [ring.multiply(factor, entry) for entry in pivot_row]
-                row[:] = [ring.add(pair, [1, -1]) for pair in map(list, zip(row, products, strict=True))]
+                row[:] = [
+                    ring.add(pair, [1, -1]) for pair in map(list, zip(row, products, strict=True))
+                ]
     return value
 
 
 def lacking(question: Question, stated: Sequence[str], cell: Cell) -> tuple[list[str], list[int]]:
-    """The members of the cell that do not follow from a stated domain; which stated members do not follow from it."""
+    """The members of the cell that do not follow from a stated domain.
+
+    Which stated members do not follow from it.
+    """
 
     def read(ring: Letters) -> None:
         ring.entries = iter(())
@@ -748,20 +874,32 @@ def lacking(question: Question, stated: Sequence[str], cell: Cell) -> tuple[list
 
     own, said = list[list[Need]](), list[list[Need]]()
     ring = letters_of(question, read)
-    known, proven = (Knowledge(ring, (need for needs in some for need in needs)) for some in (said, own))
-    missing = [text for text, needs in zip(cell.domain, own, strict=True) if not all(map(known.implies, needs))]
+    known, proven = (
+        Knowledge(ring, (need for needs in some for need in needs)) for some in (said, own)
+    )
+    missing = [
+        text
+        for text, needs in zip(cell.domain, own, strict=True)
+        if not all(map(known.implies, needs))
+    ]
     beyond = [k for k, needs in enumerate(said) if not all(map(proven.implies, needs))]
     return missing, beyond
 
 
-def needs_of_text(ring: Letters, text: str, bound: dict[str, Quotient] | None = None) -> Iterator[Need]:
+def needs_of_text(
+    ring: Letters, text: str, bound: dict[str, Quotient] | None = None
+) -> Iterator[Need]:
     """Of A > B, A < B, A != B, or a chain of < or >; `bound` gives the values of other names."""
     for kind in ("!=", "<", ">"):
         sides = text.split(kind)
         if len(sides) > 1:
-            values = [Reader(ring, read_tokens(side, "domain"), **(bound or {})).value for side in sides]
+            values = [
+                Reader(ring, read_tokens(side, "domain"), **(bound or {})).value for side in sides
+            ]
             for left, right in pairwise(values):
                 weights = [-1, 1] if kind == "<" else [1, -1]
-                yield from ring.pieces("!=" if kind == "!=" else ">", ring.add([left, right], weights))
+                yield from ring.pieces(
+                    "!=" if kind == "!=" else ">", ring.add([left, right], weights)
+                )
             return
     raise Ended("invalid", "A domain is a list of inequalities A > B, A < B, A != B.")

@@ -1,7 +1,7 @@
 """The independent checker of certificates: its doors.
 
-FORMAT.md next to this file says what is checked, and why that is enough. The room imports nothing of
-the project, draws its own points, primes and directions, never searches and never repairs. To be
+FORMAT.md next to this file says what is checked, and why that is enough. The room imports nothing
+of the project, draws its own points, primes and directions, never searches and never repairs. To be
 read in this order: `checker` (here), `question` (the checks), `formulas` (the grammar), `series`
 (Taylor series and elimination), `numbers` (residues modulo a prime, which decide what is zero, and
 balls, which decide what is not), `cell` and `exceptions` (where a claim holds); `kinds` and
@@ -54,7 +54,9 @@ def judged(
     except (Undefined, Unsettled, StopIteration):
         return CheckResult("incomplete", ("A number in the document could not be computed.",))
     except (RecursionError, MemoryError, OverflowError):
-        return CheckResult("incomplete", ("The document is too large for the memory of the checker.",))
+        return CheckResult(
+            "incomplete", ("The document is too large for the memory of the checker.",)
+        )
 
 
 def check_certificate(
@@ -90,7 +92,7 @@ def check_text(text: str, time_limit: float = 60.0, seed: int | None = None) -> 
 
 
 def certified(document: Any, tools: Tools) -> CheckResult:
-    """The statement that a certificate proves, with the cell and exceptions of its claim; else Ended.
+    """The statement that a certificate proves, with the cell and exceptions of its claim, or Ended.
 
     At the end: the document has the shape of FORMAT.md, its claim is the one that its kind proves,
     and the method of the question that is named like the kind has returned.
@@ -104,7 +106,9 @@ def certified(document: Any, tools: Tools) -> CheckResult:
     require(document["claim"] == proven, f"A certificate of kind {kind} has to claim {proven}.")
     about: type[Question] = Question
     if document["system"].get("velocities") is not None:
-        require(among is None, "For a motion on constraints, the claim must be about all Lagrangians.")
+        require(
+            among is None, "For a motion on constraints, the claim must be about all Lagrangians."
+        )
         along = kind == "nonexistence" and document.get("along") is not None
         about = Along if along else Motion
     elif among is not None:

@@ -1,4 +1,7 @@
-"""Claims about a motion on constraints, s' = w(t, q, u) with q = (r, s), r' = u, u' = F(t, q, u): see FORMAT.md."""
+"""Claims about a motion on constraints: s' = w(t, q, u), q = (r, s), r' = u, u' = F(t, q, u).
+
+See KINDS.md.
+"""
 
 from __future__ import annotations
 
@@ -17,9 +20,10 @@ PACE = 4  # brackets with Gamma that count as one order
 
 
 class MotionExpansion(Expansion):
-    """Power series in x = (t?, q, u), and the conditions on L = l + lambda_a mu^a, mu^a = s^a' - w^a.
+    """Power series in x = (t?, q, u), and the conditions on L = l + lambda_a mu^a.
 
-    An unknown is a coefficient of L of mu-degree at most 1; its degree is one less than that of its monomial.
+    Here mu^a = s^a' - w^a. An unknown is a coefficient of L of mu-degree at most 1; its degree is
+    one less than that of its monomial.
     """
 
     offset = 1
@@ -27,11 +31,17 @@ class MotionExpansion(Expansion):
     def __init__(self, arithmetic: Arithmetic, degree: int) -> None:
         super().__init__(arithmetic, degree)
         self.bracket = cache(self.bracketed)
-        self.bends = {(a, v): self.derivative(rate, v) for a, rate in zip(self.mu, self.rates, strict=True)
-                      for v in self.v}  # fmt: skip
+        self.bends = {
+            (a, v): self.derivative(rate, v)
+            for a, rate in zip(self.mu, self.rates, strict=True)
+            for v in self.v
+        }
 
     def bracketed(self, v: int, j: int) -> dict[int, Series]:
-        """(ad Gamma)^j d_v: its components by q, v, and by mu those by ds - w_v dr; to a degree that is j less."""
+        """(ad Gamma)^j d_v: its components by q, v, and by mu those by ds - w_v dr.
+
+        They are known to a degree that is j less.
+        """
         if not j:
             return {x: self.one if x == v else {} for x in (*self.q, *self.v, *self.mu)}
         before, own, degree = self.bracket(v, j - 1), (*self.q, *self.v), self.degree - j
@@ -41,17 +51,27 @@ class MotionExpansion(Expansion):
             pairs += [(before[y], self.derivative(self.field[x], y)) for y in own]
             found[x] = self.add([self.multiply(*pair, degree) for pair in pairs], signs)
         for a, s in zip(self.mu, self.q[len(self.v) :], strict=True):
-            parts = [self.multiply(self.bends[a, v], found[r], degree) for r, v in zip(self.q, self.v, strict=False)]
+            parts = [
+                self.multiply(self.bends[a, v], found[r], degree)
+                for r, v in zip(self.q, self.v, strict=False)
+            ]
             found[a] = self.add([found[s], *parts], [1] + [-1] * len(parts))
         return found
 
     def terms(self, kind: str, *place: int) -> list[Term]:
-        """Of a row of a bivector: sum_i C(j, i) dtheta(V_i, V'_(j - i)), theta = L_v dr + L_mu (ds - w_v dr)."""
+        """Of a row of a bivector: sum_i C(j, i) dtheta(V_i, V'_(j - i)).
+
+        theta = L_v dr + L_mu (ds - w_v dr).
+        """
         if kind[0] != "B":
             return super().terms(kind, *place)
         j, first = map(int, kind[1:].split("_"))
-        pairs = [(self.bracket(self.v[first], i), self.bracket(self.v[place[0]], j - i)) for i in range(j + 1)]
-        terms, signs = list[Term](), [sign * math.comb(j, i) for i in range(j + 1) for sign in (1, -1)]
+        pairs = [
+            (self.bracket(self.v[first], i), self.bracket(self.v[place[0]], j - i))
+            for i in range(j + 1)
+        ]
+        terms = list[Term]()
+        signs = [sign * math.comb(j, i) for i in range(j + 1) for sign in (1, -1)]
         by = dict(zip((*self.q[: len(self.v)], *self.mu), (*self.v, *self.mu), strict=True))
         for (y, of), x in product(by.items(), (*self.q, *self.v)):
             parts = [(one[x], other[y]) for pair in pairs for one, other in (pair, pair[::-1])]
@@ -67,14 +87,27 @@ class MotionExpansion(Expansion):
         return [*self.monomials(degree + 1), *transverse]
 
     def matrix(self, elimination: Elimination) -> list[list[Number]]:
-        """Random combinations of the rows of [d2l/du du - lambda d2w/du du; dlambda/du] of a random solution."""
-        rows = self.hessian(elimination.solution([key for degree in (0, 1) for key in self.unknowns(degree)]))
-        return [[sum([x * row[b] for x, row in zip(weights, rows, strict=True)]) for b in range(len(self.v))]
-                for weights in self.question.mixing]  # fmt: skip
+        """Random combinations of the rows of a matrix of a random solution.
+
+        The matrix is [d2l/du du - lambda d2w/du du; dlambda/du].
+        """
+        rows = self.hessian(
+            elimination.solution([key for degree in (0, 1) for key in self.unknowns(degree)])
+        )
+        return [
+            [
+                sum([x * row[b] for x, row in zip(weights, rows, strict=True)])
+                for b in range(len(self.v))
+            ]
+            for weights in self.question.mixing
+        ]
 
 
 class FlowExpansion(MotionExpansion):
-    """Series in the time along the solution from a point, and to first order in displacements of the points on it."""
+    """Series in the time along the solution from a point.
+
+    They are of first order in displacements of the points on it.
+    """
 
     clocks = 1
 
@@ -88,10 +121,21 @@ class FlowExpansion(MotionExpansion):
         for degree in range(last):
             self.follow(degree, solution)
             for name, rate in zip(start, self.field, strict=True):
-                grown = {key: part * number(Fraction(1, (key >> self.shift) + 1)) for key, part in rate.items()}
-                solution[name] = self.settle(start[name] | {key + self.clock: part for key, part in grown.items()})
+                grown = {
+                    key: part * number(Fraction(1, (key >> self.shift) + 1))
+                    for key, part in rate.items()
+                }
+                solution[name] = self.settle(
+                    start[name] | {key + self.clock: part for key, part in grown.items()}
+                )
         displaced = dict(zip(start, self.units, strict=True))
-        self.follow(last + 1, {name: solution[name] | {unit: number(Fraction(1))} for name, unit in displaced.items()})
+        self.follow(
+            last + 1,
+            {
+                name: solution[name] | {unit: number(Fraction(1))}
+                for name, unit in displaced.items()
+            },
+        )
         self.vertical = self.pulled_back(last)
 
     def follow(self, degree: int, solution: dict[str, Series]) -> None:
@@ -108,14 +152,28 @@ class FlowExpansion(MotionExpansion):
             return super().multiply(left, right, degree)
         still = {key: part for key, part in left.items() if not key & displaced}
         plain = {key: part for key, part in right.items() if not key & displaced}
-        return self.add([super().multiply(still, right, degree), super().multiply(moved, plain, degree)])
+        return self.add(
+            [super().multiply(still, right, degree), super().multiply(moved, plain, degree)]
+        )
 
     def pulled_back(self, last: int) -> dict[int, list[Series]]:
-        """Phi(t)^-1 d_v to t^last, by components: Psi' = -Psi dGamma/dx, Psi(0) = 1, for Psi = Phi^-1."""
+        """Phi(t)^-1 d_v to t^last, by components.
+
+        It solves Psi' = -Psi dGamma/dx, Psi(0) = 1, for Psi = Phi^-1.
+        """
         own = (*self.q, *self.v)
         psi: list[Series] = [{x << 8 | x: self.one[0] for x in own}]
-        slopes = [{z: [(y, part) for y in own if (part := self.field[z].get(self.units[y] + k * self.clock))]
-                   for z in own} for k in range(last)]  # fmt: skip
+        slopes = [
+            {
+                z: [
+                    (y, part)
+                    for y in own
+                    if (part := self.field[z].get(self.units[y] + k * self.clock))
+                ]
+                for z in own
+            }
+            for k in range(last)
+        ]
         for k in range(last):
             total = Series()
             for before, slope in zip(psi, reversed(slopes[: k + 1]), strict=True):
@@ -125,16 +183,24 @@ class FlowExpansion(MotionExpansion):
                         total[key] = total.get(key, 0) - part * rate
             share = self.arithmetic.number(Fraction(1, k + 1))
             psi.append({key: part * share for key, part in self.settle(total).items()})
-        return {v: [{x: part[x << 8 | v] for x in own if x << 8 | v in part} for part in psi] for v in self.v}
+        return {
+            v: [{x: part[x << 8 | v] for x in own if x << 8 | v in part} for part in psi]
+            for v in self.v
+        }
 
     def row(self, kind: str, place: tuple[int, ...], alpha: int) -> Series:
-        """The coefficient of t^alpha of Omega(Phi^-1 d_v, Phi^-1 d_v'), in the components of Omega at the start."""
+        """The coefficient of t^alpha of Omega(Phi^-1 d_v, Phi^-1 d_v').
+
+        Omega has the components that it has at the start.
+        """
         left, right = (self.vertical[self.v[a]] for a in place)
         row = Series()
         for i in range(alpha + 1):
             for (x, a), (y, b) in product(left[i].items(), right[alpha - i].items()):
                 if x != y:
-                    row[self.pair(x, y)] = row.get(self.pair(x, y), 0) + (a * b if x < y else -a * b)
+                    row[self.pair(x, y)] = row.get(self.pair(x, y), 0) + (
+                        a * b if x < y else -a * b
+                    )
         return self.settle(row)
 
     def pair(self, x: int, y: int) -> int:
@@ -142,9 +208,18 @@ class FlowExpansion(MotionExpansion):
 
     def matrix(self, elimination: Elimination) -> list[list[Number]]:
         """Random combinations of the rows of [Omega(d_q, d_v)] of a random solution."""
-        form = elimination.solution([self.pair(x, y) for x, y in combinations((*self.q, *self.v), 2)])
-        return [[sum([a * form.get(self.pair(q, v), 0) for a, q in zip(weights, self.q, strict=True)]) for v in self.v]
-                for weights in self.question.mixing]  # fmt: skip
+        form = elimination.solution(
+            [self.pair(x, y) for x, y in combinations((*self.q, *self.v), 2)]
+        )
+        return [
+            [
+                sum(
+                    [a * form.get(self.pair(q, v), 0) for a, q in zip(weights, self.q, strict=True)]
+                )
+                for v in self.v
+            ]
+            for weights in self.question.mixing
+        ]
 
 
 class Motion(Question):
@@ -156,7 +231,9 @@ class Motion(Question):
         self.last = claim.get("bivectors") or 1  # the last j
         check_shape(self.last, range(1, MAX_ORDER * PACE), "certificate.bivectors")
         super().__init__(tools, document, timed, claim)
-        self.mixing = [[self.generator.getrandbits(60) for _ in self.coordinates] for _ in self.free]
+        self.mixing = [
+            [self.generator.getrandbits(60) for _ in self.coordinates] for _ in self.free
+        ]
 
     def listed_rows(self) -> KindsOfRows:
         found = KindsOfRows()
@@ -173,7 +250,10 @@ class Motion(Question):
 
 
 class Along(Motion):
-    """The claim that brackets along one solution leave 2-forms with vertical vectors in their kernels only."""
+    """The claim that brackets along one solution leave 2-forms of one type only.
+
+    These have vertical vectors in their kernels.
+    """
 
     def listed(self, document: dict[str, Any]) -> tuple[list[Row], int]:
         last, pairs = document["along"], [*combinations(range(len(self.free)), 2)]

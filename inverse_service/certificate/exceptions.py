@@ -1,13 +1,15 @@
 """The special values of the parameters that a proof leaves out.
 
-A certificate is checked at random points and random parameters, so its claim holds for generic values. A value c is
-left out where something that the proof divides by (a pivot, the determinant of the multiplier, a divisor of L) vanishes
-at every point (t, q, q'), that is, where the *content* of this function, the largest factor with parameters only, is 0.
+A certificate is checked at random points and random parameters, so its claim holds for generic
+values. A value c is left out where something that the proof divides by (a pivot, the determinant of
+the multiplier, a divisor of L) vanishes at every point (t, q, q'), that is, where the *content* of
+this function, the largest factor with parameters only, is 0.
 
-The content is found on lines c = a + s b through one random a: each divisor is a rational function of s, which a
-few values determine, and two points (t, q, q') have only the content in common. The contents on several lines are put
-together to a polynomial in the parameters, which is factored. A factor is dropped where f is not defined, and where the
-claim holds by other pivots. Sets given by two equations and more are found only where they say that parameters are 0.
+The content is found on lines c = a + s b through one random a: each divisor is a rational function
+of s, which a few values determine, and two points (t, q, q') have only the content in common. The
+contents on several lines are put together to a polynomial in the parameters, which is factored. A
+factor is dropped where f is not defined, and where the claim holds by other pivots. Sets given by
+two equations and more are found only where they say that parameters are 0.
 """
 
 from __future__ import annotations
@@ -41,10 +43,11 @@ LEAST_TIME = 3.0  # s
 
 @dataclass(frozen=True, slots=True)
 class Generic:
-    """The work whose outcome at random points is the proof: its divisors decide where the proof holds.
+    """The work whose outcome at random points is the proof.
 
-    `degree` is that of the series; `holds` says of an outcome whether the claim follows from it. `telescopes`: each
-    divisor is a minor of one matrix over the one before, so that only their product counts.
+    Its divisors decide where the proof holds. `degree` is that of the series; `holds` says of an
+    outcome whether the claim follows from it. `telescopes`: each divisor is a minor of one matrix
+    over the one before, so that only their product counts.
     """
 
     work: Callable[[Expansion], Any]
@@ -54,11 +57,16 @@ class Generic:
 
 
 class Special(Residues):
-    """Numbers at given values of the parameters; `divisors` are those of the work, `None` before it begins."""
+    """Numbers at given values of the parameters.
+
+    `divisors` are those of the work, `None` before it begins.
+    """
 
     divisors: list[int] | None = None
 
-    def __init__(self, question: Question, prime: int, seed: int, values: dict[str, int], last: bool = False) -> None:
+    def __init__(
+        self, question: Question, prime: int, seed: int, values: dict[str, int], last: bool = False
+    ) -> None:
         super().__init__(question, prime, seed, question.plan.choices[0])
         self.pivot = max if last else min
         self.values |= values
@@ -81,15 +89,17 @@ class Special(Residues):
 
 
 def exceptions_of(question: Question, generic: Generic | None, spent: float) -> tuple[str, ...]:
-    """Equations between parameters, such as "c1 = c2" and "k = 0"; it takes about as long as the check `spent`.
+    """Equations between parameters, such as "c1 = c2" and "k = 0".
 
-    "single values of k" means those that could not be found.
+    It takes about as long as the check, `spent`. "single values of k" means those that could not be
+    found.
     """
     names = question.own_parameters
     if generic is None or not names:
         return ()
     unknown = f"single values of {', '.join(names)}"
-    deadline, question.deadline = question.deadline, min(question.deadline, time.thread_time() + spent + LEAST_TIME)
+    deadline = question.deadline
+    question.deadline = min(question.deadline, time.thread_time() + spent + LEAST_TIME)
     found = list[str]()
     try:
         if len(names) > MAX_PARAMETERS:
@@ -137,7 +147,9 @@ class Finding:
         for size in range(2, min(len(others), MAX_ZEROS) + 1) if self.question.rational else ():
             for chosen in combinations(others, size):
                 zeros = [0 if k in chosen else 1 + k * k for k in range(len(self.names))]
-                seen = any(one <= {*chosen} for one in known) or any(not one(*zeros) for one in found)
+                seen = any(one <= {*chosen} for one in known) or any(
+                    not one(*zeros) for one in found
+                )
                 if not seen and self.fails(dict.fromkeys(chosen, 0)):
                     known.append({*chosen})
                     yield " = ".join([*(self.names[k] for k in chosen), "0"])
@@ -154,7 +166,8 @@ class Finding:
         rest = self.without(found, direction, first)
         yield from found
         if rest.degree() > 0:
-            yield from (one for one, _ in self.put_together(found, direction, rest).factor()[1])
+            _, factors = self.put_together(found, direction, rest).factor()
+            yield from (one for one, _ in factors)
 
     def direction(self) -> list[int]:
         return [self.question.generator.randrange(1, self.prime) for _ in self.names]
@@ -186,20 +199,29 @@ class Finding:
         return content
 
     def content(self, direction: Sequence[int]) -> Any:
-        """The common factor of the divisors at two points (t, q, q') on a line, without multiple factors."""
+        """The common factor of the divisors at two points (t, q, q') on a line, each once."""
         count, places = self.enough, list[int]()
         tables = [list[list[int]]() for _ in range(2)]
         while count <= MAX_POINTS:
             self.largest = 0
-            more = [self.question.generator.randrange(1, self.prime) for _ in range(count - len(places))]
+            more = [
+                self.question.generator.randrange(1, self.prime) for _ in range(count - len(places))
+            ]
             places += more
             for last, (table, seed) in enumerate(zip(tables, self.seeds, strict=True)):
-                # Any regular minor shows the rank: other pivots remove the factors due to the choice of the first ones.
-                table += [self.divisors(seed, direction, s, bool(last) and self.generic.telescopes) for s in more]
+                # Any regular minor shows the rank: other pivots remove the factors due to the
+                # choice of the first ones.
+                table += [
+                    self.divisors(seed, direction, s, bool(last) and self.generic.telescopes)
+                    for s in more
+                ]
             lengths = {len(values) for table in tables for values in table}
             if len(lengths) != 1:
                 raise Undefined
-            found = [[self.numerator(places, values) for values in zip(*table, strict=True)] for table in tables]
+            found = [
+                [self.numerator(places, values) for values in zip(*table, strict=True)]
+                for table in tables
+            ]
             if all(one is not None for numerators in found for one in numerators):
                 self.enough = max(self.enough, min(count, self.largest + SPARE))
                 whole = nmod_poly([1], self.prime)
@@ -249,7 +271,9 @@ class Finding:
         self.largest = max(self.largest, size)
         return above // above.gcd(below) if size <= count - SPARE else None
 
-    def put_together(self, found: Sequence[Polynomial], direction: Sequence[int], rest: Any) -> Polynomial:
+    def put_together(
+        self, found: Sequence[Polynomial], direction: Sequence[int], rest: Any
+    ) -> Polynomial:
         """The polynomial whose values on lines through the base these are."""
         degree, m, prime = rest.degree(), len(self.names), self.prime
         shapes = [list(combinations_with_replacement(range(m), k)) for k in range(degree + 1)]
@@ -263,17 +287,25 @@ class Finding:
             raise Undefined
         parts = list[dict[tuple[int, ...], int]]()  # forms in c - a, the first one 1
         for k, shape in enumerate(shapes):
-            rows = [[math.prod(b[j] for j in one) % prime for one in shape] for b, _ in lines[: len(shape)]]
-            right = [[int(one[k]) * pow(int(one[0]), -1, prime) % prime] for _, one in lines[: len(shape)]]
+            rows = [
+                [math.prod(b[j] for j in one) % prime for one in shape]
+                for b, _ in lines[: len(shape)]
+            ]
+            right = [
+                [int(one[k]) * pow(int(one[0]), -1, prime) % prime]
+                for _, one in lines[: len(shape)]
+            ]
             solved = nmod_mat(rows, prime).solve(nmod_mat(right, prime))
             parts.append({one: int(solved[j, 0]) for j, one in enumerate(shape)})
         table = self.expanded(parts)
         lead = pow(next(value for value in table.values() if value), -1, prime)
         named = {key: self.fraction(value * lead % prime) for key, value in table.items() if value}
-        return self.context.from_dict({key: fmpq(a.numerator, a.denominator) for key, a in named.items()})
+        return self.context.from_dict(
+            {key: fmpq(a.numerator, a.denominator) for key, a in named.items()}
+        )
 
     def expanded(self, parts: Sequence[dict[tuple[int, ...], int]]) -> dict[tuple[int, ...], int]:
-        """The coefficients in powers of c of a polynomial given in powers of c - a, modulo the prime."""
+        """The coefficients in powers of c, modulo the prime, of a polynomial in powers of c - a."""
         total, m = dict[tuple[int, ...], int](), len(self.names)
         for form in parts:
             for shape, value in form.items():
@@ -294,7 +326,8 @@ class Finding:
         older, newer, before, after = self.prime, value, 0, 1
         while newer * newer > self.prime >> 20:
             quotient = older // newer
-            older, newer, before, after = newer, older - quotient * newer, after, before - quotient * after
+            older, newer = newer, older - quotient * newer
+            before, after = after, before - quotient * after
         if abs(after) > 1 << 24:
             raise Undefined
         return Fraction(newer, after)
@@ -302,7 +335,10 @@ class Finding:
     # What is left out.
 
     def is_left_out(self, factor: Polynomial) -> bool:
-        """Whether f is defined where the factor is 0, which is so at real values, and the claim is not seen there."""
+        """Whether f is defined where the factor is 0 and the claim is not seen there.
+
+        The factor is 0 at real values.
+        """
         if not has_real_zeros(factor):
             return False
         degrees = [int(e) for e in factor.degrees()]
@@ -312,16 +348,15 @@ class Finding:
             for _ in range(8):
                 self.base = self.direction()
                 self.base[place] = 0
-                roots = self.on_line(factor, direction).roots()
-                if roots:
+                for root, _ in self.on_line(factor, direction).roots():
                     values = {k: a for k, a in enumerate(self.base) if k != place}
-                    return self.fails(values | {place: int(roots[0][0])})
+                    return self.fails(values | {place: int(root)})
         finally:
             self.base = base
         return True
 
     def fails(self, fixed: dict[int, int]) -> bool:
-        """Whether the claim is not seen to hold for these values of parameters, where f is defined."""
+        """Whether f is defined and the claim not seen to hold for these values of parameters."""
         values = {self.names[k]: value for k, value in fixed.items()}
         try:
             self.question.expansion(Special(self.question, self.prime, self.seeds[0], values), 0)
@@ -350,7 +385,11 @@ class Finding:
     def written(self, terms: Sequence[tuple[tuple[int, ...], int]]) -> str:
         words = []
         for key, c in terms:
-            powers = [f"{name}^{e}" if e > 1 else name for name, e in zip(self.names, key, strict=True) if e]
+            powers = [
+                f"{name}^{e}" if e > 1 else name
+                for name, e in zip(self.names, key, strict=True)
+                if e
+            ]
             words.append("*".join([str(c), *powers] if c != 1 or not powers else powers))
         return " + ".join(words) or "0"
 

@@ -1,4 +1,4 @@
-"""The grammar of certificates: shapes of documents, tokens, and a reader that computes in any ring."""
+"""The grammar of certificates: shapes of documents, tokens, a reader that computes in any ring."""
 
 from __future__ import annotations
 
@@ -6,38 +6,73 @@ import re
 from collections.abc import Iterable, Mapping
 from fractions import Fraction
 from itertools import accumulate, pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 FORMAT, RESULT_FORMAT = "inverse-service/certificate/2", "inverse-service/result/1"
 OLD_FORMAT, OLD = "inverse-service/certificate/1", "Format 1 proves too little; solve again."
 MAX_TEXT, MAX_DEPTH, MAX_MEMBERS, MAX_LISTED = 60_000, 200, 1000, 100
 MAX_COORDINATES, MAX_NAMES, MAX_ORDER, MAX_ROWS = 64, 200, 20, 200_000
 MAX_POWER = 4096  # of an integral power, beyond which it is an atom
-DEFINED = {"sqrt": "u^(1/2)", "abs": "sqrt(u^2)", "sign": "u/sqrt(u^2)",
-           "Heaviside": "(1 + u/sqrt(u^2))/2", "tan": "sin(u)/cos(u)", "cot": "cos(u)/sin(u)",
-           "sec": "1/cos(u)", "csc": "1/sin(u)", "sinh": "(exp(u) - exp(-u))/2", "cosh": "(exp(u) + exp(-u))/2",
-           "tanh": "sinh(u)/cosh(u)", "coth": "cosh(u)/sinh(u)", "sech": "1/cosh(u)", "csch": "1/sinh(u)",
-           "asin": "atan(u/sqrt(1 - u^2))", "acos": "pi/2 - asin(u)", "asinh": "log(u + sqrt(u^2 + 1))",
-           "acosh": "log(u + sqrt(u^2 - 1))", "atanh": "log((1 + u)/(1 - u))/2"}  # fmt: skip
+DEFINED = {
+    "sqrt": "u^(1/2)",
+    "abs": "sqrt(u^2)",
+    "sign": "u/sqrt(u^2)",
+    "Heaviside": "(1 + u/sqrt(u^2))/2",
+    "tan": "sin(u)/cos(u)",
+    "cot": "cos(u)/sin(u)",
+    "sec": "1/cos(u)",
+    "csc": "1/sin(u)",
+    "sinh": "(exp(u) - exp(-u))/2",
+    "cosh": "(exp(u) + exp(-u))/2",
+    "tanh": "sinh(u)/cosh(u)",
+    "coth": "cosh(u)/sinh(u)",
+    "sech": "1/cosh(u)",
+    "csch": "1/sinh(u)",
+    "asin": "atan(u/sqrt(1 - u^2))",
+    "acos": "pi/2 - asin(u)",
+    "asinh": "log(u + sqrt(u^2 + 1))",
+    "acosh": "log(u + sqrt(u^2 - 1))",
+    "atanh": "log((1 + u)/(1 - u))/2",
+}
 DERIVATIVE = re.compile(r"\bdiff\s*\(\s*(\w+)\s*\(([^()]*)\)\s*,([^()]*)\)", re.ASCII)
-IRRATIONAL = {"^", "exp", "log", "sin", "cos", "atan", *DEFINED}  # an integral power is a token of another form
+# An integral power is a token of another form.
+IRRATIONAL = {"^", "exp", "log", "sin", "cos", "atan", *DEFINED}
 RESERVED = {"t", "pi", "diff", *IRRATIONAL}
 BINDING = {"+": 1, "-": 1, "*": 2, "/": 2, "^": 4}
 FREE = ("", "+", "-", "*", "(")  # before an operand that may have any value
-EXPONENT = r"\^[ \t\r\n]*(?:-?[0-9]{1,400}|\(-?[0-9]{1,400}\))(?![0-9.]|[ \t\r\n]*\^)"  # an integer: ^2, ^(-2)
-OPERAND = r"(?![0-9.]{401})[0-9]+(?:\.[0-9]+)?|[A-Za-z][A-Za-z0-9_]*(?:\[[0-9]{1,2}(?:,[0-9]{1,2})*\]|'*)"  # 2.5, x'
+# An integer: ^2, ^(-2).
+EXPONENT = r"\^[ \t\r\n]*(?:-?[0-9]{1,400}|\(-?[0-9]{1,400}\))(?![0-9.]|[ \t\r\n]*\^)"
+# 2.5, x', B[1,0].
+OPERAND = (
+    r"(?![0-9.]{401})[0-9]+(?:\.[0-9]+)?|[A-Za-z][A-Za-z0-9_]*(?:\[[0-9]{1,2}(?:,[0-9]{1,2})*\]|'*)"
+)
 TOKEN = re.compile(rf"[ \t\r\n]*({OPERAND}|{EXPONENT}|[-+*/^(),]|\Z|(.))", re.DOTALL)
 NAME, TEXT = r"[A-Za-z][A-Za-z0-9_]{0,99}", rf"(?s:.{{0,{MAX_TEXT}}})"
 NUMBER = r"-?[0-9]{1,400}((\.[0-9]{1,400})?(e[-+]?[0-9]{1,2})?|/0{0,9}[1-9][0-9]{0,399})"
-SYSTEM = {"coordinates": [NAME, MAX_COORDINATES], "parameters?": [NAME, MAX_NAMES], "functions?": {}, "equations": {},
-          "velocities?": {}}  # fmt: skip
+SYSTEM = {
+    "coordinates": [NAME, MAX_COORDINATES],
+    "parameters?": [NAME, MAX_NAMES],
+    "functions?": {},
+    "equations": {},
+    "velocities?": {},
+}
 VERDICTS = "variational|not_variational|undetermined"
-CERTIFICATE = {"format": FORMAT, "system": {}, "question": "autonomous|time_dependent", "claim": VERDICTS,
-               "near?": {}, "conditions?": [TEXT, MAX_LISTED], "kind": "lagrangian|existence|nonexistence"}  # fmt: skip
+CERTIFICATE = {
+    "format": FORMAT,
+    "system": {},
+    "question": "autonomous|time_dependent",
+    "claim": VERDICTS,
+    "near?": {},
+    "conditions?": [TEXT, MAX_LISTED],
+    "kind": "lagrangian|existence|nonexistence",
+}
 
 
 class Ended(Exception):
-    """The check ends, with a verdict and a sentence: "invalid" or, where nothing can be said, "incomplete"."""
+    """The check ends, with a verdict and a sentence.
+
+    The verdict is "invalid" or, where nothing can be said, "incomplete".
+    """
 
     def __init__(self, verdict: Any, *reasons: str) -> None:
         super().__init__(verdict, *reasons)
@@ -50,24 +85,49 @@ def require(condition: object, sentence: str) -> None:
 
 
 def check_shape(value: Any, shape: Any, where: str) -> None:
-    """Refuse all but a text of a pattern (for NUMBER also an integer), a number in a range, or nested such parts."""
+    """Refuse all but a text of a pattern, a number in a range, or nested such parts.
+
+    For NUMBER an integer passes too.
+    """
     parts: list[tuple[Any, Any, str]] = []
-    value = str(value) if shape is NUMBER and type(value) is int and value.bit_length() < 1330 else value
+    value = (
+        str(value)
+        if shape is NUMBER and type(value) is int and value.bit_length() < 1330
+        else value
+    )
     match shape:
         case str():
-            good, what = isinstance(value, str) and bool(re.fullmatch(shape, value)), f"a text of the form {shape}"
+            good = isinstance(value, str) and bool(re.fullmatch(shape, value))
+            what = f"a text of the form {shape}"
         case range():
-            good, what = type(value) is int and value in shape, f"an integer from {shape[0]} to {shape[-1]}"
+            good = type(value) is int and value in shape
+            what = f"an integer from {shape[0]} to {shape[-1]}"
         case [*_]:  # [shape of each, most], or a tuple of the shapes
-            fixed, most = isinstance(shape, tuple), len(shape) if isinstance(shape, tuple) else shape[1]
-            good = isinstance(value, list | tuple) and (len(value) == most if fixed else len(value) <= most)
-            what, shapes = f"a list of {'' if fixed else 'at most '}{most} items", shape if fixed else [shape[0]] * most
-            parts = [(*pair, f"an item of {where}") for pair in zip(value, shapes, strict=False)] if good else []
+            fixed = isinstance(shape, tuple)
+            most = len(shape) if isinstance(shape, tuple) else shape[1]
+            good = isinstance(value, list | tuple) and (
+                len(value) == most if fixed else len(value) <= most
+            )
+            what = f"a list of {'' if fixed else 'at most '}{most} items"
+            shapes = shape if fixed else [shape[0]] * most
+            parts = (
+                [(*pair, f"an item of {where}") for pair in zip(value, shapes, strict=False)]
+                if good
+                else []
+            )
         case _:  # {key: shape}; a key that ends in ? may be left out, or null
-            good = isinstance(value, dict) and len(value) <= MAX_MEMBERS and all(isinstance(key, str) for key in value)
-            what, keys = "a moderate object", [(key, key.rstrip("?")) for key in shape] if good else []
-            parts = [(value.get(key), shape[name], f"{where}.{ascii(key[:40])[1:-1]}")
-                     for name, key in keys if key == name or value.get(key) is not None]  # fmt: skip
+            good = (
+                isinstance(value, dict)
+                and len(value) <= MAX_MEMBERS
+                and all(isinstance(key, str) for key in value)
+            )
+            what = "a moderate object"
+            keys = [(key, key.rstrip("?")) for key in shape] if good else []
+            parts = [
+                (value.get(key), shape[name], f"{where}.{ascii(key[:40])[1:-1]}")
+                for name, key in keys
+                if key == name or value.get(key) is not None
+            ]
     require(good, f"{where} has to be {what}.")
     for part in parts:
         check_shape(*part)
@@ -79,7 +139,10 @@ def read_tokens(text: Any, where: str) -> tuple[str, ...]:
     def rewritten(found: re.Match[str]) -> str:
         names, by = ([name.strip() for name in part.split(",")] for part in (found[2], found[3]))
         good = all(re.fullmatch(rf"{NAME}'?", name) for name in names) and {*by} <= {*names}
-        require(good and len({*names}) == len(names), f"{where}: diff takes a function and some of its distinct names.")
+        require(
+            good and len({*names}) == len(names),
+            f"{where}: diff takes a function and some of its distinct names.",
+        )
         return f"{found[1]}[{','.join(str(by.count(name)) for name in names)}]({found[2]})"
 
     check_shape(text, TEXT, where)
@@ -90,7 +153,10 @@ def read_tokens(text: Any, where: str) -> tuple[str, ...]:
 
 
 def bounded(tokens: tuple[str, ...], letters: set[str]) -> bool:
-    """Whether one of the names occurs in an argument, a power or a divisor, so that its values may be restricted."""
+    """Whether one of the names occurs in an argument, a power or a divisor.
+
+    Then its values may be restricted.
+    """
     holding, unsafe, before = [False], [False], ""
     for token, after in pairwise((*tokens, "")):
         if token == "(":
@@ -105,15 +171,16 @@ def bounded(tokens: tuple[str, ...], letters: set[str]) -> bool:
             if unsafe[-1] or before not in FREE or after[:1] == "^":
                 return True
             holding[-1] = True
-        before = before if token in ("+", "-") and before in ("/", "^") else token  # a divisor may have a sign
+        # A divisor may have a sign.
+        before = before if token in ("+", "-") and before in ("/", "^") else token
     return False
 
 
 class Nodes:
     """The distinct parts of all formulas that were read, each after its own parts.
 
-    A node is (operator, parts): a number, a name, "+" with pairs of a part and its weight, "*", "/", "^" of two parts,
-    ("power", part, integer) or (function, parts).
+    A node is (operator, parts): a number, a name, "+" with pairs of a part and its weight, "*",
+    "/", "^" of two parts, ("power", part, integer) or (function, parts).
     """
 
     def __init__(self) -> None:
@@ -139,7 +206,10 @@ class Nodes:
         raise AssertionError
 
     def order(self, formula: tuple[str, ...]) -> list[int]:
-        """The nodes of a formula in an order in which they can be computed; the last one is the formula itself."""
+        """The nodes of a formula in an order in which they can be computed.
+
+        The last one is the formula itself.
+        """
         if formula not in self.formulas:
             needed, waiting = set[int](), [_Parser(self, formula).root]
             while waiting:
@@ -152,13 +222,22 @@ class Nodes:
 
 
 class Reader:
-    """The value of a formula in a ring: every distinct part is computed once for all formulas that the ring reads.
+    """The value of a formula in a ring.
 
-    Names in `bound` have these values; what holds names that are bound is computed for this call alone.
+    Every distinct part is computed once for all formulas that the ring reads. Names in `bound` have
+    these values; what holds names that are bound is computed for this call alone.
     """
 
     def __init__(self, ring: Any, formula: tuple[str, ...], **bound: Any) -> None:
         self.value = read_formulas(ring, [formula], **bound)[0]
+
+
+class Memory(NamedTuple):
+    """The values of nodes in a ring, for these values of the names and to this degree."""
+
+    names: Mapping[str, Any]
+    degree: int
+    values: dict[int, Any]
 
 
 def read_formulas(ring: Any, formulas: Iterable[tuple[str, ...]], **bound: Any) -> list[Any]:
@@ -166,11 +245,11 @@ def read_formulas(ring: Any, formulas: Iterable[tuple[str, ...]], **bound: Any) 
     nodes: Nodes = ring.question.nodes
     if bound:
         names, known = ring.names | bound, dict[int, Any]()
-    else:  # the results hold for these values of the names, and to this degree
+    else:
         memory = getattr(ring, "memory", None)
-        if memory is None or memory[0] is not ring.names or memory[1] != ring.degree:
-            memory = ring.memory = (ring.names, ring.degree, dict[int, Any]())
-        names, known = ring.names, memory[2]
+        if memory is None or memory.names is not ring.names or memory.degree != ring.degree:
+            memory = ring.memory = Memory(ring.names, ring.degree, {})
+        names, known = ring.names, memory.values
     found = list[Any]()
     for formula in formulas:
         order = nodes.order(formula)
@@ -181,7 +260,9 @@ def read_formulas(ring: Any, formulas: Iterable[tuple[str, ...]], **bound: Any) 
     return found
 
 
-def _computed(ring: Any, node: tuple[Any, ...], names: Mapping[str, Any], known: Mapping[int, Any]) -> Any:
+def _computed(
+    ring: Any, node: tuple[Any, ...], names: Mapping[str, Any], known: Mapping[int, Any]
+) -> Any:
     match node:
         case "number", value:
             return ring.constant(value)
@@ -209,7 +290,10 @@ def _called(ring: Any, token: str, values: list[Any]) -> Any:
     if name in ring.question.integrals:
         return ring.integral(name, orders, values)
     good = len(values) == len(orders) == len(ring.question.functions.get(name, ()))
-    require(good and sum(orders) <= MAX_ORDER, f"{token[:40]} is not a function of {len(values)} arguments.")
+    require(
+        good and sum(orders) <= MAX_ORDER,
+        f"{token[:40]} is not a function of {len(values)} arguments.",
+    )
     return ring.function(name, tuple(orders), values)
 
 
@@ -222,7 +306,10 @@ class _Parser:
         self.expect(not self.tokens[self.position], "an operator is expected")
 
     def expect(self, condition: object, what: str) -> None:
-        require(condition, f"Formula {''.join(self.tokens[:9])[:40]}…: {what}, at token {self.position + 1}.")
+        require(
+            condition,
+            f"Formula {''.join(self.tokens[:9])[:40]}…: {what}, at token {self.position + 1}.",
+        )
 
     def take(self, operator: str) -> bool:
         """Whether the next token is this one; then it is passed."""
@@ -231,7 +318,10 @@ class _Parser:
         return found
 
     def expression(self, floor: int, depth: int) -> int:
-        """The operand before an operator that binds no tighter than `floor`; -x^2 is -(x^2), x^y^z is x^(y^z)."""
+        """The operand before an operator that binds no tighter than `floor`.
+
+        -x^2 is -(x^2), x^y^z is x^(y^z).
+        """
         self.expect(depth <= MAX_DEPTH, f"at most {MAX_DEPTH} brackets and exponents may be nested")
         minuses = 0
         while self.take("-"):
@@ -254,7 +344,8 @@ class _Parser:
         return self.added(terms)
 
     def added(self, terms: list[tuple[int, int]]) -> int:
-        return terms[0][0] if terms[0][1] == 1 == len(terms) else self.nodes.node("+", tuple(terms))
+        (first, weight), *more = terms
+        return first if weight == 1 and not more else self.nodes.node("+", tuple(terms))
 
     def atom(self, depth: int) -> int:
         token = self.tokens[self.position]
@@ -277,7 +368,9 @@ def joined(ring: Any, operator: str, left: Any, right: Any) -> Any:
     if operator in "+-":
         return ring.add([left, right], [1, 1 if operator == "+" else -1])
     if operator == "^":
-        return ring.elementary("exp", ring.multiply(right, ring.elementary("log", left), ring.degree))
+        return ring.elementary(
+            "exp", ring.multiply(right, ring.elementary("log", left), ring.degree)
+        )
     return ring.multiply(left, ring.power(right, -1) if operator == "/" else right, ring.degree)
 
 
@@ -293,11 +386,19 @@ def is_root(formula: tuple[str, ...]) -> bool:
     depths = [*accumulate((token == "(") - (token == ")") for token in formula)]
     closed = [k for k, depth in enumerate(depths) if formula[k] == ")" and not depth]
     between = ("^", "(") if formula[0] == "(" else ()
-    good = formula[0] in ("(", "sqrt") and len(closed) == 1 + bool(between) and closed[-1] == len(formula) - 2
+    good = (
+        formula[0] in ("(", "sqrt")
+        and len(closed) == 1 + bool(between)
+        and closed[-1] == len(formula) - 2
+    )
     return good and (not between or formula[closed[0] + 1 : closed[0] + 3] == between)
 
 
 def is_irrational(formula: tuple[str, ...]) -> bool:
     """Whether there is more in it than rational operations and moderate integral powers."""
-    exponents = (int(token[1:].strip("( \t\r\n)")) for token in formula if token[:1] == "^" and token[1:])
-    return not IRRATIONAL.isdisjoint(formula) or any(abs(exponent) > MAX_POWER for exponent in exponents)
+    exponents = (
+        int(token[1:].strip("( \t\r\n)")) for token in formula if token[:1] == "^" and token[1:]
+    )
+    return not IRRATIONAL.isdisjoint(formula) or any(
+        abs(exponent) > MAX_POWER for exponent in exponents
+    )

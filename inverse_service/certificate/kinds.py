@@ -1,6 +1,7 @@
 """Claims about Lagrangians of one kind: see FORMAT.md.
 
-By the derivations Y that multiply these by a number, or with a Hessian that is definite at a real point.
+By the derivations Y that multiply these by a number, or with a Hessian that is definite at a real
+point.
 """
 
 from __future__ import annotations
@@ -11,7 +12,17 @@ from functools import cached_property
 from itertools import combinations, combinations_with_replacement, product
 from typing import Any
 
-from .formulas import MAX_NAMES, NUMBER, TEXT, Ended, Reader, check_shape, is_irrational, read_tokens, require
+from .formulas import (
+    MAX_NAMES,
+    NUMBER,
+    TEXT,
+    Ended,
+    Reader,
+    check_shape,
+    is_irrational,
+    read_tokens,
+    require,
+)
 from .numbers import Arithmetic, Series, Unsettled
 from .question import KindsOfRows, Question, RowKind, Tools, Zero
 from .series import Elimination, Expansion, Term
@@ -19,7 +30,8 @@ from .series import Elimination, Expansion, Term
 KINDS = "natural|riemannian|finsler|positive_definite|rayleigh|rayleigh_general"
 NATURAL, HOMOGENEOUS = ("natural", "riemannian", "rayleigh"), ("riemannian", "finsler")
 Rationals = list[list[Fraction]]
-Derivation = tuple[dict[int, Series], int, bool]  # its components, c of Y(L) = c L, and whether that holds exactly
+# Its components, c of Y(L) = c L, and whether that holds exactly.
+Derivation = tuple[dict[int, Series], int, bool]
 
 
 class KindExpansion(Expansion):
@@ -31,7 +43,8 @@ class KindExpansion(Expansion):
         self.speeds = dict(zip(self.v, self.field[-2 * len(self.v) : -len(self.v)], strict=True))
         if self.question.without_drag:
             odd = {v: self.constant(Fraction(2 * k + 1)) for k, v in enumerate(self.v)}
-            self.cubic, scaled = self.forces, [self.along(self.speeds, force) for force in self.forces]
+            self.cubic = self.forces
+            scaled = [self.along(self.speeds, force) for force in self.forces]
             for _ in range(3):
                 self.cubic = [self.along(odd, force) for force in self.cubic]
             self.forces = [self.add([force, once, self.along(self.speeds, once)], [1, -2, 1])
@@ -41,23 +54,50 @@ class KindExpansion(Expansion):
 
     @cached_property
     def derivations(self) -> list[Derivation]:
-        found: list[Derivation] = [({v: self.one}, 0, False) for v in self.v if self.question.kind in NATURAL]
+        found: list[Derivation] = [
+            ({v: self.one}, 0, False) for v in self.v if self.question.kind in NATURAL
+        ]
         found += [(self.speeds, 2, True)] * (self.question.kind in HOMOGENEOUS)
         for move in self.question.moves:
-            parts = {a: Reader(self, move[name]).value
-                     for a, name in zip(self.q, self.question.coordinates, strict=True) if name in move}  # fmt: skip
+            parts = {
+                a: Reader(self, move[name]).value
+                for a, name in zip(self.q, self.question.coordinates, strict=True)
+                if name in move
+            }
             along = dict(zip(self.q, self.speeds.values(), strict=True))
-            found.append((parts | {a + len(self.v): self.along(along, part) for a, part in parts.items()}, 0, True))
+            found.append(
+                (
+                    parts | {a + len(self.v): self.along(along, part) for a, part in parts.items()},
+                    0,
+                    True,
+                )
+            )
         return found
 
     def terms(self, kind: str, *place: int) -> list[Term]:
         if kind[0] not in "KS":
-            return [*self.curl(kind[0], int(kind[1:]), *place)] if kind[0] in "CD" else super().terms(kind, *place)
+            return (
+                [*self.curl(kind[0], int(kind[1:]), *place)]
+                if kind[0] in "CD"
+                else super().terms(kind, *place)
+            )
         (parts, weight, _), by = self.derivations[int(kind[1:])], tuple(self.v[a] for a in place)
         if kind[0] == "S":  # g_ik s^k with s = Y(f) - Gamma(Y_v) - c f/2
-            shifts = self.cubic if self.question.without_drag else [
-                self.add([self.along(parts, f), self.along(dict(enumerate(self.field)), parts.get(v, {})), f],
-                         [1, -1, -(weight // 2)]) for v, f in zip(self.v, self.forces, strict=True)]  # fmt: skip
+            shifts = (
+                self.cubic
+                if self.question.without_drag
+                else [
+                    self.add(
+                        [
+                            self.along(parts, f),
+                            self.along(dict(enumerate(self.field)), parts.get(v, {})),
+                            f,
+                        ],
+                        [1, -1, -(weight // 2)],
+                    )
+                    for v, f in zip(self.v, self.forces, strict=True)
+                ]
+            )
             return [Term(1, shift, (by[0], v)) for v, shift in zip(self.v, shifts, strict=True)]
         terms = self.multiplied(parts, weight, by)
         for v, (b, c) in product(self.v, (by, by[::-1])):
@@ -65,7 +105,10 @@ class KindExpansion(Expansion):
         return terms
 
     def curl(self, kind: str, k: int, i: int, j: int) -> Iterator[Term]:
-        """d_w (g_il df^l/dv^j - g_jl df^l/dv^i): w = v^k, with 2 (d_(q^j) g_ik - d_(q^i) g_jk); or w = q^k, cyclic."""
+        """d_w (g_il df^l/dv^j - g_jl df^l/dv^i): w = v^k, with 2 (d_(q^j) g_ik - d_(q^i) g_jk).
+
+        Or w = q^k, cyclic.
+        """
         cycle = [(i, j, k), (j, k, i), (k, i, j)][: 1 if kind == "C" else 3]
         for (a, b, c), sign in product(cycle, (1, -1)):
             (i, j), w = (a, b)[::sign], (self.v if kind == "C" else self.q)[c]
@@ -75,7 +118,9 @@ class KindExpansion(Expansion):
             if kind == "C":
                 yield Term(2 * sign, self.one, (self.v[i], self.v[c], self.q[j]))
 
-    def multiplied(self, parts: dict[int, Series], weight: int, by: tuple[int, ...] = ()) -> list[Term]:
+    def multiplied(
+        self, parts: dict[int, Series], weight: int, by: tuple[int, ...] = ()
+    ) -> list[Term]:
         """Y(L) - c L, of the derivative of L by some variables."""
         terms = [Term(1, part, (*by, a)) for a, part in parts.items()]
         return [*terms, Term(-weight, self.one, by)]
@@ -87,29 +132,56 @@ class OfKind(Question):
     jet = 3
 
     def __init__(self, tools: Tools, document: Any, timed: bool, claim: Any) -> None:
-        self.kind, self.moves, self.drag = claim["among"], list[dict[str, tuple[str, ...]]](), tuple[str, ...]()
+        self.kind = claim["among"]
+        self.moves = list[dict[str, tuple[str, ...]]]()
+        self.drag = tuple[str, ...]()
         invariant = named(self.kind) == "invariant"
         for move in self.kind["invariant"] if invariant else ():
             check_shape(move, dict.fromkeys(move, TEXT), "among.invariant")
-            self.moves.append({name: read_tokens(text, "among.invariant") for name, text in move.items()})
-        require(not timed or self.kind not in HOMOGENEOUS, "A homogeneous Lagrangian is one without t.")
+            self.moves.append(
+                {name: read_tokens(text, "among.invariant") for name, text in move.items()}
+            )
+        require(
+            not timed or self.kind not in HOMOGENEOUS, "A homogeneous Lagrangian is one without t."
+        )
         if "rayleigh" in self.kind and claim["kind"] == "lagrangian":
             self.drag = read_tokens(claim.get("dissipation"), "certificate.dissipation")
-            require(timed or "t" not in self.drag, "The dissipation contains t, but the question does not.")
+            require(
+                timed or "t" not in self.drag,
+                "The dissipation contains t, but the question does not.",
+            )
         self.without_drag = self.kind == "rayleigh" and not self.drag
         super().__init__(tools, document, timed, claim)
-        words = {token for move in self.moves for text in move.values() for token in text if token[:1].isalpha()}
-        good = all(move and {*move} <= {*self.coordinates} for move in self.moves) and bool(self.moves) == invariant
+        words = {
+            token
+            for move in self.moves
+            for text in move.values()
+            for token in text
+            if token[:1].isalpha()
+        }
+        good = (
+            all(move and {*move} <= {*self.coordinates} for move in self.moves)
+            and bool(self.moves) == invariant
+        )
         require(good, "A vector field has components along coordinates.")
-        require(words <= {*self.coordinates, *self.parameters}, "A field may contain only coordinates and parameters.")
-        require(not any(is_irrational(text) for move in self.moves for text in move.values()), "It is irrational.")
+        require(
+            words <= {*self.coordinates, *self.parameters},
+            "A field may contain only coordinates and parameters.",
+        )
+        require(
+            not any(is_irrational(text) for move in self.moves for text in move.values()),
+            "It is irrational.",
+        )
 
     def listed_rows(self) -> KindsOfRows:
-        n, natural, even = len(self.coordinates), len(self.coordinates) * (self.kind in NATURAL), 2 * self.without_drag
+        n = len(self.coordinates)
+        natural = len(self.coordinates) * (self.kind in NATURAL)
+        even = 2 * self.without_drag
         plain = self.kind != "rayleigh_general" and not (even and self.timed)
         found = super().listed_rows() if plain else {}
         count = natural + (self.kind in HOMOGENEOUS) + len(self.moves)
-        for kind, k in product("CD" if "rayleigh" in self.kind else "", range(n)):  # (0, 0) is a row of zeros
+        # (0, 0) is a row of zeros.
+        for kind, k in product("CD" if "rayleigh" in self.kind else "", range(n)):
             pairs = list(combinations(range(n if kind == "C" else k), 2))
             found[kind + str(k)] = RowKind(1, 2, pairs or [(0, 0)])
         pairs = list(combinations_with_replacement(range(n), 2))
@@ -122,29 +194,54 @@ class OfKind(Question):
         return KindExpansion(arithmetic, degree)
 
     def texts(self) -> list[tuple[str, ...]]:
-        return [*super().texts(), *(text for move in self.moves for text in move.values()), self.drag]
+        return [
+            *super().texts(),
+            *(text for move in self.moves for text in move.values()),
+            self.drag,
+        ]
 
     def prepare(
-        self, read: Callable[[Any], object], formulas: Iterable[tuple[str, ...]] = (), rational: bool = True
+        self,
+        read: Callable[[Any], object],
+        formulas: Iterable[tuple[str, ...]] = (),
+        rational: bool = True,
     ) -> None:
         more = [text for text in self.texts()[len(super().texts()) :] if text]
-        super().prepare(lambda ring: (read(ring), [Reader(ring, text).value for text in more]), formulas, rational)
+        super().prepare(
+            lambda ring: (read(ring), [Reader(ring, text).value for text in more]),
+            formulas,
+            rational,
+        )
 
     def residuals(self, ring: Any, lagrangian: Series) -> Iterator[Zero]:
-        """E_i - dD/dv^i of L; then all terms that must be zero for the kind, and for D to be quadratic, homogeneous."""
+        """E_i - dD/dv^i of L.
+
+        Then all terms that must be zero for the kind, and for D to be quadratic, homogeneous.
+        """
         drag = Reader(ring, self.drag).value if self.drag else {}
         for v, (value, sentence) in zip(ring.v, super().residuals(ring, lagrangian), strict=True):
             yield Zero(ring.add([value, ring.value([Term(-1, ring.one, (v,))], drag)]), sentence)
         exact = [(parts, weight, lagrangian) for parts, weight, holds in ring.derivations if holds]
-        for parts, weight, series in [*exact, *[(ring.speeds, 2, drag)] * (self.kind == "rayleigh")]:
-            yield Zero(ring.value(ring.multiplied(parts, weight), series), "It is not homogeneous, or not invariant.")
+        for parts, weight, series in [
+            *exact,
+            *[(ring.speeds, 2, drag)] * (self.kind == "rayleigh"),
+        ]:
+            yield Zero(
+                ring.value(ring.multiplied(parts, weight), series),
+                "It is not homogeneous, or not invariant.",
+            )
         thirds = combinations_with_replacement(ring.v, 3) if self.kind in NATURAL else ()
         for series, by in product([lagrangian, drag], thirds):
-            yield Zero(ring.value([Term(1, ring.one, by)], series), "It is not quadratic in the velocities.")
+            yield Zero(
+                ring.value([Term(1, ring.one, by)], series),
+                "It is not quadratic in the velocities.",
+            )
 
     def existence(self, document: dict[str, Any]) -> str:
         if self.moves or self.kind == "rayleigh":
-            raise Ended("incomplete", "For this type, only an explicit Lagrangian proves existence.")
+            raise Ended(
+                "incomplete", "For this type, only an explicit Lagrangian proves existence."
+            )
         return super().existence(document)
 
 
@@ -159,12 +256,15 @@ def named(kind: Any) -> Any:
 
 
 class DefiniteExpansion(Expansion):
-    """Series at the point itself take the given matrix for g(p), once it solves all rows for g(p)."""
+    """At the point itself the given matrix is g(p), once it solves all rows for g(p)."""
 
     def entries(self, matrix: Rationals) -> Series:
-        """By the coefficients of L: those of tr(matrix g)/2, and half the values of these where g = matrix."""
+        """By the coefficients of L: those of tr(matrix g)/2, half the values where g = matrix."""
         pairs = combinations_with_replacement(range(len(self.v)), 2)
-        found = {self.units[self.v[i]] + self.units[self.v[j]]: self.arithmetic.number(matrix[i][j]) for i, j in pairs}
+        found = {
+            self.units[self.v[i]] + self.units[self.v[j]]: self.arithmetic.number(matrix[i][j])
+            for i, j in pairs
+        }
         return self.settle(found)
 
     def matrix(self, elimination: Elimination) -> list[list[Any]]:
@@ -172,8 +272,12 @@ class DefiniteExpansion(Expansion):
         if not self.question.pinned:
             return super().matrix(elimination)
         if orthogonal:  # 0 where tr(orthogonal g) follows from the rows
-            return [[self.arithmetic.number(Fraction(elimination.insert(self.entries(orthogonal))))]]
-        halves = [[x / 2 if i == j else x for j, x in enumerate(row)] for i, row in enumerate(given)]
+            return [
+                [self.arithmetic.number(Fraction(elimination.insert(self.entries(orthogonal))))]
+            ]
+        halves = [
+            [x / 2 if i == j else x for j, x in enumerate(row)] for i, row in enumerate(given)
+        ]
         values, one = self.entries(halves), self.arithmetic.number(Fraction(1))
         for pivot, row in zip(elimination.pivots, elimination.rows, strict=True):
             if pivot >> self.shift == self.offset:
@@ -193,7 +297,9 @@ class Definite(Question):
 
     def expansion(self, arithmetic: Arithmetic, degree: int) -> Expansion:
         if self.pinned:
-            arithmetic.values |= {name: arithmetic.number(value) for name, value in self.near.items()}
+            arithmetic.values |= {
+                name: arithmetic.number(value) for name, value in self.near.items()
+            }
         return DefiniteExpansion(arithmetic, degree)
 
     def modulo(self, degree: int, work: Callable[[Expansion], Any], count: int = 2) -> list[Any]:
@@ -201,7 +307,9 @@ class Definite(Question):
         if not degree or not (self.member or self.orthogonal):
             return super().modulo(degree, work, count)
         if self.functions or any("pi" in text or is_irrational(text) for text in self.texts()):
-            raise Ended("incomplete", "If f is not rational, only an explicit Lagrangian proves anything.")
+            raise Ended(
+                "incomplete", "If f is not rational, only an explicit Lagrangian proves anything."
+            )
         found = super().modulo(degree, work, count) if self.member else []
         self.pinned = True
         found += super().modulo(degree, work, count)
@@ -212,7 +320,9 @@ class Definite(Question):
         size = len(self.coordinates)
         check_shape(document, {key: ((NUMBER,) * size,) * size}, "certificate")
         found = [[Fraction(x) for x in row] for row in document[key]]
-        require(found == [[*column] for column in zip(*found, strict=True)], f"{key} is not symmetric.")
+        require(
+            found == [[*column] for column in zip(*found, strict=True)], f"{key} is not symmetric."
+        )
         return found
 
     def lagrangian(self, document: dict[str, Any]) -> str:
@@ -222,9 +332,14 @@ class Definite(Question):
         def real(ring: Expansion) -> None:
             rows = ring.hessian(Reader(ring, formula).value)
             sign = 1 if rows[0][0] > 0 else -1
-            require(is_definite([[entry * sign for entry in row] for row in rows]), "The Hessian is not definite.")
+            require(
+                is_definite([[entry * sign for entry in row] for row in rows]),
+                "The Hessian is not definite.",
+            )
 
-        self.proven_in_balls(self.jet, real, "Balls at the real point do not show that the Hessian is definite.")
+        self.proven_in_balls(
+            self.jet, real, "Balls at the real point do not show that the Hessian is definite."
+        )
         return told
 
     def existence(self, document: dict[str, Any]) -> str:
@@ -240,7 +355,10 @@ class Definite(Question):
 
 
 def is_definite(matrix: list[list[Any]], semi: bool = False) -> bool:
-    """By symmetric elimination: all pivots are positive, or zero with their rows; Unsettled where a ball is open."""
+    """By symmetric elimination: all pivots are positive, or zero with their rows.
+
+    Unsettled where a ball is open.
+    """
     rows = [[*row] for row in matrix]
     for k, row in enumerate(rows):
         if row[k] < 0 or (row[k] == 0 and (not semi or any(row[k:]))):

@@ -1,7 +1,7 @@
-"""The two kinds of numbers: residues, which decide that a value is zero, and balls, which decide that it is not.
+"""Two kinds of numbers: residues decide that a value is zero, balls that it is not.
 
-Atoms (powers, logarithms, angles) come from independent ones by a plan, which is guessed from decimals and proven in
-the residues.
+Atoms (powers, logarithms, angles) come from independent ones by a plan, which is guessed from
+decimals and proven in the residues.
 """
 
 from __future__ import annotations
@@ -21,13 +21,23 @@ from .formulas import MAX_POWER, Ended
 if TYPE_CHECKING:
     from .question import Question
 
-MAX_SPLIT, MAX_CHOICES, MAX_SCALE, MAX_TURNS, MAX_RELATED, MAX_SEARCHES = 1024, 64, 4096, 720, 24, 12
+MAX_SPLIT = 1024
+MAX_CHOICES = 64
+MAX_SCALE = 4096
+MAX_TURNS = 720
+MAX_RELATED = 24
+MAX_SEARCHES = 12
 MAX_SIZE = arb(2) ** 20_000  # of numbers that are written as fractions
 SPARE = 4  # points more than there are independent atoms
-ONE, TURN, PI, TWO, THREE = 0, 1, 2, 3, 4  # the pairs (1, e), (i, e^i), (pi i, -1), (log 2, 2), (log 3, 3)
+ONE = 0  # the pairs (1, e), (i, e^i), (pi i, -1), (log 2, 2), (log 3, 3)
+TURN = 1
+PI = 2
+TWO = 3
+THREE = 4
 
 Number = Any  # a residue or a ball
-Series = dict[int, Number]  # coefficients of monomials: eight bits for each exponent, the total degree on top of them
+# Coefficients of monomials: eight bits for each exponent, the total degree on top of them.
+Series = dict[int, Number]
 
 
 class Undefined(Exception):
@@ -39,7 +49,10 @@ class Unsettled(Exception):
 
 
 class Atom(NamedTuple):
-    """l of exp(l) = e as it was met: of a logarithm or an angle (e is given) or not; imaginary: i l is meant."""
+    """l of exp(l) = e as it was met: of a logarithm or an angle (e is given) or not.
+
+    imaginary: i l is meant.
+    """
 
     logarithm: bool
     imaginary: bool
@@ -48,7 +61,10 @@ class Atom(NamedTuple):
 
 @dataclass(slots=True)
 class Pair:
-    """(l, e) with e = exp(l): l real or imaginary; of a logarithm (e is given) or not; of a number, 1 or a prime."""
+    """(l, e) with e = exp(l): l is real or imaginary.
+
+    Of a logarithm (e is given) or not; of a number, 1 or a prime.
+    """
 
     imaginary: bool
     logarithm: bool
@@ -58,7 +74,10 @@ class Pair:
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """An atom is a new pair or a combination sum a_j l_j; of log w the test is w^times = prod e_j^(times a_j)."""
+    """An atom is a new pair or a combination sum a_j l_j.
+
+    Of log w the test is w^times = prod e_j^(times a_j).
+    """
 
     pair: int = 0
     parts: tuple[tuple[int, Fraction], ...] = ()
@@ -66,7 +85,10 @@ class Entry:
 
 
 def exactly(value: arb) -> Fraction:
-    """The midpoint; 0 for one that is too large or too small for a fraction: it takes part in no guess."""
+    """The midpoint.
+
+    0 for one that is too large or too small for a fraction: it takes part in no guess.
+    """
     middle = value.mid()
     if not MAX_SIZE**-1 < abs(middle) < MAX_SIZE:
         return Fraction(0)
@@ -75,19 +97,35 @@ def exactly(value: arb) -> Fraction:
 
 
 class Plan:
-    """How the atoms, in the order of reading, come from independent ones: guessed from decimals, proven elsewhere.
+    """How the atoms, in the order of reading, come from independent ones.
 
-    `traces` are the atoms at points near the place, the first one at the place itself, with `bits` of precision.
+    Guessed from decimals, proven elsewhere. `traces` are the atoms at points near the place, the
+    first one at the place itself, with `bits` of precision.
     """
 
-    def __init__(self, traces: list[list[Atom]], bits: int, check_time: Callable[[], None] = lambda: None) -> None:
-        self.bits, self.split, self.entries = bits, 1, list[Entry]()  # the product of the N of functions
-        self.turns, self.choices = 1, [dict[int, int]()]  # a multiple of the N of functions; see every_choice
-        self.classes: list[int] | None = None  # of the arguments of arbitrary functions, in the order of reading
+    def __init__(
+        self, traces: list[list[Atom]], bits: int, check_time: Callable[[], None] = lambda: None
+    ) -> None:
+        self.bits = bits  # the product of the N of functions
+        self.split = 1
+        self.entries = list[Entry]()
+        self.turns = 1  # a multiple of the N of functions
+        self.choices = [dict[int, int]()]  # see every_choice
+        # Of the arguments of arbitrary functions, in the order of reading.
+        self.classes: list[int] | None = None
         self.searches = 0
         self.halved = False  # whether half an arctangent's argument is an angle: see Residues.angle
-        self.pairs = [Pair(False, False, 1), Pair(True, False, 1), Pair(True, False, -1, 12),
-                      Pair(False, True, 2, 2), Pair(False, True, 3, 2)] if traces and traces[0] else []  # fmt: skip
+        self.pairs = (
+            [
+                Pair(False, False, 1),
+                Pair(True, False, 1),
+                Pair(True, False, -1, 12),
+                Pair(False, True, 2, 2),
+                Pair(False, True, 3, 2),
+            ]
+            if traces and traces[0]
+            else []
+        )
         self.count = len(traces)
         constants = (arb(1), arb(1), arb.pi(), arb(2).log(), arb(3).log())
         self.values = [[value] * self.count for value in constants]
@@ -122,7 +160,7 @@ class Plan:
         return arb(2) ** (-self.bits // 3)
 
     def reduced(self, values: list[arb], imaginary: bool) -> tuple[list[arb], dict[int, arb]]:
-        """The values reduced by the earlier pairs, and the combination of these that was subtracted."""
+        """The values reduced by the earlier pairs, and the combination of these taken away."""
         rest, found = values, dict[int, arb]()
         for vector, place, combination in self.basis[imaginary]:
             factor = (rest[place] / vector[place]).mid()
@@ -134,10 +172,19 @@ class Plan:
     def fraction(self, value: arb) -> Fraction | None:
         """The simple fraction that this is to all digits, if any."""
         simple = exactly(value).limit_denominator(1 << 40)
-        return simple if abs(value - fmpq(simple.numerator, simple.denominator)) < self.small() else None
+        return (
+            simple
+            if abs(value - fmpq(simple.numerator, simple.denominator)) < self.small()
+            else None
+        )
 
-    def rational(self, values: list[arb], found: dict[int, arb], imaginary: bool) -> dict[int, Fraction] | None:
-        """The combination with rational coefficients, the constant in it a multiple of pi, of 1 or a logarithm."""
+    def rational(
+        self, values: list[arb], found: dict[int, arb], imaginary: bool
+    ) -> dict[int, Fraction] | None:
+        """The combination with rational coefficients.
+
+        The constant in it is a multiple of pi, of 1 or a logarithm.
+        """
         unit = TURN if imaginary else ONE
         parts = {j: self.fraction(a) for j, a in found.items() if j != unit}
         known = {j: a for j, a in parts.items() if a}
@@ -146,7 +193,11 @@ class Plan:
         constant = found[unit]
         if abs(constant) <= self.small() * max([abs(value) for value in values]):
             return known
-        if imaginary and (turns := self.fraction(constant / arb.pi())) is not None and turns.denominator <= 1 << 12:
+        if (
+            imaginary
+            and (turns := self.fraction(constant / arb.pi())) is not None
+            and turns.denominator <= 1 << 12
+        ):
             return known | {PI: turns}
         if (simple := self.fraction(constant)) is not None:
             return known | {unit: simple}
@@ -160,9 +211,14 @@ class Plan:
         """{pair of a prime number: exponent} for a rational number."""
         simple = exactly(value).limit_denominator(1 << self.bits // 8)
         above, below = simple.numerator, simple.denominator
-        if max(above, below).bit_length() > 100 or abs(value - fmpq(above, below)) > self.small() * value:
+        if (
+            max(above, below).bit_length() > 100
+            or abs(value - fmpq(above, below)) > self.small() * value
+        ):
             return None
-        factors = [(int(q), k) for q, k in fmpz(above).factor()] + [(int(q), -k) for q, k in fmpz(below).factor()]
+        factors = [(int(q), k) for q, k in fmpz(above).factor()] + [
+            (int(q), -k) for q, k in fmpz(below).factor()
+        ]
         for prime, _ in factors:
             if prime not in [pair.number for pair in self.pairs]:
                 self.pairs.append(Pair(False, True, prime))
@@ -170,18 +226,24 @@ class Plan:
         numbers = [pair.number for pair in self.pairs]
         return {numbers.index(prime, 2): Fraction(exponent) for prime, exponent in factors}
 
-    def related(self, values: list[arb], found: dict[int, arb], imaginary: bool) -> dict[int, Fraction] | None:
-        """The shortest linear relation over the integers among the values and those of all pairs (LLL)."""
+    def related(
+        self, values: list[arb], found: dict[int, arb], imaginary: bool
+    ) -> dict[int, Fraction] | None:
+        """The shortest integral linear relation among the values and those of all pairs (LLL)."""
         self.searches += 1
         if self.searches > MAX_SEARCHES:
             return None
         near = [j for j, pair in enumerate(self.pairs) if pair.imaginary == imaginary][:MAX_RELATED]
         columns, taken = [values, *(self.values[j] for j in near)], range(min(self.count, 6))
         scale = max(abs(value) for value in values)
-        rows = [[int(a == b) for b in range(len(columns))] + [self.fixed(column[k] / scale) for k in taken]
-                for a, column in enumerate(columns)]  # fmt: skip
+        rows = [
+            [int(a == b) for b in range(len(columns))]
+            + [self.fixed(column[k] / scale) for k in taken]
+            for a, column in enumerate(columns)
+        ]
         for row in fmpz_mat(rows).lll().tolist():
-            head, tail = [int(a) for a in row[: len(columns)]], [int(a) for a in row[len(columns) :]]
+            head = [int(a) for a in row[: len(columns)]]
+            tail = [int(a) for a in row[len(columns) :]]
             if head[0] and max(map(abs, head)) < 1 << 16 and max(map(abs, tail)) < 1 << 30:
                 return {j: Fraction(-a, head[0]) for j, a in zip(near, head[1:], strict=True) if a}
         return None
@@ -190,16 +252,24 @@ class Plan:
         return math.floor(exactly(value * arb(2) ** (self.bits // 4)))
 
     def refined(self, parts: dict[int, Fraction]) -> bool:
-        """Make the generators fine enough for these exponents, unless they would become too many or too fine."""
+        """Make the generators fine enough for these exponents, unless they become too many."""
         scales = {j: math.lcm(self.pairs[j].scale, a.denominator) for j, a in parts.items()}
         roots = [j for j, pair in enumerate(self.pairs) if pair.logarithm and not pair.number]
         split = math.prod([scales.get(j, self.pairs[j].scale) for j in roots])
-        bounds = ((MAX_TURNS if j == PI else 24 if self.pairs[j].number > 1 else MAX_SCALE) for j in scales)
-        good = split <= MAX_SPLIT and all(scale <= most for scale, most in zip(scales.values(), bounds, strict=True))
+        bounds = (
+            (MAX_TURNS if j == PI else 24 if self.pairs[j].number > 1 else MAX_SCALE)
+            for j in scales
+        )
+        good = split <= MAX_SPLIT and all(
+            scale <= most for scale, most in zip(scales.values(), bounds, strict=True)
+        )
         if good and all(abs(a) * scales[j] <= MAX_POWER for j, a in parts.items()):
-            self.split, self.turns = split, math.lcm(self.turns, *[scales[j] for j in roots if j in scales])
+            self.split = split
+            self.turns = math.lcm(self.turns, *[scales[j] for j in roots if j in scales])
             for j, scale in scales.items():
-                self.halved |= self.pairs[j].imaginary and self.pairs[j].logarithm and scale % 2 == 0
+                self.halved |= (
+                    self.pairs[j].imaginary and self.pairs[j].logarithm and scale % 2 == 0
+                )
                 self.pairs[j].scale = scale
             return True
         return False
@@ -207,20 +277,34 @@ class Plan:
     def every_choice(self) -> list[dict[int, int]]:
         """Each choice k of the roots r_j z_j^k_j of functions, z_j a root of unity."""
         if self.split > MAX_CHOICES:
-            raise Ended("incomplete", f"Roots that depend on each other have more than {MAX_CHOICES} choices.")
-        scales = {j: pair.scale for j, pair in enumerate(self.pairs) if pair.logarithm and not pair.number}
-        return [dict(zip(scales, choice, strict=True)) for choice in product(*map(range, scales.values()))]
+            raise Ended(
+                "incomplete",
+                f"Roots that depend on each other have more than {MAX_CHOICES} choices.",
+            )
+        scales = {
+            j: pair.scale for j, pair in enumerate(self.pairs) if pair.logarithm and not pair.number
+        }
+        return [
+            dict(zip(scales, choice, strict=True))
+            for choice in product(*map(range, scales.values()))
+        ]
 
     def moderate(self, parts: dict[int, Fraction]) -> bool:
         times = math.lcm(*[a.denominator for j, a in parts.items() if j != PI])
-        return times <= 48 and all(abs(a) * times * self.pairs[j].scale <= MAX_POWER for j, a in parts.items())
+        return times <= 48 and all(
+            abs(a) * times * self.pairs[j].scale <= MAX_POWER for j, a in parts.items()
+        )
 
-    def combination(self, parts: dict[int, Fraction], logarithm: bool, imaginary: bool, exact: arb) -> Entry:
-        """Of a logarithm that is imaginary, the multiple of pi is the only one in a ball at the place."""
+    def combination(
+        self, parts: dict[int, Fraction], logarithm: bool, imaginary: bool, exact: arb
+    ) -> Entry:
+        """Of an imaginary logarithm, the multiple of pi is the only one in a ball at the place."""
         times = math.lcm(*[a.denominator for j, a in parts.items() if j != PI])
         if logarithm and imaginary:
             part = math.lcm(12, parts.pop(PI, Fraction(1)).denominator) * times
-            rest = exact - sum([self.values[j][0] * fmpq(a.numerator, a.denominator) for j, a in parts.items()])
+            rest = exact - sum(
+                [self.values[j][0] * fmpq(a.numerator, a.denominator) for j, a in parts.items()]
+            )
             whole = (rest / arb.pi() * part).unique_fmpz()
             if whole is None:
                 raise Ended("incomplete", "The branch of an arctangent could not be determined.")
@@ -229,35 +313,60 @@ class Plan:
 
 
 class Residues:
-    """Numbers modulo a prime: random values of all generators, the same for each choice of the roots."""
+    """Numbers modulo a prime: random values of all generators, one for all choices of roots."""
 
     pivot: Any = staticmethod(min)  # of the places where a row is not 0
 
     def __init__(self, question: Question, prime: int, seed: int, choice: dict[int, int]) -> None:
-        self.question, self.prime, self.seed, self.plan, self.choice = question, prime, seed, question.plan, choice
+        self.question = question
+        self.prime = prime
+        self.seed = seed
+        self.plan = question.plan
+        self.choice = choice
         self.generator, self.entries = random.Random(seed), iter(self.plan.entries)
         self.powers, self.classes, self.large = dict[int, tuple[int, int]](), list[int](), 0
         self.known = dict[tuple[str, tuple[int, ...]], int]()
-        self.values = {name: self.generator.randrange(1, prime) for name in ("pi", *sorted(question.names))}
-        self.pairs = list[tuple[int, int]]()  # of a pair (l, e) the values of l and of r, where r^N = e
+        self.values = {
+            name: self.generator.randrange(1, prime) for name in ("pi", *sorted(question.names))
+        }
+        # Of a pair (l, e) the values of l and of r, where r^N = e.
+        self.pairs = list[tuple[int, int]]()
         if self.plan.pairs:
             self.i, turns = self.roots(-1, 2)[0], self.plan.turns
             self.turn = next(z for z in self.roots(1, turns) if self.has_order(z, turns))
             for pair in self.plan.pairs:
                 free = self.generator.randrange(1, prime), self.generator.randrange(1, prime)
-                number = (free[0], self.roots(pair.number, pair.scale)[0]) if pair.number > 1 else (1, free[1])
+                number = (
+                    (free[0], self.roots(pair.number, pair.scale)[0])
+                    if pair.number > 1
+                    else (1, free[1])
+                )
                 self.pairs.append(number if pair.number else free)
-            two, three = (pow(self.pairs[k][1], self.plan.pairs[k].scale // 2, prime) for k in (TWO, THREE))
-            zeta = (two * three + two + self.i * (two * three - two)) * self.inverse(4)  # e^(pi i/12)
+            two, three = (
+                pow(self.pairs[k][1], self.plan.pairs[k].scale // 2, prime) for k in (TWO, THREE)
+            )
+            # e^(pi i/12)
+            zeta = (two * three + two + self.i * (two * three - two)) * self.inverse(4)
             parts = self.plan.pairs[PI].scale
-            fine = next(z for z in self.roots(zeta % prime, parts // 12) if self.has_order(z, 2 * parts))
+            fine = next(
+                z for z in self.roots(zeta % prime, parts // 12) if self.has_order(z, 2 * parts)
+            )
             self.pairs[PI] = self.values["pi"], fine
             # sqrt q, or i sqrt q, is a sum of powers of e^(2 pi i/q) (Gauss)
             for k, pair in enumerate(self.plan.pairs):
                 if pair.number > 3 and pair.scale % 2 == 0 and parts % (q := pair.number) == 0:
-                    gauss = sum([pow(fine, 2 * parts // q * a, prime) * fmpz(a).jacobi(q) for a in range(1, q)])
+                    gauss = sum(
+                        [
+                            pow(fine, 2 * parts // q * a, prime) * fmpz(a).jacobi(q)
+                            for a in range(1, q)
+                        ]
+                    )
                     square = gauss * (1 if q % 4 == 1 else self.inverse(self.i)) % prime
-                    found = [r for r in self.roots(q, pair.scale) if pow(r, pair.scale // 2, prime) == square]
+                    found = [
+                        r
+                        for r in self.roots(q, pair.scale)
+                        if pow(r, pair.scale // 2, prime) == square
+                    ]
                     self.pairs[k] = self.pairs[k][0], found[0]
 
     def has_order(self, value: int, order: int) -> bool:
@@ -287,7 +396,10 @@ class Residues:
         return pow(value if exponent >= 0 else self.inverse(value), abs(exponent), self.prime)
 
     def power(self, value: int, exponent: int) -> int:
-        """Beyond MAX_POWER, a separate generator times a moderate power; the base must not be zero."""
+        """Beyond MAX_POWER, a separate generator times a moderate power.
+
+        The base must not be zero.
+        """
         if abs(exponent) <= MAX_POWER:
             return self.moderate_power(value, exponent)
         self.inverse(value)
@@ -313,7 +425,9 @@ class Residues:
         """The product of the e_j^(times a_j) of a combination, from their roots."""
         value = 1
         for j, a in entry.parts:
-            value = value * self.moderate_power(self.pairs[j][1], int(a * self.plan.pairs[j].scale * times))
+            value = value * self.moderate_power(
+                self.pairs[j][1], int(a * self.plan.pairs[j].scale * times)
+            )
         return value % self.prime
 
     def total(self, entry: Entry) -> int:
@@ -321,7 +435,10 @@ class Residues:
 
     def same(self, left: int, right: int) -> None:
         if (left - right) % self.prime:
-            raise Ended("incomplete", "A relation between functions was guessed that does not hold for all roots.")
+            raise Ended(
+                "incomplete",
+                "A relation between functions was guessed that does not hold for all roots.",
+            )
 
     def exp(self, value: int) -> int:
         """e^l for an l with this value; for an imaginary one i l."""
@@ -338,8 +455,13 @@ class Residues:
         self.inverse(value)
         if entry.pair:
             degree = self.plan.pairs[entry.pair].scale
-            turn = pow(self.turn, self.plan.turns // degree * self.choice.get(entry.pair, 0), self.prime)
-            self.pairs[entry.pair] = self.pairs[entry.pair][0], self.root(value, degree) * turn % self.prime
+            turn = pow(
+                self.turn, self.plan.turns // degree * self.choice.get(entry.pair, 0), self.prime
+            )
+            self.pairs[entry.pair] = (
+                self.pairs[entry.pair][0],
+                self.root(value, degree) * turn % self.prime,
+            )
             return self.pairs[entry.pair][0]
         self.same(pow(value, entry.times, self.prime), self.product(entry, entry.times))
         return self.total(entry)
@@ -348,10 +470,14 @@ class Residues:
         """(sin, cos) = ((E - 1/E)/2i, (E + 1/E)/2)."""
         there = self.exp(value)
         back, half = self.inverse(there), self.inverse(2)
-        return (there - back) * half * self.inverse(self.i) % self.prime, (there + back) * half % self.prime
+        sine = (there - back) * half * self.inverse(self.i)
+        return sine % self.prime, (there + back) * half % self.prime
 
     def angle(self, value: int) -> int:
-        """atan u = log((1 + iu)/(1 - iu))/2i, or where halves of it are angles, log((1 + iu)/sqrt(1 + u^2))/i."""
+        """atan u = log((1 + iu)/(1 - iu))/2i.
+
+        It is, where halves of it are angles, log((1 + iu)/sqrt(1 + u^2))/i.
+        """
         turn, half = value * self.i, self.inverse(2)
         if self.question.halves:
             length = self.exp(self.log((value * value + 1) % self.prime) * half % self.prime)
@@ -370,18 +496,24 @@ class Residues:
 
     def regular(self, matrix: list[list[Number]]) -> bool:
         """Whether the determinant is not zero."""
-        return int(nmod_mat([[int(entry % self.prime) for entry in row] for row in matrix], self.prime).det()) != 0
+        rows = [[int(entry % self.prime) for entry in row] for row in matrix]
+        return int(nmod_mat(rows, self.prime).det()) != 0
 
 
 class Witnesses(Residues):
-    """Counts the roots r^N = w that were passed; of the first that is not there, the primes q with w no q-th power."""
+    """Counts the roots r^N = w that were passed.
+
+    `found`: of the first that is not there, the primes q with w no q-th power.
+    """
 
     passed, found = 0, frozenset[int]()
 
     def root(self, value: int, degree: int) -> int:
         if degree > 1 and value % self.prime:
             factors = (int(q) for q, _ in fmpz(degree).factor())
-            self.found = frozenset(q for q in factors if pow(value, (self.prime - 1) // q, self.prime) != 1)
+            self.found = frozenset(
+                q for q in factors if pow(value, (self.prime - 1) // q, self.prime) != 1
+            )
         root = super().root(value, degree)
         self.passed += degree > 1
         return root
@@ -408,19 +540,29 @@ class Place:
         return self.jets[key]
 
     def neighbor(self) -> Place:
-        return Place(self.generator, {name: self.near(value) for name, value in self.values.items()}, self)
+        return Place(
+            self.generator, {name: self.near(value) for name, value in self.values.items()}, self
+        )
 
 
 class Balls:
-    """Real numbers at a place as balls of the working precision (arb); `trace` keeps l of each atom that was met."""
+    """Real numbers at a place as balls of the working precision (arb).
+
+    `trace` keeps l of each atom that was met.
+    """
 
     prime = 0
 
     def __init__(self, question: Question, place: Place, classes: list[int] | None) -> None:
-        self.question, self.place, self.given, self.classes = question, place, classes, iter(classes or [])
+        self.question = question
+        self.place = place
+        self.given = classes
+        self.classes = iter(classes or [])
         self.guessing, self.trace = classes is None, list[Atom]()
         self.known, self.met = dict[int, tuple[str, list[arb]]](), list[int]()
-        self.values = {name: self.number(value) for name, value in place.values.items()} | {"pi": arb.pi()}
+        self.values = {name: self.number(value) for name, value in place.values.items()} | {
+            "pi": arb.pi()
+        }
 
     def again(self) -> Balls:
         """The same, before any formula was read."""
@@ -430,7 +572,9 @@ class Balls:
         return arb(self.question.generator.randrange(-9999, 10_000)) / 1000
 
     def settle(self, raw: Series) -> Series:
-        found = {key: value for key, value in raw.items() if not (type(value) is int or value.is_zero())}
+        found = {
+            key: value for key, value in raw.items() if not (type(value) is int or value.is_zero())
+        }
         if not all(value.is_finite() for value in found.values()):
             raise Unsettled
         return found
@@ -442,13 +586,17 @@ class Balls:
         return 1 / self.nonzero(value)
 
     def nonzero(self, value: arb) -> arb:
-        """The number if it is not zero, else Unsettled: a formula may have no value at single points."""
+        """The number if it is not zero, else Unsettled.
+
+        A formula may have no value at single points.
+        """
         if not value.is_finite() or value.contains(0):
             raise Unsettled
         return value
 
     def power(self, value: arb, exponent: int) -> arb:
-        if 0 <= exponent <= MAX_POWER:  # arb's own power of a ball that contains zero is not a number
+        # The power of arb of a ball that contains zero is not a number.
+        if 0 <= exponent <= MAX_POWER:
             half = self.power(value, exponent // 2) if exponent > 1 else arb(1)
             return half * half * value if exponent % 2 else half * half
         return self.nonzero(value) ** fmpz(exponent)
@@ -479,7 +627,10 @@ class Balls:
         return self.note(True, True, 2 * value.atan()) / 2
 
     def class_of(self, name: str, values: list[arb]) -> int:
-        """The class that the ring found for this call; its arguments have to lie apart from those of all others."""
+        """The class that the ring found for this call.
+
+        Its arguments have to lie apart from those of all others.
+        """
         near = [number for number, (other, met) in self.known.items() if other == name
                 and all(a.overlaps(b) for a, b in zip(values, met, strict=True))]  # fmt: skip
         number = (near[0] if near else len(self.known)) if self.guessing else next(self.classes)

@@ -1,7 +1,8 @@
-"""A system as a certificate states it, and the checks of certificates: `lagrangian`, `existence`, `nonexistence`.
+"""A system as a certificate states it, and the checks of the three kinds of certificates.
 
-Formulas have no trees: the reader computes Taylor series about a point as it reads. Numbers are residues modulo a prime
-(`Residues`), which decide what is zero, or balls (`Balls`), which decide what is not.
+Formulas have no trees: the reader computes Taylor series about a point as it reads. Numbers are
+residues modulo a prime (`Residues`), which decide what is zero, or balls (`Balls`), which decide
+what is not.
 """
 
 from __future__ import annotations
@@ -80,7 +81,7 @@ class Tools(NamedTuple):
 
 
 class RowKind(NamedTuple):
-    """The order of a condition on g, that of the derivatives of f in it, and the places i, j of its rows."""
+    """The order of a condition on g, that of the derivatives of f in it, the places of its rows."""
 
     order: int
     depth: int
@@ -154,7 +155,7 @@ def no_claims(ring: Expansion) -> Claims:
 
 
 class Question:
-    """A system q'' = f as read, whether L may depend on t, and the checks of certificates that answer this.
+    """A system q'' = f as read, whether L may depend on t, and the checks of certificates.
 
     `claim` gives the set of the claim: `near`, `conditions`, `roots`.
     """
@@ -180,24 +181,38 @@ class Question:
 
     def read_system(self, document: Any) -> None:
         check_shape(document, SYSTEM, "system")
-        self.coordinates, self.parameters = document["coordinates"], document.get("parameters") or []
+        self.coordinates = document["coordinates"]
+        self.parameters = document.get("parameters") or []
         self.own_parameters = [*self.parameters]
-        self.functions, forces, rates = (document.get(key) or {} for key in ("functions", "equations", "velocities"))
-        check_shape(list(self.functions.items()), [(NAME, [NAME, 6]), MAX_NAMES], "system.functions")
+        self.functions, forces, rates = (
+            document.get(key) or {} for key in ("functions", "equations", "velocities")
+        )
+        check_shape(
+            list(self.functions.items()), [(NAME, [NAME, 6]), MAX_NAMES], "system.functions"
+        )
         names = [*self.coordinates, *self.parameters, *self.functions]
         self.free, self.bound = self.coordinates[: len(forces)], self.coordinates[len(forces) :]
         good = self.free and all(self.functions.values()) and len({*names} - RESERVED) == len(names)
         good = good and ({*forces}, {*rates}) == ({*self.free}, {*self.bound})
-        require(good, "system must declare each name once, none of them reserved, and an equation for each.")
-        self.force_texts = [read_tokens(forces[name], f"system.equations.{name}") for name in self.free]
-        self.force_texts += [read_tokens(rates[name], f"system.velocities.{name}") for name in self.bound]
-        self.letters, self.unsolved = {name + "''" for name in self.coordinates}, list[tuple[str, ...]]()
+        require(
+            good,
+            "system must declare each name once, none of them reserved, and an equation for each.",
+        )
+        self.force_texts = [
+            read_tokens(forces[name], f"system.equations.{name}") for name in self.free
+        ]
+        self.force_texts += [
+            read_tokens(rates[name], f"system.velocities.{name}") for name in self.bound
+        ]
+        self.letters = {name + "''" for name in self.coordinates}
+        self.unsolved = list[tuple[str, ...]]()
         if not all(map(self.letters.isdisjoint, self.force_texts)):  # E(t, q, q', q'') = 0
             require(not self.bound, "The equations of a motion on constraints have to be solved.")
             free = not any(bounded(text, self.letters) for text in self.force_texts)
             require(free, "Accelerations may occur in sums and products only.")
             self.parameters = [*self.parameters, *sorted(self.letters)]
-            self.unsolved, self.force_texts = self.force_texts, [(name + "''", "") for name in self.coordinates]
+            self.unsolved = self.force_texts
+            self.force_texts = [(name + "''", "") for name in self.coordinates]
         self.motion = [*self.force_texts, *self.unsolved]
 
     def listed_rows(self) -> KindsOfRows:
@@ -211,7 +226,8 @@ class Question:
         return Expansion(arithmetic, degree)
 
     def set_of_claim(self, claim: dict[str, Any]) -> None:
-        near, shape = claim.get("near") or {}, {"conditions?": [TEXT, MAX_LISTED], "roots?": [{}, MAX_LISTED]}
+        near = claim.get("near") or {}
+        shape = {"conditions?": [TEXT, MAX_LISTED], "roots?": [{}, MAX_LISTED]}
         check_shape(near, dict.fromkeys(near, NUMBER), "near")
         require({*near} <= self.names, "near contains a name that the system does not declare.")
         self.near = {name: Fraction(value) for name, value in near.items()}
@@ -224,7 +240,10 @@ class Question:
             self.roots.append(Root(root, read_tokens(entry["is"], "roots.is")))
             require(is_root(root), "A root has to be sqrt(w) or (w)^(a/k).")
         sides = (side for pair in (*self.conditions, *self.roots) for side in pair)
-        require(all(map(self.letters.isdisjoint, sides)), "The set may involve only t, q, q' and parameters.")
+        require(
+            all(map(self.letters.isdisjoint, sides)),
+            "The set may involve only t, q, q' and parameters.",
+        )
 
     def texts(self) -> list[tuple[str, ...]]:
         """The formulas of the system and of the set of the claim."""
@@ -235,17 +254,24 @@ class Question:
             raise Ended("incomplete", "The time limit ended the check.")
 
     def read_all(self, ring: Any) -> list[Any]:
-        """The conditions and roots, as logarithms of expressions that they make positive; then the right sides f."""
+        """The conditions and roots, as logarithms of expressions that they make positive.
+
+        Then the right sides f.
+        """
         hinted = not self.rational or isinstance(getattr(ring, "arithmetic", None), Balls)
         degree, ring.degree = ring.degree, 0
         for more, less in self.conditions if hinted else ():
-            ring.elementary("log", ring.add([Reader(ring, more).value, Reader(ring, less).value], [1, -1]))
+            ring.elementary(
+                "log", ring.add([Reader(ring, more).value, Reader(ring, less).value], [1, -1])
+            )
         self.held = True  # the conditions
         for root, said in self.roots if hinted else ():
-            ring.elementary("log", value := Reader(ring, said).value)
+            value = Reader(ring, said).value
+            ring.elementary("log", value)
             tie = ring.add([Reader(ring, root).value, value], [1, -1])
             ring.ties.append(ring.multiply(tie, ring.constant(Fraction(1)), 0))
-        # All rings of all degrees meet the same atoms in the same order: the conditions are not remembered.
+        # All rings of all degrees meet the same atoms in the same order: the conditions are not
+        # remembered.
         ring.degree, ring.memory = degree, None
         found = read_formulas(ring, self.force_texts)
         if self.bound:
@@ -254,15 +280,20 @@ class Question:
         return found
 
     def prepare(
-        self, read: Callable[[Any], object], formulas: Iterable[tuple[str, ...]] = (), rational: bool = True
+        self,
+        read: Callable[[Any], object],
+        formulas: Iterable[tuple[str, ...]] = (),
+        rational: bool = True,
     ) -> None:
-        """Bounds by a count; where not all is rational in everything, a point and a plan of the atoms first.
+        """Bounds by a count; where not all is rational in everything, first a point and a plan.
 
-        `read` reads all formulas of the certificate but f, called with rings of all kinds. At the end: there is a
-        point where all is defined and the conditions hold (in balls, or modulo a prime where all is rational), the
-        plan relates the atoms there, degrees are bounded, and each root named is what it is said to be.
+        `read` reads all formulas of the certificate but f, called with rings of all kinds. At the
+        end: there is a point where all is defined and the conditions hold (in balls, or modulo a
+        prime where all is rational), the plan relates the atoms there, degrees are bounded, and
+        each root named is what it is said to be.
         """
-        self.rational, self.read = rational and not any(map(is_irrational, [*self.texts(), *formulas])), read
+        self.rational = rational and not any(map(is_irrational, [*self.texts(), *formulas]))
+        self.read = read
         if self.conditions or self.near or not self.rational:
             trace = self.locate()
         if not self.rational:
@@ -276,38 +307,59 @@ class Question:
             self.settle(0, no_claims)
 
     def locate(self) -> list[Atom]:
-        """A real point where all is defined and the conditions hold: the one named, as far as it is named."""
+        """A real point where all is defined and the conditions hold: `near`, as far as it goes."""
         free = self.names - {*self.near} or self.functions
         for attempt in range(60 if free else 1):
-            values = {name: Fraction(self.generator.randrange(-(1 << 30), 1 << 30), 1 << 30) + attempt % 2
-                      for name in sorted(self.names)}  # fmt: skip
+            values = {
+                name: Fraction(self.generator.randrange(-(1 << 30), 1 << 30), 1 << 30) + attempt % 2
+                for name in sorted(self.names)
+            }
             self.place = Place(self.generator, values | self.near)
             try:
                 trace: list[Atom] = self.in_balls(0, self.traced)
                 return trace
             except (Undefined, Unsettled):
                 self.check_time()
-        raise Ended("incomplete", "No point was found at which every formula is defined and every condition holds.")
+        raise Ended(
+            "incomplete",
+            "No point was found at which every formula is defined and every condition holds.",
+        )
 
     def look_around(self) -> int:
-        """At random points where the conditions hold, near and far, every formula has a value and all zeros hold."""
+        """Try random points where the conditions hold, near and far.
+
+        There every formula has a value and all zeros hold.
+        """
         (claims, degree), seen = self.claimed, 0
         for attempt in range(LOOKS):
             self.check_time()
             start = self.place.values if attempt % 2 else dict.fromkeys(self.names, Fraction(0))
             most = 16 if attempt % 4 else 115
-            scales = [attempt % 16 if attempt % 2 else 15 - self.generator.randrange(most) for _ in self.names]
-            values = {name: start[name] + Fraction(self.generator.randrange(-9999, 9999), 7) / Fraction(2) ** scale
-                      for name, scale in zip(sorted(self.names), scales, strict=True)}  # fmt: skip
+            scales = [
+                attempt % 16 if attempt % 2 else 15 - self.generator.randrange(most)
+                for _ in self.names
+            ]
+            values = {
+                name: start[name]
+                + Fraction(self.generator.randrange(-9999, 9999), 7) / Fraction(2) ** scale
+                for name, scale in zip(sorted(self.names), scales, strict=True)
+            }
             with ctx.workprec(PRECISIONS[0]):
                 try:
                     self.held, arithmetic = False, Balls(self, Place(self.generator, values), None)
                     zeros = claims(self.expansion(arithmetic, degree)).zeros
-                    good = all(number.contains(0) for zero in zeros for number in zero.value.values())
-                    require(good, "The claim does not hold at all points where the conditions hold.")
+                    good = all(
+                        number.contains(0) for zero in zeros for number in zero.value.values()
+                    )
+                    require(
+                        good, "The claim does not hold at all points where the conditions hold."
+                    )
                     seen += 1
                 except Undefined:
-                    require(not self.held, "The formulas are not defined at all points where the conditions hold.")
+                    require(
+                        not self.held,
+                        "The formulas are not defined at all points where the conditions hold.",
+                    )
                 except Unsettled:
                     pass
         return seen
@@ -329,7 +381,9 @@ class Question:
                 if len(traces) > distinct + SPARE:
                     break
                 try:
-                    traces.append(self.traced(self.expansion(Balls(self, center.neighbor(), None), 0)))
+                    traces.append(
+                        self.traced(self.expansion(Balls(self, center.neighbor(), None), 0))
+                    )
                 except (Undefined, Unsettled):
                     self.check_time()
             self.plan = Plan(traces, bits, self.check_time)
@@ -339,12 +393,21 @@ class Question:
             self.make_plan(trace)
 
     def independent(self) -> bool:
-        """Whether the roots r^N = w of functions are all of full degree: then one choice of them does for all.
+        """Whether the roots r^N = w of functions are all of full degree.
 
-        w is no q-th power in the field before r if it is none modulo the prime at a point with all roots before r.
+        Then one choice of them does for all. w is no q-th power in the field before r if it is none
+        modulo the prime at a point with all roots before r.
         """
-        degrees = [pair.scale for pair in self.plan.pairs if pair.logarithm and not pair.number and pair.scale > 1]
-        open_ones = {(k, int(factor[0])) for k, degree in enumerate(degrees) for factor in fmpz(degree).factor()}
+        degrees = [
+            pair.scale
+            for pair in self.plan.pairs
+            if pair.logarithm and not pair.number and pair.scale > 1
+        ]
+        open_ones = {
+            (k, int(factor[0]))
+            for k, degree in enumerate(degrees)
+            for factor in fmpz(degree).factor()
+        }
         met = [0] * (len(degrees) + 1)
         for _ in range(16 * self.plan.split + 64):
             ring = Witnesses(self, self.prime(), self.generator.getrandbits(64), {})
@@ -358,7 +421,9 @@ class Question:
                 break
         return not open_ones
 
-    def in_balls(self, degree: int, work: Callable[[Expansion], Any], classes: list[int] | None = None) -> Any:
+    def in_balls(
+        self, degree: int, work: Callable[[Expansion], Any], classes: list[int] | None = None
+    ) -> Any:
         """The work in balls at the point, with more digits until they suffice.
 
         At the end: what is returned was computed without a comparison that balls leave open.
@@ -379,17 +444,18 @@ class Question:
             raise Ended("incomplete", sentence) from None
 
     def modulo(self, degree: int, work: Callable[[Expansion], Any], count: int = 2) -> list[Any]:
-        """The result of the work at random points modulo so many random primes, for each choice of the roots there.
+        """The results of the work at random points modulo random primes.
 
-        At the end: there are `count` times as many outcomes as choices, and at all points the same arguments of
-        functions were found to be equal.
+        One for each choice of the roots there. At the end: there are `count` times as many outcomes
+        as choices, and at all points the same arguments of functions were found to be equal.
         """
         found, prime, choices = list[Any](), 0, self.plan.choices
         for attempt in range(2000 + 30 * self.plan.split):
             prime = prime if attempt % 8 else self.prime()
             seed, here, classes = self.generator.getrandbits(64), list[Any](), list[list[int]]()
             try:
-                for choice in choices if degree and self.plan.split > 1 else ():  # whether there are these roots
+                # First, whether there are these roots.
+                for choice in choices if degree and self.plan.split > 1 else ():
                     self.read(self.expansion(Residues(self, prime, seed, choice), 0))
                 for choice in choices:
                     ring = self.expansion(Residues(self, prime, seed, choice), degree)
@@ -401,7 +467,10 @@ class Question:
             for met in classes:
                 known = self.plan.classes or []  # one work reads further than another
                 if any(one != other for one, other in zip(known, met, strict=False)):
-                    raise Ended("incomplete", "Arguments of a function agree at one point and not at another.")
+                    raise Ended(
+                        "incomplete",
+                        "Arguments of a function agree at one point and not at another.",
+                    )
                 self.plan.classes = max(known, met, key=len)
             found, prime = [*found, *here], self.prime()
             if len(found) == count * len(choices):
@@ -409,34 +478,46 @@ class Question:
         raise Ended("incomplete", "No point was found at which every formula is defined.")
 
     def prime(self) -> int:
-        """A random prime of 61 bits modulo which all numbers have the roots that the plan takes of them.
+        """A random prime of 61 bits, modulo which all numbers have the roots that the plan takes.
 
-        It is drawn after the text is read: no text can be made so that it vanishes modulo the prime.
+        It is drawn after the text is read: no text can be made so that it vanishes modulo the
+        prime.
         """
         fine = [2 * pair.scale for pair in self.plan.pairs if pair.number < 0]
-        step = math.lcm(24 * math.lcm(*[2 * pair.scale for pair in self.plan.pairs if pair.logarithm]), *fine)
+        step = math.lcm(
+            24 * math.lcm(*[2 * pair.scale for pair in self.plan.pairs if pair.logarithm]), *fine
+        )
         roots = [(pair.number, pair.scale) for pair in self.plan.pairs if pair.number > 1]
-        if step * math.prod([scale for _, scale in roots]) > MAX_RARITY:  # a text could hold all such primes
-            raise Ended("incomplete", "There are too many roots of numbers: too few primes have them all.")
+        # A text could hold all such primes.
+        if step * math.prod([scale for _, scale in roots]) > MAX_RARITY:
+            raise Ended(
+                "incomplete", "There are too many roots of numbers: too few primes have them all."
+            )
         for _ in range(1_000_000):
             prime = self.generator.randrange((1 << 60) // step, (1 << 61) // step) * step + 1
-            if fmpz(prime).is_probable_prime() and all(pow(q, (prime - 1) // n, prime) == 1 for q, n in roots):
+            if fmpz(prime).is_probable_prime() and all(
+                pow(q, (prime - 1) // n, prime) == 1 for q, n in roots
+            ):
                 return prime
             self.check_time()
         raise Ended("incomplete", "No prime was found modulo which all numbers have their roots.")
 
     def settle(self, degree: int, claims: Callable[[Expansion], Claims], count: int = 2) -> None:
-        """Show zeros by algebra, regular matrices by balls; balls may refute a value that is not zero in the ring.
+        """Show zeros by algebra, regular matrices by balls.
 
-        At the end: every zero is one at all points drawn and for all roots there, every matrix is regular. Else it is
-        invalid where a ball excludes 0 or all is rational, and incomplete everywhere else.
+        Balls may refute a value that is not zero in the ring. At the end: every zero is one at all
+        points drawn and for all roots there, every matrix is regular. Else it is invalid where a
+        ball excludes 0 or all is rational, and incomplete everywhere else.
         """
         doubts, self.claimed = dict[int, str](), (claims, degree)
-        needed, regular = dict[int, str](), set[int]()  # which matrices, and which are for some choice of the roots
+        needed = dict[int, str]()  # which matrices, and which are for some choice of the roots
+        regular = set[int]()
 
         def exact(ring: Expansion) -> None:
             found = claims(ring)
-            open_ones = (k for k, zero in enumerate(found.zeros) if ring.arithmetic.settle(zero.value))
+            open_ones = (
+                k for k, zero in enumerate(found.zeros) if ring.arithmetic.settle(zero.value)
+            )
             doubts.update({k: found.zeros[k].sentence for k in open_ones})
             needed.update({k: one.sentence for k, one in enumerate(found.regular)})
             here = [ring.arithmetic.regular(one.matrix) for one in found.regular]
@@ -446,7 +527,9 @@ class Question:
         def real(ring: Expansion) -> None:
             found = claims(ring)
             for k, sentence in doubts.items():
-                require(all(number.contains(0) for number in found.zeros[k].value.values()), sentence)
+                require(
+                    all(number.contains(0) for number in found.zeros[k].value.values()), sentence
+                )
             if doubts or not all(ring.arithmetic.regular(one.matrix) for one in found.regular):
                 raise Unsettled
 
@@ -455,20 +538,25 @@ class Question:
             require(k in regular, sentence)
         require(not (doubts and self.rational), next(iter(doubts.values()), ""))
         if not self.rational:
-            told = f"It is undecided whether the following holds: {next(iter(doubts.values()))}" if doubts else (
-                "Balls at the real point do not show that a matrix is regular.")  # fmt: skip
+            told = (
+                f"It is undecided whether the following holds: {next(iter(doubts.values()))}"
+                if doubts
+                else ("Balls at the real point do not show that a matrix is regular.")
+            )
             self.proven_in_balls(degree, real, told)
 
     def lagrangian(self, document: dict[str, Any]) -> str:
         """All conditions on L itself hold, and the matrix L_(v_i v_j) is regular.
 
-        At the end: each residual is zero in the ring for every choice of its roots, and the matrix is regular modulo a
-        prime for one of them and, where not all is rational, in balls at P.
+        At the end: each residual is zero in the ring for every choice of its roots, and the matrix
+        is regular modulo a prime for one of them and, where not all is rational, in balls at P.
         """
         formula = read_tokens(document.get("lagrangian"), "certificate.lagrangian")
         tokens = formula + self.read_integrals(document.get("integrals") or {})
         require(self.letters.isdisjoint(tokens), "The Lagrangian contains accelerations.")
-        require(self.timed or "t" not in tokens, "The Lagrangian contains t, but the question does not.")
+        require(
+            self.timed or "t" not in tokens, "The Lagrangian contains t, but the question does not."
+        )
 
         def claims(ring: Expansion) -> Claims:
             lagrangian = Reader(ring, formula).value
@@ -480,7 +568,10 @@ class Question:
 
         factors = self.read_factors(document)
         lines = [text for pair in zip(factors, self.unsolved, strict=True) for text in pair]
-        self.prepare(lambda ring: [Reader(ring, text).value for text in (formula, *lines)], [tokens, *factors])
+        self.prepare(
+            lambda ring: [Reader(ring, text).value for text in (formula, *lines)],
+            [tokens, *factors],
+        )
         self.settle(self.jet, claims, 3 if self.rational else 2)
 
         def regular(ring: Expansion) -> bool:
@@ -488,7 +579,8 @@ class Question:
 
         self.generic = Generic(regular, self.jet, bool)
         there = self.where and " there"
-        return f"The Euler-Lagrange equations of the Lagrangian hold{self.where} and its Hessian is regular{there}."
+        hold = f"The Euler-Lagrange equations of the Lagrangian hold{self.where}"
+        return f"{hold} and its Hessian is regular{there}."
 
     def residuals(self, ring: Expansion, lagrangian: Series) -> Iterator[Zero]:
         """The values that must be zero at the point, and the error where they are not."""
@@ -501,43 +593,78 @@ class Question:
         """c_i(t, q, q') for each equation that is not solved, 1 where none are given."""
         listed = document.get("factors", ["1"] * len(self.unsolved))
         check_shape(listed, [TEXT, len(self.unsolved)], "certificate.factors")
-        require(len(listed) == len(self.unsolved), "Each equation that is not solved must have a factor.")
+        require(
+            len(listed) == len(self.unsolved),
+            "Each equation that is not solved must have a factor.",
+        )
         found = [read_tokens(text, "certificate.factors") for text in listed]
         require(all(map(self.letters.isdisjoint, found)), "A factor contains accelerations.")
-        require(self.timed or not any("t" in text for text in found), "A factor contains t, but the question does not.")
+        require(
+            self.timed or not any("t" in text for text in found),
+            "A factor contains t, but the question does not.",
+        )
         return found
 
-    def against(self, ring: Expansion, residuals: Iterable[Zero], factors: list[tuple[str, ...]]) -> Iterator[Zero]:
-        """For unsolved equations: a product that is zero if the residual is c E or -c E, for all q''."""
-        for (residual, sentence), factor, equation in zip(residuals, factors, self.unsolved, strict=True):
+    def against(
+        self, ring: Expansion, residuals: Iterable[Zero], factors: list[tuple[str, ...]]
+    ) -> Iterator[Zero]:
+        """For unsolved equations: it is zero if the residual is c E or -c E, for all q''."""
+        for (residual, sentence), factor, equation in zip(
+            residuals, factors, self.unsolved, strict=True
+        ):
             value = {0: Reader(ring, factor).value.get(0, 0)}
             own = ring.multiply(value, {0: Reader(ring, equation).value.get(0, 0)}, 0)
             either = ring.multiply(ring.add([residual, own], [1, -1]), ring.add([residual, own]), 0)
             yield Zero(either, sentence)
 
     def read_integrals(self, listed: dict[str, Any]) -> tuple[str, ...]:
-        """The functions that are known by one derivative, which may hold those before them; the tokens of all."""
+        """The functions that are known by one derivative, which may hold those before them.
+
+        The tokens of all.
+        """
         check_shape(listed, {}, "integrals")
-        check_shape(listed, {key: {"arguments": [NAME + "'?", 6], "derivatives": {}} for key in listed}, "integrals")
+        check_shape(
+            listed,
+            {key: {"arguments": [NAME + "'?", 6], "derivatives": {}} for key in listed},
+            "integrals",
+        )
         check_shape(list(listed), [NAME, MAX_NAMES], "integrals")
         taken = {*self.names, *self.functions} | RESERVED
         require(taken.isdisjoint(listed), "An integral has a name that is already in use.")
-        require(all(map({*listed}.isdisjoint, self.texts())), "Only the Lagrangian may contain integrals.")
+        require(
+            all(map({*listed}.isdisjoint, self.texts())),
+            "Only the Lagrangian may contain integrals.",
+        )
         tokens: tuple[str, ...] = ()
         for name, one in listed.items():
             arguments, slopes = one["arguments"], one["derivatives"]
-            require(0 < len(arguments) == len({*arguments}), f"integrals.{name} has to name its arguments once.")
-            require({*arguments} <= {"t", *self.variables}, f"integrals.{name} may contain only t, q and q'.")
-            require({*slopes} <= {*arguments}, f"integrals.{name} has a derivative by a name that is not an argument.")
+            require(
+                0 < len(arguments) == len({*arguments}),
+                f"integrals.{name} has to name its arguments once.",
+            )
+            require(
+                {*arguments} <= {"t", *self.variables},
+                f"integrals.{name} may contain only t, q and q'.",
+            )
+            require(
+                {*slopes} <= {*arguments},
+                f"integrals.{name} has a derivative by a name that is not an argument.",
+            )
             if len(slopes) != 1:
                 raise Ended("incomplete", f"integrals.{name} has to have one derivative.")
             ((by, text),) = slopes.items()
             slope = read_tokens(text, f"integrals.{name}")
             known = {t for t in slope if t in listed}
-            require(known <= {*self.integrals}, f"integrals.{name} may contain only the integrals listed before it.")
+            require(
+                known <= {*self.integrals},
+                f"integrals.{name} may contain only the integrals listed before it.",
+            )
             moving = {"t", *self.coordinates, *(name + "'" for name in self.coordinates)}
             strange = {*slope} & moving - {*arguments}
-            require(not strange, f"integrals.{name} has a derivative that contains a name that is not an argument.")
+            require(
+                not strange,
+                f"integrals.{name} has a derivative that contains a name that is not an argument.",
+            )
             self.integrals[name] = Integral(arguments, by, slope)
             tokens += (*arguments, *slope)
         return tokens
@@ -545,21 +672,29 @@ class Question:
     def multi_index(self, exponents: list[int], most: int) -> int:
         require(sum(exponents) <= most, f"A multi-index has to have a total of at most {most}.")
         shift = 8 * (len(self.variables) + len(self.bound))
-        return sum(exponent << 8 * a for a, exponent in enumerate(exponents)) | sum(exponents) << shift
+        return (
+            sum(exponent << 8 * a for a, exponent in enumerate(exponents)) | sum(exponents) << shift
+        )
 
     def agreed(self, scripts: Iterable[list[Step]]) -> list[Step]:
         """The rows and pivots of eliminations at several points, which have to be the same."""
         first, *others = scripts
         for other in others:
-            if [(step.row, step.pivot) for step in other] != [(step.row, step.pivot) for step in first]:
-                raise Ended("incomplete", "The elimination takes different pivots at different points.")
+            if [(step.row, step.pivot) for step in other] != [
+                (step.row, step.pivot) for step in first
+            ]:
+                raise Ended(
+                    "incomplete", "The elimination takes different pivots at different points."
+                )
             pairs = zip(first, other, strict=True)
             first = [one._replace(columns=one.columns | more.columns) for one, more in pairs]
         return first
 
     def listed(self, document: dict[str, Any]) -> tuple[list[Row], int]:
-        """The rows of a document in the order of their elimination, and the degree to which f is needed."""
-        index, exponents, m = range(len(self.coordinates)), range(MAX_ORDER + 1), len(self.variables)
+        """The rows of a document in the order of elimination, and the degree needed of f."""
+        index = range(len(self.coordinates))
+        exponents = range(MAX_ORDER + 1)
+        m = len(self.variables)
         kinds = "|".join(self.kinds_of_rows)
         arity = len(next(iter(self.kinds_of_rows.values())).places[0])
         shape = (kinds, *[index] * arity, (exponents,) * m)
@@ -582,8 +717,8 @@ class Question:
     def nonexistence(self, document: dict[str, Any]) -> str:
         """The rows named leave no regular g(p).
 
-        At the end: at all points the same rows are independent with the same pivots, in balls too where not all is
-        rational, and det g(p) is zero on the solutions of these rows.
+        At the end: at all points the same rows are independent with the same pivots, in balls too
+        where not all is rational, and det g(p) is zero on the solutions of these rows.
         """
         rows, most = self.listed(document)
         require(len(set(rows)) == len(rows), "A row is named twice.")
@@ -604,22 +739,37 @@ class Question:
         steps = self.agreed(outcome.steps for outcome in outcomes)
         regular = any(outcome.regular for outcome in outcomes)
         if not self.rational:
-            self.proven_in_balls(most, real, "Balls at the real point do not show that the rows are independent.")
+            self.proven_in_balls(
+                most, real, "Balls at the real point do not show that the rows are independent."
+            )
         require(not regular, "The rows leave a regular multiplier g(p).")
         self.generic = Generic(work, most, lambda outcome: not outcome.regular, telescopes=True)
-        return f"{len(rows)} linear conditions, recomputed from the equations, leave only singular Hessians."
+        listed = f"{len(rows)} linear conditions, recomputed from the equations"
+        return f"{listed}, leave only singular Hessians."
 
     def existence(self, document: dict[str, Any]) -> str:
         """The prolonged system is involutive in the degree named, and leaves a regular g(p).
 
-        At the end: the dimensions are those named, at the order named and the next one, at all points and in balls;
-        the symbol passes Cartan's test with them; g(p) of a random solution is regular.
+        At the end: the dimensions are those named, at the order named and the next one, at all
+        points and in balls; the symbol passes Cartan's test with them; g(p) of a random solution is
+        regular.
         """
         count, orders = range(10**9), range(1, MAX_ORDER + 1)
-        symbol = {"dimension": count, "prolonged": count, "characters": [count, len(self.variables)]}
-        shape = {"order": orders, "degree": orders, "dimensions": [count, MAX_ORDER + 1], "symbol": symbol}
+        symbol = {
+            "dimension": count,
+            "prolonged": count,
+            "characters": [count, len(self.variables)],
+        }
+        shape = {
+            "order": orders,
+            "degree": orders,
+            "dimensions": [count, MAX_ORDER + 1],
+            "symbol": symbol,
+        }
         check_shape(document, shape, "certificate")
-        order, degree, dimensions = document["order"], document["degree"], list(document["dimensions"])
+        order = document["order"]
+        degree = document["degree"]
+        dimensions = list(document["dimensions"])
         require(degree <= order, "degree has to be at most order.")
         if self.is_one_coordinate(document):
             self.prepare(lambda ring: None)
@@ -628,14 +778,23 @@ class Question:
         most = order + 1 + max(depth - own for own, depth, _ in self.kinds_of_rows.values())
         directions: list[list[int]] = []
         while not directions or fmpz_mat(directions).det() == 0:
-            directions = [[self.generator.randrange(1, 1 << 20) for _ in self.variables] for _ in self.variables]
+            directions = [
+                [self.generator.randrange(1, 1 << 20) for _ in self.variables]
+                for _ in self.variables
+            ]
 
         def work(ring: Expansion) -> Found:
             elimination, found = Elimination(ring.arithmetic, ring.shift), list[list[int]]()
             for step in range(order + 2):
                 ring.extend(elimination, step, idle)
                 kept = [pivot >> ring.shift for pivot in elimination.pivots]
-                found.append([*accumulate(len(ring.unknowns(k)) - kept.count(k + ring.offset) for k in degrees)])
+                found.append(
+                    [
+                        *accumulate(
+                            len(ring.unknowns(k)) - kept.count(k + ring.offset) for k in degrees
+                        )
+                    ]
+                )
             regular = ring.arithmetic.regular(ring.matrix(elimination))
             symbol, killed = symbol_of(elimination, ring, degree, directions)
             return Found(elimination.script(), killed.script(), found[order:], regular, symbol)
@@ -657,7 +816,11 @@ class Question:
         if any(sizes(result) != sizes(first) for result in results):
             raise Ended("incomplete", "The dimensions are different at different points.")
         if not self.rational:
-            self.proven_in_balls(most, real, "Balls at the real point do not show that the ranks are the generic ones.")
+            self.proven_in_balls(
+                most,
+                real,
+                "Balls at the real point do not show that the ranks are the generic ones.",
+            )
         same = first.dimensions == [dimensions] * 2
         require(same, "The dimensions are not those of this order and the next.")
         require(first.regular, "Every remaining multiplier g(p) is singular.")
@@ -670,7 +833,10 @@ class Question:
         return told if document.get("series") is None else told + self.series(document["series"])
 
     def is_one_coordinate(self, document: dict[str, Any]) -> bool:
-        """Whether it is x'' = f(t, x, x') with the dimensions of Gamma(g) + g df/dv = 0, which always has solutions."""
+        """Whether it is x'' = f(t, x, x') with the dimensions of Gamma(g) + g df/dv = 0.
+
+        That always has solutions.
+        """
         dimensions, symbol = [1, 2], Symbol(1, 1, (1, 0, 0))
         if self.timed:
             dimensions, symbol = [1, 3], Symbol(2, 3, (1, 1, 0))
@@ -679,26 +845,46 @@ class Question:
         return alone and same and document.get("series") is None
 
     def series(self, series: Any) -> str:
-        """The rows of the order that it claims vanish on the given coefficients, and g(p) is regular."""
+        """The rows of the order claimed vanish on the given coefficients, and g(p) is regular."""
         point = dict.fromkeys({*self.variables, *self.parameters}, NUMBER)
-        shape = {"order": range(MAX_ORDER + 1), "prime?": range(1 << 127), "point": {**point, "pi?": NUMBER},
-                 "terms": [((range(MAX_ORDER + 3),) * len(self.variables), NUMBER), MAX_ROWS]}  # fmt: skip
+        shape = {
+            "order": range(MAX_ORDER + 1),
+            "prime?": range(1 << 127),
+            "point": {**point, "pi?": NUMBER},
+            "terms": [((range(MAX_ORDER + 3),) * len(self.variables), NUMBER), MAX_ROWS],
+        }
         check_shape(series, shape, "certificate.series")
         order, prime, given = series["order"], series.get("prime") or self.prime(), series["point"]
         good = prime >> 30 and prime < 1 << 63 and fmpz(prime).is_probable_prime()
         require(good, "series.prime has to be null, or a prime between 2^30 and 2^63.")
         circular = any("pi" in force for force in self.force_texts)
-        if self.where or self.functions or not self.rational or (circular and not series.get("prime")):
-            return " The series was not compared: of a motion, of functions, or of what is not rational."
-        require(not circular or given.get("pi") is not None, "series.point has to give a value of pi.")
+        if (
+            self.where
+            or self.functions
+            or not self.rational
+            or (circular and not series.get("prime"))
+        ):
+            return (
+                " The series was not compared: f is of a motion, has functions, or is not rational."
+            )
+        require(
+            not circular or given.get("pi") is not None, "series.point has to give a value of pi."
+        )
         field = Residues(self, prime, 0, {})
         try:
-            known = {name: Fraction(x) for name in (*point, "pi") if (x := given.get(name)) is not None}
+            known = {
+                name: Fraction(x) for name in (*point, "pi") if (x := given.get(name)) is not None
+            }
             field.values |= {name: field.number(x) for name, x in known.items()}
-            terms = {self.multi_index(a, order + 2): field.number(Fraction(b)) for a, b in series["terms"]}
+            terms = {
+                self.multi_index(a, order + 2): field.number(Fraction(b))
+                for a, b in series["terms"]
+            }
             ring = self.expansion(field, order + 2)
         except Undefined:
-            raise Ended("invalid", "The point of the series is one where f is not defined.") from None
+            raise Ended(
+                "invalid", "The point of the series is one where f is not defined."
+            ) from None
         for name in (name for degree in range(order + 1) for name in ring.rows(degree)):
             require(ring.solved(ring.row(*name), terms), "The series does not solve the rows.")
         require(field.regular(ring.hessian(terms)), "The series has a singular g(p).")

@@ -18,7 +18,8 @@ if TYPE_CHECKING:
     from .question import Question
 
 MAX_MONOMIALS, MAX_DEGREE = 400_000, 1 << 20
-Table = dict[int, list[tuple[Number, int, list[tuple[int, int]]]]]  # of a condition: see Expansion.condition
+# Of a condition: see Expansion.condition.
+Table = dict[int, list[tuple[Number, int, list[tuple[int, int]]]]]
 
 
 class Term(NamedTuple):
@@ -30,7 +31,7 @@ class Term(NamedTuple):
 
 
 class Row(NamedTuple):
-    """The name of a row: the coefficient `alpha` of a condition of a kind, at a place among those of the kind."""
+    """The name of a row: the coefficient `alpha` of a condition of a kind, at a place of it."""
 
     kind: str
     place: tuple[int, ...]
@@ -54,10 +55,15 @@ class Symbol(NamedTuple):
 
 
 class Count:
-    """Reads formulas to bounds of (degree of numerator, of denominator, bits of the coefficients of both)."""
+    """Reads formulas to bounds of degrees and bits.
+
+    A value is (degree of numerator, of denominator, bits of the coefficients of both).
+    """
 
     def __init__(self, question: Question) -> None:
-        self.question, self.entries, self.weights = question, iter(question.plan.entries), dict[int, int]()
+        self.question = question
+        self.entries = iter(question.plan.entries)
+        self.weights = dict[int, int]()
         self.names = dict.fromkeys((*question.names, "pi"), (1, 0, 1, 0))
         self.degree, self.ties = 0, list[Any]()
         self.forces = question.read_all(self)
@@ -65,7 +71,9 @@ class Count:
     def bounded(self, *found: int) -> Any:
         self.question.check_time()
         if max(found) * self.question.plan.split > MAX_DEGREE:
-            raise Ended("incomplete", f"A degree, or the bits of a coefficient, may be above {MAX_DEGREE}.")
+            raise Ended(
+                "incomplete", f"A degree, or the bits of a coefficient, may be above {MAX_DEGREE}."
+            )
         return found
 
     def constant(self, value: Fraction) -> Any:
@@ -83,7 +91,9 @@ class Count:
 
     def power(self, u: Any, exponent: int) -> Any:
         u = u if exponent >= 0 else (u[1], u[0], u[3], u[2])
-        return self.bounded(*((abs(exponent) if abs(exponent) <= MAX_POWER else MAX_POWER + 1) * a for a in u))
+        return self.bounded(
+            *((abs(exponent) if abs(exponent) <= MAX_POWER else MAX_POWER + 1) * a for a in u)
+        )
 
     def atom(self, u: Any, logarithm: bool) -> Any:
         """The degrees of all powers that occur in the computation with Residues."""
@@ -91,7 +101,9 @@ class Count:
         if entry.pair:
             self.weights[entry.pair] = size if logarithm else 1
         pairs = self.question.plan.pairs
-        weight = sum([math.ceil(abs(a) * pairs[j].scale) * self.weights.get(j, 1) for j, a in entry.parts])
+        weight = sum(
+            [math.ceil(abs(a) * pairs[j].scale) * self.weights.get(j, 1) for j, a in entry.parts]
+        )
         if logarithm:
             self.bounded(size * entry.times, weight * entry.times, 0, 0)
             return self.bounded(1, 0, entry.times, entry.times)
@@ -100,9 +112,12 @@ class Count:
 
     def elementary(self, name: str, u: Any) -> Any:
         if name == "atan" and self.question.halves:
-            length = self.atom(self.atom(self.add([(0, 0, 1, 0), self.multiply(u, u)]), True), False)
+            length = self.atom(
+                self.atom(self.add([(0, 0, 1, 0), self.multiply(u, u)]), True), False
+            )
             return self.atom(self.multiply(u, length), True)
-        found = self.atom(u, name in ("log", "atan"))  # of w = (1 + iu)/(1 - iu), which has the degree of u
+        # Of w = (1 + iu)/(1 - iu), which has the degree of u.
+        found = self.atom(u, name in ("log", "atan"))
         return self.multiply(found, found) if name in ("sin", "cos") else found
 
     def function(self, name: str, orders: tuple[int, ...], arguments: list[Any]) -> Any:
@@ -113,9 +128,10 @@ class Count:
 
 
 class Expansion:
-    """Power series about a point in the displacements of t (if any), q_1 … q_n, v_1 … v_k, and conditions on L.
+    """Power series about a point, and conditions on L.
 
-    Where velocities are dependent, s' = w(t, q, v), L also has the variables mu = s' - w.
+    They are in the displacements of t (if any), q_1 … q_n, v_1 … v_k. Where velocities are
+    dependent, s' = w(t, q, v), L also has the variables mu = s' - w.
     """
 
     offset = 2  # the total degree of the unknown coefficients of L that are of degree 0
@@ -126,11 +142,14 @@ class Expansion:
         self.settle: Callable[[Series], Series] = arithmetic.settle
         question, n = self.question, len(self.question.coordinates)
         m, free, transverse = len(question.variables), len(question.free), len(question.bound)
-        self.shift, self.one = 8 * (m + transverse + self.clocks), self.settle({0: arithmetic.number(Fraction(1))})
+        self.shift = 8 * (m + transverse + self.clocks)
+        self.one = self.settle({0: arithmetic.number(Fraction(1))})
         self.all_units = [(1 << 8 * a) | (1 << self.shift) for a in range(m + transverse)]
         self.units, self.mu = self.all_units[:m], range(m, m + transverse)
         self.q, self.v = range(m - free - n, m - free), range(m - free, m)
-        self.phi, self.table, self.unknowns = cache(self.curvature), cache(self.condition), cache(self.coefficients)
+        self.phi = cache(self.curvature)
+        self.table = cache(self.condition)
+        self.unknowns = cache(self.coefficients)
         self.expand()
 
     def expand(self) -> None:
@@ -145,7 +164,8 @@ class Expansion:
         if degree and question.bound:
             moved = zip(question.bound, self.rates, self.mu, strict=True)
             self.names = self.names | {
-                name + "'": self.add([rate, {self.all_units[a]: self.one[0]}]) for name, rate, a in moved
+                name + "'": self.add([rate, {self.all_units[a]: self.one[0]}])
+                for name, rate, a in moved
             }
         self.slopes = [[self.derivative(force, v) for v in self.v] for force in self.forces]
 
@@ -154,7 +174,9 @@ class Expansion:
         self.ties, free = list[Series](), len(self.question.free)
         found = self.question.read_all(self)
         self.forces, self.rates = found[:free], found[free:]
-        self.field = [self.one] * self.question.timed + [self.names[name + "'"] for name in self.question.coordinates]
+        self.field = [self.one] * self.question.timed + [
+            self.names[name + "'"] for name in self.question.coordinates
+        ]
         self.field += self.forces
 
     def constant(self, value: Fraction) -> Series:
@@ -164,7 +186,11 @@ class Expansion:
         return (key >> 8 * variable) & 255
 
     def monomials(self, degree: int) -> Iterator[int]:
-        return (sum(units) for units in combinations_with_replacement(self.units, degree)) if degree >= 0 else iter(())
+        return (
+            (sum(units) for units in combinations_with_replacement(self.units, degree))
+            if degree >= 0
+            else iter(())
+        )
 
     def add(self, terms: list[Series], weights: Iterable[int] = ()) -> Series:
         """The sum of the series, each times a small integer."""
@@ -187,10 +213,19 @@ class Expansion:
 
     def derivative(self, series: Series, variable: int) -> Series:
         unit = self.units[variable]
-        return {key - unit: part * power for key, part in series.items() if (power := self.exponent(key, variable))}
+        return {
+            key - unit: part * power
+            for key, part in series.items()
+            if (power := self.exponent(key, variable))
+        }
 
-    def compose(self, arguments: list[Series], coefficient: Callable[..., Number], *beta: int) -> Series:
-        """sum over beta of coefficient(beta) (u - u_0)^beta by Horner's rule, for arguments u with values u_0."""
+    def compose(
+        self, arguments: list[Series], coefficient: Callable[..., Number], *beta: int
+    ) -> Series:
+        """sum over beta of coefficient(beta) (u - u_0)^beta by Horner's rule.
+
+        The arguments u have the values u_0.
+        """
         if len(beta) == len(arguments):
             return self.settle({0: coefficient(*beta)})
         result, step = Series(), {key: value for key, value in arguments[len(beta)].items() if key}
@@ -201,20 +236,33 @@ class Expansion:
 
     def power(self, u: Series, exponent: int) -> Series:
         start = u[0] if 0 in u else self.arithmetic.number(Fraction(0))
-        binomial = [*accumulate(range(self.degree), lambda last, k: last * (exponent - k) // (k + 1), initial=1)]
-        return self.compose([u], lambda k: binomial[k] and self.arithmetic.power(start, exponent - k) * binomial[k])
+        binomial = [
+            *accumulate(
+                range(self.degree), lambda last, k: last * (exponent - k) // (k + 1), initial=1
+            )
+        ]
+        return self.compose(
+            [u], lambda k: binomial[k] and self.arithmetic.power(start, exponent - k) * binomial[k]
+        )
 
     def elementary(self, name: str, u: Series) -> Series:
         number = self.arithmetic.number
         start = u[0] if 0 in u else number(Fraction(0))
-        if name in ("log", "atan"):  # y with E(y) = w E(u), where E multiplies by the degree and w is the derivative
+        # y with E(y) = w E(u), where E multiplies by the degree and w is the derivative.
+        if name in ("log", "atan"):
             value = self.arithmetic.log(start) if name == "log" else self.arithmetic.angle(start)
             if not self.degree:
                 return self.settle({0: value})
-            below = u if name == "log" else self.add([self.constant(Fraction(1)), self.multiply(u, u, self.degree)])
+            below = (
+                u
+                if name == "log"
+                else self.add([self.constant(Fraction(1)), self.multiply(u, u, self.degree)])
+            )
             growth = {key: part * (key >> self.shift) for key, part in u.items() if key}
             growth = self.multiply(self.power(below, -1), growth, self.degree)
-            parts = {key: part * number(Fraction(1, key >> self.shift)) for key, part in growth.items()}
+            parts = {
+                key: part * number(Fraction(1, key >> self.shift)) for key, part in growth.items()
+            }
             return self.settle({0: value} | parts)
         if name == "exp":
             cycle = [self.arithmetic.exp(start)] * 4
@@ -224,7 +272,10 @@ class Expansion:
         return self.compose([u], lambda k: cycle[k % 4] * number(Fraction(1, math.factorial(k))))
 
     def function(self, name: str, orders: tuple[int, ...], arguments: list[Series]) -> Series:
-        """A derivative of a declared function: its Taylor coefficients are random, but the same at equal arguments."""
+        """A derivative of a declared function: its Taylor coefficients are random.
+
+        They are the same at equal arguments.
+        """
         field, zero = self.arithmetic, self.arithmetic.number(Fraction(0))
         place = field.class_of(name, [argument.get(0, zero) for argument in arguments])
 
@@ -235,15 +286,27 @@ class Expansion:
         return self.compose(arguments, coefficient)
 
     def integral(self, name: str, orders: list[int], arguments: list[Series]) -> Series:
-        """A function with one given derivative: at equal arguments the same, random where nothing is given."""
+        """A function with one given derivative: random where nothing is given.
+
+        At equal arguments it is the same.
+        """
         names, known, slope = self.question.integrals[name]
         written = len(arguments) == len(names) and not any(orders)
         written = written and all(a is self.names[b] for a, b in zip(arguments, names, strict=True))
         require(written, f"{name} must be written with its own arguments.")
         axes = {self.question.variables.index(argument) for argument in names}
         axis = self.question.variables.index(known)
-        free = [key for d in range(self.degree + 1) for key in self.monomials(d) if not self.exponent(key, axis)]
-        free = [key for key in free if all(a in axes or not self.exponent(key, a) for a in range(len(self.units)))]
+        free = [
+            key
+            for d in range(self.degree + 1)
+            for key in self.monomials(d)
+            if not self.exponent(key, axis)
+        ]
+        free = [
+            key
+            for key in free
+            if all(a in axes or not self.exponent(key, a) for a in range(len(self.units)))
+        ]
         series = {key: self.arithmetic.jet(name, 0, (key,)) for key in free}
         for key, part in Reader(self, slope).value.items():
             if key >> self.shift < self.degree:
@@ -253,13 +316,20 @@ class Expansion:
 
     def coefficients(self, degree: int) -> list[int]:
         """The unknowns of a degree: total degree two more, v-degree at least two."""
-        return [key for key in self.monomials(degree + 2) if sum(self.exponent(key, v) for v in self.v) >= 2]
+        return [
+            key
+            for key in self.monomials(degree + 2)
+            if sum(self.exponent(key, v) for v in self.v) >= 2
+        ]
 
     def curvature(self, k: int, j: int) -> Series:
         """2 Phi^k_j = 2 Gamma(df^k/dv^j) - 4 df^k/dq^j - sum_l df^k/dv^l df^l/dv^j."""
         pairs = [(rate, self.derivative(self.slopes[k][j], a)) for a, rate in enumerate(self.field)]
         pairs += [(self.slopes[k][m], self.slopes[m][j]) for m in range(len(self.v))]
-        terms = [self.derivative(self.forces[k], self.q[j]), *(self.multiply(*pair, self.degree) for pair in pairs)]
+        terms = [
+            self.derivative(self.forces[k], self.q[j]),
+            *(self.multiply(*pair, self.degree) for pair in pairs),
+        ]
         return self.add(terms, [-4] + [2] * len(self.field) + [-1] * len(self.v))
 
     def terms(self, kind: str, *place: int) -> list[Term]:
@@ -270,7 +340,9 @@ class Expansion:
         along = enumerate(self.field) if kind == "H2" else ()
         terms = [Term(2, rate, (i, j, a)) for a, rate in along]
         for k, v in enumerate(self.v):
-            left, right = (self.phi(k, c) if kind == "H3" else self.slopes[k][c] for c in reversed(place))
+            left, right = (
+                self.phi(k, c) if kind == "H3" else self.slopes[k][c] for c in reversed(place)
+            )
             terms += [Term(1, left, (i, v)), Term(sign, right, (j, v))]
         return terms
 
@@ -283,8 +355,13 @@ class Expansion:
         for rate, a, b in zip(self.rates, self.mu, s, strict=True):
             if kind == "free":  # (X(w^b) - Gamma(w^b_v)) d_mu L - w^b_v d_s L
                 slope = self.derivative(rate, by)
-                across = [self.derivative(rate, of), *(self.multiply(self.derivative(w, by), self.derivative(rate, c),
-                          self.degree) for w, c in zip(self.rates, s, strict=True))]  # fmt: skip
+                across = [
+                    self.derivative(rate, of),
+                    *(
+                        self.multiply(self.derivative(w, by), self.derivative(rate, c), self.degree)
+                        for w, c in zip(self.rates, s, strict=True)
+                    ),
+                ]
                 curving = [*across, self.along(dict(enumerate(self.field)), slope)]
                 bend = self.add(curving, [1] * len(across) + [-1])
                 terms += [Term(-1, slope, (b,)), Term(1, bend, (a,))]
@@ -294,13 +371,19 @@ class Expansion:
 
     def along(self, parts: dict[int, Series], series: Series) -> Series:
         """The derivation with these components, by their variables."""
-        return self.add([self.multiply(part, self.derivative(series, a), self.degree) for a, part in parts.items()])
+        return self.add(
+            [
+                self.multiply(part, self.derivative(series, a), self.degree)
+                for a, part in parts.items()
+            ]
+        )
 
     def condition(self, kind: str, *place: int) -> Table:
         """The terms value x^part d_a d_b … L of a condition, by their parts; see row()."""
         table = Table()
         for weight, factor, by in self.terms(kind, *place):
-            raised, falls = sum(self.all_units[a] for a in by), [(8 * a, by[:k].count(a)) for k, a in enumerate(by)]
+            raised = sum(self.all_units[a] for a in by)
+            falls = [(8 * a, by[:k].count(a)) for k, a in enumerate(by)]
             for part, value in factor.items():
                 table.setdefault(part, []).append((value * weight, raised, falls))
         return table
@@ -309,7 +392,11 @@ class Expansion:
         """The coefficient alpha of a condition, in the coefficients of L."""
         exponents = [self.exponent(alpha, a) for a in range(len(self.units))]
         table, row = self.table(kind, *place), Series()
-        powers = [[unit * e for e in range(most + 1)] for unit, most in zip(self.units, exponents, strict=True) if most]
+        powers = [
+            [unit * e for e in range(most + 1)]
+            for unit, most in zip(self.units, exponents, strict=True)
+            if most
+        ]
         for rest in (alpha - sum(choice) for choice in product(*powers)):
             for value, raised, falls in table.get(alpha - rest, ()):
                 key, times = rest + raised, 1
@@ -327,7 +414,7 @@ class Expansion:
         return {0: total}
 
     def rows(self, degree: int) -> Iterator[Row]:
-        """All rows whose unknowns have just this highest degree, in an order that fills in little."""
+        """All rows whose unknowns have this highest degree, in an order that fills in little."""
         for kind, (order, _, places) in self.question.kinds_of_rows.items():
             for place in reversed(places):
                 for alpha in reversed([*self.monomials(degree - order)]):
@@ -336,16 +423,21 @@ class Expansion:
     def extend(self, elimination: Elimination, degree: int, idle: set[Row]) -> None:
         """Insert all rows of a degree but those that vanish on a random solution of the others.
 
-        A row that does not follow from the others does so with a chance of one in the prime. `idle`, the rows that
-        followed, only says which to try: they themselves at another point, and their derivatives.
+        A row that does not follow from the others does so with a chance of one in the prime.
+        `idle`, the rows that followed, only says which to try: they themselves at another point,
+        and their derivatives.
         """
         likely = list[Row]()
         for name in self.rows(degree):
-            if not idle.isdisjoint(name._replace(alpha=name.alpha - unit) for unit in (0, *self.units)):
+            if not idle.isdisjoint(
+                name._replace(alpha=name.alpha - unit) for unit in (0, *self.units)
+            ):
                 likely.append(name)
             elif not elimination.insert(self.row(*name), name):
                 idle.add(name)
-        solution = elimination.solution([key for k in range(degree + 1) for key in self.unknowns(k)])
+        solution = elimination.solution(
+            [key for k in range(degree + 1) for key in self.unknowns(k)]
+        )
         for name in likely:
             self.question.check_time()
             if self.solved(row := self.row(*name), solution) or not elimination.insert(row, name):
@@ -360,18 +452,30 @@ class Expansion:
         return self.hessian(elimination.solution(self.unknowns(0)))
 
     def hessian(self, series: Series) -> list[list[Number]]:
-        """d2L/dvdv at the point; with dependent velocities, in the basis (d_v + (dw/dv) d_s', d_s')."""
+        """d2L/dvdv at the point.
+
+        With dependent velocities, in the basis (d_v + (dw/dv) d_s', d_s').
+        """
 
         def second(of: Series, a: int, b: int) -> Number:
             return of.get(self.all_units[a] + self.all_units[b], 0) * (1 + (a == b))
 
-        bends = [(series.get(self.all_units[a], 0), rate) for a, rate in zip(self.mu, self.rates, strict=True)]
+        bends = [
+            (series.get(self.all_units[a], 0), rate)
+            for a, rate in zip(self.mu, self.rates, strict=True)
+        ]
         along = (*self.v, *self.mu)
-        return [[second(series, a, b) - sum([x * second(w, a, b) for x, w in bends]) for b in along] for a in along]
+        return [
+            [second(series, a, b) - sum([x * second(w, a, b) for x, w in bends]) for b in along]
+            for a in along
+        ]
 
 
 class Elimination:
-    """Rows in echelon form without their pivots, which are 1; `order` numbers the rows by their pivots (monomials)."""
+    """Rows in echelon form without their pivots, which are 1.
+
+    `order` numbers the rows by their pivots (monomials).
+    """
 
     def __init__(self, arithmetic: Arithmetic, shift: int) -> None:
         self.arithmetic, self.shift, self.names = arithmetic, shift, list[Any]()
@@ -379,13 +483,20 @@ class Elimination:
         self.rows, self.pivots, self.order = list[Series](), list[int](), dict[int, int]()
 
     def insert(self, row: Series, name: Any = None) -> bool:
-        """Reduce a row degree by degree until its part of the highest degree is new, then keep it; if it was."""
+        """Reduce a row degree by degree, keep it once its part of the highest degree is new.
+
+        Returns whether it was kept.
+        """
         field = self.arithmetic
         field.question.check_time()
         block: list[int] = []
         while row and not block:
             first = max(row) >> self.shift << self.shift  # keys of the highest degree are not below
-            row = self.reduced(row, first) if any(key in self.order for key in row if key >= first) else row
+            row = (
+                self.reduced(row, first)
+                if any(key in self.order for key in row if key >= first)
+                else row
+            )
             block = [key for key in row if key >= first]
         if block:
             self.keep(row, field.pivot(block), row, name)
@@ -399,7 +510,10 @@ class Elimination:
         self.rows.append(self.settle(kept))
 
     def reduced(self, row: Series, first: int) -> Series:
-        """Without the pivots from `first` on; a kept row contains no earlier pivot of its degree."""
+        """Without the pivots from `first` on.
+
+        A kept row contains no earlier pivot of its degree.
+        """
         field, order, raw = self.arithmetic, self.order, dict(row)
         queue = [(-(key >> self.shift), order[key]) for key in row if key >= first and key in order]
         queue.sort()  # a heap
@@ -431,9 +545,15 @@ class Elimination:
     def solution(self, columns: list[int]) -> Series:
         """A random solution in the columns, which are all up to some degree."""
         field, values = self.arithmetic, {column: self.arithmetic.draw() for column in columns}
-        kept = [pair for pair in zip(reversed(self.pivots), reversed(self.rows), strict=True) if pair[0] in values]
+        kept = [
+            pair
+            for pair in zip(reversed(self.pivots), reversed(self.rows), strict=True)
+            if pair[0] in values
+        ]
         for pivot, row in sorted(kept, key=lambda pair: pair[0] >> self.shift):
-            values[pivot] = -sum([value * values[key] for key, value in row.items()], field.number(Fraction(0)))
+            values[pivot] = -sum(
+                [value * values[key] for key, value in row.items()], field.number(Fraction(0))
+            )
             values[pivot] = self.settle({0: values[pivot]}).get(0, field.number(Fraction(0)))
         return self.settle(values)
 
@@ -450,32 +570,47 @@ def followed(ring: Expansion, steps: list[Step]) -> Elimination:
 def symbol_rows(
     system: Elimination, ring: Expansion, degree: int, directions: list[list[int]]
 ) -> Iterator[tuple[Any, Series]]:
-    """The equations of the symbol, by their pivots, then those of the parts that derivatives along directions kill."""
+    """The equations of the symbol, by their pivots.
+
+    Then those of the parts that derivatives along directions kill.
+    """
     one, top = ring.arithmetic.number(Fraction(1)), degree + ring.offset
     for pivot, row in zip(system.pivots, system.rows, strict=True):
         if pivot >> ring.shift == top:
-            yield pivot, {pivot: one} | {key: value for key, value in row.items() if key >> ring.shift == top}
+            yield (
+                pivot,
+                {pivot: one}
+                | {key: value for key, value in row.items() if key >> ring.shift == top},
+            )
     for number, direction in enumerate(directions):
         for key in ring.unknowns(degree - 1):
             parts = zip(range(len(ring.units)), ring.units, direction, strict=True)
-            yield (number, key), {key + unit: one * (part * (ring.exponent(key, a) + 1)) for a, unit, part in parts}
+            yield (
+                (number, key),
+                {key + unit: one * (part * (ring.exponent(key, a) + 1)) for a, unit, part in parts},
+            )
 
 
 def symbol_of(
     system: Elimination, ring: Expansion, degree: int, directions: list[list[int]]
 ) -> tuple[Symbol, Elimination]:
-    """The symbol, and the elimination of its equations with those of the parts that derivatives kill.
+    """The symbol, and the elimination of its equations and of the parts that derivatives kill.
 
-    It is involutive if the dimension of its prolongation is sum_k k a_k, a_k the characters.
+    It is involutive if the dimension of its
+    prolongation is sum_k k a_k, a_k the characters.
     """
     field, unknown = system.arithmetic, len(ring.unknowns(degree))
-    killed, above, left = Elimination(field, ring.shift), Elimination(field, ring.shift), list[int]()
+    killed = Elimination(field, ring.shift)
+    above = Elimination(field, ring.shift)
+    left = list[int]()
     for name, row in symbol_rows(system, ring, degree, directions):
         number = name[0] + 1 if isinstance(name, tuple) else 0
         left += [unknown - len(killed.rows)] * (number - len(left))
         killed.insert(field.settle(row), name)
         for a, unit in enumerate(ring.units) if not number else ():
-            above.insert(field.settle({key + unit: row[key] * (ring.exponent(key, a) + 1) for key in row}))
+            above.insert(
+                field.settle({key + unit: row[key] * (ring.exponent(key, a) + 1) for key in row})
+            )
     left += [unknown - len(killed.rows)] * (len(directions) + 1 - len(left))
     prolonged = len(ring.unknowns(degree + 1)) - len(above.rows)
     return Symbol(left[0], prolonged, tuple(a - b for a, b in pairwise(left))), killed
