@@ -855,6 +855,18 @@ def determinant(ring: Letters, matrix: list[list[Quotient]]) -> Quotient:
     return value
 
 
+def shortest(question: Question, stated: Sequence[str]) -> Cell:
+    """A stated domain without the members that follow from the others."""
+    said = list[Need]()
+
+    def read(ring: Letters) -> None:
+        ring.entries = iter(())
+        said[:] = [need for text in stated for need in needs_of_text(ring, text)]
+
+    ring = letters_of(question, read)
+    return Cell(written(ring, strongest(ring, said)))
+
+
 def lacking(question: Question, stated: Sequence[str], cell: Cell) -> tuple[list[str], list[int]]:
     """The members of the cell that do not follow from a stated domain.
 

@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import json
+import random
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from time import thread_time
 from typing import TYPE_CHECKING, Any
 
 import mpmath
 
 from inverse_service import bounds, errors
-from inverse_service.certificate import checker
+from inverse_service.certificate import cell as cells, checker, formulas, question
 from inverse_service.certificate.cell import Cell
 from inverse_service.decision import deciding
-from inverse_service.expressions import collecting, evaluation, inequalities, printing, tree as ex
+from inverse_service.expressions import collecting, evaluation, inequalities, notation, printing, tree as ex
 from inverse_service.field import exact_field, real_point, reduction, tower
 from inverse_service.mechanics import euler_lagrange, implicit_equations
 from inverse_service.reading import reader
@@ -112,6 +114,23 @@ def where_of(cell: Cell | None, names: Names) -> Where:
     positive = tuple(_members(cell.domain, " > 0", names))
     nonzero = tuple(map(_unsigned, _members(cell.domain, " != 0", names)))
     return Where(positive, nonzero, tuple(_members(cell.sides, " > 0", names)), cell.one_side)
+
+
+def domain_of(cell: Cell | None, names: Names) -> tuple[list[str], list[str]]:
+    """The members of a cell as a person writes them, in text and in LaTeX."""
+    where = where_of(cell, names)
+    found = [*(notation.row(tree, " != 0") for tree in where.nonzero), *map(inequalities.inequality, where.positive)]
+    return [one.text for one in found], [one.latex for one in found]
+
+
+def shortest(positive: Iterable[ex.Expression], system: SecondOrderSystem) -> list[str]:
+    """The inequalities that say that these trees are positive, without those that follow from the others."""
+    stated, tools = conditions_of(positive), question.Tools(random.Random(_SEED), thread_time() + 1.0)
+    try:
+        found = cells.shortest(question.Question(tools, _system(system)), stated)
+    except formulas.Ended:
+        return stated
+    return domain_of(found, system.names)[0]
 
 
 def _members(texts: Sequence[str], ending: str, names: Names) -> Iterator[ex.Expression]:

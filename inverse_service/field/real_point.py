@@ -282,19 +282,6 @@ def known_positive(trees: Sequence[ex.Expression]) -> set[ex.Expression]:
         }
 
 
-def strongest(trees: Iterable[ex.Expression]) -> list[ex.Expression]:
-    """Without those bounds z > a, z < b of one variable that follow from another."""
-    best: dict[object, tuple[mpmath.mpf, ex.Expression]] = {}
-    for tree in trees:
-        found = bound_of(tree)
-        with mpmath.workdps(_DIGITS):
-            limit = mpmath.mpf(0) if found is None else evaluation.evaluate(found[2], {}) * found[1]
-        key = tree if found is None else found[:2]
-        if key not in best or limit > best[key][0]:
-            best[key] = limit, tree
-    return [tree for _, tree in best.values()]
-
-
 def bound_of(tree: ex.Expression) -> tuple[Variable, int, ex.Expression] | None:
     """(z, 1, a) for z > a, (z, -1, a) for z < a, where the tree > 0 says just that and a is a number; else None."""
     terms = getattr(tree, "terms", (tree,))

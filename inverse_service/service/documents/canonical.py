@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Final
 
-from inverse_service.certificate.cell import Cell
 from inverse_service.certificate.checker import CheckResult, near_points
 from inverse_service.decision import certify
-from inverse_service.expressions import inequalities, notation, printing
+from inverse_service.expressions import printing
 from inverse_service.reading import reader
 from inverse_service.reading.names import Names
 
@@ -29,13 +28,6 @@ def names_of(
     return Names(tuple(system["coordinates"]), parameters, {name: tuple(of) for name, of in functions.items()})
 
 
-def domain_of(proven: Cell | None, names: Names) -> tuple[list[str], list[str]]:
-    """Members of a cell as a person writes them, in text and in LaTeX."""
-    where = certify.where_of(proven, names)
-    found = [*(notation.row(tree, " != 0") for tree in where.nonzero), *map(inequalities.inequality, where.positive)]
-    return [one.text for one in found], [one.latex for one in found]
-
-
 def cell(
     system: Mapping[str, Any],
     question: str,
@@ -47,14 +39,14 @@ def cell(
 ) -> dict[str, Any]:
     """The proven statement on one cell; `everywhere`: H holds on all of its stated domain there."""
     names, proven = names_of(system, certificate), proof.cell
-    texts, latex = domain_of(proven, names)
+    texts, latex = certify.domain_of(proven, names)
     lagrangian = certificate.get("lagrangian") if certificate["kind"] == "lagrangian" else None
     return {
         "question": QUESTIONS[certificate["question"]],
         "verdict": verdict,
         "domain": texts,
         "domain_latex": latex,
-        "lagrangian_domain": domain_of(proof.formulas, names)[0] if lagrangian and proof.by_theorem else None,
+        "lagrangian_domain": certify.domain_of(proof.formulas, names)[0] if lagrangian and proof.by_theorem else None,
         "by_theorem": proof.by_theorem,
         "timed": certificate["question"] == "time_dependent",
         "one_side": bool(proven and proven.one_side),

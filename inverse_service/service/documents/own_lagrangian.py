@@ -16,8 +16,8 @@ from inverse_service.errors import InputError, IrreducibleAtoms, LimitError
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.evaluation import NoRealValue, evaluate
 from inverse_service.expressions.inequalities import inequality_text
-from inverse_service.expressions.tree import TIME, ZERO, Acceleration, Arbitrary, Expression, Power, Symbol, walk
-from inverse_service.field.real_point import RealTable, requirements, strongest
+from inverse_service.expressions.tree import TIME, ZERO, Acceleration, Arbitrary, Expression, Symbol, walk
+from inverse_service.field.real_point import RealTable, requirements
 from inverse_service.field.reduction import signed_factors
 from inverse_service.field.tower import to_kernels
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_residual, euler_lagrange_sums
@@ -151,7 +151,7 @@ def _judged(
         with suppress(IrreducibleAtoms, NoRealValue):
             formulas = [*map(to_kernels, (*system.given, written))]
             sides = list(dict.fromkeys([*sides, *signed_factors(requirements(formulas, table), table)]))
-    domain = list(map(inequality_text, strongest(t for t in sides if not isinstance(t, Power))))
+    domain = certify.shortest(sides, system)
     found = cell(domain, near, proof.verdict, proof.reasons)
     if proof.verdict == "invalid" and table is not None:
         found |= _failing(system, own, table)

@@ -15,7 +15,7 @@ from inverse_service import __version__
 from inverse_service.decision import certify, solutions
 from inverse_service.decision.cells import Left
 from inverse_service.expressions import inequalities, printing, tree as ex
-from inverse_service.field import real_point, tower
+from inverse_service.field import tower
 from inverse_service.mechanics import method_advice
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading.document_names import Declared
@@ -104,18 +104,18 @@ def to_result(
         **_both_answers(solution, schema),
         conditions=_conditions(solution.conditions),
         branches=[schemas.BranchPart(**_both_answers(branch, schema)) for branch in branches],
-        not_answered=[_not_answered(one) for one in left],
+        not_answered=[_not_answered(one, solution.system) for one in left],
         advice=_advice(solution, schema.time_dependent_lagrangian),
         guessed=guessed_names(schema, solution.system),
         provenance={"program": "inverse-service", "version": __version__, **found},
     )
 
 
-def _not_answered(left: Left) -> schemas.NotAnsweredPart:
+def _not_answered(left: Left, system: SecondOrderSystem) -> schemas.NotAnsweredPart:
     named = {name_of(key): mpmath.nstr(value, 12) for key, value in (left.near or {}).items() if key != tower.RADIAN}
     near = {name: value for name, value in named.items() if name}
     return schemas.NotAnsweredPart(
-        domain=list(map(inequalities.inequality_text, real_point.strongest(left.positive))),
+        domain=certify.shortest(left.positive, system),
         near=near,
         reason=left.reason,
     )
