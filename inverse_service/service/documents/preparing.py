@@ -146,10 +146,11 @@ _FORM = re.compile(r"(?<![A-Za-z\\])d(?:[A-Za-z]|\s*\\)")  # dx and d\theta, in 
 _DEFINED = re.compile(r"\s*\\?([A-Za-z][^\W\u00b2]*(?:_\{\w+\})?)(?:(\([^()]*\))|(\^2|\^\{2\}|\u00b2))?\s*")
 
 
-def _with_lagrangian(plain: dict[str, Any]) -> tuple[dict[str, Any], dict[str, str]]:
+def _with_lagrangian(plain: dict[str, Any]) -> tuple[dict[str, Any], dict[str, str], dict[str, str]]:
     """A text that gives L, or T and V, as the document of that Lagrangian; its other lines define names or hold it.
 
-    With it, by the pointer of each of these formulas, that of the text that contains it at the same columns.
+    With it, by the pointer of each of these formulas, that of the text that contains it at the same columns; and what
+    is read differently.
     """
     key = "lagrangian" if "lagrangian" in plain else "equations"
     given = plain.get(key)
@@ -159,8 +160,11 @@ def _with_lagrangian(plain: dict[str, Any]) -> tuple[dict[str, Any], dict[str, s
     vectors = "".join(f", {found[0]}" for text in texts.values() for found in _VECTOR.finditer(text))
     energies: dict[str, tuple[re.Match[str], str, str]] = {}
     others: list[tuple[str, str]] = []
+    notes: dict[str, str] = {}
     for pointer, text in texts.items():
-        for line in _lines(_LAGRANGES_EQUATION.sub(_left_out, _LETTER_L.sub(_letter_l, text))):
+        text = _LETTER_L.sub(_letter_l, text)
+        notes |= {match[0].strip(): reader.LEFT_OUT for match in _LAGRANGES_EQUATION.finditer(text)}
+        for line in _lines(_LAGRANGES_EQUATION.sub(lambda match: " " * len(match[0]), text)):
             named = _ENERGY.match(line)
             kind = next((kind for kind in ("whole", "kinetic", "potential") if named and named[kind]), "")
             if named is None or kind in energies or named[kind] in _declared(plain):
@@ -170,7 +174,11 @@ def _with_lagrangian(plain: dict[str, Any]) -> tuple[dict[str, Any], dict[str, s
     formulas = [*(line for _, line in others), *(text for _, text, _ in energies.values())]
     moves = "kinetic" in energies and any(map(_MOVES.search, formulas))
     if not ("whole" in energies or moves) or any(map(_BARE.search, formulas)):
-        return plain, {}
+        return (
+            _with_multipliers(plain, texts)
+            if key == "equations" and any(map(_LAMBDA.search, texts.values()))
+            else (plain, {}, {})
+        )
     lagrangian = ""
     if "whole" in energies:
         others += [
@@ -204,17 +212,35 @@ def _with_lagrangian(plain: dict[str, Any]) -> tuple[dict[str, Any], dict[str, s
         found["where"] = {**plain.get("where", {}), **where}
     if len(others) > len(where):
         found["constraints"] = constraints
-    return found, places
+    return found, places, notes
+
+
+_LAMBDA = re.compile(r"lambda|Lambda|\bmu|\\mu|[\u03bb\u03bc\u039b]")
+
+
+def _with_multipliers(
+    plain: dict[str, Any], texts: Mapping[str, str]
+) -> tuple[dict[str, Any], dict[str, str], dict[str, str]]:
+    """The same for m x'' = lambda sin(theta), … with x' sin(theta) = y' cos(theta)."""
+    from inverse_service.service.documents import multipliers
+
+    given = {key: plain[key] for key in ("coordinates", "parameters", "functions", "where") if plain.get(key)}
+    try:
+        found = None if "constraints" in plain else multipliers.constrained(texts, document_names.Declared(**given))
+    except (TypeError, AttributeError):  # the shapes of declarations are refused by the schemas
+        found = None
+    if found is None:
+        return plain, {}, {}
+    kept = {key: part for key, part in plain.items() if key != "equations"}
+    made = {"coordinates": found.coordinates, "lagrangian": found.lagrangian, "constraints": found.constraints}
+    places = {f"/constraints/{k}": pointer for k, pointer in enumerate(found.pointers)}
+    meant = f"a multiplier of the constraints of L = {found.lagrangian}"
+    return {**kept, **made}, places, dict.fromkeys(found.multipliers, meant)
 
 
 def _letter_l(match: re.Match[str]) -> str:
     """L at the same columns, and L = for Lagrangian: and L := ."""
     return f"{'L'.ljust(len(match[0]) - 1)}=" if match["named"] else "L".ljust(len(match[0]))
-
-
-def _left_out(match: re.Match[str]) -> str:
-    reader.note(match[0].strip(), reader.LEFT_OUT)
-    return " " * len(match[0])
 
 
 def _lines(text: str) -> list[str]:
@@ -235,7 +261,7 @@ def prepared(document: Any) -> Prepared:
     if str(document.get("format", "")).startswith("inverse-service/"):
         raise errors.InputError("This is a result, not a document: its document is in system.given.", "/format")
     plain = {key: value for key, value in document.items() if key not in ("id", "$schema") and key[:1] != "_"}
-    plain, places = _with_lagrangian(plain)
+    plain, places, read = _with_lagrangian(plain)
     if is_forward(plain):
         plain.pop("constraints", None)
     extra = {key: document[key] for key in ("id", "metadata") if key in document}
@@ -246,9 +272,9 @@ def prepared(document: Any) -> Prepared:
     plain = {key: _LOOSE[key](value) if key in _LOOSE else value for key, value in plain.items()}
     time = _time_name(plain)
     free = "" if time != "t" else _free_variable(plain)
-    notes = {free: "the independent variable"} if free else {}
+    notes = read | ({free: "the independent variable"} if free else {})
     if time == free == "t" or not (time := free or time) or time == "t":
-        return Prepared(plain, extra=extra, places=places)
+        return Prepared(plain, extra=extra, readings=notes, places=places)
     plain, products = _with_time_apart(plain, time)
     other = next(letter for letter in _LETTERS if letter not in "".join(_texts(plain)))
     inside = {key: _changed(plain[key], {time: "t", "t": other}, True) for key in (*FORMULAS, *NAMES) if key in plain}
