@@ -220,17 +220,24 @@ class _Integrals:
         """Take it if it is independent of those before, by the gradients in q and v: d_t F follows from these."""
         trees = [*self.functions, tree]
         points, jets = self._along(list(map(to_kernels, trees)), {}, _DRAWN, gradients=True)
-        if not points.good.any():
-            return
-        first = int(np.argmax(points.good))
-        rows = np.array([jet.data[1:, 0, first] for jet in jets])
-        if len(null_vectors.pivots(rows.T, flow.PRIME)) < len(trees):
+        if points.good.any():
+            first = int(np.argmax(points.good))
+            rows = np.array([jet.data[1:, 0, first] for jet in jets])
+            if len(null_vectors.pivots(rows.T, flow.PRIME)) < len(trees):
+                return
+        elif self.functions or not self._moves(tree):  # a root of a number that has none modulo the prime
             return
         self.functions.append(tree)
         names = [each.name for each in self.kept]
         same = sum(name == one.name or name.startswith(f"{one.name} (") for name in names)
         name = one.name if not same else f"{one.name} ({same + 1})"
         self.kept.append(FirstIntegral(name, one.expression, one.symmetry))
+
+    def _moves(self, tree: Expression) -> bool:
+        """Whether a function depends on a velocity."""
+        slopes = [derivative.differentiate(tree, v) for v in self.free]
+        ring, _ = self._ring(slopes)
+        return any(not ring.value(slope).is_zero for slope in slopes)
 
     # Points modulo a prime.
 
