@@ -386,7 +386,7 @@ class Understood:
 
 @dataclass(frozen=True, slots=True)
 class ShownPlace:
-    """One error; if its place is known, the line that contains it, cut around the marked character.
+    """One error; if its place is known, the line that contains it, cut around the marked character, `at` a field.
 
     `choices` are texts that may have been meant, each with what a button for it sends.
     """
@@ -400,6 +400,7 @@ class ShownPlace:
     after: str = ""
     choices: tuple[tuple[str, str], ...] = ()
     pointer: str = ""
+    at: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -486,7 +487,7 @@ def _place(error: errors.Place, fields: Mapping[str, str]) -> ShownPlace:
     number = text.count("\n", 0, start) + 1 + _lines_before(steps)
     choices = _choices(error, text, start, line, f"{field}:{number}")
     detail = sentence(error, fields, is_marked=True)
-    return ShownPlace(detail, name, number, place + 1, before, marked, after, choices)
+    return ShownPlace(detail, name, number, place + 1, before, marked, after, choices, at=field)
 
 
 def _choices(error: errors.Place, text: str, start: int, line: str, at: str) -> tuple[tuple[str, str], ...]:

@@ -45,6 +45,7 @@ function echo(form) {
         if (isPage) target.innerHTML = text;
         else target.textContent = text;
         focusWide(target);
+        mark(form, target);
         // A screen reader hears where it ends, not each letter on the way.
         if (isFault) { said(target.querySelector(".detail")?.textContent ?? ""); answering?.clear(); }
         else answering?.(typed);
@@ -63,11 +64,40 @@ function echo(form) {
     if (form.elements.name && event.target.tagName === "TEXTAREA") form.elements.name.value = "";
     clearTimeout(timer);
     clearTimeout(scolding);
+    if (event.target.dataset.backed) backed(event.target);
     [typed, tries] = [Date.now(), 0];
     answering?.forget();
     timer = setTimeout(ask, ECHO_PAUSE);
   });
+  mark(form, target);
   return ask;
+}
+
+// Behind a box lies a copy of its text, in which a place is marked; the line below the box says it without scripts.
+function backed(box, start = 0, end = 0) {
+  if (!box.dataset.backed) {
+    const around = Object.assign(document.createElement("div"), { className: "typed" });
+    box.before(around);
+    around.append(Object.assign(document.createElement("pre"), { ariaHidden: "true" }), box);
+    box.dataset.backed = "yes";
+    box.addEventListener("scroll", () => { [copy.scrollTop, copy.scrollLeft] = [box.scrollTop, box.scrollLeft]; });
+  }
+  const copy = box.previousElementSibling;
+  const [before, marked, after] = [box.value.slice(0, start), box.value.slice(start, end), box.value.slice(end)];
+  copy.replaceChildren(...(end ? [before, Object.assign(document.createElement("mark"), { textContent: marked.trim() ? marked : "\u00a0" }), `${after}\u200b`] : []));
+  copy.style.right = `${box.offsetWidth - box.clientWidth - 2}px`; // beside a scroll bar lines end earlier
+  [copy.scrollTop, copy.scrollLeft] = [box.scrollTop, box.scrollLeft];
+  box.toggleAttribute("aria-invalid", false);
+  if (end) box.setAttribute("aria-invalid", "true");
+}
+
+function mark(form, within) {
+  for (const box of form.querySelectorAll("textarea")) {
+    const [, line, column] = within.querySelector(`[data-at^="${box.name}:"]`)?.dataset.at.split(":").map(Number) ?? [];
+    if (!line) { if (box.dataset.backed) backed(box); continue; }
+    const start = box.value.split("\n").slice(0, line - 1).reduce((sum, one) => sum + one.length + 1, column - 1);
+    backed(box, start, start + 1);
+  }
 }
 
 // A reading that was chosen is put where it belongs; without scripts the service does the same.

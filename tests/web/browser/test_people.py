@@ -92,6 +92,8 @@ def test_a_student(visit: Visit) -> None:
     box.fill("x'' = -y\ny'' = 3*@ + x")
     expect(page.locator("#understood mark")).to_have_text("@")
     expect(page.locator("#understood .where")).to_have_text("Equations, line 2, column 9")
+    expect(page.locator(".typed mark")).to_have_text("@")  # in the box
+    assert bottom(page.locator(".typed mark")) < bottom(box)
     expect(page.locator("#live")).to_be_hidden()
     box.fill(DAMPED)
     box.press("Control+Enter")
