@@ -18,7 +18,8 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.tables import MISSING, table
-from inverse_service.service.scenes.work_precision import duration, machine, work_precision
+from inverse_service.service.scenes.prices import duration
+from inverse_service.service.scenes.work_precision import machine, work_precision
 
 KEPLER = "(x'^2 + y'^2)/2 + 1/sqrt(x^2 + y^2)"
 PENDULUM = "a'^2 + b'^2/2 + a'*b'*cos(a - b) + 2*cos(a) + cos(b)"

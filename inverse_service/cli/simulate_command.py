@@ -16,6 +16,7 @@ from inverse_service import errors, settings
 from inverse_service.cli import command_line as cli
 from inverse_service.service.documents import plain_data, text_page
 from inverse_service.service.jobs import tasks, workers
+from inverse_service.service.scenes import prices
 
 DEFAULT_SECONDS, MEASURING_SECONDS = 600.0, 300.0
 QUANTITIES = (
@@ -267,13 +268,11 @@ def comma_table(result: Mapping[str, Any]) -> str:
 def price_list(result: Mapping[str, Any]) -> str:
     """What each error costs: a column for each method, the best first, as many as the terminal is wide; two sentences;
     the long run, where it was measured."""
-    from inverse_service.service.figures.time_series import best_first
-
-    labels, rows = best_first(result), []
+    labels, rows = prices.best_first(result), []
     for target in result["targets"]:
-        price = {row["method"]: row for row in target["rows"]}
-        rows.append([f"{target['error']:.0e}".replace("e-0", "e-"), *(_seconds(price[label]) for label in labels)])
-        rows.append(["", *(_choice(price[label]) for label in labels)])
+        row = [prices.price_of(target, label) for label in labels]
+        rows.append([prices.power(target["error"]), *(price.time for price in row)])
+        rows.append(["", *(", ".join(filter(None, (price.ratio, price.setting))) for price in row)])
     table = [["error", *labels], *rows]
     width = max(NARROWEST, get_terminal_size().columns)
     count = len(labels)
@@ -292,27 +291,6 @@ def price_list(result: Mapping[str, Any]) -> str:
     machine = result["machine"]
     lines.append(f"{machine['processor']}, one core; each time is the best of several runs without compiling.")
     return "\n".join(line for k, line in enumerate(lines) if line or lines[k - 1]) + "\n"
-
-
-def _seconds(row: Mapping[str, Any]) -> str:
-    from inverse_service.service.scenes.work_precision import duration
-
-    if row["seconds"] is None:
-        return "-"
-    return ("\N{LESS-THAN OR EQUAL TO} " if row["at_most"] else "") + duration(row["seconds"])
-
-
-def _choice(row: Mapping[str, Any]) -> str:
-    """The time relative to the fastest method, and the step or tolerance to use."""
-    if row["seconds"] is None:
-        return ""
-    times = "best" if row["ratio"] == 1 else f"{row['ratio']:.2g}\N{MULTIPLICATION SIGN}"
-    times = f"{row['ratio']:.0f}\N{MULTIPLICATION SIGN}" if row["ratio"] >= 99.5 else times
-    return (
-        f"{times}, step {row['step']:.2g}"
-        if row["tolerance"] is None
-        else f"{times}, tol {row['tolerance']:.0e}".replace("e-0", "e-")
-    )
 
 
 def _aligned(rows: list[list[str]]) -> list[str]:

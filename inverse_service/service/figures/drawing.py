@@ -6,6 +6,7 @@ the bodies of a scene with their trails, in real time or within SECONDS.
 
 from __future__ import annotations
 
+import io
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -18,7 +19,7 @@ from matplotlib.figure import Figure
 
 from inverse_service.errors import InputError
 from inverse_service.integrators.trajectory import Array
-from inverse_service.service.figures import style as styles, time_series
+from inverse_service.service.figures import style as styles, time_series, views
 from inverse_service.simulation import observing
 
 MOST_POINTS = 4000
@@ -51,61 +52,26 @@ def coordinate_figure(
     return figure, start + _finding(result) + styles.thinned(every)
 
 
-def portrait_figure(result: Mapping[str, Any], tables: Mapping[str, Mapping[str, Array]]) -> tuple[Figure, str] | None:
-    """Velocity against position, one panel per coordinate; None if no method has velocities."""
-    names = result["system"]["coordinates"][:MOST_COORDINATES]
-    drawn = [(k, m["label"], table) for k, m in enumerate(result["methods"])
-             if (table := tables.get(m["label"])) is not None and f"v_{names[0]}" in table]  # fmt: skip
+def view_figure(shown: Sequence[Mapping[str, Any] | None], wide: int = 3) -> Figure | None:
+    """Views as the page draws them too, one panel each; the true motion is a broad pale line below the others."""
+    drawn = [view for view in shown if view is not None]
     if not drawn:
         return None
-    every = max(1, max(len(table["t"]) for _, _, table in drawn) // MOST_POINTS)
-    panels = [
-        (styles.with_unit(name, result), f"{name}'", "",
-         [(k, label, table[name][::every], table[f"v_{name}"][::every]) for k, label, table in drawn])
-        for name in names
-    ]  # fmt: skip
-    dots = f" Dots are one point of {every}." if every > 1 else ""
-    caption = f"{result['name'] or 'Phase portrait'}: velocity against position of each coordinate.{dots}"
-    return _planes(panels, dots=every > 1), caption
-
-
-Panel = tuple[str, str, str, list[tuple[int, str, Array, Array]]]
-
-
-def _planes(panels: Sequence[Panel], dots: bool, wide: int = 3) -> Figure:
-    """Panels (x, y, title, lines) of curves or dots in a plane; a line has the place of its method, label, x, y."""
-    wide = min(wide, len(panels))
-    with styles.panels(len(panels), wide, max(5.2, 3.1 * wide + 0.4), 2.8) as (figure, grid):
-        for axes, (x, y, title, lines) in zip(grid, panels, strict=False):
-            for place, label, across, up in lines:
-                style = styles.look(place, "")
-                look_of_line: Any = {"linestyle": "none", "marker": ".", "markersize": 2} if dots else {
-                    "linestyle": style.line, "linewidth": 0.9}  # fmt: skip
-                axes.plot(across, up, color=style.color, label=styles.plain(label), **look_of_line)
-            axes.set(xlabel=x, ylabel=y, title=styles.plain(title))
-    return figure
-
-
-def view_figure(views: Sequence[Mapping[str, Any]], width: float, height: float) -> Figure:
-    """The views that the script of the page also draws, one panel each; the true motion is a wide pale line below."""
-    figure = styles.new_figure(width, height)
-    for axes, view in zip(figure.subplots(1, len(views), squeeze=False)[0], views, strict=True):
-        for line in view["lines"]:
-            is_true = line["color"] == "ink"
-            points = (np.asarray(line[key], dtype=float) for key in "xy")
-            look_of_line = {"linestyle": "none", "marker": ".", "markersize": 3} if view.get("dots") else {
-                "linestyle": DASHES[line["dash"]], "linewidth": 4 if is_true else 1.3}  # fmt: skip
-            color = PALE if is_true else line["color"]
-            axes.plot(
-                *points, color=color, label=styles.plain(line["label"]), zorder=1 if is_true else 2, **look_of_line
-            )
-        axes.set(
-            title=view["label"], xlabel=view["x"], ylabel=view["y"], yscale="log" if view.get("log_y") else "linear"
-        )
-        if view.get("equal"):
-            axes.set_aspect("equal", adjustable="datalim")
-        if view["label"]:
-            axes.legend()
+    wide = min(wide, len(drawn))
+    with styles.panels(len(drawn), wide, max(5.2, 3.1 * wide + 0.4), 2.8) as (figure, grid):
+        for axes, view in zip(grid, drawn, strict=False):
+            for line in view["lines"]:
+                is_true = line["color"] == "ink"
+                points = (np.asarray(line[key], dtype=float) for key in "xy")
+                look_of_line: Any = {"linestyle": "none", "marker": ".", "markersize": 2} if view.get("dots") else {
+                    "linestyle": DASHES[line["dash"]], "linewidth": 4 if is_true else 1.1}  # fmt: skip
+                color = PALE if is_true else line["color"]
+                axes.plot(
+                    *points, color=color, label=styles.plain(line["label"]), zorder=1 if is_true else 2, **look_of_line
+                )
+            axes.set(xlabel=styles.plain(view["x"]), ylabel=styles.plain(view["y"]), title=styles.plain(view["label"]))
+            if view.get("equal"):
+                axes.set_aspect("equal", adjustable="datalim")
     return figure
 
 
@@ -123,7 +89,7 @@ def _finding(result: Mapping[str, Any]) -> str:
 
 
 DRAWN = 24  # members drawn as lines
-MOST_COORDINATES = 6
+MOST_COORDINATES = MOST_PANELS = 6
 
 
 def ensemble_figure(result: Mapping[str, Any], tables: Mapping[str, Mapping[str, Array]]) -> tuple[Figure, str]:
@@ -157,29 +123,11 @@ def _panel(axes: Any, times: Array, values: Array, color: str) -> None:
     axes.plot(times, middle, color=color, linewidth=1.6)
 
 
-def section_figure(result: Mapping[str, Any]) -> tuple[Figure, str] | None:
-    """The points at events: velocity against position of each coordinate, a panel for each event and coordinate; None
-    where no event has two points. A coordinate that is zero at its event has no panel."""
-    names = result["system"]["coordinates"][:MOST_COORDINATES]
-    methods = [(k, m) for k, m in enumerate(result["methods"]) if any(e["count"] > 1 for e in m.get("events", ()))]
-    if not methods:
-        return None
-    panels: list[Panel] = []
-    for place, event in enumerate(methods[0][1]["events"]):
-        columns = [(k, m["label"], m["events"][place]["columns"]) for k, m in methods]
-        panels += [
-            (styles.with_unit(name, result), f"{name}'", f"{event['when']} = 0",
-             [(k, label, own[name], own[f"v_{name}"]) for k, label, own in columns])
-            for name in names if name != event["when"]
-        ]  # fmt: skip
-    return _planes(panels, dots=True), f"{result['name'] or 'Section'}: the states at which each event happens."
-
-
 def sweep_figure(result: Mapping[str, Any], tables: Mapping[str, Mapping[str, Array]]) -> tuple[Figure, str] | None:
     """The final values of the members of an ensemble against the parameter that varies; None unless one does."""
     columns = [
-        (k, m["label"], {name.removeprefix("member_"): column for name, column in tables[m["label"]].items()
-                         if name.startswith("member_")})
+        (k, m, {name.removeprefix("member_"): column for name, column in tables[m["label"]].items()
+                if name.startswith("member_")})
         for k, m in enumerate(result["methods"]) if m["label"] in tables
     ]  # fmt: skip
     first = columns[0][2]
@@ -188,11 +136,22 @@ def sweep_figure(result: Mapping[str, Any], tables: Mapping[str, Mapping[str, Ar
     if len(varied) != 1 or not shown:
         return None
     panels = [
-        (varied[0], name.replace("_", " "), "", [(k, label, own[varied[0]], own[name]) for k, label, own in columns])
+        views.view_of(
+            "",
+            varied[0],
+            name.replace("_", " "),
+            [(k, m, own[varied[0]], own[name]) for k, m, own in columns],
+            dots=True,
+        )
         for name in shown
     ]
-    caption = f"{result['name'] or 'Sweep'}: the end of each member against {varied[0]}."
-    return _planes(panels, dots=True, wide=2), caption
+    return _with_caption(
+        view_figure(panels, 2), f"{result['name'] or 'Sweep'}: the end of each member against {varied[0]}."
+    )
+
+
+def _with_caption(figure: Figure | None, caption: str) -> tuple[Figure, str] | None:
+    return None if figure is None else (figure, caption)
 
 
 def draw_simulation(
@@ -204,7 +163,7 @@ def draw_simulation(
     """Write the figures of the observed quantities. Return the names of the files with their captions."""
     if not tables:
         return []
-    observed = set(result["observe"])
+    observed, names = set(result["observe"]), result["system"]["coordinates"][:MOST_COORDINATES]
     drawn: dict[str, tuple[Figure, str] | None] = {}
     if any("members" in method for method in result["methods"]):
         drawn = {"ensemble": ensemble_figure(result, tables), "sweep": sweep_figure(result, tables)}
@@ -214,9 +173,12 @@ def draw_simulation(
         elif "trajectory" in observed:
             drawn["coordinates"] = coordinate_figure(result, tables, truth)
         if observed >= {"trajectory", "velocities"}:
-            drawn["phase-portrait"] = portrait_figure(result, tables)
-        drawn["section"] = section_figure(result)
-        for name in time_series.QUANTITIES:
+            portraits = [views.portrait_view(one, result, tables) for one in names]
+            caption = f"{result['name'] or 'Phase portrait'}: velocity against position of each coordinate."
+            drawn["phase-portrait"] = _with_caption(view_figure(portraits), caption)
+        caption = f"{result['name'] or 'Section'}: the states at which each event happens."
+        drawn["section"] = _with_caption(view_figure(views.section_views(result)[:MOST_PANELS]), caption)
+        for name in views.QUANTITIES:
             if name in observed or (name == "discrete_energy" and "energy" in observed):
                 drawn[name] = time_series.series_figure(name, result, tables, truth)
     return [
@@ -224,6 +186,30 @@ def draw_simulation(
         for name, pair in drawn.items()
         if pair is not None
     ]
+
+
+def picture(result: Mapping[str, Any], name: str, ending: str) -> bytes | None:
+    """A figure of the page as an SVG or PNG file; None for one that the result does not have."""
+    figure = time_series.precision_figure(result)[0] if name == "work-precision" else _page_figure(result, name)
+    if figure is None:
+        return None
+    stream, metadata = io.BytesIO(), {"Title": name} | ({"Date": None} if ending == "svg" else {})
+    with matplotlib.rc_context(styles.SETTINGS):
+        figure.savefig(stream, format=ending, dpi=styles.RESOLUTION, metadata=metadata)
+    return stream.getvalue()
+
+
+def _page_figure(result: Mapping[str, Any], name: str) -> Figure | None:
+    shown = {figure["name"]: figure["views"] for figure in views.figures_of(result)}
+    if name not in shown:
+        return None
+    if name == "section":
+        return view_figure(shown[name][:MOST_PANELS])
+    tables = views.tables_of(result)
+    if name in ("path", "coordinates"):
+        return (path_figure if name == "path" else coordinate_figure)(result, tables, None)[0]
+    drawn = time_series.series_figure(name, result, tables)
+    return None if drawn is None else drawn[0]
 
 
 def _is_round(result: Mapping[str, Any], tables: Mapping[str, Mapping[str, Array]]) -> bool:

@@ -15,9 +15,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from inverse_service.integrators.trajectory import Array
+from inverse_service.service.figures import views
 
-# Okabe and Ito (2008): eight colors that remain distinct for every kind of color vision; black is the true motion.
-COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#7A5C00", "#5D3A9B")
 LINES = ("-", "--", "-.", (0, (5, 1, 1, 1, 1, 1)), (0, (8, 2)), (0, (3, 1)), (0, (1, 1)), (0, (6, 1, 1, 1)))
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
 TRUE_COLOR = "#222222"
@@ -36,15 +35,6 @@ SETTINGS: Any = {
     "svg.hashsalt": "inverse-service",
     "svg.fonttype": "path",
 }
-# A small picture that is readable on light and dark backgrounds.
-INK = "#747d8d"
-SMALL: Any = {
-    "svg.fonttype": "none",
-    "font.family": "sans-serif",
-    **dict.fromkeys(("text.color", "axes.labelcolor", "axes.edgecolor", "xtick.color", "ytick.color"), INK),
-    "grid.color": INK,
-    "grid.alpha": 0.3,
-}
 RESOLUTION = 160
 CAPTION_SIZE = 9
 
@@ -62,8 +52,8 @@ def look(place: int, method: str) -> Look:
     """The style of the method at this position in the scene; true motions are dark and thin."""
     if method == "exact":
         return Look(TRUE_COLOR, "-", "")
-    k, turn = place % len(COLORS), place // len(COLORS)
-    return Look(COLORS[k], LINES[(k + turn) % len(LINES)], MARKERS[(k + 3 * turn) % len(MARKERS)])
+    k, turn = place % len(views.COLORS), place // len(views.COLORS)
+    return Look(views.COLORS[k], LINES[(k + turn) % len(LINES)], MARKERS[(k + 3 * turn) % len(MARKERS)])
 
 
 def new_figure(width: float, height: float) -> Figure:
@@ -138,10 +128,9 @@ def thinned(every: int) -> str:
     return f" Bands are the least and the greatest of {every} points each." if every > 1 else ""
 
 
-def with_unit(label: str, result: Mapping[str, Any], name: str = "") -> str:
+def with_unit(label: str, result: Mapping[str, Any]) -> str:
     """The label of an axis, with the unit that the scene gives to the name."""
-    unit = result.get("units", {}).get(name or label)
-    return plain(f"{label} [{unit}]" if unit else label)
+    return plain(views.with_unit(label, result))
 
 
 def plain(text: str) -> str:

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import matplotlib
@@ -13,130 +12,27 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from inverse_service.integrators.trajectory import Array
-from inverse_service.service.figures import style as styles
+from inverse_service.service.figures import style as styles, views
+from inverse_service.service.scenes.prices import best_first
 
-Tables = Mapping[str, Mapping[str, Array]]
-FLOOR, ROUND_OFF = 1e-17, 1e-12
+FLOOR = 1e-17
 BINS = 160
 MOST_PANELS = 4
 # A signed panel shows values up to this multiple of the median of the greatest values; larger ones leave it.
 REACH = 8
-Column = Callable[[Mapping[str, Any], Mapping[str, Array]], Array | None]
-Line = tuple[int, Mapping[str, Any], Array, Array]
-
-
-@dataclass(frozen=True, slots=True)
-class Quantity:
-    """What is drawn: the label and the name of its size, and the signed columns, each with its label."""
-
-    label: str
-    words: str
-    size: Column
-    signed: Callable[[Mapping[str, Any], Tables, Mapping[str, Array] | None], Iterable[tuple[str, Column]]]
-
-
-def keeps_energy(method: Mapping[str, Any], name: str = "energy") -> bool:
-    """Whether a column of energies would be constant on the true motion, so that it has an error."""
-    return "energy_note" not in method if name == "energy" else f"max_{name}_error" in method
-
-
-def energy_error(name: str) -> Column:
-    """E/E_0 - 1, or E - E_0 where E_0 is 0, of a column of energies; none if no energy is conserved."""
-
-    def error(method: Mapping[str, Any], table: Mapping[str, Array]) -> Array | None:
-        if name not in table or not keeps_energy(method, name):
-            return None
-        start = method["energy_start"]
-        found: Array = (table[name] - start) / (abs(start) or 1.0)
-        return found
-
-    return error
-
-
-def constraint_defect(method: Mapping[str, Any], table: Mapping[str, Array]) -> Array | None:
-    """The greatest defect of all constraints."""
-    columns = [np.abs(column) for name, column in table.items() if name.startswith("constraint_")]
-    return np.max(columns, axis=0) if columns else None
-
-
-def column(name: str) -> Column:
-    """An unchanged column of the table."""
-    return lambda method, table: table.get(name)
-
-
-def difference(name: str, true: Array) -> Column:
-    """q - q(t) of one coordinate; a run that ended early is compared at the points before its last."""
-
-    def found(method: Mapping[str, Any], table: Mapping[str, Array]) -> Array | None:
-        own = table[name]
-        count = len(own) if len(own) == len(true) else len(own) - 1
-        return np.append(own[:count] - true[:count], [np.nan] * (len(own) - count))
-
-    return found
-
-
-def _differences(
-    result: Mapping[str, Any], tables: Tables, truth: Mapping[str, Array] | None
-) -> Iterable[tuple[str, Column]]:
-    for name, true in (truth or {}).items():
-        yield styles.with_unit(f"{name} - true {name}", result, name), difference(name, true)
-
-
-def _constraints(
-    result: Mapping[str, Any], tables: Tables, truth: Mapping[str, Array] | None
-) -> Iterable[tuple[str, Column]]:
-    names = dict.fromkeys(name for table in tables.values() for name in table if name.startswith("constraint_"))
-    for name in names:
-        yield name.replace("_", " "), column(name)
-
-
-def _energy(name: str) -> Quantity:
-    label = "E/E₀ - 1" + (" (discrete)" if name == "discrete_energy" else "")
-    words = name.replace("_", " ") + " error"
-
-    def varying(method: Mapping[str, Any], table: Mapping[str, Array]) -> Array | None:
-        return None if keeps_energy(method, name) else table.get("mechanical_energy", table.get(name))
-
-    def signed(
-        result: Mapping[str, Any], tables: Tables, truth: Mapping[str, Array] | None
-    ) -> Iterable[tuple[str, Column]]:
-        # The energy of an L that was found for given equations is T + V only where a factor of t was taken out.
-        found = result["system"]["lagrangian"] is None and not any(
-            "mechanical_energy" in one for one in tables.values()
-        )
-        yield label, energy_error(name)
-        yield "energy of the L found" if found else "E = T + V", varying
-        if name == "energy":
-            yield "conserved H, relative drift", column("conserved_1")
-
-    return Quantity(f"|{label}|", words, energy_error(name), signed)
-
-
-QUANTITIES = {
-    "energy": _energy("energy"),
-    "discrete_energy": _energy("discrete_energy"),
-    "constraints": Quantity("greatest |ω(q) q'|", "defect of the constraints", constraint_defect, _constraints),
-    "error": Quantity("greatest distance", "trajectory error", column("error"), _differences),
-    "phase": Quantity(
-        "|phase error| in radians", "phase error", column("phase_error"),
-        lambda *_: iter([("phase error", column("phase_error"))]),
-    ),
-}  # fmt: skip
 
 
 def series_figure(
-    name: str, result: Mapping[str, Any], tables: Tables, truth: Mapping[str, Array] | None = None
+    name: str, result: Mapping[str, Any], tables: views.Tables, truth: Mapping[str, Array] | None = None
 ) -> tuple[Figure, str] | None:
     """The figure of one observed quantity with its caption: signed panels, and its size on a logarithmic axis.
 
     None where no method has it.
     """
-    quantity = QUANTITIES[name]
-    sizes = [
-        (place, method, times, np.abs(values)) for place, method, times, values in _lines(result, tables, quantity.size)
-    ]
+    quantity = views.QUANTITIES[name]
+    sizes = [(*line[:3], np.abs(line[3])) for line in views.lines_of(result, tables, quantity.size)]
     panels = [(label, lines) for label, one in quantity.signed(result, tables, truth)
-              if (lines := _lines(result, tables, one))][:MOST_PANELS]  # fmt: skip
+              if (lines := views.lines_of(result, tables, one))][:MOST_PANELS]  # fmt: skip
     if not sizes and not panels:
         return None
     with matplotlib.rc_context(styles.SETTINGS):
@@ -151,17 +47,7 @@ def series_figure(
     return figure, series_caption(quantity.words, sizes) + styles.thinned(every) + "".join(dict.fromkeys(notes))
 
 
-def _lines(result: Mapping[str, Any], tables: Tables, column_of: Column) -> list[Line]:
-    found = []
-    for place, method in enumerate(result["methods"]):
-        table = tables.get(method["label"])
-        values = None if table is None or method["method"] == "exact" else column_of(method, table)
-        if table is not None and values is not None and np.isfinite(values).any():
-            found.append((place, method, table["t"], values))
-    return found
-
-
-def _signed(axes: Axes, label: str, lines: Sequence[Line]) -> str:
+def _signed(axes: Axes, label: str, lines: Sequence[views.Line]) -> str:
     """Draw a panel centered at zero. Return a sentence if a line leaves it."""
     greatest = [float(np.nanmax(np.abs(np.where(np.isfinite(line[3]), line[3], np.nan)))) for line in lines]
     largest = max(greatest)
@@ -175,15 +61,14 @@ def _signed(axes: Axes, label: str, lines: Sequence[Line]) -> str:
     return " Larger values are outside the signed panels." if largest > reach else ""
 
 
-def _sizes(axes: Axes, lines: Sequence[Line], label: str) -> int:
+def _sizes(axes: Axes, lines: Sequence[views.Line], label: str) -> int:
     """The sizes on a logarithmic axis; of how many points a piece has."""
     most = 1
     for shift, (place, method, times, values) in enumerate(lines):
         style = styles.look(place, method["method"])
         # The start is given and has no error; zeros are drawn at the floor.
-        begin = 1 if len(values) > 1 and values[0] <= ROUND_OFF * np.nanmax(values) else 0
-        heights = np.maximum(np.where(np.isfinite(values), values, np.nan), FLOOR)[begin:]
-        t, _, high, every = styles.envelope(times[begin:], heights, BINS)
+        heights = np.maximum(views.without_start(np.where(np.isfinite(values), values, np.nan)), FLOOR)
+        t, _, high, every = styles.envelope(times, heights, BINS)
         most = max(most, every)
         axes.plot(
             t, high, color=style.color, linestyle=style.line, linewidth=1.3, marker=style.marker, markersize=4.5,
@@ -193,7 +78,7 @@ def _sizes(axes: Axes, lines: Sequence[Line], label: str) -> int:
     return most
 
 
-def _limits(lines: Sequence[Line]) -> tuple[float, float]:
+def _limits(lines: Sequence[views.Line]) -> tuple[float, float]:
     """From the smallest to the greatest positive value, with a margin, but not below round-off."""
     values = np.concatenate([line[3] for line in lines])
     values = values[np.isfinite(values) & (values > 0)]
@@ -203,7 +88,7 @@ def _limits(lines: Sequence[Line]) -> tuple[float, float]:
     return low, 4 * float(values.max())
 
 
-def series_caption(words: str, lines: Sequence[Line]) -> str:
+def series_caption(words: str, lines: Sequence[views.Line]) -> str:
     """Say which method preserves the quantity best and which one worst."""
     sizes = {method["label"]: float(np.nanmax(values)) for _, method, _, values in lines if np.isfinite(values).any()}
     sizes = {name: size for name, size in sizes.items() if math.isfinite(size)}
@@ -241,17 +126,6 @@ def precision_figure(result: Mapping[str, Any], evaluations: bool = False) -> tu
             _label_ends(axes, [end for end in ends if end is not None])
     title = f"{result['name']}. " if result["name"] else ""
     return figure, f"{title}{result['sentences'][0]} Lower is better; curves end at the round-off floor."
-
-
-def best_first(result: Mapping[str, Any]) -> list[str]:
-    """The labels of the methods: those that reach most errors first, of these the cheapest at the smallest of them."""
-    ranks: dict[str, tuple[int, float]] = {}
-    for target in result["targets"]:
-        for row in target["rows"]:
-            reached, seconds = ranks.get(row["method"], (0, 0.0))
-            known = row["seconds"] is not None
-            ranks[row["method"]] = (reached - known, row["seconds"] if known else seconds)
-    return sorted(ranks, key=ranks.__getitem__)
 
 
 End = tuple[float, float, str, Any]

@@ -16,7 +16,7 @@ from api_schemas.scene import SceneDocument, SceneMethod
 from inverse_service import __version__, errors, settings
 from inverse_service.integrators import method_table
 from inverse_service.mechanics import method_advice
-from inverse_service.service.scenes import scene_lagrangian, scene_reading, simulating
+from inverse_service.service.scenes import prices, scene_lagrangian, scene_reading, simulating
 from inverse_service.simulation import derivation, estimates, precision, scene_data
 
 FORMAT = "inverse-service/work-precision/1"
@@ -81,8 +81,9 @@ def _steps(schema: SceneDocument) -> tuple[float, ...]:
 
 
 def _document(measured: precision.Precision, taken: dict[str, Any] | None) -> dict[str, Any]:
-    drawn, sentences = precision.curves(measured), [one_trajectory(measured), long_run(measured)]
+    drawn = precision.curves(measured)
     named = {setting.requested.label: setting.requested for setting in measured.settings}
+    targets = _targets(measured, named)
     # Only methods that were run here are recommended.
     run = {requested.method for requested in named.values()} | {"stormer-verlet"}
     advice = taken if taken is not None and taken["method"].replace("-", "_") in run | {"stormer_verlet"} else None
@@ -93,8 +94,8 @@ def _document(measured: precision.Precision, taken: dict[str, Any] | None) -> di
         "scale": measured.scale,
         "error": "greatest distance of a coordinate from the true motion at 8 common times; relative is over scale",
         "truth": {"against": measured.truth.against, "uncertainty": measured.truth.uncertainty},
-        "targets": _targets(measured, named),
-        "sentences": sentences,
+        "targets": targets,
+        "sentences": [*prices.price_sentences(targets), long_run(measured)],
         "advice": advice,
         "methods": [
             {
@@ -181,23 +182,6 @@ def _version(name: str) -> str | None:
         return None
 
 
-def one_trajectory(measured: precision.Precision) -> str:
-    """Say which method is fastest for one trajectory at each error. A method that is better at its coarsest setting
-    might be faster still, so no method is then called the fastest with certainty."""
-    firsts: dict[str, list[str]] = {}
-    for target, reached in precision.prices(measured).items():
-        if reached:
-            label, price = next(iter(reached.items()))
-            unsure = [name for name, other in reached.items() if other.at_most and name != label]
-            name = f"{label} or {unsure[0]}" if unsure else label
-            sign = "at most " if price.at_most else ""
-            firsts.setdefault(name, []).append(f"{target:.0e} in {sign}{duration(price.seconds)}".replace("e-0", "e-"))
-    if not firsts:
-        return "No method reached a relative error of 1e-3: take smaller steps."
-    parts = [f"{label} is the fastest ({', '.join(cases)})" for label, cases in firsts.items()]
-    return f"For one trajectory {'; '.join(parts)}."
-
-
 def long_run(measured: precision.Precision) -> str:
     """Say which method preserves the energy, or the shape of the orbit, best over a long time."""
     done = [run for run in measured.long if not run.reason]
@@ -208,13 +192,5 @@ def long_run(measured: precision.Precision) -> str:
     known = [(getattr(run, key), run) for run in done if getattr(run, key) is not None]
     (least, best), (most, worst) = (pick(known, key=lambda pair: pair[0]) for pick in (min, max))
     text = f"Over {precision.LONG} times the time {what} least by {best.setting.requested.label}: {least:.1e} in "
-    text += duration(best.seconds or 0.0)
+    text += prices.duration(best.seconds or 0.0)
     return f"{text}, and most by {worst.setting.requested.label}: {most:.1e}." if worst is not best else f"{text}."
-
-
-def duration(seconds: float) -> str:
-    """Two digits with a unit: 35 us, 1.4 ms, 2.1 s."""
-    for factor, unit in ((1e6, "\N{MICRO SIGN}s"), (1e3, "ms")):
-        if seconds * factor < 999.5:
-            return f"{float(f'{seconds * factor:.2g}'):g} {unit}"
-    return f"{float(f'{seconds:.2g}'):g} s"

@@ -28,6 +28,7 @@ from starlette.responses import HTMLResponse, Response
 from inverse_service.expressions import letters
 from inverse_service.kernels.machine_code import code_store
 from inverse_service.service.jobs import tasks
+from inverse_service.service.scenes import prices
 from inverse_service.web import clients
 from inverse_service.web.pages import typesetting
 from inverse_service.web.problems import Refusal
@@ -232,9 +233,8 @@ def environment() -> Environment:
     for typeset in (typesetting.equation, typesetting.formula, typesetting.of_theory):
         found.globals[typeset.__name__] = typeset
     found.filters["greek"] = lambda name: re.sub(r"[A-Za-z]+", lambda word: letters.shown(word[0]), name)
-    found.filters["short_number"] = short_number
-    found.filters["duration"] = duration
-    found.filters["method_name"] = method_name
+    for said in (prices.short_number, prices.duration, prices.method_name):
+        found.filters[said.__name__] = said
     found.filters["code_marks"] = code_marks
     found.filters["capitalized"] = typesetting.capitalized
     found.filters["progress_text"] = progress_text
@@ -247,42 +247,6 @@ def code_marks(text: str) -> Markup:
         Markup("<code>{}</code>").format(part) if k % 2 else escape(part) for k, part in enumerate(text.split("`"))
     ]
     return Markup("").join(parts)
-
-
-def short_number(value: Any, digits: int = 3) -> str:
-    """So many digits, or a power of ten if it is shorter; a dash if the value is not a number."""
-    if not isinstance(value, int | float):
-        return "\u2013"
-    rounded = float(f"{value or 0:.{digits}g}")  # -0.0 is 0
-    return f"{rounded:g}".replace("e-0", "e-").replace("e+0", "e")
-
-
-def duration(seconds: Any) -> str:
-    """Two digits of seconds, or of ms and microseconds where they are small: no time that is measured has more."""
-    if not isinstance(seconds, int | float):
-        return "\u2013"
-    for factor, unit in ((1e6, "\u00b5s"), (1e3, "ms")):
-        if seconds * factor < 999.5:
-            return f"{short_number(seconds * factor, 2)} {unit}"
-    return f"{short_number(seconds, 2)} s"
-
-
-NAMES_OF_METHODS = {
-    "runge-kutta": "Runge\u2013Kutta", "stormer-verlet": "St\u00f6rmer\u2013Verlet", "heyoka": "Taylor (heyoka)",
-    "variational": "Variational", "nonholonomic": "Nonholonomic", "modified": "Modified", "adaptive": "Adaptive",
-    "stiff": "Stiff", "reference": "Reference", "exact": "Exact",
-}  # fmt: skip
-LABEL = re.compile(rf"({'|'.join(NAMES_OF_METHODS)})(?:-(\d[\d._]*))?(?:-order(\d+))?((?:-[a-z]+)*)")
-
-
-def method_name(label: str) -> str:
-    """A method in words: "Variational 4" for variational-0.5-order4; a label of the scene's own as it is."""
-    found = LABEL.fullmatch(label)
-    if found is None:
-        return label
-    method, alpha, order, more = found.groups()
-    words = NAMES_OF_METHODS[method] + (f" {order}" if order else "") + more.replace("-", ", ")
-    return words if alpha in (None, "0.5") else f"{words}, \u03b1 = {alpha.replace('_', '/')}"
 
 
 def can_simulate() -> bool:

@@ -21,6 +21,7 @@ from inverse_service import errors
 from inverse_service.decision.solutions import SolveOptions
 from inverse_service.service.documents import growing, text_page
 from inverse_service.service.documents.latex_page import latex_page
+from inverse_service.service.figures import views
 from inverse_service.service.jobs import model, opening, tasks
 from inverse_service.web.pages import forms, preview, rendering, sheets, simulations, typesetting
 
@@ -128,13 +129,15 @@ def own_lagrangian_task(store: str, id: str, text: str) -> dict[str, Any]:
 
 def figure_data_task(store: str, id: str) -> bytes:
     """The data of all figures of a simulation, as JSON, which shrinks to a fifth."""
-    data = json.dumps(simulations.figure_data(_result(store, id)), allow_nan=False)
+    data = json.dumps(views.figures_of(_result(store, id)), allow_nan=False)
     return gzip.compress(data.encode(), 5, mtime=0)
 
 
 def picture_task(store: str, id: str, name: str, ending: str) -> bytes | None:
     """A figure as a file; None if the result does not have it."""
-    return simulations.picture(_result(store, id), name, ending)
+    from inverse_service.service.figures.drawing import picture
+
+    return picture(_result(store, id), name, ending)
 
 
 def prices_task(store: str, id: str) -> bytes:

@@ -23,6 +23,7 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 
 from inverse_service.reading import document_names
 from inverse_service.service.documents import text_page
+from inverse_service.service.figures import views
 from inverse_service.service.jobs.batch import answer_line
 from inverse_service.service.jobs.model import Job
 from inverse_service.service.jobs.outcome import Outcome
@@ -209,7 +210,7 @@ def _file_of(kind: str, file: str, identifier: str, address: str) -> Made | None
         return None
     if file == "figures.json":
         return "application/json", "", result_tasks.figure_data_task, ()
-    if folder == "figures" and name in simulations.NAMES and ending in simulations.PICTURES:
+    if folder == "figures" and name in views.NAMES and ending in simulations.PICTURES:
         return simulations.PICTURES[ending], "", result_tasks.picture_task, (name, ending)
     if folder == "data" and ending in simulations.TABLES:
         return simulations.TABLES[ending], "", result_tasks.file_task, (name, ending)

@@ -17,7 +17,8 @@ from inverse_service.expressions import printing
 from inverse_service.reading import reader
 from inverse_service.reading.names import Names
 from inverse_service.service.documents import canonical, text_page
-from inverse_service.web.pages import forms, rendering, typesetting
+from inverse_service.service.scenes import prices
+from inverse_service.web.pages import forms, typesetting
 
 ARROW = "\u2192"
 YES, NO, OPEN, DIFFERS = "yes", "no", "open", "differs"
@@ -499,7 +500,7 @@ def _more(result: Mapping[str, Any], names: Names) -> Iterable[Row]:
     seconds = (result.get("provenance") or {}).get("seconds") or {}
     spent = seconds.get("all", sum(value for value in seconds.values() if isinstance(value, int | float)))
     if spent:
-        yield Row("Time", f"Computed in {rendering.duration(spent)}.")
+        yield Row("Time", f"Computed in {prices.duration(spent)}.")
 
 
 def _clock_row(clock: Mapping[str, Any], result: Mapping[str, Any], names: Names) -> Row:

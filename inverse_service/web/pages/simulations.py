@@ -7,19 +7,20 @@ import io
 import itertools
 import json
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from functools import partial
 from typing import Any
 
 from markupsafe import Markup
 from starlette.responses import HTMLResponse
 
-from inverse_service.expressions import letters
 from inverse_service.reading.names import Names
 from inverse_service.service.documents.text_page import notes_of_formulas
+from inverse_service.service.figures import views
+from inverse_service.service.scenes import prices
+from inverse_service.service.scenes.prices import duration, method_name, short_number
 from inverse_service.web.pages import preview, typesetting
-from inverse_service.web.pages.rendering import duration, method_name, page, short_number
+from inverse_service.web.pages.rendering import page
 
 PICTURES = {"svg": "image/svg+xml", "png": "image/png"}
 TABLES = {"csv": "text/csv", "npz": "application/zip"}
@@ -37,7 +38,7 @@ QUANTITIES = (
 def simulation_result(address: str, job: Mapping[str, Any], document: str) -> HTMLResponse:
     """The page of a job of kind "simulate"; `address` is that of the service."""
     result = job["result"]
-    columns = quantities(result)
+    columns, tables = quantities(result), views.tables_of(result)
     return page(
         "simulation.html",
         active="/simulate",
@@ -47,15 +48,16 @@ def simulation_result(address: str, job: Mapping[str, Any], document: str) -> HT
         formulas=typesetting.formulas_of(result["system"]),
         start={name: f"{v or 0:.10g}" for name, v in start_of(result).items()},
         rows=[
-            (m, [short_number(_value(m, key)) for key, _ in columns], _why(m), columns_of(m)) for m in result["methods"]
+            (m, [short_number(_value(m, key)) for key, _ in columns], _why(m), m["label"] in tables)
+            for m in result["methods"]
         ],
         ensembles=[(m["label"], *_members(of)) for m in result["methods"] if (of := m.get("members_columns"))],
         free=free_lagrangians(result),
         costs=costs(result),
         parts=part_costs(result),
         notes=notes_of(result),
-        figures=figure_names(result),
-        motion=motion_of(result),
+        figures=views.figures_of(result),
+        motion=motion_of(result, tables),
         scene=document,
         curl=f"curl -s {address}/v1/simulate -H 'Content-Type: application/json' -d @scene.json",
     )
@@ -81,16 +83,6 @@ def start_of(result: Mapping[str, Any]) -> dict[str, float]:
     initial = result["initial"]
     velocities = {f"{name}{PRIME}": v for name, v in initial["velocities"].items()}
     return {**result["system"]["parameters"], **initial["positions"], **velocities}
-
-
-@dataclass(frozen=True, slots=True)
-class Price:
-    """What an error costs by a method: the time, the ratio to the best, the step; a dash where it is not reached."""
-
-    time: str = "\u2013"
-    ratio: str = "not reached"
-    setting: str = ""
-    is_best: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,22 +124,18 @@ def precision_result(job: Mapping[str, Any], document: str) -> HTMLResponse:
         curves=measured,
         plots=[plot_of(measured, *size) for size in ((640, 400), (350, 320))] if measured else [],
         played=[{**asdict(curve), "name": curve.name} for curve in measured],
-        sentences=price_sentences(result),
-        errors=[power(target["error"]) for target in result["targets"]],
-        prices=[[price_of(target, curve) for target in result["targets"]] for curve in measured],
+        sentences=prices.price_sentences(result["targets"], method_name),
+        errors=[prices.power(target["error"]) for target in result["targets"]],
+        prices=[[prices.price_of(target, curve.label) for target in result["targets"]] for curve in measured],
         missing=[(", ".join(names), reason) for reason, names in missing.items()],
         scene=document,
     )
 
 
 def curves_of(result: Mapping[str, Any]) -> list[Curve]:
-    """All methods, those that reach most errors first, of these the fastest at the smallest."""
-    ranks: dict[str, tuple[int, float]] = {}
-    for target in result["targets"]:
-        for row in target["rows"]:
-            reached, seconds = ranks.get(row["method"], (0, math.inf))
-            ranks[row["method"]] = (reached, seconds) if row["seconds"] is None else (reached - 1, row["seconds"])
-    methods = sorted(result["methods"], key=lambda method: ranks.get(method["label"], (0, math.inf)))
+    """All methods, the best first."""
+    places = {label: place for place, label in enumerate(prices.best_first(result))}
+    methods = sorted(result["methods"], key=lambda method: places.get(method["label"], len(places)))
     return [_curve(method) for method in methods]
 
 
@@ -167,53 +155,6 @@ def _curve(method: Mapping[str, Any]) -> Curve:
         len(coarse),
         reason,
     )
-
-
-def price_of(target: Mapping[str, Any], curve: Curve) -> Price:
-    """The cost of a target error by a method."""
-    row = next((row for row in target["rows"] if row["method"] == curve.label and row["seconds"] is not None), None)
-    if row is None:
-        return Price()
-    best = min(row["seconds"] for row in target["rows"] if row["seconds"] is not None)
-    is_best = row["seconds"] == best
-    at_most = "\u2264 " if row["at_most"] else ""  # its coarsest setting is better than the error asked for
-    setting = f"{curve.setting} {short_number(row[curve.setting], 2)}"
-    ratio = "best" if is_best else f"{short_number(row['ratio'], 2)} \u00d7"
-    return Price(f"{at_most}{duration(row['seconds'])}", ratio, setting, is_best)
-
-
-def power(error: float) -> str:
-    """A power of ten: 1e-3."""
-    return f"{error:.0e}".replace("e-0", "e-").replace("e+00", "")
-
-
-def price_sentences(result: Mapping[str, Any]) -> list[str]:
-    """Which method is the fastest for which error, and what three more digits take with the best and the worst."""
-    fastest: dict[str, list[str]] = {}
-    known = []  # of each error: the seconds of the methods that reach it and not more, the fastest first
-    for target in result["targets"]:
-        rows = [row for row in target["rows"] if row["seconds"] is not None]
-        known.append({row["method"]: row["seconds"] for row in rows if not row["at_most"]})
-        # What is better at its coarsest setting might be faster still.
-        first = [*rows[:1], *(row for row in rows[1:] if row["at_most"])][:2]
-        if first:
-            names = " or ".join(method_name(row["method"]) for row in first)
-            fastest.setdefault(names, []).append(power(target["error"]))
-    if not fastest:
-        return ["No method reached a relative error of 1e-3. Take smaller steps."]
-    cases = [f"{', '.join(errors)}: {names}" for names, errors in fastest.items()]
-    found = [f"The fastest for an error of {'; for '.join(cases)}."]
-    targets = zip(itertools.pairwise(result["targets"]), itertools.pairwise(known), strict=True)
-    for (coarse, fine), (before, after) in targets:
-        factors = {name: after[name] / before[name] for name in after if name in before}
-        if coarse["error"] < 1e-3 and len(factors) > 1:
-            best, worst = next(iter(factors)), max(factors, key=factors.__getitem__)
-            each = [(short_number(factors[name], 2), method_name(name)) for name in dict.fromkeys((best, worst))]
-            sentence = " and ".join(f"{times} times as long with {name}" for times, name in each)
-            errors = f"from {power(coarse['error'])} to {power(fine['error'])}"
-            found.append(f"Three more digits, {errors}, take {sentence}.")
-            break
-    return found
 
 
 CHARACTER, LINE = 6.6, 15.0  # of a label of a curve
@@ -257,7 +198,7 @@ def plot_of(curves: Sequence[Curve], width: int, height: int) -> Plot:
         left,
         right,
         bottom,
-        [(at(10.0**k, 1.0)[0], power(10.0**k)) for k in range(0, math.floor(low), -1)
+        [(at(10.0**k, 1.0)[0], prices.power(10.0**k)) for k in range(0, math.floor(low), -1)
          if low <= k <= high and k % every == 0],
         [(at(1.0, 10.0**k)[1], duration(10.0**k)) for k in range(floor, ceiling + 1)],
         ["M" + "L".join(f"{x} {y}" for x, y in line) for line in lines],
@@ -389,262 +330,15 @@ def pretty(document: str | bytes) -> str:
     return json.dumps(json.loads(document), indent=1, ensure_ascii=False)
 
 
-TRUE = ("exact", "reference")
-COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#B8860B", "#56B4E9", "#8A6D3B", "#7E57C2")
-DASHES = ("solid", "dash", "dashdot", "dot", "longdash", "longdashdot", "solid", "dash")
-MOST_POINTS = 2001
-DIGITS = 7
-ROUNDING = 1e-13
-SERIES = {
-    "energy": ("Energy error", "|E/E\u2080 \u2212 1|"),
-    "constraints": ("Constraint defect", "greatest |\u03c9(q) q\u2032|"),
-    "error": ("Trajectory error", "greatest distance from the true motion"),
-}
-NAMES = ("path", "coordinates", "section", "work-precision", *SERIES)
-MOST_PANELS = 6
-
-
-def figure_names(result: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """(name, title) of the figures that this result has."""
-    if result["format"].startswith("inverse-service/work-precision"):
-        return [("work-precision", "Work and precision")]
-    if any("members" in method for method in result["methods"]):
-        return []  # of an ensemble the page has the table
-    observed, found = set(result["observe"]), []
-    if "trajectory" in observed:
-        if result["circle_coordinates"]:
-            a, b = map(letters.shown, result["circle_coordinates"])
-            found.append(("path", "Path in the plane" if (a, b) == ("x", "y") else f"{b} over {a}"))
-        found.append(("coordinates", "Coordinates in time"))
-    if any(event["count"] for method in result["methods"] for event in method.get("events", ())):
-        found.append(("section", "Points at events"))
-    if (
-        "energy" in observed
-        and not _has(result, "energy")
-        and any(columns_of(m).get("energy") for m in result["methods"])
-    ):
-        found.append(("energy", "Energy"))
-    return found + [(name, SERIES[name][0]) for name in SERIES if name in observed and _has(result, name)]
-
-
-def _has(result: Mapping[str, Any], name: str) -> bool:
-    return any(series(name, method) for method in result["methods"])
-
-
-def columns_of(method: Mapping[str, Any]) -> Mapping[str, list[float | None]]:
-    """The recorded columns of a method; empty if it has none."""
-    columns: Mapping[str, list[float | None]] = (method.get("points") or {}).get("columns", {})
-    return columns
-
-
-def series(name: str, method: Mapping[str, Any]) -> list[float | None]:
-    """The sizes of an observed quantity; None where they are zero, unknown or only the rounding of the start.
-
-    No sizes of an energy that the true motion does not keep.
-    """
-    columns = columns_of(method)
-    if name == "energy" and "energy_note" in method:
-        return []
-    if name == "energy":
-        start = method.get("energy_start")
-        values = columns.get("energy", [])
-        errors = [None if e is None or start is None else (e - start) / (abs(start) or 1.0) for e in values]
-        return _after_start([_positive(error) for error in errors])
-    if name == "constraints":
-        rows = [column for key, column in columns.items() if key.startswith("constraint_")]
-        worst = [max((abs(w) for w in at if w is not None), default=None) for at in zip(*rows, strict=True)]
-        return _after_start([_positive(value) for value in worst])
-    return _after_start([_positive(value) for value in columns.get(name, [])])
-
-
-def _after_start(values: list[float | None]) -> list[float | None]:
-    """Without the rounding of the start, which a two-step method has twice: it would stretch the axis for nothing."""
-    start = [None if value is not None and value < ROUNDING else value for value in values[:2]]
-    return start + values[2:]
-
-
-def _positive(value: float | None) -> float | None:
-    return None if not value else abs(value)
-
-
-def figure_data(result: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """The data for the script: each figure with its axes and its lines."""
-    return [
-        {"name": name, "title": title, "views": _views(name, title, result)} for name, title in figure_names(result)
-    ]
-
-
-def _views(name: str, title: str, result: Mapping[str, Any]) -> list[dict[str, Any]]:
-    methods = result["methods"]
-    if name == "path":
-        pair = result["circle_coordinates"]
-        return [_plane_view(title, result, pair, equal=tuple(pair) == ("x", "y"))]
-    if name == "coordinates":
-        return [view for c in result["system"]["coordinates"] for view in _views_of(c, methods)]
-    if name == "section":
-        return _sections(result)
-    others = [method for method in methods if method["method"] != "exact"]
-    views = [
-        _view(
-            "size, logarithmic",
-            "t",
-            SERIES[name][1],
-            _lines(others, _times, partial(series, name), methods),
-            log_y=True,
-        )
-    ]
-    kept = _kept_views(result) if name == "energy" else []
-    return [view for view in (*kept, *views, *_signed_views(name, result, others)) if view["lines"]]
-
-
-def _kept_views(result: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """T + V with the H that the motion keeps, each divided by its start, and the drift of H: of damped motions."""
-    methods = result["methods"]
-    kept = [method for method in methods if "conserved_1" in columns_of(method)]
-    kept = [method for method in kept if method["method"] not in TRUE] or kept
-    drifts = _lines(kept, _times, partial(_column, "conserved_1"), methods)
-    both = []
-    for line, method in zip(drifts, kept, strict=True):
-        columns: Mapping[str, Any] = columns_of(method)
-        name = method_name(method["label"])
-        energies = columns.get("mechanical_energy") or [None]
-        if energies[0]:
-            mechanical = [None if e is None else e / energies[0] for e in energies]
-            both.append(
-                {**_line(line["place"], method, columns["t"], mechanical), "label": f"T + V, {name}", "dash": "solid"}
-            )
-        constant = [None if drift is None else 1 + drift for drift in columns["conserved_1"]]
-        both.append({**_line(line["place"], method, columns["t"], constant), "label": f"H, {name}", "dash": "dash"})
-    sizes = [{**line, "y": [_positive(value) for value in line["y"]]} for line in drifts]
-    return [
-        _view("T + V and the conserved H, from 1 at the start", "t", "part of the start", both),
-        _view("conserved H, relative drift, logarithmic", "t", "|H/H\u2080 \u2212 1|", sizes, log_y=True),
-    ]
-
-
-def _sections(result: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """The points of each event, each coordinate with its velocity: Poincare sections."""
-    methods = [method for method in result["methods"] if method.get("events")]
-    views = []
-    for k, event in enumerate(methods[0]["events"]):
-        moving = [name for name in result["system"]["coordinates"] if name != event["when"]]
-        for name in moving or result["system"]["coordinates"]:
-            q, columns = letters.shown(name), [method["events"][k]["columns"] for method in methods]
-            lines = [
-                {**_line(place, method, [], []), "x": found[name], "y": found[f"v_{name}"]}
-                for place, (method, found) in enumerate(zip(methods, columns, strict=True))
-            ]
-            views.append(_view(f"{event['when']} = 0: {q}, {q}\u2032", q, f"{q}\u2032", lines, dots=True))
-    return views
-
-
-def _plane_view(title: str, result: Mapping[str, Any], pair: Sequence[str], equal: bool = True) -> dict[str, Any]:
-    """One coordinate over another."""
-    a, b = pair
-    lines = _lines(result["methods"], partial(_column, a), partial(_column, b))
-    dots = is_thinned(result)
-    return _view(title, letters.shown(a), letters.shown(b), lines, equal=equal, dots=dots)
-
-
-def is_thinned(result: Mapping[str, Any]) -> bool:
-    """Whether points were left out: lines between every k-th step would fill a circle to a ring."""
-    every = result.get("record_every", 1)
-    return any((method.get("points") or {}).get("every", 1) > every for method in result["methods"])
-
-
-def _signed_views(name: str, result: Mapping[str, Any], methods: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """The energy, or each constraint, with its sign."""
-    columns: dict[str, str] = {}
-    if name == "energy":
-        # Of an L that contains the time, T + V is what is left of its energy without the factor of t.
-        is_timed = any("mechanical_energy" in columns_of(method) for method in methods)
-        columns = {"T + V": "mechanical_energy", "energy of the L found": "energy"} if is_timed else {"E": "energy"}
-    if name == "constraints":
-        count = len(result["system"]["constraints"])
-        columns = {f"\u03c9{k}(q) q\u2032": f"constraint_{k}" for k in range(1, count + 1)}
-    return [
-        _view(
-            f"{label}, with its sign", "t", label, _lines(methods, _times, partial(_column, column), result["methods"])
-        )
-        for label, column in columns.items()
-    ]
-
-
-def _column(name: str, method: Mapping[str, Any]) -> list[float | None] | None:
-    return columns_of(method).get(name)
-
-
-def _views_of(name: str, methods: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """A coordinate in time, its difference from the true motion where that was computed, and its phase portrait."""
-    q = letters.shown(name)
-    views = [_view(f"{q} in time", "t", q, _lines(methods, _times, partial(_column, name)))]
-    truth = next((columns_of(m) for m in methods if m["method"] in TRUE), {})
-    if truth.get(name) and len(methods) > 1:
-        true = dict(zip(truth["t"], truth[name], strict=True))
-        others = [method for method in methods if method["method"] not in TRUE]
-        lines = _lines(others, _times, lambda m: _difference(columns_of(m), name, true), methods)
-        views.append(_view(f"{q}, difference from the true motion", "t", f"{q} \u2212 true {q}", lines))
-    lines = _lines(methods, partial(_column, name), lambda m: _rate(columns_of(m), name))
-    return [*views, _view(f"{q}, phase portrait", q, f"{q}\u2032", lines)]
-
-
-def _times(method: Mapping[str, Any]) -> list[float | None] | None:
-    return columns_of(method).get("t")
-
-
-def _difference(columns: Mapping[str, list[Any]], name: str, true: Mapping[Any, Any]) -> list[float | None]:
-    pairs = [(q, true.get(t)) for t, q in zip(columns.get("t", ()), columns.get(name, ()), strict=True)]
-    return [None if q is None or at is None else q - at for q, at in pairs]
-
-
-def _rate(columns: Mapping[str, list[Any]], name: str) -> list[float | None]:
-    """The recorded velocity; where there is none, that between the recorded points on either side."""
-    if f"v_{name}" in columns:
-        return columns[f"v_{name}"]
-    t, q = columns.get("t", []), columns.get(name, [])
-    last = len(q) - 1
-    ends = [(max(0, k - 1), min(last, k + 1)) for k in range(len(q))]
-    return [None if q[a] is None or q[b] is None or a == b else (q[b] - q[a]) / (t[b] - t[a]) for a, b in ends]
-
-
-def _view(label: str, x: str, y: str, lines: Sequence[Mapping[str, Any]], **axes: bool) -> dict[str, Any]:
-    return {"label": label, "x": x, "y": y, "lines": [line for line in lines if line["x"]], **axes}
-
-
-Column = Callable[[Mapping[str, Any]], Sequence[Any] | None]
-
-
-def _lines(
-    methods: Sequence[Mapping[str, Any]], x: Column, y: Column, whole: Sequence[Mapping[str, Any]] = ()
-) -> list[dict[str, Any]]:
-    """A line for each method, which keeps its color by its place among the `whole`."""
-    places = {method["label"]: k for k, method in enumerate(whole or methods)}
-    return [_line(places[method["label"]], method, x(method), y(method)) for method in methods]
-
-
-def _line(k: int, method: Mapping[str, Any], x: Sequence[Any] | None, y: Sequence[Any] | None) -> dict[str, Any]:
-    every = max(1, math.ceil(len(x or ()) / MOST_POINTS))
-    is_true = method["method"] in TRUE
-    return {
-        "label": method_name(method["label"]),
-        "place": k,
-        "color": "ink" if is_true else COLORS[k % len(COLORS)],
-        "dash": "solid" if is_true else DASHES[k % len(DASHES)],
-        "x": [_short(value) for value in (x or ())[::every]] if y else [],
-        "y": [_short(value) for value in (y or ())[::every]],
-    }
-
-
-def motion_of(result: Mapping[str, Any]) -> dict[str, Any] | None:
+def motion_of(result: Mapping[str, Any], tables: views.Tables) -> dict[str, Any] | None:
     """The motion of each method with the columns of all coordinates, thinned; None where nothing moved."""
     coordinates = result["system"]["coordinates"]
     tracks = []
-    for method in result["methods"]:
-        columns = columns_of(method)
-        if len(columns.get("t", ())) > 1 and all(name in columns for name in coordinates):
-            every = max(1, math.ceil(len(columns["t"]) / MOST_POINTS))
-            t, *q = ([_short(value) for value in columns[name][::every]] for name in ("t", *coordinates))
-            tracks.append({"label": method["label"], "t": t, "q": q})
+    for label, table in tables.items():
+        if len(table["t"]) > 1 and all(name in table for name in coordinates):
+            every = max(1, math.ceil(len(table["t"]) / views.MOST_POINTS))
+            t, *q = (views.shortened(table[name][::every]) for name in ("t", *coordinates))
+            tracks.append({"label": label, "t": t, "q": q})
     if not tracks:
         return None
     return {
@@ -653,48 +347,3 @@ def motion_of(result: Mapping[str, Any]) -> dict[str, Any] | None:
         "angles": preview.angles_of_texts(result["system"]),
         "tracks": tracks,
     }
-
-
-def _short(value: Any) -> Any:
-    return float(f"{value:.{DIGITS}g}") if isinstance(value, float) else value
-
-
-def picture(result: Mapping[str, Any], name: str, ending: str) -> bytes | None:
-    """A figure as an SVG or PNG file; None for a figure that the result does not have."""
-    if name not in dict(figure_names(result)):
-        return None
-    import matplotlib
-
-    from inverse_service.service.figures.style import RESOLUTION, SETTINGS
-
-    stream = io.BytesIO()
-    with matplotlib.rc_context(SETTINGS):
-        metadata = {"Title": name} | ({"Date": None} if ending == "svg" else {})
-        figure = _figure_of(result, name)
-        if figure is not None:
-            figure.savefig(stream, format=ending, dpi=RESOLUTION, metadata=metadata)
-    return stream.getvalue() or None
-
-
-def _figure_of(result: Mapping[str, Any], name: str) -> Any:
-    import numpy as np
-
-    from inverse_service.service.figures.drawing import coordinate_figure, path_figure, view_figure
-    from inverse_service.service.figures.time_series import precision_figure, series_figure
-
-    if name == "work-precision":
-        return precision_figure(result)[0]
-    if name == "section":
-        views = _sections(result)[:MOST_PANELS]
-        return view_figure(views, 4.0 * len(views), 3.6)
-    tables = {
-        method["label"]: {column: np.asarray(values, dtype=float) for column, values in columns_of(method).items()}
-        for method in result["methods"]
-        if columns_of(method)
-    }
-    if name == "path":
-        return path_figure(result, tables, None)[0]
-    if name == "coordinates":
-        return coordinate_figure(result, tables, None)[0]
-    drawn = series_figure(name, result, tables)
-    return None if drawn is None else drawn[0]

@@ -1,0 +1,305 @@
+"""What the figures of a simulation show: the page draws these views with its script, files with matplotlib.
+
+A figure has views to choose from. A view has axes and a line for each method, which keeps its color by its place in
+the scene; observed quantities are functions of a method and its table of recorded columns.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from inverse_service.expressions import letters
+from inverse_service.integrators.trajectory import Array
+from inverse_service.service.scenes.prices import method_name
+
+Method = Mapping[str, Any]
+Table = Mapping[str, Array]
+Tables = Mapping[str, Table]
+Column = Callable[[Method, Table], Array | None]
+Line = tuple[int, Method, Array, Array]  # the place of a method, times, values
+
+TRUE = ("exact", "reference")
+# Okabe and Ito (2008), the yellow and the last two darkened: distinct for every color vision, on light and dark paper.
+COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#B8860B", "#56B4E9", "#8A6D3B", "#7E57C2")
+DASHES = ("solid", "dash", "dashdot", "dot", "longdash", "longdashdot", "solid", "dash")
+MOST_POINTS = 2001
+DIGITS = 7
+ROUND_OFF = 1e-12  # of the greatest value
+
+
+# Observed quantities.
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """What is drawn: the label and the name of its size, and the signed columns, each with its label."""
+
+    label: str
+    words: str
+    size: Column
+    signed: Callable[[Mapping[str, Any], Tables, Table | None], Iterable[tuple[str, Column]]]
+
+
+def keeps_energy(method: Method, name: str = "energy") -> bool:
+    """Whether a column of energies would be constant on the true motion, so that it has an error."""
+    return "energy_note" not in method if name == "energy" else f"max_{name}_error" in method
+
+
+def energy_error(name: str) -> Column:
+    """E/E_0 - 1, or E - E_0 where E_0 is 0, of a column of energies; none if no energy is conserved."""
+
+    def error(method: Method, table: Table) -> Array | None:
+        start = method.get("energy_start")
+        if name not in table or start is None or not keeps_energy(method, name):
+            return None
+        found: Array = (table[name] - start) / (abs(start) or 1.0)
+        return found
+
+    return error
+
+
+def constraint_defect(method: Method, table: Table) -> Array | None:
+    """The greatest defect of all constraints."""
+    columns = [np.abs(column) for name, column in table.items() if name.startswith("constraint_")]
+    return np.max(columns, axis=0) if columns else None
+
+
+def column(name: str) -> Column:
+    """An unchanged column of the table."""
+    return lambda method, table: table.get(name)
+
+
+def difference(name: str, times: Array, true: Array) -> Column:
+    """q - q(t) of one coordinate at the times that both have; a run that ended early has its last time alone."""
+
+    def found(method: Method, table: Table) -> Array | None:
+        if method["method"] in TRUE:
+            return None
+        near = np.clip(np.searchsorted(times, table["t"] * (1 - 1e-9)), 0, len(times) - 1)
+        return np.where(np.isclose(times[near], table["t"]), table[name] - true[near], np.nan)
+
+    return found
+
+
+def _differences(result: Mapping[str, Any], tables: Tables, truth: Table | None) -> Iterable[tuple[str, Column]]:
+    if truth is None:
+        return
+    for name in result["system"]["coordinates"]:
+        times = result["step"] * result["record_every"] * np.arange(len(truth[name]))
+        label = with_unit(f"{name} \u2212 true {name}", result, name)
+        yield label, difference(name, truth.get("t", times), truth[name])
+
+
+def _constraints(result: Mapping[str, Any], tables: Tables, truth: Table | None) -> Iterable[tuple[str, Column]]:
+    names = dict.fromkeys(name for table in tables.values() for name in table if name.startswith("constraint_"))
+    for name in names:
+        yield name.replace("_", " "), column(name)
+
+
+def _energy(name: str) -> Quantity:
+    label = "E/E₀ \u2212 1" + (" (discrete)" if name == "discrete_energy" else "")
+
+    def varying(method: Method, table: Table) -> Array | None:
+        return None if keeps_energy(method, name) else table.get("mechanical_energy", table.get(name))
+
+    def signed(result: Mapping[str, Any], tables: Tables, truth: Table | None) -> Iterable[tuple[str, Column]]:
+        # The energy of an L that was found for given equations is T + V only where a factor of t was taken out.
+        found = result["system"]["lagrangian"] is None and not any(
+            "mechanical_energy" in one for one in tables.values()
+        )
+        yield label, energy_error(name)
+        yield "energy of the L found" if found else "E = T + V", varying
+        if name == "energy":
+            yield "conserved H, relative drift", column("conserved_1")
+
+    return Quantity(f"|{label}|", name.replace("_", " ") + " error", energy_error(name), signed)
+
+
+QUANTITIES = {
+    "energy": _energy("energy"),
+    "discrete_energy": _energy("discrete_energy"),
+    "constraints": Quantity("greatest |ω(q) q'|", "defect of the constraints", constraint_defect, _constraints),
+    "error": Quantity("greatest distance", "trajectory error", column("error"), _differences),
+    "phase": Quantity(
+        "|phase error| in radians", "phase error", column("phase_error"),
+        lambda *_: iter([("phase error", column("phase_error"))]),
+    ),
+}  # fmt: skip
+
+
+def lines_of(result: Mapping[str, Any], tables: Tables, column_of: Column) -> list[Line]:
+    """The methods that have a column, but the exact one, which has no error."""
+    found = []
+    for place, method in enumerate(result["methods"]):
+        table = tables.get(method["label"])
+        values = None if table is None or method["method"] == "exact" else column_of(method, table)
+        if table is not None and values is not None and np.isfinite(values).any():
+            found.append((place, method, table["t"], values))
+    return found
+
+
+def without_start(values: Array) -> Array:
+    """Sizes without the rounding of the first two points, which would stretch a logarithmic axis for nothing."""
+    is_rounding = (np.arange(len(values)) < 2) & (values <= ROUND_OFF * np.nanmax(values))
+    return np.where(is_rounding, np.nan, values)
+
+
+def with_unit(label: str, result: Mapping[str, Any], name: str = "") -> str:
+    """The label of an axis, with the unit that the scene gives to the name."""
+    unit = result.get("units", {}).get(name or label)
+    return f"{label} [{unit}]" if unit else label
+
+
+# The figures of a result.
+
+NAMES = ("path", "coordinates", "section", "work-precision", "energy", "constraints", "error")
+TITLES = {"energy": "Energy error", "constraints": "Constraint defect", "error": "Trajectory error"}
+
+
+def tables_of(result: Mapping[str, Any]) -> dict[str, Table]:
+    """The recorded columns of the methods that have some."""
+    return {
+        method["label"]: {name: np.array(values, dtype=float) for name, values in method["points"]["columns"].items()}
+        for method in result["methods"]
+        if method.get("points")
+    }
+
+
+def figures_of(result: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """The figures of a simulation, each with its name, its title and its views."""
+    if any("members" in method for method in result["methods"]):
+        return []  # of an ensemble the page has the table
+    tables, observed, pair = tables_of(result), set(result["observe"]), result["circle_coordinates"]
+    found: list[tuple[str, str, list[dict[str, Any]]]] = []
+    if "trajectory" in observed:
+        if pair:
+            path = path_view(result, tables)
+            found.append(("path", path["label"] if path else "", [path] if path else []))
+        found.append(("coordinates", "Coordinates in time", coordinate_views(result, tables)))
+    found.append(("section", "Points at events", section_views(result)))
+    for name in TITLES:
+        if name in observed or name == "error":  # a true motion alone gives differences
+            sizes = lines_of(result, tables, QUANTITIES[name].size)
+            title = TITLES[name] if sizes or name != "energy" else "Energy"
+            found.append((name, title, quantity_views(name, result, tables)))
+    return [{"name": name, "title": title, "views": shown} for name, title, shown in found if shown]
+
+
+def quantity_views(name: str, result: Mapping[str, Any], tables: Tables) -> list[dict[str, Any]]:
+    """The sizes of a quantity on a logarithmic axis, and each of its columns with its sign."""
+    quantity, draw = QUANTITIES[name], partial(lines_of, result, tables)
+    true = next((tables[m["label"]] for m in result["methods"] if m["method"] in TRUE and m["label"] in tables), None)
+    sizes = [(*line[:3], without_start(np.abs(line[3]))) for line in draw(quantity.size)]
+    sizes = [(*line[:3], np.where(line[3] > 0, line[3], np.nan)) for line in sizes]
+    signed = [(label, draw(column_of)) for label, column_of in quantity.signed(result, tables, true)]
+    found = [view_of("size, logarithmic", with_unit("t", result), quantity.label, sizes, log_y=True)]
+    found += [view_of(f"{label}, with its sign", with_unit("t", result), label, lines) for label, lines in signed]
+    return [view for view in (_kept_view(result, tables) if name == "energy" else None, *found) if view]
+
+
+def _kept_view(result: Mapping[str, Any], tables: Tables) -> dict[str, Any] | None:
+    """T + V with the H that a damped motion keeps, each divided by its start."""
+    lines: list[dict[str, Any]] = []
+    for place, method in enumerate(result["methods"]):
+        table = tables.get(method["label"], {})
+        if "conserved_1" not in table:
+            continue
+        mechanical = table.get("mechanical_energy", table["energy"])
+        both = [("H", "dash", 1 + table["conserved_1"])]
+        both += [("T + V", "solid", mechanical / mechanical[0])] * bool(mechanical[0])
+        for name, dash, values in both:
+            line = _line(place, method, table["t"], values)
+            lines.append({**line, "label": f"{name}, {line['label']}", "dash": dash})
+    label = "T + V and the conserved H, from 1 at the start"
+    return {"label": label, "x": "t", "y": "part of the start", "lines": lines} if lines else None
+
+
+def coordinate_views(result: Mapping[str, Any], tables: Tables) -> list[dict[str, Any]]:
+    """Each coordinate in time, and its phase portrait."""
+    found = []
+    for name in result["system"]["coordinates"]:
+        q, t = letters.shown(name), with_unit("t", result)
+        lines = [(k, method, table["t"], table[name]) for k, method, table in _drawn(result, tables)]
+        found += [view_of(f"{q} in time", t, with_unit(q, result, name), lines), portrait_view(name, result, tables)]
+    return [view for view in found if view]
+
+
+def portrait_view(name: str, result: Mapping[str, Any], tables: Tables) -> dict[str, Any] | None:
+    """Velocity against position; where no velocity was recorded, the slope between the recorded points."""
+    q = letters.shown(name)
+    lines = [
+        (k, method, table[name], table[f"v_{name}"] if f"v_{name}" in table else np.gradient(table[name], table["t"]))
+        for k, method, table in _drawn(result, tables)
+    ]
+    label = f"{q}, phase portrait"
+    return view_of(label, with_unit(q, result, name), f"{q}\u2032", lines, dots=is_thinned(result, tables))
+
+
+def path_view(result: Mapping[str, Any], tables: Tables) -> dict[str, Any] | None:
+    """The path in the plane of two coordinates."""
+    a, b = pair = result["circle_coordinates"]
+    is_plane = (a, b) == ("x", "y")
+    title = "Path in the plane" if is_plane else f"{letters.shown(b)} over {letters.shown(a)}"
+    x, y = (with_unit(letters.shown(name), result, name) for name in pair)
+    lines = [(k, method, table[a], table[b]) for k, method, table in _drawn(result, tables)]
+    return view_of(title, x, y, lines, equal=is_plane, dots=is_thinned(result, tables))
+
+
+def section_views(result: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """The points at each event, each coordinate with its velocity (Poincare sections), but one that is zero there."""
+    methods = [(k, method) for k, method in enumerate(result["methods"]) if method.get("events")]
+    views = []
+    for place, event in enumerate(methods[0][1]["events"] if methods else ()):
+        moving = [name for name in result["system"]["coordinates"] if name != event["when"]]
+        points = [(k, method, method["events"][place]["columns"]) for k, method in methods]
+        for name in moving or result["system"]["coordinates"]:
+            q = letters.shown(name)
+            lines = [
+                (k, method, *(np.array(columns[key], dtype=float) for key in (name, f"v_{name}")))
+                for k, method, columns in points
+            ]
+            label = f"{event['when']} = 0: {q}, {q}\u2032"
+            views.append(view_of(label, with_unit(q, result, name), f"{q}\u2032", lines, dots=True))
+    return [view for view in views if view]
+
+
+def is_thinned(result: Mapping[str, Any], tables: Tables) -> bool:
+    """Whether points were left out: lines between every k-th step would fill a circle to a ring."""
+    every = result.get("record_every", 1)
+    left_out = any((method.get("points") or {}).get("every", 1) > every for method in result["methods"])
+    return left_out or any(len(table["t"]) > MOST_POINTS for table in tables.values())
+
+
+def _drawn(result: Mapping[str, Any], tables: Tables) -> list[tuple[int, Method, Table]]:
+    """The methods that recorded a motion, each with its place."""
+    found = [(k, method, tables.get(method["label"], {})) for k, method in enumerate(result["methods"])]
+    return [(k, method, table) for k, method, table in found if len(table.get("t", ())) > 1]
+
+
+def view_of(label: str, x: str, y: str, lines: Sequence[Line], **axes: bool) -> dict[str, Any] | None:
+    """None if no line has a point."""
+    drawn = [_line(*line) for line in lines if np.isfinite(line[3]).any()]
+    return {"label": label, "x": x, "y": y, "lines": drawn, **axes} if drawn else None
+
+
+def _line(place: int, method: Method, x: Array, y: Array) -> dict[str, Any]:
+    every, is_true = max(1, math.ceil(len(x) / MOST_POINTS)), method["method"] in TRUE
+    return {
+        "label": method_name(method["label"]),
+        "place": place,
+        "color": "ink" if is_true else COLORS[place % len(COLORS)],
+        "dash": "solid" if is_true else DASHES[place % len(DASHES)],
+        "x": shortened(x[::every]),
+        "y": shortened(y[::every]),
+    }
+
+
+def shortened(values: Array) -> list[float | None]:
+    """Numbers with so many digits as a picture shows; None for what is not one."""
+    return [float(f"{value:.{DIGITS}g}") if math.isfinite(value) else None for value in values.tolist()]
