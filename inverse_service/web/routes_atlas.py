@@ -7,10 +7,10 @@ from functools import lru_cache
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Depends, Query
-from pydantic import BaseModel, Field
 from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 
+from api_schemas.atlas_answers import AtlasEntry, AtlasLine, AtlasList
 from inverse_service import errors
 from inverse_service.catalogue import atlas
 from inverse_service.service.documents import alike
@@ -20,50 +20,9 @@ from inverse_service.web.engine import Engine
 from inverse_service.web.problems import Refusal
 
 router = APIRouter(dependencies=[Depends(clients.require_client)])
-SHOWN = ("name", "title", "source", "tags", "equations", "verdict", "badge")
 LICENSE = "MIT"
 CITE = "The inverse-service atlas: systems of equations of motion with their Lagrangians, computed and checked."
 LATE = "Reading these equations takes too long for a search."
-
-
-def told(words: str) -> Any:
-    """A field with its description."""
-    return Field(description=words)
-
-
-class AtlasLine(BaseModel):
-    """A system of the atlas in a list."""
-
-    name: str = told("the name in addresses")
-    title: str = told("its title")
-    source: str = told("its source as a citation; empty if the system is from this project")
-    tags: list[str] = told("keywords for searches")
-    equations: list[str] = told("the equations, or L and the constraints, as parsed")
-    verdict: str = told("yes, no, open or differs, for both questions together")
-    badge: str = told("the verdict in words")
-
-
-class AtlasList(BaseModel):
-    """The results of a search: at most a hundred systems, and the total number."""
-
-    count: int = told("how many systems were found")
-    systems: list[AtlasLine] = told("the first hundred of them")
-    license: str = told("the license of the atlas")
-    cite: str = told("how to cite the atlas")
-
-
-class AtlasEntry(AtlasLine):
-    """One system with its document and its computed answers to both questions."""
-
-    document: dict[str, Any] = told("the document that was solved")
-    without_time: str | None = told("the verdict for L(q, q')")
-    with_time: str | None = told("the verdict for L(t, q, q')")
-    lagrangian: str | None = told("a Lagrangian; null where there is none or it is too long for a list")
-    hamiltonian: str | None = told("its Hamiltonian")
-    domain: list[str] = told("the conditions under which the formulas hold")
-    checked: str | None = told("the verdict of the independent checker on the proof")
-    form: str = told("a key that systems of the same form share")
-    version: str = told("the version of the program that computed the answers")
 
 
 def form_task(equations: str) -> str:
@@ -94,7 +53,7 @@ async def search(
 ) -> Response:
     """Systems with computed answers, by words, by tag, and by equations."""
     found = await found_by(request, q, tag, equations)
-    lines = [{key: entry[key] for key in SHOWN} for entry in found[:100]]
+    lines = [{key: entry[key] for key in AtlasLine.model_fields} for entry in found[:100]]
     return JSONResponse({"count": len(found), "systems": lines, "license": LICENSE, "cite": CITE})
 
 
