@@ -13,7 +13,7 @@ from typing import Any
 from fastapi import FastAPI
 from fastapi.openapi.utils import get_openapi
 
-from api_schemas.base import CheckAnswer, ParseAnswer, ProblemDocument
+from api_schemas.base import ParseAnswer, ProblemDocument
 from api_schemas.nonholonomic import NonholonomicDocument, NonholonomicParseAnswer, NonholonomicResult
 from api_schemas.result import ForwardParseAnswer, ForwardResult, LagrangianDocument, ResultDocument
 from api_schemas.scene import SceneDocument
@@ -31,26 +31,36 @@ def refusals(*statuses: int) -> dict[int | str, dict[str, Any]]:
     return {status: {"description": TITLES.get(status, "Refused"), "content": {MEDIA_TYPE: {}}} for status in statuses}
 
 
-def answers_of(*schemas: str) -> dict[str, Any]:
+REFERENCE = "#/components/schemas/{model}"
+
+
+def any_of(*names: str) -> dict[str, Any]:
+    """One of these schemas."""
+    references = [{"$ref": REFERENCE.format(model=name)} for name in names]
+    return references[0] if len(references) == 1 else {"anyOf": references}
+
+
+def answers_of(*names: str) -> dict[str, Any]:
     """The answer of a route that has one of several schemas."""
-    references = [{"$ref": f"#/components/schemas/{schema}"} for schema in schemas]
-    return {"description": "The answer.", "content": {"application/json": {"schema": {"anyOf": references}}}}
+    return {"description": "The answer.", "content": {"application/json": {"schema": any_of(*names)}}}
 
 
-def body_of(*schemas: str, others: dict[str, Any] | None = None) -> dict[str, Any]:
+def body_of(*names: str, others: dict[str, Any] | None = None) -> dict[str, Any]:
     """The body of a route that reads it itself."""
-    references = [{"$ref": f"#/components/schemas/{schema}"} for schema in schemas]
-    schema = references[0] if len(references) == 1 else {"anyOf": references}
-    content = {"application/json": {"schema": schema}} | (others or {})
+    content = {"application/json": {"schema": any_of(*names)}} | (others or {})
     return {"requestBody": {"required": True, "content": content}}
 
 
-SOLVED = answers_of("NonholonomicResult", "ResultDocument", "ForwardResult")
+DOCUMENTS = ("SystemDocument", "NonholonomicDocument", "LagrangianDocument")
+RESULTS = ("NonholonomicResult", "ResultDocument", "ForwardResult")
+# The results of jobs, distinguished by `format`; that of a check has none.
+OF_JOBS = (*RESULTS, "SimulationResult", "WorkPrecisionResult", "CheckAnswer")
+SOLVED = answers_of(*RESULTS)
 PARSED = answers_of("ForwardParseAnswer", "NonholonomicParseAnswer", "ParseAnswer")
 KEY_AND_RATE = refusals(401, 429, 503)
 UNKNOWN = refusals(404) | KEY_AND_RATE
 BAD_BODY = refusals(400, 413, 415, 422, 500) | KEY_AND_RATE | refusals(410)
-SYSTEM_BODY = body_of("SystemDocument", "NonholonomicDocument", "LagrangianDocument")
+SYSTEM_BODY = body_of(*DOCUMENTS)
 JOB_HEADERS = {
     "Location": {"description": "The address of the job.", "schema": {"type": "string"}},
     "Retry-After": {"description": "Seconds to wait before the next request.", "schema": {"type": "integer"}},
@@ -70,25 +80,9 @@ TIME_LIMIT_QUERY = {"parameters": [TIME_LIMIT, PREFER, ONCE]}
 BATCH_PARAMETERS = {"parameters": [TIME_LIMIT, ONCE]}
 
 
-REFERENCE = "#/components/schemas/{model}"
-DOCUMENTS = (SystemDocument, NonholonomicDocument, LagrangianDocument)
-RESULTS = (ResultDocument, NonholonomicResult, ForwardResult)
-# The results of jobs, distinguished by `format`; that of a check has none.
-OF_JOBS = (NonholonomicResult, *RESULTS[:1], ForwardResult, SimulationResult, WorkPrecisionResult, CheckAnswer)
-OTHERS = (
-    SceneDocument,
-    SimulationResult,
-    WorkPrecisionResult,
-    ProblemDocument,
-    ParseAnswer,
-    NonholonomicParseAnswer,
-    ForwardParseAnswer,
-)
-PROBLEM = "application/problem+json"
-
-
-def _any_of(*models: type) -> dict[str, Any]:
-    return {"anyOf": [{"$ref": REFERENCE.format(model=model.__name__)} for model in models]}
+ASKED = (SystemDocument, NonholonomicDocument, LagrangianDocument)
+ANSWERED = (ResultDocument, NonholonomicResult, ForwardResult, ParseAnswer, NonholonomicParseAnswer, ForwardParseAnswer)
+OTHERS = (SceneDocument, SimulationResult, WorkPrecisionResult, ProblemDocument)
 
 
 def _object_with(title: str, whole: bool, **properties: Any) -> dict[str, Any]:
@@ -100,9 +94,9 @@ def _object_with(title: str, whole: bool, **properties: Any) -> dict[str, Any]:
 # What the checker reads; of anything else it says itself what is missing.
 CHECKED = {
     "anyOf": [
-        *_any_of(ResultDocument, NonholonomicResult)["anyOf"],
-        _object_with("ResultOfDocument", True, document=_any_of(*DOCUMENTS), result=_any_of(*RESULTS)),
-        _object_with("OwnLagrangian", True, system=_any_of(SystemDocument, NonholonomicDocument),
+        any_of("ResultDocument"), any_of("NonholonomicResult"),
+        _object_with("ResultOfDocument", True, document=any_of(*DOCUMENTS), result=any_of(*RESULTS)),
+        _object_with("OwnLagrangian", True, system=any_of("SystemDocument", "NonholonomicDocument"),
                      lagrangian={"type": "string"}),
         _object_with("Certificate", False, format={"enum": [FORMAT, OLD_FORMAT]}, system={"type": "object"}),
         _object_with("Identities", False, theorems={
@@ -175,13 +169,13 @@ DESCRIPTION = (
 
 def _schemas(known: dict[str, Any]) -> dict[str, Any]:
     """All schemas, with the keys that are taken from every document and a description of every property."""
-    for model in (*DOCUMENTS, *RESULTS, *OTHERS):
+    for model in (*ASKED, *ANSWERED, *OTHERS):
         schema = model.model_json_schema(ref_template=REFERENCE)
-        if model in (*DOCUMENTS, SceneDocument):
+        if model in (*ASKED, SceneDocument):
             _without_defaults(schema)
         known.update(schema.pop("$defs", {}))
         known[model.__name__] = schema
-    for model in DOCUMENTS:
+    for model in ASKED:
         keys = {"id": ID, "time": {"type": "string"}, "options": OPTIONS, "$schema": {"type": "string"}}
         known[model.__name__]["properties"] |= json.loads(json.dumps(keys))
         known[model.__name__]["patternProperties"] = {"^_": {}}
@@ -190,9 +184,9 @@ def _schemas(known: dict[str, Any]) -> dict[str, Any]:
     scene["system"] = {"anyOf": scene["system"].pop("oneOf")}
     for name, example in EXAMPLES.items():
         known[name]["examples"] = [catalogue.document(example)]
-    for model in (*RESULTS, ParseAnswer, NonholonomicParseAnswer, ForwardParseAnswer):
+    for model in ANSWERED:
         known[model.__name__]["properties"]["id"] = dict(ID)
-    known["Job"]["properties"]["result"] = {"anyOf": [*_any_of(*OF_JOBS)["anyOf"], {"type": "null"}]}
+    known["Job"]["properties"]["result"] = {"anyOf": [*map(any_of, OF_JOBS), {"type": "null"}]}
     known["JobEvent"] = JOB_EVENT
     for name in ("HTTPValidationError", "ValidationError"):
         known.pop(name, None)
@@ -236,7 +230,7 @@ def _finish_operations(paths: dict[str, Any]) -> None:
         call["summary"] = str(call["description"]).split("\n")[0].removesuffix(".")
         for status, answer in call["responses"].items():
             if status[0] in "45":
-                answer["content"] = {PROBLEM: {"schema": {"$ref": REFERENCE.format(model="ProblemDocument")}}}
+                answer["content"] = {MEDIA_TYPE: {"schema": any_of("ProblemDocument")}}
 
 
 def _short(call: dict[str, Any]) -> str:

@@ -222,8 +222,9 @@ def test_a_typescript_client_is_generated_compiled_and_asks(
     (tmp_path / "openapi.json").write_text(json.dumps(description))
     (tmp_path / "calls.ts").write_text(CALLS.replace("ADDRESS", service))
     (tmp_path / "package.json").write_text('{"name": "calls", "private": true, "type": "module"}')
-    packages = ["openapi-typescript@7", "openapi-fetch@0.13", "typescript@5", "@types/node@20"]
+    packages = ["openapi-typescript@7", "openapi-fetch@0.13", "typescript@5", "@types/node@20", "@redocly/cli@2"]
     run(["npm", "install", "--silent", *packages], tmp_path)
+    run(["npx", "redocly", "lint", "openapi.json"], tmp_path)
     run(["npx", "openapi-typescript", "openapi.json", "-o", "schema.d.ts"], tmp_path)
     options = ["--strict", "--module", "es2022", "--moduleResolution", "bundler", "--target", "es2022"]
     run(["npx", "tsc", *options, "--lib", "es2022,dom", "--skipLibCheck", "calls.ts"], tmp_path)
