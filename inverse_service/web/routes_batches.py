@@ -163,7 +163,7 @@ async def _stream(engine: Engine, batch: statements.Batch) -> AsyncIterator[byte
                 spoken = time.monotonic()
                 yield b"\n"
             if len(answers) < job_answers.AT_ONCE and sent < batch.total:
-                await asking.until_set(changed, 0.5)
+                await asking.until_set(changed, engine.look_again)
                 await asyncio.sleep(pause)
     if sent < batch.total:  # what ends as it should is taken for all answers
         raise StreamCut

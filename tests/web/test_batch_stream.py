@@ -21,6 +21,7 @@ class SlowStore:
 
     looks = 0
     forgotten = False
+    exclusive = False
 
     def batch(self, id: str) -> Batch | None:
         return None if self.forgotten else Batch(id, "solve", "", 0.0, 1, {"running": 1})
@@ -42,6 +43,20 @@ def test_a_silent_stream_sends_empty_lines(monkeypatch: pytest.MonkeyPatch) -> N
     parts = asyncio.run(sent())
     assert parts[:3] == [b"\n"] * 3
     assert json.loads(parts[3]) == {"id": "a", "line": 1, "verdict": "variational"}
+
+
+def test_a_store_that_no_one_else_changes_is_not_polled() -> None:
+    store = SlowStore()
+    store.exclusive = True
+
+    async def read() -> None:
+        engine: Any = Engine(Settings())
+        engine._store, engine.hub = store, Hub()
+        await anext(routes_batches._stream(engine, Batch("b", "solve", "", 0.0, 1, {"running": 1})))
+
+    with pytest.raises(TimeoutError):
+        asyncio.run(asyncio.wait_for(read(), 0.8))
+    assert store.looks == 1
 
 
 def test_a_stream_that_the_end_of_the_service_cuts_does_not_look_whole() -> None:
