@@ -16,7 +16,7 @@ from inverse_service.errors import InputError
 from inverse_service.service.jobs import model, statements
 from inverse_service.service.jobs.tasks import Terms, batch_task
 from inverse_service.web import asking, clients, job_answers, openapi
-from inverse_service.web.engine import KEEP_ALIVE, LONG_DEADLINE, Engine
+from inverse_service.web.engine import KEEP_ALIVE, LONG_DEADLINE, LOOK_AGAIN, Engine
 from inverse_service.web.journal import StreamCut
 from inverse_service.web.problems import Refusal
 from inverse_service.web.routes_jobs import engine_of
@@ -144,6 +144,7 @@ async def _stream(engine: Engine, batch: statements.Batch) -> AsyncIterator[byte
     with engine.hub.waiting(asking.ANY) as changed:
         while sent < batch.total and not engine.hub.closing:
             changed.clear()
+            patience = engine.look_again
             try:
                 answers = await engine.read(
                     engine.store.batch_answers, batch.id, after, job_answers.AT_ONCE, job_answers.SMALL
@@ -152,7 +153,7 @@ async def _stream(engine: Engine, batch: statements.Batch) -> AsyncIterator[byte
                 if is_silent and await engine.read(engine.store.batch, batch.id) is None:
                     break  # it was forgotten, or erased
             except model.StoreUnavailable:  # the stream continues when it is back
-                answers = []
+                answers, patience = [], LOOK_AGAIN
             # Readers of batches where nothing happens are woken by all others too.
             pause = SMALLEST_PAUSE if answers else min(LARGEST_PAUSE, 2 * pause)
             if answers:
@@ -163,7 +164,7 @@ async def _stream(engine: Engine, batch: statements.Batch) -> AsyncIterator[byte
                 spoken = time.monotonic()
                 yield b"\n"
             if len(answers) < job_answers.AT_ONCE and sent < batch.total:
-                await asking.until_set(changed, engine.look_again)
+                await asking.until_set(changed, patience)
                 await asyncio.sleep(pause)
     if sent < batch.total:  # what ends as it should is taken for all answers
         raise StreamCut

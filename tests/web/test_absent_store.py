@@ -102,6 +102,8 @@ def test_streams_go_on_when_the_store_is_back() -> None:
     class Away:
         """Knows a finished job and a batch of one line; a look at answers fails `failures` times."""
 
+        exclusive = True
+
         def __init__(self) -> None:
             self.failures = 1
 
