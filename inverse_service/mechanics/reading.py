@@ -196,7 +196,7 @@ def _definitions(texts: Mapping[str, str], declared: document_names.Declared) ->
 
     InputError for a definition of a name that has its own equation, and for a second derivative spelled as a name.
     """
-    names = Names(tuple(declared.coordinates or ()), tuple(declared.named_parameters()))
+    names = Names(tuple(declared.coordinates or ()), tuple(declared.named_parameters()), guesses=True)
     found: dict[str, str] = {}
     for pointer, text in texts.items():
         try:

@@ -344,9 +344,12 @@ def _nothing_moves(texts: Mapping[str, str], names: nm.Names, order: int) -> err
                 meant, span = f"{found[1]}''({(*found.groups(), 't')[1]})", (found.start() + 1, found.end() + 1)
                 detail = said.format(whole=found[0], name=found[1], meant=meant)
                 return errors.InputError(detail, pointer, span[0], (meant,), span)
-    return None
+    alone = next((pointer for pointer, text in texts.items() if order == 2 and _HAMILTONIAN.match(text)), None)
+    return None if alone is None else errors.InputError(_NO_MOTION, alone)
 
 
+_HAMILTONIAN = re.compile(r"\s*(?:\\(?:mathcal|mathscr)\s*\{?\s*H\s*\}?|H)\s*(?:\([^()]*\))?\s*=")
+_NO_MOTION = "H = … alone holds no motion: write its equations beside it, such as x' = dH/dp, p' = -dH/dx."
 _NO_VELOCITY = "the Lagrangian contains no velocity such as x': write kinetic minus potential energy."
 
 

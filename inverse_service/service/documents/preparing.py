@@ -419,6 +419,7 @@ def _found_time(plain: Mapping[str, Any]) -> str:
         moving |= {name for name, _ in pairs}
         if _BARE.search(text):
             return "t"
+    moving |= {match[1] for text in _texts(plain) for match in _MOVING.finditer(text)}
     name = found.pop() if len(found) == 1 else "t"
     return "t" if name in _declared(plain) | moving or name in FUNCTIONS | DERIVATIVE_NAMES else name
 
