@@ -54,6 +54,11 @@ def _entries() -> dict[str, dict[str, Any]]:
     return {found["name"]: found for text in texts for found in json.loads(text)}
 
 
+def meant(text: str) -> bool:
+    """Whether a text is the name of an entry, or a word like one, for which `document` says the names that are near."""
+    return text in _entries() or (text.replace("-", "").isalnum() and _suggestion(text) != "")
+
+
 def _suggestion(name: str) -> str:
     # difflib only where it is needed: it costs 3 ms of every start of the command line
     import difflib
@@ -62,4 +67,4 @@ def _suggestion(name: str) -> str:
     return f"; near: {', '.join(near)}" if near else ""
 
 
-__all__ = ["UnknownSystem", "document", "entry", "names"]
+__all__ = ["UnknownSystem", "document", "entry", "meant", "names"]

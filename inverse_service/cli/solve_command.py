@@ -137,7 +137,7 @@ def given_document(name: str, guess: bool | None) -> Any:
     elif "=" in name or "''" in name or name.startswith("{") or _CALLED.match(name):
         document = plain_data.read_document(name, "") if "=" in name or name.startswith("{") else {"equations": name}
         guess = guess if guess is not None else "equations" in document and "parameters" not in document
-    elif name in catalog.names():
+    elif catalog.meant(name):
         document = catalog.document(name)
     else:
         document = plain_data.read_document(cli.read_bytes(name), name)

@@ -1,10 +1,10 @@
 """SymPy objects in and out: equations, LagrangesMethod and KanesMethod to results whose parts are SymPy expressions.
 
-    from sympy import Eq, Function, Symbol
-    from inverse_service.sympy import solve
-
-    t, w, x = Symbol("t"), Symbol("omega"), Function("x")(Symbol("t"))
-    solve(Eq(x.diff(t, 2), -(w**2) * x)).lagrangian
+>>> from sympy import Eq, Function, Symbol
+>>> from inverse_service.sympy import solve
+>>> t, w, x = Symbol("t"), Symbol("omega"), Function("x")(Symbol("t"))
+>>> solve(Eq(x.diff(t, 2), -(w**2) * x)).lagrangian
+-omega**2*x(t)**2/2 + Derivative(x(t), t)**2/2
 
 SymPy is imported by the first call. Nothing is guessed: applied functions of the time with second derivatives are
 coordinates, other functions of it and functions of coordinates are arbitrary, the other symbols are parameters. No
@@ -107,7 +107,7 @@ def _of_text(text: str) -> dict[str, Any]:
         except InputError:
             found = None
         return found if isinstance(found, dict) else {"equations": text}
-    return dict(catalogue.document(text)) if text in catalogue.names() else {"equations": text}
+    return dict(catalogue.document(text)) if catalogue.meant(text) else {"equations": text}
 
 
 def nonholonomic(
