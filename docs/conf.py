@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+from typing import Any
+
 from inverse_service import __version__
 
 project = "inverse-service"
@@ -20,3 +23,15 @@ suppress_warnings = ["myst.xref_missing", "myst.header"]
 autodoc_member_order = "bysource"
 autodoc_typehints = "description"
 highlight_language = "text"
+# Primes and quotation marks of programs are copied from the pages.
+smartquotes = False
+
+
+def name_files(app: Any, page: str, source: list[str]) -> None:
+    """Show the name of the file that a block is, which stands behind the language in its fence."""
+    fence = r"^```(json|yaml) (\S+\.\S+)$"
+    source[0] = re.sub(fence, r"```{code-block} \1\n:caption: \2\n", source[0], flags=re.MULTILINE)
+
+
+def setup(app: Any) -> None:
+    app.connect("source-read", name_files)

@@ -1,8 +1,9 @@
 """Inverse problem of the calculus of variations: verdict, Lagrangian, proof.
 
-    from inverse_service import solve
-    result = solve("x'' = -x")
-    result.verdict, result["lagrangian"]["text"], result.check()["verdict"]
+>>> from inverse_service import solve
+>>> result = solve("x'' = -x")
+>>> result.verdict, result["lagrangian"]["text"], result.check()["verdict"]
+('variational', "x'^2/2 - x^2/2", 'valid')
 
 Functions for use without the service; documents are those of the command line, results are mappings with
 attributes. The engine is loaded by the first call, SymPy by the first attribute that is an expression.

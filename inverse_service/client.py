@@ -1,4 +1,4 @@
-"""The Python client of the service. Unlike a generated client, it can wait for results, stream, and resume.
+"""The Python client of the service. Unlike a generated client, it can wait for results, stream, and resume::
 
     with Client("http://127.0.0.1:8000") as client:
         result = client.solve({"coordinates": ["x"], "equations": {"x": "-x"}})

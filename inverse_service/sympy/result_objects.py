@@ -27,9 +27,10 @@ from inverse_service.reading import reader
 if TYPE_CHECKING:
     import numpy as np
     from matplotlib.axes import Axes
-    from sympy import Expr, ImmutableMatrix, Symbol
+    from sympy import Eq, Expr, ImmutableMatrix, Symbol
+    from sympy.logic.boolalg import Boolean
 
-    from inverse_service.sympy.from_sympy import Table
+    from inverse_service.sympy.from_sympy import Conditions, Table
 
 
 VARIATIONAL = {"variational": True, "not_variational": False}
@@ -92,7 +93,7 @@ class Hamiltonian:
             [("H", sympy.latex(self.expr)), *((sympy.latex(p), sympy.latex(f)) for p, f in self.momenta.items())]
         )
 
-    def equations(self) -> list[Any]:
+    def equations(self) -> list[Eq]:
         """Hamilton's equations q' = dH/dp, p' = -dH/dq; ValueError where H is over the velocities."""
         import sympy
 
@@ -198,7 +199,7 @@ class Answer(dict[str, Any]):
         return (*first, *(self._expression(other["text"]) for other in others))
 
     @cached_property
-    def domain(self) -> tuple[Any, ...]:
+    def domain(self) -> tuple[Boolean, ...]:
         """The conditions under which the answer holds and L is one, as relations."""
         from inverse_service.sympy.from_sympy import relation
 
@@ -267,7 +268,7 @@ class Answer(dict[str, Any]):
         return verification(self)
 
     @cached_property
-    def equations(self) -> dict[Any, Any]:
+    def equations(self) -> dict[Expr, Expr | Eq]:
         """q'' = f: the acceleration of each coordinate; Eq(E(t, q, q', q''), 0) where f is too long to be written."""
         import sympy
 
@@ -276,7 +277,7 @@ class Answer(dict[str, Any]):
         return {table.acceleration(name): sympy.Eq(each, 0) if unsolved else each for name, each in found.items()}
 
     @property
-    def accelerations(self) -> tuple[Any, ...]:
+    def accelerations(self) -> tuple[Expr, ...]:
         """The f of q'' = f in the order of the coordinates; ValueError where they are too long to be written."""
         if self._is_unsolved:
             raise ValueError("the accelerations are too long to be solved for: the equations are those that were given")
@@ -368,7 +369,7 @@ class Result(Answer):
         return {part["kind"]: Answer(part, self._table, {**self._system, **part}) for part in parts if part["defined"]}
 
     @cached_property
-    def conditions(self) -> Any:
+    def conditions(self) -> Conditions | None:
         """Phi, nabla Phi and R as SymPy arrays, None where they were left out."""
         from inverse_service.sympy.from_sympy import conditions_of_texts
 

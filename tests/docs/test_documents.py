@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import doctest
 import re
 import shutil
 import subprocess
@@ -9,11 +10,13 @@ import sys
 import tomllib
 from importlib.util import find_spec
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import pytest
 import yaml
 
+import inverse_service.sympy
 from api_schemas.scene import SceneDocument
 from inverse_service import catalogue
 from inverse_service.service.documents.documents import look
@@ -94,6 +97,11 @@ def test_every_change_that_is_shown_applies(block: Block) -> None:
     command = ["git", "apply", "--check", "-C1", "-"]
     done = subprocess.run(command, cwd=ROOT, input=block.text, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize("module", [inverse_service, inverse_service.sympy], ids=lambda module: module.__name__)
+def test_examples_of_the_reference_run(module: ModuleType) -> None:
+    assert doctest.testmod(module) == (0, 3 if module is inverse_service else 4)
 
 
 def test_every_toml_is_read() -> None:
