@@ -30,7 +30,6 @@ def create_application(settings: Settings) -> FastAPI:
     app = FastAPI(title=TITLE, version=__version__, summary=SUMMARY, lifespan=_lifespan, docs_url=None, redoc_url=None)
     app.state.engine = Engine(settings)
     problems.install(app, routing.page_of_refusal)
-    app.add_middleware(middleware.StopWhenLeft)
     app.add_middleware(middleware.HeadAsGet)
     app.add_middleware(middleware.SecurityHeaders, hosts=settings.hosts)
     app.add_middleware(known.KnownFirst, engine=app.state.engine)

@@ -114,7 +114,11 @@ class Connection(H11Protocol):
 
     def connection_lost(self, exc: Exception | None) -> None:
         self._all.forget(self)
+        scope: Any = {} if self.is_waiting else self.scope
         super().connection_lost(exc)
+        if work := scope.get("work"):  # nobody waits for it
+            scope["left"] = True
+            work.cancel()
 
     def data_received(self, data: bytes) -> None:
         if self._is_refused:

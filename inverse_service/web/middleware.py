@@ -1,4 +1,4 @@
-"""What every request passes: counts and logs, strict headers, HEAD as GET, work that ends when no one waits."""
+"""What every request passes: counts and logs, strict headers, HEAD as GET."""
 
 from __future__ import annotations
 
@@ -54,7 +54,11 @@ class _Answer:
 
 
 class Measured(Middleware):
-    """Middleware; requests are distinguished by route (never by the path, which anyone can make up)."""
+    """Middleware; requests are distinguished by route (never by the path, which anyone can make up).
+
+    The work on a request ends where its client closes the connection before the answer is out (see `connections`); what
+    was stored for it by then, such as a job, stays.
+    """
 
     def __init__(self, app: ASGIApp, counters: Counters) -> None:
         super().__init__(app)
@@ -64,6 +68,7 @@ class Measured(Middleware):
         began, answer = time.monotonic(), _Answer()
         identifier = identifier_of(scope)
         token = journal.REQUEST.set(identifier)
+        work = scope["work"] = asyncio.current_task()
 
         async def send_measured(message: Message) -> None:
             if message["type"] == "http.response.start":
@@ -73,6 +78,9 @@ class Measured(Middleware):
 
         try:
             await self.app(scope, receive, send_measured)
+        except asyncio.CancelledError:
+            if not scope.get("left") or work is None or work.uncancel():
+                raise
         except Exception:
             if answer.seconds is None:  # what is outside of this one answers with 500
                 answer.status = 500
@@ -225,32 +233,3 @@ class HeadAsGet(Middleware):
             await send({**message, "body": b""} if message["type"] == "http.response.body" else message)
 
         await self.app({**scope, "method": "GET"}, receive, send_head)
-
-
-class StopWhenLeft(Middleware):
-    """Middleware that cancels the work on a request when its client closes the connection before the answer is out.
-
-    What was stored for it by then, such as a job, stays.
-    """
-
-    async def handle(self, scope: Scope, receive: Receive, send: Send) -> None:
-        messages: asyncio.Queue[Message] = asyncio.Queue(1)
-        work, is_left = asyncio.current_task(), False
-        assert work is not None
-
-        async def read() -> None:
-            """Hand on the parts of the body; the work ends when the client is gone."""
-            nonlocal is_left
-            while (message := await receive())["type"] != "http.disconnect":
-                await messages.put(message)
-            is_left = True
-            work.cancel()
-
-        reader = asyncio.ensure_future(read())
-        try:
-            await self.app(scope, messages.get, send)
-        except asyncio.CancelledError:
-            if not is_left or work.uncancel():
-                raise
-        finally:
-            reader.cancel()
