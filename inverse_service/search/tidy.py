@@ -432,6 +432,8 @@ def _without_squares(terms: tm.Terms, parameters: frozenset[ex.Symbol]) -> tm.Te
 
 def _part(outer: tm.Monomial, inner: tm.Terms, system: SecondOrderSystem) -> ex.Expression:
     inner = angles.shortest(inner)
+    if not inner:  # sin^2 + cos^2 - 1
+        return ex.ZERO
     plain = tm.tree_of(inner)
     moving: tm.Monomial = frozenset(item for item in outer if tm.has_velocity(item[0]))
     constant, rates = tm.monomial_tree(outer - moving), tm.monomial_tree(moving)
