@@ -506,17 +506,34 @@ def _of_operand(tokens: Tokens, quotient: _Quotient, place: int, names: Names, d
         return [Token("name", name.text, first.column, first.space_before), prime], quotient.after
     if primes:
         return None
-    follows = at(tokens, quotient.after)
-    if declared and quotient.fraction and follows.is_operator("(") and follows.value != FRACTION:
+    guessed = role is None and names.guesses and "t" not in by
+    after = _after_arguments(tokens, quotient.after, {variable.text for variable in variables})
+    closed = quotient.after + at(tokens, quotient.after).is_operator(")")  # (dV/dx)(x)
+    follows = at(tokens, closed)
+    inside = closed > quotient.after and _after_arguments(tokens, closed, {*by}) > closed
+    if (
+        (declared and quotient.fraction and after == quotient.after and follows.value != FRACTION)
+        or (guessed and inside)
+    ) and follows.is_operator("("):
         instead = f"write {name.text}'({variables[0].text}), or * before a factor"
         raise refusals.refusal("a bracket follows a derivative", follows.column, instead)
-    if declared or (role is None and names.guesses and "t" not in by):
-        return _carried_out(operand, variables, first, not quotient.partial), quotient.after
+    if declared or guessed:
+        return _carried_out(operand, variables, first, not quotient.partial), after
     if (role is None and {*by} <= {*names.coordinates}) or (quotient.fraction and not in_time):
         if not quotient.partial and names.role("d") is not None:
             return None
         raise _of_what(name, by, names.coordinates, (first, tokens[quotient.after - 1]), quotient.fraction)
     return None
+
+
+def _after_arguments(tokens: Tokens, place: int, variables: set[str]) -> int:
+    """The place after the (x, y) that says where a derivative by these is taken; `place` where there is none."""
+    if not at(tokens, place).is_operator("(") or at(tokens, place).space_before:
+        return place
+    inside = list(itertools.takewhile(lambda token: not token.is_operator(")"), tokens[place + 1 :]))
+    names = [token.text for token in inside[::2]]
+    listed = all(token.kind == "name" for token in inside[::2]) and all(one.is_operator(",") for one in inside[1::2])
+    return place + len(inside) + 2 if listed and variables <= {*names} else place
 
 
 def _slope(name: Token, by: Token, at: Token) -> Tokens:

@@ -111,7 +111,7 @@ def read_tokens(formula: str, names: Names | None = None) -> list[Token]:
     """The tokens, before any name is looked up."""
     formula = _GREEK_OF_MATHEMATICA.sub(_greek, formula)
     formula = _SUBJECT_TO.sub(lambda words: ";".ljust(len(words[0])), formula)
-    formula = _LABEL.sub(_without_label, formula)
+    formula = _with_dots_after_letters(_LABEL.sub(_without_label, formula))
     names = names or Names()
     if is_latex(formula):
         from inverse_service.reading import latex
@@ -317,6 +317,32 @@ def _with_products(tokens: list[Token], names: Names) -> list[Token]:
                 opened += 1
         found += [Token("operator", ")", column)] * opened
     return found
+
+
+_BEFORE_A_LETTER = re.compile(r"([\u00a8\u02d9])([^\W\d_])")
+_BEGINS_WITH_DOTS = re.compile(r"(?<![^\W\d_])[\u00a8\u02d9][^\W\d_]")
+_ENDS_WITH_DOTS = re.compile(r"[^\W\d_][\u00a8\u02d9](?![^\W\d_])")
+_DOTS_APART = re.compile(r"(?<=\w)( +)([\u0307\u0308]+)")
+
+
+def _with_dots_after_letters(formula: str) -> str:
+    """The formula with the dots of each letter after it: texts copied from a PDF have \u00a8x or x\u00a8 for x''.
+
+    InputError for m\u00a8x alone, where the dots may be those of either letter.
+    """
+    formula = _DOTS_APART.sub(r"\2\1", formula)
+    between = _BEFORE_A_LETTER.search(formula)
+    if between is None:
+        return formula
+    if _BEGINS_WITH_DOTS.search(formula):
+        return _BEFORE_A_LETTER.sub(r"\2\1", formula)
+    if _ENDS_WITH_DOTS.search(formula):
+        return formula
+    place, (dots, letter) = between.start(), between.groups()
+    primes = "''" if dots == "\u00a8" else "'"
+    meant = (f"{formula[place - 1]} {letter}{primes}", f"{formula[place - 1]}{primes} {letter}")
+    what, span = "the dots may belong to the letter before or after them", (place, place + 3)
+    raise refusals.refusal(what, place + 1, f"write {' or '.join(meant)}", meant, span)
 
 
 def _without_label(match: re.Match[str]) -> str:
