@@ -34,7 +34,7 @@ Numbers = npt.NDArray[np.int64]
 # 2 q + 1 with q prime, modulo which 2, 3, 5, 7, 11, 13 and 17 have roots.
 PRIME = 2_147_454_839
 _HALF = (PRIME - 1) // 2
-# ("variable", itself), ("angle" | "exp", its unit), ("function", a derivative of it), or (name, argument) of others.
+# ("variable" | "root", itself), ("angle" | "exp", its unit), ("function", a derivative of it), (name, argument) else.
 Generator = tuple[str, ex.Expression]
 _INVERSES = ("log", "atan", "asin", "acos", "asinh", "acosh", "atanh")
 _ARGUMENT = ex.Symbol("argument of a function")
@@ -131,16 +131,23 @@ def _derivative(a: Numbers) -> Numbers:
 
 @dataclass(slots=True)
 class Units:
-    """How fine the generators of angles and exponentials have to be: for each unit the common denominator."""
+    """How fine the generators of angles and exponentials have to be: for each unit the common denominator.
+
+    `roots` are the variables whose square roots occur: these are the generators.
+    """
 
     angles: dict[ex.Expression, int] = field(default_factory=dict)
     exponentials: dict[ex.Expression, int] = field(default_factory=dict)
+    roots: set[ex.Expression] = field(default_factory=set)
 
     @classmethod
     def of(cls, trees: Iterable[ex.Expression]) -> Units:
-        """Of all circular functions and exponentials in these kernels."""
+        """Of all circular functions, exponentials and roots in these kernels."""
         found = cls()
         for node in ex.distinct_nodes(trees):
+            match node:
+                case ex.Power(ex.Symbol() | ex.Velocity() as base, ex.Number(e)) if e.denominator == 2:
+                    found.roots.add(base)
             if isinstance(node, ex.Apply) and node.function in ("sin", "cos", "exp"):
                 table = found.exponentials if node.function == "exp" else found.angles
                 for unit, value in _multiples(node.argument):
@@ -168,7 +175,12 @@ class Points:
 
     def value(self, generator: Generator) -> Numbers:
         if generator not in self.values:
-            if generator in self.fixed:
+            kind, what = generator
+            if kind == "variable" and what in self.units.roots:
+                root = self.value(("root", what))
+                self.good &= powers(root, _HALF) == 1
+                self.values[generator] = root * root % PRIME
+            elif generator in self.fixed:
                 self.values[generator] = np.full(self.count, self.fixed[generator] % PRIME, np.int64)
             else:
                 self.values[generator] = self.random.integers(2, PRIME - 2, self.count)
@@ -184,9 +196,10 @@ class Points:
     def again(self, velocities: Sequence[Numbers | None]) -> Points:
         """The same points with other velocities; random ones where None is given."""
         names = [("variable", ex.Velocity(name)) for name in self.coordinates]
-        kept = {key: value for key, value in self.values.items() if key not in names}
+        kept = {key: value for key, value in self.values.items() if ("variable", key[1]) not in names}
         other = Points(self.coordinates, self.units, self.count, self.random, self.fixed, kept)
         other.values |= {key: v for key, v in zip(names, velocities, strict=True) if v is not None}
+        other.good = self.good.copy()
         return other
 
 
@@ -434,4 +447,6 @@ def generator_tree(generator: Generator, units: Units) -> ex.Expression:
         return ex.Apply("exp", Fraction(1, units.exponentials[what]) * what)
     if kind == "angle":
         return ex.Apply("cos", Fraction(1, units.angles[what]) * what)
+    if kind == "root":
+        return ex.square_root(what)
     return ex.Apply(kind, what) if kind in _INVERSES else what

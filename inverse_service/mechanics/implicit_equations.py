@@ -204,12 +204,16 @@ def solve_lines(equations: Sequence[LinearEquation], coordinates: Sequence[str])
 
 
 def _unseen(divisors: Sequence[ex.Expression], accelerations: Sequence[ex.Expression]) -> tuple[ex.Expression, ...]:
-    """Those that may be 0 and by which no acceleration is divided."""
+    """Those that may be 0, by which no acceleration is divided, and of which none has a root."""
     if not divisors:
         return ()
     seen = list[ex.Expression]()
     for node in ex.distinct_nodes(accelerations):
-        if isinstance(node, ex.Power) and isinstance(node.exponent, ex.Number) and node.exponent.value < 0:
+        if not (isinstance(node, ex.Power) and isinstance(node.exponent, ex.Number)):
+            continue
+        if node.exponent.value.denominator > 1:
+            seen.append(node.base ** Fraction(1, node.exponent.value.denominator))
+        if node.exponent.value < 0 or node.exponent.value.denominator > 1:
             ring = OpaqueRing([node.base])
             with suppress(errors.LimitError, ZeroDivisionError):
                 seen += ring.factors_of(ring.fraction(node.base).numerator)

@@ -23,6 +23,7 @@ from inverse_service.deadline import check
 from inverse_service.expressions import tree as ex
 from inverse_service.expressions.evaluation import NoRealValue
 from inverse_service.field import exact_field, real_point
+from inverse_service.field.point import Variable
 from inverse_service.mechanics import implicit_equations, writing
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.search import quadratures, terms as tm
@@ -46,7 +47,7 @@ class Integrator:
     def __post_init__(self) -> None:
         self.names = quadratures.fresh_names(self.system)
 
-    def function_of(self, variables: Sequence[ex.Symbol], slopes: Sequence[tm.Terms]) -> tm.Terms | None:
+    def function_of(self, variables: Sequence[Variable], slopes: Sequence[tm.Terms]) -> tm.Terms | None:
         """phi with d phi/d variables[i] = slopes[i]; None where there is none, or none is found."""
         if not _is_closed(variables, slopes):
             return None
@@ -70,7 +71,7 @@ class Integrator:
                 return None if signed is None else tm.add_terms(total, signed)
         return None if any(rest) and not all(is_zero(terms) for terms in rest) else total
 
-    def _under_signs(self, variables: Sequence[ex.Symbol], slopes: Sequence[tm.Terms], k: int) -> tm.Terms | None:
+    def _under_signs(self, variables: Sequence[Variable], slopes: Sequence[tm.Terms], k: int) -> tm.Terms | None:
         """Functions with these slopes, constants outside where one variable alone is moving."""
         rest = [self.in_normal_form(terms) for terms in slopes]
         if any(terms for j, terms in enumerate(rest) if j != k):
@@ -92,7 +93,7 @@ class Integrator:
             return tm.terms_of(writing.quotient(tm.tree_of(terms), exact_field.Budget.short(), symbols))
         return terms
 
-    def integral(self, slope: tm.Terms, variable: ex.Symbol, is_cancelled: bool = False) -> tuple[tm.Terms, tm.Terms]:
+    def integral(self, slope: tm.Terms, variable: Variable, is_cancelled: bool = False) -> tuple[tm.Terms, tm.Terms]:
         """(an integral of a part of the slope over one variable, the remaining slope)."""
         groups: dict[tm.Monomial, tm.Terms] = {}
         for key, value in slope.items():
@@ -132,7 +133,7 @@ class Integrator:
         parts = [tm.multiply_terms({key: Fraction(1)}, self.in_normal_form(inner)) for key, inner in groups.items()]
         return _sum(iter(parts))
 
-    def under_a_sign(self, slope: ex.Expression, variable: ex.Symbol) -> ex.Expression:
+    def under_a_sign(self, slope: ex.Expression, variable: Variable) -> ex.Expression:
         """F with dF/dx = slope, F a function of all variables that the slope holds; its other slopes are left open."""
         others = [name for name in (ex.TIME, *map(ex.Symbol, self.system.coordinates)) if ex.holds(slope, name)]
         arguments = tuple(dict.fromkeys([*others, variable]))
@@ -302,7 +303,7 @@ def _sum(parts: Iterator[tm.Terms]) -> tm.Terms:
     return total
 
 
-def _outside(slope: tm.Terms, variable: ex.Symbol) -> list[tuple[tm.Terms, tm.Terms]]:
+def _outside(slope: tm.Terms, variable: Variable) -> list[tuple[tm.Terms, tm.Terms]]:
     """(c, g) with slope = sum of c g, c free of the variable, g without other factors; c are no multiples."""
     found: dict[tm.Monomial, tm.Terms] = {}
     for key, value in slope.items():
@@ -320,7 +321,7 @@ def _outside(slope: tm.Terms, variable: ex.Symbol) -> list[tuple[tm.Terms, tm.Te
     return pairs
 
 
-def _is_closed(variables: Sequence[ex.Symbol], slopes: Sequence[tm.Terms]) -> bool:
+def _is_closed(variables: Sequence[Variable], slopes: Sequence[tm.Terms]) -> bool:
     """Whether the mixed derivatives agree."""
     for (p, one), (q, other) in combinations(zip(variables, slopes, strict=True), 2):
         turning = tm.add_terms(tm.derivative_of_terms(one, q), tm.derivative_of_terms(other, p), -1)
@@ -329,7 +330,7 @@ def _is_closed(variables: Sequence[ex.Symbol], slopes: Sequence[tm.Terms]) -> bo
     return True
 
 
-def _holds(terms: tm.Terms, variable: ex.Symbol) -> bool:
+def _holds(terms: tm.Terms, variable: Variable) -> bool:
     return any(ex.holds(letter, variable) for key in terms for letter, _ in key)
 
 
@@ -345,7 +346,7 @@ def is_zero(terms: tm.Terms) -> bool:
         return False
 
 
-def power_rule(own: tm.Monomial, beside: tm.Terms, x: ex.Symbol) -> tm.Terms | None:
+def power_rule(own: tm.Monomial, beside: tm.Terms, x: Variable) -> tm.Terms | None:
     """The integral of own * beside over x where that is a power of x, or c u^e du/dx with u^e = own."""
     if not own:
         total = tm.Terms()

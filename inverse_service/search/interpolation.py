@@ -25,7 +25,7 @@ from inverse_service.field.flow import PRIME, Generator, Numbers, Points, Units,
 from inverse_service.search.terms import Monomial, Terms, add_terms, terms_of, times
 
 # Degrees in one variable, unknown coefficients, and draws for one batch of points.
-_DEGREE, _UNKNOWNS, _DRAWS = 8, 1_200, 24
+_DEGREE, _UNKNOWNS, _DRAWS = 12, 1_200, 9
 # Points for the degree in one variable.
 _BLOCK = 24
 # Numerators and denominators that one prime of 31 bits can tell apart.
@@ -51,7 +51,8 @@ class Interpolation:
     def terms(self) -> list[Terms]:
         """The entries as sums of products of letters, with integer coefficients without a common factor."""
         anchor_values, anchor = self.drawn({}, 1)
-        fixed = {variable: int(anchor.value(variable)[0]) for variable in self.variables}
+        first = int(np.flatnonzero(anchor.good)[0])
+        fixed = {variable: int(anchor.value(variable)[first]) for variable in self.variables}
         entries = [e for e in range(anchor_values.shape[0]) if anchor_values[e, 0]]
         entries = sorted({*entries, *self._met(anchor_values.shape[0])})
         support: list[list[tuple[Power, ...]]] = [[()] for _ in entries]
@@ -78,7 +79,7 @@ class Interpolation:
         """At least so many points, all good."""
         for k in range(_DRAWS):
             deadline.check(count)
-            values, points = self.values(fixed, (count + 8) << min(k, 3))
+            values, points = self.values(fixed, (count + 8) << min(k, 5))
             if values.shape[1] >= count:
                 return values, points
         raise NoFit("too few points")

@@ -22,6 +22,7 @@ from inverse_service.search import (
     ansatz,
     families,
     linear_systems,
+    moving_matrix,
     one_coordinate,
     one_matrix,
     protocol,
@@ -54,6 +55,14 @@ LEAVES = (
         one_matrix.propose,
         "The algebraic conditions determine a matrix `G(t, q)` up to a factor `phi`. In "
         "`L = phi G_ij v^i v^j/2 + A_i v^i - V`, `G` then determines the derivatives of `phi`, `A` and `V`.",
+    ),
+    protocol.Leaf(
+        "one matrix that depends on the velocities",
+        0.5,
+        one_matrix.accepts,
+        moving_matrix.propose,
+        "The algebraic conditions determine a matrix `G(t, q, v)` up to a factor `phi`, and `G` the derivatives of "
+        "`phi`. Integrating `phi G` twice over the velocities, then `A` and `V`, gives `L`.",
     ),
     protocol.Leaf(
         "linear systems, multipliers in t alone",
@@ -186,8 +195,8 @@ def search(
     tried: list[tuple[str, int]] = []
     found = None
     with suppress(OutOfTime), until(deadline):
-        analysis = tidy.with_plain_forces(analysis)
-        candidates = _climb(analysis, with_time, seed, progress, own_terms, tried, highest)
+        plain = tidy.with_plain_forces(analysis)
+        candidates = _climb(plain, with_time, seed, progress, own_terms, tried, highest)
         found = next((kept for one in candidates if (kept := _kept(one, analysis, holds)) is not None), None)
     return protocol.SearchOutcome(found, tuple(tried))
 
@@ -198,7 +207,10 @@ def _kept(
     """From the first Lagrangian on that holds, each written shorter where that is possible."""
     table = analysis.real_point or {}
     for k, tree in enumerate(found.lagrangians):
-        forms = (tidy.tidied(tree, analysis.system), tree)
+        forms = [tidy.tidied(tree, analysis.system), tree]
+        with suppress(TooManyTerms):
+            # With the roots of f there is no relation between roots to be proven.
+            forms[:0] = filter(None, [tidy.with_written_roots(forms[0], analysis.system, table)])
         for form in dict.fromkeys(quadratures.real_form(one, table) if table else one for one in forms):
             if holds(form):
                 others = (tidy.tidied(other, analysis.system) for other in found.lagrangians[k + 1 :])

@@ -51,7 +51,7 @@ from inverse_service.search.material import Material
 
 # Coordinates up to which kernels at points are cheap.
 _MOST = 8
-_FAILED = (NoFit, tm.TooManyTerms, TooLarge, ZeroDivisionError, ValueError, KeyError, IrreducibleAtoms)
+FAILED = (NoFit, tm.TooManyTerms, TooLarge, ZeroDivisionError, ValueError, KeyError, IrreducibleAtoms)
 
 
 def accepts(material: Material) -> bool:
@@ -70,7 +70,7 @@ def propose(material: Material, seed: int) -> list[ex.Expression]:
         found = search.lagrangian(Integrator(system, table), entries)
         if found is None:
             found = search.lagrangian(Integrator(system, table, signs=True), entries)
-    except _FAILED:
+    except FAILED:
         return []
     return [] if found is None or (ex.holds(found, ex.TIME) and not material.motion.with_time) else [found]
 
@@ -85,16 +85,14 @@ class OneMatrix:
     random: np.random.Generator
     pairs: list[tuple[int, int]]
     velocities: int = 1  # over one (t, q)
+    tensors: int = 1  # Phi, nabla Phi, … whose conditions are used
     kernel: int = 0  # matrices that the conditions leave
 
     @classmethod
     def of(cls, system: SecondOrderSystem, seed: int) -> OneMatrix | None:
         """None where no matrix that is free of the velocities is left."""
-        forces = tuple(map(to_kernels, system.accelerations))
-        n = len(forces)
-        pairs = [(i, j) for i in range(n) for j in range(i, n)]
-        found = cls(system, forces, Units.of(forces), np.random.default_rng(seed), pairs)
-        last = len(pairs) + 1
+        found = cls._at_first(system, seed)
+        n, last = len(found.forces), len(found.pairs) + 1
         for found.velocities in range(1, max(3, n) + 1):
             dimension = found.dimension()
             if dimension == last and found.velocities > 2:
@@ -103,26 +101,44 @@ class OneMatrix:
             if dimension <= 1 and found.velocities > 1:
                 break
         found.kernel = last
-        return found if last else None
+        return found if last and found.dimension(more=1) else None
+
+    @classmethod
+    def at_one_velocity(cls, system: SecondOrderSystem, seed: int) -> OneMatrix | None:
+        """None unless one matrix is left at one velocity, and none at several over one (t, q)."""
+        found = cls._at_first(system, seed)
+        found.tensors += 1
+        found.velocities = 2
+        several = found.dimension()
+        found.velocities = 1
+        found.kernel = found.dimension()
+        return found if found.kernel == 1 and not several else None
+
+    @classmethod
+    def _at_first(cls, system: SecondOrderSystem, seed: int) -> OneMatrix:
+        forces = tuple(map(to_kernels, system.accelerations))
+        n = len(forces)
+        pairs = [(i, j) for i in range(n) for j in range(i, n)]
+        return cls(system, forces, Units.of(forces), np.random.default_rng(seed), pairs, tensors=1 if n == 2 else 2)
 
     def points(self, fixed: Given, count: int) -> Points:
         return Points(self.system.coordinates, self.units, count, self.random, fixed)
 
-    def dimension(self) -> int:
-        """Of the kernel of the conditions at a random place."""
+    def dimension(self, more: int = 0) -> int:
+        """Of the kernel of the conditions at a random place, those of `more` tensors too."""
         for _ in range(12):
-            kernels, points = self._kernels({}, 4)
+            kernels, points = self._kernels({}, 4, more)
             if points.good.any():
                 return len(kernels[0])
         raise NoFit("no point")
 
-    def _kernels(self, fixed: Given, count: int) -> tuple[list[list[list[int]]], Points]:
+    def _kernels(self, fixed: Given, count: int, more: int = 0) -> tuple[list[list[list[int]]], Points]:
         """The kernel of the conditions at each good point."""
-        n, base = len(self.forces), self.points(fixed, count)
+        n, base, depth = len(self.forces), self.points(fixed, count), self.tensors + more
         batches, good = list[list[Numbers]](), base.good
         for k in range(self.velocities):
             points = base if k == 0 else base.again([None] * n)
-            _, tensors = Flow(points, self.forces, 2 if n == 2 else 3).tensors(1 if n == 2 else 2)
+            _, tensors = Flow(points, self.forces, depth + 1).tensors(depth)
             batches.append(tensors)
             good = good & points.good
             base.values |= {key: value for key, value in points.values.items() if key not in base.values}
@@ -148,16 +164,22 @@ class OneMatrix:
         points.good = np.isin(np.arange(points.count), where)
         return np.array([kernels[k][0] for k in kept], np.int64).reshape(len(kept), len(self.pairs)).T, points
 
-    def variables(self) -> list[Generator]:
-        """What functions of t and q can be made of, angles first, then coordinates, parameters last."""
+    def variables(self, moving: bool = False) -> list[Generator]:
+        """What functions of t and q, of the velocities too if `moving`, can be made of, angles first.
+
+        Then exponentials, velocities, coordinates, and at last parameters.
+        """
         points = self.points({}, 1)
         Flow(points, self.forces, 2)
         own = set(map(ex.Symbol, self.system.coordinates)) | {ex.TIME}
 
         def rank(generator: Generator) -> int:
-            return {"angle": 0, "exp": 1}.get(generator[0], 2 if generator[1] in own else 3)
+            if tm.has_velocity(generator[1]):
+                return 2
+            return {"angle": 0, "exp": 1}.get(generator[0], 3 if generator[1] in own else 4)
 
-        return sorted((one for one in points.values if not tm.has_velocity(one[1])), key=rank)
+        used = [one for one in points.values if one[0] != "variable" or one[1] not in self.units.roots]
+        return sorted((one for one in used if moving or not tm.has_velocity(one[1])), key=rank)
 
     def matrix(self) -> list[tm.Terms]:
         """The one matrix, or of several the one of least degree."""
@@ -168,8 +190,8 @@ class OneMatrix:
     def lagrangian(self, integrator: Integrator, entries: Sequence[tm.Terms]) -> ex.Expression | None:
         """The one with this matrix, up to a factor that is found."""
         variables = self.variables()
-        matrix = self._oriented(whole_numbers(entries), integrator)
-        scale = self._scale(matrix, variables, integrator)
+        matrix = self.oriented(whole_numbers(entries), integrator)
+        scale = self.scale(matrix, variables, integrator)
         if scale is None:
             return None
         phi, drag = scale
@@ -183,7 +205,7 @@ class OneMatrix:
         rest = None if wanted is None else integrator.linear_terms([tm.multiply_terms(phi, w) for w in wanted])
         return None if rest is None else ex.add(tm.tree_of(phi) * tm.tree_of(kinetic), tm.tree_of(rest))
 
-    def _oriented(self, matrix: Sequence[tm.Terms], integrator: Integrator) -> list[tm.Terms]:
+    def oriented(self, matrix: Sequence[tm.Terms], integrator: Integrator) -> list[tm.Terms]:
         """Positive in its first entry on the diagonal that is not 0, at the real point."""
         entry = next((m for (i, j), m in zip(self.pairs, matrix, strict=True) if i == j and m), matrix[0])
         with suppress(NoRealValue, IrreducibleAtoms):
@@ -207,7 +229,7 @@ class OneMatrix:
         half = matrix_product(values[0], -by_velocity[0] * pow(2, -1, PRIME) % PRIME)
         return values[0], values[1], (half + half.transpose(0, 2, 1)) % PRIME
 
-    def _scale(
+    def scale(
         self, matrix: Sequence[tm.Terms], variables: Sequence[Generator], integrator: Integrator
     ) -> tuple[tm.Terms, tm.Terms] | None:
         """(phi, T): the factor, and the part of Gamma(log phi) without velocities."""
@@ -222,23 +244,24 @@ class OneMatrix:
                 inverse = tm.terms_of(ex.power(tm.tree_of(angles.shortest(terms)), -1))
                 return inverse, self._drag(inverse, integrator)
         e = next(pair for pair, terms in zip(self.pairs, matrix, strict=True) if terms)
-        n, zeros = len(self.forces), np.zeros
+        n = len(self.forces)
 
         def rate(points: Points) -> Numbers:
             values, along, turned = self._rates(points, matrix)
             return (turned - along)[:, e[0], e[1]] % PRIME * inverses(values[:, e[0], e[1]]) % PRIME
 
         def form(fixed: Given, count: int) -> tuple[Numbers, Points]:
-            base = self.points(fixed, count)
-            rest = base.again([zeros(count, np.int64)] * n)
-            still = rate(rest)
-            found, good = [np.ones(count, np.int64), still], rest.good
+            # Not at rest: logarithms and roots of velocities have no value there.
+            start = [self.random.integers(2, PRIME - 2, count) for _ in range(n)]
+            first = self.points(fixed, count).again(start)
+            level, slopes, good = rate(first), list[Numbers](), first.good
             for k in range(n):
-                moved = rest.again([np.full(count, int(i == k), np.int64) for i in range(n)])
-                found.append((rate(moved) - still) % PRIME)
+                moved = first.again([(v + (i == k)) % PRIME for i, v in enumerate(start)])
+                slopes.append((rate(moved) - level) % PRIME)
                 good = good & moved.good
-            rest.good = good
-            return np.array(found)[:, good], rest
+            first.good = good
+            level = level - sum(v * slope % PRIME for v, slope in zip(start, slopes, strict=True))
+            return np.array([np.ones(count, np.int64), level % PRIME, *slopes])[:, good], first
 
         below, *above = Interpolation(form, variables, self.units).terms()
         slopes = [tm.tree_of(terms) / tm.tree_of(below) for terms in above]

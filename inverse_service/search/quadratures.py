@@ -16,6 +16,7 @@ from inverse_service.certificate import checker
 from inverse_service.decision import certify, deciding
 from inverse_service.expressions import collecting, derivative, evaluation, tree as ex
 from inverse_service.field import exact_field, matrices, modular, real_point
+from inverse_service.field.point import Variable
 from inverse_service.mechanics import writing
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.search import material, terms as tm
@@ -135,7 +136,7 @@ def _of_one_square(key: tm.Monomial) -> tm.Terms:
 _HIGHEST = 12
 
 
-def _proper(terms: tm.Terms, x: ex.Symbol) -> tm.Terms:
+def _proper(terms: tm.Terms, x: Variable) -> tm.Terms:
     """The terms `in_one_square`, and x^3/(x^2 + a) as x - a x/(x^2 + a): no such power of x over its divisor."""
     left, result = in_one_square(terms), tm.Terms()
     while left:
@@ -149,7 +150,7 @@ def _proper(terms: tm.Terms, x: ex.Symbol) -> tm.Terms:
     return result
 
 
-def _divided(key: tm.Monomial, x: ex.Symbol) -> tm.Terms | None:
+def _divided(key: tm.Monomial, x: Variable) -> tm.Terms | None:
     """Substitutes x^d = (D - r)/c for a divisor D = c x^d + r with a number c; None where there is no such divisor."""
     power = dict(key).get(x, Fraction(0))
     for letter, e in key:
@@ -172,7 +173,7 @@ def _divided(key: tm.Monomial, x: ex.Symbol) -> tm.Terms | None:
     return None
 
 
-def primitive(x: ex.Symbol, wanted: tm.Terms) -> ex.Expression | None:
+def primitive(x: Variable, wanted: tm.Terms) -> ex.Expression | None:
     """A sum of monomials with the derivative `wanted` by x, by linear algebra over what may have its terms as a part.
 
     The coefficients are rational where that suffices, else they contain generators without x. None if none is found.
@@ -197,7 +198,7 @@ def primitive(x: ex.Symbol, wanted: tm.Terms) -> ex.Expression | None:
     return _by_partial_fractions(x, wanted)
 
 
-def _with_constants(x: ex.Symbol, columns: Iterable[tm.Monomial], wanted: tm.Terms) -> ex.Expression | None:
+def _with_constants(x: Variable, columns: Iterable[tm.Monomial], wanted: tm.Terms) -> ex.Expression | None:
     """The same with coefficients from the field of the generators without x."""
     varying = dict.fromkeys(frozenset(item for item in m if ex.holds(item[0], x)) for m in columns)
     plain = {m: _proper(tm.derivative_of_terms({m: Fraction(1)}, x), x) for m in varying if m}
@@ -228,7 +229,7 @@ def _combination(sides: Sequence[Mapping[tm.Monomial, tm.Terms]]) -> list[tuple[
     return [(k, exact_field.quotient_tree(ring, row[-1])) for k, row in zip(found.pivots, found.rows, strict=True)]
 
 
-def _by_partial_fractions(x: ex.Symbol, wanted: tm.Terms) -> ex.Expression | None:
+def _by_partial_fractions(x: Variable, wanted: tm.Terms) -> ex.Expression | None:
     """Of a rational function of x whose denominators are linear in x; its other generators are constants."""
     poles, one = dict[ex.Expression, int](), tm.monomial(x)
     for key in wanted:

@@ -1,0 +1,125 @@
+"""A multiplier that depends on the velocities: g = phi G with one matrix G(t, q, v) that the conditions leave.
+
+Where the conditions Phi, nabla Phi, … at one velocity leave one matrix up to a factor, and several velocities over one
+(t, q) none, G is interpolated in the velocities as well. With phi = phi_2(t, q) prod P_a^(e_a), P_a factors of f and
+of G, (H1) is linear in the exponents:
+
+    sum over a of e_a (G_ik d_j log P_a - G_ij d_k log P_a) = d_k G_ij - d_j G_ik,  d_j = d/dv_j,
+
+and gives them at random points modulo a prime. phi_2 is that of a matrix free of the velocities (`one_matrix`). The
+momenta of L have the slopes g_i1, …, g_in in the velocities, and L has the momenta as its slopes: two integrations
+of closed forms.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from fractions import Fraction
+from itertools import combinations
+
+import numpy as np
+
+from inverse_service.expressions import tree as ex
+from inverse_service.expressions.derivative import differentiate
+from inverse_service.field import modular
+from inverse_service.field.exact_field import Budget
+from inverse_service.field.flow import PRIME, Flow, inverses
+from inverse_service.mechanics import writing
+from inverse_service.search import families, terms as tm
+from inverse_service.search.gradients import Integrator
+from inverse_service.search.interpolation import Interpolation, kernel_of, whole_numbers
+from inverse_service.search.material import Material, moving_letters
+from inverse_service.search.one_matrix import FAILED, OneMatrix
+
+_POINTS = 8
+
+
+def propose(material: Material, seed: int) -> list[ex.Expression]:
+    """The Lagrangian with this multiplier, for the caller to check; none where there is none, or none is found."""
+    search = OneMatrix.at_one_velocity(material.analysis.system, seed)
+    try:
+        found = None if search is None else _lagrangian(search, material)
+    except FAILED:
+        return []
+    return [] if found is None or (ex.holds(found, ex.TIME) and not material.motion.with_time) else [found]
+
+
+def _lagrangian(search: OneMatrix, material: Material) -> ex.Expression | None:
+    variables = search.variables(moving=True)
+    matrix = whole_numbers(Interpolation(search.matrix_values, variables, search.units).terms())
+    factor = _moving_factor(search, material, matrix)
+    if factor is None:
+        return None
+    integrator = Integrator(search.system, material.analysis.real_point)
+    shaped = search.oriented([tm.multiply_terms(terms, factor) for terms in matrix], integrator)
+    scale = search.scale(shaped, [v for v in variables if not tm.has_velocity(v[1])], integrator)
+    kinetic = None if scale is None else _root(search, shaped, factor) or _twice_integrated(search, shaped, integrator)
+    if scale is None or kinetic is None:
+        return None
+    found = families.with_potential(material, tm.multiply_terms(scale[0], kinetic))
+    return tm.tree_of(found) if found else None
+
+
+def _root(search: OneMatrix, matrix: Sequence[tm.Terms], factor: tm.Terms) -> tm.Terms | None:
+    """c(t, q) sqrt(P) for phi = P^(-3/2), where one entry of its Hessian is that of g; as an integral it is long."""
+    names = search.system.coordinates
+    ((powers, _),) = factor.items()
+    rooted: tm.Monomial = frozenset((p, Fraction(2)) for p, e in powers if isinstance(p, ex.Sum) and e.denominator > 1)
+    if not rooted:
+        return None
+    root = tm.monomial_tree(tm.times(powers, rooted))
+    (i, j), wanted = next((pair, terms) for pair, terms in zip(search.pairs, matrix, strict=True) if terms)
+    bend = differentiate(differentiate(root, ex.Velocity(names[i])), ex.Velocity(names[j]))
+    if bend == ex.ZERO:
+        return None
+    symbols: list[ex.Symbol | ex.Velocity] = [ex.TIME, *map(ex.Symbol, names), *map(ex.Velocity, names)]
+    ratio = writing.quotient(tm.tree_of(wanted) / bend, Budget.long(), symbols)
+    return None if tm.has_velocity(ratio) else tm.multiply_terms(tm.terms_of(ratio), tm.terms_of(root))
+
+
+def _twice_integrated(search: OneMatrix, matrix: Sequence[tm.Terms], integrator: Integrator) -> tm.Terms | None:
+    """A function with this Hessian in the velocities."""
+    velocities = [ex.Velocity(name) for name in search.system.coordinates]
+    entry = dict(zip(search.pairs, matrix, strict=True))
+    momenta = list[tm.Terms]()
+    for i in range(len(velocities)):
+        momentum = integrator.function_of(velocities, [entry[min(i, j), max(i, j)] for j in range(len(velocities))])
+        if momentum is None:
+            return None
+        momenta.append(momentum)
+    return integrator.function_of(velocities, momenta)
+
+
+def _moving_factor(search: OneMatrix, material: Material, matrix: Sequence[tm.Terms]) -> tm.Terms | None:
+    """prod P_a^(e_a)."""
+    trees = [tm.tree_of(terms) for terms in matrix]
+    integrator = Integrator(search.system, material.analysis.real_point)
+    sums = [p for tree in trees if tree != ex.ZERO for p in tm.irreducible_factors(tree) if tm.has_velocity(p)]
+    letters = [*material.motion.velocities, *moving_letters(material), *map(integrator.positive, sums)]
+    factors = list(dict.fromkeys([*letters, *filter(ex.is_exponential, material.velocity_letters)]))
+    points = search.points({}, 4 * _POINTS)
+    flow, n = Flow(points, search.forces, 1), len(search.forces)
+    slopes = {}
+    for tree in (*trees, *factors):
+        data = flow.tree(tree).data
+        slopes[tree] = (data[0, 0], data[1 + n :, 0])
+    good = np.flatnonzero(points.good)[:_POINTS]
+    place = {pair: trees[k] for k, pair in enumerate(search.pairs)}
+    rows = []
+    for i in range(n):
+        for j, k in combinations(range(n), 2):
+            (g, by_g), (h, by_h) = (slopes[place[min(i, m), max(i, m)]] for m in (k, j))
+            row = []
+            for factor in factors:
+                value, slope = slopes[factor]
+                row.append((g * slope[j] - h * slope[k] % PRIME) % PRIME * inverses(value) % PRIME)
+            rows.append([*row, (by_h[k] - by_g[j]) % PRIME])
+    table = np.array(rows).transpose(0, 2, 1)[:, good].reshape(-1, len(factors) + 1)
+    for vector in kernel_of(table):
+        if vector[-1]:
+            unit = -pow(vector[-1], -1, PRIME)
+            found = [modular.reconstruct(value * unit % PRIME, PRIME, 99) for value in vector[:-1]]
+            if None not in found:
+                powers = zip(factors, found, strict=True)
+                return tm.terms_of(ex.multiply(*(p ** ex.number(e or Fraction(0)) for p, e in powers)))
+    return None
