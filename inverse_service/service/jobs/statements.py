@@ -19,6 +19,7 @@ from __future__ import annotations
 import hashlib
 import itertools
 import json
+import secrets
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any, Final, Protocol
@@ -763,6 +764,12 @@ def drain(session: Session, drained: bool) -> None:
         "INSERT INTO counters VALUES ('drained', ?) ON CONFLICT (name) DO UPDATE SET value = excluded.value",
         int(drained),
     )
+
+
+def secret(session: Session) -> int:
+    """A random number of this store, drawn when it is first asked for."""
+    session.run("INSERT INTO counters VALUES ('secret', ?) ON CONFLICT (name) DO NOTHING", secrets.randbits(63))
+    return int(first(session, "SELECT value FROM counters WHERE name = 'secret'")["value"])
 
 
 def clients(session: Session) -> list[model.ClientUse]:

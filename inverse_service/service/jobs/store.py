@@ -169,6 +169,7 @@ class JobStore(ABC):
     def _forget(self, before: float) -> tuple[int, int]:
         return self._write(lambda s: statements.forget(s, before, STEP), durable=False)
 
+    secret = writing(statements.secret)
     # What follows is for an operator; a service that runs over the same store hears of it within seconds.
     is_drained = _reading(statements.is_drained)
     drain = writing(statements.drain)

@@ -1,14 +1,14 @@
 """Exercises: a page for teachers that makes a link, a page for students that judges an answer, and codes to verify.
 
 An exercise is its address: equations, title, what is asked. Nothing is stored. A solved one gives a code, which is
-a keyed digest of the exercise, the student's name and the day; only this service can make it, anybody can ask it.
+a digest of the exercise, the student's name and the day, keyed by a secret of the store: only services over this store
+make and verify it.
 """
 
 from __future__ import annotations
 
 import hashlib
 import hmac
-import secrets
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
@@ -36,8 +36,6 @@ ASKED = {
     "hamiltonian": ("A Hamiltonian", "Find a Hamiltonian whose motions are those of", "H"),
     "any": ("Is there any?", "Decide whether a Lagrangian exists for", ""),
 }
-# Codes hold for as long as this process runs, unless the operator sets a secret.
-SECRET = secrets.token_bytes(32)
 FRICTION = "A Lagrangian with friction"  # the title of the example
 LATE = "Judging this takes longer than a page may. Try a shorter formula."
 
@@ -175,7 +173,7 @@ async def exercise(request: Request) -> Response:
     student = query.get("student", "").strip()[:80]
     code = ""
     if found.judged is not None and found.judged.verdict == sheets.YES and student:
-        code = code_of(question_of(query), student, datetime.now(UTC).date().isoformat())
+        code = await code_of(request, question_of(query), student, datetime.now(UTC).date().isoformat())
     shown = rendering.page(
         "exercise.html", active="", exercise=found, title=query.get("title", "")[:120],
         question=ASKED[ask][1], letter=ASKED[ask][2], answer=answer, own=own, student=student, code=code,
@@ -190,9 +188,11 @@ def question_of(query: Mapping[str, str]) -> str:
     return urlencode({name: query[name] for name in wanted if query.get(name)})
 
 
-def code_of(question: str, student: str, day: str) -> str:
+async def code_of(request: Request, question: str, student: str, day: str) -> str:
     """The day and twelve characters that only this service can make for an exercise and a name."""
-    digest = hmac.new(SECRET, f"{question}\n{student}\n{day}".encode(), hashlib.sha256).hexdigest()
+    engine: Engine = request.app.state.engine
+    secret = str(await engine.in_thread(engine.store.secret)).encode()
+    digest = hmac.new(secret, f"{question}\n{student}\n{day}".encode(), hashlib.sha256).hexdigest()
     return f"{day}-{digest[:12]}"
 
 
@@ -219,7 +219,8 @@ async def teach(request: Request) -> HTMLResponse:
     if link and code:
         asked = question_of(dict(parse_qsl(link.partition("?")[2])))
         day = code[: len("2026-01-01")]
-        verdict = "yes" if hmac.compare_digest(code.encode(), code_of(asked, student, day).encode()) else "no"
+        wanted = await code_of(request, asked, student, day)
+        verdict = "yes" if hmac.compare_digest(code.encode(), wanted.encode()) else "no"
     sent = {"link": link, "student": student, "code": code}
     example = urlencode({"equations": "x'' = -x - c*x'", "title": FRICTION})
     frame = rendering.frame_code(f"{str(request.base_url).rstrip('/')}/exercise?{example}", FRICTION, "100%", 720)
