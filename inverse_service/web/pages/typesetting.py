@@ -253,7 +253,8 @@ def _between(before: Sequence[str], text: str) -> str:
     if not text.strip():
         return ""
     found = notation.theory(text).mathml.removeprefix("<mrow>").removesuffix("</mrow>")
-    found = found.replace("<msup><mi>d</mi><mn>2</mn></msup>", "<msup><mi>∂</mi><mn>2</mn></msup>")
+    found = found.replace("<msup><mi>d</mi><mrow><mn>2", "<msup><mi>∂</mi><mrow><mn>2")
+    found = found.replace("<mn>1</mn><mo>/</mo><mn>2</mn>", "<mfrac><mn>1</mn><mn>2</mn></mfrac>")
     found = found.replace('<mo form="prefix">', "<mo>", 1) if before and found.startswith("<mo form") else found
     return found + '<mspace width="0.17em"/>' if found.endswith("</mfrac>") else found
 
