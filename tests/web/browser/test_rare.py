@@ -15,10 +15,13 @@ import pytest
 from playwright.sync_api import Browser, Page, Route, expect
 
 from tests.conftest import running_service
+from tests.doors.rows import rows
 from tests.values import present
+from tests.web.pages.test_sheets import DISK, FORCED, PARTICLE, SLEIGH
 
 from .conftest import Look, Visit, new_page, whole
-from .test_people import HARD, ORANGE, PIXELS
+from .test_every_page import is_too_wide
+from .test_people import HARD, ORANGE, PIXELS, ask
 
 pytestmark = pytest.mark.slow
 
@@ -307,19 +310,6 @@ def test_the_points_of_a_long_run_are_no_black_ring(visit: Visit) -> None:
     assert black < orange / 10
 
 
-def test_a_lagrangian_that_was_found_is_simulated_and_the_scene_changed(visit: Visit) -> None:
-    visit.go("/?example=sho")
-    visit.page.get_by_role("button", name="Open the answer").click()
-    visit.page.get_by_role("link", name="Simulate", exact=True).last.click()
-    visit.page.get_by_label("Steps").fill("50")
-    visit.page.get_by_role("button", name="Run").click()
-    visit.page.get_by_role("link", name="Change the scene").click(timeout=40_000)
-    expect(visit.page.get_by_label("Steps")).to_have_value("50")
-    visit.page.get_by_label("Steps").fill("60")
-    visit.page.get_by_role("button", name="Run").click()
-    expect(visit.page.locator("tbody tr", has_text="completed").first).to_contain_text("60", timeout=40_000)
-
-
 def test_a_constrained_result_is_simulated_with_the_lagrangian_that_was_found(visit: Visit) -> None:
     document = {
         "coordinates": ["x", "y", "z"], "lagrangian": "(x'^2 + y'^2 + z'^2)/2", "constraints": ["z' + x*y'"],
@@ -333,6 +323,39 @@ def test_a_constrained_result_is_simulated_with_the_lagrangian_that_was_found(vi
     visit.page.get_by_text("The scene as a document").click(timeout=40_000)
     expect(visit.page.get_by_label("The scene as JSON")).to_contain_text(f'"free_lagrangian": "{found}"')
     expect(visit.page.locator("tbody tr", has_text="variational").first).to_contain_text("completed")
+    visit.page.get_by_role("link", name="Change the scene").click()
+    visit.page.get_by_label("Steps").fill("60")
+    visit.page.get_by_role("button", name="Run").click()
+    expect(visit.page.locator("tbody tr", has_text="completed").first).to_contain_text("60", timeout=40_000)
+
+
+CONSTRAINED = {row["id"]: row["document"] for row in rows("constrained") if "constraints" in row.get("document", {})}
+WORDS = """rows => rows.map(row =>
+    [row.querySelector('th').firstChild.textContent.trim(), row.querySelector('b').textContent])"""
+MOTIONS = {"sleigh": SLEIGH, "particle": PARTICLE, "forced": FORCED, "disk": DISK, **dict([*CONSTRAINED.items()][:10])}
+
+
+@pytest.mark.parametrize("name", MOTIONS)
+def test_a_constrained_motion_has_one_table_and_one_sentence(visit: Visit, name: str) -> None:
+    """Headline, title and table say the same: a yes of a system is a yes of the motion, which Any decides."""
+    ask(visit, {"parameters": "guess", **MOTIONS[name], "options": {"time_limit": 20}})
+    page, table = visit.page, visit.page.locator("table.verdicts")
+    expect(table).to_have_count(1)
+    words = dict(table.locator("tbody tr:not(.why)").evaluate_all(WORDS))
+    said, title = page.locator("h1").inner_text(), page.title()
+    if any(words.get(name, "").startswith("Yes") for name in ("First", "Second", "Third", "Any")):
+        assert said.startswith(("Yes", "The answer"))
+        assert "has a Hamiltonian" in title or "differs" in title
+    elif words.get("Any") == "No":
+        assert "cannot" in said
+        assert "has no Hamiltonian" in title
+    else:
+        assert "undetermined" in said
+        assert "undetermined" in title
+    shown = page.locator("main").inner_text()
+    assert not re.search(r"[a-z]_(?:[a-z]{2,}|associated)", shown), shown
+    assert "undetermined" in said or "undetermined" not in shown
+    assert not is_too_wide(visit)
 
 
 def test_error_is_measured_against_time(browser: Browser, patient: str) -> None:

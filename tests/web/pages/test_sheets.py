@@ -10,7 +10,6 @@ import pytest
 
 from inverse_service import solve
 from inverse_service.web.pages import result_tasks, sheets
-from tests.doors.rows import rows
 from tests.values import present
 
 SLEIGH = {
@@ -88,24 +87,6 @@ def test_cases_that_differ_or_are_open_are_all_listed() -> None:
     assert sheet.verdict == sheets.DIFFERS
     assert "3 cases" in words(sheet.sentence)
     assert any("no time was left" in note for note in sheet.notes)
-
-
-CONSTRAINED = [row for row in rows("constrained") if "constraints" in row.get("document", {})]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("row", CONSTRAINED[:10], ids=lambda row: row["id"])
-def test_no_sentence_about_a_constrained_motion_contradicts_another(row: dict[str, Any]) -> None:
-    """The headline, the title and the tinted row come from one verdict; a yes of a system is a yes of the motion."""
-    sheet = sheets.sheet_of(solve(row["document"]))
-    assert sheet.title.endswith(f": {sheet.badge}")
-    by_name = {one.name: one.verdict for one in sheet.table}
-    if "yes" in (by_name.get("First"), by_name.get("Second"), by_name.get("Third"), by_name.get("Any")):
-        assert sheet.verdict in ("yes", "differs")
-    if by_name.get("Any") == "no":
-        assert sheet.verdict in ("no", "differs")
-    text = " ".join(map(words, (sheet.sentence, *sheet.notes)))
-    assert sheet.verdict in ("open", "differs") or "undetermined" not in text
 
 
 def test_a_glance_ends_with_the_first_l_and_h_and_shows_every_branch() -> None:
