@@ -176,7 +176,7 @@ def _schemas(known: dict[str, Any]) -> dict[str, Any]:
         known.update(schema.pop("$defs", {}))
         known[model.__name__] = schema
     for model in ASKED:
-        keys = {"id": ID, "time": {"type": "string"}, "options": OPTIONS, "$schema": {"type": "string"}}
+        keys = {"id": ID, "metadata": {}, "time": {"type": "string"}, "options": OPTIONS, "$schema": {"type": "string"}}
         known[model.__name__]["properties"] |= json.loads(json.dumps(keys))
         known[model.__name__]["patternProperties"] = {"^_": {}}
     scene = known["SceneDocument"]["properties"]
@@ -185,7 +185,9 @@ def _schemas(known: dict[str, Any]) -> dict[str, Any]:
     for name, example in EXAMPLES.items():
         known[name]["examples"] = [catalogue.document(example)]
     for model in ANSWERED:
-        known[model.__name__]["properties"]["id"] = dict(ID)
+        known[model.__name__]["properties"] |= {"document_id": dict(ID), "metadata": {}}
+        # Its older name `id` is not described, so that an answer with an `id` is a job.
+        known[model.__name__].pop("additionalProperties")
     known["Job"]["properties"]["result"] = {"anyOf": [*map(any_of, OF_JOBS), {"type": "null"}]}
     known["JobEvent"] = JOB_EVENT
     for name in ("HTTPValidationError", "ValidationError"):

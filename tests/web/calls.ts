@@ -9,12 +9,15 @@ async function calls() {
   const solved = await client.POST("/v1/solve", {
     body: { ...oscillator, id: 1, options: { time_limit: 5 } }, params: { header: { Prefer: "wait=20" } } });
   expect(!!solved.data && "verdict" in solved.data && solved.data.verdict === "variational", "solve");
+  expect(!!solved.data && "document_id" in solved.data && solved.data.document_id === 1, "echo");
   const refused = await client.POST("/v1/parse", { body: { equations: "x'' = -kx" } });
   expect(refused.error?.errors?.[0]?.instead?.[0] === "k*x", "parse");
   const checked = await client.POST("/v1/check", { body: { system: oscillator, lagrangian: "x'^2/2 - x^2/2" } });
   expect(checked.data?.verdict === "valid", "check");
   const asked = await client.POST("/v1/solve", {
     body: { equations: { x: "-k*x" }, parameters: { k: 2 } }, params: { header: { Prefer: "respond-async" } } });
+  const stored: string = asked.data && "id" in asked.data ? asked.data.id : ""; // only a job has an id
+  expect(stored.length === 40, "accepted");
   const id = asked.response.headers.get("location")?.split("/").pop() ?? "";
   let job = await client.GET("/v1/jobs/{id}", { params: { path: { id } } });
   while (job.data?.status === "accepted" || job.data?.status === "running") {

@@ -238,7 +238,9 @@ class Examination:
         if "time" in system and (self.has_document or system["time"] == "t"):
             self.agree("/system/time", system["time"] == ready.time, system["time"], f"It is called {ready.time}.")
         if isinstance(document, dict) and "id" in document:
-            self.agree("/id", result.get("id", document["id"]) == document["id"], result.get("id"), "the id as given")
+            for key in ("id", "document_id"):
+                good = result.get(key, document["id"]) == document["id"]
+                self.agree(f"/{key}", good, result.get(key), "the id as given")
             self.claim("/system/given/id")
         if isinstance(document, dict) and system.get("name") and document.get("name") == system.get("name"):
             self.claim("/system/name", "/system/given/name")

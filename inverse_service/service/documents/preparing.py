@@ -265,6 +265,8 @@ def prepared(document: Any) -> Prepared:
     if is_forward(plain):
         plain.pop("constraints", None)
     extra = {key: document[key] for key in ("id", "metadata") if key in document}
+    if "id" in extra:  # the name of its own; "id", which jobs have too, is the older one
+        extra["document_id"] = extra["id"]
     plain.pop("metadata", None)
     if ignored := [key for key in plain if isinstance(key, str) and key not in KEYS and not near_key(key)]:
         extra["ignored"] = ignored
