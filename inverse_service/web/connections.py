@@ -37,8 +37,6 @@ class Connections:
     total: int
     of_an_address: int
     proxies: tuple[str, ...] = ()
-    refused: int = 0
-    timed_out: int = 0
     _open: set[Connection] = field(default_factory=set)
     _addresses: Counter[str] = field(default_factory=Counter)
 
@@ -53,7 +51,6 @@ class Connections:
         """Accept a new connection; if all places are taken, close the one that was silent longest."""
         is_many = self._addresses[connection.address] >= self.of_an_address and not self._is_proxy(connection.address)
         if is_many or (len(self._open) >= self.total and not self._make_room()):
-            self.refused += 1
             return False
         if not self._open:
             connection.loop.call_later(LOOK_EVERY, self._look, connection.loop)
@@ -87,7 +84,6 @@ class Connections:
         """Close the connections that took too long; repeat in a second."""
         now = time.monotonic()
         for connection in [connection for connection in self._open if connection.is_late(now)]:
-            self.timed_out += 1
             connection.transport.abort()
         if self._open:
             loop.call_later(LOOK_EVERY, self._look, loop)

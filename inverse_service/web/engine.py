@@ -310,7 +310,7 @@ class Engine:
     async def look_ahead(self, client: str, document: str) -> None:
         """Raise DocumentRefused at once if a document cannot be read, so that the client need not wait for a job."""
         try:
-            outcome = await self.run_quick(client, tasks.look_ahead_task, document, seconds=QUICK_DEADLINE)
+            outcome = await self.run_quick(client, tasks.parse_task, document.encode(), seconds=QUICK_DEADLINE)
         except problems.Refusal:  # too many wait: the job will tell
             return
         if outcome.status == "refused":

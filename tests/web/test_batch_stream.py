@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+from collections.abc import AsyncIterator
 from typing import Any
 
 import pytest
@@ -31,14 +32,18 @@ class SlowStore:
         return [] if self.looks < 4 else [BatchAnswer(1, '"a"', "successful", b'{"verdict": "variational"}', 7)]
 
 
+def streamed(store: SlowStore, total: int) -> tuple[Any, AsyncIterator[bytes]]:
+    """The hub of a service with this store, and the stream of a batch of so many lines; on a loop."""
+    engine: Any = Engine(Settings())
+    engine._store, engine.hub = store, Hub()
+    return engine.hub, routes_batches._stream(engine, Batch("b", "solve", "", 0.0, total, {"running": 1}))
+
+
 def test_a_silent_stream_sends_empty_lines(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(routes_batches, "KEEP_ALIVE", 0.0)
-    batch = Batch("b", "solve", "", 0.0, 1, {"running": 1})
 
     async def sent() -> list[bytes]:
-        engine: Any = Engine(Settings())
-        engine._store, engine.hub = SlowStore(), Hub()
-        return [part async for part in routes_batches._stream(engine, batch)]
+        return [part async for part in streamed(SlowStore(), 1)[1]]
 
     parts = asyncio.run(sent())
     assert parts[:3] == [b"\n"] * 3
@@ -50,9 +55,7 @@ def test_a_store_that_no_one_else_changes_is_not_polled() -> None:
     store.exclusive = True
 
     async def read() -> None:
-        engine: Any = Engine(Settings())
-        engine._store, engine.hub = store, Hub()
-        await anext(routes_batches._stream(engine, Batch("b", "solve", "", 0.0, 1, {"running": 1})))
+        await anext(streamed(store, 1)[1])
 
     with pytest.raises(TimeoutError):
         asyncio.run(asyncio.wait_for(read(), 0.8))
@@ -61,15 +64,13 @@ def test_a_store_that_no_one_else_changes_is_not_polled() -> None:
 
 def test_a_stream_that_the_end_of_the_service_cuts_does_not_look_whole() -> None:
     """The connection breaks, so that no reader takes the answers that came for all of them."""
-    batch = Batch("b", "solve", "", 0.0, 2, {"running": 1, "successful": 1})
     parts = []
 
     async def read() -> None:
-        engine: Any = Engine(Settings())
-        engine._store, engine.hub = SlowStore(), Hub()
-        async for part in routes_batches._stream(engine, batch):
+        hub, stream = streamed(SlowStore(), 2)
+        async for part in stream:
             parts.append(part)
-            engine.hub.closing = True
+            hub.closing = True
 
     with pytest.raises(StreamCut):
         asyncio.run(read())
@@ -78,13 +79,10 @@ def test_a_stream_that_the_end_of_the_service_cuts_does_not_look_whole() -> None
 
 def test_the_stream_of_a_batch_that_is_erased_ends(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(routes_batches, "KEEP_ALIVE", 0.0)
-    batch = Batch("b", "solve", "", 0.0, 2, {"running": 1, "successful": 1})
     store = SlowStore()
 
     async def read() -> None:
-        engine: Any = Engine(Settings())
-        engine._store, engine.hub = store, Hub()
-        async for part in routes_batches._stream(engine, batch):
+        async for part in streamed(store, 2)[1]:
             if part != b"\n":
                 store.looks, store.forgotten = 0, True
 

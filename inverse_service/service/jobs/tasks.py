@@ -75,13 +75,6 @@ def solve_task(document: Any, options: SolveOptions, report: Callable[[str], Non
     return solve_document(document, options, report)
 
 
-def look_ahead_task(document: str) -> None:
-    """Whether the document of a solve job, which is JSON, can be read to its last formula."""
-    from inverse_service.service.documents.documents import parse_document
-
-    parse_document(plain_data.read_json(document))
-
-
 def understand_task(document: Any) -> dict[str, Any]:
     """A System document to the `system` part of a result."""
     from inverse_service.service.documents.documents import understand_document

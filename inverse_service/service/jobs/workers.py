@@ -371,12 +371,6 @@ class FairQueue(Generic[T]):
                 del self._out[client]
             self._changed.notify()
 
-    @property
-    def length(self) -> int:
-        """How many tasks wait."""
-        with self._changed:
-            return sum(len(tasks) for tasks in self._waiting.values())
-
     def remove(self, client: str, task: T) -> None:
         """Forget a task that waits; nothing happens where it does not."""
         with self._changed:
