@@ -71,10 +71,6 @@ def workers() -> Iterator[Workers]:
     pool.stop()
 
 
-def test_a_worker_answers(workers: Workers) -> None:
-    assert workers.run(tasks.load_engine, (), 30.0).status == "done"
-
-
 def test_processes_that_solve_look_for_garbage_seldom(workers: Workers) -> None:
     # With the 700 objects of Python's default it takes half of a long search, late in the life of a worker.
     for outcome in (workers.run(gc.get_threshold, (), 30.0), run_alone(gc.get_threshold, (), 30.0, MEMORY)):

@@ -214,11 +214,10 @@ CALLS = (Path(__file__).parent / "calls.ts").read_text(encoding="utf-8")
 
 
 @pytest.mark.nightly
+@pytest.mark.skipif(shutil.which("npm") is None, reason="no npm")
 def test_a_typescript_client_is_generated_compiled_and_asks(
     description: dict[str, Any], tmp_path: Path, service: str
 ) -> None:
-    if shutil.which("npm") is None:
-        pytest.skip("no npm")
     (tmp_path / "openapi.json").write_text(json.dumps(description))
     (tmp_path / "calls.ts").write_text(CALLS.replace("ADDRESS", service))
     (tmp_path / "package.json").write_text('{"name": "calls", "private": true, "type": "module"}')
