@@ -27,7 +27,10 @@ CORS_HEADERS = (
 
 def create_application(settings: Settings) -> FastAPI:
     """The service; its worker processes live from start to shutdown of the application."""
-    app = FastAPI(title=TITLE, version=__version__, summary=SUMMARY, lifespan=_lifespan, docs_url=None, redoc_url=None)
+    app = FastAPI(
+        title=TITLE, version=__version__, summary=SUMMARY, lifespan=_lifespan, docs_url=None, redoc_url=None,
+        generate_unique_id_function=lambda route: route.name,
+    )  # fmt: skip
     app.state.engine = Engine(settings)
     problems.install(app, routing.page_of_refusal)
     app.add_middleware(middleware.HeadAsGet)

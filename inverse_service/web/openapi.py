@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-from collections import Counter
 from collections.abc import Iterator
 from functools import lru_cache
 from importlib import resources
@@ -129,12 +128,13 @@ TAGS = {
     "simulations": "Scenes: integrate, and measure error against time.",
     "jobs": "Long questions: their state, their events, and how to cancel them.",
     "batches": "Many documents at once.",
-    "catalogue": "Named systems.",
+    "catalogue": "Named systems, and the atlas of those that were computed.",
     "operations": "The health and the limits of the service.",
 }
 _TAG_OF = {
     "parse": "systems", "solve": "systems", "check": "systems", "simulate": "simulations",
     "work-precision": "simulations", "jobs": "jobs", "batches": "batches", "catalogue": "catalogue",
+    "atlas": "catalogue",
 }  # fmt: skip
 EXAMPLES = {"SystemDocument": "sho", "NonholonomicDocument": "vertically-rolling-disk"}
 
@@ -223,18 +223,10 @@ def _descriptions() -> dict[str, str]:
 
 
 def _finish_operations(paths: dict[str, Any]) -> None:
-    """Short names, what a call does, tags, and problem documents as the only kind of error."""
-    calls = [(path, method, call) for path, methods in paths.items() for method, call in methods.items()]
-    names = Counter(_short(call) for _, _, call in calls)
-    for path, _, call in calls:
-        short, tag = _short(call), _TAG_OF.get(path.split("/")[2] if path.startswith("/v1/") else "", "operations")
-        call |= {"operationId": short if names[short] == 1 else f"{short}_{tag}", "tags": [tag]}
+    """What a call does, tags, and problem documents as the only kind of error."""
+    for path, call in [(path, call) for path, methods in paths.items() for call in methods.values()]:
+        call["tags"] = [_TAG_OF.get(re.split(r"[/.]", path)[2] if path.startswith("/v1/") else "", "operations")]
         call["summary"] = str(call["description"]).split("\n")[0].removesuffix(".")
         for status, answer in call["responses"].items():
             if status[0] in "45":
                 answer["content"] = {MEDIA_TYPE: {"schema": any_of("ProblemDocument")}}
-
-
-def _short(call: dict[str, Any]) -> str:
-    """The name of the function, without the path and method that the framework adds."""
-    return re.split(r"_v1_|_(?:livez|readyz|metrics)_get", str(call["operationId"]))[0]

@@ -91,7 +91,7 @@ async def batch(request: Request, id: str) -> Response:
 
 
 @router.delete("/v1/batches/{id}", response_model=BatchDocument, responses={**openapi.UNKNOWN})
-async def dismiss(request: Request, id: str) -> Response:
+async def dismiss_batches(request: Request, id: str) -> Response:
     """Cancel the lines that are still open in a batch; work that no other client waits for stops."""
     await engine_of(request).dismiss_batch(id, clients.viewer_of(request))
     return JSONResponse(job_answers.batch_fields(await _known(request, id)))

@@ -101,7 +101,7 @@ async def job(request: Request, id: str) -> Response:
 
 
 @router.delete("/v1/jobs/{id}", responses={200: {"model": JobDocument}, **openapi.UNKNOWN})
-async def dismiss(request: Request, id: str) -> Response:
+async def dismiss_jobs(request: Request, id: str) -> Response:
     """Cancel an open job; a finished job stays unchanged, with its result.
 
     It is dismissed for you. The work stops when no other client waits for it; the finished part is its result.
