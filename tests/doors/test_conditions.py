@@ -1,5 +1,7 @@
 """The conditions of a result as they are printed."""
 
+import pytest
+
 import inverse_service
 
 
@@ -16,6 +18,7 @@ def test_conditions_of_the_double_pendulum_keep_differences_of_angles() -> None:
     assert len(text) < 5000
 
 
+@pytest.mark.slow
 def test_one_matrix_is_named_where_its_factor_is_not_elementary() -> None:
     """From L = e^u ((1 + y^2) x'^2/2 + y'^2/2 - 1) with du = e^(x y) (dx/x + dy/y): u is Ei(x y)."""
     equations = {

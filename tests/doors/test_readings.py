@@ -75,9 +75,14 @@ def assert_all(chosen: list[Row], service: str | None = None) -> None:
     assert not faults, json.dumps(faults, indent=1)
 
 
-def blocks(all_rows: list[Row]) -> list[Any]:
+def blocks(all_rows: list[Row], every: int = 1) -> list[Any]:
+    """All rows, some at a time; of the blocks one of so many is in the default suite."""
     starts = range(0, len(all_rows), AT_A_TIME)
-    return [pytest.param(all_rows[start : start + AT_A_TIME], id=f"from-{start}") for start in starts]
+    marks = [pytest.mark.slow if k % every else () for k in range(len(starts))]
+    return [
+        pytest.param(all_rows[start : start + AT_A_TIME], id=f"from-{start}", marks=mark)
+        for start, mark in zip(starts, marks, strict=True)
+    ]
 
 
 @pytest.mark.parametrize("chosen", blocks(READINGS))
@@ -85,7 +90,7 @@ def test_a_notation_means_what_its_writer_means(chosen: list[Row]) -> None:
     assert_all(chosen)
 
 
-@pytest.mark.parametrize("chosen", blocks(list(pasted())))
+@pytest.mark.parametrize("chosen", blocks(list(pasted()), 2))
 def test_what_people_paste_is_read_as_they_mean_it_or_asked_back(chosen: list[Row]) -> None:
     assert_all(chosen)
 
