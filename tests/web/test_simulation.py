@@ -53,6 +53,7 @@ def test_files_of_the_page_hold_every_recorded_step(client: httpx.Client) -> Non
     assert "CSV and NPZ hold" in page
     # What accuracy costs stands beside it.
     assert re.search(r'<td class="number">[\d.]+ (\u00b5s|ms|s)</td><td><a href="[^"]*csv"', page)
+    assert client.get(f"{address}/table.csv").text.startswith("method,outcome,steps,")
     rows = client.get(f"{address}/data/nonholonomic-0.5.csv").text.splitlines()
     assert rows[0].startswith("t,phi,theta,x,y,v_phi,v_theta,v_x,v_y,p_phi")
     assert len(rows) == 5002

@@ -30,7 +30,7 @@ COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#B8860B", "#56B4E9", "#8A
 DASHES = ("solid", "dash", "dashdot", "dot", "longdash", "longdashdot", "solid", "dash")
 MOST_POINTS = 2001
 DIGITS = 7
-ROUND_OFF = 1e-12  # of the greatest value
+ROUND_OFF = 1e-9  # of the greatest value
 
 
 # Observed quantities.

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import base64
+import csv
 import gzip
 import hashlib
 import html
 import importlib.util
+import io
 import re
 import sys
 from collections.abc import Iterable, Mapping
@@ -247,6 +249,15 @@ def code_marks(text: str) -> Markup:
         Markup("<code>{}</code>").format(part) if k % 2 else escape(part) for k, part in enumerate(text.split("`"))
     ]
     return Markup("").join(parts)
+
+
+def csv_of(rows: Iterable[Iterable[Any]]) -> str:
+    """A table as CSV; a text with a leading sign, of which a spreadsheet makes a formula, begins with an apostrophe."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    for row in rows:
+        writer.writerow([f"'{one}" if isinstance(one, str) and one[:1] in ("=", "+", "-", "@") else one for one in row])
+    return text.getvalue()
 
 
 def can_simulate() -> bool:

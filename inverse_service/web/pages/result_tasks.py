@@ -140,9 +140,11 @@ def picture_task(store: str, id: str, name: str, ending: str) -> bytes | None:
     return picture(_result(store, id), name, ending)
 
 
-def prices_task(store: str, id: str) -> bytes:
-    """The prices of a work-precision measurement as CSV."""
-    return simulations.prices_csv(_result(store, id)).encode()
+def table_task(store: str, id: str) -> bytes | None:
+    """The table of a result's page as CSV; None if it has none."""
+    found = _result(store, id)
+    rows = simulations.table_of(found) if "methods" in found else sheets.rows_of(sheets.sheet_of(found, brief=True))
+    return rendering.csv_of(rows).encode() if len(rows) > 1 else None
 
 
 def answer_picture_task(store: str, id: str, ending: str) -> bytes | None:

@@ -6,8 +6,6 @@ Forms that browsers send are taken from our own pages only, and read by workers 
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 import logging
 import re
@@ -33,7 +31,7 @@ from inverse_service.web.clients import client_of, viewer_of
 from inverse_service.web.engine import LONG_DEADLINE, QUICK_DEADLINE, Engine
 from inverse_service.web.job_answers import MINIMAL, REVALIDATE, is_known, stored_response
 from inverse_service.web.pages import forms, result_tasks, sheets, simulations
-from inverse_service.web.pages.rendering import VISITOR, framed, packed, page
+from inverse_service.web.pages.rendering import VISITOR, csv_of, framed, packed, page
 from inverse_service.web.problems import Refusal
 
 T = TypeVar("T")
@@ -198,6 +196,8 @@ def _file_of(kind: str, file: str, identifier: str, address: str) -> Made | None
     folder, slash, rest = file.partition("/")
     folder, rest = (folder, rest) if slash else ("", file)
     name, _, ending = rest.rpartition(".")
+    if file == "table.csv":
+        return "text/csv", "", result_tasks.table_task, ()
     if kind == "solve":
         if file == "certificate.json":
             attached = f'attachment; filename="certificate-{identifier[:12]}.json"'
@@ -214,8 +214,6 @@ def _file_of(kind: str, file: str, identifier: str, address: str) -> Made | None
         return simulations.PICTURES[ending], "", result_tasks.picture_task, (name, ending)
     if folder == "data" and ending in simulations.TABLES:
         return simulations.TABLES[ending], "", result_tasks.file_task, (name, ending)
-    if file == "prices.csv" and kind == "work-precision":
-        return "text/csv", "", result_tasks.prices_task, ()
     return None
 
 
@@ -384,14 +382,11 @@ async def as_table(request: Request, identifier: str) -> Response:
 
 
 def _csv(answers: list[BatchAnswer]) -> str:
-    text = io.StringIO()
-    writer = csv.writer(text)
-    writer.writerow(("line", "name", "verdict", "lagrangian or reason", "checked", "where"))
-    for row in sorted(map(row_of, answers), key=lambda row: row.number):
-        # A leading sign makes a formula of a cell in a spreadsheet.
-        cells = (row.name, row.verdict, row.lagrangian or row.reason, row.checked, row.where)
-        writer.writerow((row.number, *(f"'{cell}" if cell[:1] in ("=", "+", "-", "@") else cell for cell in cells)))
-    return text.getvalue()
+    rows = sorted(map(row_of, answers), key=lambda row: row.number)
+    return csv_of([
+        ("line", "name", "verdict", "lagrangian or reason", "checked", "where"),
+        *((row.number, row.name, row.verdict, row.lagrangian or row.reason, row.checked, row.where) for row in rows),
+    ])  # fmt: skip
 
 
 @router.get("/batch/{identifier}")

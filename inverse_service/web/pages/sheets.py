@@ -643,6 +643,13 @@ def _constrained(result: Mapping[str, Any], names: Names, verdict: str, brief: b
     )  # fmt: skip
 
 
+def rows_of(sheet: Sheet) -> list[tuple[str, ...]]:
+    """The table of a motion on constraints as texts."""
+    found = [(row, {one.letter: one.text.partition(" = ")[2] for one in row.formulas}) for row in sheet.table]
+    lines = [(row.name, row.word, *(texts.get(letter, "") for letter in "LH")) for row, texts in found]
+    return [("system", "Hamiltonian?", "L", "H"), *lines]
+
+
 def _rows(
     result: Mapping[str, Any],
     part: Mapping[str, Any],

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import itertools
 import json
 import math
@@ -231,14 +229,16 @@ def _labels(
     return [placed[k] for k in range(len(ends))], leaders
 
 
-def prices_csv(result: Mapping[str, Any]) -> str:
-    """The prices as CSV: one line for an error and a method."""
-    stream = io.StringIO()
-    keys = ("error", "method", "order", "step", "tolerance", "seconds", "ratio", "evaluations")
-    table = csv.DictWriter(stream, keys, extrasaction="ignore", lineterminator="\n")
-    table.writeheader()
-    table.writerows(row | {"error": target["error"]} for target in result["targets"] for row in target["rows"])
-    return stream.getvalue()
+def table_of(result: Mapping[str, Any]) -> list[tuple[Any, ...]]:
+    """The table of the page: a line for each method, or of a measurement one for each error and method."""
+    if "targets" in result:
+        keys = ("error", "method", "order", "step", "tolerance", "seconds", "ratio", "evaluations")
+        rows = [{**row, "error": target["error"]} for target in result["targets"] for row in target["rows"]]
+        return [keys, *(tuple(row[key] for key in keys) for row in rows)]
+    columns = [("label", "method"), ("outcome", "outcome"), ("steps", "steps"), *quantities(result)]
+    columns += [("seconds.run", "seconds")]
+    lines = [tuple(_value(method, key) for key, _ in columns) for method in result["methods"]]
+    return [tuple(heading for _, heading in columns), *lines]
 
 
 def quantities(result: Mapping[str, Any]) -> list[tuple[str, str]]:

@@ -146,6 +146,7 @@ def test_a_researcher(pages: Pages, service: str, tmp_path: Path) -> None:
             for word in ("ndetermined", "no certificate", "any_associated", "not_variational", "to try next"):
                 assert word not in page.locator("main").inner_text()
             ask(visit, SLEIGH)
+        assert "L,H\nFirst,No,,\n" in page.request.get(page.url + "/table.csv").text()
         main.get_by_role("button").click()
         expect(page.locator("table.verdicts tr.main + tr .proof li").first).to_be_visible()
         assert violations(visit) == []

@@ -383,7 +383,7 @@ def test_error_is_measured_against_time(browser: Browser, patient: str) -> None:
     other.click()
     expect(page.locator("tr.on th")).to_contain_text(name)
     expect(page.locator(".prices-plot .on text").first).to_have_text(name)
-    csv = page.request.get(page.url + "/prices.csv").text().splitlines()
+    csv = page.request.get(page.url + "/table.csv").text().splitlines()
     assert csv[0].startswith("error,method")
     page.close()
 
