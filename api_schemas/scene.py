@@ -182,7 +182,7 @@ class SceneEnsemble(base.Document):
 class SceneMethod(base.Document):
     """A method with its settings; those left out have the defaults of the method.
 
-    `alpha` in [0, 1], default 1/2; `order` 2, or 4, 6, 8 by composition (runge-kutta: 4, 5 or 8); `form` of the
+    `alpha` in [0, 1], default 1/2; `order` 2, or 4, 6, 8 by composition (runge-kutta: its own); `form` of the
     variational method; `start`: from momenta, or with q_1 on the discrete constraint; `guard`: false continues where
     the equations of a step may have other roots; `tolerance` of adaptive, stiff and heyoka.
     """

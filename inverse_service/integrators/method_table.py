@@ -196,7 +196,7 @@ METHODS = {
         "geometric", "lagrangian", "L and constraints", "Newton's method", ORDERS, implicit=True, alpha=True
     ),
     "modified": Method("geometric", "free", "L~ and constraints", "Newton's method", ORDERS, implicit=True, alpha=True),
-    "runge_kutta": Method("explicit", "accelerations", _MOTION, "4, 6 or 12 forces", _EXPLICIT),
+    "runge_kutta": Method("explicit", "accelerations", _MOTION, "a force for each stage", _EXPLICIT),
     "adaptive": Method("explicit", "accelerations", _MOTION, "12 forces", order=8, tolerance=1e-12),
     "stiff": Method(
         "implicit", "accelerations", _MOTION, "6 forces, linear equations", order=4, implicit=True, tolerance=1e-8
