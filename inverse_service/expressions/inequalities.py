@@ -33,7 +33,8 @@ def inequality_text(tree: ex.Expression) -> str:
 
 def is_plainly_positive(tree: ex.Expression, known: Collection[ex.Expression] = ()) -> bool:
     """Whether it is > 0 wherever it is defined and all of `known` are > 0, seen from its form: 1 + x^2, exp(u)."""
-    return _range(tree, dict.fromkeys(known, Range(0))).is_positive
+    bounds = {ex.negate(each): Range(0).turned for each in known} | dict.fromkeys(known, Range(0))
+    return _range(tree, bounds).is_positive
 
 
 @lru_cache(maxsize=4096)
