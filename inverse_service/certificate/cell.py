@@ -564,10 +564,10 @@ class Knowledge:
         )
 
     def by_facts(self, p: Polynomial) -> int:
-        """p - q is a number, and q has a sign."""
+        """p - q is 0 or of the sign of q, for a q of a known sign."""
         for q, sign in self.listed:
             rest = p - q
-            if rest.is_constant() and (rest == 0 or rest.leading_coefficient() * sign > 0):
+            if rest == 0 or (len(self.ring.holds(rest)) < 2 and self.by_terms(rest) == sign):
                 return sign
         return 0
 

@@ -68,13 +68,14 @@ def answered(
                 waiting.append(other)
     unreached = second_order_system.unreached(system)
     left += [Left(tuple(map(collecting.collect, one.positive)), None, NO_POINT) for one in unreached]
+    beyond = list[Left]()
     for outside in islice(product(*known_sides), _MOST_OUTSIDE) if system.branch is None else ():
         other = second_order_system.on_side(system, [collecting.collect(-side) for side in outside])
         point = None if other is None else point_of(other)
-        if other is not None and point is not None:
-            left.append(Left(other.positive, point, BEYOND))
-            break
-    return found, left
+        listed = point is not None and any(real_point.are_positive(one.positive, point) for one in beyond)
+        if other is not None and point is not None and not listed:
+            beyond.append(Left(other.positive, point, BEYOND))
+    return found, left + beyond
 
 
 def other_part(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import json
+import random
 from typing import Any
 
 import pytest
@@ -12,6 +13,7 @@ import inverse_service
 from inverse_service.service.documents import checking
 from inverse_service.service.documents.text_page import text_page
 from inverse_service.web.pages import sheets
+from tests.doors.formulas import Point
 
 OSCILLATOR = {"equations": {"x": "-x - c*x'"}, "parameters": ["c"], "time_dependent_lagrangian": False}
 
@@ -138,3 +140,16 @@ def test_a_part_beyond_a_pole_of_an_arctangent_has_no_answer_of_its_own() -> Non
     assert "radian" not in left["near"]
     own = {"system": {"equations": {"x": "-x"}}, "lagrangian": f"x'^2/2 - x^2/2 + x^3*({half} - x/2)"}
     assert inverse_service.check(own)["verdict"] == "differs"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("angle", ["x*y", "x"])
+def test_cells_and_what_is_left_open_cover_the_plane(angle: str) -> None:
+    """There are infinitely many cells: those without an answer are in sets that are listed."""
+    lines = {"x": f"atan(tan({angle}))*y' - y^2", "y": f"-({angle})*x' - 2*x*y"}
+    result = inverse_service.solve({"equations": lines})
+    domains = [one["domain"] for one in (*result["branches"], *result["not_answered"])]
+    draw = random.Random(1)
+    for _ in range(200):
+        point = Point({name: draw.uniform(-9, 9) for name in ("x", "y", "x'", "y'")})
+        assert any(all(map(point.holds, domain)) for domain in domains)
