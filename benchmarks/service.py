@@ -16,6 +16,7 @@ import contextlib
 import json
 import os
 import random
+import signal
 import socket
 import statistics
 import subprocess
@@ -118,13 +119,13 @@ def bare_service() -> Iterator[tuple[str, int]]:
     with socket.create_server(("127.0.0.1", 0)) as free:
         port = free.getsockname()[1]
     command = [sys.executable, "-m", "uvicorn", "benchmarks.service:bare", "--factory", "--port", str(port)]
-    with subprocess.Popen([*command, "--log-level", "error"]) as process:
+    with subprocess.Popen([*command, "--log-level", "error"], process_group=0) as process:
         try:
             address = f"http://127.0.0.1:{port}"
             _wait_until(lambda: httpx.post(f"{address}/v1/solve", content=KNOWN, timeout=60).status_code == 200)
             yield address, process.pid
         finally:
-            process.terminate()
+            os.killpg(process.pid, signal.SIGKILL)  # the processes of its pool too
 
 
 def _wait_until(is_ready: Callable[[], bool]) -> None:
