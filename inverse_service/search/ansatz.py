@@ -435,7 +435,7 @@ def _written(
 
 
 class Geometry(NamedTuple):
-    """The connection N and the Jacobi endomorphism Phi at each sample, (samples, n, n)."""
+    """The connection N and Phi, twice the Jacobi endomorphism, at each sample, (samples, n, n)."""
 
     connection: Words
     endomorphism: Words
