@@ -24,8 +24,9 @@ def shortest(terms: tm.Terms) -> tm.Terms:
         if 2 * len(waves) <= len(terms):
             return waves
         for argument in dict.fromkeys(_arguments(terms)):
-            other = _with_sines(best, argument)
-            best = other if _length(other) < _length(best) else best
+            for pair in (("cos", "sin"), ("sin", "cos")):
+                other = _exchanged(best, argument, *pair)
+                best = other if _length(other) < _length(best) else best
     except tm.TooManyTerms:
         return best
     return waves if _length(waves) < _length(best) else best
@@ -39,9 +40,9 @@ def _arguments(terms: tm.Terms) -> list[ex.Expression]:
     return [p.argument for key in terms for p, _ in key if isinstance(p, ex.Apply) and p.function in ("sin", "cos")]
 
 
-def _with_sines(terms: tm.Terms, argument: ex.Expression) -> tm.Terms:
-    """cos^2 replaced by 1 - sin^2 in one angle."""
-    cosine, sine = ex.Apply("cos", argument), ex.Apply("sin", argument)
+def _exchanged(terms: tm.Terms, argument: ex.Expression, old: str, new: str) -> tm.Terms:
+    """cos^2 replaced by 1 - sin^2 in one angle, or sin^2 by 1 - cos^2."""
+    cosine, sine = ex.Apply(old, argument), ex.Apply(new, argument)
     result: tm.Terms = {}
     for key, value in terms.items():
         part: tm.Terms = {key: value}

@@ -195,8 +195,8 @@ def search(
     tried: list[tuple[str, int]] = []
     found = None
     with suppress(OutOfTime), until(deadline):
-        plain = tidy.with_plain_forces(analysis)
-        candidates = _climb(plain, with_time, seed, progress, own_terms, tried, highest)
+        analysis = tidy.with_plain_forces(analysis)
+        candidates = _climb(analysis, with_time, seed, progress, own_terms, tried, highest)
         found = next((kept for one in candidates if (kept := _kept(one, analysis, holds)) is not None), None)
     return protocol.SearchOutcome(found, tuple(tried))
 
@@ -207,10 +207,7 @@ def _kept(
     """From the first Lagrangian on that holds, each written shorter where that is possible."""
     table = analysis.real_point or {}
     for k, tree in enumerate(found.lagrangians):
-        forms = [tidy.tidied(tree, analysis.system), tree]
-        with suppress(TooManyTerms):
-            # With the roots of f there is no relation between roots to be proven.
-            forms[:0] = filter(None, [tidy.with_written_roots(forms[0], analysis.system, table)])
+        forms = (tidy.tidied(tree, analysis.system), tree)
         for form in dict.fromkeys(quadratures.real_form(one, table) if table else one for one in forms):
             if holds(form):
                 others = (tidy.tidied(other, analysis.system) for other in found.lagrangians[k + 1 :])

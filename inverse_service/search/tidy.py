@@ -5,13 +5,13 @@ Trigonometric functions of arctangents become algebraic: cos(k atan u) + i sin(k
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from fractions import Fraction
 from functools import lru_cache, partial
 from itertools import combinations
-from math import comb, prod
+from math import comb, isqrt, prod
 
 import mpmath
 
@@ -23,7 +23,7 @@ from inverse_service.field.point import variables_in
 from inverse_service.field.tower import AngleRule, Tower, to_kernels
 from inverse_service.mechanics import quadratic_forms, writing
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.search import angles, terms as tm
+from inverse_service.search import angles, gradients, terms as tm
 
 _LARGEST = 4
 
@@ -87,6 +87,7 @@ def tidied(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
         return tree
     while (shorter := _shortest(tree, system)) != tree:
         tree = shorter
+    tree = _with_squares_inside(system, tree)
     return kinetic_first(collecting.numbers_outside(collecting.minus_inside(_as_written(writing.joined(tree), system))))
 
 
@@ -300,8 +301,8 @@ def _velocity_sums(tree: ex.Expression) -> int:
 def _other_forms(tree: ex.Expression, system: SecondOrderSystem) -> list[ex.Expression]:
     found = []
     constants, rates = partial(_by_parameters, _parameters(system)), partial(_by_rates, system)
-    common = partial(_with_common_factor, constants)
-    for form in (collected_inside, common, partial(_grouped, system), constants, rates):
+    common, squares = partial(_with_common_factor, constants), partial(_with_whole_squares, system)
+    for form in (collected_inside, common, partial(_grouped, system), constants, rates, squares):
         try:
             found.append(form(tree))
         except _FAILED:
@@ -359,6 +360,76 @@ def _with_common_factor(form: Callable[[ex.Expression], ex.Expression], tree: ex
     kinetic = min(tm.tree_of(moving), form(tm.tree_of(moving)), key=_preference)
     inside = kinetic + tm.tree_of({key: value for key, value in rest.items() if key not in moving})
     return content * tm.monomial_tree(common) * inside
+
+
+def _with_whole_squares(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
+    """The quadratic terms by constants, m/a^2 and the like, each as one square: m (x y' + y x')^2/(2 a^2).
+
+    Squares of single velocities with one coefficient share it: m (x'^2 + y'^2)/2.
+    """
+    parameters, quadratic, parts = _parameters(system), tm.Terms(), list[ex.Expression]()
+    velocities = [ex.Velocity(name) for name in system.coordinates]
+    for part in tree.terms if isinstance(tree, ex.Sum) else (tree,):
+        terms = tm.terms_of(part)
+        if all(_is_quadratic(tm.split_velocities(key)[1]) for key in terms):
+            quadratic = tm.add_terms(quadratic, terms)
+        else:
+            parts.append(part)
+    plain = dict[ex.Expression, list[ex.Expression]]()
+    for constants, inner in _split(quadratic, lambda letter: letter in parameters).items():
+        square = _whole_square(inner, velocities)
+        if square is not None:
+            parts.append(tm.monomial_tree(constants) * square)
+            continue
+        for moving, beside in _split(inner, tm.has_velocity).items():
+            coefficient = tm.monomial_tree(constants) * tm.tree_of(angles.shortest(beside))
+            plain.setdefault(coefficient, []).append(tm.monomial_tree(moving))
+    for coefficient, products in plain.items():
+        if isinstance(coefficient, ex.Number):
+            parts += [coefficient * one for one in products]
+        else:
+            parts.append(coefficient * ex.add(*products))
+    return ex.add(*parts)
+
+
+def _is_quadratic(moving: tm.Monomial) -> bool:
+    return sum(e for _, e in moving) == 2 and all(isinstance(p, ex.Velocity) and e > 0 for p, e in moving)
+
+
+def _whole_square(terms: tm.Terms, velocities: Sequence[ex.Velocity]) -> ex.Expression | None:
+    """c (l_i v_i)^2 with a number c, for a quadratic form of more than one velocity; None where it is no square."""
+    form, content = list[ex.Expression](), Fraction(0)
+    for v in velocities:
+        own = {key - tm.monomial(v) - {(v, Fraction(2))}: c for key, c in terms.items() if (v, Fraction(2)) in key}
+        if not own:
+            continue
+        ((key, value), *more) = angles.shortest(own).items()
+        content = content or value
+        top, below = isqrt(abs((value / content).numerator)), isqrt((value / content).denominator)
+        if more or any(e % 2 for _, e in key) or Fraction(top**2, below**2) != value / content:
+            return None
+        side = tm.monomial_tree(frozenset((p, e / 2) for p, e in key)) * ex.number(Fraction(top, below)) * v
+        for sign in (1, -1):
+            both = tm.terms_of(ex.number(content) * ex.add(*form, sign * side) ** 2)
+            moving = {node for one in (*form, side) for node in ex.walk(one) if isinstance(node, ex.Velocity)}
+            wanted = {k: c for k, c in terms.items() if {p for p, _ in k if isinstance(p, ex.Velocity)} <= moving}
+            if gradients.is_zero(tm.add_terms(both, wanted, -1)):
+                form.append(sign * side)
+                break
+        else:
+            return None
+    return ex.number(content) * ex.add(*form) ** 2 if len(form) > 1 else None
+
+
+def _with_squares_inside(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
+    """Sums in roots, denominators, and functions as sums of squares where they are: (x - a)^2 + y^2."""
+    tree = ex.rebuild(tree, partial(_with_squares_inside, system))
+    letters = [*map(ex.Symbol, system.coordinates), *map(ex.Symbol, system.parameters)]
+    match tree:
+        case ex.Power(ex.Sum() as inner, ex.Number(e)) if (e < 0 or e.denominator > 1) and not tm.has_velocity(inner):
+            forms = [one for one in quadratic_forms.short_forms(inner, letters) if _has_one_sign(inner, one)]
+            return min([inner, *forms], key=_preference) ** e
+    return tree
 
 
 def _is_exponential_of_time(letter: ex.Expression) -> bool:
@@ -442,7 +513,7 @@ def _part(outer: tm.Monomial, inner: tm.Terms, system: SecondOrderSystem) -> ex.
     if len(inner) == 1 and next(iter(inner)) == tm.EMPTY:
         return whole
     quotient = _quotient(plain, system.parameters, system.coordinates)
-    if _is_sum_of(quotient, len(inner)):
+    if _is_sum_of(quotient, len(inner)) and _size(quotient) >= _size(plain):
         return whole
     return min(whole, constant * _constants_first(quotient, system) * rates, key=_size)
 
