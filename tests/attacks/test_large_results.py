@@ -95,12 +95,17 @@ def test_a_large_result_comes_whole(service: Attacked, body: bytes) -> None:
     assert (first["line"], first["methods"]) == (1, json.loads(body)["methods"])
 
 
-def test_readers_that_do_not_read_cost_one_part_each(service: Attacked) -> None:
+def twenty_readers(service: Attacked) -> list[socket.socket]:
     request = f"GET /v1/batches/{ids(service)[0]}/results HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n".encode()
+    readers = [socket.create_connection(("127.0.0.1", service.port), timeout=30) for _ in range(20)]
+    for reader in readers:
+        reader.sendall(request)
+    return readers
+
+
+def test_readers_that_do_not_read_cost_one_part_each(service: Attacked) -> None:
     with Watch(service) as watch:
-        readers = [socket.create_connection(("127.0.0.1", service.port)) for _ in range(20)]
-        for reader in readers:
-            reader.sendall(request)
+        readers = twenty_readers(service)
         time.sleep(3)
         for reader in readers:
             reader.close()
@@ -109,12 +114,8 @@ def test_readers_that_do_not_read_cost_one_part_each(service: Attacked) -> None:
 
 
 def test_twenty_readers_of_all_answers(service: Attacked, body: bytes) -> None:
-    request = f"GET /v1/batches/{ids(service)[0]}/results HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n".encode()
     with Watch(service) as watch:
-        readers = [socket.create_connection(("127.0.0.1", service.port)) for _ in range(20)]
-        for reader in readers:
-            reader.sendall(request)
-            reader.settimeout(30)
+        readers = twenty_readers(service)
         read = [0] * len(readers)
         while min(read) < LINES * len(body):
             for k, reader in enumerate(readers):

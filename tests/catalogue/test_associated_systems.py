@@ -15,7 +15,8 @@ import sympy
 
 from benchmarks.sympy_form import velocity
 from inverse_service import catalogue
-from tests.catalogue.symbolic import DIGITS, Point, Reader, opaque_atoms, random_point, value
+from tests.catalogue.symbolic import DIGITS, Point, Reader, opaque_atoms, random_point
+from tests.generator.numbers import value
 
 ASSOCIATED = [name for name in catalogue.names() if "associated_with" in catalogue.entry(name)]
 

@@ -6,13 +6,14 @@ f solves M f = b with M = L_vv and b = L_q - L_vq v - L_vt.
 from __future__ import annotations
 
 import random
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import mpmath
 import sympy
 
 from tests.generator.ingredients import TIME, Space
 from tests.generator.inverse import inverse
+from tests.generator.numbers import value
 
 DIGITS = 40
 
@@ -60,25 +61,6 @@ def shortest(expression: sympy.Expr) -> sympy.Expr:
     quotient = sympy.expand(numerator) / denominator
     forms = (sympy.factor_terms(expression), sympy.expand(expression), sympy.factor_terms(quotient))
     return min(forms, key=lambda form: len(str(form)))
-
-
-def value(expression: sympy.Expr, point: Mapping[sympy.Symbol, mpmath.mpf]) -> mpmath.mpf:
-    """The number of an expression at a point, by its own arithmetic (no code is generated)."""
-    if expression.is_Symbol:
-        return point[expression]
-    if expression.is_Rational:
-        return mpmath.mpf(expression.p) / expression.q
-    parts = [value(part, point) for part in expression.args]
-    if expression.is_Add:
-        return mpmath.fsum(parts)
-    if expression.is_Mul:
-        return mpmath.fprod(parts)
-    if expression.is_Pow:
-        return mpmath.power(*parts)
-    return _FUNCTIONS[expression.func.__name__](*parts)
-
-
-_FUNCTIONS = {name: getattr(mpmath, name) for name in ("log", "exp", "sin", "cos", "atan")}
 
 
 def residual(lagrangian: sympy.Expr, f: Sequence[sympy.Expr], s: Space, seed: int) -> tuple[mpmath.mpf, mpmath.mpf]:

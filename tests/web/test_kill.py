@@ -22,7 +22,10 @@ import pytest
 from tests.serving import until
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
-FAST, LONG = (60, 1), (1000, 50)
+SIZES = pytest.mark.parametrize(
+    ("count", "kills"),
+    [pytest.param(60, 1, marks=pytest.mark.slow), pytest.param(1000, 50, marks=pytest.mark.nightly)],
+)
 EXTRA = {"coordinates": ["x"], "equations": {"x": "-x^5"}}
 
 
@@ -133,7 +136,10 @@ def assert_each_line_is_answered_once(service: Service, place: str, count: int, 
     assert service.batch(place)["counts"].get("successful") == count - len(failed)
 
 
-def kill_services(service: Service, count: int, kills: int) -> None:
+@SIZES
+def test_a_killed_service_loses_and_doubles_nothing_and_leaves_no_process(
+    service: Service, count: int, kills: int
+) -> None:
     place, left = send(service, count), []
     extra = service.client.post("/v1/solve", json=EXTRA, headers={"Prefer": "respond-async"}).headers["location"]
     dice = random.Random(kills)
@@ -149,7 +155,8 @@ def kill_services(service: Service, count: int, kills: int) -> None:
     print(f"{kills} kills, all processes gone after {service.longest_end:.1f} s at the longest")
 
 
-def kill_workers(service: Service, count: int, kills: int) -> None:
+@SIZES
+def test_killed_workers_lose_and_double_nothing(service: Service, count: int, kills: int) -> None:
     place, killed = send(service, count), 0
     dice = random.Random(kills)
     while killed < kills and service.batch(place)["status"] != "successful":
@@ -161,16 +168,6 @@ def kill_workers(service: Service, count: int, kills: int) -> None:
     assert killed > 0
     assert_each_line_is_answered_once(service, place, count, most_failed=killed // 3)
     assert service.kill() == []
-
-
-@pytest.mark.slow
-def test_a_killed_service_loses_and_doubles_nothing_and_leaves_no_process(service: Service) -> None:
-    kill_services(service, *FAST)
-
-
-@pytest.mark.slow
-def test_killed_workers_lose_and_double_nothing(service: Service) -> None:
-    kill_workers(service, *FAST)
 
 
 KNIFE = {  # a knife edge between springs: its motion is known at once, all of it after some seconds
@@ -236,13 +233,3 @@ def test_a_job_whose_workers_are_killed_again_and_again_ends_with_its_parts(serv
     assert result["nonholonomic"]["equations_of_motion"] == motion
     assert "killed repeatedly" in result["incomplete"][0]["reason"]
     assert service.client.post("/v1/check", json=result).json()["verdict"] in ("valid", "incomplete")
-
-
-@pytest.mark.nightly
-def test_fifty_kills_of_the_service_in_a_thousand_lines(service: Service) -> None:
-    kill_services(service, *LONG)
-
-
-@pytest.mark.nightly
-def test_fifty_kills_of_workers_in_a_thousand_lines(service: Service) -> None:
-    kill_workers(service, *LONG)
