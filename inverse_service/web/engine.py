@@ -26,6 +26,7 @@ from inverse_service.web.known import KnownAnswers
 log = logging.getLogger(__name__)
 # What is no job has a second, and two more for each MB; batches of many lines have more, pages and figures too.
 QUICK_DEADLINE = 1.0
+BUSY = "The service is busy with other questions; try again in some seconds."
 SECONDS_FOR_A_BYTE = 2e-6
 LONG_DEADLINE = 15.0
 LOOK_AGAIN = 0.5
@@ -283,8 +284,13 @@ class Engine:
         seconds: float = LONG_DEADLINE,
         status: int = 503,
     ) -> T:
-        """What a task of the quick processes makes; raises Refusal, saying that it is `late`, at a limit."""
+        """What a task of the quick processes makes; raises Refusal, saying that it is `late`, at a limit.
+
+        A task that had less than half of the time on a processor says nothing about its document.
+        """
         outcome = await self.run_quick(client, task, *arguments, seconds=seconds)
+        if outcome.status == "deadline" and outcome.spent.cpu < seconds / 2:
+            raise problems.Refusal(503, "busy", BUSY, headers={"Retry-After": "2"})
         if outcome.status in LIMITS:
             raise problems.Refusal(status, "busy" if status == 503 else "limit", late.format(outcome.status))
         found: T = value_of(outcome)

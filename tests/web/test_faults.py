@@ -9,7 +9,7 @@ import httpx
 import pytest
 
 from inverse_service.errors import NoWorker
-from inverse_service.service.jobs.outcome import Outcome, value_of
+from inverse_service.service.jobs.outcome import Outcome, Usage, value_of
 from inverse_service.settings import Settings
 from inverse_service.web.application import create_application
 from inverse_service.web.engine import Engine
@@ -77,6 +77,17 @@ def test_one_request_too_many_is_told_to_come_back() -> None:
             pass
     with engine.places.hold("a", 1):
         pass
+
+
+@pytest.mark.parametrize(("cpu", "status"), [(0.9, 422), (0.2, 503)])
+def test_only_a_document_that_had_its_time_is_told_to_be_smaller(cpu: float, status: int) -> None:
+    class Late(Engine):
+        async def run_quick(self, *_: Any, **__: Any) -> Outcome:
+            return Outcome("deadline", spent=Usage(1.0, cpu))
+
+    with pytest.raises(Refusal) as refused:
+        asyncio.run(Late(Settings()).read_body("a", len, b""))
+    assert refused.value.status == status
 
 
 @pytest.mark.parametrize(("origins", "allowed"), [((), None), (("https://a.example",), "https://a.example")])
