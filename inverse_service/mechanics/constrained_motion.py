@@ -20,7 +20,7 @@ from itertools import combinations
 
 from inverse_service.deadline import now
 from inverse_service.errors import InputError, LimitError
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import inequalities, tree as ex
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.derivative import differentiate, differentiate_in_time
 from inverse_service.expressions.printing import to_text
@@ -219,7 +219,24 @@ def _constraint_parts(
         if offset.is_zero:
             raise InputError(f"constraint {place + 1} is identically zero: remove it.", pointer)
         raise InputError(_HOLONOMIC.format(place + 1), pointer)
+    _refuse_factor(ring, value, place, names)
     return row, offset
+
+
+def _refuse_factor(ring: exact_field.ExactRing, value: exact_field.Quotient, place: int, names: Sequence[str]) -> None:
+    """InputError for a constraint such as x (y' - z) = 0, which leaves the motion open where x = 0."""
+    moving = {TIME, *map(Symbol, names)}
+    for factor, _ in value.numerator.factor()[1]:
+        tree = exact_field.quotient_tree(ring, exact_field.Quotient(ring.field, factor, ()))
+        nodes = {*walk(tree)}
+        if any(isinstance(node, Velocity) for node in nodes) or not nodes & moving:
+            continue
+        if not any(inequalities.is_plainly_positive(one) for one in (tree, -tree)):
+            raise InputError(
+                f"constraint {place + 1} has the factor {to_text(tree)}, and leaves the motion open where that is 0: "
+                "divide by it.",
+                f"/constraints/{place}",
+            )
 
 
 def _refuse_dependent(parts: Geometry) -> None:

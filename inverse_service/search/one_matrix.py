@@ -206,11 +206,14 @@ class OneMatrix:
         return None if rest is None else ex.add(tm.tree_of(phi) * tm.tree_of(kinetic), tm.tree_of(rest))
 
     def oriented(self, matrix: Sequence[tm.Terms], integrator: Integrator) -> list[tm.Terms]:
-        """Positive in its first entry on the diagonal that is not 0, at the real point."""
+        """Positive in its first entry on the diagonal that is not 0: at rest, or at the real point."""
         entry = next((m for (i, j), m in zip(self.pairs, matrix, strict=True) if i == j and m), matrix[0])
-        with suppress(NoRealValue, IrreducibleAtoms):
-            if integrator.table is not None and real_sign(tm.tree_of(entry), integrator.table) < 0:
-                return [{key: -value for key, value in terms.items()} for terms in matrix]
+        tree, zeros = tm.tree_of(entry), dict[ex.Expression, ex.Expression]()
+        zeros.update((ex.Velocity(name), ex.ZERO) for name in self.system.coordinates)
+        for form in (ex.substitute(tree, zeros), tree):
+            with suppress(NoRealValue, IrreducibleAtoms, ZeroDivisionError):
+                if integrator.table is not None and (sign := real_sign(form, integrator.table)):
+                    return [{key: sign * value for key, value in terms.items()} for terms in matrix]
         return list(matrix)
 
     def _at(self, points: Points, matrix: Sequence[tm.Terms], order: int) -> tuple[Flow, Numbers]:
