@@ -90,8 +90,8 @@ def test_a_changed_leaf_is_seen_or_listed(row: rows.Row, most: int, monkeypatch:
     unseen = []
     for pointer in asked:
         found = checking.check_plain(changed(result, pointer))
-        if re.search(r"/certificate\w*/near/", pointer):  # another point proves the same: nothing false is said
-            continue
+        if re.search(r"/certificate\w*/(near/|rows/|order)", pointer):
+            continue  # at another point, or by other rows, it is another proof of the same: nothing false is said
         if found["verdict"] == "valid" and not pointer.startswith(tuple(found["not_checked"])):
             unseen.append(pointer)
     print(f"{row['id']}: {len(asked)} leaves changed")
