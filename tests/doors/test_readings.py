@@ -109,6 +109,7 @@ LONG = {
     "long word": ('{"equations": "' + "x" * 19_000 + "''=-1\"}", "too many characters"),
     "long word of digits": ('{"equations": "' + "d2" * 9_500 + "''=-1\"}", "too many characters"),
     "empty lines": ('{"equations": "x\'\'=-x' + "\\n" * 19_000 + '"}', "too many parts"),
+    "many Lagrange's equations": ('{"equations": "L = x\'^2; ' + "d/dt \u2202L " * 2_000 + '"}', "too many parts"),
     "many dots": ('{"equations": "x\'\'=-x' + "\u0307" * 9_000 + '"}', "third derivative"),
     "deep lists": ("[" * 100_000 + "]" * 100_000, "deep"),
     "deep objects": ('{"a":' * 3_000 + "1" + "}" * 3_000, "deep"),

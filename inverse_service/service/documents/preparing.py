@@ -137,9 +137,9 @@ _VECTOR = re.compile(
     rf"\\(?:{'|'.join(components.BOLD)})\s*(?:\{{\s*\\?\w+\s*\}}|\\?\w)\s*=\s*(?:\\left\s*)?\([^()=]*\)"
 )
 # d/dt ∂L/∂x' - ∂L/∂x = 0 beside L = …
-_DL = r"(?:\u2202|\\partial)\s*L\b[^;,\n=]*"
+_DL = r"(?:\u2202|\\partial)\s{0,9}L\b[^;,\n=]{0,120}"
 _LAGRANGES_EQUATION = re.compile(
-    rf"(?:\\[dt]?frac\s*\{{\s*d\s*\}}\s*\{{\s*dt\s*\}}|d\s*/\s*dt)[^;,\n=]*?{_DL}=(?:\s*0|\s*\\?[dt]?\w*\{{?{_DL})\s*(?=$|[;,.\n\\])"
+    rf"(?:\\[dt]?frac\s*\{{\s*d\s*\}}\s*\{{\s*dt\s*\}}|d\s*/\s*dt)[^;,\n=]{{0,120}}?{_DL}=(?:\s*0|\s*\\?[dt]?\w*\{{?{_DL})\s*(?=$|[;,.\n\\])"
 )
 _WRAPPER_ENDS = re.compile(r"(?:\$+|\\\]|\\end\s*\{\w+\*?\}|[\s;,.])*$")
 _FORM = re.compile(r"(?<![A-Za-z\\])d(?:[A-Za-z]|\s*\\)")  # dx and d\theta, in dz = y dx
