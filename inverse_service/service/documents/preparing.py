@@ -234,8 +234,7 @@ def _with_multipliers(
     kept = {key: part for key, part in plain.items() if key != "equations"}
     made = {"coordinates": found.coordinates, "lagrangian": found.lagrangian, "constraints": found.constraints}
     places = {f"/constraints/{k}": pointer for k, pointer in enumerate(found.pointers)}
-    meant = f"a multiplier of the constraints of L = {found.lagrangian}"
-    return {**kept, **made}, places, dict.fromkeys(found.multipliers, meant)
+    return {**kept, **made}, places, dict.fromkeys(found.multipliers, "a multiplier of the constraints")
 
 
 def _letter_l(match: re.Match[str]) -> str:
