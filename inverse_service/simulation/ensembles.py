@@ -5,31 +5,26 @@ The members of an ensemble of a scene: started, run and observed.
 
 from __future__ import annotations
 
-import time
-from collections import Counter
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from inverse_service import settings
 from inverse_service.errors import InputError
-from inverse_service.integrators.method_table import OWN_STEPS, POINT_METHODS, USES_FREE
-from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
+from inverse_service.integrators.method_table import OWN_STEPS, POINT_METHODS
+from inverse_service.integrators.trajectory import Array, Outcome
 from inverse_service.kernels.codegen.compiled import Card, Compiled
 from inverse_service.kernels.codegen.kernel import CONTROL
 from inverse_service.kernels.codegen.program import NO_START, STATUS, STOPPED_AT, STOPPED_VALUE
 from inverse_service.kernels.codegen.symengine_trees import closure
 from inverse_service.kernels.machine_code.loading import processor_features
-from inverse_service.simulation import initial, observing, scene_data as data
-from inverse_service.simulation.derivation import Derived, problem_of
-from inverse_service.simulation.estimates import TOO_LARGE, errors_of, finer
+from inverse_service.simulation import scene_data as data
 from inverse_service.simulation.execution import check, kernel_of, stopped, unknown_names, weights_of
-from inverse_service.simulation.numeric_formulas import MOMENT, Formulas, NoValue, array_value, table_of
+from inverse_service.simulation.numeric_formulas import MOMENT, Formulas
 
 WORTH_THREADS = 2_000  # steps of groups that take as long as starting a thread
 STEPS_AT_ONCE = 100_000  # steps of groups between two checks for a request to stop
@@ -212,160 +207,3 @@ def _gathered(
     for table in tables:
         table[ended] = np.nan
     return Many(grid.times, tables[0], tables[1], letter, card, memory, grid, unknown_names(f), cancelled, iterations)
-
-
-MOST_SHARPER = 2**22  # steps of all members together
-ELSEWHERE = (
-    "{} of {} members differ with {} by more than a tenth of the range of a coordinate. The first one of them is "
-    "member {}."
-)
-
-
-@dataclass(frozen=True, slots=True)
-class EnsembleRun:
-    """One method for all members. `series` are columns (N, m) of what is observed, `numbers` (N,) of each member."""
-
-    requested: data.Requested
-    outcome: Outcome
-    many: Many | None
-    velocities: Array | None = None
-    series: Mapping[str, Array] = field(default_factory=dict)
-    numbers: Mapping[str, Array] = field(default_factory=dict)
-    seconds: Mapping[str, float] = field(default_factory=dict)
-
-
-def run_members(scene: data.Scene, derived: Derived, requested: data.Requested, stop: data.Stop | None) -> EnsembleRun:
-    """All members by one method."""
-    assert scene.ensemble is not None
-    if requested.method in (data.EXACT, "heyoka", "modified") or requested.choice is None:
-        return EnsembleRun(requested, Outcome("unavailable", remedy=ALL_METHODS), None)
-    problem = problem_of(scene, requested, derived)
-    if isinstance(problem, data.Unavailable):
-        return EnsembleRun(requested, Outcome("unavailable", remedy=problem.reason), None)
-    problem = problem.with_used_parameters()
-    free = derived.free.get(requested.free) if requested.method in USES_FREE else None
-    known = free if isinstance(free, data.FreeLagrangian) else None
-    members = scene.ensemble
-    values: dict[str, float | Array] = {**scene.values, **(known.constants if known else {})}
-    values |= dict(requested.constants) | dict(members.values)
-    begun = time.perf_counter()
-    momenta = _momenta(known, members, values)
-    try:
-        many = run_ensemble(
-            problem, requested.choice, members.positions, members.velocities, scene.grid, values, momenta, stop=stop
-        )
-    except InputError as error:
-        return EnsembleRun(requested, Outcome("unavailable", remedy=error.detail), None)
-    ran = time.perf_counter()
-    lost = initial.without_value(scene) & (many.memory[many.card.layout.place(STATUS)] == 0)
-    for name, value in ((STATUS, NO_START), (STOPPED_AT, 0.0), (STOPPED_VALUE, np.nan)):
-        many.memory[many.card.layout.place(name), lost] = value
-    many.positions[lost, 1:] = many.rates[lost, 1:] = np.nan
-    velocities = _point_velocities(scene, problem, requested, many, values)
-    series, numbers = _observed(scene, many, velocities, values)
-    seconds = {"run": ran - begun, "observed": time.perf_counter() - ran}
-    estimates, doubt = ({}, "") if many.cancelled else _estimated(scene, problem, requested, many, values, momenta)
-    numbers |= estimates
-    outcome = Outcome("cancelled" if many.cancelled else _kind(many), scene.grid.steps, doubt=doubt)
-    return EnsembleRun(requested, outcome, many, velocities, series, numbers, seconds)
-
-
-def _kind(many: Many) -> str:
-    """The common outcome: all members completed, some did, or, if none did, the most frequent outcome."""
-    if many.completed.any():
-        return "completed" if many.completed.all() else "partly"
-    return Counter(many.outcome(member).kind for member in range(len(many.positions))).most_common(1)[0][0]
-
-
-def _estimated(
-    scene: data.Scene, problem: data.Problem, requested: data.Requested, many: Many,
-    values: Mapping[str, float | Array], momenta: Array | None,
-) -> tuple[dict[str, Array], str]:  # fmt: skip
-    """({estimated_error: (N,)}, how many members differ with half the step, or a smaller tolerance), for as many
-    members as MOST_SHARPER allows; nan for other members and those that did not reach the end."""
-    members, count, again = scene.ensemble, len(many.positions), finer(requested, scene.grid)
-    choice, most = again.requested.choice, max(1, MOST_SHARPER // max(again.grid.steps, 1))
-    assert members is not None
-    assert choice is not None
-    rows = np.unique(np.linspace(0, count - 1, min(count, most)).astype(int))
-    own, begun = _part(values, momenta, rows)
-    found = run_ensemble(problem, choice, members.positions[rows], members.velocities[rows], again.grid, own, begun)
-    points, estimates = found.positions.shape[1], np.full(count, np.nan)
-    errors, shares = errors_of(many.positions[rows, :points], found.positions, initial.angles(scene), again.part)
-    estimates[rows] = np.where(many.completed[rows], errors.max(axis=(1, 2)), np.nan)
-    far = (shares > TOO_LARGE).any(axis=(1, 2)) & many.completed[rows]
-    looked = f"{len(rows):,}" if len(rows) == count else f"{len(rows):,} examined (of {count:,})"
-    doubt = ELSEWHERE.format(f"{far.sum():,}", looked, again.how, rows[far.argmax()]) if far.any() else ""
-    return {"estimated_error": estimates}, doubt
-
-
-def _part(
-    values: Mapping[str, float | Array], momenta: Array | None, rows: NDArray[np.int64]
-) -> tuple[dict[str, float | Array], Array | None]:
-    """Values and momenta of some members."""
-    own = {name: value[rows] if isinstance(value, np.ndarray) else value for name, value in values.items()}
-    return own, None if momenta is None else momenta[rows]
-
-
-def _momenta(
-    free: data.FreeLagrangian | None, members: data.Members, values: Mapping[str, float | Array]
-) -> Array | None:
-    """The momenta that L~ gives directly (they may be 0/0 in the velocities), by member if parameters differ."""
-    if free is None or free.start_momenta is None:
-        return None
-    if not members.values:
-        return free.start_momenta(members.positions, members.velocities, {k: float(x) for k, x in values.items()})
-    rows = []
-    for k, (q, v) in enumerate(zip(members.positions, members.velocities, strict=True)):
-        own = {name: float(value[k]) if isinstance(value, np.ndarray) else value for name, value in values.items()}
-        rows.append(free.start_momenta(q, v, own))
-    return np.array(rows)
-
-
-def _flat(values: Mapping[str, float | Array], points: int) -> Any:
-    """Values of the parameters at all points of all members."""
-    return {name: np.repeat(x, points) if isinstance(x, np.ndarray) else x for name, x in values.items()}
-
-
-def _point_velocities(
-    scene: data.Scene, problem: data.Problem, requested: data.Requested, many: Many, values: Mapping[str, float | Array]
-) -> Array | None:
-    """(N, m, n) at the recorded points."""
-    if many.carried == "v":
-        return many.rates
-    shape = many.positions.shape
-    flat = Trajectory(
-        np.tile(many.times, shape[0]), many.positions.reshape(-1, shape[2]), many.rates.reshape(-1, shape[2]), None,
-        Outcome("completed"), 0, 0, 0.0, 0.0,
-    )  # fmt: skip
-    found = observing.point_velocities(scene, problem, requested.method, flat, _flat(values, shape[1]))
-    return None if found is None else found.reshape(shape)
-
-
-def _observed(
-    scene: data.Scene, many: Many, velocities: Array | None, values: Mapping[str, float | Array]
-) -> tuple[dict[str, Array], dict[str, Array]]:
-    """Energy, where the scene observes it, and its own observables: columns (N, m), and numbers (N,)."""
-    shape = many.positions.shape
-    speeds = None if velocities is None else velocities.reshape(-1, shape[2])
-    table = table_of(
-        scene.coordinates, many.positions.reshape(-1, shape[2]), speeds, _flat(values, shape[1]),
-        np.tile(many.times, shape[0]),
-    )  # fmt: skip
-    formulas = {one.name: one.expression for one in scene.own}
-    if "energy" in scene.observe and scene.lagrangian is not None:
-        formulas["energy"] = observing.energy(scene.lagrangian, scene.coordinates)
-    series: dict[str, Array] = {}
-    for name, tree in formulas.items():
-        try:
-            series[name] = array_value(tree, table).reshape(shape[:2])
-        except NoValue:
-            continue
-    numbers: dict[str, Array] = {}
-    if "energy" in series and velocities is not None and observing.why_energy_varies(scene) is None:
-        begin = many.positions[:, 0], velocities[:, 0], np.full(shape[0], many.times[0])
-        start = observing.without_noise(series["energy"][:, 0], observing.point_kinetic(scene, *begin, values))[:, None]
-        with np.errstate(all="ignore"):
-            errors = np.abs(series["energy"] - start) / np.where(start == 0, 1.0, np.abs(start))
-        numbers["max_energy_error"] = np.where(many.completed, errors.max(axis=1), np.nan)
-    return series, numbers

@@ -196,11 +196,6 @@ def _change_of_energy(energies: trajectory.Array, kinetic: trajectory.Array) -> 
 _OTHER = "the Euler-Lagrange equations of the free Lagrangian at the motion"
 TOO_LARGE = 0.1  # of the size of the motion
 GOLDEN, GOLDEN_STEPS, MOST_MOMENTS, MOST_VALUES = 0.618033988749895, 75, 64, 2**21  # to the last bit of a step
-MISSED, NEGLIGIBLE = 10.0, 1e-6  # times the estimated error, and of the size of the motion
-ENDS_ELSEWHERE = (
-    "`adaptive`, stopping at the peaks of the forces, ends {:.3g} away: one acts within a step. Take a smaller step."
-)
-TOO_NARROW = "A force acts within a step at t = {:.6g}, and `adaptive` cannot resolve it. Give it more width."
 CREATED = 0.75  # of the kinetic energy: more from nothing in one step is no motion
 NOT_CONSTANT = "the energy, which is constant, changes in one step by {:.3g} of the kinetic energy"
 LOST, SUDDEN = "one step differs from two of half its length by {:.3g} of the range of a coordinate", 0.01
@@ -323,21 +318,3 @@ def between_points(
     curve = 3 * moved / length - 2 * first - last
     places = positions[after - 1] + length * s * (first + s * (curve + s * bend))
     return places, first + s * (2 * curve + 3 * s * bend)
-
-
-def with_missed_force(
-    run: observing.Observed, numbers: dict[str, Any], other: trajectory.Array | None, moment: float
-) -> dict[str, Any]:
-    """The estimate, with a doubt and the true size of the error if DOP853, whose steps end on the peaks of the forces,
-    leads to other `other` positions (m, n) than the method; None if it cannot pass the peak at the `moment`."""
-    if other is None:
-        unknown = {"estimated_error": None, "estimated_error_share": None}
-        return numbers | unknown | {"doubt": TOO_NARROW.format(moment)}
-    apart = float(np.abs(other[-1] - run.trajectory.positions[-1]).max())
-    size = float(np.ptp(other, axis=0).max())
-    known = numbers.get("estimated_error") or 0.0
-    if not apart > max(MISSED * known, NEGLIGIBLE * size):
-        return numbers
-    share = max(apart / max(size, schemes.SMALLEST), numbers.get("estimated_error_share") or 0.0)
-    found = {"estimated_error": apart, "estimated_error_share": share}
-    return numbers | found | {"doubt": ENDS_ELSEWHERE.format(apart)}

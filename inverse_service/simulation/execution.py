@@ -112,16 +112,40 @@ def run(
         return peers.run_heyoka(problem, start, grid, values, observation, choice.tolerance, stop)
     if choice.method in method_table.SCIPY:
         return peers.run_scipy(problem, choice, start, grid, values, stop)
+    ready = prepared(problem, choice, start, grid, values, observation)
+    if isinstance(ready, Trajectory):
+        return ready
+    found = trajectory_of(Ended(ready.formulas, choice, ready.kernel, ready.go(grid, stop), ready.begin, grid))
+    return found if choice.guard else replace(found, outcome=replace(found.outcome, note=NO_GUARD))
+
+
+@dataclass(frozen=True, slots=True)
+class Prepared:
+    """A run of a kernel that has everything but the number of its steps."""
+
+    formulas: Formulas
+    choice: MethodChoice
+    kernel: Compiled
+    begin: Initial
+    parameters: Mapping[str, float]
+
+    def go(self, grid: Grid, stop: Stop | None = None) -> Run:
+        """All steps of the grid, from the start."""
+        memory = memory_of(self.kernel.card, *lane_of(self.choice, self.begin, grid, self.parameters))
+        return execute(self.kernel, memory, weights_of(self.choice), grid, stop)
+
+
+def prepared(
+    problem: Problem, choice: MethodChoice, start: Start, grid: Grid, values: Mapping[str, float],
+    observation: Observation,
+) -> Prepared | Trajectory:  # fmt: skip
+    """The run made ready, or the start alone where it cannot begin."""
     formulas = formulas_of(problem)
     parameters = parameter_values(problem, values)
     begin = initial(formulas, choice, start, grid.step, parameters | {str(MOMENT): grid.begin})
     if begin.missing:
         return failed_start(start, begin.missing, grid.begin)
-    kernel = kernel_of(formulas, choice, observation)
-    memory = memory_of(kernel.card, *lane_of(choice, begin, grid, parameters))
-    done = execute(kernel, memory, weights_of(choice), grid, stop)
-    found = trajectory_of(Ended(formulas, choice, kernel, done, begin, grid))
-    return found if choice.guard else replace(found, outcome=replace(found.outcome, note=NO_GUARD))
+    return Prepared(formulas, choice, kernel_of(formulas, choice, observation), begin, parameters)
 
 
 _FIRST_PIECE = 4096

@@ -20,7 +20,7 @@ import numpy as np
 
 from inverse_service.integrators import method_table
 from inverse_service.integrators.trajectory import Array
-from inverse_service.simulation import derivation, observing, running, scene_data as data
+from inverse_service.simulation import derivation, observing, running, scene_data as data, truth as true_motions
 
 CHECKS = 8
 TARGETS = (1e-3, 1e-6, 1e-9, 1e-12)
@@ -119,7 +119,7 @@ def measure(
     begun, length = time.process_time(), scene.grid.step * scene.grid.steps
     plain = replace(scene, observe=())
     finest = max(_counts(length, steps or [scene.grid.step / 8]))
-    truth = running.true_motion(replace(plain, grid=_grid(length, min(finest, 65_536))), derived)
+    truth = true_motions.true_motion(replace(plain, grid=_grid(length, min(finest, 65_536))), derived)
     if isinstance(truth, data.Unavailable):
         return truth
     if not np.isfinite(truth.positions).all():

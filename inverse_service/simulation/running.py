@@ -1,7 +1,4 @@
-"""Run a scene: every method with its observed quantities, the cost of each, and the true motion for comparison.
-
-The true motion is exact where that is known. Else it is heyoka's Taylor series where that is installed, checked by
-DOP853, or DOP853, checked by Gauss-Legendre of order 12; four times the distance of the two bounds its error.
+"""Run a scene: every method with its observed quantities, and the cost of each.
 
 The largest Lyapunov exponent of a motion is found from its variational equations
 
@@ -15,7 +12,6 @@ from __future__ import annotations
 
 import logging
 import re
-import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -32,15 +28,16 @@ from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.kernels.codegen import compiled
 from inverse_service.simulation import (
     derivation,
-    ensembles,
     estimates,
     execution,
     initial,
+    members as ensembles,
     motions,
     numeric_formulas,
     observing,
     scene_data,
     schemes,
+    truth as truths,
 )
 from inverse_service.simulation.events import Found, Pieces, has_pieces, period_of, run_pieces, until, with_events
 from inverse_service.simulation.numeric_formulas import array_value, table_of
@@ -141,11 +138,11 @@ def run_method(
     if outcome.completed:
         with derivation.timed(seconds, "half the step"):
             numbers |= estimates.estimated(run_.observed, partial(_again, problem, run_.free, stop, derived))
-        if (lost := numbers.pop("lost")) is not None:
+            lost = numbers.pop("lost")
+            if lost is None and not numbers["doubt"]:
+                numbers = truths.with_missed_force(run_.observed, numbers, derived, stop)
+        if lost is not None:
             return _cut(run_, run_.observed, lost)
-        if not numbers["doubt"] and len(moments := estimates.moments_between(run_.observed)):
-            with derivation.timed(seconds, "adaptive"):
-                numbers = _with_missed_force(moments, run_.observed, numbers, derived, stop)
         outcome = replace(outcome, doubt=numbers.pop("doubt"))
     if COST in scene.observe:
         with derivation.timed(seconds, COST):
@@ -164,35 +161,6 @@ def _cut(run: MethodRun, observed: observing.Observed, outcome: Outcome) -> Meth
         run, outcome=outcome, trajectory=ran, numbers=numbers, series=series, seconds=seconds, events=events,
         observed=shorter,
     )  # fmt: skip
-
-
-def _with_missed_force(
-    moments: Array,
-    run: observing.Observed,
-    numbers: dict[str, Any],
-    derived: derivation.Derived,
-    stop: scene_data.Stop | None,
-) -> dict[str, Any]:
-    """The estimate of a run, compared with positions by DOP853 whose steps end on the moments, at these and at the
-    end."""
-    scene, grid = run.scene, run.scene.grid
-    problem = derivation.with_accelerations(scene, derivation.derived_for_truth(scene, derived))
-    if isinstance(problem, scene_data.Unavailable):
-        return numbers
-    start = scene_data.Start(tuple(scene.positions), velocities=tuple(scene.velocities))
-    found = [scene.positions]
-    begin, end = grid.begin, grid.begin + grid.step * grid.steps
-    for moment in [*moments[(moments > begin) & (moments < end)], end]:
-        part = scene_data.Grid(grid.step, max(1, round((moment - begin) / grid.step)), 1, begin)
-        part = replace(part, step=(moment - begin) / part.steps)
-        ran = _part(scene, problem, EXPLICIT, start, part, stop)
-        if stop is not None and stop():
-            return numbers
-        if not ran.outcome.completed or ran.velocities is None:
-            return estimates.with_missed_force(run, numbers, None, float(moment))
-        found += list(ran.positions[1:])
-        start, begin = scene_data.Start(tuple(ran.positions[-1]), velocities=tuple(ran.velocities[-1])), float(moment)
-    return estimates.with_missed_force(run, numbers, np.array(found), begin)
 
 
 def observed_run(
@@ -242,7 +210,7 @@ def _motion(
 ) -> tuple[scene_data.Problem | None, Trajectory | Pieces | scene_data.Unavailable]:
     """The problem of a method (None for the exact solution), and its trajectory or its pieces."""
     if requested.method == scene_data.EXACT:
-        exact = exact_trajectory(scene, derived)
+        exact = truths.exact_trajectory(scene, derived)
         return None, with_series(scene, exact) if isinstance(exact, Trajectory) else exact
     problem = derivation.problem_of(scene, requested, derived)
     if isinstance(problem, scene_data.Unavailable):
@@ -256,11 +224,9 @@ def _integrated(
     derived: derivation.Derived | None = None,
 ) -> Trajectory | Pieces | scene_data.Unavailable:  # fmt: skip
     assert requested.choice is not None
-    values = values_of(scene, requested, free)
-    if "energy" in scene.observe and scene.lagrangian is not None:
-        values[observing.ENERGY_START] = observing.start_energy(scene) or 0.0
-        if not np.isfinite(values[observing.ENERGY_START]):
-            return scene_data.Unavailable("The energy has no finite value at the start: start somewhere else.")
+    values = start_values(scene, requested, free)
+    if not np.isfinite(values.get(observing.ENERGY_START, 0.0)):
+        return scene_data.Unavailable("The energy has no finite value at the start: start somewhere else.")
 
     def piece(
         what: scene_data.Problem, choice: scene_data.MethodChoice, start: scene_data.Start, grid: scene_data.Grid
@@ -323,39 +289,29 @@ def part_costs(
     if not method_table.METHODS[requested.method].has_kernel:
         return {"note": NOT_IN_STEPS}
 
-    def best(
-        variant: scene_data.Scene, what: scene_data.Problem, steps: int
-    ) -> tuple[float, int] | scene_data.Unavailable:
-        """(seconds of the fastest run with so many steps, steps that it makes)."""
-        known, least, spent, done = None, float("inf"), 0.0, 0
-        if what.free_lagrangian is not None:
-            known = free or scene_data.FreeLagrangian(what.free_lagrangian, what.free_hamiltonian, {}, "")
-        for turn in range(REPEATS):
-            if (turn >= LEAST_REPEATS and spent > LONG_ENOUGH) or (turn and stop is not None and stop()):
-                break
-            ran = _integrated(replace(variant, grid=replace(variant.grid, steps=steps)), requested, what, known, stop)
-            if isinstance(ran, scene_data.Unavailable):
-                return ran
-            assert isinstance(ran, Trajectory)
-            done = steps if ran.outcome.completed else ran.outcome.step or 0
-            least, spent = min(least, ran.run_seconds), spent + ran.run_seconds
-        return (least, done) if done else scene_data.Unavailable("no step is made.")
-
     def price(variant: scene_data.Scene, what: scene_data.Problem) -> tuple[float, int, int] | scene_data.Unavailable:
         """(ns of a step or nan, operations, steps that were timed)."""
-        begun, steps = best(variant, what, 1), min(scene.grid.steps, TIMED_STEPS)
-        if isinstance(begun, scene_data.Unavailable):
-            return begun
-        while True:
-            whole = best(variant, what, steps)
-            if isinstance(whole, scene_data.Unavailable):
-                return whole
-            is_long = whole[0] > 2 * begun[0]
-            if is_long or whole[1] < steps or steps >= TIMED_STEPS:
-                break
+        known = free
+        if what.free_lagrangian is not None and known is None:
+            known = scene_data.FreeLagrangian(what.free_lagrangian, what.free_hamiltonian, {}, "")
+        values, (own, observation) = start_values(variant, requested, known), observed_problem(variant, what)
+        assert requested.choice is not None
+        try:
+            execution.check(own, requested.choice, [variant.grid])
+            start = start_of(variant, requested, known, values)
+            ready = execution.prepared(own, requested.choice, start, variant.grid, values, observation)
+        except InputError as error:
+            return scene_data.Unavailable(error.detail)
+        if isinstance(ready, Trajectory):
+            return scene_data.Unavailable("no step is made.")
+        begun, steps = _fastest(ready, variant, 1, stop), min(scene.grid.steps, TIMED_STEPS)
+        whole = _fastest(ready, variant, steps, stop)
+        while not whole[0] > 2 * begun[0] and whole[1] == steps < TIMED_STEPS:
             steps = min(MORE_STEPS * steps, TIMED_STEPS)
-        step = 1e9 * (whole[0] - begun[0]) / (whole[1] - 1) if is_long and whole[1] > 1 else np.nan
-        return step, operations(*observed_problem(variant, what), requested), whole[1]
+            whole = _fastest(ready, variant, steps, stop)
+        is_long = whole[0] > 2 * begun[0] and whole[1] > 1
+        step = 1e9 * (whole[0] - begun[0]) / (whole[1] - 1) if is_long else np.nan
+        return step, operations(own, observation, requested), whole[1]
 
     whole = price(scene, problem)
     if isinstance(whole, scene_data.Unavailable):
@@ -379,6 +335,19 @@ def part_costs(
     note = TOO_SHORT if np.isnan(whole[0]) else TOGETHER if together and scene.parts else ""
     numbers = dict(zip(("step_ns", "operations", "steps"), whole, strict=True))
     return numbers | ({"note": note} if note else {}) | {"parts": parts}
+
+
+def _fastest(
+    ready: execution.Prepared, scene: scene_data.Scene, steps: int, stop: scene_data.Stop | None
+) -> tuple[float, int]:
+    """(seconds of the fastest run with so many steps, steps that it makes)."""
+    least, spent, done = float("inf"), 0.0, 0
+    for turn in range(REPEATS):
+        if (turn >= LEAST_REPEATS and spent > LONG_ENOUGH) or (turn and stop is not None and stop()):
+            break
+        ran = ready.go(replace(scene.grid, steps=steps))
+        least, spent, done = min(least, ran.seconds), spent + ran.seconds, ran.done
+    return least, done
 
 
 def _belongs_together(scene: scene_data.Scene, requested: scene_data.Requested) -> bool:
@@ -448,6 +417,16 @@ def values_of(
     return dict(scene.values) | (dict(free.constants) if free else {}) | dict(requested.constants)
 
 
+def start_values(
+    scene: scene_data.Scene, requested: scene_data.Requested, free: scene_data.FreeLagrangian | None
+) -> dict[str, float]:
+    """The numbers of `values_of`, with the energy of the start where the kernel compares with it."""
+    found = values_of(scene, requested, free)
+    if "energy" in scene.observe and scene.lagrangian is not None:
+        found[observing.ENERGY_START] = observing.start_energy(scene) or 0.0
+    return found
+
+
 def start_of(
     scene: scene_data.Scene,
     requested: scene_data.Requested,
@@ -477,7 +456,7 @@ def _truth(
 ) -> scene_data.Truth | scene_data.Unavailable:
     """The true motion; circles are compared with the exact solution only, so they cost no reference run."""
     if derivation.COMPARED & set(scene.observe) or isinstance(derived.exact, motions.ExactMotion):
-        return true_motion(scene, derived, stop)
+        return truths.true_motion(scene, derived, stop)
     return scene_data.Unavailable("No exact solution is known here.")
 
 
@@ -540,177 +519,3 @@ def with_tangent(scene: scene_data.Scene, accelerations: tuple[Expression, ...])
         terms += [differentiate(force, Velocity(x)) * Velocity(w) for x, w in zip(names, tangents, strict=True)]
         rows.append(collect(add(*terms)))
     return scene_data.Problem((*names, *tangents), tuple(scene.values), accelerations=(*accelerations, *rows))
-
-
-ENOUGH = 1e-12  # two solutions agree if their distance over the size of the motion is less
-USELESS = 1e-3  # if they differ by more than this share of the motion, the true motion is unknown
-SAFETY = 4.0  # times the distance of the two: a bound of the error of the better one
-ROUND_OFF = 1e-15
-MOST_STEPS = 1_000_000
-TAYLOR, EXPLICIT, IMPLICIT = (
-    scene_data.MethodChoice("heyoka", tolerance=1e-15), scene_data.MethodChoice("adaptive", tolerance=1e-13),
-    scene_data.MethodChoice("reference"),
-)  # fmt: skip
-NONE_FOUND = "No reference solution was found: the reference integrators did not complete the run."
-PARTED = "The true motion is known until t = {:.6g} only: {}."
-
-
-def true_motion(
-    scene: scene_data.Scene, derived: derivation.Derived, stop: scene_data.Stop | None = None
-) -> scene_data.Truth | scene_data.Unavailable:
-    """The true motion at the recorded times of the scene, or why it is not known."""
-    if not isinstance(derived.exact, motions.ExactMotion):
-        return _references(scene, derived, stop)
-    found = exact_trajectory(scene, derived)
-    if isinstance(found, scene_data.Unavailable) or found.velocities is None:
-        return found if isinstance(found, scene_data.Unavailable) else scene_data.Unavailable(NONE_FOUND)
-    bounds = ROUND_OFF * (1 + np.maximum.accumulate(np.abs(found.positions).max(axis=1)))
-    return scene_data.Truth(found.times, found.positions, found.velocities, "exact", bounds, found.run_seconds)
-
-
-def exact_trajectory(scene: scene_data.Scene, derived: derivation.Derived) -> Trajectory | scene_data.Unavailable:
-    """The exact solution as a trajectory, at the recorded times."""
-    if not isinstance(derived.exact, motions.ExactMotion):
-        reason = derived.exact.reason if derived.exact is not None else "It was not requested."
-        return scene_data.Unavailable(f"No exact solution is known for this scene. {reason}")
-    if initial.ended_at_start(scene) is not None:
-        return scene_data.Unavailable(initial.NO_VALUE)
-    begun = time.perf_counter()
-    times = scene.grid.times
-    try:
-        rows = motions.positions_of(derived.exact, scene.positions, scene.velocities, times - scene.grid.begin)
-    except ValueError as error:
-        return scene_data.Unavailable(f"The exact solution ends: {error}.")
-    seconds = time.perf_counter() - begun
-    return Trajectory(times, rows[0], None, np.array(rows[1]), Outcome("completed"), 0, 0, 0.0, seconds)
-
-
-def _references(
-    scene: scene_data.Scene, derived: derivation.Derived, stop: scene_data.Stop | None
-) -> scene_data.Truth | scene_data.Unavailable:
-    begun, times = time.perf_counter(), scene.grid.times
-    problem = derivation.with_accelerations(scene, derived)
-    if isinstance(problem, scene_data.Unavailable):
-        return problem
-
-    def rows(choice: scene_data.MethodChoice, refinement: int = 1) -> Array:
-        return _rows(scene, problem, choice, refinement, times, stop)
-
-    try:
-        first, second, by = rows(TAYLOR), rows(EXPLICIT), "heyoka, checked by DOP853"
-    except InputError:  # heyoka is not installed, or does not know a function
-        first, by = rows(EXPLICIT), "DOP853, checked by Gauss-Legendre of order 12"
-        second = _collocation(rows, first, scene.grid.steps, stop)
-    return _judged(times, first, second, by, begun)
-
-
-def _collocation(rows: Callable[..., Array], other: Array, steps: int, stop: scene_data.Stop | None) -> Array:
-    """Gauss-Legendre of order 12, refined until it agrees with the other or no longer comes nearer."""
-    nearest, refinement, best = np.inf, 1, np.full_like(other, np.nan)
-    while refinement * steps <= MOST_STEPS and not (stop and stop()):
-        found = rows(IMPLICIT, refinement)
-        apart = float(np.nan_to_num(_distances(found, other), nan=np.inf)[-1])
-        if apart < nearest or refinement == 1:
-            best = found
-        if apart <= ENOUGH * _size(other) or (np.isfinite(nearest) and apart > 0.5 * nearest):
-            break
-        nearest, refinement = min(apart, nearest), 2 * refinement
-    return best
-
-
-def _rows(
-    scene: scene_data.Scene,
-    problem: scene_data.Problem,
-    choice: scene_data.MethodChoice,
-    refinement: int,
-    times: Array,
-    stop: scene_data.Stop | None,
-) -> Array:
-    """Positions and velocities of a reference at the recorded times, (m, 2 n); nan where it did not arrive."""
-    grid = scene.grid
-    start = scene_data.Start(tuple(scene.positions), velocities=tuple(scene.velocities))
-    rows = np.full((len(times), 2 * len(scene.coordinates)), np.nan)
-    rows[0] = [*scene.positions, *scene.velocities]
-    whole, rest = divmod(grid.steps, grid.record_every)
-    pieces = [(grid.record_every, whole)] + ([(rest, 1)] if rest else [])
-    done = 0
-    for every, count in pieces:
-        begin = float(times[done])
-        if choice.method == "reference":
-            part = scene_data.Grid(grid.step / refinement, every * count * refinement, every * refinement, begin)
-        else:
-            part = scene_data.Grid(grid.step * every, count, 1, begin)
-        ran = _part(scene, problem, choice, start, part, stop)
-        if ran.velocities is None:
-            break
-        table = np.column_stack([ran.positions, ran.velocities])[1:]
-        rows[done + 1 : done + 1 + len(table)] = table
-        done += len(table)
-        if not ran.outcome.completed:
-            break
-        start = scene_data.Start(tuple(ran.positions[-1]), velocities=tuple(ran.velocities[-1]))
-    return rows
-
-
-def _part(
-    scene: scene_data.Scene,
-    problem: scene_data.Problem,
-    choice: scene_data.MethodChoice,
-    start: scene_data.Start,
-    grid: scene_data.Grid,
-    stop: scene_data.Stop | None,
-) -> Trajectory:
-    """A part of the run, with the events that act and the switches in it."""
-
-    def piece(
-        what: scene_data.Problem, by: scene_data.MethodChoice, begin: scene_data.Start, over: scene_data.Grid
-    ) -> Trajectory:
-        return execution.run(what, by, begin, over, dict(scene.values), (), stop)
-
-    acting = tuple(event for event in scene.events if event.acts)
-    own = replace(scene, grid=replace(grid, record_every=1), events=acting)
-    in_pieces = has_pieces(own, problem)
-    if not in_pieces:
-        return piece(problem, choice, start, grid)
-    found = run_pieces(
-        own, scene_data.Requested("", choice.method, None, choice), problem, problem, start, scene.values, piece, stop
-    )
-    if isinstance(found, scene_data.Unavailable):
-        raise InputError(found.reason)
-    return found.thinned(grid).trajectory
-
-
-def _size(rows: Array) -> float:
-    """The size of the motion: the greatest change of a coordinate."""
-    half = rows[:, : rows.shape[1] // 2]
-    change = np.abs(half - half[0])
-    return float(change[np.isfinite(change)].max(initial=0.0)) or 1.0
-
-
-def _distances(first: Array, second: Array) -> Array:
-    """The greatest distance of a coordinate up to each time, (m,); nan where one has ended."""
-    n = first.shape[1] // 2
-    found: Array = np.maximum.accumulate(np.abs(first[:, :n] - second[:, :n]).max(axis=1))
-    return found
-
-
-def _judged(
-    times: Array, first: Array, second: Array, by: str, begun: float
-) -> scene_data.Truth | scene_data.Unavailable:
-    """The reference, the bound of its error, and the time until which it is known."""
-    distances = _distances(first, second)
-    good = np.isfinite(distances) & (SAFETY * distances <= USELESS * _size(first))
-    until = len(good) if good.all() else int(np.argmin(good))
-    if until < 2:
-        return scene_data.Unavailable(NONE_FOUND)
-    rows, reason = first.copy(), ""
-    rows[until:] = np.nan
-    if until < len(times):
-        ended = bool(np.isnan(first[until]).any() or np.isnan(second[until]).any())
-        why = "the reference solutions end there" if ended else "from there on, the reference solutions differ"
-        reason = PARTED.format(times[until - 1], why)
-    n = rows.shape[1] // 2
-    bounds = SAFETY * np.where(good, distances, np.nan)
-    bounds = bounds + ROUND_OFF * np.maximum.accumulate(np.abs(rows[:, :n]).max(axis=1))
-    seconds = time.perf_counter() - begun
-    return scene_data.Truth(times, rows[:, :n], rows[:, n:], "reference", bounds, seconds, reason, by)

@@ -1,0 +1,242 @@
+"""The true motion of a scene: exact where that is known, else a reference that a second one confirms.
+
+heyoka's Taylor series, where that is installed, is checked by DOP853; without it DOP853 is checked by Gauss-Legendre of
+order 12. Four times the distance of the two bounds the error. Runs are also compared with DOP853 where a force acts
+within one of their steps.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from inverse_service.errors import InputError
+from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
+from inverse_service.simulation import (
+    derivation,
+    estimates,
+    execution,
+    initial,
+    motions,
+    observing,
+    scene_data,
+    schemes,
+)
+from inverse_service.simulation.events import has_pieces, run_pieces
+
+ENOUGH = 1e-12  # two solutions agree if their distance over the size of the motion is less
+USELESS = 1e-3  # if they differ by more than this share of the motion, the true motion is unknown
+SAFETY = 4.0  # times the distance of the two: a bound of the error of the better one
+ROUND_OFF = 1e-15
+MOST_STEPS = 1_000_000
+TAYLOR, EXPLICIT, IMPLICIT = (
+    scene_data.MethodChoice("heyoka", tolerance=1e-15), scene_data.MethodChoice("adaptive", tolerance=1e-13),
+    scene_data.MethodChoice("reference"),
+)  # fmt: skip
+NONE_FOUND = "No reference solution was found: the reference integrators did not complete the run."
+PARTED = "The true motion is known until t = {:.6g} only: {}."
+
+
+def true_motion(
+    scene: scene_data.Scene, derived: derivation.Derived, stop: scene_data.Stop | None = None
+) -> scene_data.Truth | scene_data.Unavailable:
+    """The true motion at the recorded times of the scene, or why it is not known."""
+    if not isinstance(derived.exact, motions.ExactMotion):
+        return _references(scene, derived, stop)
+    found = exact_trajectory(scene, derived)
+    if isinstance(found, scene_data.Unavailable) or found.velocities is None:
+        return found if isinstance(found, scene_data.Unavailable) else scene_data.Unavailable(NONE_FOUND)
+    bounds = ROUND_OFF * (1 + np.maximum.accumulate(np.abs(found.positions).max(axis=1)))
+    return scene_data.Truth(found.times, found.positions, found.velocities, "exact", bounds, found.run_seconds)
+
+
+def exact_trajectory(scene: scene_data.Scene, derived: derivation.Derived) -> Trajectory | scene_data.Unavailable:
+    """The exact solution as a trajectory, at the recorded times."""
+    if not isinstance(derived.exact, motions.ExactMotion):
+        reason = derived.exact.reason if derived.exact is not None else "It was not requested."
+        return scene_data.Unavailable(f"No exact solution is known for this scene. {reason}")
+    if initial.ended_at_start(scene) is not None:
+        return scene_data.Unavailable(initial.NO_VALUE)
+    begun = time.perf_counter()
+    times = scene.grid.times
+    try:
+        rows = motions.positions_of(derived.exact, scene.positions, scene.velocities, times - scene.grid.begin)
+    except ValueError as error:
+        return scene_data.Unavailable(f"The exact solution ends: {error}.")
+    seconds = time.perf_counter() - begun
+    return Trajectory(times, rows[0], None, np.array(rows[1]), Outcome("completed"), 0, 0, 0.0, seconds)
+
+
+def _references(
+    scene: scene_data.Scene, derived: derivation.Derived, stop: scene_data.Stop | None
+) -> scene_data.Truth | scene_data.Unavailable:
+    begun, times = time.perf_counter(), scene.grid.times
+    problem = derivation.with_accelerations(scene, derived)
+    if isinstance(problem, scene_data.Unavailable):
+        return problem
+
+    def rows(choice: scene_data.MethodChoice, refinement: int = 1) -> Array:
+        return _rows(scene, problem, choice, refinement, times, stop)
+
+    try:
+        first, second, by = rows(TAYLOR), rows(EXPLICIT), "heyoka, checked by DOP853"
+    except InputError:  # heyoka is not installed, or does not know a function
+        first, by = rows(EXPLICIT), "DOP853, checked by Gauss-Legendre of order 12"
+        second = _collocation(rows, first, scene.grid.steps, stop)
+    return _judged(times, first, second, by, begun)
+
+
+def _collocation(rows: Callable[..., Array], other: Array, steps: int, stop: scene_data.Stop | None) -> Array:
+    """Gauss-Legendre of order 12, refined until it agrees with the other or no longer comes nearer."""
+    nearest, refinement, best = np.inf, 1, np.full_like(other, np.nan)
+    while refinement * steps <= MOST_STEPS and not (stop and stop()):
+        found = rows(IMPLICIT, refinement)
+        apart = float(np.nan_to_num(_distances(found, other), nan=np.inf)[-1])
+        if apart < nearest or refinement == 1:
+            best = found
+        if apart <= ENOUGH * _size(other) or (np.isfinite(nearest) and apart > 0.5 * nearest):
+            break
+        nearest, refinement = min(apart, nearest), 2 * refinement
+    return best
+
+
+def _rows(
+    scene: scene_data.Scene,
+    problem: scene_data.Problem,
+    choice: scene_data.MethodChoice,
+    refinement: int,
+    times: Array,
+    stop: scene_data.Stop | None,
+) -> Array:
+    """Positions and velocities of a reference at the recorded times, (m, 2 n); nan where it did not arrive."""
+    grid = scene.grid
+    start = scene_data.Start(tuple(scene.positions), velocities=tuple(scene.velocities))
+    rows = np.full((len(times), 2 * len(scene.coordinates)), np.nan)
+    rows[0] = [*scene.positions, *scene.velocities]
+    whole, rest = divmod(grid.steps, grid.record_every)
+    pieces = [(grid.record_every, whole)] + ([(rest, 1)] if rest else [])
+    done = 0
+    for every, count in pieces:
+        begin = float(times[done])
+        if choice.method == "reference":
+            part = scene_data.Grid(grid.step / refinement, every * count * refinement, every * refinement, begin)
+        else:
+            part = scene_data.Grid(grid.step * every, count, 1, begin)
+        ran = _part(scene, problem, choice, start, part, stop)
+        if ran.velocities is None:
+            break
+        table = np.column_stack([ran.positions, ran.velocities])[1:]
+        rows[done + 1 : done + 1 + len(table)] = table
+        done += len(table)
+        if not ran.outcome.completed:
+            break
+        start = scene_data.Start(tuple(ran.positions[-1]), velocities=tuple(ran.velocities[-1]))
+    return rows
+
+
+def _part(
+    scene: scene_data.Scene,
+    problem: scene_data.Problem,
+    choice: scene_data.MethodChoice,
+    start: scene_data.Start,
+    grid: scene_data.Grid,
+    stop: scene_data.Stop | None,
+) -> Trajectory:
+    """A part of the run, with the events that act and the switches in it."""
+
+    def piece(
+        what: scene_data.Problem, by: scene_data.MethodChoice, begin: scene_data.Start, over: scene_data.Grid
+    ) -> Trajectory:
+        return execution.run(what, by, begin, over, dict(scene.values), (), stop)
+
+    acting = tuple(event for event in scene.events if event.acts)
+    own = replace(scene, grid=replace(grid, record_every=1), events=acting)
+    in_pieces = has_pieces(own, problem)
+    if not in_pieces:
+        return piece(problem, choice, start, grid)
+    found = run_pieces(
+        own, scene_data.Requested("", choice.method, None, choice), problem, problem, start, scene.values, piece, stop
+    )
+    if isinstance(found, scene_data.Unavailable):
+        raise InputError(found.reason)
+    return found.thinned(grid).trajectory
+
+
+def _size(rows: Array) -> float:
+    """The size of the motion: the greatest change of a coordinate."""
+    half = rows[:, : rows.shape[1] // 2]
+    change = np.abs(half - half[0])
+    return float(change[np.isfinite(change)].max(initial=0.0)) or 1.0
+
+
+def _distances(first: Array, second: Array) -> Array:
+    """The greatest distance of a coordinate up to each time, (m,); nan where one has ended."""
+    n = first.shape[1] // 2
+    found: Array = np.maximum.accumulate(np.abs(first[:, :n] - second[:, :n]).max(axis=1))
+    return found
+
+
+def _judged(
+    times: Array, first: Array, second: Array, by: str, begun: float
+) -> scene_data.Truth | scene_data.Unavailable:
+    """The reference, the bound of its error, and the time until which it is known."""
+    distances = _distances(first, second)
+    good = np.isfinite(distances) & (SAFETY * distances <= USELESS * _size(first))
+    until = len(good) if good.all() else int(np.argmin(good))
+    if until < 2:
+        return scene_data.Unavailable(NONE_FOUND)
+    rows, reason = first.copy(), ""
+    rows[until:] = np.nan
+    if until < len(times):
+        ended = bool(np.isnan(first[until]).any() or np.isnan(second[until]).any())
+        why = "the reference solutions end there" if ended else "from there on, the reference solutions differ"
+        reason = PARTED.format(times[until - 1], why)
+    n = rows.shape[1] // 2
+    bounds = SAFETY * np.where(good, distances, np.nan)
+    bounds = bounds + ROUND_OFF * np.maximum.accumulate(np.abs(rows[:, :n]).max(axis=1))
+    seconds = time.perf_counter() - begun
+    return scene_data.Truth(times, rows[:, :n], rows[:, n:], "reference", bounds, seconds, reason, by)
+
+
+MISSED, NEGLIGIBLE = 10.0, 1e-6  # times the estimated error, and of the size of the motion
+ENDS_ELSEWHERE = (
+    "`adaptive`, stopping at the peaks of the forces, ends {:.3g} away: one acts within a step. Take a smaller step."
+)
+TOO_NARROW = "A force acts within a step at t = {:.6g}, and `adaptive` cannot resolve it. Give it more width."
+
+
+def with_missed_force(
+    run: observing.Observed, numbers: dict[str, Any], derived: derivation.Derived, stop: scene_data.Stop | None
+) -> dict[str, Any]:
+    """The estimate of a completed run. Where a force acts within a step, DOP853 runs too, its steps ending on the peaks
+    of the forces: with a doubt and the true size of the error if that leads elsewhere, or cannot pass a peak."""
+    scene, grid, moments = run.scene, run.scene.grid, estimates.moments_between(run)
+    problem = None if not len(moments) else derivation.with_accelerations(
+        scene, derivation.derived_for_truth(scene, derived))  # fmt: skip
+    if problem is None or isinstance(problem, scene_data.Unavailable):
+        return numbers
+    start = scene_data.Start(tuple(scene.positions), velocities=tuple(scene.velocities))
+    found = [scene.positions]
+    begin, end = grid.begin, grid.begin + grid.step * grid.steps
+    for moment in [*moments[(moments > begin) & (moments < end)], end]:
+        part = scene_data.Grid(grid.step, max(1, round((moment - begin) / grid.step)), 1, begin)
+        part = replace(part, step=(moment - begin) / part.steps)
+        ran = _part(scene, problem, EXPLICIT, start, part, stop)
+        if stop is not None and stop():
+            return numbers
+        if not ran.outcome.completed or ran.velocities is None:
+            unknown = {"estimated_error": None, "estimated_error_share": None}
+            return numbers | unknown | {"doubt": TOO_NARROW.format(float(moment))}
+        found += list(ran.positions[1:])
+        start, begin = scene_data.Start(tuple(ran.positions[-1]), velocities=tuple(ran.velocities[-1])), float(moment)
+    apart = float(np.abs(found[-1] - run.trajectory.positions[-1]).max())
+    size = float(np.ptp(found, axis=0).max())
+    if not apart > max(MISSED * (numbers.get("estimated_error") or 0.0), NEGLIGIBLE * size):
+        return numbers
+    share = max(apart / max(size, schemes.SMALLEST), numbers.get("estimated_error_share") or 0.0)
+    known = {"estimated_error": apart, "estimated_error_share": share}
+    return numbers | known | {"doubt": ENDS_ELSEWHERE.format(apart)}
