@@ -7,9 +7,8 @@ from pathlib import Path
 
 import matplotlib
 
-from inverse_service.service.figures.drawing import path_figure
+from inverse_service.service.figures.drawing import path_figure, series_figure
 from inverse_service.service.figures.style import SETTINGS, TRUE_COLOR, look, new_figure, save, spread
-from inverse_service.service.figures.time_series import series_figure
 from paper.scenes import Run
 from paper.statement import Figure
 

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from inverse_service.expressions import derivative, tree as ex
+from inverse_service.integrators import method_table
 from inverse_service.mechanics import method_advice
 from inverse_service.simulation import initial, numeric_formulas, scene_data as data
 
 STIFF = 1e3  # length of a run in decay times beyond which an explicit method spends its steps on decayed components
+SLOWER = 1e6  # decay times beyond which `adaptive` reaches 1e-12 later than `stiff`
+INSTEAD = "What decays fast would hold `adaptive` to short steps, so `stiff` runs."
 SHARE = 10.0  # real parts compared with imaginary ones
 
 
@@ -22,8 +26,7 @@ def advice(
     `free` is a Lagrangian that was found for a system given by its equations. Return None if L is degenerate.
     """
     lagrangian = free.lagrangian if scene.lagrangian is None and free is not None else scene.lagrangian
-    decays = scene.lagrangian is None or scene.forces
-    if accelerations is not None and decays and is_stiff(scene, accelerations):
+    if accelerations is not None and is_stiff(scene, accelerations):
         return method_advice.advice("stiff", None, "what decays fast would hold an explicit method to short steps.")
     if lagrangian is None or scene.forces:
         return method_advice.advice("adaptive", None, method_advice.NOTHING_KEPT)
@@ -36,8 +39,23 @@ def advice(
     return method_advice.for_lagrangian(lagrangian, scene.coordinates, ends)
 
 
-def is_stiff(scene: data.Scene, accelerations: tuple[ex.Expression, ...]) -> bool:
-    """Whether a real eigenvalue of the linearized motion at the start is fast compared with the length of the run."""
+def by_itself(scene: data.Scene, accelerations: tuple[ex.Expression, ...]) -> data.Scene:
+    """A scene that names no method, with `stiff` in the place of `adaptive` where this is faster."""
+    if not is_stiff(scene, accelerations, SLOWER):
+        return scene
+    choice = data.MethodChoice("stiff", tolerance=method_table.METHODS["adaptive"].tolerance or 0.0)
+    instead = data.Requested("stiff", "stiff", None, choice)
+    return replace(scene, methods=(instead,), notes=(*scene.notes, INSTEAD))
+
+
+def is_stiff(scene: data.Scene, accelerations: tuple[ex.Expression, ...], beyond: float = STIFF) -> bool:
+    """Whether an explicit method would be held to short steps by what decays."""
+    return bool(scene.lagrangian is None or scene.forces) and decay_times(scene, accelerations) > beyond
+
+
+def decay_times(scene: data.Scene, accelerations: tuple[ex.Expression, ...]) -> float:
+    """The length of the run in those of the fastest real eigenvalue of the linearized motion at the start; 0 where
+    oscillations are as fast."""
     n = len(scene.coordinates)
     table = numeric_formulas.table_of(scene.coordinates, scene.positions[None], scene.velocities[None], scene.values)
     names: list[ex.Expression] = [*map(ex.Symbol, scene.coordinates), *map(ex.Velocity, scene.coordinates)]
@@ -47,8 +65,8 @@ def is_stiff(scene: data.Scene, accelerations: tuple[ex.Expression, ...]) -> boo
     ]
     matrix = np.vstack([np.hstack([np.zeros((n, n)), np.eye(n)]), np.array(rows).reshape(n, 2 * n)])
     if not np.isfinite(matrix).all():
-        return False
+        return 0.0
     values = np.linalg.eigvals(matrix)
     fastest = values[np.argmax(np.abs(values.real))]
-    length = scene.grid.step * scene.grid.steps
-    return bool(abs(fastest.real) * length > STIFF and abs(fastest.real) > SHARE * abs(fastest.imag))
+    length = abs(fastest.real) * scene.grid.step * scene.grid.steps
+    return float(length) if abs(fastest.real) > SHARE * abs(fastest.imag) else 0.0

@@ -91,7 +91,7 @@ def derive(scene: Scene, find: Find) -> Derived:
         or switching_functions([scene.lagrangian, *scene.forces], scene.coordinates)
     ):
         with timed(seconds, "accelerations"):
-            accelerations = _accelerations(scene)
+            accelerations = accelerations_of(scene)
     free: dict[str | None, FreeLagrangian | Unavailable] = {}
     for name in wanted:
         with timed(seconds, "free Lagrangian"):
@@ -101,7 +101,7 @@ def derive(scene: Scene, find: Find) -> Derived:
 
 def derived_for_truth(scene: Scene, derived: Derived) -> Derived:
     """Add the accelerations if no part of the scene has required them."""
-    return derived if derived.accelerations is not None else replace(derived, accelerations=_accelerations(scene))
+    return derived if derived.accelerations is not None else replace(derived, accelerations=accelerations_of(scene))
 
 
 def with_energy(scene: Scene, derived: Derived) -> Scene:
@@ -166,7 +166,7 @@ def _exact(scene: Scene) -> motions.ExactMotion | motions.NoExactMotion:
     return motions.motion_by_quadrature(scene.coordinates, scene.lagrangian, scene.constraints, scene.values)
 
 
-def _accelerations(scene: Scene) -> tuple[Expression, ...] | Unavailable:
+def accelerations_of(scene: Scene) -> tuple[Expression, ...] | Unavailable:
     if scene.accelerations is not None:
         return scene.accelerations
     if scene.lagrangian is None:

@@ -85,7 +85,7 @@ def run_ensemble(
     `values` gives each parameter a number or (N,) numbers; `steps` (N,) are individual steps that replace that of
     the grid, `begins` individual start times. InputError for input that a single run would refuse.
     """
-    check(problem, choice, [grid])
+    check(problem, choice)
     if choice.method in ("heyoka", "modified"):
         raise InputError(ALL_METHODS)
     f = Formulas(problem)
@@ -109,8 +109,6 @@ def _columns(
     count = len(positions)
     given: dict[str, float | Array] = {"a": choice.tolerance if choice.method in OWN_STEPS else choice.alpha}
     for place, name in enumerate(f.problem.parameters):
-        if name not in values:
-            raise InputError(f"The parameter {name} needs a value.")
         given[f"c{place}"] = values[name]
     found = {name: np.broadcast_to(np.asarray(value, dtype=float), count) for name, value in given.items()}
     found[str(MOMENT)] = times

@@ -388,7 +388,7 @@ FIRST, MOST = 16, 4096  # steps of a piece that is looked at for events at once
 SAME, AT_ZERO = 1e-12, 1e-9  # of a step: events at one time; of the size of u' times the step: u is zero there
 SOON = 1e-10  # of a step or of the time: events closer than this are taken to accumulate
 MOST_TOGETHER = 3  # switching functions that are zero at once
-STICKS, PASSES = 0, "passes"
+STICKS = 0
 ZENO = "the times between two such events, which become ever shorter"
 ZENO_REMEDY = "stop before, or let the motion continue without the event from there"
 MANY = "After {} events the run was ended at t = {:.12g}."
@@ -674,7 +674,7 @@ class _Run:
         state = (
             grid.begin,
             np.array(start.positions, dtype=float),
-            np.array(start.velocities if start.velocities is not None else scene.velocities, dtype=float),
+            np.array(start.velocities, dtype=float),
         )
         begun: data.Start | None = start
         sides, outcome = self._sides(state, {}, self._zeros(state, {})), None

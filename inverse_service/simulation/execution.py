@@ -34,41 +34,12 @@ from inverse_service.simulation.scene_data import Grid, MethodChoice, Observable
 __all__ = ["Grid", "MethodChoice", "Observable", "Observation", "Problem", "Start", "run"]
 
 
-def check(problem: Problem, choice: MethodChoice, grids: Sequence[Grid]) -> None:
-    """Raise InputError with one sentence for an invalid choice."""
-    if choice.method not in method_table.METHODS:
-        raise InputError(f"There is no method of this name. The methods are {', '.join(method_table.METHODS)}.")
-    if not 0.0 <= choice.alpha <= 1.0:
-        raise InputError("alpha must be from 0 to 1.")
-    if choice.form not in ("hamiltonian", "raw", "verlet"):
-        raise InputError("The form of the variational method is hamiltonian, raw or verlet.")
-    if choice.method in method_table.GEOMETRIC:
-        _check_order(choice)
+def check(problem: Problem, choice: MethodChoice) -> None:
+    """Raise InputError for a choice that the problem does not allow."""
+    if choice.method in method_table.GEOMETRIC and choice.order > 2 and choice.alpha != 0.5 and not choice.symmetrised:
+        raise InputError("A composition needs a symmetric step: alpha = 1/2, or symmetrised.")
     if choice.symmetrised and choice.alpha != 0.5 and choice.form != "verlet" and problem.depends_on_time:
         raise InputError("Symmetrised steps require a system without t: take alpha = 1/2, which also has order 2.")
-    for grid in grids:
-        if not (abs(grid.step) > 0 and grid.step - grid.step == 0 and grid.steps >= 0 and grid.record_every >= 1):
-            raise InputError("A grid needs a finite step other than 0, 0 or more steps, record_every of 1 or more.")
-
-
-def _check_order(choice: MethodChoice) -> None:
-    if choice.order not in method_table.ORDERS:
-        raise InputError(f"Compositions have order 2, 4, 6 or 8, not {choice.order}.")
-    if choice.order > 2 and choice.alpha != 0.5 and not choice.symmetrised:
-        raise InputError("A composition needs a symmetric step: alpha = 1/2, or symmetrised.")
-
-
-def parameter_values(problem: Problem, values: Mapping[str, float]) -> dict[str, float]:
-    """The numbers of all parameters, by kernel name; InputError where one is missing or not finite."""
-    found = {}
-    for place, name in enumerate(problem.parameters):
-        if name not in values:
-            raise InputError(f"The parameter {name} needs a value.")
-        number = float(values[name])
-        if number - number != 0:
-            raise InputError(f"The parameter {name} must be a finite number.")
-        found[f"c{place}"] = number
-    return found
 
 
 def lane_of(
@@ -107,7 +78,7 @@ def run(
     If the method cannot continue, the outcome says so and the rows up to there are kept. InputError for a choice
     that the problem does not allow. `stop` is asked about ten times a second; True ends the run as "cancelled".
     """
-    check(problem, choice, [grid])
+    check(problem, choice)
     if choice.method == "heyoka":
         return peers.run_heyoka(problem, start, grid, values, observation, choice.tolerance, stop)
     if choice.method in method_table.SCIPY:
@@ -141,7 +112,7 @@ def prepared(
 ) -> Prepared | Trajectory:  # fmt: skip
     """The run made ready, or the start alone where it cannot begin."""
     formulas = formulas_of(problem)
-    parameters = parameter_values(problem, values)
+    parameters = {f"c{place}": float(values[name]) for place, name in enumerate(problem.parameters)}
     begin = initial(formulas, choice, start, grid.step, parameters | {str(MOMENT): grid.begin})
     if begin.missing:
         return failed_start(start, begin.missing, grid.begin)
@@ -502,50 +473,21 @@ class Initial:
 def initial(f: Formulas, choice: MethodChoice, start: Start, step: float, parameters: Mapping[str, float]) -> Initial:
     """State of the kernel at its start time, which is one of the parameters (0 if it is not)."""
     parameters = {str(MOMENT): 0.0, **parameters}
-    _require(start, f.size)
     q = _named("q", start.positions)
     if choice.method in method_table.POINT_METHODS:
-        if start.velocities is None:
-            raise InputError("Runge-Kutta methods start from velocities: give velocities instead of momenta.")
         state = {**q, **_named("v", start.velocities)}
         return Initial(state, missing=no_one_motion(f, choice, {**parameters, **state}))
-    discrete = start.convention == "discrete_constraint"
-    if start.momenta is not None and choice.method != "modified" and not discrete:
-        guess = _named("d", start.velocities) if start.velocities is not None else None
-        rates = guess or _rates_from_momenta(f, q, start.momenta, parameters, choice)
-        return Initial({**q, **_named("p", start.momenta)}, rates)
-    if start.velocities is None:
-        raise InputError("This method and this start need velocities: give velocities instead of momenta.")
-    if discrete and choice.order > 2:
-        raise InputError("A composition starts from momenta: the discrete constraint is that of the plain step.")
-    if discrete:
+    if start.convention == "discrete_constraint":
+        if choice.order > 2:
+            raise InputError("A composition starts from momenta: the discrete constraint is that of the plain step.")
         return _on_discrete_constraint(f, choice, start, step, parameters)
+    if start.momenta is not None and choice.method != "modified":
+        return Initial({**q, **_named("p", start.momenta)}, _named("d", start.velocities))
     return _at_point(f, choice, q, list(start.velocities), parameters)
-
-
-def _require(start: Start, size: int) -> None:
-    given = [start.positions, start.velocities, start.momenta]
-    if any(values is not None and len(values) != size for values in given):
-        raise InputError(f"Initial data need {size} numbers each, one for every coordinate.")
-    if start.velocities is None and start.momenta is None:
-        raise InputError("Initial data need velocities or momenta.")
-    if not all(math.isfinite(x) for values in given if values is not None for x in values):
-        raise InputError("Initial data must be finite numbers.")
 
 
 def _named(letter: str, values: Sequence[float]) -> Numbers:
     return {f"{letter}{k}": float(value) for k, value in enumerate(values)}
-
-
-def _rates_from_momenta(
-    f: Formulas, q: Numbers, momenta: Sequence[float], parameters: Mapping[str, float], choice: MethodChoice
-) -> Numbers:
-    """H_p where H is known, else 0."""
-    if choice.method != "variational" or f.problem.free_hamiltonian is None:
-        return {}
-    table = {**parameters, **q, **_named("p", momenta)}
-    rates = [real_value(f.hamiltonian.diff(p), table) for p in f.symbols("p")]
-    return {f"d{k}": rate for k, rate in enumerate(rates) if math.isfinite(rate)}
 
 
 def _at_point(
@@ -670,7 +612,7 @@ def _on_discrete_constraint(
     """p_0 = -D1 L_d(q_0, q_1) with q_1 = q_0 + h v and v on the discrete constraint."""
     parts = [float(part.subs({"a": choice.alpha})) for part in schemes.parts_of(choice)]
     q = [float(x) for x in start.positions]
-    v = _discrete_velocities(f, q, list(start.velocities or ()), parts, step, parameters)
+    v = _discrete_velocities(f, q, list(start.velocities), parts, step, parameters)
     total = [0.0] * f.size
     table: Numbers = {}
     for part in parts:

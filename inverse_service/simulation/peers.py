@@ -49,8 +49,6 @@ def run_heyoka(
     """The motion at the recorded steps of the grid, to round-off, in at most MOST_STEPS internal steps."""
     if problem.accelerations is None:
         raise InputError("heyoka needs the accelerations of the motion, which this scene does not have.")
-    if start.velocities is None:
-        raise InputError("heyoka starts from velocities: give velocities instead of momenta.")
     steps, times = grid.recorded, grid.times
     state = np.array([*start.positions, *start.velocities], dtype=float)
     code, rows, seconds = _propagated(problem, state, times, values, tolerance, abs(grid.step), stop)
@@ -202,7 +200,7 @@ def run_scipy(
             raise TimeoutError
         return np.concatenate([state[size:], function([*state, t, *numbers]).ravel()])
 
-    begin = np.array([*start.positions, *(start.velocities or ())], dtype=float)
+    begin = np.array([*start.positions, *start.velocities], dtype=float)
     steps, times = grid.recorded, grid.times
     first = time.perf_counter()
     try:

@@ -297,7 +297,7 @@ def part_costs(
         values, (own, observation) = start_values(variant, requested, known), observed_problem(variant, what)
         assert requested.choice is not None
         try:
-            execution.check(own, requested.choice, [variant.grid])
+            execution.check(own, requested.choice)
             start = start_of(variant, requested, known, values)
             ready = execution.prepared(own, requested.choice, start, variant.grid, values, observation)
         except InputError as error:

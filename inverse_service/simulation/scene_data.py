@@ -79,14 +79,14 @@ class MethodChoice:
 
 @dataclass(frozen=True, slots=True)
 class Start:
-    """Initial data, n numbers each, in the order of the coordinates; velocities or momenta.
+    """Initial data, n numbers each, in the order of the coordinates.
 
-    `convention` "momenta": p_0 = dL/dv at (q_0, v_0), or the momenta given. "discrete_constraint": the first step
+    `convention` "momenta": p_0 = dL/dv at (q_0, v_0), or the `momenta` given. "discrete_constraint": the first step
     goes from q_0 to q_1 = q_0 + h v_0 with the dependent coordinates put on the discrete constraint.
     """
 
     positions: Sequence[float]
-    velocities: Sequence[float] | None = None
+    velocities: Sequence[float]
     momenta: Sequence[float] | None = None
     convention: str = "momenta"
 

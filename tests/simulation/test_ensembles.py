@@ -85,8 +85,6 @@ def test_methods_without_kernels_are_refused() -> None:
     positions, velocities = np.array([start.positions]), np.array([start.velocities])
     with pytest.raises(InputError, match="step with kernels"):
         run_ensemble(DISK, MethodChoice("heyoka"), positions, velocities, Grid(0.1, 10), {"c": 1.0})
-    with pytest.raises(InputError, match="needs a value"):
-        run_ensemble(DISK, MethodChoice("variational"), positions, velocities, Grid(0.1, 10), {})
 
 
 @pytest.mark.slow

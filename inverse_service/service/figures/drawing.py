@@ -22,34 +22,10 @@ from inverse_service.integrators.trajectory import Array
 from inverse_service.service.figures import style as styles, time_series, views
 from inverse_service.simulation import observing
 
-MOST_POINTS = 4000
-PALE = "#9aa3b2"
+PALE, REACH_SIGNED = "#9aa3b2", 8.0
 DASHES: Any = {
     "solid": "-", "dash": "--", "dashdot": "-.", "dot": ":", "longdash": (0, (8, 2)), "longdashdot": (0, (8, 2, 1, 2)),
 }  # fmt: skip
-
-
-def coordinate_figure(
-    result: Mapping[str, Any], tables: Mapping[str, Mapping[str, Array]], truth: Mapping[str, Array] | None
-) -> tuple[Figure, str]:
-    """One panel per coordinate, one line per method, the true motion in black."""
-    names = result["system"]["coordinates"]
-    with styles.panels(len(names), 1, 7.6, 1.5, sharex=True) as (figure, panels):
-        for axes, name in zip(panels, names, strict=True):
-            times = result["step"] * result["record_every"] * np.arange(len(truth[name])) if truth else None
-            every = 1
-            if truth is not None and times is not None:
-                styles.draw_line(axes, times, truth[name], styles.look(0, "exact"), "true motion")
-            for place, method in enumerate(result["methods"]):
-                if method["label"] in tables and method["method"] != "exact":
-                    table, style = tables[method["label"]], styles.look(place, method["method"])
-                    every = max(
-                        every, styles.draw_line(axes, table["t"], table[name], style, method["label"], 5 * place)
-                    )
-            axes.set_ylabel(styles.with_unit(name, result))
-        panels[-1].set_xlabel(styles.with_unit("t", result))
-    start = f"{result['name'] or 'Motion'}: {styles.run_of(result)}."
-    return figure, start + _finding(result) + styles.thinned(every)
 
 
 def view_figure(shown: Sequence[Mapping[str, Any] | None], wide: int = 3) -> Figure | None:
@@ -58,7 +34,8 @@ def view_figure(shown: Sequence[Mapping[str, Any] | None], wide: int = 3) -> Fig
     if not drawn:
         return None
     wide = min(wide, len(drawn))
-    with styles.panels(len(drawn), wide, max(5.2, 3.1 * wide + 0.4), 2.8) as (figure, grid):
+    width, height = (7.6, 2.0) if wide == 1 else (3.1 * wide + 0.4, 2.8)
+    with styles.panels(len(drawn), wide, width, height) as (figure, grid):
         for axes, view in zip(grid, drawn, strict=False):
             for line in view["lines"]:
                 is_true = line["color"] == "ink"
@@ -70,9 +47,60 @@ def view_figure(shown: Sequence[Mapping[str, Any] | None], wide: int = 3) -> Fig
                     *points, color=color, label=styles.plain(line["label"]), zorder=1 if is_true else 2, **look_of_line
                 )
             axes.set(xlabel=styles.plain(view["x"]), ylabel=styles.plain(view["y"]), title=styles.plain(view["label"]))
+            if view.get("log_y"):
+                axes.set_yscale("log")
+            elif view.get("signed"):
+                axes.set_ylim(*_limits(view["lines"]))
             if view.get("equal"):
                 axes.set_aspect("equal", adjustable="datalim")
     return figure
+
+
+def _limits(lines: Sequence[Mapping[str, Any]]) -> tuple[float, float]:
+    """About 0: lines of more than REACH_SIGNED times the median of the greatest values leave the picture."""
+    greatest = [max((abs(y) for y in line["y"] if y is not None), default=0.0) for line in lines]
+    usual = [one for one in greatest if one > 1e-9 * max(greatest)]
+    reach = 1.08 * (min(max(greatest), REACH_SIGNED * float(np.median(usual or [0.0]))) or 1e-16)
+    return -reach, reach
+
+
+def series_figure(
+    name: str, result: Mapping[str, Any], tables: Mapping[str, Mapping[str, Array]],
+    truth: Mapping[str, Array] | None = None,
+) -> tuple[Figure, str] | None:  # fmt: skip
+    """An observed quantity in time: its size on a logarithmic axis, and each of its columns with its sign."""
+    result, tables = _with_truth(result, tables, truth)
+    sizes = views.lines_of(result, tables, views.QUANTITIES[name].size)
+    figure = view_figure(views.quantity_views(name, result, tables)[:MOST_PANELS], 1)
+    return _with_caption(figure, series_caption(views.QUANTITIES[name].words, sizes) + _bands(tables))
+
+
+def series_caption(words: str, lines: Sequence[views.Line]) -> str:
+    """Say which method preserves the quantity best and which one worst."""
+    sizes = {method["label"]: float(np.nanmax(np.abs(values))) for _, method, _, values in lines}
+    if not (sizes := {name: size for name, size in sizes.items() if math.isfinite(size)}):
+        return ""
+    best, worst = min(sizes, key=sizes.__getitem__), max(sizes, key=sizes.__getitem__)
+    if best == worst:
+        return f"Greatest {words}: {styles.shown(sizes[best])} ({best})."
+    least, most = styles.shown(sizes[best]), styles.shown(sizes[worst])
+    return f"Greatest {words}: {best} has the least ({least}), {worst} the most ({most})."
+
+
+def _bands(tables: Mapping[str, Mapping[str, Array]]) -> str:
+    """The sentence of a caption if bands replace lines."""
+    most = max(len(table["t"]) for table in tables.values())
+    return f" Bands reach from the least to the greatest of {most // views.BINS} points." * (most > views.MOST_POINTS)
+
+
+def _with_truth(
+    result: Mapping[str, Any], tables: Mapping[str, Mapping[str, Array]], truth: Mapping[str, Array] | None
+) -> tuple[Mapping[str, Any], Mapping[str, Mapping[str, Array]]]:
+    """The true motion as one more method."""
+    if truth is None:
+        return result, tables
+    label = "true motion"
+    return {**result, "methods": [*result["methods"], {"label": label, "method": "exact"}]}, {**tables, label: truth}
 
 
 def _finding(result: Mapping[str, Any]) -> str:
@@ -168,10 +196,14 @@ def draw_simulation(
     if any("members" in method for method in result["methods"]):
         drawn = {"ensemble": ensemble_figure(result, tables), "sweep": sweep_figure(result, tables)}
     else:
+        shown, columns = _with_truth(result, tables, truth)
         if observed & {"trajectory", "matching_circle"} and _is_round(result, tables):
             drawn["path"] = path_figure(result, tables, truth)
         elif "trajectory" in observed:
-            drawn["coordinates"] = coordinate_figure(result, tables, truth)
+            caption = f"{result['name'] or 'Motion'}: {styles.run_of(result)}.{_finding(result)}{_bands(tables)}"
+            drawn["coordinates"] = _with_caption(
+                view_figure([views.time_view(name, shown, columns) for name in names], 1), caption
+            )
         if observed >= {"trajectory", "velocities"}:
             portraits = [views.portrait_view(one, result, tables) for one in names]
             caption = f"{result['name'] or 'Phase portrait'}: velocity against position of each coordinate."
@@ -180,7 +212,7 @@ def draw_simulation(
         drawn["section"] = _with_caption(view_figure(views.section_views(result)[:MOST_PANELS]), caption)
         for name in views.QUANTITIES:
             if name in observed or (name == "discrete_energy" and "energy" in observed):
-                drawn[name] = time_series.series_figure(name, result, tables, truth)
+                drawn[name] = series_figure(name, result, tables, truth)
     return [
         {"files": styles.save(pair[0], folder, name, pair[1]), "caption": pair[1]}
         for name, pair in drawn.items()
@@ -190,26 +222,17 @@ def draw_simulation(
 
 def picture(result: Mapping[str, Any], name: str, ending: str) -> bytes | None:
     """A figure of the page as an SVG or PNG file; None for one that the result does not have."""
-    figure = time_series.precision_figure(result)[0] if name == "work-precision" else _page_figure(result, name)
+    if name == "work-precision":
+        figure: Figure | None = time_series.precision_figure(result)[0]
+    else:
+        shown = (one["views"] for one in views.figures_of(result) if one["name"] == name)
+        figure = view_figure(next(shown, [])[:MOST_PANELS], 2)
     if figure is None:
         return None
     stream, metadata = io.BytesIO(), {"Title": name} | ({"Date": None} if ending == "svg" else {})
     with matplotlib.rc_context(styles.SETTINGS):
         figure.savefig(stream, format=ending, dpi=styles.RESOLUTION, metadata=metadata)
     return stream.getvalue()
-
-
-def _page_figure(result: Mapping[str, Any], name: str) -> Figure | None:
-    shown = {figure["name"]: figure["views"] for figure in views.figures_of(result)}
-    if name not in shown:
-        return None
-    if name == "section":
-        return view_figure(shown[name][:MOST_PANELS])
-    tables = views.tables_of(result)
-    if name in ("path", "coordinates"):
-        return (path_figure if name == "path" else coordinate_figure)(result, tables, None)[0]
-    drawn = time_series.series_figure(name, result, tables)
-    return None if drawn is None else drawn[0]
 
 
 def _is_round(result: Mapping[str, Any], tables: Mapping[str, Mapping[str, Array]]) -> bool:

@@ -10,11 +10,9 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib
-import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from inverse_service.integrators.trajectory import Array
 from inverse_service.service.figures import views
 
 LINES = ("-", "--", "-.", (0, (5, 1, 1, 1, 1, 1)), (0, (8, 2)), (0, (3, 1)), (0, (1, 1)), (0, (6, 1, 1, 1)))
@@ -87,50 +85,9 @@ def save(figure: Figure, folder: Path, name: str, caption: str) -> list[str]:
     return names
 
 
-BINS = 400
-
-
-def envelope(times: Array, values: Array, bins: int = BINS) -> tuple[Array, Array, Array, int]:
-    """(t, least, greatest, points of a piece) in at most `bins` equal pieces, so that no peak is lost.
-
-    Few points are their own least and greatest values.
-    """
-    if len(values) <= 2 * bins:
-        return times, values, values, 1
-    edges = np.linspace(0, len(values), bins + 1).astype(int)
-    finite = np.isfinite(values)
-    low = np.minimum.reduceat(np.where(finite, values, np.inf), edges[:-1])
-    high = np.maximum.reduceat(np.where(finite, values, -np.inf), edges[:-1])
-    gap = ~np.logical_or.reduceat(finite, edges[:-1])
-    low[gap], high[gap] = np.nan, np.nan
-    return times[edges[1:] - 1], low, high, len(values) // bins
-
-
-def draw_line(axes: Axes, times: Array, values: Array, style: Look, label: str = "", shift: int = 0) -> int:
-    """Values against time: a line, or a band from least to greatest of each piece; how many points a piece has."""
-    t, low, high, every = envelope(times, values)
-    if every > 1:
-        axes.fill_between(t, low, high, color=style.color, alpha=0.35, linewidth=0.4)
-    axes.plot(
-        t, (low + high) / 2 if every > 1 else values, color=style.color, linestyle=style.line, linewidth=1.1,
-        marker=style.marker, markersize=4, fillstyle="none", markevery=spread(len(t), 14, shift), label=plain(label),
-    )  # fmt: skip
-    return every
-
-
 def run_of(result: Mapping[str, Any]) -> str:
     """The run in words: 600 steps of 0.05, 1 step of 0.1."""
     return f"{result['steps']} step{'s' if result['steps'] != 1 else ''} of {shown(result['step'])}"
-
-
-def thinned(every: int) -> str:
-    """The sentence of a caption if bands replace lines."""
-    return f" Bands are the least and the greatest of {every} points each." if every > 1 else ""
-
-
-def with_unit(label: str, result: Mapping[str, Any]) -> str:
-    """The label of an axis, with the unit that the scene gives to the name."""
-    return plain(views.with_unit(label, result))
 
 
 def plain(text: str) -> str:

@@ -28,7 +28,7 @@ TRUE = ("exact", "reference")
 # Okabe and Ito (2008), the yellow and the last two darkened: distinct for every color vision, on light and dark paper.
 COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#B8860B", "#56B4E9", "#8A6D3B", "#7E57C2")
 DASHES = ("solid", "dash", "dashdot", "dot", "longdash", "longdashdot", "solid", "dash")
-MOST_POINTS = 2001
+MOST_POINTS, BINS = 2001, 1000
 DIGITS = 7
 ROUND_OFF = 1e-9  # of the greatest value
 
@@ -199,7 +199,9 @@ def quantity_views(name: str, result: Mapping[str, Any], tables: Tables) -> list
     sizes = [(*line[:3], np.where(line[3] > 0, line[3], np.nan)) for line in sizes]
     signed = [(label, draw(column_of)) for label, column_of in quantity.signed(result, tables, true)]
     found = [view_of("size, logarithmic", with_unit("t", result), quantity.label, sizes, log_y=True)]
-    found += [view_of(f"{label}, with its sign", with_unit("t", result), label, lines) for label, lines in signed]
+    found += [
+        view_of(f"{label}, with its sign", with_unit("t", result), label, lines, signed=True) for label, lines in signed
+    ]
     return [view for view in (_kept_view(result, tables) if name == "energy" else None, *found) if view]
 
 
@@ -222,12 +224,15 @@ def _kept_view(result: Mapping[str, Any], tables: Tables) -> dict[str, Any] | No
 
 def coordinate_views(result: Mapping[str, Any], tables: Tables) -> list[dict[str, Any]]:
     """Each coordinate in time, and its phase portrait."""
-    found = []
-    for name in result["system"]["coordinates"]:
-        q, t = letters.shown(name), with_unit("t", result)
-        lines = [(k, method, table["t"], table[name]) for k, method, table in _drawn(result, tables)]
-        found += [view_of(f"{q} in time", t, with_unit(q, result, name), lines), portrait_view(name, result, tables)]
-    return [view for view in found if view]
+    names = result["system"]["coordinates"]
+    return [view for name in names for one in (time_view, portrait_view) if (view := one(name, result, tables))]
+
+
+def time_view(name: str, result: Mapping[str, Any], tables: Tables) -> dict[str, Any] | None:
+    """A coordinate in time."""
+    q = letters.shown(name)
+    lines = [(k, method, table["t"], table[name]) for k, method, table in _drawn(result, tables)]
+    return view_of(f"{q} in time", with_unit("t", result), with_unit(q, result, name), lines)
 
 
 def portrait_view(name: str, result: Mapping[str, Any], tables: Tables) -> dict[str, Any] | None:
@@ -289,15 +294,30 @@ def view_of(label: str, x: str, y: str, lines: Sequence[Line], **axes: bool) -> 
 
 
 def _line(place: int, method: Method, x: Array, y: Array) -> dict[str, Any]:
-    every, is_true = max(1, math.ceil(len(x) / MOST_POINTS)), method["method"] in TRUE
+    is_true = method["method"] in TRUE
+    x, y = outline(x, y)
     return {
         "label": method_name(method["label"]),
         "place": place,
         "color": "ink" if is_true else COLORS[place % len(COLORS)],
         "dash": "solid" if is_true else DASHES[place % len(DASHES)],
-        "x": shortened(x[::every]),
-        "y": shortened(y[::every]),
+        "x": shortened(x),
+        "y": shortened(y),
     }
+
+
+def outline(x: Array, y: Array) -> tuple[Array, Array]:
+    """At most MOST_POINTS points of a line: every k-th one, or of each of BINS pieces of a function of time the least
+    and the greatest, so that no peak is lost."""
+    if len(x) <= MOST_POINTS:
+        return x, y
+    if not (np.diff(x) > 0).all():
+        every = math.ceil(len(x) / MOST_POINTS)
+        return x[::every], y[::every]
+    edges, finite = np.linspace(0, len(y), BINS + 1).astype(int)[:-1], np.isfinite(y)
+    low = np.minimum.reduceat(np.where(finite, y, np.inf), edges)
+    high = np.maximum.reduceat(np.where(finite, y, -np.inf), edges)
+    return np.repeat(x[edges], 2), np.stack([low, high], axis=1).ravel()
 
 
 def shortened(values: Array) -> list[float | None]:

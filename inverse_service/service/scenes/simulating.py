@@ -22,7 +22,7 @@ from inverse_service.expressions.printing import to_text
 from inverse_service.integrators.trajectory import Array, Trajectory
 from inverse_service.service.scenes.scene_lagrangian import conserved, finder
 from inverse_service.service.scenes.scene_reading import read_scene, scene_schema
-from inverse_service.simulation.advice import advice
+from inverse_service.simulation.advice import advice, by_itself
 from inverse_service.simulation.derivation import Derived, derive, derived_for_truth
 from inverse_service.simulation.estimates import order_of
 from inverse_service.simulation.events import Found, Switch, where_ended
@@ -56,7 +56,7 @@ def simulate_tables(document: Any, progress: Progress | None = None, time_limit:
     tables = {run.requested.label: table_of_run(scene, run) for run in found.runs if run.trajectory is not None}
     tables |= {run.requested.label: ensemble_arrays(scene, run) for run in found.members if run.many is not None}
     true = found.truth
-    truth = columns_of(scene, true.positions) if isinstance(true, Truth) else None
+    truth = {"t": true.times, **columns_of(scene, true.positions)} if isinstance(true, Truth) else None
     events = {run.requested.label: event_table(scene, run.events) for run in found.runs if run.events}
     return {"result": simulation_document(found, seconds), "tables": tables, "truth": truth, "events": events}
 
@@ -119,6 +119,8 @@ def run_document(document: Any, progress: Progress | None, time_limit: float) ->
         progress("deriving")
     find = finder(schema, system, catalogue_name(schema))
     derived = derive(scene, find)
+    if not schema.methods and isinstance(derived.accelerations, tuple):
+        scene = by_itself(scene, derived.accelerations)
     if "energy" in scene.observe and (scene.accelerations is not None or why_energy_varies(scene)):
         scene = replace(scene, conserved=conserved(scene, system, derived_for_truth(scene, derived).accelerations))
     done = time.perf_counter()

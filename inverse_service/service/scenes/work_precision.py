@@ -17,7 +17,7 @@ from inverse_service import __version__, errors, settings
 from inverse_service.integrators import method_table
 from inverse_service.mechanics import method_advice
 from inverse_service.service.scenes import prices, scene_lagrangian, scene_reading, simulating
-from inverse_service.simulation import derivation, estimates, precision, scene_data
+from inverse_service.simulation import advice as advising, derivation, estimates, precision, scene_data
 
 FORMAT = "inverse-service/work-precision/1"
 FEWEST_STEPS = 8
@@ -57,6 +57,9 @@ def _suitable(scene: scene_data.Scene) -> list[SceneMethod]:
         separable = method_advice.is_separable(scene.lagrangian, scene.coordinates) and not scene.forces
         own = "nonholonomic" if scene.constraints else "stormer-verlet" if separable else "variational"
         chosen += [{"method": own, "order": order} for order in (2, 4, 8)]
+    accelerations = derivation.accelerations_of(scene)
+    if isinstance(accelerations, tuple) and advising.is_stiff(scene, accelerations):
+        chosen.append({"method": "stiff"})
     return [SceneMethod.model_validate(one) for one in chosen]
 
 
