@@ -55,7 +55,7 @@ def kernel_of(formulas: Formulas, choice: MethodChoice, observation: Observation
     """The compiled step of the method, made only once for all values of h, alpha, parameters and weights."""
     order = choice.order if choice.method == "runge_kutta" else 0
     identity = (
-        formulas.problem, choice.method, choice.form, order, [str(part) for part in schemes.parts_of(choice)],
+        formulas.problem, choice.method, choice.form, order, tuple(map(str, schemes.parts_of(choice))),
         str(schemes.alpha_of(choice)), choice.guard, observation,
     )  # fmt: skip
     return compiled(identity, lambda: schemes.program_of(formulas, choice, observation), lanes)

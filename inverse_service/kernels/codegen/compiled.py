@@ -10,7 +10,7 @@ import hashlib
 import threading
 import time
 from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from dataclasses import asdict, dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -41,8 +41,9 @@ def code_digest() -> str:
     return digest.hexdigest()
 
 
-def digest_of(*parts: object) -> str:
-    """SHA-256 of the parts' texts and of the code."""
+@lru_cache(maxsize=256)
+def digest_of(*parts: Hashable) -> str:
+    """SHA-256 of the parts' texts and of the code; to write the text of a problem takes milliseconds."""
     digest = hashlib.sha256(code_digest().encode())
     for part in parts:
         digest.update(repr(part).encode() + b"\0")
@@ -138,7 +139,7 @@ _memory: OrderedDict[str, Compiled] = OrderedDict()
 _lock = threading.Lock()
 
 
-def compiled(identity: object, make: Callable[[], Program], lanes: int = 1) -> Compiled:
+def compiled(identity: Hashable, make: Callable[[], Program], lanes: int = 1) -> Compiled:
     """The kernel of the program that `make` builds; `identity` says all on which the program depends."""
     digest = digest_of(identity, lanes)
     with _lock:  # LLVM's global context takes one thread at a time
