@@ -41,13 +41,15 @@ def code_digest() -> str:
     return digest.hexdigest()
 
 
-@lru_cache(maxsize=256)
 def digest_of(*parts: Hashable) -> str:
-    """SHA-256 of the parts' texts and of the code; to write the text of a problem takes milliseconds."""
-    digest = hashlib.sha256(code_digest().encode())
-    for part in parts:
-        digest.update(repr(part).encode() + b"\0")
-    return digest.hexdigest()
+    """SHA-256 of the parts' texts and of the code."""
+    return hashlib.sha256(b"".join((code_digest().encode(), *map(_digest, parts)))).hexdigest()
+
+
+@lru_cache(maxsize=256)
+def _digest(part: Hashable) -> bytes:
+    """To write the text of a problem takes milliseconds."""
+    return hashlib.sha256(repr(part).encode()).digest()
 
 
 def object_code(ir: str, thorough: bool = False) -> bytes:
