@@ -28,10 +28,10 @@ from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.kernels.codegen import compiled
 from inverse_service.simulation import (
     derivation,
+    ensemble_runs,
     estimates,
     execution,
     initial,
-    members as ensembles,
     motions,
     numeric_formulas,
     observing,
@@ -75,7 +75,7 @@ class SceneRun:
     derived: derivation.Derived
     truth: scene_data.Truth | scene_data.Unavailable | None
     runs: tuple[MethodRun, ...]
-    members: tuple[ensembles.EnsembleRun, ...] = ()
+    members: tuple[ensemble_runs.EnsembleRun, ...] = ()
     lyapunov: Mapping[str, Any] | None = None
     effects: Mapping[str, Any] = field(default_factory=dict)
 
@@ -97,7 +97,7 @@ def run_scene(
         tell("true motion")
         truth = _truth(scene, derived, compared_until or stop)
     runs: list[MethodRun] = []
-    members: list[ensembles.EnsembleRun] = []
+    members: list[ensemble_runs.EnsembleRun] = []
     for place, requested in enumerate(scene.methods, 1):
         tell(f"{requested.label} ({place} of {len(scene.methods)})")
         if stop is not None and stop() and scene.ensemble is None:
@@ -106,7 +106,7 @@ def run_scene(
             continue
         try:
             if scene.ensemble is not None:
-                members.append(ensembles.run_members(scene, derived, requested, stop))
+                members.append(ensemble_runs.run_members(scene, derived, requested, stop))
                 continue
             runs.append(run_method(scene, requested, derived, truth, stop, find))
         except (ArithmeticError, ValueError, LookupError, TypeError, RuntimeError) as error:

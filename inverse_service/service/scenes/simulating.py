@@ -24,9 +24,9 @@ from inverse_service.service.scenes.scene_lagrangian import conserved, finder
 from inverse_service.service.scenes.scene_reading import read_scene, scene_schema
 from inverse_service.simulation.advice import advice, by_itself
 from inverse_service.simulation.derivation import Derived, derive, derived_for_truth
+from inverse_service.simulation.ensemble_runs import EnsembleRun
 from inverse_service.simulation.estimates import order_of
 from inverse_service.simulation.events import Found, Switch, where_ended
-from inverse_service.simulation.members import EnsembleRun
 from inverse_service.simulation.observing import columns_of, last_point, velocities_at_points, why_energy_varies
 from inverse_service.simulation.running import MethodRun, SceneRun, run_scene
 from inverse_service.simulation.scene_data import FreeLagrangian, Progress, Requested, Scene, Truth, Unavailable
