@@ -5,7 +5,7 @@ Formulas have further limits where they are read.
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Any, Final, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -20,6 +20,9 @@ MAX_TITLE_CHARACTERS = 500
 MAX_FORMULA_CHARACTERS = 20_000
 MAX_EQUATIONS = 128
 MAX_VALUE_CHARACTERS = 200
+
+
+CHECK_FORMAT: Final = "inverse-service/check/1"
 
 
 class Document(BaseModel):
@@ -129,6 +132,7 @@ class CheckAnswer(Document):
     right on some cells and wrong on others.
     """
 
+    format: Literal["inverse-service/check/1"] = CHECK_FORMAT
     verdict: Literal["valid", "incomplete", "invalid", "differs"]
     statement: ProvenStatement | None = None
     cells: list[CheckedCell] = Field(default_factory=list)

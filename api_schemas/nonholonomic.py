@@ -248,7 +248,7 @@ class ReducedPart(base.Document):
 class NonholonomicBranch(result.BranchPart):
     """The answers about the associated system `nonholonomic.main` and about the motion on one of the branches."""
 
-    any_associated: AnyAssociatedPart
+    any_associated: AnyAssociatedPart | None = None
 
 
 class NonholonomicResult(result.ResultDocument):
@@ -256,6 +256,6 @@ class NonholonomicResult(result.ResultDocument):
 
     branches: list[NonholonomicBranch] = Field(default_factory=list)  # type: ignore[assignment]
 
-    nonholonomic: NonholonomicPart | None
+    nonholonomic: NonholonomicPart | None = None
     any_associated: AnyAssociatedPart | None = None
     reduced: ReducedPart | None = None

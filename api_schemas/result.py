@@ -284,6 +284,8 @@ class ResultDocument(OtherAnswer):
     `readings` ({"text": "kx", "as": "k*x"}) what was read otherwise than typed, `ignored` keys
     that are not of documents.
     `kinds` answers what the document asks about kinds of Lagrangians; `instead` is what a system without L(q, q') has.
+    With constraints there are also `any_associated`, `reduced` and `nonholonomic`, and the main fields answer the
+    associated system `nonholonomic.main`.
     """
 
     format: Literal["inverse-service/result/1"] = FORMAT

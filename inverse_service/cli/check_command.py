@@ -57,6 +57,8 @@ def check(
         return _check_exceptions(file, form)
     if lagrangian is None and document is None and is_batch(file):
         return check_batch(file)
+    from inverse_service.service.documents.answers import check_document
+
     if lagrangian is not None:
         from inverse_service.service.documents.own_lagrangian import document_of
 
@@ -71,11 +73,7 @@ def check(
             text = model.write_json({"document": given, "result": result})
     settings = read_settings()
     outcome = workers.run_alone(tasks.check_task, (text,), settings.time_limit, settings.memory_limit)
-    if outcome.status in ("deadline", "memory"):
-        reason = f"The check was stopped at its {outcome.status} limit."
-        found: dict[str, Any] = {"verdict": "incomplete", "reasons": [reason]}
-    else:
-        found = value_of(outcome)
+    found = check_document(outcome)
     _print(found, form, lambda: check_lines(found))
     return cli.ExitCode.DONE if found["verdict"] == "valid" else cli.ExitCode.OPEN
 

@@ -14,6 +14,7 @@ from dataclasses import replace
 from typing import Any, ParamSpec, TypeVar
 
 from inverse_service import __version__, errors
+from inverse_service.service.documents import answers
 from inverse_service.service.jobs import model, opening, statements, tasks, workers
 from inverse_service.service.jobs.metrics import Counters
 from inverse_service.service.jobs.outcome import Call, Outcome, value_of
@@ -308,10 +309,7 @@ class Engine:
         if outcome.status == "deadline":
             call = Call(tasks.check_body_task, (body,), self.settings.time_limit, client=client)
             outcome = await self._run(self._working, call)
-        if outcome.status in LIMITS:
-            return {"verdict": "incomplete", "reasons": [f"The check was stopped at its {outcome.status} limit."]}
-        found: dict[str, Any] = value_of(outcome)
-        return found
+        return answers.check_document(outcome)
 
     async def look_ahead(self, client: str, document: str) -> None:
         """Raise DocumentRefused at once if a document cannot be read, so that the client need not wait for a job."""

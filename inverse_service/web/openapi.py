@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import inspect
 import json
 import re
 from collections.abc import Iterator
 from functools import lru_cache
 from importlib import resources
-from typing import Any
+from typing import Any, get_args
 
 from fastapi import FastAPI
 from fastapi.openapi.utils import get_openapi
+from pydantic import BaseModel
 
-from api_schemas.base import ParseAnswer, ProblemDocument
+from api_schemas.base import CheckAnswer, ParseAnswer, ProblemDocument
 from api_schemas.nonholonomic import NonholonomicDocument, NonholonomicParseAnswer, NonholonomicResult
 from api_schemas.result import ForwardParseAnswer, ForwardResult, LagrangianDocument, ResultDocument
 from api_schemas.scene import SceneDocument
@@ -39,9 +41,18 @@ def any_of(*names: str) -> dict[str, Any]:
     return references[0] if len(references) == 1 else {"anyOf": references}
 
 
-def answers_of(*names: str) -> dict[str, Any]:
-    """The answer of a route that has one of several schemas."""
-    return {"description": "The answer.", "content": {"application/json": {"schema": any_of(*names)}}}
+def one_of(*models: type[BaseModel]) -> dict[str, Any]:
+    """One of these results; its `format` says which."""
+    mapping = {get_args(model.model_fields["format"].annotation)[0]: any_of(model.__name__)["$ref"] for model in models}
+    return {
+        "oneOf": [{"$ref": place} for place in mapping.values()],
+        "discriminator": {"propertyName": "format", "mapping": mapping},
+    }
+
+
+def answer(schema: dict[str, Any]) -> dict[str, Any]:
+    """The answer of a route that does not name its model."""
+    return {"description": "The answer.", "content": {"application/json": {"schema": schema}}}
 
 
 def body_of(*names: str, others: dict[str, Any] | None = None) -> dict[str, Any]:
@@ -51,11 +62,9 @@ def body_of(*names: str, others: dict[str, Any] | None = None) -> dict[str, Any]
 
 
 DOCUMENTS = ("SystemDocument", "NonholonomicDocument", "LagrangianDocument")
-RESULTS = ("NonholonomicResult", "ResultDocument", "ForwardResult")
-# The results of jobs, distinguished by `format`; that of a check has none.
-OF_JOBS = (*RESULTS, "SimulationResult", "WorkPrecisionResult", "CheckAnswer")
-SOLVED = answers_of(*RESULTS)
-PARSED = answers_of("ForwardParseAnswer", "NonholonomicParseAnswer", "ParseAnswer")
+RESULT = one_of(ResultDocument, ForwardResult)
+SOLVED = answer(RESULT)
+PARSED = answer(any_of("ForwardParseAnswer", "NonholonomicParseAnswer", "ParseAnswer"))
 KEY_AND_RATE = refusals(401, 429, 503)
 UNKNOWN = refusals(404) | KEY_AND_RATE
 BAD_BODY = refusals(400, 413, 415, 422, 500) | KEY_AND_RATE | refusals(410)
@@ -80,7 +89,8 @@ BATCH_PARAMETERS = {"parameters": [TIME_LIMIT, ONCE]}
 
 
 ASKED = (SystemDocument, NonholonomicDocument, LagrangianDocument)
-ANSWERED = (ResultDocument, NonholonomicResult, ForwardResult, ParseAnswer, NonholonomicParseAnswer, ForwardParseAnswer)
+ANSWERED = (ResultDocument, ForwardResult, ParseAnswer, NonholonomicParseAnswer, ForwardParseAnswer)
+OF_JOBS = (ResultDocument, ForwardResult, SimulationResult, WorkPrecisionResult, CheckAnswer)
 OTHERS = (SceneDocument, SimulationResult, WorkPrecisionResult, ProblemDocument)
 
 
@@ -93,8 +103,7 @@ def _object_with(title: str, whole: bool, **properties: Any) -> dict[str, Any]:
 # What the checker reads; of anything else it says itself what is missing.
 CHECKED = {
     "anyOf": [
-        any_of("ResultDocument"), any_of("NonholonomicResult"),
-        _object_with("ResultOfDocument", True, document=any_of(*DOCUMENTS), result=any_of(*RESULTS)),
+        any_of("ResultDocument"), _object_with("ResultOfDocument", True, document=any_of(*DOCUMENTS), result=RESULT),
         _object_with("OwnLagrangian", True, system=any_of("SystemDocument", "NonholonomicDocument"),
                      lagrangian={"type": "string"}),
         _object_with("Certificate", False, format={"enum": [FORMAT, OLD_FORMAT]}, system={"type": "object"}),
@@ -170,7 +179,10 @@ DESCRIPTION = (
 def _schemas(known: dict[str, Any]) -> dict[str, Any]:
     """All schemas, with the keys that are taken from every document and a description of every property."""
     for model in (*ASKED, *ANSWERED, *OTHERS):
-        schema = model.model_json_schema(ref_template=REFERENCE)
+        # A result about a motion on constraints has all keys that there are.
+        whole = NonholonomicResult if model is ResultDocument else model
+        schema = whole.model_json_schema(ref_template=REFERENCE)
+        schema |= {"title": model.__name__, "description": inspect.getdoc(model)}
         if model in (*ASKED, SceneDocument):
             _without_defaults(schema)
         known.update(schema.pop("$defs", {}))
@@ -188,7 +200,10 @@ def _schemas(known: dict[str, Any]) -> dict[str, Any]:
         known[model.__name__]["properties"] |= {"document_id": dict(ID), "metadata": {}}
         # Its older name `id` is not described, so that an answer with an `id` is a job.
         known[model.__name__].pop("additionalProperties")
-    known["Job"]["properties"]["result"] = {"anyOf": [*map(any_of, OF_JOBS), {"type": "null"}]}
+    for name in (model.__name__ for model in OF_JOBS):
+        known[name]["required"] = sorted({*known[name]["required"], "format"})
+    known["JobResult"] = {"title": "JobResult", "description": "What came of a job, by `format`."} | one_of(*OF_JOBS)
+    known["Job"]["properties"]["result"] = {"anyOf": [any_of("JobResult"), {"type": "null"}]}
     known["JobEvent"] = JOB_EVENT
     for name in ("HTTPValidationError", "ValidationError"):
         known.pop(name, None)

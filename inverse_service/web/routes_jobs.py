@@ -199,7 +199,9 @@ ANSWERS: dict[int | str, dict[str, Any]] = {
 }
 
 
-@router.post("/v1/simulate", responses={200: openapi.answers_of("SimulationResult"), **ANSWERS}, openapi_extra=SCENE)
+@router.post(
+    "/v1/simulate", responses={200: openapi.answer(openapi.any_of("SimulationResult")), **ANSWERS}, openapi_extra=SCENE
+)
 async def simulate(request: Request) -> Response:
     """Integrate a scene: each method's outcome, the observed quantities, thinned points.
 
@@ -209,7 +211,9 @@ async def simulate(request: Request) -> Response:
 
 
 @router.post(
-    "/v1/work-precision", responses={200: openapi.answers_of("WorkPrecisionResult"), **ANSWERS}, openapi_extra=SCENE
+    "/v1/work-precision",
+    responses={200: openapi.answer(openapi.any_of("WorkPrecisionResult")), **ANSWERS},
+    openapi_extra=SCENE,
 )
 async def work_precision(request: Request) -> Response:
     """Measure error against time for every method of a scene, at many step sizes."""

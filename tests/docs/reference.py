@@ -17,8 +17,7 @@ BEGIN, END = "<!-- fields -->\n\n", "<!-- end of fields -->\n"
 
 
 # What commands and calls answer with; the objects within them follow the first that has them.
-RESULTS = ("ResultDocument", "NonholonomicResult", "ForwardResult", "CheckAnswer", "SimulationResult",
-           "WorkPrecisionResult")  # fmt: skip
+RESULTS = ("ResultDocument", "ForwardResult", "CheckAnswer", "SimulationResult", "WorkPrecisionResult")
 HEAD = "| field | what it is | type |\n| --- | --- | --- |"
 
 
@@ -38,8 +37,6 @@ def fields(description: dict[str, Any]) -> str:
         for name in group:
             rows = _rows(schemas[name])
             also = [key for row, key in rows.items() if row in shared]
-            if name != "ResultDocument" and rows.keys() > _rows(schemas["ResultDocument"]).keys():
-                also = ["the fields of ResultDocument"]
             text = " ".join(filter(None, [_cell(schemas[name].get("description", "")) + ".", _also(also)]))
             parts += [f"| **{name}** | {text} | |", *(row for row in rows if row not in shared)]
         parts.append("")

@@ -25,7 +25,7 @@ async function calls() {
     job = await client.GET("/v1/jobs/{id}", { params: { path: { id } } });
   }
   const found = job.data?.result;
-  expect(!!found && "verdict" in found && found.verdict === "variational", "job");
+  expect(found?.format === "inverse-service/result/1" && found.verdict === "variational", "job");
   const batch = await client.POST("/v1/batches", { body: [{ ...oscillator, id: "a" }, { equations: "x'' = 0" }, 3] });
   expect(batch.data?.total === 3, "batch");
   const lines = await client.GET("/v1/batches/{id}/results", { params: { path: { id: batch.data?.id ?? "" } } });

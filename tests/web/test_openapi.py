@@ -55,15 +55,21 @@ def test_the_description_is_valid_by_the_standard(description: dict[str, Any]) -
     assert [(list(e.absolute_path), e.message[:200]) for e in validator_of_the_standard.iter_errors()] == []
 
 
-def test_the_answer_to_solve_is_json_alone_and_that_of_a_job_one_of_its_results(description: dict[str, Any]) -> None:
-    answer = description["paths"]["/v1/solve"]["post"]["responses"]["200"]["content"]
-    assert list(answer) == ["application/json"]
-    options = description["components"]["schemas"]["Job"]["properties"]["result"]["anyOf"]
-    names = {option["$ref"].rpartition("/")[2] for option in options if "$ref" in option}
-    formats = {
-        description["components"]["schemas"][name]["properties"]["format"]["const"] for name in names - {"CheckAnswer"}
-    }
-    assert (len(names), len(formats)) == (6, 4)
+def test_the_answer_to_solve_is_json_alone_and_a_format_says_which_result_a_job_has(
+    description: dict[str, Any], service: str
+) -> None:
+    schemas = description["components"]["schemas"]
+    content = description["paths"]["/v1/solve"]["post"]["responses"]["200"]["content"]
+    assert list(content) == ["application/json"]
+    assert content["application/json"]["schema"]["discriminator"]["propertyName"] == "format"
+    mapping = schemas["JobResult"]["discriminator"]["mapping"]
+    assert [option["$ref"] for option in schemas["JobResult"]["oneOf"]] == [*mapping.values()]
+    for name, place in mapping.items():
+        schema = schemas[place.rpartition("/")[2]]
+        assert schema["properties"]["format"]["const"] == name
+        assert "format" in schema["required"]
+    body = {"system": {"equations": "x'' = -x"}, "lagrangian": "x'^2/2 - x^2/2"}
+    assert httpx.post(f"{service}/v1/check", json=body, timeout=60).json()["format"] == "inverse-service/check/1"
 
 
 def test_every_property_is_described(description: dict[str, Any]) -> None:

@@ -7,6 +7,7 @@ import json
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from api_schemas import base
 from api_schemas.result import IncompletePart, ResultDocument, UnderstoodSystem
 from inverse_service import __version__, errors
 from inverse_service.decision.solutions import SolveOptions
@@ -37,6 +38,15 @@ def result_document(
         return result
     if outcome.status in ("deadline", "memory"):
         return undetermined(outcome.value, f"{reason[:-1]} before a verdict could be proved.", options)
+    found: dict[str, Any] = value_of(outcome)
+    return found
+
+
+def check_document(outcome: Outcome) -> dict[str, Any]:
+    """The answer of a check; one that a limit ended is incomplete. Raises as `result_document` does."""
+    if outcome.status in ("deadline", "memory"):
+        reasons = [f"The check was stopped at its {outcome.status} limit."]
+        return base.CheckAnswer(verdict="incomplete", reasons=reasons).model_dump()
     found: dict[str, Any] = value_of(outcome)
     return found
 

@@ -13,6 +13,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any, Final
 
+from api_schemas.base import CHECK_FORMAT
 from inverse_service.certificate.cell import Cell
 from inverse_service.certificate.checker import CheckResult, check_certificate, check_text, judged
 from inverse_service.certificate.formulas import FORMAT, MAX_MEMBERS, OLD_FORMAT, RESULT_FORMAT, Ended, read_tokens
@@ -62,7 +63,7 @@ _OF_DOCUMENT: Final = {
 
 
 def check_document(text: str) -> dict[str, Any]:
-    """{verdict, statement, cells, contradictions, not_checked, reasons} on the JSON text of one of these.
+    """{format, verdict, statement, cells, contradictions, not_checked, reasons} on the JSON text of one of these.
 
     A result or a certificate; {"document": …, "result": …}, where the document is that of the user, which else is the
     one that a result carries as `system.given`; {"system": …, "lagrangian": "…"}, whether a Lagrangian of the user has
@@ -121,7 +122,7 @@ def claims_nothing(found: object) -> bool:
 
 def _answer(found: CheckResult, **more: Any) -> dict[str, Any]:
     empty: dict[str, Any] = {"statement": None, "cells": [], "contradictions": [], "not_checked": []}
-    return {"verdict": found.verdict} | empty | {"reasons": list(found.reasons)} | more
+    return {"format": CHECK_FORMAT, "verdict": found.verdict} | empty | {"reasons": list(found.reasons)} | more
 
 
 def _of_certificate(certificate: dict[str, Any], document: object, end: float) -> dict[str, Any]:

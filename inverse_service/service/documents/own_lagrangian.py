@@ -9,6 +9,7 @@ from typing import Any
 
 import mpmath
 
+from api_schemas.base import CHECK_FORMAT
 from inverse_service.deadline import now
 from inverse_service.decision import cells, certify
 from inverse_service.decision.deciding import analyze, variables_of
@@ -79,6 +80,7 @@ def check_lagrangian(document: Any, text: str, time_limit: float = 60.0) -> dict
         verdict, reasons = "incomplete", [AS_WRITTEN]
     shown = [one for one in found if one["verdict"] == "valid"]
     return {
+        "format": CHECK_FORMAT,
         "verdict": verdict,
         "statement": shown[0]["statement"] if shown and not is_singular else None,
         "cells": [{key: one[key] for key in one if key not in ("statement", "reasons")} for one in found],
