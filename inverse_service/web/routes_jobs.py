@@ -52,7 +52,7 @@ async def ask(request: Request, kind: str) -> Response:
     client, server, viewer = clients.client_of(request), engine.server_options, clients.viewer_of(request)
     terms = tasks.Terms(kind, server, asking.time_limit_of(request, server), client, asking.wants_fresh(request))
     async with asking.json_body_of(request, asking.FACTORS[kind] * engine.settings.max_body) as body:
-        question = await engine.read_body(client, tasks.ask_task, body, terms)
+        question = await engine.question(body, terms)
     job = await engine.submit(question, viewer, preference.wait, asking.key_of(request))
     if job.is_open and preference.wait <= 0 and kind == "solve":
         await engine.look_ahead(client, question.document)

@@ -237,6 +237,8 @@ class Supervisor:
         self._won: set[tuple[str, int]] = set()
         self._lock = threading.Lock()
         self._wake = threading.Event()
+        # Whether some may wait that were not claimed for lack of room: then the end of a run is a reason to look.
+        self._more = True
         self._stopping = threading.Event()
         self._ended: queue.SimpleQueue[tuple[model.Job, Outcome] | None] = queue.SimpleQueue()
         self._threads: list[threading.Thread] = []
@@ -316,10 +318,14 @@ class Supervisor:
 
     def _claim(self) -> None:
         while not self._stopping.is_set():
+            self._more = True
             free, most = self._free(), self._client_running
             if free <= 0 and self._quick is not None:
                 free, most = free + AHEAD, 1
-            if free <= 0 or not self._store.is_waiting():
+            if free < min(self._executor.capacity, AHEAD):  # no worker waits yet: several are claimed in one commit
+                return
+            if not self._store.is_waiting():
+                self._more = False  # who accepts one from now on wakes this thread
                 return
             jobs = self._store.claim(self._owner, free, most)
             for job in jobs:
@@ -402,7 +408,8 @@ class Supervisor:
                 with self._lock:
                     self._running.pop((job.id, job.attempt), None)
                     self._won.discard((job.id, job.attempt))
-                self._wake.set()
+                if self._more:
+                    self._wake.set()
 
     def _insist(self, job: model.Job, outcome: Outcome) -> None:
         """Store an answer however long the store stays away; where the service stops first, the job runs again."""

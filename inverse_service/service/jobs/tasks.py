@@ -98,7 +98,7 @@ def check_task(text: str) -> dict[str, Any]:
 
 Report = Callable[[Any], None]
 Work = Callable[[Any, model.JobOptions, Report], Any]
-Look = Callable[[Any], None]
+Look = Callable[[Any], Any]
 # The code of a place in a body that cannot be read at all; HTTP answers it with 400 and all others with 422.
 UNREADABLE = "unreadable"
 NO_RESULT = "The body is not a result: send the JSON object that /v1/solve answered."
@@ -119,12 +119,12 @@ class Terms:
     most: int = model.NO_BOUND
 
 
-def ask_task(body: bytes, terms: Terms) -> model.JobRequest:
+def ask_task(body: bytes, terms: Terms, look: Look | None = None) -> model.JobRequest:
     """A question to its JobRequest; the time limit of the call goes before that of the document."""
     document, given = model.split_options(_read(body))
     options = model.read_options(given, terms.server)
     options = replace(options, time_limit=terms.time_limit or options.time_limit)
-    return request_of(terms.kind, document, options, terms.client, fresh=terms.fresh)
+    return request_of(terms.kind, document, options, terms.client, fresh=terms.fresh, look=look)
 
 
 def parse_task(body: bytes) -> bytes:
@@ -226,9 +226,10 @@ def request_of(
     client: str = "",
     priority: int = model.INTERACTIVE,
     fresh: bool = False,
+    look: Look | None = None,
 ) -> model.JobRequest:
-    """The request. Raises InputError where the document has not the shape that the kind asks for."""
-    KINDS[kind].look(document)
+    """The request. Raises InputError, or what `look` raises, where the document has not the shape of its kind."""
+    (look or KINDS[kind].look)(document)
     chosen = options.canonical()
     return model.JobRequest(
         model.job_id(kind, document, chosen), kind, model.write_json(document), chosen, client, priority, fresh

@@ -17,7 +17,6 @@ import contextlib
 import ctypes
 import faulthandler
 import gc
-import heapq
 import itertools
 import logging
 import math
@@ -336,7 +335,7 @@ class FairQueue(Generic[T]):
 
     def __init__(self, share: int = NO_SHARE) -> None:
         self._share = share
-        self._waiting: dict[str, list[tuple[int, int, T]]] = {}
+        self._waiting: list[tuple[int, int, str, T]] = []
         self._out: Counter[str] = Counter()
         self._numbers = itertools.count()
         self._changed = threading.Condition()
@@ -346,7 +345,7 @@ class FairQueue(Generic[T]):
         """Let a task wait; the smaller `priority` goes first. False where the queue is closed."""
         with self._changed:
             if not self._closed:
-                heapq.heappush(self._waiting.setdefault(client, []), (priority, next(self._numbers), task))
+                self._waiting.append((priority, next(self._numbers), client, task))
                 self._changed.notify()
             return not self._closed
 
@@ -354,14 +353,12 @@ class FairQueue(Generic[T]):
         """The next task and its client; None where none comes in so many seconds."""
         with self._changed:
             self._changed.wait_for(lambda: self._closed or self._next() is not None, seconds)
-            client = self._next()
-            if client is None:
+            entry = self._next()
+            if entry is None:
                 return None
-            task = heapq.heappop(self._waiting[client])[2]
-            if not self._waiting[client]:
-                del self._waiting[client]
-            self._out[client] += 1
-            return client, task
+            self._waiting.remove(entry)
+            self._out[entry[2]] += 1
+            return entry[2:]
 
     def done(self, client: str) -> None:
         """A task that `get` gave ended."""
@@ -369,29 +366,26 @@ class FairQueue(Generic[T]):
             self._out[client] -= 1
             if not self._out[client]:
                 del self._out[client]
-            self._changed.notify()
+            if self._waiting:
+                self._changed.notify()
 
-    def remove(self, client: str, task: T) -> None:
+    def remove(self, task: T) -> None:
         """Forget a task that waits; nothing happens where it does not."""
         with self._changed:
-            left = [entry for entry in self._waiting.get(client, ()) if entry[2] is not task]
-            heapq.heapify(left)
-            self._waiting[client] = left
-            if not left:
-                del self._waiting[client]
+            self._waiting = [entry for entry in self._waiting if entry[3] is not task]
 
     def close(self) -> list[T]:
         """Take no more and wake all that wait in `get`; the tasks that nobody gets."""
         with self._changed:
             self._closed = True
-            left = [task for tasks in self._waiting.values() for _, _, task in tasks]
-            self._waiting.clear()
+            left, self._waiting = [entry[3] for entry in self._waiting], []
             self._changed.notify_all()
             return left
 
-    def _next(self) -> str | None:
-        able = [client for client in self._waiting if self._out[client] < self._share]
-        return min(able, key=lambda client: (self._out[client], self._waiting[client][0][:2]), default=None)
+    def _next(self) -> tuple[int, int, str, T] | None:
+        """Of the client with the fewest tasks out; some ten wait at most, so all are looked at."""
+        able = [entry for entry in self._waiting if self._out[entry[2]] < self._share]
+        return min(able, key=lambda entry: (self._out[entry[2]], entry[:2]), default=None)
 
 
 log = logging.getLogger(__name__)
@@ -527,7 +521,7 @@ class Workers:
 
     def withdraw(self, running: Running) -> None:
         """Cancel a task and forget it where it waits."""
-        self._tasks.remove(running.call.client, running)
+        self._tasks.remove(running)
         running.cancel()
 
     def fault(self) -> str:
