@@ -56,7 +56,7 @@ class Engine:
     """Two pools: one runs jobs, the other reads what comes in and answers what takes milliseconds.
 
     A page that echoes what was understood must not wait behind a system of an hour. What clients send is read in the
-    second pool, never on the loop, which only moves bytes.
+    second pool; the loop moves bytes, and reads what is short and plain.
     """
 
     supervisor: Supervisor

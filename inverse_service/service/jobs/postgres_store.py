@@ -6,14 +6,12 @@ Times are those of the database server, whose clock all front ends share.
 from __future__ import annotations
 
 import contextlib
-import functools
 import logging
 import queue
 import threading
 import time
 import uuid
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable
 from typing import Any, TypeVar
 
 import psycopg
@@ -27,8 +25,6 @@ log = logging.getLogger(__name__)
 T = TypeVar("T")
 Row = dict[str, Any]
 Connection = psycopg.Connection[Row]
-NOW = "extract(epoch FROM clock_timestamp())::double precision"
-TODAY = "(extract(epoch FROM clock_timestamp())::bigint / 86400)::integer"
 # Rows have their share of tables and indexes besides their contents.
 ROW_BYTES = 300
 # Compressed as it is; the files themselves only shrink when vacuumed.
@@ -108,33 +104,6 @@ def connect(address: str) -> Connection:
     return connection
 
 
-@dataclass(frozen=True, slots=True)
-class _Session:
-    """See `statements.Session`."""
-
-    connection: Connection
-    told: list[model.Change]
-
-    def rows(self, query: str, *arguments: Any) -> list[Any]:
-        return self.connection.execute(_translated(query), arguments).fetchall()
-
-    def run(self, query: str, *arguments: Any) -> None:
-        self.connection.execute(_translated(query), arguments)
-
-    def many(self, query: str, arguments: Sequence[tuple[Any, ...]]) -> None:
-        with self.connection.cursor() as cursor:
-            cursor.executemany(_translated(query), arguments)
-
-    def lock(self, name: int) -> None:
-        self.connection.execute("SELECT pg_advisory_xact_lock(%s)", (name,))
-
-
-@functools.cache
-def _translated(query: str) -> bytes:
-    text = query.replace("AMONG (?)", "= ANY(%s)").replace("?", "%s")
-    return text.replace("moment()", NOW).replace("today()", TODAY).encode()
-
-
 def prepare(connection: Connection) -> None:
     """Make the tables that are missing, bring those of an older version to this one, all in one transaction.
 
@@ -198,12 +167,12 @@ class PostgresStore(JobStore):
         for connection in free:
             self._places.put(self._closing(connection))
 
-    def _read(self, function: Callable[[_Session], T]) -> T:
-        return self._insist(lambda connection: function(_Session(connection, [])))
+    def _read(self, function: Callable[[statements.Session], T]) -> T:
+        return self._insist(lambda connection: function(statements.Session(connection, [], statements.POSTGRES)))
 
-    def _write(self, change: Callable[[_Session], T], durable: bool = True) -> T:
+    def _write(self, change: Callable[[statements.Session], T], durable: bool = True) -> T:
         def transaction(connection: Connection) -> tuple[T, list[model.Change]]:
-            session = _Session(connection, [])
+            session = statements.Session(connection, [], statements.POSTGRES)
             # In a pipeline, statements whose rows nobody waits for cost no way to the server and back.
             with connection.pipeline(), connection.transaction():
                 if not durable:

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import contextlib
 import functools
-import json
 import queue
-import re
 import sqlite3
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import dataclass
 from pathlib import Path
@@ -106,36 +104,6 @@ PAGES_AT_ONCE, PAGES_KEPT = 256, 2048
 # Larger files are not rewritten at the start to give space back later; see docs/how-to/operate.md.
 REWRITTEN = 256 * 2**20
 OWN_TABLES = {"jobs", "bodies", "events", "batches", "lines", "counters"}
-
-
-@dataclass(frozen=True, slots=True)
-class _Session:
-    """See `statements.Session`; there is one writer, so that nothing needs a lock."""
-
-    connection: sqlite3.Connection
-    told: list[model.Change]
-
-    def rows(self, query: str, *arguments: Any) -> list[Any]:
-        return self.connection.execute(_translated(query), _adapted(arguments)).fetchall()
-
-    def run(self, query: str, *arguments: Any) -> None:
-        self.connection.execute(_translated(query), _adapted(arguments))
-
-    def many(self, query: str, arguments: Sequence[tuple[Any, ...]]) -> None:
-        self.connection.executemany(query, arguments)
-
-    def lock(self, name: int) -> None:
-        pass
-
-
-@functools.cache
-def _translated(query: str) -> str:
-    text = re.sub(r" FOR UPDATE( SKIP LOCKED)?", "", query)
-    return text.replace("AMONG (?)", "IN (SELECT value FROM json_each(?))")
-
-
-def _adapted(arguments: Sequence[Any]) -> list[Any]:
-    return [json.dumps(argument) if isinstance(argument, list) else argument for argument in arguments]
 
 
 def connect(path: str, read_only: bool = False) -> sqlite3.Connection:
@@ -279,12 +247,13 @@ class SqliteStore(JobStore):
         if self._lock is not None:
             self._lock.release()
 
-    def _read(self, function: Callable[[_Session], T]) -> T:
-        return function(_Session(self._reader(), []))
+    def _read(self, function: Callable[[statements.Session], T]) -> T:
+        return function(statements.Session(self._reader(), [], statements.SQLITE))
 
-    def _write(self, change: Callable[[_Session], T], durable: bool = True) -> T:
+    def _write(self, change: Callable[[statements.Session], T], durable: bool = True) -> T:
         told = list[model.Change]()
-        value = self._writer.write(lambda connection: change(_Session(connection, told)), durable)
+        session = functools.partial(statements.Session, told=told, dialect=statements.SQLITE)
+        value = self._writer.write(lambda connection: change(session(connection)), durable)
         self.tell(told)
         return value
 

@@ -16,13 +16,14 @@ Batches: their data, their identity, and what a store does with them and their l
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import itertools
 import json
 import secrets
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Any, Final, Protocol
+from typing import Any, Final
 
 from inverse_service import errors
 from inverse_service.service.jobs import model
@@ -99,25 +100,56 @@ _MIGRATIONS = {
     """,
     2: "{number_answers}",
 }
-SQLITE: Final = {
-    "serial": "INTEGER PRIMARY KEY AUTOINCREMENT", "real": "REAL", "bytes": "BLOB", "long": "INTEGER",
-    "table": " STRICT", "keyed": " STRICT, WITHOUT ROWID",
-    # All batches had one number until version 2.
-    "number_answers": "ALTER TABLE batches ADD COLUMN answers INTEGER NOT NULL DEFAULT 0; UPDATE batches SET answers = "
-    "(SELECT coalesce(max(order_number), 0) FROM lines WHERE lines.batch = batches.id);",
-}  # fmt: skip
-POSTGRES: Final = {
-    "serial": "BIGINT GENERATED ALWAYS AS IDENTITY PRIMARY KEY", "real": "DOUBLE PRECISION", "bytes": "BYTEA",
-    "long": "BIGINT", "table": "", "keyed": "", "number_answers": "",
-}  # fmt: skip
 
 
-def script(found: int, words: dict[str, str]) -> str:
+@dataclass(frozen=True, eq=False)
+class Dialect:
+    """Of a database: the words of its schema, what its queries have instead of ours, what takes a lock."""
+
+    words: Mapping[str, str]
+    instead: Mapping[str, str]
+    adapted: Callable[[Any], Any] = lambda argument: argument
+    lock: str = ""
+
+    @functools.cache  # noqa: B019 - there are two, for all time
+    def translated(self, query: str) -> str:
+        """The query as this database takes it."""
+        for ours, theirs in self.instead.items():
+            query = query.replace(ours, theirs)
+        return query
+
+
+# There is one writer, so that nothing needs a lock.
+SQLITE: Final = Dialect(
+    {
+        "serial": "INTEGER PRIMARY KEY AUTOINCREMENT", "real": "REAL", "bytes": "BLOB", "long": "INTEGER",
+        "table": " STRICT", "keyed": " STRICT, WITHOUT ROWID",
+        # All batches had one number until version 2.
+        "number_answers": "ALTER TABLE batches ADD COLUMN answers INTEGER NOT NULL DEFAULT 0; UPDATE batches SET "
+        "answers = (SELECT coalesce(max(order_number), 0) FROM lines WHERE lines.batch = batches.id);",
+    },
+    {"AMONG (?)": "IN (SELECT value FROM json_each(?))", " FOR UPDATE": "", " SKIP LOCKED": ""},
+    lambda argument: json.dumps(argument) if isinstance(argument, list) else argument,
+)  # fmt: skip
+POSTGRES: Final = Dialect(
+    {
+        "serial": "BIGINT GENERATED ALWAYS AS IDENTITY PRIMARY KEY", "real": "DOUBLE PRECISION", "bytes": "BYTEA",
+        "long": "BIGINT", "table": "", "keyed": "", "number_answers": "",
+    },
+    {
+        "AMONG (?)": "= ANY(%s)", "?": "%s", "moment()": "extract(epoch FROM clock_timestamp())::double precision",
+        "today()": "(extract(epoch FROM clock_timestamp())::bigint / 86400)::integer",
+    },
+    lock="SELECT pg_advisory_xact_lock(?)",
+)  # fmt: skip
+
+
+def script(found: int, dialect: Dialect) -> str:
     """What makes the tables of version `found` (0: none) those of this one. Raises WrongVersion for a newer one."""
     if not 0 <= found <= VERSION:
         raise model.WrongVersion(found, VERSION)
     steps = [_MIGRATIONS[version] for version in range(found or VERSION, VERSION)]
-    return "".join((*steps, _SCHEMA)).format(**words)
+    return "".join((*steps, _SCHEMA)).format(**dialect.words)
 
 
 # As the table has them; the body has one of its own.
@@ -159,24 +191,34 @@ ACCEPT_LOCK, CLAIM_LOCK = 7_204_021_102, 7_204_021_104
 FAR, FAR_AT_LEAST = 10, 1000
 
 
-class Session(Protocol):
-    """The connection of one transaction."""
+@dataclass(frozen=True, slots=True)
+class Session:
+    """The connection of one transaction, and what it changed; queries are put into the words of its database."""
 
-    @property
-    def told(self) -> list[model.Change]:
-        """What it changed."""
+    connection: Any
+    told: list[model.Change]
+    dialect: Dialect
 
     def rows(self, query: str, *arguments: Any) -> list[Any]:
         """All rows, each a mapping by column."""
+        found: list[Any] = self._execute(query, arguments).fetchall()
+        return found
 
     def run(self, query: str, *arguments: Any) -> None:
         """A statement whose rows nobody waits for."""
+        self._execute(query, arguments)
 
     def many(self, query: str, arguments: Sequence[tuple[Any, ...]]) -> None:
         """The statement for each of the arguments."""
+        self.connection.cursor().executemany(self.dialect.translated(query), arguments)
 
     def lock(self, name: int) -> None:
         """Wait until no other transaction holds this lock; held to the end."""
+        if self.dialect.lock:
+            self.run(self.dialect.lock, name)
+
+    def _execute(self, query: str, arguments: Sequence[Any]) -> Any:
+        return self.connection.execute(self.dialect.translated(query), [*map(self.dialect.adapted, arguments)])
 
 
 def first(session: Session, query: str, *arguments: Any) -> Any:
