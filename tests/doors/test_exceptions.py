@@ -107,6 +107,7 @@ def motion() -> dict[str, Any]:
     return found
 
 
+@pytest.mark.slow
 def test_kinds_and_motions_on_constraints_name_what_their_proofs_leave_out(
     kinds: dict[str, Any], motion: dict[str, Any]
 ) -> None:

@@ -24,7 +24,7 @@ def solved(pairs: int) -> inverse_service.Result:
     return inverse_service.solve(heisenberg(pairs) | {"associated": "any"}, time_limit=60)
 
 
-@pytest.mark.parametrize("pairs", [1, 2, pytest.param(3, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("pairs", [1, *(pytest.param(k, marks=pytest.mark.slow) for k in (2, 3))])
 def test_the_particle_of_any_dimension_can_be_given_a_hamiltonian(pairs: int) -> None:
     result = solved(pairs)
     answer = result["any_associated"]

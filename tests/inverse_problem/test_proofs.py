@@ -65,7 +65,7 @@ def test_coq_refuses_the_proof_for_another_f(tmp_path: Path) -> None:
     "equations",
     [
         pytest.param({"x": "-x/(x^2 + y^2)^(3/2)", "y": "-y/(x^2 + y^2)^(3/2)"}, marks=pytest.mark.slow),
-        {"theta": "-sin(theta) - t"},
+        pytest.param({"theta": "-sin(theta) - t"}, marks=pytest.mark.slow),
         {"x": "-k*x - c*x'"},
     ],
 )

@@ -129,6 +129,7 @@ def keys_of(value: Any) -> set[str]:
     return set().union(*map(keys_of, value)) if isinstance(value, list) else set()
 
 
+@pytest.mark.slow
 def test_a_quantity_beside_the_kernel_that_is_left_out_is_nowhere_in_the_answer() -> None:
     """Neither a number, a column, a time that it took, nor a true motion."""
     assert set(IN_THE_ANSWER.values()) <= keys_of(simulate(observing(list(IN_THE_ANSWER))))

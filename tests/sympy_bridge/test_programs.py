@@ -74,6 +74,7 @@ def test_6_kanes_method_of_a_damped_mass() -> None:
     assert sp.simplify(next(iter(found.equations.values())) - (-k * q - c * q.diff()) / m) == 0
 
 
+@pytest.mark.slow
 def test_the_pendulum_on_a_cart_that_sympy_builds_has_the_lagrangian_of_its_mass_matrix() -> None:
     method = n_link_pendulum_on_cart(3, cart_force=False)
     speeds = [q.diff() for q in method.q]
@@ -81,6 +82,7 @@ def test_the_pendulum_on_a_cart_that_sympy_builds_has_the_lagrangian_of_its_mass
     assert (hessian - method.mass_matrix).expand(trig=True) == sp.zeros(4)
 
 
+@pytest.mark.slow
 def test_a_lagranges_method_with_constraints_is_asked_as_its_lagrangian_and_they_are() -> None:
     kinetic, skate = (x.diff(t) ** 2 + y.diff(t) ** 2 + theta.diff(t) ** 2) / 2, x.diff(t) * sp.sin(theta) - y.diff(t)
     asked = document(LagrangesMethod(kinetic, [x, y, theta], nonhol_coneqs=[skate]))

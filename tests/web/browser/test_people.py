@@ -327,6 +327,7 @@ def test_one_without_scripts(plain: Visit) -> None:
     assert request.get(f"{folder}/figures/nothing.svg").status == 404
 
 
+@pytest.mark.slow
 def test_one_who_waits(visit: Visit) -> None:
     """The page of open work becomes its result; asked again with more time it can be cancelled."""
     page = visit.page

@@ -40,7 +40,7 @@ def words(markup: Any) -> str:
         ({"equations": "x'' = -x - 2*x*y - x'/10; y'' = -y - x^2 + y^2 - y'/10"}, "yes", "a Lagrangian"),
         ({"equations": "x'' = -x*abs(x)"}, "yes", "a Lagrangian"),
         ({**SLEIGH, "associated": "any"}, "no", "has no Hamiltonian"),
-        ({**PARTICLE, "associated": "any"}, "yes", "has a Hamiltonian"),
+        pytest.param({**PARTICLE, "associated": "any"}, "yes", "has a Hamiltonian", marks=pytest.mark.slow),
     ],
 )
 def test_title_badge_and_headline_say_the_same(document: dict[str, Any], verdict: str, badge: str) -> None:
