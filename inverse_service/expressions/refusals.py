@@ -38,8 +38,8 @@ LIMITS = Limits()
 
 
 _DECLARING = {
-    "parameters": 'add it to "parameters"',
-    "coordinates": 'add it to "coordinates"',
+    "parameters": 'add it to the list "parameters"',
+    "coordinates": 'add it to the list "coordinates"',
     "functions": 'declare a function of your own in "functions" with its arguments',
 }
 _IT_OCCURS = "; it occurs"  # before the column, where what is wrong is a sentence already

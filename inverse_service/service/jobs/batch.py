@@ -19,9 +19,9 @@ import gzip
 import hashlib
 import itertools
 import json
-import queue
 import stat
 import sys
+import threading
 import time
 import zlib
 from collections import Counter
@@ -186,31 +186,27 @@ def batch_line(line: Line, terms: tasks.Terms) -> statements.BatchLine:
     return statements.BatchLine(line.number, identifier, request)
 
 
-def answer_line(answer: statements.BatchAnswer) -> bytes:
-    """JSON with the `id` and the number of the line in front, and a line feed at the end."""
-    if answer.status != "successful" or answer.body is None:
-        return error_line(answer.number, answer.identifier, _problem(answer), digest=answer.digest)
-    head = line_head(answer)
-    result = answer.body.strip()
-    inside = result[1:-1].strip() if result[:1] == b"{" else b'"result": ' + result
-    return head + (b", " + inside if inside else b"") + b"}\n"
+def answer_line(answer: statements.BatchAnswer, digest: str = "", duplicate_of: int | None = None) -> bytes:
+    """JSON with the `id` and the number of the line in front, and a line feed at the end.
 
-
-def line_head(answer: statements.BatchAnswer) -> bytes:
-    """What stands before the result in its line: the result follows without its first bracket, after a comma."""
-    digest = f', "digest": "{answer.digest}"' if answer.digest else ""
-    return f'{{"id": {answer.identifier}, "line": {answer.number}{digest}'.encode()
-
-
-def error_line(
-    number: int, identifier: str, problem: dict[str, Any], duplicate_of: int | None = None, digest: str = ""
-) -> bytes:
-    """A problem document with the id of its line; `error` holds it once more for who looks for that key."""
-    told = problem | {"detail": f"Line {number}: {problem['detail']}"}
-    line: dict[str, Any] = {"id": json.loads(identifier), "line": number}
+    A problem document names its line; `error` holds it once more for who looks for that key.
+    """
+    if answer.status == "successful" and answer.body is not None:
+        result = answer.body.strip()
+        inside = result[1:-1].strip() if result[:1] == b"{" else b'"result": ' + result
+        return line_head(answer, digest) + (b", " + inside if inside else b"") + b"}\n"
+    problem = _problem(answer)
+    told = problem | {"detail": f"Line {answer.number}: {problem['detail']}"}
+    line: dict[str, Any] = {"id": json.loads(answer.identifier), "line": answer.number}
     more = {"digest": digest or None, "duplicate_of": duplicate_of}
     line |= {key: value for key, value in more.items() if value is not None}
     return answers.as_bytes(line | told | {"error": told}) + b"\n"
+
+
+def line_head(answer: statements.BatchAnswer, digest: str = "") -> bytes:
+    """What stands before the result in its line: the result follows without its first bracket, after a comma."""
+    shown = f', "digest": "{digest}"' if digest else ""
+    return f'{{"id": {answer.identifier}, "line": {answer.number}{shown}'.encode()
 
 
 def _problem(answer: statements.BatchAnswer) -> dict[str, Any]:
@@ -403,6 +399,8 @@ def _locked(path: Path) -> Iterator[IO[bytes]]:
         yield stream
 
 
+# The id of the batch that a file is.
+BATCH = "file"
 # Jobs that are open at the same time, for each worker: enough that none waits for a line to be read.
 AHEAD = 8
 # So many error lines at the beginning, and nothing else, are a file of another kind.
@@ -479,10 +477,11 @@ def run_batch(plan: BatchPlan, summary: Summary, report: Callable[[Line], None] 
         lines = open_lines()
         first = next(lines, None)
         if first is not None:
-            with _engine(plan) as engine:
-                for line, answer in engine.answers(itertools.chain((first,), lines)):
+            with _engine(plan) as (store, working):
+                asked = itertools.chain((first,), lines)
+                for line, answer in _answered(store, working, asked, tasks.Terms(plan.kind, plan.options)):
                     count(line, output.add(answer))
-                summary.duplicates = engine.duplicates
+                summary.duplicates = store.repeated(BATCH)
         bad = summary.labels["error"]
         if first is not None and bad >= UNUSABLE and bad == summary.labels.total():
             raise InputError(f"All {bad} lines are error lines; the first says: {summary.first['error']}")
@@ -496,54 +495,30 @@ def _refuse_other_layouts(line: Line) -> None:
         raise InputError("A document takes several lines; write one document a line, as 'jq -c . FILE' does.")
 
 
-class BatchEngine:
-    """Hands lines over to the supervisor, a bounded number at a time, and takes the answers."""
-
-    def __init__(
-        self, store: SqliteStore, options: model.JobOptions, executor: workers.Executor, kind: str = "solve"
-    ) -> None:
-        self._store, self._executor = store, executor
-        self._terms = tasks.Terms(kind, options)
-        self._changed: queue.SimpleQueue[str] = queue.SimpleQueue()
-        self._open: dict[str, list[Line]] = {}
-        self.duplicates = 0
-        store.on_change(lambda change: self._changed.put(change.id) if change.what in model.FINAL else None)
-
-    def answers(self, lines: Iterator[Line]) -> Iterator[tuple[Line, bytes]]:
-        """Each line with its answer, as they come."""
-        for line in lines:
-            yield from self._submit(line)
-            # Asked each time: a cluster grows and shrinks while it works.
-            while len(self._open) >= AHEAD * self._executor.capacity:
-                yield from self._finished()
-        while self._open:
-            yield from self._finished()
-
-    def _submit(self, line: Line) -> Iterator[tuple[Line, bytes]]:
-        asked = batch_line(line, self._terms)
-        if (request := asked.request) is None:
-            problem = json.loads(asked.problem or b"")
-            yield line, error_line(line.number, asked.identifier, problem, line.duplicate_of, line.digest)
+def _answered(
+    store: SqliteStore, executor: workers.Executor, lines: Iterator[Line], terms: tasks.Terms
+) -> Iterator[tuple[Line, bytes]]:
+    """Each line with its answer, as they come: a batch of the store as those of the service, which grows meanwhile."""
+    open_lines, after, ended = dict[int, Line](), 0, threading.Event()
+    store.on_change(lambda change: ended.set() if change.what in model.FINAL else None)
+    store.begin_batch(BATCH, terms.kind, "")
+    while True:
+        ended.clear()
+        # Asked each time: a cluster grows and shrinks while it works.
+        if some := [*itertools.islice(lines, max(0, AHEAD * executor.capacity - len(open_lines)))]:
+            open_lines |= {line.number: line for line in some}
+            store.add_lines(BATCH, [batch_line(line, terms) for line in some], statements.NO_BOUNDS)
+        if not open_lines:
             return
-        known = self._store.job(request.id)
-        self.duplicates += known is not None
-        if known is not None and known.is_final:
-            yield line, _answer(line, known)
-            return
-        self._open.setdefault(request.id, []).append(line)
-        if known is None:
-            self._store.submit([request])
-
-    def _finished(self) -> Iterator[tuple[Line, bytes]]:
-        id = self._changed.get()
-        job = self._store.job(id) if id in self._open else None
-        if job is not None and job.is_final:
-            for line in self._open.pop(id):
-                yield line, _answer(line, job)
+        for answer in (found := store.batch_answers(BATCH, after)):
+            line, after = open_lines.pop(answer.number), answer.order
+            yield line, answer_line(answer, line.digest, line.duplicate_of)
+        if not found:
+            ended.wait()
 
 
 @contextlib.contextmanager
-def _engine(plan: BatchPlan) -> Iterator[BatchEngine]:
+def _engine(plan: BatchPlan) -> Iterator[tuple[SqliteStore, workers.Executor]]:
     """A store, a supervisor and its processes for the time of one run."""
     with locks.temporary_folder() as folder:
         store = SqliteStore(folder / locks.DATABASE, durable=False)
@@ -551,17 +526,11 @@ def _engine(plan: BatchPlan) -> Iterator[BatchEngine]:
         try:
             working.start()
             supervisor = Supervisor(store, working)
-            engine = BatchEngine(store, plan.options, working, plan.kind)
             supervisor.start()
             try:
-                yield engine
+                yield store, working
             finally:
                 supervisor.stop()
         finally:
             working.stop()
             store.close()
-
-
-def _answer(line: Line, job: model.Job) -> bytes:
-    identifier = json.dumps(line.identifier)
-    return answer_line(statements.BatchAnswer(line.number, identifier, job.status, job.body, digest=line.digest))

@@ -619,7 +619,7 @@ class Batch:
 
 @dataclass(frozen=True, slots=True)
 class BatchAnswer:
-    """The answer to one line; `order` grows in the order in which answers came, `digest` is that of the question.
+    """The answer to one line; `order` grows in the order in which answers came.
 
     `size` is that of the body in the store, which is None here where more was not asked for; `job` has it.
     """
@@ -629,7 +629,6 @@ class BatchAnswer:
     status: model.JobStatus
     body: bytes | None
     order: int = 0
-    digest: str = ""
     job: str = ""
     size: int = 0
 
@@ -688,6 +687,12 @@ def _answer_of(row: Any) -> BatchAnswer:
     body = None if status == "dismissed" else row["body"]
     job, size = row["job"] or "", row["size"] or 0
     return BatchAnswer(row["number"], row["identifier"], status, body, row["order_number"], job=job, size=size)
+
+
+def repeated(session: Session, batch: str) -> int:
+    """How many lines of a batch ask what another one asks."""
+    found = first(session, "SELECT count(job) - count(DISTINCT job) AS lines FROM lines WHERE batch = ?", batch)
+    return int(found["lines"])
 
 
 # Lines that are stored, or dismissed, in one transaction; others write between two of them.

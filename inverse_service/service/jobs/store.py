@@ -112,7 +112,10 @@ class JobStore(ABC):
     oldest = _reading(statements.oldest)
     used_today = _reading(statements.used_today)
     claim_key = writing(statements.claim_key, durable=False)
+    begin_batch = writing(statements.begin_batch, durable=False)
+    add_lines = writing(statements.add_lines, durable=False)
     batch = _reading(statements.read_batch)
+    repeated = _reading(statements.repeated)
     batch_answers = _reading(statements.answers)
 
     def create_batch(
@@ -128,12 +131,10 @@ class JobStore(ABC):
             return found
         asked = [line.request for line in lines if line.request is not None]
         self._read(lambda s: statements.refuse_without_room(s, asked, bounds))
-        self._write(lambda s: statements.begin_batch(s, id, kind, client), durable=False)
+        self.begin_batch(id, kind, client)
         try:
             for place in range(0, len(lines), statements.STEP):
-                some = lines[place : place + statements.STEP]
-                add = functools.partial(statements.add_lines, id=id, lines=some, bounds=bounds)
-                self._write(add, durable=False)
+                self.add_lines(id, lines[place : place + statements.STEP], bounds)
         except model.TooManyJobs:  # others were faster
             self.dismiss_batch(id)
             self._write(lambda s: statements.forget_batch(s, id))
