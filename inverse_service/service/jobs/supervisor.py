@@ -21,7 +21,7 @@ import uuid
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from inverse_service import errors
@@ -90,31 +90,40 @@ def last_events(store: JobStore, job: model.Job) -> list[model.Event]:
     return [model.Event(number + k, kind, data) for k, (kind, data) in enumerate(ending)]
 
 
+@dataclass(slots=True)
+class _Run:
+    """What is known of a job that runs here: its last number, what an earlier attempt finished, events not written."""
+
+    number: int = 0
+    earlier: dict[str, Any] = field(default_factory=dict)
+    latest: dict[str, Any] = field(default_factory=lambda: {"elapsed": 0.0})
+    pending: list[model.Event] = field(default_factory=list)
+
+    @property
+    def furthest(self) -> dict[str, Any] | None:
+        """What is finished, as `so_far` and `seconds`: of this attempt or, where that came less far, of the earlier."""
+        tries = (self.latest, self.earlier)
+        found = [{key: each[key] for key in ("so_far", "seconds")} for each in tries if each.get("so_far")]
+        return min(found, key=lambda each: len(each["so_far"]["incomplete"]), default=None)
+
+
 class EventLog:
     """Collects events of jobs and writes them together; safe to use from any thread."""
 
     def __init__(self, store: JobStore) -> None:
         self._store = store
         self._lock = threading.Lock()
-        self._latest: dict[str, dict[str, Any]] = {}
-        self._earlier: dict[str, dict[str, Any]] = {}
-        self._numbers: dict[str, int] = {}
-        self._pending: list[tuple[str, model.Event]] = []
+        self._runs: dict[str, _Run] = {}
 
     def begin(self, job: model.Job) -> None:
         """The first event of an attempt; what an earlier one finished before it died is kept until this one has it."""
-        earlier = self._of_earlier(job)
+        earlier = self.so_far(job.id) or self._stored(job)
         with self._lock:
-            self._latest[job.id] = {"elapsed": 0.0}
-            self._earlier[job.id] = earlier
-            self._numbers[job.id] = job.attempt * NUMBERS_PER_ATTEMPT
-            self._append(job, "status", {"status": "running"})
+            unwritten = self._runs[job.id].pending if job.id in self._runs else []
+            run = self._runs[job.id] = _Run(job.attempt * NUMBERS_PER_ATTEMPT, earlier, pending=unwritten)
+            self._append(job, run, "status", {"status": "running"})
 
-    def _of_earlier(self, job: model.Job) -> dict[str, Any]:
-        with self._lock:
-            furthest = self._furthest(job.id)
-        if furthest is not None:
-            return furthest
+    def _stored(self, job: model.Job) -> dict[str, Any]:
         if job.restarts == 0 or job.priority >= model.BULK:
             return {}
         so_far: dict[str, Any] = {}
@@ -125,70 +134,64 @@ class EventLog:
     def report(self, job: model.Job, began: float, value: Any) -> None:
         """Something that the worker says about a job."""
         with self._lock:
-            if job.id not in self._latest:
+            if (run := self._runs.get(job.id)) is None:
                 return
             is_part = isinstance(value, Mapping) and "parts" in value
             if is_part and "format" in value["value"]:  # another run of the same attempt begins from nothing
-                self._earlier[job.id] = self._furthest(job.id) or {}
-                self._latest[job.id].pop("so_far", None)
-            progress = described(value, self._latest[job.id])
+                run.earlier = run.furthest or {}
+                run.latest.pop("so_far", None)
+            progress = run.latest = described(value, run.latest)
             progress["elapsed"] = round(time.monotonic() - began, 3)
-            self._latest[job.id] = progress
             if is_part:
                 for event in growing.events(value):
-                    self._append(job, PART, event)
+                    self._append(job, run, PART, event)
             else:
-                self._append(job, "progress", {k: v for k, v in progress.items() if k not in ("so_far", "seconds")})
+                shown = {key: value for key, value in progress.items() if key not in ("so_far", "seconds")}
+                self._append(job, run, "progress", shown)
 
-    def end(self, job: model.Job, again: bool = False) -> None:
-        """Nothing more comes from this attempt; the store knows how it ended. `again`: another attempt comes."""
+    def end(self, job: model.Job, written: Sequence[model.Event], again: bool = False) -> None:
+        """Nothing more comes from this attempt; the store knows how it ended, and has these events of it.
+
+        `again`: another attempt comes.
+        """
         with self._lock:
-            is_latest = self._numbers.get(job.id, 0) // NUMBERS_PER_ATTEMPT == job.attempt
-            for kept in (self._latest, self._earlier, self._numbers):
-                if is_latest and not again:
-                    kept.pop(job.id, None)
+            if (run := self._runs.get(job.id)) is not None:
+                run.pending = [event for event in run.pending if event not in written]
+                if run.number // NUMBERS_PER_ATTEMPT == job.attempt and not again:
+                    del self._runs[job.id]
 
     def latest(self, id: str) -> Mapping[str, Any] | None:
         """Progress of a job that runs here."""
         with self._lock:
-            found = self._latest.get(id)
-            return None if found is None else {**found, **(self._furthest(id) or {})}
+            run = self._runs.get(id)
+            return None if run is None else {**run.latest, **(run.furthest or {})}
 
-    def so_far(self, id: str) -> Mapping[str, Any] | None:
-        """What is finished of the result of a job that runs here, as `so_far` and `seconds`: of this attempt or, where
-        that came less far, of the one before."""
+    def so_far(self, id: str) -> dict[str, Any] | None:
+        """What is finished of the result of a job that runs here, see `_Run.furthest`."""
         with self._lock:
-            return self._furthest(id)
-
-    def _furthest(self, id: str) -> dict[str, Any] | None:
-        tries = [self._latest.get(id, {}), self._earlier.get(id, {})]
-        found = [{key: each[key] for key in ("so_far", "seconds")} for each in tries if each.get("so_far")]
-        return min(found, key=lambda each: len(each["so_far"]["incomplete"]), default=None)
+            return self._runs[id].furthest if id in self._runs else None
 
     def flush(self) -> None:
         """Write what was collected."""
         with self._lock:
-            pending, self._pending = self._pending, []
+            pending = [(id, event) for id, run in self._runs.items() for event in run.pending]
+            for run in self._runs.values():
+                run.pending = []
         if pending:
             self._store.add_events(pending)
 
     def pending(self, id: str) -> list[model.Event]:
-        """The events of a job that are not written yet; its end is written with them, and then it is `written`."""
+        """The events of a job that are not written yet; its end is written with them."""
         with self._lock:
-            return [event for job, event in self._pending if job == id]
+            return [*self._runs[id].pending] if id in self._runs else []
 
-    def written(self, id: str, events: list[model.Event]) -> None:
-        """These are in the store."""
-        with self._lock:
-            self._pending = [(job, event) for job, event in self._pending if job != id or event not in events]
-
-    def _append(self, job: model.Job, kind: str, data: Mapping[str, Any]) -> None:
+    def _append(self, job: model.Job, run: _Run, kind: str, data: Mapping[str, Any]) -> None:
         # Nobody watches a single line of a batch.
         if job.priority >= model.BULK:
             return
-        number = self._numbers[job.id] = self._numbers[job.id] + 1
-        if number % NUMBERS_PER_ATTEMPT < MOST_EVENTS or kind == PART:
-            self._pending.append((job.id, model.Event(number, kind, dict(data))))
+        run.number += 1
+        if run.number % NUMBERS_PER_ATTEMPT < MOST_EVENTS or kind == PART:
+            run.pending.append(model.Event(run.number, kind, dict(data)))
 
 
 # Longer questions wait for their turn like all others, s.
@@ -427,8 +430,7 @@ class Supervisor:
     def _finish(self, job: model.Job, outcome: Outcome) -> None:
         events = self.events.pending(job.id)
         label = finish(self._store, job, outcome, self.events.so_far(job.id), events)
-        self.events.written(job.id, events)
-        self.events.end(job, again=label == "again")
+        self.events.end(job, events, again=label == "again")
         if outcome.status in ("crash", "killed"):
             self.counters.add(*DEATHS, how=outcome.status)
         spent = outcome.spent
