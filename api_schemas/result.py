@@ -52,10 +52,10 @@ class LagrangianPart(Formula):
 
 
 class HamiltonianPart(Formula):
-    """H(q, p), or H(q, q') with the momenta where p = dL/dq' has no closed inverse (`implicit`).
+    """H(q, p), or H(q, q') with the momenta where no closed inverse of p = dL/dq' was found (`implicit`).
 
     `domain`: on which branch of that inverse it is H, as strict inequalities for coordinates, velocities and momenta.
-    `reason`: why it is implicit, a proof that there is no closed inverse or that none was found.
+    `reason`: why it is implicit.
     """
 
     momenta: dict[str, str]
