@@ -19,7 +19,7 @@ import threading
 import time
 import uuid
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -215,6 +215,16 @@ STOP_PATIENCE = 1.0
 AWAY = (sqlite3.OperationalError, model.StoreUnavailable, OSError)
 
 
+@dataclass(slots=True, eq=False)
+class _Claimed:
+    """A job that is run here; `is_tried`: by the quick processes too; `is_ended`: its outcome is known, and counts."""
+
+    job: model.Job
+    task: workers.Running
+    is_tried: bool = False
+    is_ended: bool = False
+
+
 class Supervisor:
     """Runs the jobs of one store on one executor; `quick` has processes for short questions of who has none running."""
 
@@ -234,10 +244,7 @@ class Supervisor:
         self._client_running = client_running or model.NO_BOUND
         self._quick = quick
         self._owner = uuid.uuid4().hex
-        self._running: dict[tuple[str, int], tuple[model.Job, workers.Running]] = {}
-        # Runs that were tried in the quick processes, and those that ended there.
-        self._tried: set[tuple[str, int]] = set()
-        self._won: set[tuple[str, int]] = set()
+        self._running: dict[tuple[str, int], _Claimed] = {}
         self._lock = threading.Lock()
         self._wake = threading.Event()
         # Whether some may wait that were not claimed for lack of room: then the end of a run is a reason to look.
@@ -271,9 +278,9 @@ class Supervisor:
     def cancel(self, id: str) -> None:
         """Stop the work on a job at once, if it runs here; the caller updates the store."""
         with self._lock:
-            found = [task for (job, _), (_, task) in self._running.items() if job == id]
-        for task in found:
-            task.cancel()
+            found = [claimed for claimed in self._running.values() if claimed.job.id == id]
+        for claimed in found:
+            claimed.task.cancel()
 
     @property
     def running(self) -> int:
@@ -294,9 +301,9 @@ class Supervisor:
         end = time.monotonic() + STOP_PATIENCE
         while self._running and time.monotonic() < end:
             with self._lock:
-                running = [found[1] for found in self._running.values()]
-            for task in running:
-                task.cancel()
+                running = list(self._running.values())
+            for claimed in running:
+                claimed.task.cancel()
             time.sleep(0.005)
         for _ in range(FINISHERS):
             self._ended.put(None)
@@ -345,58 +352,51 @@ class Supervisor:
         call = Call(tasks.job_task, arguments, options.time_limit, options.memory_limit, True, job.priority, job.client)
         self.events.begin(job)
         began = time.monotonic()
-        self._run(job, call, self._end, lambda value: self.events.report(job, began, value))
-
-    def _run(
-        self,
-        job: model.Job,
-        call: Call,
-        end: Callable[[model.Job, Outcome], None],
-        report: workers.Report | None = None,
-    ) -> None:
         with self._lock:
-            task = self._executor.submit(call, report)
-            self._running[job.id, job.attempt] = (job, task)
-        task.outcome.add_done_callback(lambda done: end(job, done.result()))
+            task = self._executor.submit(call, lambda value: self.events.report(job, began, value))
+            claimed = self._running[job.id, job.attempt] = _Claimed(job, task)
+        task.outcome.add_done_callback(lambda done: self._end(claimed, done.result()))
 
-    def _end(self, job: model.Job, outcome: Outcome) -> None:
-        """To the finishers; a system that a limit stopped is understood first, by the workers like all else."""
-        if (job.id, job.attempt) in self._won:
-            return
+    def _end(self, claimed: _Claimed, outcome: Outcome) -> bool:
+        """To the finishers; a system that a limit stopped is understood first, by the workers like all else.
+
+        False where an outcome of this run came before.
+        """
+        job = claimed.job
+        with self._lock:
+            if claimed.is_ended:
+                return False
+            claimed.is_ended = True
         is_known = self.events.so_far(job.id) is not None
         if is_known or not is_undetermined(job, outcome) or self._stopping.is_set():
             self._ended.put((job, outcome))
-            return
+            return True
         deadline = answers.UNDERSTAND_DEADLINE
         call = Call(tasks.understand_job_task, (job.document,), deadline, priority=workers.FIRST, client=job.client)
-        self._run(job, call, lambda job, found: self._ended.put((job, answers.with_understood(outcome, found))))
+        with self._lock:
+            task = claimed.task = self._executor.submit(call)
+        task.outcome.add_done_callback(
+            lambda done: self._ended.put((job, answers.with_understood(outcome, done.result())))
+        )
+        return True
 
     def _try_short(self, quick: workers.Executor) -> None:
         """Try jobs that wait for a worker for a moment on the quick processes, each once; others go on waiting."""
         with self._lock:
-            claimed = list(self._running.values())
-        busy = {job.client for job, task in claimed if task.has_begun}
-        self._tried &= {(job.id, job.attempt) for job, _ in claimed}
-        for job, task in claimed:
-            key = (job.id, job.attempt)
+            running = list(self._running.values())
+        busy = {claimed.job.client for claimed in running if claimed.task.has_begun}
+        for claimed in running:
             # How the system of a stopped job is understood is no answer.
-            is_first = task.call.task is tasks.job_task and key not in self._tried
-            if is_first and job.priority == model.INTERACTIVE and job.client not in busy:
-                self._tried.add(key)
-                tried = quick.submit(replace(task.call, deadline=min(SHORT, task.call.deadline)), task.report)
-                tried.outcome.add_done_callback(functools.partial(self._win, job))
+            is_first = not (claimed.is_tried or claimed.is_ended)
+            if is_first and claimed.job.priority == model.INTERACTIVE and claimed.job.client not in busy:
+                claimed.is_tried, call = True, claimed.task.call
+                tried = quick.submit(replace(call, deadline=min(SHORT, call.deadline)), claimed.task.report)
+                tried.outcome.add_done_callback(functools.partial(self._win, claimed))
 
-    def _win(self, job: model.Job, tried: Future[Outcome]) -> None:
+    def _win(self, claimed: _Claimed, tried: Future[Outcome]) -> None:
         """A job that waited for a worker ended in the quick processes: it waits no more."""
-        if tried.result().status not in ENDED:
-            return
-        with self._lock:
-            found = self._running.get((job.id, job.attempt))
-            if found is None:  # its turn came, and it ended there
-                return
-            self._won.add((job.id, job.attempt))
-        found[1].cancel()
-        self._ended.put((job, tried.result()))
+        if tried.result().status in ENDED and self._end(claimed, tried.result()):
+            claimed.task.cancel()
 
     def _finish_loop(self) -> None:
         while (ended := self._ended.get()) is not None:
@@ -410,7 +410,6 @@ class Supervisor:
             finally:
                 with self._lock:
                     self._running.pop((job.id, job.attempt), None)
-                    self._won.discard((job.id, job.attempt))
                 if self._more:
                     self._wake.set()
 
@@ -477,9 +476,9 @@ class Supervisor:
             return
         lost = set(self._store.heartbeat(self._owner, list(running)))
         runs = Counter(id for id, _ in running)
-        for (id, _), (_, task) in running.items():
+        for (id, _), claimed in running.items():
             if id in lost and runs[id] == 1:  # with two, the later run may be ours
-                task.cancel()
+                claimed.task.cancel()
 
     def _changed(self, change: model.Change) -> None:
         """Claim what waits now; where another front end may have dismissed a job, look before the next heartbeat."""
@@ -487,7 +486,7 @@ class Supervisor:
             self._wake.set()
         if not self._store.exclusive:
             with self._lock:
-                self._doubtful = self._doubtful or any(job.id == change.id for job, _ in self._running.values())
+                self._doubtful = self._doubtful or any(id == change.id for id, _ in self._running)
 
     def _take_back(self, lease: float) -> None:
         for job in self._store.recover(None, lease):
