@@ -89,7 +89,11 @@ def solve(
         }
     warm_alone(settings.memory_limit)
     options = SolveOptions(seed=asked.seed, time_limit=asked.time_limit)
-    result = _solve(document, options, asked.memory_limit, progress)
+    try:
+        result = _solve(document, options, asked.memory_limit, progress)
+    except errors.InputError as error:
+        detail = error.detail if _is_file(file) else _by_options(error.detail)
+        raise errors.InputError(detail, error.pointer, error.column) from None
     cli.write(_proof(result, form, asked) if form in PROOFS else _written(result, form, explain), output)
     if form == "json" and output is None and sys.stdout.isatty():
         print("This is JSON, for programs; -f text is shorter.", file=sys.stderr)
@@ -99,6 +103,14 @@ def solve(
         for words in guessed_words(result):
             print(f"{words[:1].upper()}{words[1:]}.", file=sys.stderr)
     return cli.ExitCode.OPEN if _is_open(result) else cli.ExitCode.DONE
+
+
+def _by_options(sentence: str) -> str:
+    """The sentence with --functions "erf(u)" for the "functions": {"erf": ["u"]} of a document, and the like."""
+    called = re.compile(r'"functions": \{"(\w+)": \[([^]]*)\]\}')
+    found = called.sub(lambda match: f'--functions "{match[1]}({match[2].replace(chr(34), "")})"', sentence)
+    found = found.replace('of your own in "functions" with its arguments', 'of your own, as in --functions "F(x)"')
+    return re.sub(r'add it to "(parameters|coordinates)"', r"name it with --\1", found)
 
 
 def kind_of_option(text: str) -> str | dict[str, list[str]]:

@@ -19,7 +19,7 @@ from inverse_service.mechanics import implicit_equations
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading import document_names, reader
 from inverse_service.reading.names import Names, check_clashes, escaped, is_momentum
-from inverse_service.reading.tokens import Token
+from inverse_service.reading.tokens import Token, at, closing
 
 MOST_PAIRS = 3  # of which every half is tried
 NOT_PAIRS = (
@@ -217,7 +217,8 @@ def _definitions(texts: Mapping[str, str], declared: document_names.Declared) ->
             squared = _is_squared(group.tokens) * any(
                 token.text == first.text for other in groups if other != group for token in other.tokens
             )
-            rest = rest[squared:]
+            called = _is_called(group.tokens)
+            rest = rest[squared or called :]
             is_definition = first.kind == "name" and rest and rest[0].is_operator("=") and not moves
             if not is_definition or document_names.moving_names(rest, 2):  # F = m*x'' moves x
                 continue
@@ -236,7 +237,8 @@ def _definitions(texts: Mapping[str, str], declared: document_names.Declared) ->
             if len(rest) > 1:
                 formula = _END_OF_TEXT.sub("", text[rest[0].column : group.end_column - 1])
                 root = ("\\sqrt{%s}" if reader.is_latex(text) else "sqrt(%s)") if squared else "%s"
-                found[first.text] = root % formula
+                name = text[first.column - 1 : rest[0].column - 1].rstrip(" &") if called else first.text
+                found[name.replace("\\left", "").replace("\\right", "")] = root % formula
                 reader.note(
                     text[first.column - 1 : rest[0].column] + formula.rstrip(), DEFINITION + ROOT * bool(squared)
                 )
@@ -252,6 +254,13 @@ def _is_squared(tokens: Sequence[Token]) -> int:
     texts = [token.text for token in tokens[1:]]
     end = texts.index("=") if "=" in texts[:7] else 0
     return end if texts[:1] == ["^"] and [text for text in texts[1:end] if text not in ("(", ")")] == ["2"] else 0
+
+
+def _is_called(tokens: Sequence[Token]) -> int:
+    """How many tokens after a name are its arguments, in V(x, y) = …; else 0."""
+    end = closing(tokens, 1) if at(tokens, 1).is_operator("(") else 0
+    named = all(token.kind == "name" or token.is_operator(",") for token in tokens[2:end])
+    return end if end and named and at(tokens, end + 1).is_operator("=") else 0
 
 
 _END_OF_TEXT = re.compile(
@@ -270,7 +279,7 @@ def _moves(text: str, name: str = "") -> bool:
 
 def _are_pairs(texts: Mapping[str, str], declared: document_names.Declared) -> bool:
     """Whether no name has two derivatives, and at least two have one."""
-    named = (*declared.named_parameters(), *declared.where)
+    named = (*declared.named_parameters(), *map(document_names.defined_name, declared.where))
     names = document_names.with_products(Names((), named, dict.fromkeys(declared.functions, ())), declared, texts)
     return (
         not document_names.inferred_coordinates(texts, names, 2)
@@ -315,7 +324,7 @@ def _whole_equations(text: str, names: Names, pointer: str) -> list[_Equation]:
 
 def _defines(tokens: Sequence[Token], names: Names) -> bool:
     """Whether the equation is the definition of a name for a formula."""
-    equals = tokens[1 + _is_squared(tokens) :][:1]
+    equals = tokens[1 + (_is_squared(tokens) or _is_called(tokens)) :][:1]
     defined = tokens[0].kind == "name" and ex.Symbol(names.spelling(tokens[0].text)) in names.definitions
     return defined and any(token.is_operator("=") for token in equals)
 

@@ -193,7 +193,11 @@ class _Reader:
         return Token("operator", text, self._at.column, True)
 
     def _scaled(self, scalar: Tokens, value: Value) -> Value:
-        return [[[*scalar, self._sign("*"), *_bracketed(cell)] for cell in row] for row in value] if scalar else value
+        if not scalar:
+            return value
+        texts = [piece.text for piece in scalar if piece.text not in ("mathrm", "{", "}")]
+        sign = [] if texts[:1] == ["d"] and texts[1:2] in ([], ["^"]) else [self._sign("*")]  # d^2 r
+        return [[[*scalar, *sign, *_bracketed(cell)] for cell in row] for row in value]
 
     def _product(self, left: Value, right: Value, sign: str) -> Value:
         """The matrix product; \\cdot gives the scalar product, \\times the vector product."""

@@ -13,7 +13,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from inverse_service import errors
-from inverse_service.expressions import refusals, tree as ex
+from inverse_service.expressions import derivative, refusals, tree as ex
 from inverse_service.reading import names as known_words, names as nm, reader
 from inverse_service.reading.tokens import Token, after_primes, at, check_brackets, closing, split_at_commas
 
@@ -127,17 +127,20 @@ class Known:
 
     names: nm.Names
     definitions: Mapping[ex.Expression, ex.Expression]
+    calls: derivative.Definitions
     values: Mapping[str, ex.Expression]
 
     def put_in(self, tree: ex.Expression) -> ex.Expression:
         """The tree with definitions and values substituted; InputError if it then has no value."""
+        tree = derivative.define_functions(tree, self.calls)
         return with_values(ex.substitute(tree, dict(self.definitions)) if self.definitions else tree, self.values)
 
     def remaining(self) -> nm.Names:
         """The names that can still occur after the substitution."""
         gone = {*self.values, *(node.name for node in self.definitions if isinstance(node, ex.Symbol))}
         parameters = tuple(name for name in self.names.parameters if name not in gone)
-        return replace(self.names, parameters=parameters, definitions={})
+        functions = {name: arguments for name, arguments in self.names.functions.items() if name not in gone}
+        return replace(self.names, parameters=parameters, functions=functions, definitions={})
 
 
 def known_names(
@@ -146,27 +149,58 @@ def known_names(
     """The names that the formulas of a document may use, and their substitutions; see `document_names`."""
     where = {f"/where/{nm.escaped(name)}": text for name, text in declared.where.items()}
     names = document_names(declared, {**texts, **where}, order, keys, pairs)
-    definitions = _definitions(declared.where, names)
+    definitions, calls = _definitions(declared.where, names)
     values = parameter_values(declared.named_parameters())
-    return Known(replace(names, definitions=definitions), definitions, values)
+    return Known(replace(names, definitions=definitions), definitions, calls, values)
 
 
-def _definitions(where: Mapping[str, str], names: nm.Names) -> dict[ex.Expression, ex.Expression]:
-    """The formula of each name of `where`, free of such names; InputError for circular definitions."""
-    pointers = {nm.declared_name(name, f"/where/{nm.escaped(name)}"): f"/where/{nm.escaped(name)}" for name in where}
-    texts = dict(zip(pointers, where.values(), strict=False))
+def defined_name(key: str) -> str:
+    """The name that a key of `where` defines: r, or V for V(x)."""
+    pointer = f"/where/{nm.escaped(key)}"
+    return nm.declared_name(key.partition("(")[0] if key.rstrip().endswith(")") else key, pointer)
+
+
+def _definitions(
+    where: Mapping[str, str], names: nm.Names
+) -> tuple[dict[ex.Expression, ex.Expression], dict[str, tuple[tuple[str, ...], ex.Expression]]]:
+    """The formula of each name of `where`, free of such names, and those of its functions with their arguments.
+
+    InputError for circular definitions, and for a function of more than its arguments.
+    """
+    pointers = {defined_name(name): f"/where/{nm.escaped(name)}" for name in where}
+    if len(pointers) < len(where):
+        raise errors.InputError("two entries define the same name: leave one of them out.", "/where")
+    texts = dict(zip(pointers, where.values(), strict=True))
     found: dict[ex.Expression, ex.Expression] = {}
+    calls: dict[str, tuple[tuple[str, ...], ex.Expression]] = {}
     name = ""
     try:
         used = {name: _names_in(text, names) & texts.keys() for name, text in texts.items()}
         for name in _ordered(used):
-            tree = ex.substitute(reader.read_formula(texts[name], replace(names, definitions=found)), found)
+            arguments = names.functions.get(name, ())
+            known = (*names.parameters, *(argument for argument in arguments if names.role(argument) is None))
+            tree = reader.read_formula(texts[name], replace(names, parameters=known, definitions=found))
+            tree = ex.substitute(derivative.define_functions(tree, calls), found)
             found[ex.Symbol(name)] = tree
+            if arguments:
+                calls[name] = arguments, _of_its_arguments(tree, name, arguments, names)
+                continue
             if isinstance(tree, ex.Power) and tree.exponent == ex.HALF:  # r^2 is x^2 + y^2 where r is its root
                 found |= {ex.power(ex.Symbol(name), 2 * k): ex.power(tree.base, k) for k in (-3, -2, -1, 1, 2, 3)}
     except errors.InputError as error:
         raise error if error.pointer else error.at(pointers[name]) from None
-    return found
+    return found, calls
+
+
+def _of_its_arguments(tree: ex.Expression, name: str, arguments: Sequence[str], names: nm.Names) -> ex.Expression:
+    """The formula of a function; InputError where it contains other coordinates, or velocities."""
+    others = {f"{node.coordinate}'": None for node in ex.walk(tree) if isinstance(node, ex.Velocity)}
+    symbols = [node.name for node in ex.walk(tree) if isinstance(node, ex.Symbol)]
+    others |= {each: None for each in symbols if each in names.coordinates and each not in arguments}
+    if others:
+        call, more = f"{name}({', '.join(arguments)}", ", ".join(others)
+        raise errors.InputError(f"the formula of {call}) contains {more}: write {call}, {more}).")
+    return tree
 
 
 def _ordered(used: Mapping[str, set[str]]) -> list[str]:
@@ -209,11 +243,13 @@ def document_names(
         for key, words in declared.functions.items()
     }
     bounded(list(declared.functions), "/functions", "functions", refusals.LIMITS.names)
-    defined = tuple(nm.declared_name(name, f"/where/{nm.escaped(name)}") for name in declared.where)
+    called = {defined_name(key): key.partition("(")[2].rstrip(" )") for key in declared.where if key.endswith(")")}
+    functions |= {name: _arguments(name, words.split(",")) for name, words in called.items()}
+    defined = tuple(name for key in declared.where if (name := defined_name(key)) not in called)
     names = with_products(nm.Names((), (*parameters, *defined), functions), declared, texts, order)
     names = replace(names, coordinates=_coordinates(declared, names, texts, order, keys))
     if declared.guesses:
-        names = _with_guessed(texts, names)
+        names = _with_guessed(texts, names, {argument for name in called for argument in functions[name]})
     if not pairs:
         known_words.check_clashes(names, keyed)
     known_words.refuse_two_spellings(texts, names.declared())
@@ -245,7 +281,7 @@ def _arguments(function: str, words: Sequence[str]) -> tuple[str, ...]:
         )
     bounded(list(words), pointer, "arguments", refusals.LIMITS.function_arguments)
     return tuple(
-        "t" if word == "t" else nm.declared_name(_VELOCITY.sub(r"\1\2_dot", word), f"{pointer}/{place}", "argument")
+        "t" if word == "t" else nm.declared_name(_VELOCITY.sub(r"\1\2_dot", word), f"{pointer}/{place}")
         for place, word in enumerate(words)
     )
 
@@ -270,7 +306,7 @@ def _checked_functions(names: nm.Names, texts: Mapping[str, str]) -> dict[str, t
         elif calls or not texts:
             raise errors.InputError(
                 f"{function} depends on {names.functions[function][place]}, which is not a coordinate: use one of "
-                f"{refusals.joined(names.coordinates)}.",
+                f"{refusals.joined(names.coordinates)}, or write all arguments of {function} in brackets.",
                 f"/functions/{function}/{place}",
             )
     return {function: arguments for function, arguments in names.functions.items() if function not in foreign}
@@ -543,14 +579,14 @@ class Guess:
 _MOST_ROUNDS = 4  # a run that is split may contain a name that splits others
 
 
-def _with_guessed(texts: Mapping[str, str], declared: nm.Names) -> nm.Names:
+def _with_guessed(texts: Mapping[str, str], declared: nm.Names, dummies: Collection[str]) -> nm.Names:
     """The names with the undeclared ones that the texts use; InputError as in `_guessed`.
 
     An unmatched bracket is reported before a suspect name, because it may change the interpretation.
     """
     try:
         for _ in range(_MOST_ROUNDS):
-            guess = _guessed(texts, declared)
+            guess = _guessed(texts, declared, dummies)
             if not guess.splits:
                 break
             declared = replace(declared, splits={**declared.splits, **guess.splits})
@@ -565,8 +601,10 @@ def _with_guessed(texts: Mapping[str, str], declared: nm.Names) -> nm.Names:
         raise
 
 
-def _guessed(texts: Mapping[str, str], declared: nm.Names) -> Guess:
+def _guessed(texts: Mapping[str, str], declared: nm.Names, dummies: Collection[str]) -> Guess:
     """The undeclared names other than coordinates in the texts, which are given by their pointers.
+
+    `dummies` are the arguments of functions that the texts define.
 
     A text that cannot be tokenized adds nothing: its error is reported when it is read. InputError, with what may
     have been meant, for a suspect name.
@@ -577,11 +615,11 @@ def _guessed(texts: Mapping[str, str], declared: nm.Names) -> Guess:
     }
     coordinates = declared.coordinates
     found_functions: dict[str, tuple[str, ...]] = {}
-    found_parameters: dict[str, tuple[str, Token]] = {}
-    called: dict[str, tuple[str, Token]] = {}  # U_x(x, y) may be a derivative
+    found_parameters: dict[str, tuple[str, Token, int]] = {}  # its place, and the column after its arguments
+    called: dict[str, tuple[str, Token, int]] = {}  # U_x(x, y) may be a derivative
     splits: dict[str, tuple[str, ...]] = {}
     slopes = _slopes(lines.values(), declared)
-    known = {*coordinates, *declared.declared(), *NEVER_GUESSED}
+    known = {*coordinates, *declared.declared(), *NEVER_GUESSED, *dummies}
     powers = [line[k : k + 3] for line in lines.values() for k in range(len(line) - 2) if line[k + 1].is_operator("^")]
     raised = {name.text: exponent.kind == "number" for name, _, exponent in powers}
     if "E" not in raised and not any(_PROGRAMS.search(text) for text in texts.values()):
@@ -622,14 +660,14 @@ def _guessed(texts: Mapping[str, str], declared: nm.Names) -> Guess:
                 meant = f"{token.text.removesuffix(function)}*{function}"
                 raise known_words.undeclared(token.text, token.column, (meant,)).at(pointer)
             if arguments and "_" in token.text:
-                called.setdefault(token.text, (pointer, token))
+                called.setdefault(token.text, (pointer, token, line[closing(line, place + 1)].column + 1))
             if arguments and not _looks_like_a_function(token.text):
                 found_functions.setdefault(token.text, arguments)
             elif not arguments and is_primed(line, place):
                 if parts := known_words.only_split(token.text, declared):
                     splits[token.text] = parts
             elif not arguments and not _may_be_called(line, place):
-                found_parameters.setdefault(token.text, (pointer, token))
+                found_parameters.setdefault(token.text, (pointer, token, 0))
     for name, arguments in slopes.items():
         found_functions.setdefault(name, arguments)
     guessed = {name: at for name, at in found_parameters.items() if name not in found_functions}
@@ -714,7 +752,7 @@ def _called_with(line: Sequence[Token], place: int, declared: nm.Names) -> int:
 
 
 def _ask_back(
-    guessed: Mapping[str, tuple[str, Token]], names: nm.Names, raised: Mapping[str, bool] | None = None
+    guessed: Mapping[str, tuple[str, Token, int]], names: nm.Names, raised: Mapping[str, bool] | None = None
 ) -> dict[str, tuple[str, ...]]:
     """The runs of letters that are clearly products; InputError for the first name that may not be a constant."""
     words = [name for name in guessed if 1 < len(name) < 4 and name.isalpha() and name[0] != "d"]
@@ -729,7 +767,7 @@ def _ask_back(
         if name[0] in _COMPONENTS and name[1:] in names.coordinates:
             ends.setdefault(name[0], set()).add(name)
     components = {name for both in ends.values() if len(both) > 1 for name in both}
-    for name, (pointer, token) in guessed.items():
+    for name, (pointer, token, end) in guessed.items():
         column = token.column
         if name not in components and (parts := known_words.only_split(name, together)):
             splits[name] = parts
@@ -746,7 +784,7 @@ def _ask_back(
             splits[name] = parts  # ml^2 is m*l^2
             continue
         if meant := known_words.readings(name, together):
-            raise known_words.undeclared(name, column, meant).at(pointer)
+            raise known_words.undeclared(name, column, meant, (column, end) if end else None).at(pointer)
         if meant := _lost_power(name, names.coordinates):
             raise known_words.undeclared(name, column, meant).at(pointer)
         if name == "x" or _is_one_of_many(name, names.coordinates):

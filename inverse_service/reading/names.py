@@ -269,10 +269,10 @@ def not_declared(name: str) -> str:
     return f"the name '{shorten(name)}' is not declared; it occurs"
 
 
-def undeclared(name: str, column: int, meant: tuple[str, ...]) -> InputError:
-    """The refusal of a name, with the names that the writer may have meant."""
+def undeclared(name: str, column: int, meant: tuple[str, ...], span: tuple[int, int] | None = None) -> InputError:
+    """The refusal of a name, with what the writer may have meant by it, or by the text in the span."""
     hint = " or ".join(dict.fromkeys(meant))
-    return refusal(not_declared(name), column, f"did you mean {hint}?", meant, declare="parameters")
+    return refusal(not_declared(name), column, f"did you mean {hint}?", meant, span, declare="parameters")
 
 
 def ask_for_the_time(name: str, column: int, coordinates: Sequence[str]) -> InputError:

@@ -26,7 +26,7 @@ from inverse_service import errors
 from inverse_service.expressions import derivative, refusals, tree as ex
 from inverse_service.expressions.pieces import either, piecewise, step
 from inverse_service.reading import names as nm
-from inverse_service.reading.tokens import END, Token, TokenStream, outside, unexpected
+from inverse_service.reading.tokens import END, Token, TokenStream, outside, split_at_commas, unexpected
 
 _BITS_PER_DIGIT = 3.3219280948873626
 _LARGEST_FACTORIAL = 20
@@ -299,14 +299,14 @@ class FormulaParser:
         return len(below) == 1 and below[0].kind == "number" and (numbers or moves or ahead.is_operator("("))
 
     def _is_half(self, start: int, slash: int, role: nm.Role | None) -> bool:
-        """Whether this is 1/2m, 1/2x'^2, m/2 l^2 or m/2(x'^2 + y'^2) in a Lagrangian; 1/2r^2 may be 1/(2 r^2)."""
+        """Whether this is 1/2m, m/2x'^2, m/2 l^2 or m/2(x'^2 + y'^2) in a Lagrangian; 1/2r^2 may be 1/(2 r^2)."""
         stream, ahead = self._stream, self._stream.ahead
         over, under = stream.source(start, slash - 1), stream.source(slash, stream.position)
         bracket = ahead.is_operator("(") and any(token.kind == "prime" for token in stream.group())
         moves = role == "coordinate" and stream.look(1).kind == "prime"
-        factor = role == "parameter" or moves or ahead.is_operator("(")
+        factor = role == "parameter" or ahead.is_operator("(")
         apart = ahead.kind == "name" and ahead.space_before
-        return under == "2" and (bracket or apart or (over == "1" and factor))
+        return under == "2" and (bracket or moves or apart or (over == "1" and factor))
 
     def _check_adjacent(self, after_division: bool) -> None:
         ahead, column = self._stream.ahead, self._stream.ahead.column
@@ -678,16 +678,28 @@ class FormulaParser:
         if ahead.is_operator("(") and not ahead.space_before and not self._is_factor(token):
             self._stream.must_close()
             name = token.text
+            if len(split_at_commas(self._stream.group()[1:])) > 1:
+                raise refusals.refusal(f"{name} has several arguments", token.column, "", declare="functions")
             what = f"{name}( could be a product or a function"
             span = (ahead.column, ahead.column + 1)
             raise refusals.refusal(what, ahead.column, f"write {name}*( for a product", ("*(",), span)
         if ahead.kind == "prime":
             name, what = token.text, f"{token.text} has no derivative in time; a prime occurs"
             if node in self._names.definitions:
-                raise refusals.refusal(what, ahead.column, f"write diff({name}, t)")
+                return self._defined_motion(node, what)
             span = (token.column, ahead.column + len(ahead.text))
             raise refusals.refusal(what, ahead.column, f"leave it out, or write {name}_1", (f"{name}_1",), span)
         return node
+
+    def _defined_motion(self, node: ex.Expression, what: str) -> ex.Expression:
+        """z' for z = a*r^2; InputError for U' or U'(x), usually a slope, and for a constant, whose prime is a mark."""
+        ahead = self._stream.ahead
+        name, order = self._stream.look(-1).text, self._primes()
+        self._skip_time_argument()
+        found = carry_out(node, [Variable(ex.TIME, order, ahead.column)], self._names)
+        if name in nm.MAY_BE_FUNCTIONS or self._opens_arguments() or found == ex.ZERO:
+            raise refusals.refusal(what, ahead.column, f"write diff({name}, t), or diff({name}, x) for a slope")
+        return found
 
     def _is_factor(self, token: Token) -> bool:
         """Whether the bracket after a name is clearly a factor: mu(1 - x^2), R(cos phi), J(x')^2."""

@@ -10,7 +10,7 @@ import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 
 from inverse_service import errors
@@ -23,6 +23,7 @@ from inverse_service.reading.tokens import (
     Kind,
     Token,
     at,
+    closing,
     opening,
     outside,
     refuse_decimal_commas,
@@ -35,7 +36,7 @@ _TO = r"subject\s+to|s\.\s?t\."
 _WORDS = rf"(?:(?:{_TO}|with|under)\s+(?:the\s+)?constraints?|{_TO}|constraints?(?=\s*:))"
 # The words between a Lagrangian and its constraints, in LaTeX in an upright font.
 _SUBJECT_TO = re.compile(
-    rf"\\(?:text|textrm|mathrm|mbox)\s*\{{\s*(?:and\s+)?{_WORDS}\s*:?\s*\}}\s*:?|\b{_WORDS}\s*:?", re.I
+    rf"\\(?:text|textrm|mathrm|mbox)\s*\{{\s*(?:and\s+)?{_WORDS}\s*:?\s*\}}\s*:?|(?:\.\s+)?\b{_WORDS}\s*:?", re.I
 )
 # Van der Pol: x'' = …, Eq. (3.2): x'' = …
 _LABEL = re.compile(
@@ -133,9 +134,12 @@ def _with_forms(tokens: list[Token], names: Names) -> list[Token]:
     place = 0
     while place < len(tokens):
         token, following = tokens[place], at(tokens, place + 1)
-        name, length = "", 1
-        if token.kind == "name" and token.text[:1] == "d" and names.role(token.text) is None:
-            name = token.text[1:]
+        name, length, factor = "", 1, list[Token]()
+        if token.kind == "name" and "d" in token.text and names.role(token.text) is None:
+            before, _, name = token.text.partition("d")  # dx, y dx and ydx
+            known = names.role(names.spelling(before)) is not None or len(before) == 1
+            factor = [replace(token, text=before)] * bool(before)
+            name = name if known or not before else ""
         if (token.text == "d" and not name and names.role("d") is None) or token.is_operator(TOTAL):
             name, length = (following.text, 2) if following.kind == "name" else ("", 1)
         if name == "t" and found and (found[-1].kind in ("name", "prime", "number") or found[-1].is_operator(")")):
@@ -144,7 +148,7 @@ def _with_forms(tokens: list[Token], names: Names) -> list[Token]:
             found.append(Token("number", "1", token.column, True, Fraction(1)))
         elif names.role(names.spelling(name)) == "coordinate":
             prime = Token("prime", _OF_A_FORM, token.column, False, Fraction(1))
-            found += [Token("name", name, token.column, True), prime]
+            found += [*factor, Token("name", name, token.column, True), prime]
         else:
             found.append(token)
             length = 1
@@ -195,7 +199,11 @@ def _without_remarks(tokens: list[Token], formula: str, names: Names) -> list[To
     equations.
     """
     marks = {token.text for token in tokens}
-    if not (marks & {*COMPARED, *_JOINS} or ("=" in marks and any(token.kind == "number" for token in tokens))):
+    tokens = _with_definitions_apart(tokens) if "=" in marks else tokens
+    if not (
+        marks & {*COMPARED, *_JOINS}
+        or (("=" in marks or names.energy) and any(token.kind == "number" for token in tokens))
+    ):
         return tokens
 
     def ends(place: int, token: Token) -> bool:
@@ -216,8 +224,20 @@ def _without_remarks(tokens: list[Token], formula: str, names: Names) -> list[To
             stop = end.column - 1 if end is not None else len(formula)
             note(formula[group[0].column - 1 : stop].strip(" \t\n$.,;"), LEFT_OUT if _is_initial(group) else CONDITION)
             group = []
-        found += _without_number(group, formula, names) if _has(group, "=") else group
+        equal = group and (names.energy or _has(group, "="))
+        found += _without_number(group, formula, names) if equal else group
         found += [end] if end is not None and group else []
+    return found
+
+
+def _with_definitions_apart(tokens: list[Token]) -> list[Token]:
+    """The tokens with x'' = -w^2 x; w^2 = k/m for x'' = -w^2 x (w^2 = k/m)."""
+    found = list(tokens)
+    for place, token in enumerate(tokens):
+        end = closing(tokens, place) if token.is_operator("(") and token.space_before else place
+        inside = tokens[place + 1 : end]
+        if end < len(tokens) and inside and inside[0].kind == "name" and _has(inside, "="):
+            found[place], found[end] = (replace(tokens[each], text=";") for each in (place, end))
     return found
 
 
@@ -319,9 +339,10 @@ def _with_products(tokens: list[Token], names: Names) -> list[Token]:
     return found
 
 
-_BEFORE_A_LETTER = re.compile(r"([\u00a8\u02d9])([^\W\d_])")
-_BEGINS_WITH_DOTS = re.compile(r"(?<![^\W\d_])[\u00a8\u02d9][^\W\d_]")
-_ENDS_WITH_DOTS = re.compile(r"[^\W\d_][\u00a8\u02d9](?![^\W\d_])")
+_LETTER = r"[^\W\d_\u00b2\u00b3]"  # raised digits count as letters of words
+_BEFORE_A_LETTER = re.compile(rf"([\u00a8\u02d9])({_LETTER})")
+_BEGINS_WITH_DOTS = re.compile(rf"(?<!{_LETTER})[\u00a8\u02d9]{_LETTER}")
+_ENDS_WITH_DOTS = re.compile(rf"{_LETTER}[\u00a8\u02d9](?!{_LETTER})")
 _DOTS_APART = re.compile(r"(?<=\w)( +)([\u0307\u0308]+)")
 
 

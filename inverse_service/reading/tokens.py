@@ -483,24 +483,19 @@ def _long_name(text: str, place: int, known: Container[str]) -> tuple[list[tuple
     letters: list[tuple[str, int, int]] = []
     end = place
     while end < len(text) and (found := letter(text[end])):
-        letters.append((*found, end))
+        name, order, at = (*found, end) if found[0] else letters.pop()
+        letters.append((name, order + (at < end) * found[1], at))
         end += 1
     whole = "".join(name for name, _, _ in letters)
     if whole in known or len(letters) > LIMITS.name_characters:
         return [(whole, sum(order for _, order, _ in letters), place)], end
     runs: list[tuple[str, int, int]] = []
     for name, order, at in letters:
-        alone = len(name) > 1 or (order and name)
-        if not runs:
+        before, times, start = runs[-1] if runs else ("_", 0, at)
+        below = "_" in before or name == "_"
+        greek = len(name) > 1 or len((letter(text[start]) or ("", 0))[0]) > 1 or times
+        if not runs or (not name.isdigit() and not before.endswith("_") and (order or (greek and not below))):
             runs.append((name, order, at))
-            continue
-        before, times, start = runs[-1]
-        below = "_" in before or name == "_" or name.isdigit()
-        greek = len((letter(text[start]) or ("", 0))[0]) > 1 or times
-        if name and not below and (alone or greek) and not before.endswith("_"):
-            runs.append((name, order, at))
-        elif order and not name and len(before) > 1 and not greek:
-            raise refusal("dots are over a letter inside a name", start + 1, "write * between factors")
         else:
             runs[-1] = (before + name, times + order, start)
     return runs, end

@@ -265,6 +265,7 @@ def test_options_declare_names_for_a_text(call: Any) -> None:
     found = json.loads(call("solve", "x'' = -q*B(y) + w; y'' = -y", "--parameters", "q=2,w", "--functions", "B(y)").out)
     assert found["system"]["equations"]["x"] == "-2*B(y) + w"
     assert (found["system"]["parameters"], found["guessed"]) == (["w"], [])
+    assert '--functions "sn(u, k)"' in call("solve", "x'' = -sn(x, k)").err
     found = json.loads(call("solve", "y'' = -k*y/s", "--time", "s", "--coordinates", "y").out)
     assert (found["system"]["time"], found["guessed"]) == ("s", ["k"])
 

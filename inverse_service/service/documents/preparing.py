@@ -142,8 +142,10 @@ _LAGRANGES_EQUATION = re.compile(
     rf"(?:\\[dt]?frac\s*\{{\s*d\s*\}}\s*\{{\s*dt\s*\}}|d\s*/\s*dt)[^;,\n=]{{0,120}}?{_DL}=(?:\s*0|\s*\\?[dt]?\w*\{{?{_DL})\s*(?=$|[;,.\n\\])"
 )
 _WRAPPER_ENDS = re.compile(r"(?:\$+|\\\]|\\end\s*\{\w+\*?\}|[\s;,.])*$")
-_FORM = re.compile(r"(?<![A-Za-z\\])d(?:[A-Za-z]|\s*\\)")  # dx and d\theta, in dz = y dx
-_DEFINED = re.compile(r"\s*\\?([A-Za-z][^\W\u00b2]*(?:_\{\w+\})?)(?:(\([^()]*\))|(\^2|\^\{2\}|\u00b2))?\s*")
+_FORM = re.compile(r"(?<![A-Za-z\\][A-Za-z])(?<!\\)d(?:[A-Za-z]|\s*\\)")  # dx and d\theta, in dz = y dx and dz = ydx
+_DEFINED = re.compile(
+    r"\s*\\?([A-Za-z\u0391-\u03c9][^\W\u00b2]*(?:_\{\w+\})?)(?:(\([^()]*\))|(\^2|\^\{2\}|\u00b2))?\s*"
+)
 
 
 def _with_lagrangian(plain: dict[str, Any]) -> tuple[dict[str, Any], dict[str, str], dict[str, str]]:
@@ -197,10 +199,9 @@ def _with_lagrangian(plain: dict[str, Any]) -> tuple[dict[str, Any], dict[str, s
         left, equal, right = line.partition("=")
         if equal and (defined := _DEFINED.fullmatch(left)) and not (left.strip()[0] == "d" and _FORM.search(right)):
             root = ("(", ")^{1/2}" if reader.is_latex(right) else ")^(1/2)") if defined[3] else ("", "")
-            where[defined[1]] = root[0].rjust(len(left) + 1) + right + root[1]
-            places[f"/where/{defined[1]}"] = pointer
-            if defined[2]:  # V(x) = k x^2/2
-                lagrangian = lagrangian.replace(f"{defined[1]}{defined[2]}", defined[1].ljust(len(left.strip())))
+            name = defined[1] + (defined[2] or "")
+            where[name] = root[0].rjust(len(left) + 1) + right + root[1]
+            places[f"/where/{name}"] = pointer
         else:
             places[f"/constraints/{len(constraints)}"] = pointer
             constraints.append(line)
