@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 
 from inverse_service import errors
 from inverse_service.expressions import derivative, refusals, tree as ex
-from inverse_service.reading import names as known_words, names as nm, reader
+from inverse_service.reading import names as nm, reader
 from inverse_service.reading.tokens import Token, after_primes, at, check_brackets, closing, split_at_commas
 
 ParameterValue = str | int | float | None
@@ -71,7 +71,7 @@ def _check_defined(node: ex.Expression) -> None:
             undefined = (base == 0 and exponent < 0) or (base < 0 and exponent.denominator != 1)
         case ex.Apply(function, argument):
             try:
-                known_words.check_domain(function, argument, 1)
+                nm.check_domain(function, argument, 1)
                 undefined = False
             except errors.InputError:
                 undefined = True
@@ -251,8 +251,8 @@ def document_names(
     if declared.guesses:
         names = _with_guessed(texts, names, {argument for name in called for argument in functions[name]})
     if not pairs:
-        known_words.check_clashes(names, keyed)
-    known_words.refuse_two_spellings(texts, names.declared())
+        nm.check_clashes(names, keyed)
+    nm.refuse_two_spellings(texts, names.declared())
     return replace(names, functions=_checked_functions(names, texts))
 
 
@@ -407,12 +407,12 @@ def moving_products(texts: Mapping[str, str], declared: nm.Names, order: int = 2
                 factor, moving = name[:cut], name[cut:]
                 single = len(moving) == 1 or moving in nm.GREEK_NAMES or re.fullmatch("[A-Za-z]_?[0-9]", moving)
                 elsewhere = moving in alone | primed
-                if name in alone and (moving not in primed or known_words.is_momentum(name, (moving,))):
+                if name in alone and (moving not in primed or nm.is_momentum(name, (moving,))):
                     continue
                 mechanical = _FACTOR_OF_MOTION.fullmatch(factor) or factor in nm.GREEK_NAMES
-                named = (known_words.looks_like_a_coordinate(moving) or moving in nm.GREEK_NAMES) and mechanical
+                named = (nm.looks_like_a_coordinate(moving) or moving in nm.GREEK_NAMES) and mechanical
                 plain = mechanical or (len(factor) < 3 and factor.isalpha() and not {*factor} & {*"dDeij"})
-                bending = len(factor) == 2 and factor.isupper() and known_words.looks_like_a_coordinate(moving)  # E I y
+                bending = len(factor) == 2 and factor.isupper() and nm.looks_like_a_coordinate(moving)  # E I y
                 if single and moving != "t" and plain and (bending or elsewhere or named):
                     factors = [factor] if factor in nm.GREEK_NAMES else re.findall("[A-Za-z][0-9]?", factor)
                     found.setdefault(name, (*factors, moving))
@@ -507,13 +507,13 @@ def _multiplies_a_sum(name: Token, after: Sequence[Token]) -> bool:
     """Whether the brackets after the primes are a factor: x''(1 + x^2), r'' (M + m); V''(x - y) is a function."""
     opening = next(place for place, token in enumerate(after) if token.kind != "prime")
     inside = after[opening + 2 : closing(after, opening)]
-    plain = known_words.looks_like_a_coordinate(name.text) or name.text in nm.GREEK_NAMES
+    plain = nm.looks_like_a_coordinate(name.text) or name.text in nm.GREEK_NAMES
     return plain and any(token.is_operator("+", "-") for token in inside)
 
 
 def derived_stem(word: str, order: int = 1) -> str:
     """The x of x_ddot, xddot or x_dot_dot if it has at least this order; otherwise empty."""
-    endings = (ending for ending, times in known_words.DOTTED if times >= order and word.endswith(ending))
+    endings = (ending for ending, times in nm.DOTTED if times >= order and word.endswith(ending))
     return next((word.removesuffix(ending) for ending in endings), "").rstrip("_")
 
 
@@ -554,11 +554,11 @@ def is_primed(line: Sequence[Token], place: int) -> bool:
 # Undeclared names: constants or functions.
 # Refused as functions or as numbers, so a guess would not make them parameters either.
 NEVER_GUESSED = (
-    known_words.RESERVED
+    nm.RESERVED
     | nm.FUNCTIONS
-    | known_words.REFUSED.keys()
+    | nm.REFUSED.keys()
     | {"e", "E", "Pi"}
-    | (known_words.REFUSED_UNLESS_DECLARED.keys() - {"I", "gamma", "Gamma", "zeta", *known_words.MAY_BE_CONSTANTS})
+    | (nm.REFUSED_UNLESS_DECLARED.keys() - {"I", "gamma", "Gamma", "zeta", *nm.MAY_BE_CONSTANTS})
 )
 CALLED_LETTERS = nm.FUNCTION_LETTERS | {"g", "G", "phi", "Phi", "psi", "Psi", "P", "Q"}
 # As functions of t these are usually impulses and steps.
@@ -641,7 +641,7 @@ def _guessed(texts: Mapping[str, str], declared: nm.Names, dummies: Collection[s
             followed = at(line, place + 1).is_operator("(")
             if count := _elliptic_arguments(line, place):
                 wanted = '["u", "k"]' if count > 1 else '["u"]'
-                if error := known_words.reason_against(token.text, token.column, wanted):
+                if error := nm.reason_against(token.text, token.column, wanted):
                     raise error.at(pointer)
             timed = (*coordinates, "t") if _may_depend_on_time(token.text) else coordinates
             arguments = _call_arguments(line, _after_power_of_time(line, place + 1), timed)
@@ -650,21 +650,21 @@ def _guessed(texts: Mapping[str, str], declared: nm.Names, dummies: Collection[s
                 arguments = found_functions.get(token.text, arguments)
             if len(arguments) == 1 and _is_apart(line, place):
                 raise _product_or_function(line, place, arguments[0], texts[pointer]).at(pointer)
-            parts = known_words.split_at_function(token.text, declared)
-            ends = token.text.endswith(known_words.ENDINGS)
+            parts = nm.split_at_function(token.text, declared)
+            ends = token.text.endswith(nm.ENDINGS)
             if parts and (not ends or _takes_argument(line, place)):
                 splits[token.text] = parts
                 continue
             if ends and not parts and not followed and _takes_argument(line, place):
-                function = next(each for each in known_words.ENDINGS if token.text.endswith(each))
+                function = next(each for each in nm.ENDINGS if token.text.endswith(each))
                 meant = f"{token.text.removesuffix(function)}*{function}"
-                raise known_words.undeclared(token.text, token.column, (meant,)).at(pointer)
+                raise nm.undeclared(token.text, token.column, (meant,)).at(pointer)
             if arguments and "_" in token.text:
                 called.setdefault(token.text, (pointer, token, line[closing(line, place + 1)].column + 1))
             if arguments and not _looks_like_a_function(token.text):
                 found_functions.setdefault(token.text, arguments)
             elif not arguments and is_primed(line, place):
-                if parts := known_words.only_split(token.text, declared):
+                if parts := nm.only_split(token.text, declared):
                     splits[token.text] = parts
             elif not arguments and not _may_be_called(line, place):
                 found_parameters.setdefault(token.text, (pointer, token, 0))
@@ -706,11 +706,11 @@ def _slopes(lines: Iterable[Sequence[Token]], declared: nm.Names) -> dict[str, t
                 found.setdefault(name.text, set()).update(by)
                 partial |= set() if called.value else {name.text}
     every = {*declared.coordinates}
-    positions = {name for name in every if not known_words.is_momentum(name, declared.coordinates)}
+    positions = {name for name in every if not nm.is_momentum(name, declared.coordinates)}
     known = {
         name: by
         for name, by in found.items()
-        if by == (positions if name in known_words.POTENTIALS else every) or (len(by) == 1 and name not in partial)
+        if by == (positions if name in nm.POTENTIALS else every) or (len(by) == 1 and name not in partial)
     }
     return {name: tuple(x for x in declared.coordinates if x in by) for name, by in known.items()}
 
@@ -721,7 +721,7 @@ def _is_one_of_many(name: str, coordinates: Sequence[str]) -> bool:
     stems = {re.sub("_?[0-9]+$", "", coordinate) for coordinate in coordinates}
     if numbered is None or numbered[1] not in stems:
         return False
-    return known_words.looks_like_a_coordinate(numbered[1]) or numbered[1] in nm.GREEK_NAMES
+    return nm.looks_like_a_coordinate(numbered[1]) or numbered[1] in nm.GREEK_NAMES
 
 
 def _takes_argument(line: Sequence[Token], place: int) -> bool:
@@ -769,10 +769,10 @@ def _ask_back(
     components = {name for both in ends.values() if len(both) > 1 for name in both}
     for name, (pointer, token, end) in guessed.items():
         column = token.column
-        if name not in components and (parts := known_words.only_split(name, together)):
+        if name not in components and (parts := nm.only_split(name, together)):
             splits[name] = parts
             continue
-        parts = known_words.factors_of(name)
+        parts = nm.factors_of(name)
         mixed = not (name.islower() or name.istitle() or name.isupper())  # GMm, where m also occurs alone
         if mixed and {*parts} & {*plain} and _FACTOR_OF_MOTION.fullmatch(name):
             splits[name] = parts
@@ -780,24 +780,24 @@ def _ask_back(
         if raised and name in raised and name not in plain and parts:
             mechanical = name if raised[name] else name.removesuffix("e")  # k e^(-x)
             if not _FACTOR_OF_MOTION.fullmatch(mechanical):
-                raise known_words.undeclared(name, column, ("*".join(parts),)).at(pointer)
+                raise nm.undeclared(name, column, ("*".join(parts),)).at(pointer)
             splits[name] = parts  # ml^2 is m*l^2
             continue
-        if meant := known_words.readings(name, together):
-            raise known_words.undeclared(name, column, meant, (column, end) if end else None).at(pointer)
+        if meant := nm.readings(name, together):
+            raise nm.undeclared(name, column, meant, (column, end) if end else None).at(pointer)
         if meant := _lost_power(name, names.coordinates):
-            raise known_words.undeclared(name, column, meant).at(pointer)
+            raise nm.undeclared(name, column, meant).at(pointer)
         if name == "x" or _is_one_of_many(name, names.coordinates):
-            raise known_words.ask_for_the_time(name, column, names.coordinates).at(pointer)
+            raise nm.ask_for_the_time(name, column, names.coordinates).at(pointer)
         if name == "r" and {"x", "y"} <= {*names.coordinates}:
             length = "sqrt(" + " + ".join(f"{q}^2" for q in ("x", "y", "z") if q in names.coordinates) + ")"
-            raise known_words.undeclared(name, column, (length,)).at(pointer)
+            raise nm.undeclared(name, column, (length,)).at(pointer)
         if alike := _word_of_motion(name, names.coordinates) or _may_be_motion(name, names.coordinates):
-            raise known_words.undeclared(name, column, alike).at(pointer)
+            raise nm.undeclared(name, column, alike).at(pointer)
         other = seen.setdefault(name.replace("_", ""), name)
         if other != name:
             instead = f"{other} occurs too; write one of the two"
-            raise refusals.refusal(known_words.not_declared(name), token.column, instead, (other,)).at(pointer)
+            raise refusals.refusal(nm.not_declared(name), token.column, instead, (other,)).at(pointer)
     return splits
 
 
@@ -855,9 +855,9 @@ def _refuse_operators(
         what, called = f"a derivative of {token.text} by {by} occurs", (f"{token.text}({by})",)
         raise refusals.refusal(what, token.column, f"write {meant}", called, declare="parameters").at(pointer)
     if token.text == "j" and not token.space_before and place and line[place - 1].kind == "number":
-        reason = known_words.REFUSED_UNLESS_DECLARED["i"]
-        raise known_words.refused(f"j {reason[0]}", reason, token.column).at(pointer)
-    based = known_words.reason_against(token.text, token.column) if token.text.startswith("log_") else None
+        reason = nm.REFUSED_UNLESS_DECLARED["i"]
+        raise nm.refused(f"j {reason[0]}", reason, token.column).at(pointer)
+    based = nm.reason_against(token.text, token.column) if token.text.startswith("log_") else None
     if error := based or _half_a_number(line, place):
         raise error.at(pointer)
     following = [other.text for other in line[place + 1 : place + 6]]
@@ -936,7 +936,7 @@ def _tokens(text: str, declared: nm.Names) -> list[Token]:
 def _looks_like_a_function(name: str) -> bool:
     """Whether the name may be a known function, such as a mistyped sqrt, acot or gamma; then it is not guessed."""
     is_word = re.match("[A-Za-z]{3}", name) is not None and name not in nm.GREEK_NAMES
-    return is_word or {name, name.replace("_", "")} & known_words.REFUSED_UNLESS_DECLARED.keys() != set()
+    return is_word or {name, name.replace("_", "")} & nm.REFUSED_UNLESS_DECLARED.keys() != set()
 
 
 def _elliptic_arguments(line: Sequence[Token], place: int) -> int:
@@ -944,7 +944,7 @@ def _elliptic_arguments(line: Sequence[Token], place: int) -> int:
     opening = place + 1
     if at(line, opening).is_operator("^"):
         opening = closing(line, opening + 1) + 1 if at(line, opening + 1).is_operator("(") else opening + 2
-    if line[place].text not in known_words.ELLIPTIC:
+    if line[place].text not in nm.ELLIPTIC:
         return 0
     if at(line, opening).is_operator("("):
         return len(split_at_commas(line[opening + 1 : closing(line, opening)]))
@@ -953,7 +953,7 @@ def _elliptic_arguments(line: Sequence[Token], place: int) -> int:
 
 def _may_depend_on_time(name: str) -> bool:
     """Whether name(t) may be a function of time; not x(t), a coordinate without equation, nor delta(t), nor words."""
-    moves = known_words.looks_like_a_coordinate(name) and name not in ("q", "r", "s", "tau")
+    moves = nm.looks_like_a_coordinate(name) and name not in ("q", "r", "s", "tau")
     return not (moves or name in _IMPULSES or _looks_like_a_function(name))
 
 

@@ -254,11 +254,16 @@ def _mathematica_derivative(tokens: Sequence[Token], place: int, found: Tokens, 
     return _call(tokens, place, found, names, "Derivative")
 
 
-def _call(tokens: Sequence[Token], place: int, found: Tokens, names: Names, name: str) -> int:
-    """The same call under our name, its arguments rewritten."""
+def _call(tokens: Sequence[Token], place: int, found: Tokens, names: Names, name: str, backward: bool = False) -> int:
+    """The same call under our name, its arguments rewritten; Mathematica's Log[b, x] is log(x, b)."""
     arguments, after = _arguments(tokens, place + 1)
-    found += [replace(tokens[place], text=name), tokens[place + 1], *_listed(arguments, names), tokens[after - 1]]
+    found += _written(name, arguments[::-1] if backward else arguments, tokens[place], names)
     return after
+
+
+def _written(name: str, arguments: Sequence[Sequence[Token]], at: Token, names: Names) -> Tokens:
+    """The call of this name with the arguments rewritten, in the place of the token `at`."""
+    return [replace(at, text=name), _sign("(", at), *_listed(arguments, names), _sign(")", at)]
 
 
 def _listed(arguments: Sequence[Sequence[Token]], names: Names) -> Tokens:
@@ -320,14 +325,6 @@ def _pieces(tokens: Sequence[Token], place: int, found: Tokens, names: Names) ->
     return after
 
 
-def _logarithm(tokens: Sequence[Token], place: int, found: Tokens, names: Names) -> int:
-    """Mathematica's Log[x] is log(x), and Log[b, x] is log(x, b)."""
-    arguments, after = _arguments(tokens, place + 1)
-    found += [replace(tokens[place], text="log"), tokens[place + 1]]
-    found += [*_listed(arguments[::-1], names), tokens[after - 1]]
-    return after
-
-
 def _float(tokens: Sequence[Token], place: int, found: Tokens, names: Names) -> int:
     raise refusals.refusal("a Float occurs", tokens[place].column, "write the exact number, such as Rational(1, 3)")
 
@@ -338,8 +335,7 @@ def _der(tokens: Sequence[Token], place: int, found: Tokens, names: Names) -> in
     if len(arguments) != 1:
         raise refusals.refusal("der has one argument", tokens[place].column, "write der(x)")
     time = Token("name", "t", tokens[place].column)
-    found += [replace(tokens[place], text="diff"), tokens[place + 1], *_rewritten(arguments[0], names)]
-    found += [_sign(",", time), time, tokens[after - 1]]
+    found += _written("diff", [*arguments, [time]], tokens[place], names)
     return after
 
 
@@ -349,8 +345,7 @@ def _differential(tokens: Sequence[Token], place: int, found: Tokens, names: Nam
     if len(by) != 1 or not _opens(tokens, after):
         raise refusals.refusal("Differential has no operand", tokens[place].column, "write Differential(t)(x), or x'")
     operand, end = _arguments(tokens, after)
-    found += [replace(tokens[place], text="diff"), tokens[after], *_rewritten(operand[0], names)]
-    found += [_sign(",", tokens[after]), *by[0], tokens[end - 1]]
+    found += _written("diff", [*operand[:1], *by], tokens[place], names)
     return end
 
 
@@ -374,7 +369,7 @@ _STARTS: dict[str, _Rewrite] = {
     "der": _der,
     "Differential": _differential,
     "D": _maple_d,
-    "Log": _logarithm,
+    "Log": partial(_call, name="log", backward=True),
     _PIECES: _pieces,
     "Derivative": _mathematica_derivative,
 }
