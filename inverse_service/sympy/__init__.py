@@ -63,10 +63,11 @@ def asked(
     system: Any, coordinates: Any = None, *, velocities: Any = None, time: Any = None, **questions: Any
 ) -> tuple[dict[str, Any], Any]:
     """The document that is meant, and the SymPy objects of its names; None for a text, which has none."""
-    system = getattr(system, "eom_method", system)  # a System of sympy.physics.mechanics
-    questions = {
-        key: _named(value) if key in ("parameters", "functions") else value for key, value in questions.items()
-    }
+    if hasattr(system, "form_eoms"):  # a System of sympy.physics.mechanics
+        if system.eom_method is None:
+            system.form_eoms()
+        system = system.eom_method
+    questions = _with_names(questions)
     keys = {"coordinates": coordinates, "velocities": velocities, "time": time, **questions}
     given = {key: value for key, value in keys.items() if value is not None}
     if isinstance(system, str):
@@ -75,7 +76,8 @@ def asked(
         return plain | given | ({"parameters": "guess"} if guesses else {}), None
     if isinstance(system, Mapping) and all(isinstance(key, str) for key in system):
         texts = all(isinstance(value, str | int) and not isinstance(value, bool) for value in system.values())
-        return ({"equations": system} if texts and system and not _KEYS & system.keys() else dict(system)) | given, None
+        is_motion = texts and system and not _KEYS & system.keys()
+        return ({"equations": system} if is_motion else _with_names(system)) | given, None
     if isinstance(system, list | tuple) and system and all(isinstance(entry, str) for entry in system):
         return {"equations": list(system)} | given, None
     from inverse_service.sympy.from_sympy import read
@@ -84,15 +86,23 @@ def asked(
     return found.document, found.names
 
 
+def _with_names(keys: Mapping[str, Any]) -> dict[str, Any]:
+    return {key: _named(value) if key in ("parameters", "functions") else value for key, value in keys.items()}
+
+
 def _named(declared: Any) -> Any:
     """Declarations with SymPy objects as names, such as {k: 2}, [k], {V: [x]}, as a document has them."""
+    if isinstance(declared, Mapping):
+        return {_name(key): _named(value) for key, value in declared.items()}
+    return [_named(each) for each in declared] if isinstance(declared, list | tuple) else _name(declared)
+
+
+def _name(each: Any) -> Any:
+    if each is None or isinstance(each, bool | int | float | str):
+        return each
     from inverse_service.sympy.from_sympy import declared_text
 
-    if isinstance(declared, Mapping):
-        return {declared_text(key): _named(value) for key, value in declared.items()}
-    if isinstance(declared, list | tuple):
-        return [declared_text(each) for each in declared]
-    return declared if declared is None or isinstance(declared, bool | int | float | str) else declared_text(declared)
+    return declared_text(each)
 
 
 def _of_text(text: str) -> dict[str, Any]:

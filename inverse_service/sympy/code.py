@@ -85,6 +85,7 @@ FUNCTION = "def {name}(t, y, args):\n{unpacked}    return {value}"
 _MODELINGTOOLKIT_HEAD = """using ModelingToolkit
 using ModelingToolkit: t_nounits as t, D_nounits as D
 """
+_MODELINGTOOLKIT_WORDS = frozenset(["D", "equations", "motion", "System"])
 
 
 @dataclass(frozen=True)
@@ -307,8 +308,10 @@ def _returned(texts: list[str], language: Language) -> list[str]:
     return [language.several.format(place=place, place1=place + 1, value=text) for place, text in pairs]
 
 
-def plain_symbols(given: Sequence[Any], answer: Answer, language: Language) -> dict[Any, Any]:
-    """x, x_dot, p_x as symbols whose names every language takes."""
+def plain_symbols(
+    given: Sequence[Any], answer: Answer, language: Language, defined: frozenset[str] = frozenset()
+) -> dict[Any, Any]:
+    """x, x_dot, p_x as symbols whose names every language takes and the program does not have `defined`."""
     table = answer._table
     words = {table.time: "t", **{each: name for name, each in (*table.coordinates.items(), *table.parameters.items())}}
     words |= {table.velocity(name): f"{name}_dot" for name in table.coordinates}
@@ -318,7 +321,7 @@ def plain_symbols(given: Sequence[Any], answer: Answer, language: Language) -> d
     bare = language.printed in (sympy.mathematica_code, sympy.maple_code)
     for each in given:
         name = words.get(each, str(each))
-        name, end, taken = (name.replace("_", ""), "0", _WORDS | _RESERVED) if bare else (name, "_", _WORDS)
+        name, end, taken = (name.replace("_", ""), "0", _WORDS | _RESERVED) if bare else (name, "_", _WORDS | defined)
         while {name, name.lower()} & taken or name.lower() in used:
             name += end
         used.add(name.lower())
@@ -453,7 +456,7 @@ def modelingtoolkit_program(answer: Answer) -> str:
     """`mtkcompile(motion)` reduces it to first order; momenta are the variables p_x."""
     table = answer._table
     given = arguments_of(answer, "accelerations")
-    plain = plain_symbols(given, answer, LANGUAGES["julia"])
+    plain = plain_symbols(given, answer, LANGUAGES["julia"], _MODELINGTOOLKIT_WORDS)
     names = {name: str(plain[each]) for name, each in table.coordinates.items()}
     # D(x) is written where the printer of Julia would write the symbol of the velocity.
     speeds = {plain[table.velocity(name)]: sympy.Symbol(f"D({names[name]})") for name in names}
@@ -474,14 +477,14 @@ def modelingtoolkit_program(answer: Answer) -> str:
         lines.append(f"# {left_out}")
     elif lagrangian is not None:
         lines += [f"# where {one}" for one in conditions_of(answer, "lagrangian")]
-        lines.append(f"L = {text(lagrangian)}")
+        lines.append(f"lagrangian = {text(lagrangian)}")
     if hamiltonian is not None and (left_out := without_formula(answer, "hamiltonian", hamiltonian.expr)):
         lines.append(f"# {left_out}")
     elif hamiltonian is not None:
         if not hamiltonian.implicit:
             lines.append(f"@variables {' '.join(map(str, hamiltonian.momenta))}")
         lines += [f"# where {one}" for one in conditions_of(answer, "hamiltonian")]
-        lines.append(f"H = {text(hamiltonian.expr)}")
+        lines.append(f"hamiltonian = {text(hamiltonian.expr)}")
     return "\n".join(lines) + "\n"
 
 

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import sympy
 from sympy.core.function import AppliedUndef
+from sympy.logic.boolalg import BooleanAtom
 
 from inverse_service.errors import InputError
 from inverse_service.expressions.printing import to_text
@@ -134,7 +135,7 @@ def table_of_result(result: Mapping[str, Any], given: Mapping[str, Any] | None =
 
 def declared_text(each: Any) -> str:
     """The name or value of an object in a declaration: k for Symbol("k"), V for Function("V"), 2 for 2."""
-    return each if isinstance(each, str) else _plain(each)
+    return _plain(each)
 
 
 def names_for(objects: Iterable[Any]) -> dict[Any, str]:
@@ -391,7 +392,10 @@ def _listed(system: Any) -> list[Any]:
 
 def _zero(equation: Any) -> Any:
     """The expression that an equation says is zero."""
-    if equation in (sympy.true, sympy.false, True, False):
+    if isinstance(equation, str):
+        detail = "A text occurs among SymPy objects: write all equations as expressions, or all of them as texts."
+        raise InputError(detail, "/equations")
+    if isinstance(equation, bool | BooleanAtom):
         raise InputError("an equation became True or False: give Eq(a, b, evaluate=False).", "/equations")
     if isinstance(equation, sympy.core.relational.Relational) and not isinstance(equation, sympy.Equality):
         raise InputError("a comparison occurs: write an equation, Eq(a, b).", "/equations")
@@ -570,6 +574,12 @@ class Conditions:
     R: Any
     N: Any = None
     reason: str = ""
+
+    def _repr_latex_(self) -> str:
+        from inverse_service.sympy.result_objects import aligned
+
+        named = (("N", self.N), (r"\Phi", self.Phi), (r"\nabla\Phi", self.nabla_Phi), ("R", self.R))
+        return aligned([(name, sympy.latex(part)) for name, part in named if part is not None])
 
 
 def conditions_of(system: Any, coordinates: Sequence[Any] | None, keys: Mapping[str, Any]) -> Conditions:

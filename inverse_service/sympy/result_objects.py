@@ -19,7 +19,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from inverse_service import errors
 from inverse_service.reading import reader
@@ -37,6 +37,8 @@ VARIATIONAL = {"variational": True, "not_variational": False}
 
 
 _LETTERS = (("L", "lagrangian"), ("H", "hamiltonian"))
+
+_Part = TypeVar("_Part")
 
 COLUMNS = ("id", "line", "verdict", "verdict_with_time", "checked", "question", "reason")
 
@@ -71,7 +73,28 @@ class FirstIntegral:
         return f"$\\displaystyle {sympy.latex(self.expr)}$"
 
 
-def _aligned(rows: Iterable[tuple[str, str]]) -> str:
+class Listed(tuple[_Part, ...]):
+    """A tuple that a notebook shows as a numbered list, formulas in LaTeX."""
+
+    def _repr_html_(self) -> str:
+        return f"<ol>{''.join(f'<li>{_shown_in_html(part)}</li>' for part in self)}</ol>"
+
+
+def _shown_in_html(part: Any) -> str:
+    sentence = {Step: "text", FirstIntegral: "name"}.get(type(part))
+    return html.escape(f"{getattr(part, sentence) if sentence else ''} {part._repr_latex_() or ''}".strip())
+
+
+class Motion(dict[Any, Any]):
+    """The acceleration of each coordinate; a notebook shows them one below the other."""
+
+    def _repr_latex_(self) -> str:
+        import sympy
+
+        return aligned([(sympy.latex(left), sympy.latex(right)) for left, right in self.items()])
+
+
+def aligned(rows: Iterable[tuple[str, str]]) -> str:
     """Left = right, one below the other, for a notebook."""
     return "$\\displaystyle\\begin{aligned}" + r" \\ ".join(f"{a} &= {b}" for a, b in rows) + "\\end{aligned}$"
 
@@ -89,7 +112,7 @@ class Hamiltonian:
     def _repr_latex_(self) -> str:
         import sympy
 
-        return _aligned(
+        return aligned(
             [("H", sympy.latex(self.expr)), *((sympy.latex(p), sympy.latex(f)) for p, f in self.momenta.items())]
         )
 
@@ -119,7 +142,7 @@ class Verification:
 
         rows = [(f"E_{{{place}}}", sympy.latex(each)) for place, each in enumerate(self.euler_lagrange, 1)]
         rows += [] if self.hamiltonian is None else [("H - (p v - L)", sympy.latex(self.hamiltonian))]
-        return _aligned(rows)
+        return aligned(rows)
 
     @property
     def holds(self) -> bool | None:
@@ -192,18 +215,18 @@ class Answer(dict[str, Any]):
         return None if found is None else self._expression(found["text"])
 
     @cached_property
-    def lagrangians(self) -> tuple[Expr, ...]:
+    def lagrangians(self) -> Listed[Expr]:
         """All Lagrangians found, the simplest first."""
         others = self._shown.get("other_lagrangians", [])
         first = () if self.lagrangian is None else (self.lagrangian,)
-        return (*first, *(self._expression(other["text"]) for other in others))
+        return Listed((*first, *(self._expression(other["text"]) for other in others)))
 
     @cached_property
-    def domain(self) -> tuple[Boolean, ...]:
+    def domain(self) -> Listed[Boolean]:
         """The conditions under which the answer holds and L is one, as relations."""
         from inverse_service.sympy.from_sympy import relation
 
-        return tuple(relation(text, self._table) for text in self._where)
+        return Listed(relation(text, self._table) for text in self._where)
 
     @cached_property
     def hamiltonian(self) -> Hamiltonian | None:
@@ -216,11 +239,11 @@ class Answer(dict[str, Any]):
         return Hamiltonian(self._expression(found["text"]), momenta, found["implicit"], coordinates, self._table.time)
 
     @cached_property
-    def first_integrals(self) -> tuple[FirstIntegral, ...]:
+    def first_integrals(self) -> Listed[FirstIntegral]:
         """The functions that are constant along the motion, the energy first."""
         from inverse_service.sympy.from_sympy import relation
 
-        return tuple(
+        return Listed(
             FirstIntegral(
                 each["name"],
                 self._expression(each["text"]),
@@ -239,9 +262,9 @@ class Answer(dict[str, Any]):
         return None if found is None else sympy.ImmutableMatrix([[self._expression(e) for e in row] for row in found])
 
     @property
-    def proof(self) -> tuple[Step, ...]:
+    def proof(self) -> Listed[Step]:
         """The steps of the explanation."""
-        return tuple(Step(step["text"], step.get("latex", "")) for step in self._shown.get("explanation", ()))
+        return Listed(Step(step["text"], step.get("latex", "")) for step in self._shown.get("explanation", ()))
 
     @property
     def solution_space(self) -> Mapping[str, Any] | None:
@@ -268,13 +291,15 @@ class Answer(dict[str, Any]):
         return verification(self)
 
     @cached_property
-    def equations(self) -> dict[Expr, Expr | Eq]:
+    def equations(self) -> Motion:
         """q'' = f: the acceleration of each coordinate; Eq(E(t, q, q', q''), 0) where f is too long to be written."""
         import sympy
 
         table, found = self._table, {name: self._expression(text) for name, text in self._texts.items()}
         unsolved = self._is_unsolved
-        return {table.acceleration(name): sympy.Eq(each, 0) if unsolved else each for name, each in found.items()}
+        return Motion(
+            {table.acceleration(name): sympy.Eq(each, 0) if unsolved else each for name, each in found.items()}
+        )
 
     @property
     def accelerations(self) -> tuple[Expr, ...]:
@@ -290,6 +315,54 @@ class Answer(dict[str, Any]):
     @property
     def _is_unsolved(self) -> bool:
         return any(map(reader.has_acceleration, self._texts.values()))
+
+    @cached_property
+    def branches(self) -> tuple[Answer, ...]:
+        """The answer on each connected set on which the equations are one formula; one where that is everywhere."""
+        return (self,)
+
+    def to_latex(self) -> str:
+        """Equations, and L and H of each branch with their conditions, as aligned formulas."""
+        return "\\begin{align*}\n" + " \\\\\n".join(self._rows()) + "\n\\end{align*}\n"
+
+    def _rows(self) -> list[str]:
+        from inverse_service.service.documents.latex_page import conditions_latex
+
+        rows = [row.replace(" = ", " &= ", 1) for row in self._system.get("latex", {}).values()]
+        for branch in self.branches:
+            formulas = [f"{letter} &= {found}" for letter, found in branch._formulas()]
+            where = [rf"&\text{{where {conditions_latex(branch._where, self._system)}}}"] if branch._where else []
+            rows += [*formulas, *(where if formulas else [])]
+        return rows
+
+    def _formulas(self) -> list[tuple[str, str]]:
+        """L and H in LaTeX, where they were found."""
+        return [(letter, self._shown[key]["latex"]) for letter, key in _LETTERS if self._shown.get(key)]
+
+    def _latex(self, printer: Any) -> str:
+        """What `sympy.latex` prints."""
+        return "\\begin{aligned}" + " \\\\ ".join(self._rows()) + "\\end{aligned}"
+
+    def _repr_latex_(self) -> str:
+        return f"$\\displaystyle{self._latex(None)}$"
+
+    def _repr_mimebundle_(self, include: Any = None, exclude: Any = None) -> dict[str, str]:
+        """Text, LaTeX, and HTML with the formulas, a picture of a motion, and the proof."""
+        return {"text/plain": repr(self), "text/latex": self._repr_latex_(), "text/html": self._repr_html_()}
+
+    def _repr_html_(self) -> str:
+        parts = []
+        for branch in self.branches:
+            parts.append(f"<p><b>{html.escape(branch.verdict.replace('_', ' ') or 'equations of motion')}</b></p>")
+            parts += [f"<p>$\\displaystyle {a} = {html.escape(formula)}$</p>" for a, formula in branch._formulas()]
+            parts += [f"<p>where {html.escape(', '.join(branch._where))}</p>"] if branch._where else []
+        parts += self._picture()
+        parts += [f"<details><summary>Proof</summary>{self.proof._repr_html_()}</details>"] if self.proof else []
+        return "".join(parts)
+
+    def _picture(self) -> list[str]:
+        """A motion as an image, nothing where none can be drawn."""
+        return []
 
 
 class Result(Answer):
@@ -399,20 +472,6 @@ class Result(Answer):
             Path(path).write_text(text, encoding="utf-8")
         return text
 
-    def to_latex(self) -> str:
-        """Equations, and L and H of each branch with their conditions, as aligned formulas."""
-        return "\\begin{align*}\n" + " \\\\\n".join(self._rows()) + "\n\\end{align*}\n"
-
-    def _rows(self) -> list[str]:
-        from inverse_service.service.documents.latex_page import conditions_latex
-
-        rows = [row.replace(" = ", " &= ", 1) for row in self._system.get("latex", {}).values()]
-        for branch in self.branches:
-            formulas = [f"{letter} &= {branch[key]['latex']}" for letter, key in _LETTERS if branch.get(key)]
-            where = [rf"&\text{{where {conditions_latex(branch._where, self._system)}}}"] if branch._where else []
-            rows += [*formulas, *(where if formulas else [])]
-        return rows
-
     def to_code(self, language: str = "python") -> str:
         """The accelerations, L, H, momenta and multiplier as a program: "julia", "c", …, or "sympy"."""
         from inverse_service.sympy.code import program
@@ -423,29 +482,7 @@ class Result(Answer):
         """`to_code("python")`."""
         return self.to_code("python")
 
-    def _repr_mimebundle_(self, include: Any = None, exclude: Any = None) -> dict[str, str]:
-        """Text, LaTeX, and HTML with the formulas and a picture of a motion."""
-        return {"text/plain": repr(self), "text/latex": self._repr_latex_(), "text/html": self._repr_html_()}
-
-    def _repr_latex_(self) -> str:
-        return "$\\displaystyle\\begin{aligned}" + " \\\\ ".join(self._rows()) + "\\end{aligned}$"
-
-    def _repr_html_(self) -> str:
-        parts = []
-        for branch in self.branches:
-            parts.append(f"<p><b>{html.escape(branch.verdict.replace('_', ' ') or 'equations of motion')}</b></p>")
-            for letter, key in _LETTERS:
-                if found := branch.get(key):
-                    parts.append(f"<p>$\\displaystyle {letter} = {html.escape(found['latex'])}$</p>")
-            parts += [f"<p>where {html.escape(', '.join(branch._where))}</p>"] if branch._where else []
-        parts += self._picture()
-        steps = "".join(f"<li>{html.escape(step.text)}</li>" for step in self.proof)
-        parts += [f"<details><summary>Proof</summary><ol>{steps}</ol></details>"] if steps else []
-        return "".join(parts)
-
     def _picture(self) -> list[str]:
-        """A motion as an image, nothing where none can be drawn."""
-
         found = as_image(self)
         return [] if found is None else [f'<img alt="a motion of the system" src="{found}">']
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections import Counter
+from collections import defaultdict
 from collections.abc import Iterator
 from typing import Any
 
@@ -28,27 +28,35 @@ def fields(description: dict[str, Any]) -> str:
     for result in RESULTS:
         before = {name for group in groups.values() for name in group} | set(RESULTS)
         groups[result] = [result, *(name for name in _within(result, schemas) if name not in before)]
-    names = [name for group in groups.values() for name in group]
-    count = Counter(row for name in names for row in _rows(schemas[name]))
-    shared = {row for row in count if count[row] > 1}
-    parts = ["## Fields of several objects", "", HEAD, *(row for row in count if row in shared), ""]
+    kinds: dict[tuple[str, str], list[str]] = defaultdict(list)
+    for field, of_field in (
+        row for group in groups.values() for name in group for row in _fields(schemas[name]).items()
+    ):
+        kinds[field].append(of_field)
+    shared = {field for field, found in kinds.items() if len(found) > 1}
+    parts = ["## Fields of several objects", "", HEAD, *(_row(each, kinds[each]) for each in kinds if each in shared)]
     for result, group in groups.items():
-        parts += [f"## {result}", "", HEAD]
+        parts += ["", f"## {result}", "", HEAD]
         for name in group:
-            rows = _rows(schemas[name])
-            also = [key for row, key in rows.items() if row in shared]
+            of_object = _fields(schemas[name])
+            also = [f"`{key}`" for key, meaning in of_object if (key, meaning) in shared]
             text = " ".join(filter(None, [_cell(schemas[name].get("description", "")) + ".", _also(also)]))
-            parts += [f"| **{name}** | {text} | |", *(row for row in rows if row not in shared)]
-        parts.append("")
-    return "\n".join(parts)
+            own = [_row(field, [of_field]) for field, of_field in of_object.items() if field not in shared]
+            parts += [f"| **{name}** | {text} | |", *own]
+    return "\n".join([*parts, ""])
 
 
-def _rows(schema: dict[str, Any]) -> dict[str, str]:
-    """The row of each field, with the name of the field."""
-    return {
-        f"| `{key}` | {_cell(part.get('description', ''))} | {kind(part)} |": f"`{key}`"
-        for key, part in schema.get("properties", {}).items()
-    }
+def _fields(schema: dict[str, Any]) -> dict[tuple[str, str], str]:
+    """The type of each field, by its name and what it is."""
+    return {(key, _cell(part.get("description", ""))): kind(part) for key, part in schema.get("properties", {}).items()}
+
+
+def _row(field: tuple[str, str], kinds: list[str]) -> str:
+    """A field with all types that it has, an enumeration without those that it contains."""
+    plain = dict.fromkeys(each.removesuffix(" or null") for each in kinds)
+    plain = [each for each in plain if not any(other.startswith(f"{each}, ") for other in plain)]
+    null = " or null" if any(each.endswith(" or null") for each in kinds) else ""
+    return f"| `{field[0]}` | {field[1]} | {'; '.join(plain)}{null} |"
 
 
 def _also(names: list[str]) -> str:

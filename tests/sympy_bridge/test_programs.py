@@ -24,20 +24,10 @@ x, y, r, phi, theta = (sp.Function(name)(t) for name in ("x", "y", "r", "phi", "
 omega, k, m, g, length, c = sp.symbols("omega k m g l c")
 
 
-def test_1_an_oscillator() -> None:
-    found = solve(sp.Eq(x.diff(t, 2), -(omega**2) * x))
-    assert sp.expand(found.lagrangian - (x.diff(t) ** 2 / 2 - omega**2 * x**2 / 2)) == 0
-    assert found.verify().holds is True
-
-
 def test_2_expressions_that_are_zero() -> None:
     found = solve([x.diff(t, 2) + k * x - k * y, y.diff(t, 2) + k * y - k * x])
     assert found.is_variational is True
     assert found.verify().holds is True
-
-
-def test_3_accelerations_by_coordinate() -> None:
-    assert solve({x: -x - 2 * x.diff(t)}).main.lagrangian == -sp.log(x + x.diff(t))
 
 
 def test_4_plain_symbols_with_their_velocities() -> None:
@@ -286,20 +276,7 @@ def test_names_of_a_result_may_be_given() -> None:
     found = from_result(inverse_service.solve({"equations": "x'' = -k*x", "parameters": ["k"]}), {"k": k, "x": x})
     assert found.lagrangian.free_symbols == {t, k}
     assert position not in found.lagrangian.free_symbols
-    assert document(sp.Eq(x.diff(t, 2), -k * x)) == {
-        "coordinates": ["x"],
-        "parameters": ["k"],
-        "equations": ["x'' + k*x = 0"],
-    } or document(sp.Eq(x.diff(t, 2), -k * x))["parameters"] == ["k"]
-
-
-@pytest.mark.slow
-def test_with_time_and_conditions_are_objects() -> None:
-    found = solve([x.diff(t, 2) + x.diff(t) - x**2 - y**2, y.diff(t, 2) + y.diff(t) - 2 * x * y])
-    assert found.conditions.Phi.shape == (2, 2)
-    if found.with_time is not None and found.with_time.lagrangian is not None:
-        assert found.with_time.lagrangian.has(sp.exp(t))
-        assert found.with_time.verify().holds is True
+    assert document(sp.Eq(x.diff(t, 2), -k * x))["parameters"] == ["k"]
 
 
 GROUND = """
