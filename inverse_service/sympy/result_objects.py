@@ -49,13 +49,13 @@ LARGE = 1e6
 
 @dataclass(frozen=True)
 class Step:
-    """One step of a proof: a sentence, its formula in LaTeX or nothing."""
+    """One step of a proof: a sentence as text, and with its formulas in LaTeX between dollar signs."""
 
     text: str
-    latex: str = ""
+    latex: str
 
-    def _repr_latex_(self) -> str | None:
-        return f"$\\displaystyle {self.latex}$" if self.latex else None
+    def _repr_html_(self) -> str:
+        return html.escape(self.latex)
 
 
 @dataclass(frozen=True)
@@ -72,17 +72,19 @@ class FirstIntegral:
 
         return f"$\\displaystyle {sympy.latex(self.expr)}$"
 
+    def _repr_html_(self) -> str:
+        return html.escape(f"{self.name} {self._repr_latex_()}")
+
 
 class Listed(tuple[_Part, ...]):
     """A tuple that a notebook shows as a numbered list, formulas in LaTeX."""
 
     def _repr_html_(self) -> str:
-        return f"<ol>{''.join(f'<li>{_shown_in_html(part)}</li>' for part in self)}</ol>"
+        return f"<ol>{''.join(f'<li>{_in_html(part)}</li>' for part in self)}</ol>"
 
 
-def _shown_in_html(part: Any) -> str:
-    sentence = {Step: "text", FirstIntegral: "name"}.get(type(part))
-    return html.escape(f"{getattr(part, sentence) if sentence else ''} {part._repr_latex_() or ''}".strip())
+def _in_html(part: Any) -> str:
+    return str(part._repr_html_() if hasattr(part, "_repr_html_") else html.escape(part._repr_latex_()))
 
 
 class Motion(dict[Any, Any]):
@@ -116,7 +118,7 @@ class Hamiltonian:
             [("H", sympy.latex(self.expr)), *((sympy.latex(p), sympy.latex(f)) for p, f in self.momenta.items())]
         )
 
-    def equations(self) -> list[Eq]:
+    def equations(self) -> Listed[Eq]:
         """Hamilton's equations q' = dH/dp, p' = -dH/dq; ValueError where H is over the velocities."""
         import sympy
 
@@ -125,9 +127,8 @@ class Hamiltonian:
         pairs = list(zip(self.coordinates, self.momenta, strict=True))
         functions = {p: sympy.Function(str(p))(self.time) for _, p in pairs}
         rates = [sympy.Eq(q.diff(self.time), self.expr.diff(p).xreplace(functions)) for q, p in pairs]
-        return rates + [
-            sympy.Eq(functions[p].diff(self.time), -self.expr.diff(q).xreplace(functions)) for q, p in pairs
-        ]
+        forces = [sympy.Eq(functions[p].diff(self.time), -self.expr.diff(q).xreplace(functions)) for q, p in pairs]
+        return Listed(rates + forces)
 
 
 @dataclass(frozen=True)
@@ -264,7 +265,11 @@ class Answer(dict[str, Any]):
     @property
     def proof(self) -> Listed[Step]:
         """The steps of the explanation."""
-        return Listed(Step(step["text"], step.get("latex", "")) for step in self._shown.get("explanation", ()))
+        from inverse_service.service.documents.latex_page import names_of, sentence
+
+        names = names_of(self._system or None)
+        steps = self._shown.get("explanation", ())
+        return Listed(Step(step["text"], sentence(step.get("parts") or [step["text"]], names)) for step in steps)
 
     @property
     def solution_space(self) -> Mapping[str, Any] | None:
@@ -317,9 +322,9 @@ class Answer(dict[str, Any]):
         return any(map(reader.has_acceleration, self._texts.values()))
 
     @cached_property
-    def branches(self) -> tuple[Answer, ...]:
+    def branches(self) -> Listed[Answer]:
         """The answer on each connected set on which the equations are one formula; one where that is everywhere."""
-        return (self,)
+        return Listed([self])
 
     def to_latex(self) -> str:
         """Equations, and L and H of each branch with their conditions, as aligned formulas."""
@@ -412,10 +417,10 @@ class Result(Answer):
         return super().__repr__()[:-1] + (more if others else ")")
 
     @cached_property
-    def branches(self) -> tuple[Answer, ...]:
+    def branches(self) -> Listed[Answer]:
         """The answer on each connected set on which the equations are one formula; one where that is everywhere."""
         found = self.get("branches") or ()
-        return tuple(Answer(part, self._table, self._system) for part in found) or (self,)
+        return Listed([Answer(part, self._table, self._system) for part in found] or [self])
 
     @property
     def is_variational(self) -> bool | None:

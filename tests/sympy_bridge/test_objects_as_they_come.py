@@ -107,6 +107,7 @@ def test_every_object_has_latex_and_a_result_a_picture() -> None:
     for part in (result, result.to_latex(), bundle["text/html"], sp.latex(result)):
         assert "arctan" not in str(part)
     assert result.first_integrals._repr_html_().count("<li>energy") == 1
+    assert result.proof[0]._repr_html_() == r"These statements hold where $m \neq 0$."
     assert result.domain._repr_html_() == r"<ol><li>$\displaystyle m \neq 0$</li></ol>"
 
 

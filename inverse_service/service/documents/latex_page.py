@@ -68,6 +68,12 @@ def _equation(formula: text_page.Formula, names: Names) -> str:
     )
 
 
+def sentence(parts: Sequence[str], names: Names) -> str:
+    """Words and formulas alternately, the formulas between dollar signs, one after the end of the sentence apart."""
+    found = [f"${latex_of(part, names)}$" if place % 2 else part for place, part in enumerate(parts)]
+    return "".join(f" {part}" if place and found[place - 1].endswith(".") else part for place, part in enumerate(found))
+
+
 def conditions_latex(conditions: Sequence[str], system: Mapping[str, Any] | None) -> str:
     """Conditions such as "x != 0" as formulas in a sentence."""
     names = names_of(system)
