@@ -21,7 +21,7 @@ from typing import Any
 
 from inverse_service.kernels.machine_code import kernels
 
-FOLDER = Path(__file__).parent / "compiled"
+FOLDER, CPUINFO = Path(__file__).parent / "compiled", Path("/proc/cpuinfo")
 # Names of processors for LLVM with the flags of /proc/cpuinfo that they need, best first. Elimination takes half the
 # time with 512-bit vectors; v2 and v3 gain nothing on it.
 _WIDE = frozenset({"avx512f", "avx512bw", "avx512cd", "avx512dq", "avx512vl"})
@@ -79,8 +79,10 @@ def digest(name: str) -> str:
 
 
 def processor_flags() -> frozenset[str]:
-    """What the processor can do, as Linux names it."""
-    for line in Path("/proc/cpuinfo").read_text().splitlines():
-        if line.startswith(("flags", "Features")):
-            return frozenset(line.partition(":")[2].split())
-    return frozenset()
+    """What the processor can do, as Linux names it; nothing where it does not say."""
+    try:
+        lines = CPUINFO.read_text().splitlines()
+    except OSError:
+        return frozenset()
+    flags = (line for line in lines if line.startswith(("flags", "Features")))
+    return frozenset(next(flags, "").partition(":")[2].split())
