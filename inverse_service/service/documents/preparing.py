@@ -7,12 +7,12 @@ way in and its result on the way out; a coordinate called t then has a name that
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 from inverse_service import errors
-from inverse_service.expressions import letters, printing
+from inverse_service.expressions import letters, printing, refusals
 from inverse_service.reading import components, document_names, notations, reader
 from inverse_service.reading.names import (
     DERIVATIVE_NAMES,
@@ -205,6 +205,8 @@ def _with_lagrangian(plain: dict[str, Any]) -> tuple[dict[str, Any], dict[str, s
         else:
             places[f"/constraints/{len(constraints)}"] = pointer
             constraints.append(line)
+    for pointer, line in others:
+        _ask_about_rate(line, pointer, lagrangian, {"t", *_declared(plain)})
     lagrangian, *constraints = (
         f"{text}{vectors}" if components.holds_vector(text) else text for text in (lagrangian, *constraints)
     )
@@ -214,6 +216,27 @@ def _with_lagrangian(plain: dict[str, Any]) -> tuple[dict[str, Any], dict[str, s
     if len(others) > len(where):
         found["constraints"] = constraints
     return found, places, notes
+
+
+def _ask_about_rate(line: str, pointer: str, lagrangian: str, known: Collection[str]) -> None:
+    """InputError for phi' = omega where L has omega and no phi': it defines omega, or holds phi' constant.
+
+    Names that are known, or move in L, have one meaning.
+    """
+    try:
+        line_tokens, inside = reader.read_tokens(line), reader.read_tokens(lagrangian)
+    except errors.InputError:
+        return  # reported where it is read
+    if [token.kind for token in line_tokens] != ["name", "prime", "operator", "name"]:
+        return
+    moving, rate = line_tokens[0].text, line_tokens[3].text
+    occurs = rate in {token.text for token in inside} - {*known}
+    if occurs and not {moving, rate} & {*document_names.moving_names(inside, 1)}:
+        left, _, right = (part.strip() for part in line.partition("="))
+        meant, column = (f"{right} = {left}", f"{left} - {right} = 0"), line_tokens[0].column
+        what = f"{moving}' = {rate} could define {rate}, or hold {moving}' constant; it occurs"
+        instead = f"write {rate} = {moving}' or {moving}' - {rate} = 0"
+        raise refusals.refusal(what, column, instead, meant, (column, len(line.rstrip()) + 1)).at(pointer)
 
 
 _LAMBDA = re.compile(r"lambda|Lambda|\bmu|\\mu|[\u03bb\u03bc\u039b]")
