@@ -21,7 +21,6 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from fractions import Fraction
 from itertools import combinations_with_replacement
-from math import isqrt
 
 import numpy as np
 from flint import nmod_mat
@@ -41,7 +40,7 @@ from inverse_service.search import terms as tm
 from inverse_service.search.ansatz import LetterTable, helmholtz_matrix, letters_of, sampler_of, table_at, to_montgomery
 from inverse_service.search.factors import Factors, position_monomials, products
 from inverse_service.search.gradients import Integrator
-from inverse_service.search.material import Material, distinct, moving_letters
+from inverse_service.search.material import Material, distinct, moving_letters, quadratic_antiderivatives
 
 _POWERS = tuple(Fraction(e, 2) for e in (1, 3, 4, 5, 6, 8, -2, -4))
 _ROOTS = tuple(Fraction(e, 2) for e in (1, -1, 2, -2, 3, -3, 4))
@@ -53,26 +52,10 @@ def ratios(material: Material) -> list[tm.Monomial]:
     return distinct([*quadratic(material), *quotients(material, 2)])
 
 
-def of_velocities(material: Material) -> list[tm.Monomial]:
-    """These, powers and logarithms of one velocity."""
-    return distinct([*ratios(material), *(shape for v in material.motion.velocities for shape in single(v))])
-
-
 def functions(material: Material) -> list[tm.Monomial]:
-    """These, and what f itself holds."""
-    return distinct([*of_velocities(material), *of_letters(material)])
-
-
-def as_in_force(material: Material) -> list[tm.Monomial]:
-    """Those of these that need no other roots and logarithms than f holds: f has values for them already."""
-    items = {item for terms in material.motion.forces for key in terms for item in key}
-    letters, rooted = {p for p, _ in items}, {p for p, e in items if e.denominator > 1}
-
-    def is_held(letter: ex.Expression, e: Fraction) -> bool:
-        plain = not isinstance(letter, ex.Apply) or ex.is_exponential(letter) or letter in letters
-        return plain and (e.denominator == 1 or letter in rooted)
-
-    return [shape for shape in functions(material) if all(is_held(p, e) for p, e in shape)]
+    """These, powers and logarithms of one velocity, and what f itself holds."""
+    shapes = [shape for v in material.motion.velocities for shape in single(v)]
+    return distinct([*ratios(material), *shapes, *of_letters(material)])
 
 
 def polynomials(material: Material) -> list[tm.Monomial]:
@@ -155,31 +138,22 @@ def of_letters(material: Material) -> list[tm.Monomial]:
         if isinstance(letter, ex.Sum):
             # Its integer powers are sums of products that are in the list themselves.
             shapes += [frozenset([(letter, e)]) for e in _ROOTS if e < 0 or e.denominator > 1]
-            shapes += [tm.monomial(ex.Apply("log", letter)), *_arctangents(letter)]
+            shapes += [tm.monomial(ex.Apply("log", letter)), *_of_quadratic(material, letter)]
         else:
             shapes += [frozenset([(letter, Fraction(e))]) for e in (1, -1, 2)]
     plain = [tm.EMPTY, *(tm.monomial(v) for v in material.motion.velocities)]
     return distinct([tm.times(a, b) for a in shapes for b in plain])
 
 
-def _arctangents(letter: ex.Expression) -> list[tm.Monomial]:
-    """atan(c v) for a letter a v^2 + b with numbers a, b, c^2 = a/b."""
-    match letter:
-        case ex.Sum((ex.Number() as constant, square)) | ex.Sum((square, ex.Number() as constant)):
-            terms = list(tm.terms_of(square).items())
-        case _:
-            return []
-    match [(list(key), value / constant.value) for key, value in terms]:
-        case [([(ex.Velocity() as v, power)], ratio)] if power == 2 and ratio > 0:
-            return [tm.monomial(ex.Apply("atan", _root(ratio) * v))]
-    return []
-
-
-def _root(value: Fraction) -> ex.Expression:
-    """Its square root, a number where it is rational."""
-    top, bottom = isqrt(value.numerator), isqrt(value.denominator)
-    exact = top**2 == value.numerator and bottom**2 == value.denominator
-    return ex.number(Fraction(top, bottom)) if exact else ex.square_root(ex.number(value))
+def _of_quadratic(material: Material, letter: ex.Sum) -> Iterator[tm.Monomial]:
+    """atan(v) for a letter v^2 + 1, log(v + sqrt(v^2 + 1)) where f holds its root."""
+    root = letter ** Fraction(1, 2)
+    held = any(root in map(tm.collected, ex.walk(f)) for f in material.analysis.system.accelerations)
+    power = Fraction(-1, 2 if held else 1)
+    for v in material.motion.velocities:
+        for shape in quadratic_antiderivatives(frozenset([(letter, power)]), v):
+            if any(isinstance(p, ex.Apply) and tm.has_velocity(p) for p, _ in shape):
+                yield shape
 
 
 def exponentials(material: Material) -> list[tm.Monomial]:

@@ -360,27 +360,15 @@ def power_rule(own: tm.Monomial, beside: tm.Terms, x: Variable) -> tm.Terms | No
     if len(own) != 1:
         return None
     ((u, e),) = own
-    if isinstance(u, ex.Sum) and (whole := constant_factor(beside, tm.terms_of(u))) is not None:
+    if isinstance(u, ex.Sum) and (whole := tm.monomial_factor(beside, tm.terms_of(u))) is not None:
         beside, e = whole, e + 1  # x/(x - y)^3 - y/(x - y)^3
-    factor = constant_factor(beside, tm.letter_derivative(u, x))
+    factor = tm.monomial_factor(beside, tm.letter_derivative(u, x))
     if factor is None or _holds(factor, x) or ex.is_exponential(u):
         return None
     power: tm.Terms = (
         {frozenset([(u, e + 1)]): 1 / (e + 1)} if e != -1 else {tm.monomial(ex.Apply("log", u)): Fraction(1)}
     )
     return tm.multiply_terms(factor, power)
-
-
-def constant_factor(left: tm.Terms, right: tm.Terms) -> tm.Terms | None:
-    """The monomial c with left = c right; None where the quotient is no monomial."""
-    if not left or not right:
-        return None
-    (a, m, p), (b, n, q) = tm.split_content(left), tm.split_content(right)
-    if p == q:
-        return {tm.times(m, n, -1): a / b}
-    if p == ex.negated(q) or tm.terms_of(p) == {key: -value for key, value in tm.terms_of(q).items()}:
-        return {tm.times(m, n, -1): -a / b}
-    return None
 
 
 def _by_velocity(terms: tm.Terms, names: Sequence[str]) -> list[tm.Terms] | None:

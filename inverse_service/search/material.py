@@ -317,6 +317,8 @@ def _parameter_monomials(forces: Iterable[tm.Terms], parameters: frozenset[ex.Sy
                 parts[frozenset([(letter, -e)])] = None
             parts[part] = None
             parts[tm.times(tm.EMPTY, part, -1)] = None
+    # Constants that occur in sums alone, as in 1/(a sqrt(v^2 + 1) - t v).
+    parts |= dict.fromkeys(tm.monomial(p) for p in parameters if not any(p in dict(part) for part in parts))
     return tuple(sorted(parts, key=tm.rank))
 
 

@@ -311,7 +311,7 @@ def _constant_sums(
 
 def _factor(left: tm.Terms, right: tm.Terms) -> Factor | None:
     """c(t, q) with c right = left, one monomial."""
-    found = gradients.constant_factor(left, right)
+    found = tm.monomial_factor(left, right)
     if found is None:
         return None
     ((key, value),) = found.items()
@@ -426,7 +426,7 @@ def _divided(left: tm.Terms, right: tm.Terms, integrator: gradients.Integrator) 
     if len(right) == 1:
         ((key, value),) = right.items()
         return {tm.times(one, key, -1): a / value for one, a in left.items()}
-    found = gradients.constant_factor(left, right)
+    found = tm.monomial_factor(left, right)
     if found is not None:
         return found
     names = integrator.system.coordinates

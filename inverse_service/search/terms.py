@@ -356,7 +356,25 @@ def letter_derivative(letter: ex.Expression, variable: ex.Expression) -> Terms:
         return {EMPTY: Fraction(1)}
     if isinstance(letter, ex.Symbol | ex.Velocity | ex.Number):
         return {}
+    if isinstance(letter, ex.Apply) and letter.function == "log":
+        # The slope of y + sqrt(y^2 + 1) is its multiple by 1/sqrt(y^2 + 1).
+        inside = terms_of(letter.argument)
+        factor = monomial_factor(derivative_of_terms(inside, variable), inside)
+        if factor is not None:
+            return factor
     return terms_of(differentiate(letter, variable))
+
+
+def monomial_factor(left: Mapping[Monomial, Fraction], right: Mapping[Monomial, Fraction]) -> Terms | None:
+    """The monomial c with left = c right; None where the quotient is no monomial."""
+    if not left or len(left) != len(right):
+        return None
+    first, value = next(iter(right.items()))
+    for key, c in left.items():
+        quotient, ratio = times(key, first, -1), c / value
+        if all(left.get(times(other, quotient)) == ratio * a for other, a in right.items()):
+            return {quotient: ratio}
+    return None
 
 
 def derivative_of_terms(terms: Mapping[Monomial, Fraction], variable: ex.Expression) -> Terms:
