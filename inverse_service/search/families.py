@@ -35,12 +35,12 @@ from inverse_service.field.exact_field import Budget, TooLarge, factored
 from inverse_service.field.modular import Field, compiled, multiply, reconstruct
 from inverse_service.field.point import Expansion, SingularPoint, Variable, variables_in
 from inverse_service.field.sample_points import SamplePoints
-from inverse_service.mechanics.euler_lagrange import euler_lagrange_residual
 from inverse_service.search import terms as tm
 from inverse_service.search.ansatz import LetterTable, helmholtz_matrix, letters_of, sampler_of, table_at, to_montgomery
 from inverse_service.search.factors import Factors, position_monomials, products
 from inverse_service.search.gradients import Integrator
-from inverse_service.search.material import Material, distinct, moving_letters, quadratic_antiderivatives
+from inverse_service.search.material import Material, distinct, moving_letters
+from inverse_service.search.quadratures import quadratic_antiderivatives
 
 _POWERS = tuple(Fraction(e, 2) for e in (1, 3, 4, 5, 6, 8, -2, -4))
 _ROOTS = tuple(Fraction(e, 2) for e in (1, -1, 2, -2, 3, -3, 4))
@@ -151,7 +151,7 @@ def _of_quadratic(material: Material, letter: ex.Sum) -> Iterator[tm.Monomial]:
     held = any(root in map(tm.collected, ex.walk(f)) for f in material.analysis.system.accelerations)
     power = Fraction(-1, 2 if held else 1)
     for v in material.motion.velocities:
-        for shape in quadratic_antiderivatives(frozenset([(letter, power)]), v):
+        for shape in quadratic_antiderivatives(frozenset([(letter, power)]), v, material.analysis.real_point):
             if any(isinstance(p, ex.Apply) and tm.has_velocity(p) for p, _ in shape):
                 yield shape
 
@@ -189,13 +189,21 @@ def with_potential(material: Material, combination: Mapping[tm.Monomial, Fractio
     """
     system, motion = material.analysis.system, material.motion
     symbols: list[ex.Symbol | ex.Velocity] = [ex.TIME, *motion.coordinates, *motion.velocities]
-    trees = euler_lagrange_residual(tm.tree_of(combination), system.coordinates, system.accelerations)
     integrator = Integrator(system, material.analysis.real_point)
+
+    def residuals() -> list[tm.Terms]:
+        momenta = [tm.along(motion, tm.derivative_of_terms(combination, v)) for v in motion.velocities]
+        slopes = [tm.derivative_of_terms(combination, q) for q in motion.coordinates]
+        return [tm.add_terms(slope, momentum, -1) for slope, momentum in zip(slopes, momenta, strict=True)]
+
+    def over_one_denominator() -> list[tm.Terms]:
+        return list(map(tm.terms_of, factored(list(map(tm.tree_of, residuals())), symbols, Budget.long())))
+
     # Unchanged sums are integrated term by term; over one denominator terms that are not affine cancel.
-    for form in (lambda: trees, lambda: factored(list(trees), symbols, Budget.long())):
+    for wanted in (residuals, over_one_denominator):
         check()
         with suppress(TooLarge, tm.TooManyTerms, ZeroDivisionError, KeyError):
-            rest = integrator.linear_terms([tm.add_terms({}, tm.terms_of(tree), -1) for tree in form()])
+            rest = integrator.linear_terms(wanted())
             if rest is not None:
                 return tm.add_terms(dict(combination), rest)
     return {}

@@ -108,7 +108,7 @@ class Integrator:
                 total = tm.add_terms(total, part)
         if not other:
             return total, other
-        known = quadratures.primitive(variable, other)
+        known = quadratures.primitive(variable, other, self.table)
         if known is not None:
             return tm.add_terms(total, tm.terms_of(known)), {}
         cancelled = other if is_cancelled else self._cancelled(other)

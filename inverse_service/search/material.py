@@ -1,21 +1,10 @@
 """The generators of a system that the search uses, and antiderivatives of its terms.
 
-Antiderivatives of monomials with a power of a letter p that is quadratic in the variable v.
-
-With p' = dp/dv, p'' and D = 2 p p'' - p'^2, which does not hold v,
-    d/dv (p' p^e) = (1 + 2 e) p'' p^e - e D p^(e-1)
-steps through the powers, down from p^(3/2) and up from p^(-5/2) or 1/p^2, until there is left
-    d/dv atan(p'/sqrt D) = sqrt(D)/(2 p),    d/dv log(p' + sqrt(2 p'' p)) = sqrt(p''/(2 p)).
-With D < 0 logarithms of p' -+ sqrt(-D) take the place of the first, with p'' < 0 asin(p'/sqrt(-D)) of the second.
-So 1/(x^2 + y^2) leads to atan(x/y)/y, 1/sqrt(x^2 + y^2) to log(x + sqrt(x^2 + y^2)), and the inverse cube of
-the distance to z/((x^2 + y^2) sqrt(x^2 + y^2 + z^2)).
-
 The factors of ansätze: the generators of f, their antiderivatives and integrating factors.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -30,100 +19,6 @@ from inverse_service.expressions.evaluation import NoRealValue
 from inverse_service.field import exact_field, real_point
 from inverse_service.mechanics import conditions
 from inverse_service.search import terms as tm
-
-_HALF = Fraction(1, 2)
-
-
-def quadratic_antiderivatives(key: tm.Monomial, variable: ex.Expression) -> Iterator[tm.Monomial]:
-    """Candidates for the antiderivative of the monomial, constant factors left out."""
-    for letter, e in key:
-        whole = e.denominator == 1 and e < 0
-        if isinstance(letter, ex.Sum) and abs(e) <= bounds.POWER and (whole or e.denominator == 2):
-            try:
-                yield from _of_letter(key, letter, e, variable)
-            except tm.TooManyTerms:
-                continue
-
-
-def _of_letter(key: tm.Monomial, letter: ex.Sum, e: Fraction, variable: ex.Expression) -> Iterator[tm.Monomial]:
-    slope = tm.letter_derivative(letter, variable)
-    second = tm.derivative_of_terms(slope, variable)
-    if not second or ex.holds(tm.tree_of(second), variable):
-        return
-    squared = tm.multiply_terms(slope, slope)
-    D = tm.add_terms({k: 2 * a for k, a in tm.multiply_terms(tm.terms_of(letter), second).items()}, squared, -1)
-    if not D:
-        return
-    rest, scale = tm.times(key, frozenset([(letter, e)]), -1), _monomial(D)
-    for exponent, power_of_d in _steps(e):
-        outer = tm.times(tm.times(rest, frozenset([(letter, exponent)])), scale, power_of_d)
-        yield from (tm.times(outer, part) for part in slope)
-    if e == Fraction(-3, 2):
-        return  # 1 + 2 e is zero on the way up: nothing is left
-    functions = _of_inverse(slope, D) if e.denominator == 1 else _of_root(letter, slope, second, D)
-    last = tm.times(rest, scale, math.floor(e + 1))
-    for k in range(3 if e in (-1, -_HALF) else 1):  # the variable itself may occur in the monomial: v/p, v^2/p
-        yield from (tm.times(tm.times(last, tm.monomial(variable), -k), function) for function in functions)
-
-
-def _steps(e: Fraction) -> list[tuple[Fraction, int]]:
-    """(power of p, power of D) of the terms p' p^… D^…: up to the last negative power, or down to the last positive."""
-    if e < 0:
-        return [(e + k, -k) for k in range(1, bounds.POWER + 1) if e + k < 0]
-    return [(e - k, k) for k in range(bounds.POWER + 1) if e - k > 0]
-
-
-def _of_inverse(slope: tm.Terms, D: tm.Terms) -> list[tm.Monomial]:
-    """atan(p'/sqrt D)/sqrt D, or log(p' -+ sqrt(-D))/sqrt(-D)."""
-    root = _root(_magnitude(D))
-    inverse = tm.times(tm.EMPTY, _monomial(root), -1)
-    if _is_negative(D):
-        return [tm.times(inverse, _logarithm(tm.add_terms(slope, root, sign))) for sign in (1, -1)]
-    return [tm.times(inverse, tm.monomial(ex.Apply("atan", tm.tree_of(_quotient(slope, root)))))]
-
-
-def _of_root(letter: ex.Sum, slope: tm.Terms, second: tm.Terms, D: tm.Terms) -> list[tm.Monomial]:
-    """log(p' + sqrt(2 p'' p)), or asin(p'/sqrt(-D)) where p'' is negative."""
-    if _is_negative(second):
-        return [tm.monomial(ex.Apply("asin", tm.tree_of(_quotient(_magnitude(slope), _root(_magnitude(D))))))]
-    doubled = {key: 2 * value for key, value in second.items()}
-    radical: tm.Terms = {frozenset([(letter, _HALF)]): Fraction(1)}
-    return [_logarithm(tm.add_terms(slope, tm.multiply_terms(_root(doubled), radical)))]
-
-
-def _is_negative(terms: tm.Terms) -> bool:
-    return all(value < 0 for value in terms.values())
-
-
-def _magnitude(terms: tm.Terms) -> tm.Terms:
-    return {key: -value for key, value in terms.items()} if _is_negative(terms) else terms
-
-
-def _quotient(above: tm.Terms, below: tm.Terms) -> tm.Terms:
-    return tm.multiply_terms(above, tm.terms_of(tm.tree_of(below) ** -1))
-
-
-def _logarithm(terms: tm.Terms) -> tm.Monomial:
-    """The log of a sum, constant factors left out."""
-    _, common, primitive = tm.split_content(terms)
-    return tm.monomial(ex.Apply("log", tm.monomial_tree(common) * primitive))
-
-
-def _monomial(terms: tm.Terms) -> tm.Monomial:
-    """The sum as one monomial, its number left out."""
-    ((key, _),) = tm.terms_of(tm.tree_of(terms) ** -1).items()
-    return tm.times(tm.EMPTY, key, -1)
-
-
-def _root(terms: tm.Terms) -> tm.Terms:
-    """The square root: of a monomial taken letter by letter, of a sum a letter."""
-    if len(terms) == 1:
-        ((key, value),) = terms.items()
-        above, below = math.isqrt(abs(value.numerator)), math.isqrt(value.denominator)
-        if value > 0 and above**2 == value.numerator and below**2 == value.denominator:
-            return {frozenset((letter, e / 2) for letter, e in key): Fraction(above, below)}
-    return tm.terms_of(tm.tree_of(terms) ** _HALF)
-
 
 _COMPANIONS = {"sin": "cos", "cos": "sin", "sinh": "cosh", "cosh": "sinh"}
 
@@ -347,7 +242,6 @@ def antiderivatives(key: tm.Monomial, variable: ex.Expression) -> tuple[tm.Monom
     roots = [letter for letter, e in key if isinstance(letter, ex.Sum) and e == Fraction(-1, 2)]
     if len(roots) == 2:  # sqrt(x - 1) sqrt(x + 1), whose slope is x over it
         found[tm.times(tm.times(key, tm.monomial(*roots)), tm.monomial(variable), -1)] = None
-    found.update(dict.fromkeys(quadratic_antiderivatives(key, variable)))
     found.update(dict.fromkeys(_raised_powers(key, variable)))
     found.pop(tm.EMPTY, None)
     return tuple(found)
@@ -361,7 +255,7 @@ def _raised_powers(key: tm.Monomial, variable: ex.Expression) -> list[tm.Monomia
             continue
         base, beside = letter.base, dict(key).get(letter.base, Fraction(0))
         raised_exponent = times_over * letter.exponent + beside + 1
-        if isinstance(raised_exponent, ex.Sum) and not tm.has_velocity(base):
+        if isinstance(raised_exponent, ex.Sum):
             whole = tm.times(tm.times(key, tm.monomial(base)), tm.monomial(raised_exponent), -1)
             found += [tm.times(whole, unit, -1) for unit in tm.letter_derivative(base, variable)]
     return found

@@ -1,15 +1,7 @@
 """One coordinate: Lagrangians by Jacobi's last multiplier.
 
-L for one coordinate from its multiplier g: K with d2K/dv2 = g, and the part U without velocity.
-
-K for g = P^e, P linear or quadratic in v. For Q = a v^2 + b v + c put u = dQ/dv, D = 4ac - b^2, so that
-u^2 + D = 4aQ. With J_e = int int Q^e,
-    J_e = (2a (e+2)(2e+3) J_(e+1) - Q^(e+2)) / ((e+1)(e+2) D)   for e < -1, e != -2,
-    J_e = (Q^(e+1) + e (e+1) D J_(e-1)) / (2a (e+1)(2e+1))       for e > -1/2,
-which follow from (Q^m)''; J_(-1) and J_(-1/2) hold arctangents or logarithms, J_(-2) is not needed.
-
-E(K) = f K_vv + v K_vx + K_vt - K_x has dE/dv = Gamma(g) + g df/dv = 0, so it may be taken at any v, and
-L = K + U with dU/dx = E(K) satisfies the Euler-Lagrange equation.
+K with d2K/dv2 = g comes from two integrations; E(K) = f K_vv + v K_vx + K_vt - K_x then is free of v, since
+dE/dv = Gamma(g) + g df/dv = 0, and L = K + U with dU/dx = E(K) satisfies the Euler-Lagrange equation.
 
 Darboux polynomials of Gamma = v d/dx + f d/dv with a cofactor fitted to a multiplier.
 
@@ -19,22 +11,17 @@ for given phi and e linear in P (Darboux 1878; Prelle and Singer 1983; Duarte, D
 Skea 2001). P is taken as a polynomial in v whose terms are closed under what cancels residuals;
 the linear equations are solved at random points modulo a prime.
 
-Lienard's equation with Chiellini's condition has one in any coordinate. With y' = E x', E = exp(-int a dx),
-x'' = a x'^2 + b x' + c becomes y'' = b y' + h b, h = E c / b. Where dh/dy = -alpha b with constant alpha
-(Chiellini 1931), 1/(alpha w^2 + h w + h^2), w = y', is a last multiplier.
-
-Lagrangians for one coordinate from Jacobi's last multipliers (Jacobi 1844; Darboux 1894): powers phi P^e of one
-polynomial, its irreducible factors, and what the factors of f itself suggest.
+The multipliers tried are such powers of one polynomial, its irreducible factors, and what the factors of f itself
+suggest.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
 
-import mpmath
 import numpy as np
 
 from inverse_service import bounds, deadline, errors
@@ -43,6 +30,7 @@ from inverse_service.field import null_vectors, real_point
 from inverse_service.field.point import SingularPoint, number_value
 from inverse_service.search import ansatz, members, quadratures
 from inverse_service.search.factors import Factors, find_factors
+from inverse_service.search.families import with_potential
 from inverse_service.search.gradients import ONE_TERM, Integrator
 from inverse_service.search.material import Material, antiderivatives
 from inverse_service.search.terms import (
@@ -53,197 +41,16 @@ from inverse_service.search.terms import (
     along,
     derivative_of_terms,
     has_velocity,
+    is_linear,
     monomial,
     monomial_tree,
     multiply_terms,
     rank,
-    split_content,
     split_velocities,
     terms_of,
     times,
     tree_of,
 )
-
-Factor = tuple[ex.Expression, Fraction]
-
-
-class NotElementary(ArithmeticError):
-    """The double integral has no form known here."""
-
-
-@dataclass(frozen=True, slots=True)
-class Place:
-    """The names of coordinate and velocity, and the real point that says on which branch roots are."""
-
-    x: ex.Symbol
-    v: ex.Velocity
-    point: real_point.RealTable
-
-
-@dataclass(frozen=True, slots=True)
-class _Quadratic:
-    """Q with u = dQ/dv, its leading coefficient a, and D = 4ac - b^2 in factors."""
-
-    q: ex.Expression
-    u: ex.Expression
-    a: ex.Expression
-    d: ex.Expression
-
-
-def coefficients(base: ex.Expression, velocity: ex.Velocity) -> list[ex.Expression]:
-    """[c_0, c_1, …] of a polynomial in v; NotElementary for other functions of v."""
-    table: dict[int, Terms] = {}
-    for key, value in terms_of(base).items():
-        position, moving = split_velocities(key)
-        if any(p != velocity or e.denominator != 1 or e < 0 for p, e in moving):
-            raise NotElementary
-        table.setdefault(int(dict(moving).get(velocity, 0)), {})[position] = value
-    return [tree_of(table.get(k, {})) for k in range(max(table, default=0) + 1)]
-
-
-def double_integral(weight: ex.Expression, factors: Sequence[Factor], place: Place) -> ex.Expression:
-    """K with d2K/dv2 = weight times the factors, which are positive at the real point; else NotElementary.
-
-    The weight is a function of t and x.
-    """
-    parts = [coefficients(base, place.v) for base, _ in factors]
-    degrees = [len(part) - 1 for part in parts]
-    if not factors:
-        return ex.HALF * weight * place.v**2
-    if degrees == [1]:
-        ((base, e),) = factors
-        scale = quadratures.factored(weight / parts[0][1] ** 2, [place.x])
-        return scale * _linear(base, e, place.point)
-    if degrees == [2]:
-        ((base, e),) = factors
-        form = _quadratic(base, parts[0], place)
-        if e == -1:
-            return quadratures.factored(weight / form.a, [place.x]) * _with_arctangent(form, place)
-        return weight * _recursion(form, e, place)
-    raise NotElementary
-
-
-def _linear(u: ex.Expression, e: Fraction, point: real_point.RealTable) -> ex.Expression:
-    """int int u^e du du."""
-    if e == -1:
-        return u * _logarithm(u, point)
-    if e == -2:
-        return -_logarithm(u, point)
-    return 1 / ((e + 1) * (e + 2)) * u ** (e + 2)
-
-
-def _logarithm(u: ex.Expression, point: real_point.RealTable) -> ex.Expression:
-    """log |u| on the side of the real point, numeric factors dropped: they add terms linear in v."""
-    terms = terms_of(u if real_point.real_sign(u, point) > 0 else ex.negated(u))
-    content = abs(split_content(terms)[0])
-    return ex.Apply("log", tree_of({key: value / content for key, value in terms.items()}))
-
-
-def _quadratic(q: ex.Expression, parts: Sequence[ex.Expression], place: Place) -> _Quadratic:
-    c, b, a = parts
-    d = quadratures.factored(4 * a * c - b**2, [place.x])
-    if d == ex.ZERO:
-        # A square: the linear factor replaces it.
-        raise NotElementary
-    return _Quadratic(q, quadratures.expanded(derivative.differentiate(q, place.v)), a, d)
-
-
-def _recursion(form: _Quadratic, e: Fraction, place: Place) -> ex.Expression:
-    """J_e."""
-    if e == -1:
-        return _with_arctangent(form, place) / form.a
-    if e == Fraction(-1, 2):
-        return _with_root(form, place)
-    if e == -2 or abs(e) > bounds.POWER or e.denominator > 2:
-        raise NotElementary
-    if e < -1:
-        weight = 2 * (e + 2) * (2 * e + 3)
-        above = weight * form.a * _recursion(form, e + 1, place) if weight else ex.ZERO
-        return (above - form.q ** (e + 2)) / ((e + 1) * (e + 2) * form.d)
-    weight = e * (e + 1)
-    below = weight * form.d * _recursion(form, e - 1, place) if weight else ex.ZERO
-    return (form.q ** (e + 1) + below) / (2 * (e + 1) * (2 * e + 1) * form.a)
-
-
-def _with_arctangent(form: _Quadratic, place: Place) -> ex.Expression:
-    """a J_(-1) = y atan y - log(Q)/2 with y = u/D^1/2; logarithms where D < 0."""
-    if real_point.real_sign(form.d, place.point) < 0:
-        return _with_logarithms(form, place)
-    y = quadratures.shortest(form.u / quadratures.extracted_root(form.d), [place.x, place.v])
-    return y * ex.Apply("atan", y) - ex.HALF * _logarithm(form.q, place.point)
-
-
-def _with_logarithms(form: _Quadratic, place: Place) -> ex.Expression:
-    """a J_(-1) = ((u - R) log(u - R) - (u + R) log(u + R))/(2R) with R^2 = -D."""
-    root = quadratures.extracted_root(-form.d)
-    low, high = quadratures.expanded(form.u - root), quadratures.expanded(form.u + root)
-    first, second = _logarithm(low, place.point), _logarithm(high, place.point)
-    difference = low * first - high * second
-    return difference / (2 * root)
-
-
-def _with_root(form: _Quadratic, place: Place) -> ex.Expression:
-    """int int Q^(-1/2): a logarithm for a > 0, an arcsine for a < 0."""
-    a, u, q = form.a, form.u, form.q
-    last = ex.square_root(q) / a
-    if real_point.real_sign(a, place.point) > 0:
-        root = quadratures.extracted_root(quadratures.factored(a, [place.x]))
-        log = _logarithm(u + 2 * root * ex.square_root(q), place.point)
-        return u * log / (2 * a * root) - last
-    root = quadratures.extracted_root(quadratures.factored(ex.negated(a), [place.x]))
-    arc = ex.Apply("asin", u / quadratures.extracted_root(-form.d))
-    return -(u * arc / (2 * a * root)) - last
-
-
-_SPEEDS = (Fraction(0), Fraction(1), Fraction(2), Fraction(1, 2), Fraction(-1))
-_TINY, _STEP = mpmath.mpf(10) ** -20, mpmath.mpf(129) / 128
-
-
-def euler_lagrange(kinetic: ex.Expression, force: ex.Expression, x: ex.Symbol, v: ex.Velocity) -> ex.Expression:
-    """f K_vv + v K_vx + K_vt - K_x."""
-    momentum = derivative.differentiate(kinetic, v)
-    return (
-        force * derivative.differentiate(momentum, v)
-        + v * derivative.differentiate(momentum, x)
-        + derivative.differentiate(momentum, ex.TIME)
-        - derivative.differentiate(kinetic, x)
-    )
-
-
-def potential(kinetic: ex.Expression, force: ex.Expression, place: Place) -> ex.Expression | None:
-    """U(t, x) with dU/dx = E(K), so that K + U is a Lagrangian; None where it is not found."""
-    residual = euler_lagrange(kinetic, force, place.x, place.v)
-    if not _is_free_of_velocity(residual, place):
-        return None
-    for speed in _SPEEDS:
-        if not _is_defined(residual, {**place.point, place.v: mpmath.mpf(speed.numerator) / speed.denominator}):
-            continue
-        try:
-            fixed = quadratures.factored(ex.substitute(residual, {place.v: ex.number(speed)}), [place.x])
-            found = quadratures.primitive(place.x, terms_of(fixed))
-        except TooManyTerms:
-            continue
-        if found is not None:
-            return found
-    return None
-
-
-def _is_free_of_velocity(residual: ex.Expression, place: Place) -> bool:
-    """Seen in its values at the real point and close to it: what d2K/dv2 is no multiplier is left early."""
-    with mpmath.workdps(bounds.DIGITS):
-        first = evaluation.evaluate(residual, place.point)
-        moved = {**place.point, place.v: place.point[place.v] * _STEP}
-        second = evaluation.evaluate(residual, moved)
-        return bool(abs(first - second) < _TINY * (1 + abs(first)))
-
-
-def _is_defined(tree: ex.Expression, point: real_point.RealTable) -> bool:
-    """Checked before a velocity is substituted, since 0 times an infinite factor would fold to 0."""
-    try:
-        evaluation.evaluate(tree, point)
-    except evaluation.NoRealValue:
-        return False
-    return True
 
 
 @dataclass(frozen=True, slots=True)
@@ -415,46 +222,12 @@ def _is_admissible(key: Monomial, with_time: bool, velocity: ex.Velocity, degree
     return with_time or not any(ex.holds(p, ex.TIME) for p, _ in key)
 
 
-def inverse_multiplier(material: Material, factors: Factors) -> ex.Expression | None:
-    """(alpha E^2 v^2 + h E v + h^2)/E^2, or None where f is not of this kind."""
-    motion = material.motion
-    x, v = motion.coordinates[0], motion.velocities[0]
-    parts = _by_powers(material)
-    if parts is None or not parts.get(1) or not parts.get(0) or (parts.get(2) and 0 not in factors.along):
-        return None
-    scale, damping = monomial_tree(factors.along.get(0, EMPTY)), tree_of(parts[1])
-    try:
-        ratio = quadratures.factored(scale * tree_of(parts[0]) / damping, [x])
-        alpha = quadratures.factored(-(derivative.differentiate(ratio, x) / (scale * damping)), [x])
-        if alpha == ex.ZERO or ex.holds(alpha, x, ex.TIME):
-            return None
-        lowered = quadratures.expanded(quadratures.factored(ratio / scale, [x]))
-    except TooManyTerms:
-        return None
-    return alpha * v**2 + lowered * v + lowered**2
-
-
-def _by_powers(material: Material) -> Mapping[int, Terms] | None:
-    """The coefficients of 1, v and v^2 in f; None where f holds other functions of v, or t."""
-    velocity = material.motion.velocities[0]
-    table: dict[int, Terms] = {}
-    for key, value in material.motion.forces[0].items():
-        position, moving = split_velocities(key)
-        degree = dict(moving).get(velocity, 0)
-        if degree not in (0, 1, 2) or len(moving) > 1 or (moving and not degree):
-            return None
-        if any(ex.holds(p, ex.TIME) for p, _ in key):
-            return None
-        table.setdefault(int(degree), {})[position] = value
-    return table
-
-
 @dataclass(frozen=True, slots=True)
 class LastMultiplier:
     """g = factor * product of base^exponent; only the bases, polynomials in v, hold the velocity."""
 
     factor: Monomial
-    moving: tuple[tuple[ex.Expression, Fraction], ...]
+    moving: tuple[tuple[ex.Expression, ex.Expression], ...]
 
 
 def last_multipliers(material: Material, factors: Factors, seed: int) -> list[LastMultiplier]:
@@ -468,12 +241,8 @@ def last_multipliers(material: Material, factors: Factors, seed: int) -> list[La
     powers = [
         (power.factor, tree_of(dict(power.base)), power.exponent) for power in darboux_powers(material, factors, seed)
     ]
-    inverse = inverse_multiplier(material, factors)
-    if inverse is not None:
-        powers.append((EMPTY, inverse, Fraction(-1)))
-    moving = _moving_factors(material)
-    if moving and all(isinstance(e, ex.Number) for _, e in moving):
-        found[LastMultiplier(EMPTY, tuple((base, -e.value) for base, e in moving if isinstance(e, ex.Number)))] = None
+    if moving := _moving_factors(material):
+        found[LastMultiplier(EMPTY, tuple((base, ex.negated(e)) for base, e in moving))] = None
     for phi, base, exponent in powers:
         try:
             found[_in_factors(material, phi, base, exponent)] = None
@@ -488,7 +257,7 @@ def _in_factors(material: Material, phi: Monomial, polynomial: ex.Expression, ex
     moving = []
     for base, e in ex.powers_of(quadratures.factored(polynomial, [x, v])):
         if has_velocity(base):
-            moving.append((quadratures.expanded(base), e * exponent))
+            moving.append((quadratures.expanded(base), ex.number(e * exponent)))
         elif not isinstance(base, ex.Number) and ex.holds(base, x, ex.TIME):
             phi = times(phi, _letters(base), e * exponent)
     return LastMultiplier(phi, tuple(moving))
@@ -512,23 +281,6 @@ def _moving_factors(material: Material) -> list[tuple[ex.Expression, ex.Expressi
     factors = ex.factors_of(force)
     pairs = [(f.base, f.exponent) if isinstance(f, ex.Power) else (f, ex.ONE) for f in factors]
     return [(base, exponent) for base, exponent in pairs if has_velocity(base)]
-
-
-def _of_symbolic_power(material: Material) -> ex.Expression | None:
-    """For f = P^e G, P = a v + b and e a letter: int int P^(-e) = P^(2 - e)/((1 - e)(2 - e) a^2), and a potential."""
-    point, moving = material.analysis.real_point, _moving_factors(material)
-    if point is None or len(moving) != 1 or isinstance(moving[0][1], ex.Number):
-        return None
-    ((base, e),) = moving
-    place = Place(material.motion.coordinates[0], material.motion.velocities[0], point)
-    try:
-        _, a = coefficients(base, place.v)
-        below = (1 - e) * (2 - e) * a**2
-        kinetic = base ** (2 - e) / below
-        rest = potential(kinetic, material.analysis.system.accelerations[0], place)
-    except (ValueError, NotElementary, evaluation.NoRealValue, errors.IrreducibleAtoms, TooManyTerms):
-        return None
-    return None if rest is None else kinetic + rest
 
 
 def propose_function_of_velocity(material: Material, seed: int) -> list[ex.Expression]:
@@ -604,37 +356,28 @@ def propose(material: Material, seed: int) -> Sequence[ex.Expression]:
         lagrangian = lagrangian_of(material, multiplier)
         if lagrangian is not None:
             found[lagrangian] = None
-    symbolic = _of_symbolic_power(material)
-    if symbolic is not None:
-        found[symbolic] = None
     return sorted(found, key=quadratures.weight)
 
 
 def lagrangian_of(material: Material, multiplier: LastMultiplier) -> ex.Expression | None:
-    """L = K + U in closed form, with d2L/dv2 positive at the real point of f; None where there is none."""
+    """L in closed form, with d2L/dv2 positive at the real point of f; None where there is none."""
     motion, point = material.motion, material.analysis.real_point
-    force = material.analysis.system.accelerations[0]
     if point is None:
         return None
-    place = Place(motion.coordinates[0], motion.velocities[0], point)
-    try:
-        bases = [(_oriented(base, place), e) for base, e in multiplier.moving]
-        kinetic = double_integral(monomial_tree(multiplier.factor), bases, place)
-        rest = potential(kinetic, force, place)
-        return None if rest is None else _positive(kinetic + rest, place)
-    except (NotElementary, evaluation.NoRealValue, errors.IrreducibleAtoms, TooManyTerms):
-        return None
+    integrator, (velocity,) = Integrator(material.analysis.system, point), motion.velocities
+    with suppress(evaluation.NoRealValue, errors.IrreducibleAtoms, TooManyTerms):
+        bases = [integrator.positive(base) ** e for base, e in multiplier.moving]
+        slope: Terms | None = terms_of(ex.multiply(monomial_tree(multiplier.factor), *bases))
+        for _ in range(2):
+            slope = None if slope is None else integrator.function_of([velocity], [slope])
+        # Terms linear in the velocity are left to the potential: they may be total derivatives.
+        found = slope and with_potential(material, {key: c for key, c in slope.items() if not is_linear(key)})
+        return _positive(found, velocity, point) if found else None
+    return None
 
 
-def _oriented(base: ex.Expression, place: Place) -> ex.Expression:
-    """The base or its opposite, positive at the real point."""
-    return base if real_point.real_sign(base, place.point) > 0 else ex.negated(base)
-
-
-def _positive(lagrangian: ex.Expression, place: Place) -> ex.Expression:
-    """The shorter of the tree and its expansion with simple coefficients, with a positive Hessian at the point."""
-    tree = min((tree_of(members.scaled(terms_of(lagrangian))), lagrangian), key=quadratures.weight)
-    hessian = derivative.differentiate(derivative.differentiate(tree, place.v), place.v)
-    if real_point.real_sign(hessian, place.point) > 0:
-        return tree
-    return ex.negated(tree)
+def _positive(lagrangian: Terms, velocity: ex.Velocity, point: real_point.RealTable) -> ex.Expression:
+    """The lighter of L and its multiple with simple coefficients, with a positive Hessian at the point."""
+    tree = min(tree_of(lagrangian), tree_of(members.scaled(lagrangian)), key=quadratures.weight)
+    hessian = derivative.differentiate(derivative.differentiate(tree, velocity), velocity)
+    return tree if real_point.real_sign(hessian, point) > 0 else ex.negated(tree)

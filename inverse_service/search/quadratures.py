@@ -1,4 +1,15 @@
-"""Antiderivatives by one variable; formulas in t, x and v over one denominator, factored, their roots and signs."""
+"""Antiderivatives by one variable; formulas in t, x and v over one denominator, factored, their roots and signs.
+
+Antiderivatives of monomials with a power of a letter p that is quadratic in the variable v.
+
+With p' = dp/dv, p'' and D = 2 p p'' - p'^2, which does not hold v,
+    d/dv (p' p^e) = (1 + 2 e) p'' p^e - e D p^(e-1)
+steps through the powers, down from p^(3/2) and up from p^(-5/2) or 1/p^2, until there is left
+    d/dv atan(p'/sqrt D) = sqrt(D)/(2 p),    d/dv log(p' + sqrt(2 p'' p)) = sqrt(p''/(2 p)).
+With D < 0 atanh(p'/sqrt(-D)), as logarithms, takes the place of the first, with p'' < 0 asin of the second.
+So 1/(x^2 + y^2) leads to atan(x/y)/y, 1/sqrt(x^2 + y^2) to log(x + sqrt(x^2 + y^2)), and the inverse cube of
+the distance to z/((x^2 + y^2) sqrt(x^2 + y^2 + z^2)).
+"""
 
 from __future__ import annotations
 
@@ -8,6 +19,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from fractions import Fraction
+from functools import lru_cache
 from itertools import count
 from typing import Any
 
@@ -22,6 +34,7 @@ from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.search import material, terms as tm
 
 _LARGEST_FACTORED = 10**15
+_HALF = Fraction(1, 2)
 
 
 def factored(tree: ex.Expression, variables: Sequence[ex.Symbol | ex.Velocity]) -> ex.Expression:
@@ -173,16 +186,97 @@ def _divided(key: tm.Monomial, x: Variable) -> tm.Terms | None:
     return None
 
 
-def primitive(x: Variable, wanted: tm.Terms) -> ex.Expression | None:
+def quadratic_antiderivatives(
+    key: tm.Monomial, variable: Variable, table: real_point.RealTable | None = None
+) -> Iterator[tm.Monomial]:
+    """Candidates for the antiderivative of the monomial, constant factors left out; real at the point of a table."""
+    for letter, e in key:
+        whole = e.denominator == 1 and e < 0
+        if isinstance(letter, ex.Sum) and abs(e) <= bounds.POWER and (whole or e.denominator == 2):
+            with suppress(tm.TooManyTerms, evaluation.NoRealValue, errors.IrreducibleAtoms):
+                yield from _of_letter(key, letter, e, variable, table)
+
+
+def _of_letter(
+    key: tm.Monomial, letter: ex.Sum, e: Fraction, x: Variable, table: real_point.RealTable | None
+) -> Iterator[tm.Monomial]:
+    slope = tm.letter_derivative(letter, x)
+    second = tm.derivative_of_terms(slope, x)
+    if not second or ex.holds(tm.tree_of(second), x) or (D := _discriminant(letter, x)) == ex.ZERO:
+        return
+    rest = tm.times(key, frozenset([(letter, e)]), -1)
+    for exponent, power_of_d in _steps(e):
+        outer = tm.times(tm.times(rest, frozenset([(letter, exponent)])), _monomial(D**power_of_d))
+        yield from (tm.times(outer, part) for part in slope)
+    if e == Fraction(-3, 2):
+        return  # 1 + 2 e is zero on the way up: nothing is left
+    p, bend = tm.tree_of(slope), tm.tree_of(second)
+    falling = _is_negative(D if e.denominator == 1 else bend, table)
+    if e.denominator == 1:
+        root = extracted_root(ex.negated(D) if falling else D)
+        inner = ex.Apply("atanh" if falling else "atan", shortest(p / root, ()))
+        function = tm.times(_monomial(1 / root), tm.monomial(inner))
+    elif falling:
+        function = tm.monomial(ex.Apply("asin", shortest(p / extracted_root(ex.negated(D)), ())))
+    else:
+        function = tm.monomial(ex.Apply("log", _primitive_part(p + extracted_root(2 * bend) * ex.square_root(letter))))
+    last = tm.times(rest, _monomial(D ** math.floor(e + 1)))
+    for k in range(3 if e in (-1, -_HALF) else 1):  # the variable itself may occur in the monomial: v/p, v^2/p
+        yield tm.times(tm.times(last, tm.monomial(x), -k), function)
+
+
+@lru_cache(maxsize=256)
+def _discriminant(letter: ex.Sum, x: Variable) -> ex.Expression:
+    """D as a product of factors."""
+    slope = tm.letter_derivative(letter, x)
+    second = tm.derivative_of_terms(slope, x)
+    twice = {key: 2 * a for key, a in tm.multiply_terms(tm.terms_of(letter), second).items()}
+    held = [node for node in ex.walk(letter) if isinstance(node, ex.Symbol | ex.Velocity) and node != ex.TIME]
+    return factored(tm.tree_of(tm.add_terms(twice, tm.multiply_terms(slope, slope), -1)), list(dict.fromkeys(held)))
+
+
+def _steps(e: Fraction) -> list[tuple[Fraction, int]]:
+    """(power of p, power of D) of the terms p' p^… D^…: up to the last negative power, or down to the last positive."""
+    if e < 0:
+        return [(e + k, -k) for k in range(1, bounds.POWER + 1) if e + k < 0]
+    return [(e - k, k) for k in range(bounds.POWER + 1) if e - k > 0]
+
+
+def _is_negative(tree: ex.Expression, table: real_point.RealTable | None) -> bool:
+    """At the real point; without one, where all terms have a minus."""
+    if table is not None:
+        return real_point.real_sign(tree, table) < 0
+    return all(value < 0 for value in tm.terms_of(tree).values())
+
+
+def _monomial(tree: ex.Expression) -> tm.Monomial:
+    """A product as one monomial, its number left out; its sums stay whole."""
+    found = tm.EMPTY
+    for base, e in ex.powers_of(tree):
+        ((key, _),) = tm.terms_of(base ** -abs(e)).items()
+        found = tm.times(found, key, 1 if e < 0 else -1)
+    return found
+
+
+def _primitive_part(tree: ex.Expression) -> ex.Expression:
+    """Its number left out."""
+    _, common, rest = tm.split_content(tm.terms_of(tree))
+    return tm.monomial_tree(common) * rest
+
+
+def primitive(x: Variable, wanted: tm.Terms, table: real_point.RealTable | None = None) -> ex.Expression | None:
     """A sum of monomials with the derivative `wanted` by x, by linear algebra over what may have its terms as a part.
 
     The coefficients are rational where that suffices, else they contain generators without x. None if none is found.
+    It is real at the point of a table.
     """
     columns: dict[tm.Monomial, tm.Terms] = {}
     wanted = _proper(wanted, x)
     fresh, most = list(wanted), 2 * bounds.COLUMNS + 4 * len(wanted)
     for _ in range(bounds.FEW):
-        raised = dict.fromkeys(m for key in fresh for m in material.antiderivatives(key, x) if m not in columns)
+        raised = dict.fromkeys(m for key in fresh for m in material.antiderivatives(key, x))
+        raised |= dict.fromkeys(m for key in fresh for m in quadratic_antiderivatives(key, x, table))
+        raised = {m: None for m in raised if m not in columns}
         added = sorted(raised, key=tm.rank)[: most - len(columns)]
         if columns and not added:
             break
@@ -191,11 +285,22 @@ def primitive(x: Variable, wanted: tm.Terms) -> ex.Expression | None:
         fresh = [key for m in added for key in columns[m]]
         rational = solution(list(columns.values()), wanted)
         if rational is not None:
-            return tm.tree_of({m: a for m, a in zip(columns, rational, strict=True) if a})
+            return _in_logarithms(tm.tree_of({m: a for m, a in zip(columns, rational, strict=True) if a}))
         found = _with_constants(x, columns, wanted)
         if found is not None:
-            return found
+            return _in_logarithms(found)
     return _by_partial_fractions(x, wanted)
+
+
+def _in_logarithms(tree: ex.Expression) -> ex.Expression:
+    """atanh(a/b) as (log(a + b) - log(a - b))/2, up to a constant."""
+    table: dict[ex.Expression, ex.Expression] = {}
+    for node in ex.distinct_nodes((tree,)):
+        if isinstance(node, ex.Apply) and node.function == "atanh":
+            below = ex.multiply(*(base**-e for base, e in ex.powers_of(node.argument) if e < 0))
+            high, low = (_primitive_part(node.argument * below + sign * below) for sign in (1, -1))
+            table[node] = _HALF * (ex.Apply("log", high) - ex.Apply("log", low))
+    return ex.substitute(tree, table) if table else tree
 
 
 def _with_constants(x: Variable, columns: Iterable[tm.Monomial], wanted: tm.Terms) -> ex.Expression | None:

@@ -167,6 +167,13 @@ def _power(base: Terms, exponent: Fraction) -> Terms:
         for _ in range(int(exponent)):
             result = multiply_terms(result, base)
         return result
+    if exponent < 0 and exponent.denominator == 1 and len(base) > 1:
+        # 1/(1 + x/y) is y/(y + x).
+        tables = list(map(dict, base))
+        lowest = frozenset((p, e) for key in base for p, e in key if e < 0 and e == min(t.get(p, e) for t in tables))
+        if lowest:
+            base = terms_of(tree_of({times(key, lowest, -1): value for key, value in base.items()}))
+            return multiply_terms({times(EMPTY, lowest, exponent): Fraction(1)}, _power_of_factors(base, exponent))
     content, common, rest = split_content(base)
     if content < 0 and exponent.denominator > 1 and common:
         # -x stays whole under a root: the root of -1 has no value.
@@ -181,6 +188,16 @@ def _power(base: Terms, exponent: Fraction) -> Terms:
     elif rest != ex.ONE:
         whole = times(whole, monomial(rest), exponent)
     return {whole: factor}
+
+
+def _power_of_factors(base: Terms, exponent: Fraction) -> Terms:
+    """An integer power, each irreducible factor a generator: that of (2 + a) (v^2 + 1) multiplied out."""
+    if any(e.denominator > 1 or e < 0 for key in base for _, e in key):
+        return _power(base, exponent)
+    polynomial, letters = polynomial_of(base)
+    unit, factors = exact_field.factor_polynomial(polynomial)
+    parts = [_power(terms_of_polynomial(factor, letters), e * exponent) for factor, e in factors]
+    return _product([{EMPTY: unit ** int(exponent)}, *parts])
 
 
 @lru_cache(maxsize=1024)
@@ -261,7 +278,15 @@ def _exponential(argument: ex.Expression) -> Terms:
 def tree_of(terms: Mapping[Monomial, Fraction]) -> ex.Expression:
     """The sum as a tree, in a fixed order."""
     ordered = sorted(terms.items(), key=lambda item: rank(item[0]))
-    return ex.add(*(value * monomial_tree(key) for key, value in ordered))
+    return ex.add(*(_term_tree(key, value) for key, value in ordered))
+
+
+def _term_tree(key: Monomial, value: Fraction) -> ex.Expression:
+    """The term as a tree, 1/sqrt(3) for sqrt(3)/3."""
+    for letter, e in key:
+        if isinstance(letter, ex.Number) and e == Fraction(1, 2) and value.denominator % letter.value == 0:
+            return value * letter.value * monomial_tree(times(key, frozenset([(letter, Fraction(1))]), -1))
+    return value * monomial_tree(key)
 
 
 def collected(tree: ex.Expression) -> ex.Expression:

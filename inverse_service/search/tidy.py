@@ -302,7 +302,8 @@ def _other_forms(tree: ex.Expression, system: SecondOrderSystem) -> list[ex.Expr
     found = []
     constants, rates = partial(_by_parameters, _parameters(system)), partial(_by_rates, system)
     common, squares = partial(_with_common_factor, constants), partial(_with_whole_squares, system)
-    for form in (collected_inside, common, partial(_grouped, system), constants, rates, squares):
+    functions = partial(_by_functions, system)
+    for form in (collected_inside, common, partial(_grouped, system), constants, rates, squares, functions):
         try:
             found.append(form(tree))
         except _FAILED:
@@ -488,6 +489,21 @@ def _by_letters(system: SecondOrderSystem, terms: tm.Terms) -> ex.Expression:
     parameters = _parameters(system)
     groups = _split(terms, lambda letter: letter in parameters or tm.has_velocity(letter))
     return ex.add(*(_part(outer, inner, system) for outer, inner in groups.items()))
+
+
+def _by_functions(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
+    """The sum over functions of the velocities, each with one coefficient in factors: (x + 2 x') atan(x'/x)."""
+    groups = _split(tm.terms_of(tree), lambda p: tm.has_velocity(p) and isinstance(p, ex.Apply | ex.Power))
+    if len(groups) < 2:
+        return tree
+    parts = []
+    for outer, inner in groups.items():
+        exponents = [dict(key) for key in inner]
+        lowest = frozenset((p, min(e.get(p, Fraction(0)) for e in exponents)) for e in exponents for p in e)
+        rest = tm.tree_of({tm.times(key, lowest, -1): value for key, value in inner.items()})
+        whole = _quotient(rest, system.parameters, system.coordinates) * tm.monomial_tree(lowest)
+        parts.append((whole if outer and len(inner) > 1 else tm.tree_of(inner)) * tm.monomial_tree(outer))
+    return ex.add(*parts)
 
 
 def _parameters(system: SecondOrderSystem) -> frozenset[ex.Symbol]:
