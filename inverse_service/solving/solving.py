@@ -122,21 +122,19 @@ def _solve(system: second_order_system.SecondOrderSystem, options: SolveOptions,
         )
         return _unreduced(system, options, None, reason)
     report = progress or (lambda _: None)
-    printed, left_out = None, "the equations are not solved for the accelerations" if system.is_unsolved else ""
-    if len(system.coordinates) > _MOST_COORDINATES:
-        left_out = left_out or f"a system of more than {_MOST_COORDINATES} coordinates has them by the thousand"
-    if options.conditions and not left_out:
-        report("conditions")
-        printed, left_out = wording.printed_conditions(system)
-    seconds = {"conditions": deadline.now() - began}
     try:
         analysis = deciding.analyze(system)
     except errors.IrreducibleAtoms as problem:
-        return _unreduced(system, options, printed, problem.detail)
-    seconds["analysis"] = deadline.now() - began - seconds["conditions"]
-    work = Work(analysis, options, report, began + options.time_limit, seconds, began=began, printed=printed)
+        return _unreduced(system, options, _conditions(system, options, report)[0], problem.detail)
+    work = Work(
+        analysis, options, report, began + options.time_limit, {"analysis": deadline.now() - began}, began=began
+    )
+    given = _as_given(work)
+    began = deadline.now()
+    work.printed, left_out = _conditions(system, options, report)
+    work.add_seconds("conditions", began)
     hand_over(work, "conditions")
-    autonomous, with_time = _explained(_answers(work), system)
+    autonomous, with_time = _explained(_answers(work, given), system)
     provenance: dict[str, Any] = {
         "seed": options.seed,
         "time_limit": round(options.time_limit, 4),
@@ -146,8 +144,22 @@ def _solve(system: second_order_system.SecondOrderSystem, options: SolveOptions,
     if work.refused:
         provenance["refused_lagrangians"] = len(work.refused)
     kept = _first_integrals(work, autonomous, with_time)
-    provenance["seconds"] = {stage: round(value, 3) for stage, value in seconds.items()}
-    return Solution(system, autonomous, with_time, printed, provenance, work.cut, kept)
+    provenance["seconds"] = {stage: round(value, 3) for stage, value in work.seconds.items()}
+    return Solution(system, autonomous, with_time, work.printed, provenance, work.cut, kept)
+
+
+def _conditions(
+    system: second_order_system.SecondOrderSystem, options: SolveOptions, report: Progress
+) -> tuple[Conditions | None, str]:
+    """The conditions written out, or None with the reason for leaving them out, empty where they were not wanted."""
+    if system.is_unsolved:
+        return None, "the equations are not solved for the accelerations"
+    if len(system.coordinates) > _MOST_COORDINATES:
+        return None, f"a system of more than {_MOST_COORDINATES} coordinates has them by the thousand"
+    if not options.conditions:
+        return None, ""
+    report("conditions")
+    return wording.printed_conditions(system)
 
 
 def _first_integrals(work: Work, *answers: Answer | None) -> tuple[FirstIntegral, ...]:
@@ -176,10 +188,9 @@ def _unreduced(
     return Solution(system, autonomous, with_time, found, {"seed": options.seed})
 
 
-def _answers(work: Work) -> tuple[Answer | None, Answer | None]:
-    """(L(q, v), L(t, q, v)); an autonomous Lagrangian answers the second question too."""
+def _answers(work: Work, given: Answer | None) -> tuple[Answer | None, Answer | None]:
+    """(L(q, v), L(t, q, v)); an autonomous Lagrangian, as the `given` one can be, answers the second question too."""
     wanted, depends = work.options.time_dependent, work.analysis.system.depends_on_time
-    given = _as_given(work)
     if given is not None and not _holds_time(given):
         return None if depends or wanted else given, None if wanted is False and not depends else given
     if given is not None:
