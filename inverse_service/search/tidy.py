@@ -26,6 +26,7 @@ from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.search import angles, gradients, terms as tm
 
 _LARGEST = 4
+_HALF = Fraction(1, 2)
 
 
 def without_arctangents(tree: ex.Expression) -> ex.Expression:
@@ -88,7 +89,21 @@ def tidied(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
     while (shorter := _shortest(tree, system)) != tree:
         tree = shorter
     tree = _with_squares_inside(system, tree)
-    return kinetic_first(collecting.numbers_outside(collecting.minus_inside(_as_written(writing.joined(tree), system))))
+    tree = collecting.numbers_outside(collecting.minus_inside(_as_written(writing.joined(tree), system)))
+    return _grouped_alike(kinetic_first(tree))
+
+
+def _grouped_alike(tree: ex.Expression) -> ex.Expression:
+    """(x'^2 + y'^2)/2 beside k (x^2 + y^2)/2: squares of velocities together where those of their coordinates are."""
+    terms = list(tree.terms) if isinstance(tree, ex.Sum) else []
+    for group in (factor for term in terms for factor in ex.factors_of(term) if isinstance(factor, ex.Sum)):
+        bases = [part.base for part in group.terms if isinstance(part, ex.Power) and part.exponent == ex.TWO]
+        names = [base.name for base in bases if isinstance(base, ex.Symbol)]
+        squares = [ex.HALF * ex.Velocity(name) ** 2 for name in names]
+        if len(names) == len(group.terms) and all(square in terms for square in squares):
+            together = ex.HALF * ex.add(*(ex.Velocity(name) ** 2 for name in names))
+            return ex.add(together, *(term for term in terms if term not in squares))
+    return tree
 
 
 def _finite(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
@@ -300,10 +315,10 @@ def _velocity_sums(tree: ex.Expression) -> int:
 
 def _other_forms(tree: ex.Expression, system: SecondOrderSystem) -> list[ex.Expression]:
     found = []
-    constants, rates = partial(_by_parameters, _parameters(system)), partial(_by_rates, system)
-    common, squares = partial(_with_common_factor, constants), partial(_with_whole_squares, system)
-    functions = partial(_by_functions, system)
-    for form in (collected_inside, common, partial(_grouped, system), constants, rates, squares, functions):
+    constants = partial(_by_parameters, _parameters(system))
+    of_system = (_grouped, _by_rates, _with_whole_squares, _by_functions, _with_shifted_rates, _with_springs)
+    forms: list[Callable[[ex.Expression], ex.Expression]] = [partial(one, system) for one in of_system]
+    for form in (collected_inside, partial(_with_common_factor, constants), constants, *forms):
         try:
             found.append(form(tree))
         except _FAILED:
@@ -489,6 +504,44 @@ def _by_letters(system: SecondOrderSystem, terms: tm.Terms) -> ex.Expression:
     parameters = _parameters(system)
     groups = _split(terms, lambda letter: letter in parameters or tm.has_velocity(letter))
     return ex.add(*(_part(outer, inner, system) for outer, inner in groups.items()))
+
+
+def _with_shifted_rates(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
+    """c (v + w)^2/2 for c v^2/2 + c w v with a constant w, as in a turning frame; the potential changes by c w^2/2."""
+    terms, constants = tm.terms_of(tree), _parameters(system)
+    for v in map(ex.Velocity, system.coordinates):
+        squares, linear = (
+            {key - {(v, e)}: value for key, value in terms.items() if (v, e) in key} for e in (Fraction(2), Fraction(1))
+        )
+        ((key, twice),) = (tm.monomial_factor(linear, squares) or {tm.monomial(v): Fraction(0)}).items()
+        if constants.issuperset(p for p, _ in key):
+            rate = twice / 2 * tm.monomial_tree(key)
+            rest = tm.add_terms(terms, tm.terms_of(tm.tree_of(squares) * (v + rate) ** 2), -1)
+            potential = angles.shortest({k: c for k, c in rest.items() if not any(tm.has_velocity(p) for p, _ in k)})
+            kept = {k: c for k, c in rest.items() if any(tm.has_velocity(p) for p, _ in k)} | {
+                k: c for k, c in potential.items() if not constants.issuperset(p for p, _ in k)
+            }
+            return tm.tree_of(squares) * (v + rate) ** 2 + tm.tree_of(kept)
+    return tree
+
+
+def _with_springs(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
+    """c (sqrt(s) - l)^2 for c s - 2 c l sqrt(s) with constants c and l, as for a spring of length l."""
+    terms, constants = tm.terms_of(tree), _parameters(system)
+    for root in dict.fromkeys(p for key in terms for p, e in key if e == _HALF and isinstance(p, ex.Sum)):
+        linear = {key: c for key, c in terms.items() if (root, _HALF) in key}
+        whole = tm.terms_of(root)
+        ((first, unit), *_) = whole.items()
+        for key, value in terms.items():
+            stiffness, c = tm.times(key, first, -1), value / unit
+            square = {tm.times(other, stiffness): c * a for other, a in whole.items()}
+            if len(linear) == 1 and all(terms.get(other) == a for other, a in square.items()):
+                ((key, value),) = linear.items()
+                length = value / (2 * c) * tm.monomial_tree(tm.times(key - {(root, _HALF)}, stiffness, -1))
+                if constants.issuperset(variables_in(length * tm.monomial_tree(stiffness))):
+                    rest = tm.add_terms(tm.add_terms(terms, square, -1), linear, -1)
+                    return tm.tree_of(rest) + c * tm.monomial_tree(stiffness) * (ex.square_root(root) + length) ** 2
+    return tree
 
 
 def _by_functions(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
