@@ -18,7 +18,7 @@ import itertools
 import random
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from itertools import combinations_with_replacement
 
@@ -192,7 +192,8 @@ def with_potential(material: Material, combination: Mapping[tm.Monomial, Fractio
     integrator = Integrator(system, material.analysis.real_point)
 
     def residuals() -> list[tm.Terms]:
-        momenta = [tm.along(motion, tm.derivative_of_terms(combination, v)) for v in motion.velocities]
+        written = replace(motion, forces=tuple(map(tm.terms_of, system.accelerations)))
+        momenta = [tm.along(written, tm.derivative_of_terms(combination, v)) for v in motion.velocities]
         slopes = [tm.derivative_of_terms(combination, q) for q in motion.coordinates]
         return [tm.add_terms(slope, momentum, -1) for slope, momentum in zip(slopes, momenta, strict=True)]
 

@@ -316,9 +316,13 @@ def _velocity_sums(tree: ex.Expression) -> int:
 def _other_forms(tree: ex.Expression, system: SecondOrderSystem) -> list[ex.Expression]:
     found = []
     constants = partial(_by_parameters, _parameters(system))
-    of_system = (_grouped, _by_rates, _with_whole_squares, _by_functions, _with_shifted_rates, _with_springs)
-    forms: list[Callable[[ex.Expression], ex.Expression]] = [partial(one, system) for one in of_system]
-    for form in (collected_inside, partial(_with_common_factor, constants), constants, *forms):
+    of_system: tuple[Callable[[SecondOrderSystem, ex.Expression], ex.Expression], ...] = (
+        _grouped, _by_rates, _with_whole_squares, _by_functions, _with_shifted_rates, _with_springs,
+    )  # fmt: skip
+    common = partial(_with_common_factor, constants)
+    forms: list[Callable[[ex.Expression], ex.Expression]] = [collected_inside, common, constants]
+    forms += [partial(one, system) for one in of_system]
+    for form in forms:
         try:
             found.append(form(tree))
         except _FAILED:
@@ -506,6 +510,10 @@ def _by_letters(system: SecondOrderSystem, terms: tm.Terms) -> ex.Expression:
     return ex.add(*(_part(outer, inner, system) for outer, inner in groups.items()))
 
 
+def _is_symbolic(node: ex.Expression) -> bool:
+    return isinstance(node, ex.Power) and not isinstance(node.exponent, ex.Number) and tm.has_velocity(node)
+
+
 def _with_shifted_rates(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
     """c (v + w)^2/2 for c v^2/2 + c w v with a constant w, as in a turning frame; the potential changes by c w^2/2."""
     terms, constants = tm.terms_of(tree), _parameters(system)
@@ -527,6 +535,8 @@ def _with_shifted_rates(system: SecondOrderSystem, tree: ex.Expression) -> ex.Ex
 
 def _with_springs(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
     """c (sqrt(s) - l)^2 for c s - 2 c l sqrt(s) with constants c and l, as for a spring of length l."""
+    if not any(isinstance(node, ex.Power) and node.exponent == ex.HALF for node in ex.walk(tree)):
+        return tree
     terms, constants = tm.terms_of(tree), _parameters(system)
     for root in dict.fromkeys(p for key in terms for p, e in key if e == _HALF and isinstance(p, ex.Sum)):
         linear = {key: c for key, c in terms.items() if (root, _HALF) in key}
@@ -546,9 +556,9 @@ def _with_springs(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expressi
 
 def _by_functions(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
     """The sum over functions of the velocities, each with one coefficient in factors: (x + 2 x') atan(x'/x)."""
-    groups = _split(tm.terms_of(tree), lambda p: tm.has_velocity(p) and isinstance(p, ex.Apply | ex.Power))
-    if len(groups) < 2:
+    if not any(isinstance(node, ex.Apply) and tm.has_velocity(node) or _is_symbolic(node) for node in ex.walk(tree)):
         return tree
+    groups = _split(tm.terms_of(tree), lambda p: tm.has_velocity(p) and isinstance(p, ex.Apply | ex.Power))
     parts = []
     for outer, inner in groups.items():
         exponents = [dict(key) for key in inner]
