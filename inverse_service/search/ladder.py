@@ -20,7 +20,7 @@ from inverse_service.field.point import SingularPoint
 from inverse_service.mechanics import euler_lagrange, implicit_equations
 from inverse_service.search import (
     ansatz,
-    blocks,
+    decoupled,
     families,
     linear_systems,
     moving_matrix,
@@ -92,7 +92,7 @@ LEAVES = (
     protocol.Leaf(
         "decoupled blocks one by one",
         3.55,
-        lambda material: len(blocks.blocks_of(material)) > 1,
+        lambda material: len(decoupled.blocks_of(material)) > 1,
         lambda material, seed: _of_blocks(material, seed),
         "The system decouples, so the Lagrangian is the sum of the Lagrangians of its blocks.",
         exact=True,
@@ -253,13 +253,13 @@ def _verified(state: _Search, trees: Sequence[ex.Expression]) -> list[ex.Express
 def _of_blocks(material: Material, seed: int) -> list[ex.Expression]:
     """The sum of the Lagrangians of the blocks; none where one of them has none."""
     found = []
-    for system in blocks.blocks_of(material):
+    for system in decoupled.blocks_of(material):
         with within(bounds.WORK):
             one = search(deciding.analyze(system), material.motion.with_time, seed, math.inf, lambda _: None).found
         if one is None:
             return []
         found.append(one.lagrangians[0])
-    return [blocks.sum_of(material.analysis.system, found)]
+    return [decoupled.sum_of(material.analysis.system, found)]
 
 
 def _by_ansatz(state: _Search, family: families.Family) -> protocol.Found | None:

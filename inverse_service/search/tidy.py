@@ -556,7 +556,7 @@ def _with_springs(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expressi
 
 def _by_functions(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
     """The sum over functions of the velocities, each with one coefficient in factors: (x + 2 x') atan(x'/x)."""
-    if not any(isinstance(node, ex.Apply) and tm.has_velocity(node) or _is_symbolic(node) for node in ex.walk(tree)):
+    if not any((isinstance(node, ex.Apply) and tm.has_velocity(node)) or _is_symbolic(node) for node in ex.walk(tree)):
         return tree
     groups = _split(tm.terms_of(tree), lambda p: tm.has_velocity(p) and isinstance(p, ex.Apply | ex.Power))
     parts = []
