@@ -52,10 +52,26 @@ def ratios(material: Material) -> list[tm.Monomial]:
     return distinct([*quadratic(material), *quotients(material, 2)])
 
 
+def of_velocities(material: Material) -> list[tm.Monomial]:
+    """These, powers and logarithms of one velocity."""
+    return distinct([*ratios(material), *(shape for v in material.motion.velocities for shape in single(v))])
+
+
 def functions(material: Material) -> list[tm.Monomial]:
-    """These, powers and logarithms of one velocity, and what f itself holds."""
-    shapes = [shape for v in material.motion.velocities for shape in single(v)]
-    return distinct([*ratios(material), *shapes, *of_letters(material)])
+    """These, and what f itself holds."""
+    return distinct([*of_velocities(material), *of_letters(material)])
+
+
+def as_in_force(material: Material) -> list[tm.Monomial]:
+    """Those of these that need no other roots and logarithms than f holds: f has values for them already."""
+    items = {item for terms in material.motion.forces for key in terms for item in key}
+    letters, rooted = {p for p, _ in items}, {p for p, e in items if e.denominator > 1}
+
+    def is_held(letter: ex.Expression, e: Fraction) -> bool:
+        plain = not isinstance(letter, ex.Apply) or ex.is_exponential(letter) or letter in letters
+        return plain and (e.denominator == 1 or letter in rooted)
+
+    return [shape for shape in functions(material) if all(is_held(p, e) for p, e in shape)]
 
 
 def polynomials(material: Material) -> list[tm.Monomial]:

@@ -1,4 +1,4 @@
-"""The search: leaves and rows of the ansatz, tried by cost until a regular Lagrangian is found."""
+"""The search: leaves, reductions and rows of the ansatz, tried by cost until a regular Lagrangian is found."""
 
 from __future__ import annotations
 
@@ -20,7 +20,6 @@ from inverse_service.field.point import SingularPoint
 from inverse_service.mechanics import euler_lagrange, implicit_equations
 from inverse_service.search import (
     ansatz,
-    decoupled,
     families,
     linear_systems,
     moving_matrix,
@@ -28,6 +27,7 @@ from inverse_service.search import (
     one_matrix,
     protocol,
     quadratures,
+    reductions,
     row_factors,
     tidy,
 )
@@ -36,7 +36,7 @@ from inverse_service.search.material import Material, gather
 from inverse_service.search.members import best_members, needed_combinations
 from inverse_service.search.terms import Monomial, TooManyTerms, tree_of
 
-Rung = protocol.Leaf | families.Family
+Rung = protocol.Leaf | protocol.Reduction | families.Family
 
 LEAVES = (
     protocol.Leaf(
@@ -89,25 +89,37 @@ LEAVES = (
         "`phi_t = A phi` and `phi_x = B phi`. Nonelementary integrals are left unevaluated.",
         exact=True,
     ),
-    protocol.Leaf(
+)
+REDUCTIONS = (
+    protocol.Reduction(
+        "other coordinates",
+        3.5,
+        reductions.applies,
+        reductions.in_shorter_coordinates,
+        "A change of coordinates simplifies `f`. The Lagrangian found there is transformed back.",
+        exact=True,
+    ),
+    protocol.Reduction(
         "decoupled blocks one by one",
         3.55,
-        lambda material: len(decoupled.blocks_of(material)) > 1,
-        lambda material, seed: _of_blocks(material, seed),
+        reductions.is_decoupled,
+        reductions.into_blocks,
         "The system decouples, so the Lagrangian is the sum of the Lagrangians of its blocks.",
         exact=True,
     ),
 )
 ANSATZ = (
     families.Family("quadratic in the velocities, short factors", 2, families.quadratic, bounds.SMALL),
+    families.Family("functions of velocities as in f, short factors", 3.74, families.as_in_force, bounds.SMALL),
+    families.Family("functions of velocities, constant coefficients", 3.75, families.of_velocities, 0),
     families.Family("ratios of velocities, short factors", 3.7, families.ratios, bounds.SMALL),
     families.Family("quadratic, roots of constant velocities", 3.8, families.roots_of_constants, bounds.SMALL),
     families.Family("functions of velocities, short factors", 4, families.functions, bounds.SMALL),
     families.Family("products of up to four velocities", 7, families.polynomials, bounds.LARGE),
     families.Family("logarithms and arctangents of two velocities", 9, families.complex_logarithms, bounds.SMALL),
 )
-RUNGS: tuple[Rung, ...] = (*LEAVES, *ANSATZ)
-REASONS = {rung.name: rung.reason for rung in LEAVES}
+RUNGS: tuple[Rung, ...] = (*LEAVES, *ANSATZ, *REDUCTIONS)
+REASONS = {rung.name: rung.reason for rung in (*LEAVES, *REDUCTIONS)}
 
 
 _SMALLEST_DETERMINANT = mpmath.mpf(10) ** -25
@@ -235,7 +247,7 @@ def attempt(state: _Search, rung: Rung) -> protocol.Found | None:
         return None
     state.progress(f"method: {rung.name}")
     try:
-        trees = rung.propose(state.material, state.seed)
+        trees = rung.propose(state.material, state.seed) if isinstance(rung, protocol.Leaf) else _lifted(state, rung)
         proposed = tuple(trees if rung.exact else _verified(state, trees))
     except (*_NO_POINTS, TooManyTerms, ArithmeticError):
         proposed = ()
@@ -250,16 +262,26 @@ def _verified(state: _Search, trees: Sequence[ex.Expression]) -> list[ex.Express
     return list(itertools.islice(held, bounds.FEW))
 
 
-def _of_blocks(material: Material, seed: int) -> list[ex.Expression]:
-    """The sum of the Lagrangians of the blocks; none where one of them has none."""
+def _lifted(state: _Search, reduction: protocol.Reduction) -> Sequence[ex.Expression]:
+    """The Lagrangians made of those of the smaller systems."""
+    for smaller in reduction.apply(state.material, state.seed):
+        found = _of_smaller(smaller, state.seed)
+        lifted = smaller.lift(found) if found else ()
+        if lifted:
+            return lifted
+    return ()
+
+
+def _of_smaller(smaller: protocol.Smaller, seed: int) -> list[tuple[ex.Expression, ...]]:
+    """The Lagrangians of each of the systems; none where one has none."""
     found = []
-    for system in decoupled.blocks_of(material):
+    for system in smaller.systems:
         with within(bounds.WORK):
-            one = search(deciding.analyze(system), material.motion.with_time, seed, math.inf, lambda _: None).found
+            one = search(deciding.analyze(system), smaller.with_time, seed, math.inf, lambda _: None).found
         if one is None:
             return []
-        found.append(one.lagrangians[0])
-    return [decoupled.sum_of(material.analysis.system, found)]
+        found.append(one.lagrangians)
+    return found
 
 
 def _by_ansatz(state: _Search, family: families.Family) -> protocol.Found | None:

@@ -1,13 +1,16 @@
 """The parts of the search, its results, and which other Lagrangians are shown.
 
-Leaves propose Lagrangians for the systems that they accept; the search verifies them.
+The parts of the search and its results: leaves propose Lagrangians, reductions make smaller systems.
+
+A reduction `accepts` a system or not, `apply` makes smaller systems of it, and `lift` transforms their Lagrangians
+back. The search itself finds the Lagrangians in between, limits the work, and verifies the lifted Lagrangians.
 
 Lagrangians besides the one that is shown: which ones differ from it, and which of those a reader wants to see.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import TYPE_CHECKING
@@ -23,6 +26,7 @@ from inverse_service.mechanics import euler_lagrange, writing
 from inverse_service.search import terms
 
 if TYPE_CHECKING:
+    from inverse_service.mechanics.second_order_system import SecondOrderSystem
     from inverse_service.search.material import Material
 
 
@@ -58,6 +62,30 @@ class Leaf:
     cost: float
     accepts: Callable[[Material], bool]
     propose: Callable[[Material, int], Sequence[ex.Expression]]
+    reason: str
+    exact: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Smaller:
+    """Systems whose Lagrangians L(q, q'), or L(t, q, q') `with_time`, make Lagrangians of the given one.
+
+    `lift` takes the Lagrangians of each system, the simplest first.
+    """
+
+    systems: tuple[SecondOrderSystem, ...]
+    with_time: bool
+    lift: Callable[[Sequence[Sequence[ex.Expression]]], Sequence[ex.Expression]]
+
+
+@dataclass(frozen=True, slots=True)
+class Reduction:
+    """A way to make smaller systems out of those that it accepts; `exact` and `reason` as for a leaf."""
+
+    name: str
+    cost: float
+    accepts: Callable[[Material], bool]
+    apply: Callable[[Material, int], Iterator[Smaller]]
     reason: str
     exact: bool = False
 

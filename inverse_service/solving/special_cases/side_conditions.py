@@ -23,7 +23,7 @@ from inverse_service.expressions import collecting, derivative, tree as ex
 from inverse_service.field import exact_field, matrices
 from inverse_service.mechanics import conditions, euler_lagrange
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.search import decoupled
+from inverse_service.search import reductions
 from inverse_service.solving.special_cases import strata
 
 
@@ -218,8 +218,8 @@ def has_one_everywhere(system: SecondOrderSystem) -> bool:
     q'' = A q' + B q + c has one where A and B are polynomials in one real matrix: one is a number times 1, or
     n = 2 and A B = B A.
     """
-    parts = () if system.depends_on_time else decoupled.decoupled_blocks(system)
-    return bool(parts) and all(len(part.coordinates) == 1 or _is_over_an_algebra(part) for part in parts)
+    blocks = () if system.depends_on_time else reductions.decoupled_blocks(system)
+    return bool(blocks) and all(len(block.coordinates) == 1 or _is_over_an_algebra(block) for block in blocks)
 
 
 def _is_over_an_algebra(system: SecondOrderSystem) -> bool:
