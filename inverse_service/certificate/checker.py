@@ -13,13 +13,14 @@ from __future__ import annotations
 import json
 import random
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Literal
 
 from .cell import Cell, cells_of
 from .constraints import Along, Motion
-from .exceptions import exceptions_of
+from .exceptions import Exceptions, exceptions_of
 from .formulas import CERTIFICATE, OLD, OLD_FORMAT, Ended, check_shape, require
 from .kinds import Definite, OfKind
 from .numbers import Undefined, Unsettled
@@ -36,7 +37,7 @@ class CheckResult:
     # for which it is not proven, and whether the theorem on one coordinate proves it beyond them.
     cell: Cell | None = None
     formulas: Cell | None = None
-    exceptions: tuple[str, ...] = ()
+    exceptions: Sequence[str] = ()
     by_theorem: bool = False
 
 
@@ -130,7 +131,7 @@ def certified(document: Any, tools: Tools) -> CheckResult:
     by_theorem = one and (kind == "existence" or cell != formulas)
     # A definite Hessian is proven at the point `near`, for the values of the parameters there.
     generic = None if one or about is Definite else asked.generic
-    exceptions = exceptions_of(asked, generic, time.thread_time() - began)
+    exceptions = Exceptions(partial(exceptions_of, asked, generic, time.thread_time() - began))
     meant = f" Only Lagrangians of a kind are meant: {among}." if among is not None else ""
     return CheckResult("valid", (sentence + meant,), cell, formulas, exceptions, by_theorem)
 

@@ -20,6 +20,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import cache
 from itertools import combinations, combinations_with_replacement
 from typing import TYPE_CHECKING, Any
 
@@ -88,6 +89,19 @@ class Special(Residues):
         return determinant != 0
 
 
+class Exceptions(Sequence[str]):
+    """What is left out, found when it is first read: it takes as long as the proof."""
+
+    def __init__(self, find: Callable[[], tuple[str, ...]]) -> None:
+        self.find = cache(find)
+
+    def __getitem__(self, place: Any) -> Any:
+        return self.find()[place]
+
+    def __len__(self) -> int:
+        return len(self.find())
+
+
 def exceptions_of(question: Question, generic: Generic | None, spent: float) -> tuple[str, ...]:
     """Equations between parameters, such as "c1 = c2" and "k = 0".
 
@@ -108,6 +122,8 @@ def exceptions_of(question: Question, generic: Generic | None, spent: float) -> 
             found.append(text)
         return tuple(found)
     except (Ended, Undefined, Unsettled, StopIteration, ArithmeticError, ValueError):
+        return (*found, unknown)
+    except (RecursionError, MemoryError):
         return (*found, unknown)
     finally:
         question.deadline = deadline
@@ -202,7 +218,7 @@ class Finding:
         """The common factor of the divisors at two points (t, q, q') on a line, each once."""
         count, places = self.enough, list[int]()
         tables = [list[list[int]]() for _ in range(2)]
-        while count <= MAX_POINTS:
+        while len(places) < MAX_POINTS:
             self.largest = 0
             more = [
                 self.question.generator.randrange(1, self.prime) for _ in range(count - len(places))
@@ -218,10 +234,7 @@ class Finding:
             lengths = {len(values) for table in tables for values in table}
             if len(lengths) != 1:
                 raise Undefined
-            found = [
-                [self.numerator(places, values) for values in zip(*table, strict=True)]
-                for table in tables
-            ]
+            found = [self.numerators(places, table) for table in tables]
             if all(one is not None for numerators in found for one in numerators):
                 self.enough = max(self.enough, min(count, self.largest + SPARE))
                 whole = nmod_poly([1], self.prime)
@@ -229,7 +242,7 @@ class Finding:
                     common = left.gcd(right)
                     whole *= common // whole.gcd(common)
                 return whole // whole.gcd(whole.derivative())
-            count *= 2
+            count = min(count + count // 2, MAX_POINTS)
         raise Undefined
 
     def divisors(self, seed: int, direction: Sequence[int], s: int, last: bool) -> list[int]:
@@ -244,32 +257,35 @@ class Finding:
         found = arithmetic.divisors
         return [math.prod(found) % self.prime] if self.generic.telescopes else list(found)
 
-    def numerator(self, places: Sequence[int], values: Sequence[int]) -> Any | None:
-        """Of the rational function with these values; None where they do not determine it."""
+    def numerators(self, places: Sequence[int], table: list[list[int]]) -> list[Any | None]:
+        """Of the rational functions with the values of a row at each place.
+
+        None where they do not determine one.
+        """
         prime, count = self.prime, len(places)
-        if len({*values}) == 1:
-            return nmod_poly([1], prime)
-        differences = list(values)
-        for k in range(1, count):
-            for j in range(count - 1, k - 1, -1):
-                slope = pow(places[j] - places[j - k], -1, prime)
-                differences[j] = (differences[j] - differences[j - 1]) * slope % prime
-        polynomial, modulus = nmod_poly([0], prime), nmod_poly([1], prime)
-        for s, difference in zip(places, differences, strict=True):
-            polynomial += modulus * nmod_poly([difference], prime)
-            modulus *= nmod_poly([-s % prime, 1], prime)
+        if not table[0]:
+            return []
+        powers = nmod_mat([[pow(s, k, prime) for k in range(count)] for s in places], prime)
+        parts = powers.solve(nmod_mat(table, prime))
+        modulus = math.prod([nmod_poly([-s % prime, 1], prime) for s in places])
+        polynomials = (
+            nmod_poly([int(parts[k, j]) for k in range(count)], prime) for j in range(len(table[0]))
+        )
+        return [self.numerator(modulus, one) for one in polynomials]
+
+    def numerator(self, modulus: Any, polynomial: Any) -> Any | None:
+        """Of the rational function that is the polynomial modulo another, if it is simple."""
         older, newer = modulus, polynomial
-        before, after = nmod_poly([0], prime), nmod_poly([1], prime)
-        best, size = (newer, after), newer.degree()
+        before, after = nmod_poly([0], self.prime), nmod_poly([1], self.prime)
+        best, size = newer, newer.degree()
         while newer.degree() >= 0:  # the remainders are numerators, their cofactors denominators
             if newer.degree() + after.degree() < size:
-                best, size = (newer, after), newer.degree() + after.degree()
+                best, size = newer, newer.degree() + after.degree()
             quotient = older // newer
             older, newer = newer, older - quotient * newer
             before, after = after, before - quotient * after
-        above, below = best
         self.largest = max(self.largest, size)
-        return above // above.gcd(below) if size <= count - SPARE else None
+        return best if size <= modulus.degree() - SPARE else None
 
     def put_together(
         self, found: Sequence[Polynomial], direction: Sequence[int], rest: Any

@@ -98,7 +98,7 @@ class MotionAnswer:
     lagrangian: MotionLagrangian | None = None
     freedom: str = ""
     explanation: tuple[Step, ...] = ()
-    exceptions: tuple[str, ...] = ()
+    exceptions: Sequence[str] = ()
 
 
 @dataclass(slots=True)
@@ -250,7 +250,7 @@ def _prove_verdict(
 
 def _confirm_certificate(
     work: _Work, analyzed: AnalyzedMotion, certificate: dict[str, Any], more: Sequence[Expression] = ()
-) -> tuple[dict[str, Any], tuple[str, ...]] | None:
+) -> tuple[dict[str, Any], Sequence[str]] | None:
     """The certificate that the checker finds valid, as it is or about one side of roots, and its exceptions."""
     found = check_certificate(certificate, time_limit=max(1.0, work.left()))
     if found.verdict == "incomplete":

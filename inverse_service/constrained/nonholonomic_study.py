@@ -178,12 +178,13 @@ def study(
     systems: Sequence[paper_class.AssociatedSystem],
     options: solutions.SolveOptions,
     progress: Progress | None = None,
+    told: Callable[[Study], None] = lambda _: None,
 ) -> Study:
     """Each system decided and, where it is variational, carried to H and the constraints in phase space.
 
-    The conditions are written out for the main one only.
+    The conditions are written out for the main one only. `told` hears of it before the reasons are said.
     """
-    quiet = replace(options, conditions=False)
+    quiet = replace(options, conditions=False, reasons=False)
     end = now() + options.time_limit
     answers = []
     for place, system in enumerate(systems):
@@ -191,6 +192,11 @@ def study(
         share = (end - now()) / max(waiting, 1)
         answers.append(_answer_system(report, system, replace(quiet, time_limit=max(share, 0.1)), progress))
     main = _main(answers)
+    told(Study(report, tuple(answers), main))
+    for place, one in enumerate(answers):
+        if one.solution is not None:
+            named = _name_progress(progress, one.associated.kind)
+            answers[place] = replace(one, solution=solving.with_reasons(one.solution, quiet, named))
     solution = answers[main].solution
     if solution is not None and options.conditions:
         answers[main] = replace(answers[main], solution=wording.with_conditions(solution))
@@ -202,14 +208,16 @@ def study_branches(
     systems: Sequence[paper_class.AssociatedSystem],
     options: solutions.SolveOptions,
     progress: Progress | None = None,
+    told: Callable[[Study], None] = lambda _: None,
 ) -> Iterator[Study]:
     """A study on each of the branches of the system that is the main one on the first; each has its share of the time.
 
-    On a further branch only the systems are decided that have it too.
+    On a further branch only the systems are decided that have it too. `told` hears of one that has no other branches.
     """
     branches = [on_branches(one) for one in systems]
     share = replace(options, time_limit=options.time_limit / max(map(len, branches)))
-    found = study(report, [each[0] for each in branches], share, progress)
+    alone = max(map(len, branches)) == 1
+    found = study(report, [each[0] for each in branches], share, progress, told if alone else lambda _: None)
     yield found
     for main in branches[found.main][1:]:
         assert main.system is not None

@@ -32,7 +32,8 @@ class SolveOptions:
     written, one tree for each that vanishes along the motion, accelerations unsolved: their own multiplier is tried
     first. `series_order`: up to which order the multiplier is expanded where no closed form is found; None leaves the
     choice to the solver. `conditions`: whether Phi, nabla Phi and R are written out. `first_integrals`: whether they
-    are looked for. `hand_over`: called with the names of the parts that are finished and checked, with what makes the
+    are looked for. `reasons`: whether it is said why there is no Lagrangian, which `solving.with_reasons` does later.
+    `hand_over`: called with the names of the parts that are finished and checked, with what makes the
     solutions so far, while there is more to find.
     """
 
@@ -44,6 +45,7 @@ class SolveOptions:
     series_order: int | None = None
     conditions: bool = True
     first_integrals: bool = False
+    reasons: bool = True
     hand_over: Callable[[Sequence[str], Callable[[], tuple[tuple[Solution, ...], tuple[Left, ...]]]], None] | None = (
         None
     )
@@ -149,7 +151,7 @@ class Answer:
     nonzero: tuple[ex.Expression, ...] = ()
     sides: tuple[ex.Expression, ...] = ()
     one_side: bool = False
-    exceptions: tuple[str, ...] = ()
+    exceptions: Sequence[str] = ()
 
 
 @dataclass(frozen=True, slots=True)

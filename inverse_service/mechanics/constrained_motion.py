@@ -13,7 +13,7 @@ Control, 2003, chapter 5.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import combinations
@@ -27,6 +27,7 @@ from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import TIME, ZERO, Expression, Symbol, Velocity, add, holds, substitute, walk
 from inverse_service.field import exact_field
 from inverse_service.field.matrices import determinant, dot, reduced_rows, solve_square, weight
+from inverse_service.mechanics import angles
 from inverse_service.mechanics.second_order_system import Functions
 from inverse_service.mechanics.writing import readable
 from inverse_service.reading.document_names import Declared, Parameters, known_names, parameter_values, with_values
@@ -141,16 +142,23 @@ def too_large(error: exact_field.TooLarge) -> LimitError:
 
 
 def _geometry(system: NonholonomicSystem, budget: exact_field.Budget) -> Geometry:
-    names = system.coordinates
-    coordinates, velocities = [Symbol(name) for name in names], [Velocity(name) for name in names]
     trees = [system.lagrangian, *system.constraints]
-    ring = exact_field.exact_ring(trees, [TIME, *coordinates, *velocities], ORDERS, budget)
-    mass, linear, potential = _lagrangian_parts(ring, ring.value(system.lagrangian), names)
-    parts = [_constraint_parts(ring, tree, place, names) for place, tree in enumerate(system.constraints)]
-    rows, offsets = tuple(row for row, _ in parts), tuple(offset for _, offset in parts)
-    found = Geometry(system, ring, mass, linear, potential, rows, offsets)
+    found = _parts(system, trees, budget)
     _refuse_dependent(found)
-    return found
+    elements = [*(entry for row in found.mass for entry in row), *found.linear, found.potential]
+    elements += [minor for _, minor in _minors(found)]
+    shorter = angles.by_short_angles(trees, found.ring, elements)
+    return found if shorter is None else _parts(system, shorter, budget)
+
+
+def _parts(system: NonholonomicSystem, trees: Sequence[Expression], budget: exact_field.Budget) -> Geometry:
+    """Of L and the constraints, the trees."""
+    names = system.coordinates
+    ring = exact_field.exact_ring(trees, [TIME, *map(Symbol, names), *map(Velocity, names)], ORDERS, budget)
+    mass, linear, potential = _lagrangian_parts(ring, ring.value(trees[0]), names)
+    parts = [_constraint_parts(ring, tree, place, names) for place, tree in enumerate(trees[1:])]
+    rows, offsets = tuple(row for row, _ in parts), tuple(offset for _, offset in parts)
+    return Geometry(system, ring, mass, linear, potential, rows, offsets)
 
 
 def _lagrangian_parts(
@@ -271,16 +279,20 @@ def frames(parts: Geometry) -> list[Frame]:
     Preferred: coordinates that L does not contain, a minor of the constraints that is constant (no
     singular positions), short entries, later coordinates.
     """
-    n, k = parts.size, len(parts.rows)
+    held = [_in_lagrangian(parts, place) for place in range(parts.size)]
+    choices = sorted(
+        (sum(held[d] for d in dependent), parts.depends_on_position(minor), weight(minor), [-d for d in dependent])
+        for dependent, minor in _minors(parts)
+        if not minor.is_zero
+    )
+    return [frame(parts, tuple(-d for d in turned)) for *_, turned in choices]
+
+
+def _minors(parts: Geometry) -> Iterator[tuple[tuple[int, ...], exact_field.Quotient]]:
+    """The determinants of the constraints by the velocities of as many coordinates."""
     one = parts.ring.constant(1)
-    choices = []
-    for dependent in combinations(range(n), k):
-        minor = determinant([[row[column] for column in dependent] for row in parts.rows], one)
-        if minor.is_zero:
-            continue
-        held = sum(_in_lagrangian(parts, place) for place in dependent)
-        choices.append(((held, parts.depends_on_position(minor), weight(minor), [-d for d in dependent]), dependent))
-    return [frame(parts, dependent) for _, dependent in sorted(choices)]
+    for dependent in combinations(range(parts.size), len(parts.rows)):
+        yield dependent, determinant([[row[column] for column in dependent] for row in parts.rows], one)
 
 
 def _in_lagrangian(parts: Geometry, place: int) -> bool:

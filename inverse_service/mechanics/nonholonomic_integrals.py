@@ -19,7 +19,7 @@ from typing import Literal
 
 from inverse_service import bounds
 from inverse_service.expressions.tree import ONE, TIME, Expression, Symbol, Velocity
-from inverse_service.field.exact_field import Quotient, sum_of
+from inverse_service.field.exact_field import Quotient, quotient_tree, sum_of
 from inverse_service.field.matrices import determinant, dot, reduced_rows
 from inverse_service.field.real_point import RealTable, find_real_point
 from inverse_service.mechanics.constrained_motion import EliminatedMotion, Frame, Geometry
@@ -216,7 +216,7 @@ def measure_density(motion: EliminatedMotion) -> MeasureDensity:
 def _real_point(motion: EliminatedMotion) -> RealTable | None:
     """A point at which the motion has real values, with positive parameters where there is one."""
     parts = motion.geometry
-    trees = [parts.tree(element) for element in (*motion.accelerations, *motion.velocities)]
+    trees = [quotient_tree(parts.ring, element) for element in (*motion.accelerations, *motion.velocities)]
     parameters = [*map(Symbol, parts.system.parameters)]
     names = parts.system.coordinates
     variables: list[Symbol | Velocity] = [TIME, *map(Symbol, names), *map(Velocity, names), *parameters]

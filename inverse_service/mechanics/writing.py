@@ -52,7 +52,8 @@ def joined(tree: ex.Expression) -> ex.Expression:
 def _replacements(
     table: Mapping[ex.Expression, Fraction],
 ) -> Iterator[tuple[ex.Expression, ex.Expression, ex.Expression]]:
-    for (k, one), (j, other) in permutations(enumerate(table), 2):
+    bases = [base for base in table if isinstance(base, ex.Apply | ex.Sum)]
+    for (k, one), (j, other) in permutations(enumerate(bases), 2):
         # The product of two sums is the same in both orders.
         both = _both(table, one, other) if k < j or not isinstance(one, ex.Sum) else None
         if both is not None:

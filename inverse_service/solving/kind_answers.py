@@ -50,7 +50,7 @@ class KindAnswer:
     certificate: Mapping[str, Any] | None = None
     lagrangian: solutions.Lagrangian | None = None
     dissipation: Expression | None = None
-    exceptions: tuple[str, ...] = ()
+    exceptions: Sequence[str] = ()
 
 
 def answer_kind(

@@ -113,6 +113,23 @@ def solve(
         return _solve(system, options, progress)
 
 
+def with_reasons(solution: Solution, options: SolveOptions, progress: Progress | None = None) -> Solution:
+    """The solution with the reasons of each no that has none yet."""
+    system, autonomous, with_time = solution.system, solution.autonomous, solution.with_time
+    refused = [one is not None and one.verdict == "not_variational" and not one.explanation
+               for one in (autonomous, with_time)]  # fmt: skip
+    if not any(refused):
+        return solution
+    with notation.multiplier_beside({*system.coordinates, *system.parameters, *dict(system.functions)}):
+        work = Work(deciding.analyze(system), options, progress or (lambda _: None), math.inf)
+        if autonomous is not None and refused[0] and autonomous is not with_time:
+            autonomous = _explained((_with_its_reasons(work, autonomous, with_time=False), None), system)[0]
+        if with_time is not None and refused[1]:
+            with_time = _explained((None, _with_its_reasons(work, with_time, with_time=True)), system)[1]
+            autonomous = with_time if solution.autonomous is solution.with_time else autonomous
+    return replace(solution, autonomous=autonomous, with_time=with_time)
+
+
 def _solve(system: second_order_system.SecondOrderSystem, options: SolveOptions, progress: Progress | None) -> Solution:
     began = deadline.now()
     system = second_order_system.branches_of(system)[0]
@@ -354,10 +371,14 @@ def _negative(work: Work, decision: deciding.Decision) -> Answer:
     if answer.verdict == "undetermined":
         return answer
     tell(work, answer, decision.with_time)
+    return _with_its_reasons(work, answer, decision.with_time) if work.options.reasons else answer
+
+
+def _with_its_reasons(work: Work, answer: Answer, with_time: bool) -> Answer:
     began = deadline.now()
     work.progress("explanation")
     try:
-        steps = _reasons(work, decision.with_time)
+        steps = _reasons(work, with_time)
     except errors.IrreducibleAtoms as problem:
         steps = (wording.said(f"The conditions could not be printed: {problem.detail}.".replace("`", "")),)
     work.add_seconds("explanation", began)

@@ -154,6 +154,7 @@ def to_any_associated(answer: answering.MotionAnswer) -> schemas.AnyAssociatedPa
         answer,
         **_stated(*_statement(answer)),
         checked="valid" if certificates else None,
+        exceptions=list(answer.exceptions),
         lagrangian=None if found is None else _motion_lagrangian(found),
         associated=None if found is None else _belongs_to(found),
         hamiltonian=None if report is None else _hamiltonian(report),
@@ -503,11 +504,14 @@ def solve_nonholonomic(document: Any, options: solutions.SolveOptions, grow: Gro
         series_order=schema.series_order,
     )
     grow.begin("existence")
-    studies = list(nonholonomic_study.study_branches(report, systems, asked, grow.stage))
+    decided = (*questions, "lagrangian", "hamiltonian")
+    studies = list(
+        nonholonomic_study.study_branches(report, systems, asked, grow.stage, lambda study: made.tell(decided, [study]))
+    )
     main = studies[0].answers[studies[0].main]
     if main.solution is not None:
         grow.cut |= main.solution.cut
-    made.tell((*questions, "lagrangian", "hamiltonian", "explanation"), studies)
+    made.tell((*decided, "explanation"), studies)
     own = made.begin_reduced(options.seed)
     for place, study in enumerate(studies):
         grow.begin("any_associated")

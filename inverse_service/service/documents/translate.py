@@ -138,8 +138,9 @@ def _both_answers(solution: solutions.Solution, schema: Asking) -> dict[str, Any
     proven = _proven(main, time)
     shown = answer_fields(main, solution.system)
     second = None if other is None else answer_fields(other, solution.system)
-    if second is not None:
+    if other is not None and second is not None:
         second["details"] = [step for step in second["details"] if step not in shown["details"]]
+        second["exceptions"] = list(other.exceptions)
     return shown | {
         "certificate": None if proven.certificate is None else plain(proven.certificate),
         "exceptions": list(proven.exceptions),
@@ -222,7 +223,6 @@ def answer_fields(answer: solutions.Answer, system: SecondOrderSystem) -> dict[s
         "checked": answer.checked,
         "reason": answer.reason,
         "domain": _domain(answer.nonzero, answer.positive),
-        "exceptions": list(answer.exceptions),
         "near": {} if answer.certificate is None else dict(answer.certificate.get("near", {})),
     }
 
