@@ -102,6 +102,11 @@ class Exceptions(Sequence[str]):
         return len(self.find())
 
 
+def not_found(names: Sequence[str]) -> tuple[str, ...]:
+    """What is left out as long as it was not found."""
+    return (f"single values of {', '.join(names)}",) if names else ()
+
+
 def exceptions_of(question: Question, generic: Generic | None, spent: float) -> tuple[str, ...]:
     """Equations between parameters, such as "c1 = c2" and "k = 0".
 
@@ -111,7 +116,7 @@ def exceptions_of(question: Question, generic: Generic | None, spent: float) -> 
     names = question.own_parameters
     if generic is None or not names:
         return ()
-    unknown = f"single values of {', '.join(names)}"
+    (unknown,) = not_found(names)
     deadline = question.deadline
     question.deadline = min(question.deadline, time.thread_time() + spent + LEAST_TIME)
     found = list[str]()
@@ -216,9 +221,12 @@ class Finding:
 
     def content(self, direction: Sequence[int]) -> Any:
         """The common factor of the divisors at two points (t, q, q') on a line, each once."""
-        count, places = self.enough, list[int]()
+        count, places, began = self.enough, list[int](), time.thread_time()
         tables = [list[list[int]]() for _ in range(2)]
         while len(places) < MAX_POINTS:
+            pace = (time.thread_time() - began) / max(1, len(places))
+            if pace * count > self.question.deadline - began:  # it would end in vain
+                raise Undefined
             self.largest = 0
             more = [
                 self.question.generator.randrange(1, self.prime) for _ in range(count - len(places))

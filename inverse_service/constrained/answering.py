@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import pairwise
 from math import comb
@@ -19,6 +19,7 @@ from typing import Any
 
 from inverse_service import bounds
 from inverse_service.certificate.checker import check_certificate
+from inverse_service.certificate.exceptions import not_found
 from inverse_service.constrained import existence
 from inverse_service.constrained.existence import AnalyzedMotion, ConstrainedAt, analyze_motion, decide_motion
 from inverse_service.constrained.hamiltonise import Hamiltonisation, hamiltonise
@@ -217,7 +218,8 @@ def _answer_question(work: _Work, analyzed: AnalyzedMotion, found: Finding, with
     proven = None
     if found.exists and not any(with_time or not one.with_time for one in work.known):
         proven = work.told = _prove_verdict(work, analyzed, found, with_time, "variational")
-        work.tell(proven)
+        if proven.certificates:  # the search for exceptions takes as long as that for a Lagrangian
+            work.tell(replace(proven, exceptions=not_found(work.motion.parameters)))
     for lagrangian in _propose_lagrangians(work, with_time):
         tree = lagrangian.lagrangian.expression
         confirmed = _confirm_certificate(work, analyzed, existence.of_lagrangian(analyzed, tree, with_time), [tree])

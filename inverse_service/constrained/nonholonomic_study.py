@@ -10,6 +10,7 @@ from itertools import compress
 from typing import Literal, TypeVar
 
 from inverse_service import errors
+from inverse_service.certificate.exceptions import not_found
 from inverse_service.constrained import answering
 from inverse_service.constrained.hamiltonise import Hamiltonisation, hamiltonise, vanish
 from inverse_service.constrained.reduced import Known, confirmed, solution_with
@@ -192,7 +193,7 @@ def study(
         share = (end - now()) / max(waiting, 1)
         answers.append(_answer_system(report, system, replace(quiet, time_limit=max(share, 0.1)), progress))
     main = _main(answers)
-    told(Study(report, tuple(answers), main))
+    told(Study(report, tuple(map(_for_general, answers)), main))
     for place, one in enumerate(answers):
         if one.solution is not None:
             named = _name_progress(progress, one.associated.kind)
@@ -201,6 +202,19 @@ def study(
     if solution is not None and options.conditions:
         answers[main] = replace(answers[main], solution=wording.with_conditions(solution))
     return Study(report, tuple(answers), main)
+
+
+def _for_general(one: AssociatedAnswer) -> AssociatedAnswer:
+    """The answer before the values of parameters are looked for that its proofs leave out."""
+    if one.solution is None:
+        return one
+
+    def general(answer: solutions.Answer | None, left_out: Sequence[str]) -> solutions.Answer | None:
+        return answer and replace(answer, exceptions=left_out if answer.certificate else ())
+
+    left_out = not_found(one.solution.system.parameters)
+    autonomous, with_time = (general(answer, left_out) for answer in (one.solution.autonomous, one.solution.with_time))
+    return replace(one, solution=replace(one.solution, autonomous=autonomous, with_time=with_time))
 
 
 def study_branches(

@@ -405,7 +405,10 @@ def antiderivative(
 def _substitutions(
     slope: ex.Expression, x: ex.Symbol, inner: ex.Symbol
 ) -> Iterator[tuple[ex.Expression, ex.Expression]]:
-    """(g, w) with slope = g(w(x)) w'(x) for w = x^2 and the functions of x that occur, g in the symbol `inner`."""
+    """(g, w) with slope = g(w(x)) w'(x), g in the symbol `inner`.
+
+    For w = x^2, the functions of x that occur, and of an angle u the functions sin^2, sin, cos, tan (Bioche's rules).
+    """
     functions = dict.fromkeys(node for node in ex.walk(slope) if isinstance(node, ex.Apply) and x in ex.walk(node))
     for w in (x**2, *functions):
         outer = collecting.merge_powers(slope / derivative.differentiate(w, x))
@@ -420,6 +423,36 @@ def _substitutions(
         form = ex.substitute(outer, table)
         if x not in ex.walk(form):
             yield form, w
+    for angle in dict.fromkeys(node.argument for node in functions if node.function in exact_field.TRIGONOMETRIC):
+        yield from _circular(slope, x, angle, inner)
+
+
+def _circular(
+    slope: ex.Expression, x: ex.Symbol, angle: ex.Expression, w: ex.Symbol
+) -> Iterator[tuple[ex.Expression, ex.Expression]]:
+    """The same for functions of one angle: the squares of its sine and cosine are rational in each."""
+    sine, cosine, tangent = (ex.Apply(name, angle) for name in ("sin", "cos", "tan"))
+    others = {"tan": sine / cosine, "cot": cosine / sine, "sec": 1 / cosine, "csc": 1 / sine}
+    plain = ex.substitute(slope, {ex.Apply(name, angle): value for name, value in others.items()})
+    choices: list[tuple[ex.Expression, ex.Expression, ex.Expression, ex.Expression]] = [
+        (sine**2, 2 * sine * cosine, w, 1 - w),
+        (sine, cosine, w**2, 1 - w**2),
+        (cosine, -sine, 1 - w**2, w**2),
+        (tangent, cosine**-2, w**2 / (1 + w**2), 1 / (1 + w**2)),
+    ]
+    for meant, rate, sines, cosines in choices:
+        outer = collecting.merge_powers(plain / (rate * derivative.differentiate(angle, x)))
+        form = ex.substitute(_with_squares(outer, {sine: sines, cosine: cosines}), {meant: w})
+        if x not in ex.walk(form):
+            yield form, meant
+
+
+def _with_squares(tree: ex.Expression, squares: Mapping[ex.Expression, ex.Expression]) -> ex.Expression:
+    """The tree with these for the squares of functions, in all even powers."""
+    match tree:
+        case ex.Power(base, ex.Number(e)) if base in squares and e.denominator == 1 and e % 2 == 0:
+            return squares[base] ** (e / 2)
+    return ex.rebuild(tree, lambda part: _with_squares(part, squares))
 
 
 class _TimeIsUp(BaseException):
