@@ -143,6 +143,9 @@ class Finding:
         self.base = [draw.randrange(1, self.prime) for _ in names]
         self.largest = 0  # sum of the degrees of a numerator and its denominator
         self.enough = 8  # points on a line, as far as is known
+        # Evaluations of the work until now, and until it is seen whether they are enough.
+        self.done = self.needed = 0
+        self.began = time.thread_time()
         self.seeds = list[int]()  # of points at which there are the roots that are needed
         for seed in (draw.getrandbits(64) for _ in range(64)):
             values = dict(zip(names, self.base, strict=True))
@@ -221,13 +224,10 @@ class Finding:
 
     def content(self, direction: Sequence[int]) -> Any:
         """The common factor of the divisors at two points (t, q, q') on a line, each once."""
-        count, places, began = self.enough, list[int](), time.thread_time()
+        count, places = self.enough, list[int]()
         tables = [list[list[int]]() for _ in range(2)]
         while len(places) < MAX_POINTS:
-            pace = (time.thread_time() - began) / max(1, len(places))
-            if pace * count > self.question.deadline - began:  # it would end in vain
-                raise Undefined
-            self.largest = 0
+            self.largest, self.needed = 0, self.done + 2 * (count - len(places))
             more = [
                 self.question.generator.randrange(1, self.prime) for _ in range(count - len(places))
             ]
@@ -263,6 +263,10 @@ class Finding:
         arithmetic.divisors = []
         self.generic.work(ring)
         found = arithmetic.divisors
+        self.done += 1
+        pace = (time.thread_time() - self.began) / self.done
+        if pace * self.needed > self.question.deadline - self.began:  # it would end in vain
+            raise Undefined
         return [math.prod(found) % self.prime] if self.generic.telescopes else list(found)
 
     def numerators(self, places: Sequence[int], table: list[list[int]]) -> list[Any | None]:

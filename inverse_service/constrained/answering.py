@@ -19,7 +19,7 @@ from typing import Any
 
 from inverse_service import bounds
 from inverse_service.certificate.checker import check_certificate
-from inverse_service.certificate.exceptions import not_found
+from inverse_service.certificate.exceptions import Exceptions, not_found
 from inverse_service.constrained import existence
 from inverse_service.constrained.existence import AnalyzedMotion, ConstrainedAt, analyze_motion, decide_motion
 from inverse_service.constrained.hamiltonise import Hamiltonisation, hamiltonise
@@ -110,6 +110,8 @@ class _Work:
     deadline: float
     progress: Callable[[str], None]
     tell: Callable[[MotionAnswer], None]
+    # The answer for L(q, q') while L(t, q, q') is asked for, and what was said last.
+    first: MotionAnswer | None = None
     told: MotionAnswer | None = None
 
     def left(self) -> float:
@@ -169,10 +171,14 @@ def _answer_both_questions(
     first = _answer_question(work, analyzed, plain, with_time=False)
     if first.verdict == "variational":
         return first
+    work.first, work.told = first, _of_both(first, MotionAnswer("undetermined", "undetermined", OUT_OF_TIME))
     timed = timed or _decide_in_share(work, analyzed, with_time=True)
     other = _answer_question(work, analyzed, timed, with_time=True)
-    if other.verdict == "not_variational":
-        return other  # no L(t, q, q'), so no L(q, q')
+    return other if other.verdict == "not_variational" else _of_both(first, other)  # no L(t, q, q'), so no L(q, q')
+
+
+def _of_both(first: MotionAnswer, other: MotionAnswer) -> MotionAnswer:
+    """The answers for L(q, q') and for L(t, q, q') as one."""
     return MotionAnswer(
         first.verdict,
         other.verdict,
@@ -181,7 +187,7 @@ def _answer_both_questions(
         other.lagrangian,
         first.freedom or other.freedom,
         (*first.explanation, *(other.explanation if other.verdict == "variational" else ())),
-        tuple(dict.fromkeys([*first.exceptions, *other.exceptions])),
+        Exceptions(lambda: tuple(dict.fromkeys([*first.exceptions, *other.exceptions]))),
     )
 
 
@@ -214,12 +220,14 @@ def _decide_in_share(work: _Work, analyzed: AnalyzedMotion, with_time: bool) -> 
 
 def _answer_question(work: _Work, analyzed: AnalyzedMotion, found: Finding, with_time: bool) -> MotionAnswer:
     if found.exists is False:
-        return _prove_verdict(work, analyzed, found, with_time, "not_variational")
+        refused = _prove_verdict(work, analyzed, found, with_time, "not_variational")
+        if with_time:
+            _tell(work, refused)
+        return refused
     proven = None
     if found.exists and not any(with_time or not one.with_time for one in work.known):
-        proven = work.told = _prove_verdict(work, analyzed, found, with_time, "variational")
-        if proven.certificates:  # the search for exceptions takes as long as that for a Lagrangian
-            work.tell(replace(proven, exceptions=not_found(work.motion.parameters)))
+        proven = _prove_verdict(work, analyzed, found, with_time, "variational")
+        _tell(work, proven if work.first is None else _of_both(work.first, proven))
     for lagrangian in _propose_lagrangians(work, with_time):
         tree = lagrangian.lagrangian.expression
         confirmed = _confirm_certificate(work, analyzed, existence.of_lagrangian(analyzed, tree, with_time), [tree])
@@ -235,6 +243,13 @@ def _answer_question(work: _Work, analyzed: AnalyzedMotion, found: Finding, with
     if found.exists is None:
         return MotionAnswer("undetermined", "undetermined", open_reason(found))
     return proven or _prove_verdict(work, analyzed, found, with_time, "variational")
+
+
+def _tell(work: _Work, answer: MotionAnswer) -> None:
+    """Say what is proven, before the values of parameters are looked for that the proof leaves out."""
+    work.told = replace(answer, exceptions=not_found(work.motion.parameters))
+    if answer.certificates:
+        work.tell(work.told)
 
 
 def _prove_verdict(
