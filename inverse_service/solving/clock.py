@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from fractions import Fraction
 
@@ -22,7 +22,9 @@ _SEED = 1
 
 
 def with_clock(
-    system: second_order_system.SecondOrderSystem, factor: ex.Expression
+    system: second_order_system.SecondOrderSystem,
+    factor: ex.Expression,
+    written: Callable[[ex.Expression], ex.Expression] = terms.collected,
 ) -> second_order_system.SecondOrderSystem | None:
     """q'' = f(q, N q')/N^2 - (q'^k dN/dq^k / N) q', for f without t, where N has real values other than 0.
 
@@ -37,9 +39,7 @@ def with_clock(
         faster: dict[ex.Expression, ex.Expression] = {ex.Velocity(name): clock * ex.Velocity(name) for name in names}
         rate = ex.add(*(ex.Velocity(q) * derivative.differentiate(clock, ex.Symbol(q)) for q in names)) / clock
         pushes = (ex.substitute(f, faster) / clock**2 for f in forces)
-        found = tuple(
-            terms.collected(ex.subtract(f, rate * ex.Velocity(name))) for f, name in zip(pushes, names, strict=True)
-        )
+        found = tuple(written(ex.subtract(f, rate * ex.Velocity(name))) for f, name in zip(pushes, names, strict=True))
         positive = tuple(dict.fromkeys((*case.positive, *real_point.requirements([tower.to_kernels(clock)], table))))
         return replace(system, accelerations=found, branch=second_order_system.Branch(found, positive), name="")
     return None
@@ -57,7 +57,7 @@ def find_clock(
     for factor in _clocks(system, deadline):
         if now() > deadline:
             break
-        changed = system if factor == ex.ONE else with_clock(system, factor)
+        changed = system if factor == ex.ONE else with_clock(system, factor, lambda tree: tree)  # to be decided only
         if changed is None:
             continue
         if deciding.decide(changed, False, seed, Limits(_ORDER, deadline)).verdict == "variational":
