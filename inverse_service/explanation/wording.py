@@ -9,10 +9,9 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, cast
 
-from inverse_service import bounds
 from inverse_service.decision.solutions import Answer, Conditions, Part, Solution, Step
 from inverse_service.expressions.notation import Formula, formula_of, matrix, row, theory
-from inverse_service.expressions.tree import Expression, Symbol, Velocity, node_count, walk
+from inverse_service.expressions.tree import Expression, Symbol, Velocity, walk
 from inverse_service.field.exact_field import ExactRing, quotient_tree
 from inverse_service.mechanics.conditions import Tensor11, Tensor12, conditions
 from inverse_service.search.angles import with_sums_of_angles
@@ -306,11 +305,7 @@ def printed_conditions(system: SecondOrderSystem) -> tuple[Conditions | None, st
     tensors = conditions(system)
     if tensors.Phi is None or tensors.nabla_Phi is None or tensors.R is None:
         return None, tensors.reason
-
-    def short(tree: Expression) -> Expression:
-        """In its shortest form, if that can be read."""
-        return with_sums_of_angles(tree) if node_count(tree) <= bounds.LARGE else tree
-
+    short = with_sums_of_angles
     Phi, nabla = (tuple(tuple(map(short, row)) for row in each) for each in (tensors.Phi, tensors.nabla_Phi))
     R = tuple(tuple(tuple(map(short, row)) for row in rows) for rows in tensors.R)
     return Conditions(Phi, nabla, R), tensors.reason
