@@ -27,7 +27,7 @@ from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import TIME, ZERO, Expression, Symbol, Velocity, add, holds, substitute, walk
 from inverse_service.field import exact_field
 from inverse_service.field.matrices import determinant, dot, reduced_rows, solve_square, weight
-from inverse_service.mechanics import angles
+from inverse_service.mechanics import short_angles
 from inverse_service.mechanics.second_order_system import Functions
 from inverse_service.mechanics.writing import readable
 from inverse_service.reading.document_names import Declared, Parameters, known_names, parameter_values, with_values
@@ -147,7 +147,7 @@ def _geometry(system: NonholonomicSystem, budget: exact_field.Budget) -> Geometr
     _refuse_dependent(found)
     elements = [*(entry for row in found.mass for entry in row), *found.linear, found.potential]
     elements += [minor for _, minor in _minors(found)]
-    shorter = angles.by_short_angles(trees, found.ring, elements)
+    shorter = short_angles.by_short_angles(trees, found.ring, elements)
     return found if shorter is None else _parts(system, shorter, budget)
 
 
