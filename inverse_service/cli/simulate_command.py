@@ -239,8 +239,8 @@ def work_precision(
             price_list(result) if sys.stdout.isatty() else json.dumps(result, ensure_ascii=False, indent=2) + "\n"
         )
         return cli.ExitCode.DONE
+    from inverse_service.service.figures.price_curves import precision_figure
     from inverse_service.service.figures.style import save
-    from inverse_service.service.figures.time_series import precision_figure
 
     figure, caption = precision_figure(result, evaluations)
     result["figures"] = [{"files": save(figure, folder, "work-precision", caption), "caption": caption}]

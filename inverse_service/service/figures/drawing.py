@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 
 from inverse_service.errors import InputError
 from inverse_service.integrators.trajectory import Array
-from inverse_service.service.figures import style as styles, time_series, views
+from inverse_service.service.figures import price_curves, style as styles, views
 from inverse_service.simulation import observing
 
 PALE, REACH_SIGNED = "#9aa3b2", 8.0
@@ -96,8 +96,8 @@ def _bands(tables: Mapping[str, Mapping[str, Array]]) -> str:
 def _with_truth(
     result: Mapping[str, Any], tables: Mapping[str, Mapping[str, Array]], truth: Mapping[str, Array] | None
 ) -> tuple[Mapping[str, Any], Mapping[str, Mapping[str, Array]]]:
-    """The true motion as one more method."""
-    if truth is None:
+    """The true motion as one more method, unless it is one."""
+    if truth is None or any(method["method"] == "exact" for method in result["methods"]):
         return result, tables
     label = "true motion"
     return {**result, "methods": [*result["methods"], {"label": label, "method": "exact"}]}, {**tables, label: truth}
@@ -223,7 +223,7 @@ def draw_simulation(
 def picture(result: Mapping[str, Any], name: str, ending: str) -> bytes | None:
     """A figure of the page as an SVG or PNG file; None for one that the result does not have."""
     if name == "work-precision":
-        figure: Figure | None = time_series.precision_figure(result)[0]
+        figure: Figure | None = price_curves.precision_figure(result)[0]
     else:
         shown = (one["views"] for one in views.figures_of(result) if one["name"] == name)
         figure = view_figure(next(shown, [])[:MOST_PANELS], 2)

@@ -60,12 +60,12 @@ def new_figure(width: float, height: float) -> Figure:
 
 
 @contextmanager
-def panels(count: int, wide: int, width: float, height: float, **shared: Any) -> Iterator[tuple[Figure, list[Axes]]]:
+def panels(count: int, wide: int, width: float, height: float) -> Iterator[tuple[Figure, list[Axes]]]:
     """A figure with this many panels, `wide` per row, sizes in inches, in our settings, with one legend for all."""
     rows = -(-count // wide)
     with matplotlib.rc_context(SETTINGS):
         figure = new_figure(width, height * rows + 0.8)
-        axes = list(figure.subplots(rows, wide, squeeze=False, **shared).ravel())
+        axes = list(figure.subplots(rows, wide, squeeze=False).ravel())
         yield figure, axes
         for empty in axes[count:]:
             empty.set_visible(False)
