@@ -182,34 +182,34 @@ class SimulationResult(Document):
     provenance: dict[str, Any]
 
 
-class PrecisionSetting(Document):
+class RunPart(Document):
     """One method at one step size, or at one tolerance: its error and what it cost; null where it was not measured."""
 
+    method: str
+    order: int | None
     step: float | None
     steps: int | None
     tolerance: float | None
     error: float | None
-    relative_error: float | None
-    compile_seconds: float | None
-    first_seconds: float | None
-    best_seconds: float | None
+    seconds: float | None
+    evaluations: int | None
     median_seconds: float | None
+    first_seconds: float | None
+    compile_seconds: float | None
     repeats: int
-    force_evaluations: int | None
     newton_iterations: int | None
     at_floor: bool
     reason: str
 
 
 class PrecisionMethod(Document):
-    """A method at all its settings, with the order that was measured."""
+    """A method, with the order that was measured."""
 
     label: str
     method: str
     family: str
     order: int | None
     measured_order: float | None
-    settings: list[PrecisionSetting]
 
 
 class PricePart(Document):
@@ -260,7 +260,7 @@ class WorkPrecisionResult(Document):
     sentences: list[str]
     advice: AdvicePart | None
     methods: list[PrecisionMethod]
-    runs: list[dict[str, Any]]
+    runs: list[RunPart]
     long: list[LongPart]
     machine: dict[str, Any]
     provenance: dict[str, Any]

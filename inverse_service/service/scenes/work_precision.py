@@ -21,7 +21,7 @@ from inverse_service.simulation import advice as advising, derivation, estimates
 
 FORMAT = "inverse-service/work-precision/1"
 FEWEST_STEPS = 8
-MEASURED = tuple(one.name for one in dataclasses.fields(precision.Setting) if one.name != "requested")
+MEASURED = ("median_seconds", "first_seconds", "compile_seconds", "repeats", "newton_iterations", "at_floor", "reason")
 PACKAGES = ("numpy", "llvmlite", "symengine", "heyoka", "scipy")
 AFTER = 'To find the best method for a long run, use `--long`, or `"long": true` in the scene.'
 
@@ -107,7 +107,6 @@ def _document(measured: precision.Precision, taken: dict[str, Any] | None) -> di
                 "family": method_table.METHODS[requested.method].family,
                 "order": estimates.order_of(requested),
                 "measured_order": precision.measured_order(drawn[label], measured.scale),
-                "settings": [_setting(s, measured.scale) for s in measured.settings if s.requested.label == label],
             }
             for label, requested in named.items()
         ],
@@ -136,26 +135,21 @@ def _targets(measured: precision.Precision, named: dict[str, scene_data.Requeste
     return found
 
 
-def _setting(setting: precision.Setting, scale: float) -> dict[str, Any]:
-    """All data of a run; the step is given only if the method uses it."""
-    found = {name: getattr(setting, name) for name in MEASURED}
-    found |= {} if setting.tolerance is None else {"step": None, "steps": None}
-    return found | {"relative_error": None if setting.error is None else setting.error / scale}
-
-
 def _run(setting: precision.Setting, scale: float) -> dict[str, Any]:
-    """One line of the list of all runs, for curves and tables."""
-    whole = _setting(setting, scale)
-    short = {key: whole[key] for key in ("step", "tolerance", "at_floor", "reason")}
-    numbers = {"error": whole["relative_error"], "seconds": setting.best_seconds}
-    numbers["evaluations"] = setting.force_evaluations
-    return {"method": setting.requested.label, "order": estimates.order_of(setting.requested)} | short | numbers
+    """A run with all that was measured; the step is given only if the method uses it."""
+    named = {"method": setting.requested.label, "order": estimates.order_of(setting.requested)}
+    steps = (setting.step, setting.steps) if setting.tolerance is None else (None, None)
+    numbers = {"step": steps[0], "steps": steps[1], "tolerance": setting.tolerance}
+    numbers["error"] = None if setting.error is None else setting.error / scale
+    numbers |= {"seconds": setting.best_seconds, "evaluations": setting.force_evaluations}
+    return named | numbers | {name: getattr(setting, name) for name in MEASURED}
 
 
 def _long(run: precision.LongRun) -> dict[str, Any]:
-    whole = _setting(run.setting, 1.0)
-    named = {"method": run.setting.requested.label, "step": whole["step"], "tolerance": whole["tolerance"]}
-    return named | {one.name: getattr(run, one.name) for one in dataclasses.fields(run) if one.name != "setting"}
+    whole = _run(run.setting, 1.0)
+    return {name: whole[name] for name in ("method", "step", "tolerance")} | {
+        one.name: getattr(run, one.name) for one in dataclasses.fields(run) if one.name != "setting"
+    }
 
 
 def machine() -> dict[str, Any]:

@@ -134,12 +134,12 @@ def curves_of(result: Mapping[str, Any]) -> list[Curve]:
     """All methods, the best first."""
     places = {label: place for place, label in enumerate(prices.best_first(result))}
     methods = sorted(result["methods"], key=lambda method: places.get(method["label"], len(places)))
-    return [_curve(method) for method in methods]
+    return [_curve(method, [run for run in result["runs"] if run["method"] == method["label"]]) for method in methods]
 
 
-def _curve(method: Mapping[str, Any]) -> Curve:
-    settings = [s for s in method["settings"] if not s["at_floor"]]
-    good = [s for s in settings if s["error"] and s["best_seconds"]]
+def _curve(method: Mapping[str, Any], runs: Sequence[Mapping[str, Any]]) -> Curve:
+    settings = [run for run in runs if not run["at_floor"]]
+    good = [run for run in settings if run["error"] and run["seconds"]]
     setting = "step" if settings and settings[0]["tolerance"] is None else "tolerance"
     coarse = settings[: settings.index(good[0])] if good else []
     reason = "" if good else next((s["reason"].rstrip(".") for s in settings if s["reason"]), "it was not measured")
@@ -148,8 +148,8 @@ def _curve(method: Mapping[str, Any]) -> Curve:
         method["order"],
         setting,
         [s[setting] for s in (*coarse, *good)],
-        [s["relative_error"] for s in good],
-        [s["best_seconds"] for s in good],
+        [run["error"] for run in good],
+        [run["seconds"] for run in good],
         len(coarse),
         reason,
     )
