@@ -124,10 +124,12 @@ def main(arguments: Sequence[str]) -> None:
     options = parser.parse_args(arguments)
     head = ["scene", "error", "ours", "by itself", "heyoka", "SciPy", "ours : best peer", "by itself : best peer",
             "cold, by itself", "cold, heyoka"]  # fmt: skip
-    rows = [row for name, scene in SCENES.items() for row in rows_of(name, scene)]
     here = ", ".join(f"{key} {value}" for key, value in machine().items())
-    text = "\n\n".join(["# Simulation: peers", HOW, here, table(head, rows)])
+    rows: list[list[str]] = []
+    for name, scene in SCENES.items():
+        rows += rows_of(name, scene)
+        text = "\n\n".join(["# Simulation: peers", HOW, here, table(head, rows)])
+        if options.output is not None:
+            options.output.write_text(text, encoding="utf-8")
     if options.output is None:
         print(text)
-    else:
-        options.output.write_text(text, encoding="utf-8")
