@@ -633,8 +633,7 @@ class AdaptiveKernel(Kernel):
     def _next_trial(self, error: str, length: str, trial: str, accepted: str, going: str) -> None:
         """length times 0.9 error^(-1/2k), within bounds; a step that was cut short by the grid does not shorten it."""
         w = self.writer
-        power = w.call("pow", error, w.number(-0.5 / self.program.order))
-        factor = w.binary("*", w.number(SAFETY), power)
+        factor = w.binary("*", w.number(SAFETY), w.rough_root(error, 2 * self.program.order))
         factor = w.select(w.compare("<", factor, w.number(MOST)), factor, w.number(MOST))
         factor = w.select(w.compare(">", factor, w.number(LEAST)), factor, w.number(LEAST))
         factor = w.select(w.compare("==", error, error), factor, w.number(LEAST))
