@@ -156,10 +156,7 @@ class Formulas:
 
     @cached_property
     def accelerations(self) -> list[se.Formula]:
-        if self.problem.accelerations is None:
-            raise errors.InputError(
-                "This method needs the accelerations of the motion, which this scene does not have."
-            )
+        assert self.problem.accelerations is not None
         return [se.translate(tree, self.table) for tree in self.problem.accelerations]
 
     @cached_property
@@ -198,15 +195,9 @@ class Formulas:
 
     @cached_property
     def forms(self) -> list[list[se.Formula]]:
-        """omega^a_i(q), one row for each constraint; InputError where one is not linear in the velocities."""
-        rows = []
-        for tree in self.problem.constraints:
-            formula = se.translate(tree, self.table)
-            row = [formula.diff(v) for v in self.symbols("v")]
-            if any(entry.free_symbols & set(self.symbols("v")) for entry in row):
-                raise errors.InputError(f"The constraint {printing.to_text(tree)} is not linear in the velocities.")
-            rows.append(row)
-        return rows
+        """omega^a_i(q), one row for each constraint."""
+        formulas = [se.translate(tree, self.table) for tree in self.problem.constraints]
+        return [[formula.diff(v) for v in self.symbols("v")] for formula in formulas]
 
     @cached_property
     def drifts(self) -> list[se.Formula]:

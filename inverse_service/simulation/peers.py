@@ -47,8 +47,6 @@ def run_heyoka(
     tolerance: float = 1e-15, stop: Callable[[], bool] | None = None,
 ) -> Trajectory:  # fmt: skip
     """The motion at the recorded steps of the grid, to round-off, in at most MOST_STEPS internal steps."""
-    if problem.accelerations is None:
-        raise InputError("heyoka needs the accelerations of the motion, which this scene does not have.")
     steps, times = grid.recorded, grid.times
     state = np.array([*start.positions, *start.velocities], dtype=float)
     code, rows, seconds = _propagated(problem, state, times, values, tolerance, abs(grid.step), stop)

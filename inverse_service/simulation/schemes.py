@@ -144,8 +144,6 @@ def nonholonomic(f: Formulas, choice: MethodChoice, observation: Observation) ->
 
 def modified(f: Formulas, choice: MethodChoice, observation: Observation) -> programs.Program:
     """L~ for the base coordinates with the discrete constraints put in, so that factors A_alpha cancel."""
-    if not f.forms:
-        raise InputError("The modified method needs constraints.")
     if any(drift != number(0) for drift in f.drifts):
         raise InputError("The modified method requires constraints that are homogeneous in the velocities.")
     q, d, alpha = f.symbols("q"), f.symbols("d"), alpha_of(choice)
