@@ -13,7 +13,7 @@ Control, 2003, chapter 5.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import combinations
@@ -146,7 +146,7 @@ def _geometry(system: NonholonomicSystem, budget: exact_field.Budget) -> Geometr
     found = _parts(system, trees, budget)
     _refuse_dependent(found)
     elements = [*(entry for row in found.mass for entry in row), *found.linear, found.potential]
-    elements += [minor for _, minor in _minors(found)]
+    elements += [minor for columns, minor in _minors(found).items() if found.size not in columns]
     shorter = short_angles.by_short_angles(trees, found.ring, elements)
     return found if shorter is None else _parts(system, shorter, budget)
 
@@ -277,22 +277,32 @@ def frames(parts: Geometry) -> list[Frame]:
     """The frames of all choices of dependent coordinates, the most convenient one first.
 
     Preferred: coordinates that L does not contain, a minor of the constraints that is constant (no
-    singular positions), short entries, later coordinates.
+    singular positions), a short one, one of few coordinates, later coordinates.
     """
     held = [_in_lagrangian(parts, place) for place in range(parts.size)]
+    minors = _minors(parts)
     choices = sorted(
-        (sum(held[d] for d in dependent), parts.depends_on_position(minor), weight(minor), [-d for d in dependent])
-        for dependent, minor in _minors(parts)
-        if not minor.is_zero
+        (
+            sum(held[d] for d in dependent),
+            parts.depends_on_position(minor),
+            weight(minor),
+            sum(not parts.by_coordinate(place, minor).is_zero for place in range(parts.size)),
+            [-d for d in dependent],
+        )
+        for dependent, minor in minors.items()
+        if parts.size not in dependent and not minor.is_zero
     )
-    return [frame(parts, tuple(-d for d in turned)) for *_, turned in choices]
+    return [_frame(parts, minors, tuple(-d for d in turned)) for *_, turned in choices]
 
 
-def _minors(parts: Geometry) -> Iterator[tuple[tuple[int, ...], exact_field.Quotient]]:
-    """The determinants of the constraints by the velocities of as many coordinates."""
-    one = parts.ring.constant(1)
-    for dependent in combinations(range(parts.size), len(parts.rows)):
-        yield dependent, determinant([[row[column] for column in dependent] for row in parts.rows], one)
+Minors = dict[tuple[int, ...], exact_field.Quotient]
+
+
+def _minors(parts: Geometry) -> Minors:
+    """The determinants of the constraints by the velocities of as many coordinates; their offsets are column n."""
+    one, table = parts.ring.constant(1), [(*row, offset) for row, offset in zip(parts.rows, parts.offsets, strict=True)]
+    chosen = combinations(range(parts.size + 1), len(table))
+    return {columns: determinant([[row[k] for k in columns] for row in table], one) for columns in chosen}
 
 
 def _in_lagrangian(parts: Geometry, place: int) -> bool:
@@ -300,22 +310,30 @@ def _in_lagrangian(parts: Geometry, place: int) -> bool:
     return any(not parts.by_coordinate(place, element).is_zero for element in elements)
 
 
-def frame(parts: Geometry, dependent: tuple[int, ...]) -> Frame:
-    """The frame with these dependent coordinates, whose minor must not vanish."""
+def _frame(parts: Geometry, minors: Minors, dependent: tuple[int, ...]) -> Frame:
+    """The frame with these dependent coordinates, whose minor must not vanish, by Cramer's rule.
+
+    Elimination would divide by pivots that the minor does not hold, and they do not always cancel: a numerator that
+    is reduced by sin^2 + cos^2 = 1 need not be a multiple of them as a polynomial.
+    """
     n = parts.size
     free = tuple(place for place in range(n) if place not in dependent)
-    table = [[*row, offset] for row, offset in zip(parts.rows, parts.offsets, strict=True)]
-    found = reduced_rows(table, dependent)
-    solved = dict(zip(found.pivots, found.rows, strict=True))
-    zero, one = parts.zero, parts.ring.constant(1)
+    inverse, zero, one = minors[dependent].inverse(), parts.zero, parts.ring.constant(1)
+
+    def solved(place: int, column: int) -> exact_field.Quotient:
+        """-det(the minor with another column in the place of one)/minor."""
+        columns = sorted([column, *(d for d in dependent if d != place)])
+        swaps = columns.index(column) - dependent.index(place)
+        value = minors[tuple(columns)] * inverse
+        return value if swaps % 2 else -value
+
     basis = tuple(
-        tuple(-solved[place][column] for column in free)
-        if place in solved
+        tuple(solved(place, column) for column in free)
+        if place in dependent
         else tuple(one if column == place else zero for column in free)
         for place in range(n)
     )
-    drift = tuple(-solved[place][n] if place in solved else zero for place in range(n))
-    return Frame(free, dependent, basis, drift)
+    return Frame(free, dependent, basis, tuple(solved(k, n) if k in dependent else zero for k in range(n)))
 
 
 @dataclass(frozen=True, slots=True)

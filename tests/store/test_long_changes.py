@@ -54,9 +54,7 @@ def test_of_a_batch_that_finds_no_room_half_way_nothing_stays(store: JobStore, m
 def test_a_batch_that_was_cut_off_is_unseen_and_goes_on_where_it_is_sent_again(
     store: JobStore, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from inverse_service.service.jobs import statements
-
-    add, calls = statements.add_lines, list[int]()
+    add, calls = JobStore.add_lines, list[int]()
 
     def dies(*arguments: object, **named: object) -> None:
         calls.append(1)
@@ -64,7 +62,7 @@ def test_a_batch_that_was_cut_off_is_unseen_and_goes_on_where_it_is_sent_again(
             raise OSError("the service is killed")
         add(*arguments, **named)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(statements, "add_lines", dies)
+    monkeypatch.setattr(JobStore, "add_lines", dies)
     with pytest.raises(OSError, match="killed"):
         store.create_batch("batch", "solve", "alice", LINES[:1_000])
     assert store.batch("batch") is None
