@@ -561,11 +561,16 @@ def _by_functions(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expressi
     groups = _split(tm.terms_of(tree), lambda p: tm.has_velocity(p) and isinstance(p, ex.Apply | ex.Power))
     parts = []
     for outer, inner in groups.items():
-        exponents = [dict(key) for key in inner]
-        lowest = frozenset((p, min(e.get(p, Fraction(0)) for e in exponents)) for e in exponents for p in e)
-        rest = tm.tree_of({tm.times(key, lowest, -1): value for key, value in inner.items()})
-        whole = _quotient(rest, system.parameters, system.coordinates) * tm.monomial_tree(lowest)
-        parts.append((whole if outer and len(inner) > 1 else tm.tree_of(inner)) * tm.monomial_tree(outer))
+        if not outer:
+            parts.append(min([tm.tree_of(inner), _by_both(system, inner)], key=_preference))
+        elif len(inner) == 1:
+            parts.append(tm.tree_of(inner) * tm.monomial_tree(outer))
+        else:
+            exponents = [dict(key) for key in inner]
+            lowest = frozenset((p, min(e.get(p, Fraction(0)) for e in exponents)) for e in exponents for p in e)
+            rest = tm.tree_of({tm.times(key, lowest, -1): value for key, value in inner.items()})
+            whole = _quotient(rest, system.parameters, system.coordinates) * tm.monomial_tree(lowest)
+            parts.append(whole * tm.monomial_tree(outer))
     return ex.add(*parts)
 
 
