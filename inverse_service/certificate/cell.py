@@ -65,9 +65,10 @@ class Factors(NamedTuple):
     content: fmpq
     listed: list[tuple[Polynomial, int]]
 
-    def odd(self) -> int:
-        """How many have an odd multiplicity."""
-        return sum(k % 2 for _, k in self.listed)
+    def size(self) -> tuple[int, int, int]:
+        """How many have an odd multiplicity, how many there are, and their terms."""
+        odd = sum(k % 2 for _, k in self.listed)
+        return odd, len(self.listed), sum(len(p) for p, _ in self.listed)
 
 
 class Multiple(NamedTuple):
@@ -389,9 +390,13 @@ class Letters:
     def pieces(self, kind: str, u: Quotient) -> Iterator[Need]:
         """That u > 0, or u != 0, by factors.
 
-        Those of even multiplicity are not 0, the product of the others is > 0.
+        Those of even multiplicity are not 0, the product of the others is > 0. What holds nowhere
+        gives 0 != 0, 0 > 0 or -1 > 0.
         """
         (content, above), (other, below) = map(self.plain_factors, (u.above, u.below))
+        if content == 0:
+            yield need_of(kind, self.context.constant(0))
+            return
         if kind == "!=":
             yield from (need_of("!=", p) for p, _ in above)
             return
@@ -401,13 +406,13 @@ class Letters:
                 odd = odd * p
             else:
                 yield need_of("!=", p)
-        if not odd.is_constant():
+        if not odd.is_constant() or odd.leading_coefficient() < 0:
             yield need_of(">", odd)
 
     def plain_factors(self, polynomial: Polynomial) -> Factors:
         """Factors: few of odd multiplicity by sin^2 + cos^2 = 1, and plain ones for e^u - 1."""
         forms = map(self.factors, [polynomial, *self.circled(polynomial)])
-        content, found = min(forms, key=lambda form: (form.odd(), len(form.listed)))
+        content, found = min(forms, key=Factors.size)
         plain = list[tuple[Polynomial, int]]()
         for p, k in found:
             same = self.same_sign(p)
@@ -432,13 +437,19 @@ class Letters:
             return self.exponentials[place].above * self.exponentials[place].below * sign
         return None
 
-    def circled(self, polynomial: Polynomial) -> Iterator[Polynomial]:
-        """With 1 - cos(u)^2 in the place of sin(u)^2, and the other way round."""
+    def circled(self, polynomial: Polynomial, known: bool = False) -> Iterator[Polynomial]:
+        """With 1 - cos(u)^2 in the place of sin(u)^2, and the other way round.
+
+        `known`: only where both are generators already.
+        """
         for here, there in (("sin", "cos"), ("cos", "sin")):
             form = polynomial
             for place, (name, u) in list(self.circular.items()):
-                if name == here and form.degrees()[place] > 1:
-                    other = self.letter(f"{there}({self.text(u)})", self.inner[place])
+                if name != here or form.degrees()[place] < 2:
+                    continue
+                text = f"{there}({self.text(u)})"
+                if not known or text in self.places:
+                    other = self.letter(text, self.inner[place])
                     self.bounded.add(other)
                     self.circular[other] = there, u
                     square = Quotient(1 - self.generators[other] ** 2, self.one)
@@ -493,8 +504,8 @@ class Knowledge:
 
     def learn(self, need: Need) -> None:
         content, found = self.ring.factors(need.polynomial)
-        self.nonzero |= {str(p) for p, _ in found}
-        if need.kind == ">":
+        self.nonzero |= {str(q) for p, _ in found for form in self.forms(p) for q in form}
+        if need.kind == ">" and found:
             odd, sign = [p for p, k in found if k % 2], 1 if content > 0 else -1
             if len(odd) == 1:
                 self.signs[str(odd[0])] = sign
@@ -503,12 +514,31 @@ class Knowledge:
             self.wholes.append(need.polynomial)
 
     def implies(self, need: Need) -> bool:
+        content, found = self.ring.factors(need.polynomial)
         if need.kind == "!=":
-            return all(
-                str(p) in self.nonzero or self.sign(p)
-                for p, _ in self.ring.factors(need.polynomial).listed
+            return content != 0 and all(
+                any(
+                    all(str(q) in self.nonzero or self.sign(q) for q in form)
+                    for form in self.forms(p)
+                )
+                for p, _ in found
             )
         return self.sign(need.polynomial) > 0
+
+    def never_zero(self, p: Polynomial) -> bool:
+        return any(
+            all(str(q) in self.nonzero or self.sign(q) for q in form) for form in self.forms(p)
+        )
+
+    def forms(self, p: Polynomial) -> Iterator[list[Polynomial]]:
+        """Factors that are not 0 where p is not: of all forms by sin^2 + cos^2 = 1, each unique.
+
+        For a sine they are those of 1 - cos^2.
+        """
+        single = self.ring.single(p)
+        same = p if single is None else p**2
+        for form in (p, *self.ring.circled(same, known=True)):
+            yield [q for q, _ in self.ring.factors(form).listed]
 
     def sign(self, polynomial: Polynomial, depth: int = 3) -> int:
         """1 or -1 where the polynomial has this sign wherever the needs hold.
@@ -560,15 +590,21 @@ class Knowledge:
         return (
             found
             or self.by_norm(p, depth)
+            or self.by_circle(p, depth)
             or (0 if simple is None else self.by_quarter(simple.place, depth))
         )
 
     def by_facts(self, p: Polynomial) -> int:
-        """p - q is 0 or of the sign of q, for a q of a known sign."""
+        """p - r q is 0 or of the sign of r q, for a q of a known sign and a number r."""
         for q, sign in self.listed:
-            rest = p - q
-            if rest == 0 or (len(self.ring.holds(rest)) < 2 and self.by_terms(rest) == sign):
-                return sign
+            # Where it may be, r makes more vanish than a term in pi.
+            shape, below = next((one for one in q.terms() if any(one[0][1:])), (None, 1))
+            above = 1 if shape is None else p[shape]
+            if above == 0:
+                continue
+            rest, own = p - q * (above / below), sign if above * below > 0 else -sign
+            if rest == 0 or (len(self.ring.holds(rest)) < 2 and self.by_terms(rest) == own):
+                return own
         return 0
 
     def by_norm(self, p: Polynomial, depth: int) -> int:
@@ -581,6 +617,11 @@ class Knowledge:
                 if sign:
                     return self.sign(a if sign > 0 else b, depth - 1)
         return 0
+
+    def by_circle(self, p: Polynomial, depth: int) -> int:
+        """By sin^2 + cos^2 = 1."""
+        signs = (self.sign(form, depth - 1) for form in self.ring.circled(p, known=True))
+        return next(filter(None, signs), 0)
 
     def by_quarter(self, place: int, depth: int) -> int:
         """sin u and cos u between two of their zeros."""
@@ -701,9 +742,9 @@ def cells_of(question: Question, by_theorem: bool = False) -> tuple[Cell, Cell]:
 
     def cell(needs: Iterable[Need]) -> Cell:
         kept = strongest(ring, [*hints, *cut, *needs])
-        one_side = bool(cut) and not all(
-            is_convex(ring, need.polynomial) for need in kept if need.kind == ">"
-        )
+        # What is not 0 may imply that a cut is positive, and have parts that are not connected.
+        inside = [need for need in (*hints, *cut, *needs) if need.kind == ">"] if cut else []
+        one_side = not all(is_convex(ring, need.polynomial) for need in strongest(ring, inside))
         return Cell(written(ring, kept), written(ring, sides), one_side, ring.unknown)
 
     formulas = cell(ring.needs)
@@ -818,7 +859,7 @@ def where_regular(
         for row in matrix:
             for entry in row:
                 found.extend(ring.needs_of(entry))
-        factors = ring.factors(determinant(ring, matrix).above).listed
+        factors = ring.plain_factors(determinant(ring, matrix).above).listed
         found.extend(need_of("!=", factor) for factor, _ in factors)
 
     ring = letters_of(question, read)
@@ -856,15 +897,21 @@ def determinant(ring: Letters, matrix: list[list[Quotient]]) -> Quotient:
 
 
 def shortest(question: Question, stated: Sequence[str]) -> Cell:
-    """A stated domain without the members that follow from the others."""
-    said = list[Need]()
+    """A stated domain without members that follow from others, as stated where that is short."""
+    said = dict[Need, str]()
 
     def read(ring: Letters) -> None:
         ring.entries = iter(())
-        said[:] = [need for text in stated for need in needs_of_text(ring, text)]
+        said.clear()
+        for text in stated:
+            needs = [*needs_of_text(ring, text)]
+            for need in needs:
+                known = said.get(need) or written(ring, [need])[0]
+                said[need] = min(text, known, key=len) if len(needs) == 1 else known
 
     ring = letters_of(question, read)
-    return Cell(written(ring, strongest(ring, said)))
+    kept = strongest(ring, [*said])
+    return Cell(tuple(said.get(need) or written(ring, [need])[0] for need in kept))
 
 
 def lacking(question: Question, stated: Sequence[str], cell: Cell) -> tuple[list[str], list[int]]:

@@ -18,7 +18,7 @@ from math import comb
 from typing import Any
 
 from inverse_service import bounds
-from inverse_service.certificate.checker import check_certificate
+from inverse_service.certificate.checker import CheckResult, check_certificate
 from inverse_service.certificate.exceptions import Exceptions, not_found
 from inverse_service.constrained import existence
 from inverse_service.constrained.existence import AnalyzedMotion, ConstrainedAt, analyze_motion, decide_motion
@@ -35,6 +35,7 @@ from inverse_service.constrained.lagrangian import (
     own_system,
 )
 from inverse_service.deadline import OutOfTime, now, share, until
+from inverse_service.decision import certify
 from inverse_service.decision.deciding import RationalSeries, as_tree, is_irrational, reconstructed, solution
 from inverse_service.decision.solutions import Answer, Lagrangian, Step, Verdict
 from inverse_service.errors import IrreducibleAtoms
@@ -83,6 +84,11 @@ class MotionLagrangian:
     kind: str
     system: SecondOrderSystem | None
     report: Hamiltonisation | None
+
+    def on_its_set(self, certificate: Mapping[str, Any], proof: CheckResult) -> MotionLagrangian:
+        """With the set on which the checker proved L."""
+        where = certify.where_of(proof.formulas, certify.names_of(certificate["system"], certificate))
+        return replace(self, lagrangian=replace(self.lagrangian, positive=where.positive, nonzero=where.nonzero))
 
 
 @dataclass(frozen=True, slots=True)
@@ -208,9 +214,10 @@ def _carry_reduced_answer(work: _Work, analyzed: AnalyzedMotion, reduced: Answer
     proven = _confirm_certificate(work, analyzed, plain, [whole.expression])
     if proven is None:
         return None
-    found, (certificate, exceptions) = _complete_lagrangian(work, whole), proven
+    certificate, checked = proven
+    found = _complete_lagrangian(work, whole).on_its_set(certificate, checked)
     steps += lagrangian_steps(whole.expression, found.jet)
-    return MotionAnswer("variational", "variational", "", (certificate,), found, "", steps, exceptions)
+    return MotionAnswer("variational", "variational", "", (certificate,), found, "", steps, checked.exceptions)
 
 
 def _decide_in_share(work: _Work, analyzed: AnalyzedMotion, with_time: bool) -> Finding:
@@ -232,14 +239,15 @@ def _answer_question(work: _Work, analyzed: AnalyzedMotion, found: Finding, with
         tree = lagrangian.lagrangian.expression
         confirmed = _confirm_certificate(work, analyzed, existence.of_lagrangian(analyzed, tree, with_time), [tree])
         if confirmed is not None:
-            certificate, exceptions = confirmed
+            certificate, proof = confirmed
             steps = (
                 *finding_steps(analyzed, found, with_time),
                 *lagrangian_steps(lagrangian.lagrangian.expression, lagrangian.jet),
             )
             size = freedom(found, len(work.motion.coordinates), with_time)
-            proof = (certificate,)
-            return MotionAnswer("variational", "variational", "", proof, lagrangian, size, steps, exceptions)
+            found_here = lagrangian.on_its_set(certificate, proof)
+            proofs = (certificate,)
+            return MotionAnswer("variational", "variational", "", proofs, found_here, size, steps, proof.exceptions)
     if found.exists is None:
         return MotionAnswer("undetermined", "undetermined", open_reason(found))
     return proven or _prove_verdict(work, analyzed, found, with_time, "variational")
@@ -262,18 +270,18 @@ def _prove_verdict(
         return MotionAnswer("undetermined", "undetermined", reason, (), None, size)
     steps = finding_steps(analyzed, found, with_time)
     steps += series_steps(analyzed, found, with_time) if found.exists else ()
-    return MotionAnswer(verdict, verdict, "", proven[:1], None, size, steps, proven[1])
+    return MotionAnswer(verdict, verdict, "", proven[:1], None, size, steps, proven[1].exceptions)
 
 
 def _confirm_certificate(
     work: _Work, analyzed: AnalyzedMotion, certificate: dict[str, Any], more: Sequence[Expression] = ()
-) -> tuple[dict[str, Any], Sequence[str]] | None:
-    """The certificate that the checker finds valid, as it is or about one side of roots, and its exceptions."""
+) -> tuple[dict[str, Any], CheckResult] | None:
+    """The certificate that the checker finds valid, as it is or about one side of roots, and what it proves."""
     found = check_certificate(certificate, time_limit=max(1.0, work.left()))
     if found.verdict == "incomplete":
         certificate = existence.on_one_side(analyzed, certificate, more)
         found = check_certificate(certificate, time_limit=max(1.0, work.left()))
-    return (certificate, found.exceptions) if found.verdict == "valid" else None
+    return (certificate, found) if found.verdict == "valid" else None
 
 
 def _propose_lagrangians(work: _Work, with_time: bool) -> Sequence[MotionLagrangian]:

@@ -275,7 +275,12 @@ def _head(analyzed: AnalyzedMotion, with_time: bool, claim: str, kind: str) -> d
     motion = analyzed.motion
     symbols = map(Symbol, (*analyzed.names, "t", *motion.parameters))
     near = near_of(analyzed.real_point, [*symbols, *map(Velocity, motion.free)])
-    return head_of(_system(analyzed), with_time, claim, kind, near, ())
+    return head_of(_system(analyzed), with_time, claim, kind, near, _squares(motion))
+
+
+def _squares(motion: ConstrainedMotion) -> list[Expression]:
+    """Positive where the document determines the motion."""
+    return [tree**2 for tree in motion.nonzero]
 
 
 def on_one_side(
@@ -288,7 +293,8 @@ def on_one_side(
     placed = (substitute(tree, motion.on_constraints) for tree in more)
     formulas = [*motion.dependent_velocities, *motion.free_accelerations, *placed]
     with suppress(IrreducibleAtoms, NoRealValue):
-        return certificate | {"conditions": conditions_of(signed_factors(requirements(formulas, table), table))}
+        signs = signed_factors(requirements(formulas, table), table)
+        return certificate | {"conditions": conditions_of([*_squares(motion), *signs])}
     return certificate
 
 

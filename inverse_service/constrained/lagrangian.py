@@ -244,7 +244,8 @@ def first_system(motion: ConstrainedMotion) -> SecondOrderSystem:
     table = dict(zip(motion.free, motion.free_accelerations, strict=True))
     table |= {name: motion.rate(w) for name, w in zip(motion.dependent, motion.dependent_velocities, strict=True)}
     accelerations = tuple(table[name] for name in motion.coordinates)
-    return SecondOrderSystem(motion.coordinates, accelerations, motion.parameters, motion.functions)
+    system = SecondOrderSystem(motion.coordinates, accelerations, motion.parameters, motion.functions)
+    return replace(system, nonzero=motion.nonzero)
 
 
 def find_lagrangians(motion: ConstrainedMotion, with_time: bool, seed: int, deadline: float) -> list[Lagrangian]:

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import json
-import random
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from fractions import Fraction
-from time import thread_time
 from typing import TYPE_CHECKING, Any
 
 import mpmath
 
 from inverse_service import bounds, errors
-from inverse_service.certificate import cell as cells, checker, formulas, question
+from inverse_service.certificate import cell as cells, checker, formulas
 from inverse_service.certificate.cell import Cell
 from inverse_service.decision import deciding
 from inverse_service.expressions import collecting, evaluation, inequalities, notation, printing, tree as ex
@@ -107,6 +105,16 @@ class Where:
     one_side: bool = False
 
 
+def names_of(
+    system: Mapping[str, Any], certificate: Mapping[str, Any] | None = None, more: Iterable[str] = ()
+) -> Names:
+    """The names that formulas about a system may contain, with the integrals of a certificate and momenta."""
+    integrals = ((certificate or {}).get("integrals") or {}).items()
+    functions = {**system.get("functions", {}), **{name: one["arguments"] for name, one in integrals}}
+    parameters = (*(system.get("parameters") or ()), *more)
+    return Names(tuple(system["coordinates"]), parameters, {name: tuple(of) for name, of in functions.items()})
+
+
 def where_of(cell: Cell | None, names: Names) -> Where:
     """The cell that the checker proved a claim on, as trees."""
     if cell is None:
@@ -123,14 +131,20 @@ def domain_of(cell: Cell | None, names: Names) -> tuple[list[str], list[str]]:
     return [one.text for one in found], [one.latex for one in found]
 
 
-def shortest(positive: Iterable[ex.Expression], system: SecondOrderSystem) -> list[str]:
-    """The inequalities that say that these trees are positive, without those that follow from the others."""
-    stated, tools = conditions_of(positive), question.Tools(random.Random(_SEED), thread_time() + 1.0)
+def shortest(positive: Sequence[ex.Expression], nonzero: Sequence[ex.Expression] = ()) -> list[str]:
+    """The inequalities that say that these trees are positive, or not 0, without those that follow from the others."""
+    trees = [*nonzero, *positive]
+    written = [*(notation.row(tree, " != 0") for tree in nonzero), *map(inequalities.inequality, positive)]
+    stated = [*inequalities.texts(nonzero, " != 0"), *inequalities.texts(positive, " > 0")]
+    shown = dict(zip(stated, (one.text for one in written), strict=True))
     try:
-        found = cells.shortest(question.Question(tools, _system(system)), stated)
+        asked = inequalities.question_about(trees)
+        found = cells.shortest(asked, stated).domain
     except formulas.Ended:
-        return stated
-    return domain_of(found, system.names)[0]
+        return [*dict.fromkeys(shown.values())]
+    functions = {name: tuple(of) for name, of in asked.functions.items()}
+    names = Names(tuple(asked.coordinates), tuple(asked.parameters), functions)
+    return [shown.get(text) or domain_of(cells.Cell((text,)), names)[0][0] for text in found]
 
 
 def _members(texts: Sequence[str], ending: str, names: Names) -> Iterator[ex.Expression]:
@@ -170,13 +184,11 @@ def proved(
 def where_proved(analysis: deciding.Analysis, lagrangian: ex.Expression, time_limit: float) -> Where:
     """Where the checker finds a Lagrangian right; where all is defined, if it finds it wrong or does not find out."""
     with_time = analysis.system.depends_on_time or ex.TIME in ex.walk(lagrangian)
-    certificate = of_lagrangian(analysis, lagrangian, with_time)
-    _, proof = proved(analysis, certificate, time_limit)
-    integrals = {name: tuple(one["arguments"]) for name, one in certificate.get("integrals", {}).items()}
+    certificate, proof = proved(analysis, of_lagrangian(analysis, lagrangian, with_time), time_limit)
     if proof.verdict != "valid":
-        return Where((*analysis.system.positive, *real_point.own_requirements([lagrangian])))
-    names = analysis.system.names
-    return where_of(proof.formulas, replace(names, functions={**names.functions, **integrals}))
+        positive = (*analysis.system.positive, *real_point.own_requirements([lagrangian]))
+        return Where(positive, tuple(real_point.poles([lagrangian])))
+    return where_of(proof.formulas, names_of(certificate["system"], certificate))
 
 
 def _hinted(analysis: deciding.Analysis, certificate: dict[str, Any]) -> Iterator[dict[str, Any]]:
@@ -184,11 +196,11 @@ def _hinted(analysis: deciding.Analysis, certificate: dict[str, Any]) -> Iterato
     table, system = analysis.real_point, analysis.system
     formulas = [*system.given]
     if "lagrangian" in certificate:
-        integrals = {name: tuple(one["arguments"]) for name, one in certificate.get("integrals", {}).items()}
-        names = replace(system.names, functions={**system.names.functions, **integrals})
-        formulas.append(reader.read_formula(certificate["lagrangian"], names))
+        formulas.append(reader.read_formula(certificate["lagrangian"], names_of(certificate["system"], certificate)))
     known = certificate.get("roots", [])
-    first = [*_circular_roots(formulas, table), *_inverse_roots(formulas, table), *_nested_roots(formulas, table)]
+    hidden = _hidden_radicands(formulas)
+    with_hidden = [*formulas, *map(ex.square_root, hidden)]
+    first = [*_circular_roots(with_hidden, table), *_square_roots(hidden, table), *_nested_roots(formulas, table)]
     for roots in (first, [*first, *_signs(analysis)]):
         if roots:
             yield certificate | {"roots": [*known, *roots]}
@@ -201,26 +213,26 @@ def _hinted(analysis: deciding.Analysis, certificate: dict[str, Any]) -> Iterato
             yield certificate | {"conditions": conditions_of(positive), "roots": [*known, *_signs(analysis)]}
 
 
-def _inverse_roots(formulas: Sequence[ex.Expression], table: real_point.RealTable | None) -> list[dict[str, str]]:
-    """The roots implied by inverse functions, where these contain squares: sqrt(1 - u^2) for asin u, acos u.
-
-    Each is what it is on the side of the point.
-    """
-    found = list[dict[str, str]]()
-    if table is None:
-        return found
+def _hidden_radicands(formulas: Sequence[ex.Expression]) -> list[ex.Expression]:
+    """Under the roots implied by inverse functions: 1 - u^2 for asin u and acos u."""
+    found = list[ex.Expression]()
     for node in ex.distinct_nodes(formulas):
         match node:
             case ex.Apply("asin" | "acos", u):
-                under = 1 - u**2
+                found.append(1 - u**2)
             case ex.Apply("acosh", u):
-                under = u**2 - 1
+                found.append(u**2 - 1)
             case ex.Apply("asinh", u):
-                under = u**2 + 1
-            case _:
-                continue
+                found.append(u**2 + 1)
+    return found
+
+
+def _square_roots(radicands: Sequence[ex.Expression], table: real_point.RealTable | None) -> list[dict[str, str]]:
+    """The roots of those that are squares; each is what it is on the side of the point."""
+    found = list[dict[str, str]]()
+    for under in radicands if table is not None else ():
         with suppress(errors.IrreducibleAtoms, evaluation.NoRealValue):
-            if (value := _root_here(under, table)) is not None:
+            if (value := _root_here(under, table or {})) is not None:
                 root = ex.square_root(collecting.collect(under))
                 found.append({"root": printing.to_text(root), "is": printing.to_text(value)})
     return found
@@ -267,7 +279,7 @@ def _root_here(square: ex.Expression, table: real_point.RealTable) -> ex.Express
 
 
 def _circular_roots(formulas: Sequence[ex.Expression], table: real_point.RealTable | None) -> list[dict[str, str]]:
-    """sqrt(1 - sin(u)^2) = +-cos u, sqrt(sec(u)^2 - 1) = +-tan u and the like, on the side of the point.
+    """sqrt(1 - sin(u)^2) = +-cos u, sqrt(sinh(u)^2 + 1) = cosh u and the like, on the side of the point.
 
     So is each root whose radicand is a number times the square of a function in the formulas: sqrt((1 - x)/2) =
     sin(acos(x)/2).
@@ -290,7 +302,7 @@ def _circular_roots(formulas: Sequence[ex.Expression], table: real_point.RealTab
     return found
 
 
-_CIRCULAR = ("sin", "cos", "tan", "sec", "csc", "cot")
+_CIRCULAR = ("sin", "cos", "tan", "sec", "csc", "cot", "sinh", "cosh", "tanh", "sech", "csch", "coth")
 
 
 def _angle(node: ex.Expression) -> ex.Expression | None:

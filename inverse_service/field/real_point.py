@@ -212,9 +212,8 @@ def requirements(formulas: Iterable[ex.Expression], table: RealTable) -> list[ex
     formulas = tuple(formulas)
     found = dict.fromkeys(own_requirements(formulas))
     for node in ex.distinct_nodes(formulas):
-        for pole in ex.distinct_nodes(_branch_arguments(node)):
-            for tree in _poles(pole):
-                found[tree if real_sign(tree, table) > 0 else -tree] = None
+        for tree in poles(_branch_arguments(node)):
+            found[tree if real_sign(tree, table) > 0 else -tree] = None
     return [tree for tree in found if varies(tree)]
 
 
@@ -258,8 +257,13 @@ def _branch_arguments(node: ex.Expression) -> tuple[ex.Expression, ...]:
             return ()
 
 
-def _poles(node: ex.Expression) -> list[ex.Expression]:
-    """What must not vanish."""
+def poles(formulas: Iterable[ex.Expression]) -> list[ex.Expression]:
+    """What must not vanish in the formulas."""
+    found = dict.fromkeys(tree for node in ex.distinct_nodes(formulas) for tree in _own_poles(node))
+    return [tree for tree in found if varies(tree)]
+
+
+def _own_poles(node: ex.Expression) -> list[ex.Expression]:
     match node:
         case ex.Power(base, ex.Number(exponent)) if exponent < 0:
             return [base]
@@ -271,27 +275,3 @@ def _poles(node: ex.Expression) -> list[ex.Expression]:
             return [u]
         case _:
             return []
-
-
-def known_positive(trees: Sequence[ex.Expression]) -> set[ex.Expression]:
-    """Expressions positive where these trees are: the trees, and z for bounds z > a with a number a >= 0."""
-    known, bounds = set(trees), [bound for tree in trees if (bound := bound_of(tree)) is not None]
-    with mpmath.workdps(_DIGITS):
-        return known | {
-            variable for variable, side, value in bounds if side > 0 and evaluation.evaluate(value, {}) >= 0
-        }
-
-
-def bound_of(tree: ex.Expression) -> tuple[Variable, int, ex.Expression] | None:
-    """(z, 1, a) for z > a, (z, -1, a) for z < a, where the tree > 0 says just that and a is a number; else None."""
-    terms = getattr(tree, "terms", (tree,))
-    varying = [term for term in terms if varies(term)]
-    if len(varying) != 1:
-        return None
-    parts = getattr(varying[0], "factors", (varying[0],))
-    slope = parts[0].value if isinstance(parts[0], ex.Number) else Fraction(1)
-    variable = parts[-1]
-    if len(parts) > 2 or (len(parts) == 2 and slope == 1) or not isinstance(variable, ex.Symbol | ex.Velocity):
-        return None
-    rest = [-1 / slope * term for term in terms if term is not varying[0]]
-    return variable, 1 if slope > 0 else -1, ex.add(*rest)

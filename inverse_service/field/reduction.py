@@ -371,7 +371,7 @@ def _split(case: Case) -> Iterator[Case]:
 
 def is_empty(positive: Sequence[ex.Expression]) -> bool:
     """Whether these are seen not to be positive at once: one is negative, or two have a sum that is not positive."""
-    if any(inequalities.is_plainly_positive(collecting.collect(-tree)) for tree in positive):
+    if any(inequalities.is_positive(collecting.collect(-tree)) for tree in positive):
         return True
     sums = (collecting.collect(one + other) for one, other in combinations(positive, 2))
     return any(isinstance(each, ex.Number) and each.value <= 0 for each in sums)
@@ -473,7 +473,7 @@ def signed_factors(trees: Iterable[ex.Expression], table: real_point.RealTable) 
     """The factors of trees, each with the sign that makes it positive at the point."""
     found = dict.fromkeys(factor for tree in trees for factor in root_factors(tree)[1] if real_point.varies(factor))
     signed = (factor if real_point.real_sign(factor, table) > 0 else -factor for factor in found)
-    return [factor for factor in signed if not inequalities.is_plainly_positive(factor)]
+    return [factor for factor in signed if not inequalities.is_positive(factor)]
 
 
 def _factored(tree: ex.Expression) -> tuple[Fraction, Factors]:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from fractions import Fraction
 from functools import reduce
 from itertools import chain
 from time import thread_time
@@ -122,6 +123,7 @@ def motion_agrees(given: NonholonomicSystem, canonical: Canonical, time_limit: f
 
     At points with w = 0: dw/dt = 0, and the Euler-Lagrange expressions of L are a combination of the
     rows of dw/dv; with M = d2L/dv2 the matrix (M, (dw/dv)^T; dw/dv, 0) is regular, so there is one such f.
+    The `cell` of a valid answer says where it is.
     """
     names = given.coordinates
     slopes = [[derivative.differentiate(each, ex.Velocity(name)) for name in names] for each in given.constraints]
@@ -133,6 +135,18 @@ def motion_agrees(given: NonholonomicSystem, canonical: Canonical, time_limit: f
         for momentum, name in zip(momenta, names, strict=True)
     ]
     pivots: list[int] = []
+    moving = {ex.TIME, *map(ex.Symbol, names)}
+
+    def matrix(ring: Ring, table: Table) -> list[list[Value]]:
+        rows, above = ([[_value(entry, ring, table) for entry in row] for row in part] for part in (slopes, masses))
+        columns = [[row[k] for row in rows] for k in range(len(names))]
+        nothing = [ring.constant(Fraction(0))] * len(rows)
+        return [a + b for a, b in zip(above, columns, strict=True)] + [row + nothing for row in rows]
+
+    def where(question: checks.Question) -> cell.Cell:
+        if not any(map(moving.intersection, map(ex.walk, chain(*slopes, *masses)))):
+            return cell.Cell()
+        return cell.where_regular(question, lambda ring: matrix(ring, _leaves(names, ring.names)))
 
     def parts(ring: Ring) -> _Parts:
         table = _table(ring, names, _on_constraints(given, slopes, ring, pivots))
@@ -145,15 +159,12 @@ def motion_agrees(given: NonholonomicSystem, canonical: Canonical, time_limit: f
             left = [ring.add([a, ring.multiply(left[pivot], b, 0)], [1, -1]) for a, b in zip(left, row, strict=True)]
         wrong = "On the constraints these are not the accelerations of the Lagrangian as given."
         zeros += [(entry, wrong) for entry in left]
-        above = [[_value(entry, ring, table) for entry in row] for row in masses]
-        columns = [[row[k] for row in rows] for k in range(len(names))]
-        nothing = [ring.add([])] * len(rows)
-        return _Parts(zeros, [a + b for a, b in zip(above, columns, strict=True)] + [row + nothing for row in rows])
+        return _Parts(zeros, matrix(ring, table))
 
     found = "On the constraints the accelerations are the motion of the Lagrangian as given, which determines it."
     wrong = "The Lagrangian and the constraints as given do not determine the motion."
     plain = _is_rational((given.lagrangian, *given.constraints))
-    return _examined(canonical, parts, plain, (found, wrong), time_limit)
+    return _examined(canonical, parts, plain, (found, wrong), time_limit, where)
 
 
 def _examined(
@@ -162,7 +173,7 @@ def _examined(
     rational: bool,
     sentences: tuple[str, str],
     time_limit: float,
-    where: Callable[[checks.Question], cell.Cell] = lambda question: cell.Cell(),
+    where: Callable[[checks.Question], cell.Cell],
 ) -> checker.CheckResult:
     """The verdict on the parts by the checker's two rules; never raises."""
 

@@ -27,7 +27,7 @@ from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import TIME, ZERO, Expression, Symbol, Velocity, add, holds, substitute, walk
 from inverse_service.field import exact_field
 from inverse_service.field.matrices import determinant, dot, reduced_rows, solve_square, weight
-from inverse_service.mechanics import short_angles
+from inverse_service.mechanics import implicit_equations, short_angles
 from inverse_service.mechanics.second_order_system import Functions
 from inverse_service.mechanics.writing import readable
 from inverse_service.reading.document_names import Declared, Parameters, known_names, parameter_values, with_values
@@ -239,7 +239,7 @@ def _refuse_factor(ring: exact_field.ExactRing, value: exact_field.Quotient, pla
         nodes = {*walk(tree)}
         if any(isinstance(node, Velocity) for node in nodes) or not nodes & moving:
             continue
-        if not any(inequalities.is_plainly_positive(one) for one in (tree, -tree)):
+        if not inequalities.is_nonzero(tree):
             raise InputError(
                 f"constraint {place + 1} has the factor {to_text(tree)}, and leaves the motion open where that is 0: "
                 "divide by it.",
@@ -341,7 +341,8 @@ class ConstrainedMotion:
     """The equations over (t, q, u): s' = w for the `dependent` coordinates, u' = F for the velocities u of the `free`.
 
     `dependent_velocities[i]` is the velocity of coordinate dependent[i] (first-order equations),
-    `free_accelerations[i]` the acceleration of free[i] (second-order equations).
+    `free_accelerations[i]` the acceleration of free[i] (second-order equations). None of `nonzero` is 0: elsewhere
+    the constraints are dependent, or L is singular on them, and they leave the motion open.
     """
 
     coordinates: tuple[str, ...]
@@ -351,6 +352,7 @@ class ConstrainedMotion:
     free_accelerations: tuple[Expression, ...]
     parameters: tuple[str, ...] = ()
     functions: Functions = ()
+    nonzero: tuple[Expression, ...] = ()
 
     @property
     def depends_on_time(self) -> bool:
@@ -423,18 +425,37 @@ def written(motion: EliminatedMotion) -> EquationsOfMotion:
     parts, choice = motion.geometry, motion.frame
     names = parts.system.coordinates
     accelerations = tuple(parts.tree(element) for element in motion.accelerations)
+    velocities = tuple(parts.tree(motion.velocities[k]) for k in choice.dependent)
     return EquationsOfMotion(
         names,
         tuple(names[k] for k in choice.free),
         tuple(names[k] for k in choice.dependent),
-        tuple(parts.tree(motion.velocities[k]) for k in choice.dependent),
+        velocities,
         tuple(accelerations[k] for k in choice.free),
         parts.system.parameters,
         parts.system.functions,
+        open_places(parts, choice, (*accelerations, *velocities), motion.inertia),
         system=parts.system,
         accelerations=accelerations,
         multipliers=tuple(parts.tree(element) for element in motion.multipliers),
     )
+
+
+def open_places(
+    parts: Geometry, choice: Frame, formulas: Sequence[Expression], inertia: Matrix = ()
+) -> tuple[Expression, ...]:
+    """What the elimination divides by that the formulas of the motion do not show.
+
+    With M = d2L/dv2 and the rows w these are factors of det (M, w^T; w, 0) = +- minor^2 det(inertia).
+    """
+    moving, one = {TIME, *map(Symbol, parts.system.coordinates)}, parts.ring.constant(1)
+    minor = determinant([[row[column] for column in choice.dependent] for row in parts.rows], one)
+    whole = minor * minor * determinant(inertia, one)
+    trees = [
+        exact_field.quotient_tree(parts.ring, exact_field.Quotient(parts.ring.field, factor, ()))
+        for factor, _ in whole.numerator.factor()[1]
+    ]
+    return implicit_equations.unseen([tree for tree in trees if not moving.isdisjoint(walk(tree))], formulas)
 
 
 def eliminate_multipliers(parts: Geometry, choice: Frame) -> EliminatedMotion:
@@ -519,7 +540,8 @@ def motion_on(system: NonholonomicSystem, accelerations: Mapping[str, Expression
     velocities = tuple(parts.tree(rate) for rate in rates)
     free, bound = (tuple(names[place] for place in places) for places in (choice.free, dependent))
     forces = tuple(accelerations[name] for name in free)
-    found = ConstrainedMotion(names, free, bound, velocities, forces, system.parameters, system.functions)
+    places = open_places(parts, choice, velocities)
+    found = ConstrainedMotion(names, free, bound, velocities, forces, system.parameters, system.functions, places)
     return replace(found, free_accelerations=tuple(substitute(force, found.on_constraints) for force in forces))
 
 

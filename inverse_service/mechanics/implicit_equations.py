@@ -200,10 +200,10 @@ def solve_lines(equations: Sequence[LinearEquation], coordinates: Sequence[str])
             solved[coordinates[column]] = _solution(ring, inverse[place], rests, places)
     found = tuple(solved[name] for name in coordinates)
     moving = {ex.TIME, *map(ex.Symbol, coordinates), *map(ex.Velocity, coordinates)}
-    return Solved(found, _unseen([one for one in divisors if not moving.isdisjoint(ex.walk(one))], found))
+    return Solved(found, unseen([one for one in divisors if not moving.isdisjoint(ex.walk(one))], found))
 
 
-def _unseen(divisors: Sequence[ex.Expression], accelerations: Sequence[ex.Expression]) -> tuple[ex.Expression, ...]:
+def unseen(divisors: Sequence[ex.Expression], accelerations: Sequence[ex.Expression]) -> tuple[ex.Expression, ...]:
     """Those that may be 0, by which no acceleration is divided, and of which none has a root."""
     if not divisors:
         return ()
@@ -217,7 +217,7 @@ def _unseen(divisors: Sequence[ex.Expression], accelerations: Sequence[ex.Expres
             ring = OpaqueRing([node.base])
             with suppress(errors.LimitError, ZeroDivisionError):
                 seen += ring.factors_of(ring.fraction(node.base).numerator)
-    return tuple(one for one in divisors if not inequalities.is_plainly_nonzero(one, seen))
+    return tuple(one for one in divisors if not inequalities.is_nonzero(one, seen))
 
 
 def _row(ring: OpaqueRing, equation: LinearEquation, coordinates: Sequence[str]) -> list[OpaqueFraction]:

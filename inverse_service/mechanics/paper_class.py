@@ -45,7 +45,7 @@ Source: Propositions 1 and 2 of the paper named above; `rotation` for the third.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Literal
 
@@ -53,7 +53,7 @@ from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.tree import HALF, ZERO, Expression, Number, Symbol, Velocity, add, number, square_root
 from inverse_service.field.exact_field import Quotient, TooLarge, sum_of
-from inverse_service.mechanics.constrained_motion import EliminatedMotion, Frame, Geometry, frames
+from inverse_service.mechanics.constrained_motion import EliminatedMotion, Frame, Geometry, frames, open_places
 from inverse_service.mechanics.euler_lagrange import momenta
 from inverse_service.mechanics.legendre.transform import LegendreTransform, momentum_symbols
 from inverse_service.mechanics.potential import potential
@@ -339,7 +339,7 @@ def with_multiples(base: AssociatedSystem, multiples: Sequence[Expression], name
     system = base.system
     summed = tuple(f + extra for f, extra in zip(system.accelerations, multiples, strict=True))
     title = f"{system.name}, with multiples of the constraints"
-    changed = SecondOrderSystem(system.coordinates, summed, system.parameters, system.functions, title)
+    changed = replace(system, accelerations=summed, name=title)
     return AssociatedSystem(name, changed, f"{base.explanation} The given multiples of the constraints are added.")
 
 
@@ -354,7 +354,9 @@ def _named(
 def _system(motion: EliminatedMotion, kind: str, accelerations: tuple[Expression, ...]) -> SecondOrderSystem:
     given = motion.geometry.system
     title = f"{given.name}, {kind} associated system" if given.name else f"{kind} associated system"
-    return SecondOrderSystem(given.coordinates, accelerations, given.parameters, given.functions, title)
+    system = SecondOrderSystem(given.coordinates, accelerations, given.parameters, given.functions, title)
+    places = open_places(motion.geometry, motion.frame, accelerations, motion.inertia)
+    return replace(system, nonzero=places)
 
 
 def _second(motion: EliminatedMotion, member: PaperClass | None) -> AssociatedSystem:

@@ -71,9 +71,7 @@ def _both(table: Mapping[ex.Expression, Fraction], one: ex.Expression, other: ex
                 sorted(collecting.expand(one * other), key=lambda term: -sum(exponent for _, exponent in term[0]))
             )
             is_shorter = isinstance(found, ex.Sum) and len(found.terms) < len(left) + len(right) - 1
-            fits = is_shorter and (
-                table[one].denominator == 1 or all(map(inequalities.is_positive_polynomial, (one, other)))
-            )
+            fits = is_shorter and (table[one].denominator == 1 or all(map(inequalities.is_positive, (one, other))))
         case _:
             return None
     return found if fits and found not in table else None

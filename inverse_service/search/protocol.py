@@ -10,17 +10,16 @@ Lagrangians besides the one that is shown: which ones differ from it, and which 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from fractions import Fraction
 from typing import TYPE_CHECKING
 
 import mpmath
 
 from inverse_service import deadline
 from inverse_service.decision import certify, deciding
-from inverse_service.decision.solutions import Lagrangian, Matrix
-from inverse_service.expressions import evaluation, inequalities, printing, tree as ex
+from inverse_service.decision.solutions import Lagrangian
+from inverse_service.expressions import evaluation, printing, tree as ex
 from inverse_service.field import exact_field, real_point
 from inverse_service.mechanics import euler_lagrange, writing
 from inverse_service.search import terms
@@ -97,32 +96,7 @@ def describe(analysis: deciding.Analysis, lagrangian: ex.Expression, family: str
     short = {entry: _compact(analysis, entry) for row in rates for entry in row}
     multiplier = tuple(tuple(short[entry] for entry in row) for row in rates)
     where = certify.where_proved(analysis, lagrangian, min(deadline.left(deadline.end(), 1.0), _LONGEST_CHECK))
-    zeros = (*where.nonzero, *_distinct(_denominators(lagrangian, multiplier)))
-    nonzero = _that_can_vanish(analysis, zeros, where.positive)
-    return Lagrangian(lagrangian, multiplier, nonzero, family, where.positive)
-
-
-def _that_can_vanish(
-    analysis: deciding.Analysis, trees: Sequence[ex.Expression], positive: Sequence[ex.Expression]
-) -> tuple[ex.Expression, ...]:
-    """Those with a factor that is not seen to differ from 0 where all of `positive` are > 0, each factor once."""
-    known = real_point.known_positive(positive)
-    factors = {base for tree in positive for base, _ in _powers(analysis, tree)}
-    kept = set[ex.Expression]()
-    for tree in sorted(trees, key=ex.node_count):
-        parts = [base for base, exponent in _powers(analysis, tree) if exponent > 0]
-        if not all(
-            inequalities.is_plainly_positive(base, known) or inequalities.is_plainly_nonzero(base, factors)
-            for base in parts
-        ):
-            kept.add(tree)
-            factors.update(parts)
-    return tuple(tree for tree in trees if tree in kept)
-
-
-def _powers(analysis: deciding.Analysis, tree: ex.Expression) -> list[tuple[ex.Expression, Fraction]]:
-    """The tree as a product of powers, as far as it can be factored."""
-    return ex.powers_of(_factored(analysis, tree))
+    return Lagrangian(lagrangian, multiplier, where.nonzero, family, where.positive)
 
 
 def _compact(analysis: deciding.Analysis, entry: ex.Expression) -> ex.Expression:
@@ -141,23 +115,6 @@ def _factored(analysis: deciding.Analysis, tree: ex.Expression) -> ex.Expression
     # Parameters are printed first.
     moving = [variable for variable in deciding.variables_of(analysis.system)[:count] if variable in held]
     return writing.quotient(tree, exact_field.Budget.short(), moving)
-
-
-def _varies(tree: ex.Expression) -> bool:
-    return any(isinstance(node, ex.Symbol | ex.Velocity) for node in ex.walk(tree))
-
-
-def _denominators(lagrangian: ex.Expression, multiplier: Matrix) -> Iterable[ex.Expression]:
-    """Bases of negative powers in L and in g, without factors that are numbers."""
-    for tree in (lagrangian, *(entry for row in multiplier for entry in row)):
-        for node in ex.walk(tree):
-            if isinstance(node, ex.Power) and isinstance(node.exponent, ex.Number) and node.exponent.value < 0:
-                parts = ex.factors_of(node.base)
-                yield ex.multiply(*filter(_varies, parts))
-
-
-def _distinct(trees: Iterable[ex.Expression]) -> tuple[ex.Expression, ...]:
-    return tuple(dict.fromkeys(tree for tree in trees if _varies(tree)))
 
 
 _TINY, _STEP = mpmath.mpf(10) ** -20, mpmath.mpf(129) / 128

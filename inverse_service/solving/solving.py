@@ -506,9 +506,7 @@ def _on_its_set(work: Work, answer: Answer) -> Answer:
     if answer.certificate is None:
         return answer
     certificate, proof = certify.proved(work.analysis, dict(answer.certificate), deadline.left(work.end, 1.0))
-    names = work.analysis.system.names
-    integrals = {name: tuple(one["arguments"]) for name, one in certificate.get("integrals", {}).items()}
-    where = certify.where_of(proof.cell, replace(names, functions={**names.functions, **integrals}))
+    where = certify.where_of(proof.cell, certify.names_of(certificate["system"], certificate))
     return replace(
         answer,
         certificate=certificate,

@@ -18,16 +18,6 @@ _SAYS: Final = {
 }
 
 
-def names_of(
-    system: Mapping[str, Any], certificate: Mapping[str, Any] | None = None, more: Iterable[str] = ()
-) -> Names:
-    """The names that formulas about a system may contain, with the integrals of a certificate and momenta."""
-    integrals = ((certificate or {}).get("integrals") or {}).items()
-    functions = {**system.get("functions", {}), **{name: one["arguments"] for name, one in integrals}}
-    parameters = (*(system.get("parameters") or ()), *more)
-    return Names(tuple(system["coordinates"]), parameters, {name: tuple(of) for name, of in functions.items()})
-
-
 def cell(
     system: Mapping[str, Any],
     question: str,
@@ -38,7 +28,7 @@ def cell(
     everywhere: bool = True,
 ) -> dict[str, Any]:
     """The proven statement on one cell; `everywhere`: H holds on all of its stated domain there."""
-    names, proven = names_of(system, certificate), proof.cell
+    names, proven = certify.names_of(system, certificate), proof.cell
     texts, latex = certify.domain_of(proven, names)
     lagrangian = certificate.get("lagrangian") if certificate["kind"] == "lagrangian" else None
     return {
@@ -141,7 +131,7 @@ def _occurs(name: str, domain: Iterable[str]) -> bool:
 
 
 def _latex(system: Mapping[str, Any], one: Mapping[str, Any]) -> str:
-    names = names_of(system)
+    names = certify.names_of(system)
     unsolved = any("''" in text for text in system["equations"].values())
     equations = [
         f"{printing.to_latex(reader.read_formula(text, names))} = 0"

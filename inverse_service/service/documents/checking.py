@@ -19,6 +19,7 @@ from inverse_service.certificate.checker import CheckResult, check_certificate, 
 from inverse_service.certificate.formulas import FORMAT, MAX_MEMBERS, OLD_FORMAT, RESULT_FORMAT, Ended, read_tokens
 from inverse_service.certificate.kinds import KINDS, named
 from inverse_service.deadline import now
+from inverse_service.decision import certify
 from inverse_service.errors import CertificateRefused, InputError, LimitError
 from inverse_service.expressions.printing import to_latex
 from inverse_service.mechanics.agreement import Canonical
@@ -335,6 +336,12 @@ class Examination:
             self.proofs[key] = check_certificate(certificate, time_limit=max(1.0, self.end - now()))
         return self.proofs[key]
 
+    def narrow(self, certificate: dict[str, Any], where: Cell | None) -> CheckResult:
+        """The proof on the part of its cell where the document says the same as its certificate."""
+        proof = comparison.narrowed(certificate, self.proof(certificate), where, self.end - now())
+        self.proofs[json.dumps(certificate, sort_keys=True)] = proof
+        return proof
+
     def answer(self, shown: Shown) -> dict[str, Any] | None:
         """Compare an answer with its certificate; the certificate where it proves the verdict."""
         at, part, certificate = shown.at, shown.part, shown.part.get("certificate")
@@ -365,8 +372,7 @@ class Examination:
             return None
         self.reasons.extend(proof.reasons)
         if not shown.follows:
-            proof = comparison.narrowed(certificate, proof, self.with_document(certificate), self.end - now())
-            self.proofs[json.dumps(certificate, sort_keys=True)] = proof
+            proof = self.narrow(certificate, self.with_document(certificate))
             # A part of a result that an older program wrote has no list.
             self.exceptions(at, part.get("exceptions", proof.exceptions if shown.kind else []), proof.exceptions)
         if "checked" in part:
@@ -401,7 +407,7 @@ class Examination:
 
     def latex(self, at: str, part: dict[str, Any], certificate: dict[str, Any], system: dict[str, Any]) -> None:
         """Claim the LaTeX if it is that of the formula."""
-        names = canonical.names_of(system, certificate, part.get("momenta") or ())
+        names = certify.names_of(system, certificate, part.get("momenta") or ())
         if part.get("latex") and part["latex"] == to_latex(read_formula(part["text"], names)):
             self.claim(f"{at}/latex")
 
@@ -544,7 +550,7 @@ class Examination:
 
     def cases(self, document: Any) -> None:
         """The Lagrangians of special cases that conditions on the parameters give."""
-        names = canonical.names_of(_system(self.result))
+        names = certify.names_of(_system(self.result))
         waiting = [("/special_cases/tree", _object(_object(self.result.get("special_cases")).get("tree")))]
         while waiting:
             at, node = waiting.pop()
@@ -632,7 +638,7 @@ class Examination:
                 self.unsettled(proof.reasons[0])
                 return
             self.reasons.extend(proof.reasons)
-            self.with_document(certificate, moving=True)
+            self.narrow(certificate, self.with_document(certificate, moving=True))
         parts = [one["system"].get(key) or {} for one in certificates for key in ("equations", "velocities")]
         texts = [text for formulas in parts for text in formulas.values()]
         timed = timed or any("t" in _tokens(text) for text in texts)
@@ -678,7 +684,7 @@ class Examination:
                 self.agree(
                     f"/system/{name}", own[name] == made[name], str(own[name]), f"The document has {made[name]}."
                 )
-            same = comparison.same_formulas(own["equations"], made["equations"], canonical.names_of(own))
+            same = comparison.same_formulas(own["equations"], made["equations"], certify.names_of(own))
             if same is not None:
                 self.agree("/system/equations", same, "", "They are not those of the document.")
         if asked in ("first", "second", "third") and "multiples" not in plain:
@@ -689,7 +695,7 @@ class Examination:
 
             found = parse_associated(to_nonholonomic_schema(plain)) or {}
             wanted = {name: one["text"] for name, one in found.get("equations", {}).items()}
-            same = comparison.same_formulas(own["equations"], wanted, canonical.names_of(own))
+            same = comparison.same_formulas(own["equations"], wanted, certify.names_of(own))
             if same is None:
                 self.unsettled("It could not be decided whether this is the associated system that the document names.")
             else:
@@ -697,7 +703,7 @@ class Examination:
         energy = result.get("hamiltonian")
         certificate = _object(result.get("certificate"))
         if isinstance(energy, dict) and energy.get("constraints") and "/hamiltonian/momenta" in self.claimed:
-            good = comparison.image_agrees(plain, energy, canonical.names_of(own, certificate, energy["momenta"]))
+            good = comparison.image_agrees(plain, energy, certify.names_of(own, certificate, energy["momenta"]))
             if good is not None:
                 self.agree(
                     "/hamiltonian/constraints", good, energy["constraints"], "It is not the image of the constraints."
@@ -717,7 +723,7 @@ class Examination:
 
     def named(self, plain: Any, own: dict[str, Any]) -> None:
         """LaTeX of the equations, names that were guessed, and the branches themselves."""
-        latex, names = _object(self.result["system"].get("latex")), canonical.names_of(own)
+        latex, names = _object(self.result["system"].get("latex")), certify.names_of(own)
         for name, text in latex.items():
             with suppress(LimitError):  # too long to be read again: it is not compared
                 written = to_latex(read_formula(own["equations"].get(name, "0"), names))

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from api_schemas import result as schemas
 from inverse_service import deadline, errors
-from inverse_service.decision import deciding
+from inverse_service.decision import certify, deciding
 from inverse_service.decision.solutions import Answer, Solution, SolveOptions
 from inverse_service.explanation import positive
 from inverse_service.expressions import collecting, printing, tree as ex
@@ -23,7 +23,7 @@ from inverse_service.mechanics import second_order_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading import reader
 from inverse_service.reading.names import Names
-from inverse_service.service.documents import accepting, canonical, preparing, translate
+from inverse_service.service.documents import accepting, preparing, translate
 from inverse_service.solving import solving
 
 if TYPE_CHECKING:
@@ -200,7 +200,7 @@ def left_out(result: Mapping[str, Any]) -> Iterator[tuple[str, dict[str, Any] | 
 
 
 def _there(system: Mapping[str, Any], text: str) -> dict[str, Any] | None:
-    names, parameters = canonical.names_of(system), list(system["parameters"])
+    names, parameters = certify.names_of(system), list(system["parameters"])
     *sides, last = [reader.read_formula(side, names) for side in text.split("=")]
     values = dict[ex.Expression, ex.Expression]()
     for side in sides:

@@ -21,7 +21,7 @@ from inverse_service.constrained.lagrangian import first_system
 from inverse_service.deadline import NOT_YET, now, share
 from inverse_service.decision import solutions
 from inverse_service.explanation import wording
-from inverse_service.expressions import collecting, notation, printing, tree as ex
+from inverse_service.expressions import collecting, inequalities, notation, printing, tree as ex
 from inverse_service.field.exact_field import TooLarge
 from inverse_service.mechanics import constrained_motion, method_advice
 from inverse_service.mechanics.first_integrals import FirstIntegral, first_integrals
@@ -186,9 +186,8 @@ def _where(answer: answering.MotionAnswer) -> Iterator[wording.Piece]:
     for place, condition in enumerate(certificate.get("conditions") or ()):
         system = certificate["system"]
         names = Names(tuple(system["coordinates"]), tuple(system["parameters"]), system["functions"])
-        left, sign, right = condition.partition(" > " if " > " in condition else " < ")
         yield " and " if place else ", where "
-        yield notation.row(reader.read_formula(left, names), sign, reader.read_formula(right, names))
+        yield inequalities.inequality(reader.read_condition(condition, names))
 
 
 def _motion_lagrangian(found: answering.MotionLagrangian) -> schemas.MotionLagrangianPart:

@@ -69,8 +69,8 @@ def check_lagrangian(document: Any, text: str, time_limit: float = 60.0) -> dict
     else:
         found, left = cells.answered(replace(system, accelerations=(*system.accelerations, lagrangian)), answer)
     verdicts = {one["verdict"] for one in found} | ({"incomplete"} if left else set())
-    wrong = verdicts & {"invalid"}
-    verdict = verdicts.pop() if len(verdicts) == 1 else "differs" if wrong and "valid" in verdicts else (
+    wrong, right = verdicts & {"invalid", "differs"}, verdicts & {"valid", "differs"}
+    verdict = verdicts.pop() if len(verdicts) == 1 else "differs" if wrong and right else (
         "invalid" if wrong else "incomplete")  # fmt: skip
     reasons = list(dict.fromkeys(reason for one in found for reason in one["reasons"]))
     reasons += [f"Undecided {_where(one)}: {one.reason}." for one in left]
@@ -153,7 +153,7 @@ def _judged(
         with suppress(IrreducibleAtoms, NoRealValue):
             formulas = [*map(to_kernels, (*system.given, written))]
             sides = list(dict.fromkeys([*sides, *signed_factors(requirements(formulas, table), table)]))
-    domain = certify.shortest(sides, system)
+    domain = certify.shortest(sides)
     found = cell(domain, near, proof.verdict, proof.reasons)
     if proof.verdict == "invalid" and table is not None:
         found |= _failing(system, own, table)

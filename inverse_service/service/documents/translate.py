@@ -15,7 +15,7 @@ from inverse_service import __version__
 from inverse_service.decision import certify, solutions
 from inverse_service.decision.cells import Left
 from inverse_service.expressions import inequalities, printing, tree as ex
-from inverse_service.field import tower
+from inverse_service.field import real_point, tower
 from inverse_service.mechanics import method_advice
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading.document_names import Declared
@@ -115,7 +115,7 @@ def _not_answered(left: Left, system: SecondOrderSystem) -> schemas.NotAnsweredP
     named = {name_of(key): mpmath.nstr(value, 12) for key, value in (left.near or {}).items() if key != tower.RADIAN}
     near = {name: value for name, value in named.items() if name}
     return schemas.NotAnsweredPart(
-        domain=certify.shortest(left.positive, system),
+        domain=certify.shortest(left.positive),
         near=near,
         reason=left.reason,
     )
@@ -152,24 +152,11 @@ def _both_answers(solution: solutions.Solution, schema: Asking) -> dict[str, Any
 
 def integral_part(found: FirstIntegral) -> schemas.FirstIntegralPart:
     """A first integral with the conditions under which its formula has a value."""
-    domain = _domain(*conditions_of(found.expression))
+    requirements = (rule([found.expression]) for rule in (real_point.own_requirements, real_point.poles))
+    domain = certify.shortest(*requirements)
     return schemas.FirstIntegralPart(
         name=found.name, symmetry=found.symmetry, domain=domain, **formula_fields(found.expression)
     )
-
-
-def conditions_of(tree: ex.Expression) -> tuple[list[ex.Expression], list[ex.Expression]]:
-    """What must not vanish and what must be positive: denominators, and what roots and logarithms are taken of."""
-    nonzero, positive = [], []
-    for node in ex.walk(tree):
-        match node:
-            case ex.Power(base, ex.Number(exponent)) if exponent.denominator > 1:
-                positive.append(base)
-            case ex.Power(base, ex.Number(exponent)) if exponent < 0:
-                nonzero.append(base)
-            case ex.Apply("log", argument):
-                positive.append(argument)
-    return nonzero, positive
 
 
 def main_and_other(
@@ -222,7 +209,7 @@ def answer_fields(answer: solutions.Answer, system: SecondOrderSystem) -> dict[s
         "details": [step_part(step, in_full=False) for step in answer.details],
         "checked": answer.checked,
         "reason": answer.reason,
-        "domain": _domain(answer.nonzero, answer.positive),
+        "domain": certify.shortest(answer.positive, answer.nonzero),
         "near": {} if answer.certificate is None else dict(answer.certificate.get("near", {})),
     }
 
@@ -245,7 +232,7 @@ def step_part(step: solutions.Step, in_full: bool = True) -> schemas.Explanation
 
 
 def lagrangian_part(lagrangian: solutions.Lagrangian) -> schemas.LagrangianPart:
-    domain = _domain(lagrangian.nonzero, lagrangian.positive)
+    domain = certify.shortest(lagrangian.positive, lagrangian.nonzero)
     regular = "everywhere" if _is_regular_everywhere(lagrangian) else "at generic points, where det g is not 0"
     written = formula_fields(lagrangian.expression)
     return schemas.LagrangianPart(
@@ -258,20 +245,8 @@ def _is_regular_everywhere(lagrangian: solutions.Lagrangian) -> bool:
     entries = [(i == j, entry) for i, row in enumerate(lagrangian.multiplier) for j, entry in enumerate(row)]
     if all(isinstance(node, ex.Number | ex.Sum | ex.Product) for _, entry in entries for node in ex.walk(entry)):
         return True
-    known = {*lagrangian.nonzero, *lagrangian.positive}
-    return all(inequalities.is_plainly_nonzero(entry, known) if on else entry == ex.ZERO for on, entry in entries)
-
-
-def _domain(nonzero: Iterable[ex.Expression], positive: Sequence[ex.Expression]) -> list[str]:
-    """Each condition once that is not seen to hold everywhere, or to follow from the others."""
-    unequal = [tree for tree in nonzero if tree not in positive and not inequalities.is_plainly_nonzero(tree, ())]
-    above: list[ex.Expression] = []
-    for tree in dict.fromkeys(positive):
-        if not inequalities.is_plainly_positive(tree, [*above, *(ex.power(other, 2) for other in unequal)]):
-            above.append(tree)
-    return list(
-        dict.fromkeys([*(f"{printing.to_text(u)} != 0" for u in unequal), *map(inequalities.inequality_text, above)])
-    )
+    known = (lagrangian.nonzero, lagrangian.positive)
+    return all(inequalities.is_nonzero(entry, *known) if on else entry == ex.ZERO for on, entry in entries)
 
 
 def hamiltonian_part(
@@ -287,7 +262,7 @@ def hamiltonian_part(
         implicit=hamiltonian.implicit,
         reason=hamiltonian.note if hamiltonian.implicit else "",
         constraints=[printing.to_text(constraint) for constraint in hamiltonian.constraints],
-        domain=_domain(nonzero, [*positive, *hamiltonian.positive]),
+        domain=certify.shortest([*positive, *hamiltonian.positive], nonzero),
     )
 
 

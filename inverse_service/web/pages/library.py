@@ -20,7 +20,6 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 from inverse_service import __version__, errors
 from inverse_service.catalogue import atlas
 from inverse_service.reading.names import Names
-from inverse_service.service.documents import text_page
 from inverse_service.web import routes_atlas
 from inverse_service.web.pages import forms, rendering, typesetting
 from inverse_service.web.problems import Refusal
@@ -202,7 +201,7 @@ async def atlas_entry(name: str) -> HTMLResponse:
         entry=found,
         equations=formulas,
         answers=[(letter, typesetting.equation(letter, text, names), f"{letter} = {text}") for letter, text in answers],
-        domain=typesetting.conditions(text_page.conditions_of({"lagrangian": {"domain": found["domain"]}}), names),
+        domain=[typesetting.formula(text, names) for text in found["domain"]],
         source=referenced(found["source"]),
         body=body_of(name),
         alike=[one for one in atlas.search(form=found["form"]) if one["name"] != name][:12] if found["form"] else [],

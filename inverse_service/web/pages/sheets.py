@@ -402,8 +402,7 @@ def _about(result: Mapping[str, Any]) -> tuple[Markup, ...]:
 
 
 def _listed(texts: Iterable[str], names: Names) -> Markup:
-    kept = list(texts)
-    return Markup(", ").join(typesetting.conditions(kept, names)) if kept else Markup("")
+    return Markup(", ").join(typesetting.formula(text, names) for text in texts)
 
 
 QUESTIONS = frozenset(("existence", "existence_with_time"))

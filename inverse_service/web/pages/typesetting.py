@@ -12,7 +12,7 @@ from typing import Any
 from markupsafe import Markup, escape
 
 from inverse_service import errors
-from inverse_service.expressions import inequalities, letters, notation, printing
+from inverse_service.expressions import letters, notation, printing
 from inverse_service.reading import reader
 from inverse_service.reading.names import Names
 
@@ -101,18 +101,6 @@ def integrals(found: Mapping[str, Any], names: Names) -> list[Markup]:
             pair = (whole, within, variable) if alone else (whole, variable, within)
             lines.append(Markup(shape if alone else "\u2202{}/\u2202{} = {}").format(*pair))
     return lines
-
-
-def conditions(texts: Sequence[str], names: Names) -> list[Markup]:
-    """The conditions of a domain without those that follow from the others; the JSON has all of them."""
-    try:
-        found = [reader.read_condition(text, names) for text in texts]
-    except (errors.InputError, ValueError):  # a sentence
-        return [formula(text, names) for text in texts]
-    groups = [[k for k, text in enumerate(texts) if (" != " in text) is unequal] for unequal in (False, True)]
-    kept = inequalities.needed(*([found[k] for k in group] for group in groups))
-    places = sorted(group[k] for group, chosen in zip(groups, kept, strict=True) for k in chosen)
-    return [formula(texts[k], names) for k in places]
 
 
 def meanings(system: Mapping[str, Any]) -> list[Markup]:
