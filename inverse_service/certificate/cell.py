@@ -125,6 +125,7 @@ class Letters:
         self.needs, self.cut = dict[Need, None](), dict[Need, None]()
         self.known = dict[str, Factors]()
         self.ties, self.unknown = list[Any](), False
+        self.apart = False  # sines and cosines of sums by those of the terms
 
     # The operations of a ring.
 
@@ -185,6 +186,8 @@ class Letters:
         return self.without_squares(Quotient(*self.bounded_pair(u.above**size, u.below**size)))
 
     def elementary(self, name: str, u: Quotient) -> Quotient:
+        if self.apart and name in ("sin", "cos") and u.below.is_constant() and len(u.above) > 1:
+            return self.of_sum(u)[name == "cos"]
         if name == "atan" and self.question.halves:
             for _ in range(2):  # log(1 + u^2), and its half
                 next(self.entries, None)
@@ -218,6 +221,17 @@ class Letters:
             (self.logarithms if name == "log" else self.odd)[place] = u
         value = Quotient(self.generators[place], self.one)
         return Quotient(-value.above, self.one) if turned and name != "cos" else value
+
+    def of_sum(self, u: Quotient) -> tuple[Quotient, Quotient]:
+        """(sin u, cos u) by the addition theorems, term by term."""
+        sine, cosine = Quotient(self.context.constant(0), self.one), Quotient(self.one, self.one)
+        for exponents, coefficient in u.above.terms():
+            term = Quotient(self.context.term(coeff=coefficient, exp_vec=exponents), u.below)
+            s, c = self.elementary("sin", term), self.elementary("cos", term)
+            pairs = ((sine, c), (cosine, s), (cosine, c), (sine, s))
+            a, b, d, e = (self.multiply(left, right) for left, right in pairs)
+            sine, cosine = self.add([a, b]), self.add([d, e], [1, -1])
+        return sine, cosine
 
     def function(self, name: str, orders: tuple[int, ...], arguments: list[Quotient]) -> Quotient:
         listed = ", ".join(map(self.text, arguments))
@@ -917,11 +931,21 @@ def shortest(question: Question, stated: Sequence[str]) -> Cell:
 def lacking(question: Question, stated: Sequence[str], cell: Cell) -> tuple[list[str], list[int]]:
     """The members of the cell that do not follow from a stated domain.
 
-    Which stated members do not follow from it.
+    Which stated members do not follow from it. What does not follow with the angles as they are
+    written may do so with sines and cosines of sums apart.
     """
+    missing, beyond = _lacking(question, stated, cell, apart=False)
+    if not missing and not beyond:
+        return missing, beyond
+    left, further = _lacking(question, stated, cell, apart=True)
+    return [text for text in missing if text in left], [k for k in beyond if k in further]
 
+
+def _lacking(
+    question: Question, stated: Sequence[str], cell: Cell, apart: bool
+) -> tuple[list[str], list[int]]:
     def read(ring: Letters) -> None:
-        ring.entries = iter(())
+        ring.entries, ring.apart = iter(()), apart
         own.clear()
         said.clear()
         velocities = zip(question.bound, question.force_texts[len(question.free) :], strict=True)
