@@ -1,7 +1,5 @@
 """What the atlas answers: a search, and one system."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from pydantic import BaseModel, Field

@@ -3,8 +3,6 @@
 Formulas have further limits where they are read.
 """
 
-from __future__ import annotations
-
 from typing import Any, Final, Literal
 
 from pydantic import BaseModel, ConfigDict, Field

@@ -1,7 +1,5 @@
 """Jobs and batches as the service reports them; the client's typed answers."""
 
-from __future__ import annotations
-
 from typing import Any, Final, Literal
 
 from pydantic import Field

@@ -1,7 +1,5 @@
 """The Nonholonomic document, and the part of a result that answers it."""
 
-from __future__ import annotations
-
 from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag

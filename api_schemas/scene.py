@@ -1,7 +1,5 @@
 """The Scene document: a system, its initial data, the methods to run and the quantities to observe."""
 
-from __future__ import annotations
-
 from decimal import Decimal
 from math import isfinite
 from typing import Annotated, Any, Literal

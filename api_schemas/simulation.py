@@ -1,7 +1,5 @@
 """The answers of `simulate` and of `work-precision`. Quantities that the scene does not observe are left out."""
 
-from __future__ import annotations
-
 from typing import Any, Literal
 
 from pydantic import ConfigDict

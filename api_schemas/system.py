@@ -1,7 +1,5 @@
 """The System document: q'' = f(t, q, q') in any form of the contract."""
 
-from __future__ import annotations
-
 from decimal import Decimal
 from typing import Annotated, Any, Literal
 

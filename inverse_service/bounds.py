@@ -5,8 +5,6 @@ halving or doubling a whole kind is in the table of docs/records/search.md. A di
 theorem or the price of a step is not such an amount and is defined where it is used.
 """
 
-from __future__ import annotations
-
 # Terms of an expansion, and nodes of a formula, up to which exact computation continues.
 TERMS = 4_000
 # Terms of an expansion that is one of many and may be omitted.

@@ -5,8 +5,6 @@ on an idle one. Callers use the wall clock to end a process that is stuck. Work 
 inside a search finds the same on every machine. One unit is about ten microseconds on a machine of 2024.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """Settings of the service, read from the environment; every name has the prefix INVERSE_SERVICE_."""
 
-from __future__ import annotations
-
 import difflib
 import hashlib
 import ipaddress

@@ -6,8 +6,6 @@ Tests, benchmarks, the command line and the web form draw from it; the solver ne
 system in `associated_with`, a system of the literature keeps its original `id`.
 """
 
-from __future__ import annotations
-
 import copy
 import json
 from functools import lru_cache

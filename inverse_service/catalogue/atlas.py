@@ -1,7 +1,5 @@
 """The atlas: named systems with their computed answers, from atlas.ndjson, which `benchmarks.atlas` writes."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from functools import lru_cache

@@ -8,8 +8,6 @@ balls, which decide what is not), `cell` and `exceptions` (where a claim holds);
 `constraints` are questions of other forms.
 """
 
-from __future__ import annotations
-
 import json
 import random
 import time

@@ -3,8 +3,6 @@
 See KINDS.md.
 """
 
-from __future__ import annotations
-
 import math
 from fractions import Fraction
 from functools import cache

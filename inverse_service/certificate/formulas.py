@@ -1,7 +1,5 @@
 """The grammar of certificates: shapes of documents, tokens, a reader that computes in any ring."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Mapping
 from fractions import Fraction

@@ -4,8 +4,6 @@ By the derivations Y that multiply these by a number, or with a Hessian that is 
 point.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator
 from fractions import Fraction
 from functools import cached_property

@@ -5,8 +5,6 @@ residues modulo a prime (`Residues`), which decide what is zero, or balls (`Ball
 what is not.
 """
 
-from __future__ import annotations
-
 import math
 import random
 import re

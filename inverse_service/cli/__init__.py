@@ -1,7 +1,5 @@
 """The command line. Light to import: worker processes import the main module again."""
 
-from __future__ import annotations
-
 
 def main() -> None:
     """Entry point of `inverse-service`; ends the process with the exit code of the contract."""

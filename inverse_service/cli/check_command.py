@@ -1,7 +1,5 @@
 """`inverse-service check`, `batch` and `table`: the independent checker, and many systems at once."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json

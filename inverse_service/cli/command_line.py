@@ -3,8 +3,6 @@
 Each command is in a module of `COMMANDS`, which is loaded when its command is called, and all of them for `--help`.
 """
 
-from __future__ import annotations
-
 import contextlib
 import gc
 import importlib

@@ -4,8 +4,6 @@ What a tool computes runs in a worker process with the limits of the settings; w
 with the sentences of the refusal. Whole results are resources, for answers are short.
 """
 
-from __future__ import annotations
-
 import asyncio
 import hashlib
 import json

@@ -1,7 +1,5 @@
 """`inverse-service simulate`: files for every method, figures, a summary; `work-precision`: table, JSON, figure."""
 
-from __future__ import annotations
-
 import json
 import sys
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """`inverse-service solve`; `catalogue`, the documents that come with the package; `warm`."""
 
-from __future__ import annotations
-
 import functools
 import json
 import re

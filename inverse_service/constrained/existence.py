@@ -3,8 +3,6 @@
 `of_lagrangian` and `of_finding` write certificates as certificate/FORMAT.md says; nothing is judged here.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 import random

@@ -6,8 +6,6 @@ monomial in the free velocities times a product of functions of position: l less
 of two constraints may be added at will: they change the associated system, not the motion.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence

@@ -1,7 +1,5 @@
 """A nonholonomic system studied as a whole: motion, what it keeps, associated systems, Hamiltonisation."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace

@@ -9,8 +9,6 @@ Fernandez, Mestdag, Bloch, arXiv:0909.4018; Garcia-Naranjo, Marrero, arXiv:1812.
 Where Lagrangians are known beforehand, `solution_with` decides and lets the checker confirm, without a search.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction

@@ -1,7 +1,5 @@
 """A system is answered cell by cell: where formulas with other relations hold, there is another answer."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass

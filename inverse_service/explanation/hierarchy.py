@@ -25,8 +25,6 @@ exist. (H1) and (H2) give the derivatives of u:
 mixed derivatives agree, and tau = 0 where L may not contain t.
 """
 
-from __future__ import annotations
-
 import itertools
 import random
 from collections.abc import Iterable, Iterator, Mapping, Sequence

@@ -7,8 +7,6 @@ like any other.
 They state det g = 0 from the algebraic conditions, or the Euler-Lagrange equations of L.
 """
 
-from __future__ import annotations
-
 import functools
 import math
 import re

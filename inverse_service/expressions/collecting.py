@@ -8,8 +8,6 @@ integer is an atom, so sums are not cancelled against denominators.
 Monomials of atoms are converted back to trees in a fixed order, with powers and exponentials combined.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from fractions import Fraction

@@ -1,7 +1,5 @@
 """Derivatives of trees: partial ones and the one along time; the result is not simplified."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping
 from fractions import Fraction
 from functools import lru_cache

@@ -1,7 +1,5 @@
 """The value of a tree at a point, in real arithmetic of any precision."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from typing import Any

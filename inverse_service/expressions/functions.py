@@ -1,7 +1,5 @@
 """The table of elementary functions: derivative, parity, relation to others, real arguments, notation."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction

@@ -1,7 +1,5 @@
 """Graphs of the names in equations: matching of equations to unknowns, and the order of solving."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping, Sequence
 from typing import TypeVar
 

@@ -3,8 +3,6 @@
 What follows is deduced in one place, the cells of the checker; here trees are handed to it.
 """
 
-from __future__ import annotations
-
 import random
 from collections.abc import Iterable
 from fractions import Fraction

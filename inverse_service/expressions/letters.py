@@ -1,7 +1,5 @@
 """Non-ASCII letters and signs: their meaning in a formula, and the display of Greek letters."""
 
-from __future__ import annotations
-
 import re
 import unicodedata
 from dataclasses import dataclass

@@ -4,8 +4,6 @@ The theory's notation is a small one of our own, written as people type it: "g_i
 "dg_ij/dv^k". It is used for formulas that this program composes, never for users' text.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager

@@ -4,8 +4,6 @@ A condition is a formula with the values 1 and 0, made of such steps of polynomi
 polynomial is zero, is not specified, because answers hold on open sets.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from inverse_service.expressions import collecting, printing, refusals, tree as ex

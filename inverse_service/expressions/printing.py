@@ -21,8 +21,6 @@ printing that value gives the same text.
 The LaTeX also reads back, except for partial derivatives; long formulas are broken into lines.
 """
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence

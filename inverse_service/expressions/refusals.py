@@ -1,7 +1,5 @@
 """Sizes that formulas may have, and how a refusal says what is wrong, where, and what to write instead."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction

@@ -14,8 +14,6 @@ alone (and serve for all orders up to the one that arbitrary functions are expan
 the constants: values of numbers, variables and atoms, roots, partial derivatives of arbitrary functions.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Hashable, Iterable, Sequence
 from dataclasses import dataclass, field

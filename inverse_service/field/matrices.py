@@ -11,8 +11,6 @@ only proposes: w, or Y on the face of its own kernel (facial reduction), are rou
 and tested exactly.
 """
 
-from __future__ import annotations
-
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass

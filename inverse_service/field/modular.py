@@ -13,8 +13,6 @@ Montgomery form: x stands for x R modulo P, R = 2^64; a product costs three mult
 (Montgomery, Math. Comp. 44 (1985) 519). Compiled by numba, whose wheels carry their compiler, and kept.
 """
 
-from __future__ import annotations
-
 import math
 import random
 from collections.abc import Callable, Iterable

@@ -4,8 +4,6 @@ A common factor of all entries does not matter, so matrices may be in Montgomery
 vector has the last of its columns to itself, with entry 1.
 """
 
-from __future__ import annotations
-
 import random
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass

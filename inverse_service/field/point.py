@@ -7,8 +7,6 @@ k y_k = sum_j j u_j y_{k-j}; powers, logarithms and trigonometric functions alik
 The constant y_0 of a transcendental function is an argument: who calls chooses it consistently.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence

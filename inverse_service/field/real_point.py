@@ -3,8 +3,6 @@
 Where formulas are defined, and stay on one branch of their roots, logarithms and inverse functions.
 """
 
-from __future__ import annotations
-
 import math
 import random
 from collections.abc import Iterable, Mapping, Sequence

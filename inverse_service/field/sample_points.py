@@ -3,8 +3,6 @@
 The ansätze of a ladder use the same generators at the same points, and each ansatz adds a few.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -19,8 +19,6 @@ Q of its argument (exp, angles) or its logarithmic differential (log, atan) on t
 points modulo a prime; rational coefficients are reconstructed.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field

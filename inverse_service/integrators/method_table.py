@@ -18,8 +18,6 @@ Compositions: substeps that lift a symmetric method of order 2 to order 4 (five;
 inverse with -h.
 """
 
-from __future__ import annotations
-
 import tomllib
 from dataclasses import dataclass
 from functools import lru_cache

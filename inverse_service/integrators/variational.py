@@ -8,8 +8,6 @@ lambda_a omega^a(q_k) with omega^a(q) . (q_(k+1) - q_k) + h c^a(q) = 0 at q = (1
 mean over alpha and 1 - alpha.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import Any
 

@@ -8,8 +8,6 @@ Columns: by degree, then by function, then by monomial.
 The entries of the prolonged rows are written by compiled loops, many products of a term and an unknown at a time.
 """
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence

@@ -6,8 +6,6 @@ is involutive, and the rank is reached; the projected system is then formally in
 coefficients being analytic, solutions exist through every element left (Cartan, Kuranishi, Goldschmidt).
 """
 
-from __future__ import annotations
-
 import random
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace

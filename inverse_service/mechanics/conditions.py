@@ -14,8 +14,6 @@ The tensors N, Phi, nabla Phi, R of a system as exact expressions for display, a
 matrix.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction

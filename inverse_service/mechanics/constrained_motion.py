@@ -11,8 +11,6 @@ that g needs to be regular on the distribution of the constraints only. Source: 
 Control, 2003, chapter 5.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction

@@ -3,8 +3,6 @@
 Derivatives are collected (like terms added, exact) but not simplified.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 
 from inverse_service.expressions import collecting, derivative, tree as ex

@@ -9,8 +9,6 @@ Of all integrals those are given that are independent: the rank of their differe
 Noether: for L the integral F = eta_i p_i - K belongs to the symmetry q_i -> q_i + s eta_i, eta_i = dF/dp_i.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence

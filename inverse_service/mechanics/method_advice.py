@@ -1,7 +1,5 @@
 """Which integrator a Lagrangian asks for, seen from its formula alone: {method, order, alpha, reason}."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from typing import Any
 

@@ -10,8 +10,6 @@ is closed under brackets; k constraints of which j survive as the annihilator of
 drift.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations

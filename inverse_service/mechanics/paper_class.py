@@ -42,8 +42,6 @@ They are proposals: nothing is claimed of them until the checker has confirmed t
 Source: Propositions 1 and 2 of the paper named above; `rotation` for the third.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction

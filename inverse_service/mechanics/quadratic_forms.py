@@ -5,8 +5,6 @@ a (v + b/(2 a))^2 + r - b^2/(4 a). Where a = c s^2 with a monomial s, c (s v + b
 A part that is homogeneous of a degree above two is factored: (x'^2 + y'^2)^2.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Iterator, Sequence
 from fractions import Fraction
 from itertools import islice, permutations

@@ -6,8 +6,6 @@ With p = p(t, q, q') from the first equations, f = dh/dt + dh/dq q' + dh/dp F. H
 H quadratic in the momenta are such pairs.
 """
 
-from __future__ import annotations
-
 import itertools
 import re
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,5 @@
 """The system q'' = f(t, q, q') as data, and on each of the open sets where its roots of squares are single formulas."""
 
-from __future__ import annotations
-
 from collections.abc import Hashable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache

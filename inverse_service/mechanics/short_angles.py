@@ -5,8 +5,6 @@ angles a wave with the coordinates w takes prod_k (|w_k| + 1) monomials. A wheel
 angle a brings sin(a) cos(b) - cos(a) sin(b): one monomial in a - b, and its powers many in a and b.
 """
 
-from __future__ import annotations
-
 import math
 import random
 from collections.abc import Container, Iterable, Sequence

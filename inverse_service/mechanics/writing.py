@@ -1,7 +1,5 @@
 """Functions written for people: one term for each product of velocities, tan for sin/cos, sums put together."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from fractions import Fraction
 from functools import lru_cache

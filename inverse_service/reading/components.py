@@ -4,8 +4,6 @@ r"""Split matrices and vectors of LaTeX into components: pieces of LaTeX in, pie
 components, \mathbf{r} = (x, y, z), with dots, |r|, r^2, \cdot and \times. A scalar before or after multiplies each row.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Sequence
 

@@ -5,8 +5,6 @@ function of them. Any other is a parameter, unless it may be something else: kx,
 In that case an error asks the writer. The answer lists all guessed names.
 """
 
-from __future__ import annotations
-
 import itertools
 import re
 from collections.abc import Collection, Iterable, Mapping, Sequence

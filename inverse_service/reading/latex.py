@@ -1,7 +1,5 @@
 r"""LaTeX to the tokens of the plain-text grammar, each with its column in the original."""
 
-from __future__ import annotations
-
 import itertools
 import re
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """The names that a formula may use, and which names can be declared at all."""
 
-from __future__ import annotations
-
 import difflib
 import re
 from collections.abc import Callable, Collection, Mapping, Sequence

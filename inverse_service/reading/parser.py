@@ -13,8 +13,6 @@ Where a reader could take "nothing" for something other than a product (a/b c, x
 x^2y), the formula is refused with both ways to write it. `limits.depth` bounds the recursion.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Sequence

@@ -3,8 +3,6 @@ r"""One entry for formulas in plain text and in LaTeX: a backslash or a brace me
 Lists of equations are split as tokens: where one ends, and its two sides.
 """
 
-from __future__ import annotations
-
 import itertools
 import re
 from collections.abc import Iterator, Sequence

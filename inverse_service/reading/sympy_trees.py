@@ -1,7 +1,5 @@
 """Convert between SymPy expressions and our trees, node by node."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass

@@ -9,8 +9,6 @@ with two; declared functions A(r1), A'(r1), diff(A(r1), r1), B[1,0](x, y); Greek
 digits and typographic signs. See `grammar.py`.
 """
 
-from __future__ import annotations
-
 import itertools
 import re
 from collections.abc import Callable, Container, Iterator, Sequence

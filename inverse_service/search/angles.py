@@ -4,8 +4,6 @@ A polynomial in cos u, sin u, cos w, … is written as it is, with sin^2 for 1 -
 sum of sines and cosines of sums of angles (cos u cos w + sin u sin w as cos(u - w)).
 """
 
-from __future__ import annotations
-
 from fractions import Fraction
 from functools import lru_cache
 

@@ -9,8 +9,6 @@ The Hessian g of a combination has to fulfil (H2) Gamma(g) = g N + (g N)^T and (
 contains a regular Lagrangian before its potentials are searched for.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress

@@ -9,8 +9,6 @@ so that they are used only where they are needed.
 Functions of position and time that multiply the velocity shapes of an ansatz.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass

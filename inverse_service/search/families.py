@@ -12,8 +12,6 @@ regular, no ansatz in these shapes contains a Lagrangian. The remaining function
 generators of f.
 """
 
-from __future__ import annotations
-
 import itertools
 import random
 from collections.abc import Callable, Iterator, Mapping, Sequence

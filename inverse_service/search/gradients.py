@@ -10,8 +10,6 @@ that symmetry, W (x y' - y x')/2; any other is integrated along a coordinate tha
 coordinates stay cyclic.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field

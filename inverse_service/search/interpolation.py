@@ -9,8 +9,6 @@ The basis in an angle is c^a s^b with b <= 1, in any other variable its powers. 
 and reconstructed as rational numbers; that the result is right is for the caller to check.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction

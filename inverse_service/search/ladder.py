@@ -1,7 +1,5 @@
 """The search: leaves, reductions and rows of the ansatz, tried by cost until a regular Lagrangian is found."""
 
-from __future__ import annotations
-
 import itertools
 import math
 import random

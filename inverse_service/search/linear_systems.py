@@ -19,8 +19,6 @@ with W = (g C - C^T g)/4 antisymmetric its equations are g v' + (g' + 2W) v + (W
 (H2) says g' + 2W = g C, the antisymmetric part of g K being W' by (H3).
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

@@ -3,8 +3,6 @@
 The factors of ansätze: the generators of f, their antiderivatives and integrating factors.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field

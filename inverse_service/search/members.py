@@ -9,8 +9,6 @@ alternating projections at one real point: onto the span of the Hessians, and on
 least `_FLOOR`. Then the weights are made few and short.
 """
 
-from __future__ import annotations
-
 import random
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -11,8 +11,6 @@ momenta of L have the slopes g_i1, …, g_in in the velocities, and L has the mo
 of closed forms.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from fractions import Fraction
 from itertools import combinations

@@ -15,8 +15,6 @@ The multipliers tried are such powers of one polynomial, its irreducible factors
 suggest.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass

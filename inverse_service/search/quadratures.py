@@ -11,8 +11,6 @@ So 1/(x^2 + y^2) leads to atan(x/y)/y, 1/sqrt(x^2 + y^2) to log(x + sqrt(x^2 + y
 the distance to z/((x^2 + y^2) sqrt(x^2 + y^2 + z^2)).
 """
 
-from __future__ import annotations
-
 import math
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence

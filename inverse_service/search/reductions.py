@@ -6,8 +6,6 @@ rotation     X = a x + b y, Y = a y - b x where a x + b y occurs in f
 polar        X = r cos u, Y = r sin u where u occurs in f only under sine and cosine
 """
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence

@@ -9,8 +9,6 @@ relations among generators: an identity found here holds, but one not found may 
 The equations of motion as terms, and the Euler-Lagrange expressions of monomials along them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction

@@ -3,8 +3,6 @@
 Trigonometric functions of arctangents become algebraic: cos(k atan u) + i sin(k atan u) = ((1 + i u)/sqrt(1 + u^2))^k.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import replace

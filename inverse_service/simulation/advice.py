@@ -1,7 +1,5 @@
 """Recommend a method for a scene from its formulas."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

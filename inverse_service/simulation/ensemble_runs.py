@@ -1,7 +1,5 @@
 """The members of an ensemble of a scene: started, run by one method, observed and checked."""
 
-from __future__ import annotations
-
 import time
 from collections import Counter
 from collections.abc import Mapping

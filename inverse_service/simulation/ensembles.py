@@ -3,8 +3,6 @@
 The members of an ensemble of a scene: started, run and observed.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass

@@ -8,8 +8,6 @@ A force that acts within a step, unnoticed by both runs, is searched for in the 
 with a Lagrangian that has another motion there than the given equations is `off_domain`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any

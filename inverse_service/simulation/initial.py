@@ -5,8 +5,6 @@ Constraints w(q) v + c(q) = 0. The projection is orthogonal in the kinetic energ
     v - g^-1 w^T (w g^-1 w^T)^-1 (w v + c)
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 

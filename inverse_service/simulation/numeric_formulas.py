@@ -6,8 +6,6 @@ cos(u) of tan(u). Along a motion it keeps its sign, or the motion has left the d
 `array_value` is the value of a formula along a trajectory: one numpy operation for each node of the tree.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass

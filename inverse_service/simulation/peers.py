@@ -3,8 +3,6 @@
 F. Biscani, D. Izzo, Mon. Not. R. Astron. Soc. 504 (2021) 2614; P. Virtanen et al., Nature Methods 17 (2020) 261.
 """
 
-from __future__ import annotations
-
 import threading
 import time
 from collections.abc import Callable, Mapping

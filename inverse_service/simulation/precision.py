@@ -7,8 +7,6 @@ settings alternate, best and median of several. A curve ends at its least error:
 floor. A setting that failed is kept with its reason and has no error.
 """
 
-from __future__ import annotations
-
 import math
 import statistics
 import time

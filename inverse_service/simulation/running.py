@@ -8,8 +8,6 @@ integrated with q'' = f by DOP853; w is brought back to length 1 after each of P
 of log |w| over time is the exponent. G. Benettin, L. Galgani, A. Giorgilli, J.-M. Strelcyn, Meccanica 15 (1980) 9.
 """
 
-from __future__ import annotations
-
 import logging
 import re
 from collections.abc import Callable, Mapping

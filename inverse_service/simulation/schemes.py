@@ -4,8 +4,6 @@ First the methods on (q, p), then those on (q, v): Runge-Kutta, Gauss-Legendre, 
 the formulas watched at every step, so that a run ends where its formulas end.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 

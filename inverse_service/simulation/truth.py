@@ -5,8 +5,6 @@ order 12. Four times the distance of the two bounds the error. Runs are also com
 within one of their steps.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """A system with another clock: dtau = N(q) dt, q' = dq/dtau (Chaplygin 1911), given or looked for."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from fractions import Fraction

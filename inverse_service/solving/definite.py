@@ -5,8 +5,6 @@ that g = d2L/dv dv can take at the point follow from the prolonged Helmholtz con
 definite matrix in W is a yes where the system is involutive there, Y >= 0 with tr(Y w) = 0 on W a no.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from typing import Any, cast

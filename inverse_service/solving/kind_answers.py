@@ -7,8 +7,6 @@ is a Lagrangian of f_e, and g f_o = C v with D the symmetric part of C and dA it
 Crampin, arXiv:1004.0674, with D homogeneous).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction

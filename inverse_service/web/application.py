@@ -1,7 +1,5 @@
 """The FastAPI application, put together."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager

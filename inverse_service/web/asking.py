@@ -1,7 +1,5 @@
 """The body of a request, bounded and counted, the options in its headers, and the requests that wait for jobs."""
 
-from __future__ import annotations
-
 import asyncio
 import re
 import uuid

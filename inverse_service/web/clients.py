@@ -3,8 +3,6 @@
 A client is the name of an API key, of the settings or of a file, or the address where no keys are asked for.
 """
 
-from __future__ import annotations
-
 import base64
 import binascii
 import datetime

@@ -1,7 +1,5 @@
 """The engine behind the routes: store, supervisor, worker processes, and waiting requests."""
 
-from __future__ import annotations
-
 import asyncio
 import functools
 import itertools

@@ -3,8 +3,6 @@
 As text, LaTeX or a SymPy program, for those who ask by `Accept`, workers write them.
 """
 
-from __future__ import annotations
-
 import datetime
 import json
 import re

@@ -1,7 +1,5 @@
 """The log of the service, one JSON object a line on standard error."""
 
-from __future__ import annotations
-
 import json
 import logging
 import sys

@@ -1,7 +1,5 @@
 """What every request passes: counts and logs, strict headers, HEAD as GET."""
 
-from __future__ import annotations
-
 import asyncio
 import logging
 import re

@@ -1,7 +1,5 @@
 """The OpenAPI description: what is accepted and answered, also by routes that read their bodies themselves."""
 
-from __future__ import annotations
-
 import inspect
 import json
 import re

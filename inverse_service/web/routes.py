@@ -1,7 +1,5 @@
 """The calls that make no jobs: those under /v1, and what operators ask: does it live, is it ready, what does it do."""
 
-from __future__ import annotations
-
 import dataclasses
 import resource
 import sys

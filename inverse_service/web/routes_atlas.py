@@ -1,7 +1,5 @@
 """The atlas: search by name, tag and equations, one entry, and the whole as NDJSON."""
 
-from __future__ import annotations
-
 import hashlib
 from functools import lru_cache
 from typing import Annotated, Any

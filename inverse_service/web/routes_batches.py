@@ -1,7 +1,5 @@
 """Batches: many documents in one call, their answers streamed as they come."""
 
-from __future__ import annotations
-
 import asyncio
 import time
 from collections.abc import AsyncIterator

@@ -1,7 +1,5 @@
 """Questions and scenes as jobs: asked, looked at, followed, cancelled."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 from collections.abc import AsyncIterator

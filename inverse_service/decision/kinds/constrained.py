@@ -21,8 +21,6 @@ For j = 0 and 1 it is an identity. As it holds j derivatives of Gamma, it is cou
 (Prince, Mestdag, Martin de Diego, arXiv:2606.05550.)
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Iterator, Sequence

@@ -35,8 +35,6 @@ is symmetric iff 2 (d2L/dq^j dv^i - d2L/dq^i dv^j) = P_ij is minus the antisymme
 (C: dP/dv; then D: P at one v is closed, and is that of some A_i(q) v^i). t is a parameter of these.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction

@@ -3,8 +3,6 @@
 The digest is of all that a kernel is made from, so that a cached one is never the wrong one.
 """
 
-from __future__ import annotations
-
 import ctypes
 import hashlib
 import threading

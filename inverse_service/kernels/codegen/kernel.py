@@ -13,8 +13,6 @@ error^(-1/k), within a factor of 5. The last step before a point of the grid end
 Norsett, G. Wanner, Solving Ordinary Differential Equations I (1993), II.4.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import symengine

@@ -6,8 +6,6 @@ multiply-add (Cody and Waite), then the minimax polynomials of fdlibm on [-pi/4,
 lane is not finite, the C library's functions. Error below 1.5 units in the last place.
 """
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager

@@ -3,8 +3,6 @@
 No name of a user reaches symengine: coordinate i is q{i}, its velocity v{i}, its momentum p{i}, parameter j c{j}.
 """
 
-from __future__ import annotations
-
 import functools
 import math
 from collections.abc import Mapping, Sequence

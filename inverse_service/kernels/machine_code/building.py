@@ -3,8 +3,6 @@
 Imported only where the store has no code: numba takes 0.3 s to import and some 0.5 s a kernel.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from itertools import count
 from types import FunctionType

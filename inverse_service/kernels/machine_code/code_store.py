@@ -1,7 +1,5 @@
 """Compiled kernels on disk, by digest; a damaged or foreign entry is as good as none."""
 
-from __future__ import annotations
-
 import contextlib
 import hashlib
 import json

@@ -1,7 +1,5 @@
 """An object file made a function of this process by LLVM and ctypes, and the processor that it is made for."""
 
-from __future__ import annotations
-
 import ctypes
 import dis
 import hashlib

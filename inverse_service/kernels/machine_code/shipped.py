@@ -6,8 +6,6 @@
 A checkout has none of them; there kernels are compiled by numba at the first use.
 """
 
-from __future__ import annotations
-
 import ctypes
 import hashlib
 import json

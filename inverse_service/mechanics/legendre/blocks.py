@@ -5,8 +5,6 @@ Of a quadratic block L = v^T G v/2 it is v = G^-1 p, with H = p^T G^-1 p/2: G is
 elimination (Bareiss 1968) over polynomials in opaque atoms.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction

@@ -9,8 +9,6 @@ In a small block one velocity is isolated in one momentum and put into the other
 z = x' + i y', p_y = -atan(y'/x') gives y', and then p_x = log|z| + 1 gives x'.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Random real points of a Lagrangian, and the check of an inverse momentum map there with 40 digits."""
 
-from __future__ import annotations
-
 import random
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Short forms of trees: collected, or as one factored quotient, whichever is smaller."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterator, Sequence
 from fractions import Fraction
 from functools import lru_cache

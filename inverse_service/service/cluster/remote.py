@@ -5,8 +5,6 @@ with one worker process for each of its threads. A Dask worker that is killed ta
 `workers` reaches them through the server that forked them.
 """
 
-from __future__ import annotations
-
 import multiprocessing
 import sys
 import threading

@@ -3,8 +3,6 @@
 Two systems with one form need not be equivalent: a search shows them side by side, and each has its own answer.
 """
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Mapping
 from fractions import Fraction

@@ -1,7 +1,5 @@
 """Turn the outcome of a task into a document, an error, or a problem document (RFC 9457)."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 from collections.abc import Mapping, Sequence

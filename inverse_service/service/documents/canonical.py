@@ -1,7 +1,5 @@
 """The canonical statement of a check: written from the certificates that were found valid, and from nothing else."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Final
 

@@ -5,8 +5,6 @@ the certificates, or compared with them and with the document as given, or it is
 collects the JSON pointers that a comparison claimed, and every other leaf that says something is listed.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress

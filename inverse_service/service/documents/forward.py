@@ -1,7 +1,5 @@
 """Use cases for a Lagrangian alone: its Euler-Lagrange equations, momenta, Hamiltonian and conserved quantities."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from api_schemas.base import MAX_FORWARD

@@ -6,8 +6,6 @@ and parts, as {"parts": names, "value": fields of the result that are new, "seco
 the result of a run that a limit, a crash or a cancellation ended.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, Final

@@ -1,7 +1,5 @@
 """The key `kinds` of a System document: which kinds of Lagrangians are asked about, and what is answered."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from typing import Any

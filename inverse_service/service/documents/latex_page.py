@@ -1,7 +1,5 @@
 """A result as a LaTeX document that compiles by itself."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping, Sequence
 from typing import Any

@@ -5,8 +5,6 @@ each multiplier has to be a multiple of the form w_i v^i of one constraint (d'Al
 that of L with the constraints.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -3,8 +3,6 @@
 Of a Lagrangian with constraints, and of a motion that is given as it is; the key `reduced` of either.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable, Iterator, Sequence
 from fractions import Fraction

@@ -1,7 +1,5 @@
 """Decide on which cells a Lagrangian of the user gives the equations of a document."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace

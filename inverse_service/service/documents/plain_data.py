@@ -4,8 +4,6 @@ Stricter than the libraries: a key given twice, NaN and the infinities, lone sur
 of thousands of digits, YAML anchors and deep nesting are refused. Decimal numbers stay exact.
 """
 
-from __future__ import annotations
-
 import functools
 import json
 import re

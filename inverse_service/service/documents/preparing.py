@@ -4,8 +4,6 @@ Inside, the time is t. A document that calls it tau (`"time": "tau"`, or y''(tau
 way in and its result on the way out; a coordinate called t then has a name that the document does not use.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace

@@ -1,7 +1,5 @@
 """The verdict of a result as theorems for another prover, or a sentence that says why none is written."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from typing import Any

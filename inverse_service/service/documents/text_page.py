@@ -1,7 +1,5 @@
 """What a result says to a person, line by line, and these lines as plain text."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any

@@ -4,8 +4,6 @@ A path in a plane of two coordinates has one panel per method, all at one scale 
 the bodies of a scene with their trails, in real time or within SECONDS.
 """
 
-from __future__ import annotations
-
 import io
 import math
 from collections.abc import Mapping, Sequence

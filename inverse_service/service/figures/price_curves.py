@@ -1,7 +1,5 @@
 """Error against work, one line per method."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from typing import Any

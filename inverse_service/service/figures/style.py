@@ -1,7 +1,5 @@
 """The style of figures: colors that everyone can distinguish, with line styles and markers."""
 
-from __future__ import annotations
-
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager

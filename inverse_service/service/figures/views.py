@@ -4,8 +4,6 @@ A figure has views to choose from. A view has axes and a line for each method, w
 the scene; observed quantities are functions of a method and its table of recorded columns.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass

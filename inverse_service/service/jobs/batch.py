@@ -12,8 +12,6 @@ was killed loses at most what it was writing. Each answer has the digest of its 
 it counts for a line with the same digest only.
 """
 
-from __future__ import annotations
-
 import contextlib
 import gzip
 import hashlib

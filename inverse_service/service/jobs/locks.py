@@ -1,7 +1,5 @@
 """Locks that the kernel gives back however their holder dies: of a database, and of a folder for temporary files."""
 
-from __future__ import annotations
-
 import contextlib
 import functools
 import os

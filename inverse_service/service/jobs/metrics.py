@@ -1,7 +1,5 @@
 """What the service counts, in the text format of Prometheus."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Iterable, Mapping
 from types import SimpleNamespace

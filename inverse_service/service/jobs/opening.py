@@ -1,7 +1,5 @@
 """Which store and which cluster the settings ask for; answers for worker processes."""
 
-from __future__ import annotations
-
 import atexit
 import contextlib
 import importlib

@@ -1,7 +1,5 @@
 """How a task in a worker ended, as plain data that crosses the process boundary."""
 
-from __future__ import annotations
-
 import logging
 import signal
 import traceback

@@ -3,8 +3,6 @@
 Times are those of the database server, whose clock all front ends share.
 """
 
-from __future__ import annotations
-
 import contextlib
 import logging
 import queue

@@ -5,8 +5,6 @@ The systems of `warming` are solved, which needs every kernel; each kernel is co
 Needs numba, and a linker: `ld`, for another machine its cross linker (`aarch64-linux-gnu-ld`), or the package ziglang.
 """
 
-from __future__ import annotations
-
 import json
 import platform
 import re

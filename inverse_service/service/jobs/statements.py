@@ -14,8 +14,6 @@ day (since 1970, UTC). `counters` holds single numbers by name.
 Batches: their data, their identity, and what a store does with them and their lines, the same for each database.
 """
 
-from __future__ import annotations
-
 import functools
 import hashlib
 import itertools

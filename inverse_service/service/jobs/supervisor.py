@@ -6,8 +6,6 @@ own. The store is the truth; whatever this process forgets when it dies, is clai
 First the progress of running jobs; at the end what becomes of a job when its task ended: stored, tried again, released.
 """
 
-from __future__ import annotations
-
 import contextlib
 import functools
 import json

@@ -6,8 +6,6 @@ the compiled kernels, which workers forked afterwards have. The import is the ac
 server only import modules.
 """
 
-from __future__ import annotations
-
 import gc
 import importlib
 

@@ -1,7 +1,5 @@
 """Compiles the modular kernels of this installation before any clock runs, once for a machine and a version."""
 
-from __future__ import annotations
-
 import contextlib
 import hashlib
 import itertools

@@ -1,7 +1,5 @@
 """What was measured of a scene as people read it: numbers, times, names of methods, and what an error costs."""
 
-from __future__ import annotations
-
 import itertools
 import re
 from collections.abc import Callable, Iterable, Mapping

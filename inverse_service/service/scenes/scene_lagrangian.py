@@ -3,8 +3,6 @@
 The solver and the simulation exchange text: the answer of the solver is parsed and tested against the motion.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import replace

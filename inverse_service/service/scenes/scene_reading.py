@@ -4,8 +4,6 @@ their settings and labels; initial data on the constraints, and the members of a
 Each error is one sentence with its location.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Mapping, Sequence

@@ -3,8 +3,6 @@
 Formulas for arbitrary functions are substituted, also in their derivatives.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any

@@ -3,8 +3,6 @@
 An ensemble in a result document: outcomes counted, last points and numbers of every member, arrays for files.
 """
 
-from __future__ import annotations
-
 import io
 import json
 import time

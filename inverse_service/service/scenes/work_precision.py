@@ -1,7 +1,5 @@
 """Error against time as it runs inside a worker process: scene document in, result document out."""
 
-from __future__ import annotations
-
 import dataclasses
 import platform
 import sys

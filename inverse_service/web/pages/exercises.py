@@ -5,8 +5,6 @@ a digest of the exercise, the student's name and the day, keyed by a secret of t
 make and verify it.
 """
 
-from __future__ import annotations
-
 import hashlib
 import hmac
 from collections.abc import Mapping

@@ -2,8 +2,6 @@
 with their places. The last two are made in workers, which read forms.
 """
 
-from __future__ import annotations
-
 import email
 import math
 import re

@@ -1,7 +1,5 @@
 """What is read: six short screens, the manual, about, the calls for programs, and the atlas with its search."""
 
-from __future__ import annotations
-
 import itertools
 import re
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Templates to responses, and who looks at a page: their colors, the client that their key names, their address."""
 
-from __future__ import annotations
-
 import base64
 import csv
 import gzip

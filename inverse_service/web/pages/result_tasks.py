@@ -3,8 +3,6 @@
 With them: what to try next where an answer stayed open, the tree of special cases, and the texts to take along.
 """
 
-from __future__ import annotations
-
 import gzip
 import json
 import pprint

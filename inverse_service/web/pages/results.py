@@ -4,8 +4,6 @@ page says what the API says.
 Forms that browsers send are taken from our own pages only, and read by workers where they may be large.
 """
 
-from __future__ import annotations
-
 import json
 import logging
 import re

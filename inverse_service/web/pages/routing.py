@@ -3,8 +3,6 @@
 A mistyped address has a page, not JSON.
 """
 
-from __future__ import annotations
-
 from fastapi import APIRouter, Depends
 from starlette.requests import Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response

@@ -3,8 +3,6 @@
 The verdict of a result is formed here alone: a yes with t is a yes. Title, history, atlas and badges take it from here.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any

@@ -1,7 +1,5 @@
 """The page of a simulation or a work-precision measurement: tables, figures as data for scripts and as files."""
 
-from __future__ import annotations
-
 import itertools
 import json
 import math

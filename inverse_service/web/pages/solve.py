@@ -1,7 +1,5 @@
 """The start page: a form for a system, an echo of how it is parsed, and the way to its result."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """Starts from which a system can be run; the picture of an answer as a file, for pages without scripts and links."""
 
-from __future__ import annotations
-
 import io
 from collections.abc import Mapping, Sequence
 from contextlib import suppress

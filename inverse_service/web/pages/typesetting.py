@@ -3,8 +3,6 @@
 What cannot be read is shown as it is written; nothing is left out.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping, Sequence
 from typing import Any
