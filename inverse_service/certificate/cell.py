@@ -530,16 +530,11 @@ class Knowledge:
     def implies(self, need: Need) -> bool:
         content, found = self.ring.factors(need.polynomial)
         if need.kind == "!=":
-            return content != 0 and all(
-                any(
-                    all(str(q) in self.nonzero or self.sign(q) for q in form)
-                    for form in self.forms(p)
-                )
-                for p, _ in found
-            )
+            return content != 0 and all(self.never_zero(p) for p, _ in found)
         return self.sign(need.polynomial) > 0
 
     def never_zero(self, p: Polynomial) -> bool:
+        """Whether all factors of one of its forms are not 0 wherever the needs hold."""
         return any(
             all(str(q) in self.nonzero or self.sign(q) for q in form) for form in self.forms(p)
         )

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import mpmath
@@ -133,7 +134,14 @@ def domain_of(cell: Cell | None, names: Names) -> tuple[list[str], list[str]]:
 
 def shortest(positive: Sequence[ex.Expression], nonzero: Sequence[ex.Expression] = ()) -> list[str]:
     """The inequalities that say that these trees are positive, or not 0, without those that follow from the others."""
+    return list(_shortest(tuple(positive), tuple(nonzero)))
+
+
+@lru_cache(maxsize=1024)  # an answer, its Lagrangian and its Hamiltonian often share their conditions
+def _shortest(positive: tuple[ex.Expression, ...], nonzero: tuple[ex.Expression, ...]) -> Sequence[str]:
     trees = [*nonzero, *positive]
+    if not trees:
+        return ()
     written = [*(notation.row(tree, " != 0") for tree in nonzero), *map(inequalities.inequality, positive)]
     stated = [*inequalities.texts(nonzero, " != 0"), *inequalities.texts(positive, " > 0")]
     shown = dict(zip(stated, (one.text for one in written), strict=True))
