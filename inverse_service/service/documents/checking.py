@@ -19,10 +19,13 @@ from inverse_service.certificate.kinds import KINDS, named
 from inverse_service.deadline import now
 from inverse_service.decision import certify
 from inverse_service.errors import CertificateRefused, InputError, LimitError
+from inverse_service.expressions import inequalities
 from inverse_service.expressions.printing import to_latex
+from inverse_service.field import real_point
 from inverse_service.mechanics.agreement import Canonical
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.reading.reader import read_formula
+from inverse_service.reading.names import Names
+from inverse_service.reading.reader import read_condition, read_formula
 from inverse_service.service.documents import accepting, canonical, comparison, derived, translate
 from inverse_service.service.documents.comparison import compared_claim, compared_with_document
 from inverse_service.service.documents.own_lagrangian import check_lagrangian
@@ -464,7 +467,8 @@ class Examination:
             self.unsettled(found.reason)
         elif found.proven:
             self.claim(f"{at}/text", f"{at}/momenta", f"{at}/implicit")
-            if found.whole:
+            names = certify.names_of(shown.system, certificate, energy["momenta"])
+            if found.whole and _is_defined(energy["text"], energy.get("domain") or [], names):
                 self.claim(f"{at}/domain")
             else:  # also an empty one, which says "everywhere"
                 self.open_places.append(f"{at}/domain")
@@ -768,6 +772,19 @@ def _same_system(one: dict[str, Any], other: dict[str, Any]) -> bool:
 
 def _tokens(text: Any) -> tuple[str, ...]:
     return read_tokens(text, "formula")
+
+
+def _is_defined(formula: str, domain: Sequence[str], names: Names) -> bool:
+    """Whether a formula has a value wherever a stated domain holds, whatever values its names have."""
+    try:
+        tree, stated = read_formula(formula, names), [(read_condition(one, names), "!=" in one) for one in domain]
+    except (InputError, ValueError):  # a chain a < b < c, for one
+        return False
+    nonzero, positive = ([one for one, unequal in stated if unequal is kind] for kind in (True, False))
+    known = (*positive, *(one**2 for one in nonzero))
+    return all(inequalities.is_positive(one, known) for one in real_point.own_requirements([tree])) and all(
+        inequalities.is_nonzero(one, nonzero, positive) for one in real_point.poles([tree])
+    )
 
 
 def _text(part: Any) -> Any:
