@@ -51,6 +51,7 @@ class Row:
     formulas: tuple[Formula, ...] = ()
     steps: tuple[Markup, ...] = ()
     is_main: bool = False
+    domain: Markup | str = ""  # of the formulas
 
 
 @dataclass(frozen=True, slots=True)
@@ -514,8 +515,10 @@ def _row(
     found = _common((part.get("verdict"), part.get("verdict_with_time")))
     word = "Yes, with t" if found == YES and part.get("verdict") != "variational" else WORDS[found]
     reason = [Markup.escape(typesetting.capitalized(part["reason"]))] if part.get("reason") else []
-    steps = (*before, *_steps(part, names), *after, *reason, *_checked([part]))
-    return Row(name, hint, found, word, tuple(_formulas(part, result, names)), steps, is_main)
+    domain = _listed((part.get("lagrangian") or {}).get("domain") or (), names)
+    where = [Markup("L is defined where {}.").format(domain)] if domain else []
+    steps = (*before, *where, *_steps(part, names), *after, *reason, *_checked([part]))
+    return Row(name, hint, found, word, tuple(_formulas(part, result, names)), steps, is_main, domain)
 
 
 def _solved(part: Mapping[str, Any], names: Names) -> Markup:
@@ -614,6 +617,8 @@ def _constrained(result: Mapping[str, Any], names: Names, verdict: str, brief: b
         notes.insert(0, Markup("{}.").format(typesetting.capitalized(reason).rstrip(".")))
     if verdict == YES and not shown and not pending:
         notes.append(Markup("None was found in closed form."))
+    if shown and shown.domain:
+        notes.insert(0, Markup("These formulas hold where {}.").format(shown.domain))
     if shown and shown is not main:
         notes.append(Markup("L and H are those of the {} associated system.").format(shown.name.lower()))
     besides = [row.name for row in table if verdict == NO and row.verdict == YES]

@@ -98,6 +98,7 @@ def test_a_glance_ends_with_the_first_l_and_h_and_shows_every_branch() -> None:
 
 def test_l_and_h_of_another_clock_are_not_shown_as_those_of_the_motion() -> None:
     result = copy.deepcopy(dict(solve(PARTICLE)))
+    assert any(words(note).startswith("These formulas hold where") for note in sheets.sheet_of(result).notes)
     for part in (result["any_associated"], *result["nonholonomic"]["associated"]):
         part |= {"lagrangian": None, "hamiltonian": None}
     sheet = sheets.sheet_of(result)
