@@ -159,7 +159,7 @@ class Hub:
     def tell(self, change: model.Change) -> None:
         """A job changed; may be called from any thread."""
         id, what, job = change
-        keys = (id, end_of(id), ANY) if what in ("", *model.FINAL) else (id,)
+        keys = (id, end_of(id), ANY) if what in model.FINAL else (id,)
         if any(key in self._waiting for key in keys):
             self._loop.call_soon_threadsafe(self._set, keys, job)
 

@@ -126,7 +126,7 @@ class Event:
 
 
 class Change(NamedTuple):
-    """The id of a job ("": of several, or of any) and what it is now: a status, "event" for a new one, "" for unknown.
+    """The id of a job ("": of several) and what it is now: a status, or "event" for a new one.
 
     `job` is the one that ended here, with its answer.
     """

@@ -1,15 +1,13 @@
 """The job store in PostgreSQL: several front ends, each with its own supervisor, share one.
 
-Times are those of the database server, whose clock all front ends share.
+Times are those of the database server, whose clock all front ends share. What another front end did is not announced:
+who waits for it looks again (`engine.LOOK_AGAIN`), and so does who runs a job (`supervisor.HEARTBEAT`).
 """
 
 import contextlib
-import logging
 import queue
-import threading
 import time
-import uuid
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from typing import Any, TypeVar
 
 import psycopg
@@ -19,7 +17,6 @@ from inverse_service import errors
 from inverse_service.service.jobs import model, statements
 from inverse_service.service.jobs.store import JobStore
 
-log = logging.getLogger(__name__)
 T = TypeVar("T")
 Row = dict[str, Any]
 Connection = psycopg.Connection[Row]
@@ -34,56 +31,6 @@ USED_BYTES = (
 PART = "SELECT length(body) AS size, substring(body FROM %s::int FOR %s::int) AS part FROM bodies WHERE id = %s"
 # Two front ends that start at the same time create the tables one after the other.
 CREATE_LOCK = 7_204_021_101
-CHANNEL = "inverse_service_changes"
-LOOK = 0.1
-PAUSE = 1.0
-# Above this many changes at once one message says that something changed.
-MOST_NOTICES = 50
-
-
-class Changes:
-    """Tells of what changed in another front end, and the others of what changed here."""
-
-    def __init__(self, address: str, tell: Callable[[Iterable[model.Change]], None]) -> None:
-        self._address, self._tell = address, tell
-        self._origin = uuid.uuid4().hex
-        self._stopping = threading.Event()
-        self._thread = threading.Thread(target=self._listen, name="store-changes", daemon=True)
-        self._thread.start()
-
-    def announce(self, connection: Connection, told: list[model.Change]) -> None:
-        """Tell the others of these jobs, when the transaction is committed."""
-        if told:
-            few = told if len(told) <= MOST_NOTICES else [model.Change("", "")]
-            notices = [f"{self._origin}:{id}:{what}" for id, what, _ in few]
-            connection.execute("SELECT pg_notify(%s, notice) FROM unnest(%s::text[]) AS notice", (CHANNEL, notices))
-
-    def close(self) -> None:
-        """Stop listening."""
-        self._stopping.set()
-        self._thread.join()
-
-    def _listen(self) -> None:
-        while not self._stopping.is_set():
-            try:
-                with contextlib.closing(connect(self._address)) as connection:
-                    self._hear(connection)
-            except psycopg.Error as error:
-                log.warning("news of other front ends are interrupted (%s)", type(error).__name__)
-                self._stopping.wait(PAUSE)
-
-    def _hear(self, connection: Connection) -> None:
-        connection.execute(f"LISTEN {CHANNEL}")
-        self._tell([model.Change("", "")])  # whatever changed while nobody listened
-        while not self._stopping.is_set():
-            for notice in connection.notifies(timeout=LOOK):
-                origin, id, what = notice.payload.split(":")
-                if origin != self._origin:
-                    self._tell([model.Change(id, what)])
-                if self._stopping.is_set():
-                    return
-
-
 MOST = 8
 # A server that is started again is back within this time (s); what waits for it does not fail.
 PATIENCE = 15.0
@@ -141,7 +88,6 @@ class PostgresStore(JobStore):
         for place in [*[None] * (MOST - 1), first]:
             self._places.put(place)
         self._closed = False
-        self._changes = Changes(address, self.tell)
 
     def part(self, id: str, offset: int, size: int) -> tuple[int, bytes]:
         rows = self._rows(PART, offset + 1, size, id)
@@ -157,7 +103,6 @@ class PostgresStore(JobStore):
 
     def close(self) -> None:
         self._closed = True
-        self._changes.close()
         free = list[Connection | None]()
         with contextlib.suppress(queue.Empty):  # those that are out are closed when they come back
             while True:
@@ -175,9 +120,7 @@ class PostgresStore(JobStore):
             with connection.pipeline(), connection.transaction():
                 if not durable:
                     connection.execute("SET LOCAL synchronous_commit TO off")
-                value = change(session)
-                self._changes.announce(connection, session.told)
-            return value, session.told
+                return change(session), session.told
 
         value, told = self._insist(transaction)
         self.tell(told)

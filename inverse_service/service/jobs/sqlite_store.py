@@ -3,99 +3,16 @@
 from __future__ import annotations
 
 import contextlib
-import functools
-import queue
 import sqlite3
 import threading
 import time
 from collections.abc import Callable
-from concurrent.futures import Future
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from inverse_service.service.jobs import model, statements
 from inverse_service.service.jobs.locks import SupervisorLock
 from inverse_service.service.jobs.store import JobStore, writing
-
-MOST_AT_ONCE = 200
-SAVE, UNDO, KEEP = "SAVEPOINT change", "ROLLBACK TO change", "RELEASE change"
-
-
-@dataclass(frozen=True, slots=True)
-class _Change:
-    """A function of the connection, whether it must be on the disk before it counts, and its answer."""
-
-    function: Callable[[sqlite3.Connection], Any]
-    durable: bool
-    answer: Future[Any]
-
-
-class Writer:
-    """Changes that wait at the same time share one commit, and so one fsync: who comes first commits for all."""
-
-    def __init__(self, connection: sqlite3.Connection, durable: bool = True) -> None:
-        self._connection = connection
-        self._durable = durable
-        self._synchronous = ""
-        self._changes: queue.SimpleQueue[_Change] = queue.SimpleQueue()
-        self._closed = False
-        self._lock = threading.Lock()
-
-    def write(self, function: Callable[[sqlite3.Connection], T], durable: bool = True) -> T:
-        """Run it, commit, return its value; its exception where it raises one (nothing is changed then)."""
-        answer: Future[T] = Future()
-        self._changes.put(_Change(function, durable, answer))
-        with self._lock:
-            while not answer.done():
-                if self._closed:
-                    raise sqlite3.ProgrammingError("the store is closed")
-                self._commit([self._changes.get() for _ in range(min(MOST_AT_ONCE, self._changes.qsize()))])
-        return answer.result()
-
-    def close(self) -> None:
-        """Finish what is under way and close the connection."""
-        with self._lock:
-            self._closed = True
-            self._connection.close()
-
-    def _commit(self, changes: list[_Change]) -> None:
-        durable = self._durable and any(change.durable for change in changes)
-        ended: list[tuple[_Change, Any, BaseException | None]] = []
-        try:
-            if (wanted := "FULL" if durable else "NORMAL") != self._synchronous:
-                self._connection.execute(f"PRAGMA synchronous = {wanted}")
-                self._synchronous = wanted
-            self._connection.execute("BEGIN IMMEDIATE")
-            ended = [self._apply(change, len(changes) == 1) for change in changes]
-            self._connection.execute("COMMIT")
-        except BaseException as error:  # disk full, for example: none of them happened
-            with contextlib.suppress(sqlite3.Error):
-                if self._connection.in_transaction:
-                    self._connection.execute("ROLLBACK")
-            ended = [(change, None, error) for change in changes]
-        for change, value, problem in ended:
-            if problem is None:
-                change.answer.set_result(value)
-            else:
-                change.answer.set_exception(problem)
-
-    def _apply(self, change: _Change, is_alone: bool) -> tuple[_Change, Any, Exception | None]:
-        """What a change gives; of several in one transaction, one that fails is undone by itself."""
-        if is_alone:
-            return change, change.function(self._connection), None
-        self._connection.execute(SAVE)
-        value, problem = None, None
-        try:
-            value = change.function(self._connection)
-        except Exception as error:  # handed to the caller, who is in another thread
-            if not self._connection.in_transaction:  # disk full, for example: SQLite undid all of them
-                raise
-            problem = error
-            self._connection.execute(UNDO)
-        self._connection.execute(KEEP)
-        return change, value, problem
-
 
 T = TypeVar("T")
 # Each time another value, or nothing would be written.
@@ -197,7 +114,8 @@ class SqliteStore(JobStore):
         except BaseException:
             self._let_in()
             raise
-        self._writer = Writer(connection, durable)
+        self._connection, self._durable = connection, durable
+        self._turn, self._writing = threading.Lock(), threading.Lock()
         self._local = threading.local()
         self._readers: list[sqlite3.Connection] = []
         self._guard = threading.Lock()
@@ -215,11 +133,11 @@ class SqliteStore(JobStore):
 
     def try_to_write(self) -> None:
         self._reader().execute(f"{statements.SELECT} FROM jobs LIMIT 0")
-        self._writer.write(lambda c: c.execute(PROBE).rowcount)
+        self._write(lambda session: session.run(PROBE))
 
     def prune(self, oldest: float, largest: int) -> int:
         forgotten = super().prune(oldest, largest)
-        while self._writer.write(_give_back, durable=False):
+        while self._write(_give_back, durable=False):
             pass
         return forgotten
 
@@ -236,8 +154,8 @@ class SqliteStore(JobStore):
         return forgotten
 
     def close(self) -> None:
-        self._writer.close()
-        with self._guard:
+        with self._writing, self._guard:
+            self._connection.close()
             for reader in self._readers:
                 reader.close()
             self._readers.clear()
@@ -252,8 +170,16 @@ class SqliteStore(JobStore):
 
     def _write(self, change: Callable[[statements.Session], T], durable: bool = True) -> T:
         told = list[model.Change]()
-        session = functools.partial(statements.Session, told=told, dialect=statements.SQLITE)
-        value = self._writer.write(lambda connection: change(session(connection)), durable)
+        synchronous = "FULL" if durable and self._durable else "NORMAL"
+        with self._turn:  # or one with many changes in a row would go before all others
+            self._writing.acquire()
+        try:
+            self._connection.execute(f"PRAGMA synchronous = {synchronous}")
+            with self._connection:  # committed at the end, undone where anything is raised
+                self._connection.execute("BEGIN IMMEDIATE")
+                value = change(statements.Session(self._connection, told, statements.SQLITE))
+        finally:
+            self._writing.release()
         self.tell(told)
         return value
 
@@ -272,8 +198,9 @@ class SqliteStore(JobStore):
         return found
 
 
-def _give_back(connection: sqlite3.Connection) -> bool:
+def _give_back(session: statements.Session) -> bool:
     """Give some free pages back to the disk; whether many are left."""
+    connection = session.connection
     if _number(connection, "auto_vacuum") == 0:
         return False
     connection.execute(f"PRAGMA incremental_vacuum({PAGES_AT_ONCE})").fetchall()

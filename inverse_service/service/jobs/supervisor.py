@@ -204,7 +204,8 @@ FINISHERS = 4
 TICK = 0.1
 # Events of a job that ends sooner are written with its end.
 WRITE_EVENTS = 0.3
-HEARTBEAT = 5.0
+# So long, at most, a job runs on that another front end, or an operator, dismissed; s.
+HEARTBEAT = 1.0
 LEASE = 30.0
 POLL = 0.5
 # A store that does not answer keeps no service from its end; what it does not hear is run again, s.
@@ -251,7 +252,6 @@ class Supervisor:
         self._ended: queue.SimpleQueue[tuple[model.Job, Outcome] | None] = queue.SimpleQueue()
         self._threads: list[threading.Thread] = []
         self._beaten = time.monotonic()
-        self._doubtful = False
 
     def start(self) -> None:
         """Take back what a dead service left behind, then work."""
@@ -452,39 +452,27 @@ class Supervisor:
                     self._try_short(self._quick)
                 if time.monotonic() - self._beaten > HEARTBEAT:
                     self._beat()
-                elif self._doubtful:
-                    self._keep()
             except (sqlite3.Error, errors.InverseServiceError, OSError):
                 log.exception("the store does not answer")
 
     def _beat(self) -> None:
-        """Keep the claims, and take back those of a front end that is gone."""
+        """Keep the claims, stop what another front end dismissed or took over, take back those of one that is gone."""
         self._beaten = time.monotonic()
-        self._keep()
         self._wake.set()  # an operator's command may have let jobs begin
-        if not self._store.exclusive:
-            self._take_back(LEASE)
-
-    def _keep(self) -> None:
-        """Keep the claims; stop what another front end dismissed or took over."""
-        self._doubtful = False
         with self._lock:
             running = dict(self._running)
-        if not running:
-            return
-        lost = set(self._store.heartbeat(self._owner, list(running)))
+        lost = set(self._store.heartbeat(self._owner, list(running))) if running else set()
         runs = Counter(id for id, _ in running)
         for (id, _), claimed in running.items():
             if id in lost and runs[id] == 1:  # with two, the later run may be ours
                 claimed.task.cancel()
+        if not self._store.exclusive:
+            self._take_back(LEASE)
 
     def _changed(self, change: model.Change) -> None:
-        """Claim what waits now; where another front end may have dismissed a job, look before the next heartbeat."""
-        if change.what in ("accepted", ""):
+        """Claim what waits now."""
+        if change.what == "accepted":
             self._wake.set()
-        if not self._store.exclusive:
-            with self._lock:
-                self._doubtful = self._doubtful or any(id == change.id for id, _ in self._running)
 
     def _take_back(self, lease: float) -> None:
         for job in self._store.recover(None, lease):

@@ -99,11 +99,11 @@ def test_a_result_is_stored_as_the_worker_wrote_it(store: SqliteStore) -> None:
 
 def test_a_new_question_takes_two_commits(store: SqliteStore, monkeypatch: pytest.MonkeyPatch) -> None:
     commits = list[int]()
-    commit = store._writer._commit
+    write = store._write
     heard = list[model.Change]()
     store.on_change(heard.append)
     with supervised(store, Scripted(lambda call: DONE)) as supervisor:
-        monkeypatch.setattr(store._writer, "_commit", lambda changes: (commits.append(len(changes)), commit(changes)))
+        monkeypatch.setattr(store, "_write", lambda *given: (commits.append(1), write(*given))[1])
         jobs = [supervisor.submit(request(str(k)), model.Bounds()) for k in range(3)]
         assert {final(store, job.id).status for job in jobs} == {"successful"}
     assert sum(commits) == 2 * 3, "one when it is accepted and begins, one when it ends"
