@@ -23,7 +23,7 @@ The LaTeX also reads back, except for partial derivatives; long formulas are bro
 
 import re
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import lru_cache
@@ -65,6 +65,9 @@ class Ratio:
         digits = str(self.over * 10**tens // self.under).rjust(tens + 1, "0") if rest == 1 else ""
         decimal = f"{digits[:-tens]}.{digits[-tens:]}"
         return (decimal, "1") if digits and len(decimal) + _MUCH < sum(map(len, plain)) else plain
+
+
+_Side = tuple[str, tuple[ex.Expression, ...]]  # the number and the factors above or below a fraction line
 
 
 @dataclass(slots=True)
@@ -158,15 +161,6 @@ def signed_terms(expression: ex.Expression, within: bool = False) -> list[Ratio]
     return terms
 
 
-def signed(expression: ex.Expression, write: Callable[[Ratio], str], within: bool = False) -> str:
-    """The printed terms, each with a sign except for a nonnegative first term."""
-    pieces: list[str] = []
-    for term in signed_terms(expression, within):
-        sign = " - " if term.negative else " + "
-        pieces += [sign if pieces else sign.strip(" +"), write(term)]
-    return "".join(pieces)
-
-
 def has_plain_arguments(function: ex.Arbitrary) -> bool:
     """Whether the arguments are distinct names, so that diff(B(x, y), x) is unambiguous.
 
@@ -183,77 +177,113 @@ def variables(function: ex.Arbitrary) -> list[ex.Expression]:
     return [argument for argument, order in pairs for _ in range(order)]
 
 
-# Plain text.
+class _Notation:
+    """How a notation writes the parts of a formula. The walk over the tree is the same for all of them.
+
+    Every part is written by a method, the smaller parts inside it by the same notation. The methods here are those of
+    plain text.
+    """
+
+    plus, minus = " + ", " - "
+    times = "*"
+
+    def joined(self, pieces: Sequence[str]) -> str:
+        """The terms of a sum with their signs."""
+        return "".join(pieces)
+
+    def term(self, term: Ratio) -> str:
+        number, divisor = term.numbers
+        if divisor == "1" and not term.denominators:
+            return self.product(number, term.numerators)
+        return self.quotient((number, term.numerators), (divisor, term.denominators))
+
+    def alone(self, coefficient: str, factors: Sequence[ex.Expression]) -> str:
+        """Numerator or denominator: a single sum needs no brackets there."""
+        if coefficient == "1" and len(factors) == 1:
+            return _written(self, factors[0], True)
+        return self.product(coefficient, factors)
+
+    def factor(self, factor: ex.Expression) -> str:
+        match factor:
+            case ex.Power(base, exponent) if exponent != ex.HALF:
+                return self.power(base, exponent)
+        return self.atom(factor)
+
+    def atom(self, tree: ex.Expression) -> str:
+        match tree:
+            case ex.Number(value) if value >= 0 and value.denominator == 1:
+                return self.number(str(value))
+            case ex.Symbol(name):
+                return self.name(name, 0)
+            case ex.Velocity(name):
+                return self.name(name, 1)
+            case ex.Acceleration(name):
+                return self.name(name, 2)
+            case ex.Apply(function, argument):
+                return self.call(function, argument)
+            case ex.Power(base, exponent) if exponent == ex.HALF:
+                return self.root(base)
+            case ex.Arbitrary():
+                return self.arbitrary(tree)
+        return self.brackets(tree)
+
+    def number(self, digits: str) -> str:
+        return digits
+
+    def name(self, name: str, order: int) -> str:
+        return name + "'" * order
+
+    def brackets(self, tree: ex.Expression) -> str:
+        return f"({_written(self, tree, True)})"
+
+    def product(self, coefficient: str, factors: Sequence[ex.Expression]) -> str:
+        first = [self.number(coefficient)] if coefficient != "1" or not factors else []
+        return self.times.join([*first, *map(self.factor, factors)])
+
+    def quotient(self, over: _Side, under: _Side) -> str:
+        below = self.product(*under)
+        alone = len(under[1]) + (under[0] != "1") == 1
+        return f"{self.product(*over)}/{below if alone else f'({below})'}"
+
+    def power(self, base: ex.Expression, exponent: ex.Expression) -> str:
+        plain = isinstance(exponent, ex.Symbol | ex.Number)
+        return f"{self.atom(base)}^{self.atom(exponent) if plain else self.brackets(exponent)}"
+
+    def root(self, base: ex.Expression) -> str:
+        return f"sqrt{self.brackets(base)}"
+
+    def call(self, function: str, argument: ex.Expression) -> str:
+        return f"{function}{self.brackets(argument)}"
+
+    def arguments(self, function: ex.Arbitrary) -> str:
+        return ", ".join(_written(self, argument, True) for argument in function.arguments)
+
+    def arbitrary(self, function: ex.Arbitrary) -> str:
+        name, orders, arguments = function.name, function.orders, self.arguments(function)
+        if len(orders) == 1:
+            return f"{name}{chr(39) * orders[0]}({arguments})"
+        if any(orders) and has_plain_arguments(function):
+            return f"diff({name}({arguments}), {', '.join(map(to_text, variables(function)))})"
+        return f"{name}{f'[{chr(44).join(map(str, orders))}]' * any(orders)}({arguments})"
+
+
 # The same expressions are printed in several places and share many parts.
-@lru_cache(maxsize=2048)
+@lru_cache(maxsize=4096)
+def _written(notation: _Notation, tree: ex.Expression, within: bool) -> str:
+    """The terms, each with a sign except for a nonnegative first term."""
+    pieces: list[str] = []
+    for term in signed_terms(tree, within):
+        sign = notation.minus if term.negative else notation.plus
+        pieces += [sign if pieces else sign.strip() * term.negative, notation.term(term)]
+    return notation.joined(pieces)
+
+
+_TEXT = _Notation()
+
+
 def to_text(expression: ex.Expression, within: bool = False) -> str:
     """The canonical text; deterministic, with only the brackets that the reader needs."""
-    return signed(expression, _text_ratio, within)
-
-
-def _text_ratio(term: Ratio) -> str:
-    number, divisor = term.numbers
-    over = _text_factors(number, term.numerators)
-    if divisor == "1" and not term.denominators:
-        return over
-    under = _text_factors(divisor, term.denominators)
-    alone = len(term.denominators) + (divisor != "1") == 1
-    return f"{over}/{under}" if alone else f"{over}/({under})"
-
-
-def _text_factors(coefficient: str, factors: Sequence[ex.Expression]) -> str:
-    first = [coefficient] if coefficient != "1" or not factors else []
-    return "*".join(first + [_text_factor(factor) for factor in factors])
-
-
-def _text_factor(factor: ex.Expression) -> str:
-    match factor:
-        case ex.Power(base, exponent) if exponent != ex.HALF:
-            return f"{_text_atom(base)}^{_text_exponent(exponent)}"
-        case _:
-            return _text_atom(factor)
-
-
-def _text_exponent(exponent: ex.Expression) -> str:
-    match exponent:
-        case ex.Number(value) if value >= 0 and value.denominator == 1:
-            return str(value)
-        case ex.Symbol(name):
-            return name
-        case _:
-            return f"({to_text(exponent, within=True)})"
-
-
-def _text_atom(expression: ex.Expression) -> str:
-    match expression:
-        case ex.Number(value) if value >= 0 and value.denominator == 1:
-            return str(value)
-        case ex.Symbol(name):
-            return name
-        case ex.Velocity(name):
-            return f"{name}'"
-        case ex.Acceleration(name):
-            return f"{name}''"
-        case ex.Apply(function, argument):
-            return f"{function}({to_text(argument, within=True)})"
-        case ex.Power(base, exponent) if exponent == ex.HALF:
-            return f"sqrt({to_text(base, within=True)})"
-        case ex.Arbitrary():
-            return _text_arbitrary(expression)
-        case _:
-            return f"({to_text(expression, within=True)})"
-
-
-def _text_arbitrary(function: ex.Arbitrary) -> str:
-    arguments = ", ".join(to_text(argument, within=True) for argument in function.arguments)
-    if len(function.orders) == 1:
-        return f"{function.name}{chr(39) * function.orders[0]}({arguments})"
-    if not any(function.orders):
-        return f"{function.name}({arguments})"
-    if has_plain_arguments(function):
-        by = ", ".join(to_text(variable) for variable in variables(function))
-        return f"diff({function.name}({arguments}), {by})"
-    return f"{function.name}[{','.join(map(str, function.orders))}]({arguments})"
+    return _written(_TEXT, expression, within)
 
 
 # LaTeX.
@@ -261,90 +291,74 @@ _WITHOUT_COMMAND = ("omicron", "Alpha", "Beta", "Epsilon", "Zeta", "Eta", "Iota"
 _NO_COMMAND = frozenset((*_WITHOUT_COMMAND, "Rho", "Tau", "Chi"))
 
 
+class _Latex(_Notation):
+    times = " "
+
+    def quotient(self, over: _Side, under: _Side) -> str:
+        return f"\\frac{{{self.alone(*over)}}}{{{self.alone(*under)}}}"
+
+    def product(self, coefficient: str, factors: Sequence[ex.Expression]) -> str:
+        pieces = [coefficient] if coefficient != "1" or not factors else []
+        for before, factor in zip((ex.ONE, *factors), factors, strict=False):
+            piece = self.factor(factor)
+            dot = pieces and (piece[0].isdigit() or _looks_like_a_call(before, piece, factor))
+            pieces.append(f"\\cdot {piece}" if dot else piece)
+        return " ".join(pieces)
+
+    def power(self, base: ex.Expression, exponent: ex.Expression) -> str:
+        raised = f"^{{{_written(self, exponent, True)}}}"
+        match base, exponent:
+            case ex.Apply(function, argument), ex.Number(value) if function != "exp" and value > 0:
+                return f"{_command(function)}{raised}{self.brackets(argument)}"
+            case ex.Apply("exp", argument), _ if not isinstance(argument, ex.Number):
+                return self.brackets(base) + raised
+        return self.atom(base) + raised
+
+    def name(self, name: str, order: int) -> str:
+        return name_latex(name, ("", "dot", "ddot")[order])
+
+    def brackets(self, tree: ex.Expression) -> str:
+        return f"\\left({_written(self, tree, True)}\\right)"
+
+    def root(self, base: ex.Expression) -> str:
+        match base:
+            case ex.Power(inner, exponent) if exponent == ex.TWO:
+                return f"\\left|{_written(self, inner, True)}\\right|"
+        return f"\\sqrt{{{_written(self, base, True)}}}"
+
+    def call(self, function: str, argument: ex.Expression) -> str:
+        if function == "exp" and not isinstance(argument, ex.Number):
+            return f"e^{{{_written(self, argument, True)}}}"
+        return f"{_command(function)}{self.brackets(argument)}"
+
+    def arbitrary(self, function: ex.Arbitrary) -> str:
+        known = function.integrand if isinstance(function, ex.Integral) else None
+        if known and not any(isinstance(node, ex.Apply) for node in ex.walk(known[1])):
+            slope, variable = known
+            inside = self.brackets(slope) if isinstance(slope, ex.Sum) else to_latex(slope)
+            return f"\\left(\\int {inside} \\, d{to_latex(variable)}\\right)"
+        name, orders = name_latex(function.name), function.orders
+        if len(orders) == 1 and orders[0] <= 3:
+            name += "'" * orders[0]
+        elif len(orders) > 1 and any(orders) and has_plain_arguments(function):
+            name = _partial(name, function)
+        elif any(orders):
+            name += f"^{{({','.join(map(str, orders))})}}"
+        return f"{name}\\left({self.arguments(function)}\\right)"
+
+
+_LATEX = _Latex()
+
+
 def to_latex(expression: ex.Expression, within: bool = False) -> str:
     """The formula in LaTeX, without delimiters."""
-    return signed(expression, _latex_ratio, within)
+    return _written(_LATEX, expression, within)
 
 
-def _latex_ratio(term: Ratio) -> str:
-    number, divisor = term.numbers
-    if divisor == "1" and not term.denominators:
-        return _latex_factors(number, term.numerators)
-    return f"\\frac{{{_latex_alone(number, term.numerators)}}}{{{_latex_alone(divisor, term.denominators)}}}"
-
-
-def _latex_alone(coefficient: str, factors: Sequence[ex.Expression]) -> str:
-    """Numerator or denominator: a single sum needs no brackets there."""
-    if coefficient == "1" and len(factors) == 1:
-        return to_latex(factors[0], within=True)
-    return _latex_factors(coefficient, factors)
-
-
-def _latex_factors(coefficient: str, factors: Sequence[ex.Expression]) -> str:
-    pieces = [coefficient] if coefficient != "1" or not factors else []
-    before: ex.Expression | None = None
-    for factor in factors:
-        piece = _latex_factor(factor)
-        if pieces and (piece[0].isdigit() or _looks_like_a_call(before, piece, factor)):
-            piece = "\\cdot " + piece
-        pieces.append(piece)
-        before = factor
-    return " ".join(pieces)
-
-
-def _looks_like_a_call(before: ex.Expression | None, piece: str, factor: ex.Expression) -> bool:
+def _looks_like_a_call(before: ex.Expression, piece: str, factor: ex.Expression) -> bool:
     """Whether the output would be x (t + 1), which could be x at another time."""
-    return (
-        piece.startswith("\\left(")
-        and isinstance(before, ex.Symbol | ex.Velocity | ex.Acceleration)
-        and ex.TIME in ex.walk(factor)
-    )
-
-
-def _latex_factor(factor: ex.Expression) -> str:
-    match factor:
-        case ex.Power(ex.Apply(function, argument), ex.Number(value)) if (
-            function != "exp" and value > 0 and value != ex.HALF.value
-        ):
-            return f"{_command(function)}^{{{to_latex(ex.Number(value))}}}{_latex_brackets(argument)}"
-        case ex.Power(base, exponent) if exponent != ex.HALF:
-            return f"{_latex_atom(base, raised=True)}^{{{to_latex(exponent, within=True)}}}"
-        case _:
-            return _latex_atom(factor)
-
-
-def _latex_atom(expression: ex.Expression, raised: bool = False) -> str:
-    match expression:
-        case ex.Number(value) if value >= 0 and value.denominator == 1:
-            return str(value)
-        case ex.Symbol(name):
-            return name_latex(name)
-        case ex.Velocity(name):
-            return name_latex(name, "dot")
-        case ex.Acceleration(name):
-            return name_latex(name, "ddot")
-        case ex.Apply("exp", argument) if not raised and not isinstance(argument, ex.Number):
-            return f"e^{{{to_latex(argument, within=True)}}}"
-        case ex.Apply(function, argument) if function != "exp" or isinstance(argument, ex.Number):
-            return f"{_command(function)}{_latex_brackets(argument)}"
-        case ex.Power(ex.Power(base, inner), exponent) if (inner, exponent) == (ex.TWO, ex.HALF):
-            return f"\\left|{to_latex(base, within=True)}\\right|"
-        case ex.Power(base, exponent) if exponent == ex.HALF:
-            return f"\\sqrt{{{to_latex(base, within=True)}}}"
-        case ex.Integral() if (known := expression.integrand) and not any(
-            isinstance(n, ex.Apply) for n in ex.walk(known[1])
-        ):
-            slope, variable = known
-            inside = to_latex(slope) if not isinstance(slope, ex.Sum) else _latex_brackets(slope)
-            return f"\\left(\\int {inside} \\, d{to_latex(variable)}\\right)"
-        case ex.Arbitrary():
-            return _latex_arbitrary(expression)
-        case _:
-            return _latex_brackets(expression)
-
-
-def _latex_brackets(expression: ex.Expression) -> str:
-    return f"\\left({to_latex(expression, within=True)}\\right)"
+    moves = isinstance(before, ex.Symbol | ex.Velocity | ex.Acceleration)
+    return moves and piece.startswith("\\left(") and ex.TIME in ex.walk(factor)
 
 
 def _command(function: str) -> str:
@@ -366,20 +380,6 @@ def _word(word: str) -> str:
     if letters.greek_letter(word) and word not in _NO_COMMAND:
         return f"\\{word}"
     return word if len(word) == 1 or word.isdigit() else f"\\mathrm{{{word}}}"
-
-
-def _latex_arbitrary(function: ex.Arbitrary) -> str:
-    arguments = ", ".join(to_latex(argument, within=True) for argument in function.arguments)
-    name, orders = name_latex(function.name), function.orders
-    if not any(orders):
-        return f"{name}\\left({arguments}\\right)"
-    if len(orders) == 1:
-        mark = "'" * orders[0] if orders[0] <= 3 else f"^{{({orders[0]})}}"
-    elif has_plain_arguments(function):
-        return f"{_partial(name, function)}\\left({arguments}\\right)"
-    else:
-        mark = f"^{{({','.join(map(str, orders))})}}"
-    return f"{name}{mark}\\left({arguments}\\right)"
 
 
 def _partial(name: str, function: ex.Arbitrary) -> str:
@@ -576,62 +576,94 @@ def _argument(tokens: Sequence[str], start: int) -> tuple[str, int]:
 
 # MathML.
 _NAMESPACE = "http://www.w3.org/1998/Math/MathML"
-_TIMES = "<mo>&#x2062;</mo>"
+_TIMES, _DOT = "<mo>&#x2062;</mo>", "<mo>&#x22C5;</mo>"
 # The font of the pages already raises and shrinks it: in a superscript it would be too small.
 PRIME = '<mo lspace="0" rspace="0">&#x2032;</mo>'
 _APPLY = "<mo>&#x2061;</mo>"
 _DOTS = ("", "&#x02D9;", "&#x00A8;")
 
 
+class _Mathml(_Notation):
+    plus, minus = "<mo>+</mo>", "<mo>&#x2212;</mo>"
+
+    def joined(self, pieces: Sequence[str]) -> str:
+        return f"<mrow>{''.join(pieces)}</mrow>"
+
+    def quotient(self, over: _Side, under: _Side) -> str:
+        return f"<mfrac>{self.alone(*over)}{self.alone(*under)}</mfrac>"
+
+    def alone(self, coefficient: str, factors: Sequence[ex.Expression]) -> str:
+        single = coefficient == "1" and len(factors) == 1
+        return super().alone(coefficient, factors) if single else f"<mrow>{self.product(coefficient, factors)}</mrow>"
+
+    def product(self, coefficient: str, factors: Sequence[ex.Expression]) -> str:
+        pieces = [self.number(coefficient)] if coefficient != "1" or not factors else []
+        for factor in map(self.factor, factors):
+            digit = factor.startswith(("<mn>", "<msup><mn>"))
+            pieces += [_DOT if digit else _TIMES, factor] if pieces else [factor]
+        return "".join(pieces)
+
+    def power(self, base: ex.Expression, exponent: ex.Expression) -> str:
+        return _raised(self.brackets(base) if ex.is_exponential(base) else self.atom(base), self.exponent(exponent))
+
+    def exponent(self, tree: ex.Expression) -> str:
+        """t/10 on one line, because a fraction in an exponent is too small to read."""
+        term, *further = signed_terms(tree, within=True)
+        simple = all(isinstance(part, ex.Symbol | ex.Velocity) for part in (*term.numerators, *term.denominators))
+        number, divisor = term.numbers
+        if further or not simple or (divisor != "1") + len(term.denominators) != 1:
+            return _written(self, tree, True)
+        over, under = self.product(number, term.numerators), self.product(divisor, term.denominators)
+        return f'<mrow>{self.minus * term.negative}{over}<mo lspace="0" rspace="0">/</mo>{under}</mrow>'
+
+    def number(self, digits: str) -> str:
+        return f"<mn>{digits}</mn>"
+
+    def name(self, name: str, order: int) -> str:
+        parts = letters.written(name)
+        body = _identifier(parts.body)
+        if order:
+            body = f'<mover accent="true">{body}<mo>{_DOTS[order]}</mo></mover>'
+        words = [self.number(word) if word.isdigit() else _identifier(word) for word in parts.subscript]
+        return f"<msub>{body}<mrow>{'<mo>,</mo>'.join(words)}</mrow></msub>" if words else body
+
+    def brackets(self, tree: ex.Expression) -> str:
+        return f"<mrow><mo>(</mo>{_written(self, tree, True)}<mo>)</mo></mrow>"
+
+    def root(self, base: ex.Expression) -> str:
+        match base:
+            case ex.Power(inner, exponent) if exponent == ex.TWO:
+                return f"<mrow><mo>|</mo>{_written(self, inner, True)}<mo>|</mo></mrow>"
+        return f"<msqrt>{_written(self, base, True)}</msqrt>"
+
+    def call(self, function: str, argument: ex.Expression) -> str:
+        if function == "exp":
+            return f"<msup><mi>e</mi>{self.exponent(argument)}</msup>"
+        row = functions.FUNCTION.get(function)
+        name = escape((row.shown if row else "") or function)
+        return f"<mrow><mi>{name}</mi>{_APPLY}{self.brackets(argument)}</mrow>"
+
+    def arbitrary(self, function: ex.Arbitrary) -> str:
+        """The function with primes, or with the orders (1,0) above where it has several arguments."""
+        name, orders = self.name(function.name, 0), function.orders
+        if any(orders):
+            above = f"<mo>({','.join(map(str, orders))})</mo>"
+            one = len(orders) == 1
+            name = f"<mrow>{name}{PRIME * orders[0]}</mrow>" if one else f"<msup>{name}{above}</msup>"
+        arguments = "<mo>,</mo>".join(_written(self, argument, True) for argument in function.arguments)
+        return f"<mrow>{name}{_APPLY}<mo>(</mo>{arguments}<mo>)</mo></mrow>"
+
+
+_MATHML = _Mathml()
+
+
 def to_mathml(expression: ex.Expression) -> str:
     """A complete <math> element; all text in it is escaped."""
-    return f'<math xmlns="{_NAMESPACE}">{_row(expression, within=False)}</math>'
+    return f'<math xmlns="{_NAMESPACE}">{_written(_MATHML, expression, False)}</math>'
 
 
-def _row(expression: ex.Expression, within: bool = True) -> str:
-    pieces: list[str] = []
-    for term in signed_terms(expression, within):
-        if pieces or term.negative:
-            pieces.append("<mo>&#x2212;</mo>" if term.negative else "<mo>+</mo>")
-        pieces.append(_mathml_ratio(term))
-    return f"<mrow>{''.join(pieces)}</mrow>"
-
-
-def _mathml_ratio(term: Ratio) -> str:
-    number, divisor = term.numbers
-    if divisor == "1" and not term.denominators:
-        return _mathml_factors(number, term.numerators)
-    return f"<mfrac>{_mathml_alone(number, term.numerators)}{_mathml_alone(divisor, term.denominators)}</mfrac>"
-
-
-def _mathml_alone(coefficient: str, factors: Sequence[ex.Expression]) -> str:
-    if coefficient == "1" and len(factors) == 1:
-        return _row(factors[0])
-    return f"<mrow>{_mathml_factors(coefficient, factors)}</mrow>"
-
-
-def _mathml_factors(coefficient: str, factors: Sequence[ex.Expression]) -> str:
-    pieces = [f"<mn>{coefficient}</mn>"] if coefficient != "1" or not factors else []
-    pieces += [_mathml_factor(factor) for factor in factors]
-    joined = pieces[0]
-    for piece in pieces[1:]:
-        joined += ("<mo>&#x22C5;</mo>" if _begins_with_digit(piece) else _TIMES) + piece
-    return joined
-
-
-def _begins_with_digit(piece: str) -> bool:
-    return piece.startswith(("<mn>", "<msup><mn>"))
-
-
-def _mathml_factor(factor: ex.Expression) -> str:
-    match factor:
-        case ex.Power(base, exponent) if exponent != ex.HALF:
-            inner = (
-                _mathml_brackets(base) if isinstance(base, ex.Apply) and base.function == "exp" else _mathml_atom(base)
-            )
-            return _raised(inner, _mathml_exponent(exponent))
-        case _:
-            return _mathml_atom(factor)
+def _identifier(word: str) -> str:
+    return f"<mi>{escape(letters.greek_letter(word) or word)}</mi>"
 
 
 def _raised(base: str, exponent: str) -> str:
@@ -640,70 +672,3 @@ def _raised(base: str, exponent: str) -> str:
     if base.startswith("<msub>"):
         return f"<msubsup>{low.removeprefix('<msub>').removesuffix('</msub>')}{exponent}</msubsup>"
     return f"<msup>{low if base.startswith('<mover ') else base}{exponent}</msup>"
-
-
-def _mathml_exponent(expression: ex.Expression) -> str:
-    """t/10 on one line, because a fraction in an exponent is too small to read."""
-    term, *further = signed_terms(expression, within=True)
-    simple = all(isinstance(part, ex.Symbol | ex.Velocity) for part in (*term.numerators, *term.denominators))
-    number, divisor = term.numbers
-    if further or not simple or (divisor != "1") + len(term.denominators) != 1:
-        return _row(expression)
-    sign = "<mo>&#x2212;</mo>" if term.negative else ""
-    over, under = _mathml_factors(number, term.numerators), _mathml_factors(divisor, term.denominators)
-    return f'<mrow>{sign}{over}<mo lspace="0" rspace="0">/</mo>{under}</mrow>'
-
-
-def _mathml_atom(expression: ex.Expression) -> str:
-    match expression:
-        case ex.Number(value) if value >= 0 and value.denominator == 1:
-            return f"<mn>{value}</mn>"
-        case ex.Symbol(name):
-            return _name(name, 0)
-        case ex.Velocity(name):
-            return _name(name, 1)
-        case ex.Acceleration(name):
-            return _name(name, 2)
-        case ex.Apply("exp", argument):
-            return f"<msup><mi>e</mi>{_mathml_exponent(argument)}</msup>"
-        case ex.Apply(function, argument):
-            row = functions.FUNCTION.get(function)
-            name = escape((row.shown if row else "") or function)
-            return f"<mrow><mi>{name}</mi>{_APPLY}{_mathml_brackets(argument)}</mrow>"
-        case ex.Power(ex.Power(base, inner), exponent) if (inner, exponent) == (ex.TWO, ex.HALF):
-            return f"<mrow><mo>|</mo>{_row(base)}<mo>|</mo></mrow>"
-        case ex.Power(base, exponent) if exponent == ex.HALF:
-            return f"<msqrt>{_row(base)}</msqrt>"
-        case ex.Arbitrary():
-            return _mathml_arbitrary(expression)
-        case _:
-            return _mathml_brackets(expression)
-
-
-def _mathml_brackets(expression: ex.Expression) -> str:
-    return f"<mrow><mo>(</mo>{_row(expression)}<mo>)</mo></mrow>"
-
-
-def _name(name: str, order: int) -> str:
-    parts = letters.written(name)
-    body = f"<mi>{escape(letters.greek_letter(parts.body) or parts.body)}</mi>"
-    if order:
-        body = f'<mover accent="true">{body}<mo>{_DOTS[order]}</mo></mover>'
-    if not parts.subscript:
-        return body
-    words = [f"<mn>{word}</mn>" if word.isdigit() else f"<mi>{_escaped(word)}</mi>" for word in parts.subscript]
-    return f"<msub>{body}<mrow>{'<mo>,</mo>'.join(words)}</mrow></msub>"
-
-
-def _escaped(word: str) -> str:
-    return escape(letters.greek_letter(word) or word)
-
-
-def _mathml_arbitrary(function: ex.Arbitrary) -> str:
-    """The function with primes, or with the orders (1,0) above where it has several arguments."""
-    name, orders = _name(function.name, 0), function.orders
-    if any(orders):
-        above = f"({','.join(map(str, orders))})"
-        name = f"<mrow>{name}{PRIME * orders[0]}</mrow>" if len(orders) == 1 else f"<msup>{name}<mo>{above}</mo></msup>"
-    arguments = "<mo>,</mo>".join(_row(argument) for argument in function.arguments)
-    return f"<mrow>{name}{_APPLY}<mo>(</mo>{arguments}<mo>)</mo></mrow>"
