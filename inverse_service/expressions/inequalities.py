@@ -5,7 +5,6 @@ What follows is deduced in one place, the cells of the checker; here trees are h
 
 import random
 from collections.abc import Iterable
-from fractions import Fraction
 from functools import lru_cache
 from time import thread_time
 
@@ -88,8 +87,8 @@ def _sides(tree: ex.Expression) -> tuple[ex.Expression, ex.Expression, bool]:
     varying = [term for term in terms if not _is_number(term)]
     if len(varying) == 1:
         return _bound(varying[0], ex.add(*(term for term in terms if _is_number(term))))
-    above = [term for term in terms if _coefficient(term) > 0]
-    below = [-term for term in terms if _coefficient(term) < 0]
+    above = [term for term in terms if ex.coefficient(term) > 0]
+    below = [-term for term in terms if ex.coefficient(term) < 0]
     if not above or all(map(_is_number, above)):
         return ex.add(*below), ex.add(*above), False
     return (ex.add(*above), ex.add(*below), True) if min(len(above), len(below)) < 2 else (tree, ex.ZERO, True)
@@ -97,18 +96,13 @@ def _sides(tree: ex.Expression) -> tuple[ex.Expression, ex.Expression, bool]:
 
 def _bound(term: ex.Expression, rest: ex.Expression) -> tuple[ex.Expression, ex.Expression, bool]:
     """c u + rest > 0 solved for u."""
-    coefficient = _coefficient(term)
+    coefficient = ex.coefficient(term)
     parts = rest.terms if isinstance(rest, ex.Sum) else (rest,)
     return (
         1 / coefficient * term,
         ex.add(*(-1 / coefficient * part for part in parts)),
         coefficient > 0,
     )
-
-
-def _coefficient(term: ex.Expression) -> Fraction:
-    parts = getattr(term, "factors", (term,))
-    return parts[0].value if isinstance(parts[0], ex.Number) else Fraction(1)
 
 
 def _is_number(term: ex.Expression) -> bool:

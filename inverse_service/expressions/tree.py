@@ -315,6 +315,12 @@ def factors_of(tree: Expression) -> tuple[Expression, ...]:
     return tree.factors if isinstance(tree, Product) else (tree,)
 
 
+def coefficient(term: Expression) -> Fraction:
+    """The number in front of a term, 1 if there is none."""
+    first = term.factors[0] if isinstance(term, Product) else term
+    return first.value if isinstance(first, Number) else Fraction(1)
+
+
 def powers_of(tree: Expression) -> list[tuple[Expression, Fraction]]:
     """(base, exponent) of each factor; a power with a symbolic exponent is a base with exponent 1, as is exp(u)."""
     return [

@@ -1,5 +1,6 @@
 """Functions written for people: one term for each product of velocities, tan for sin/cos, sums put together."""
 
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from fractions import Fraction
 from functools import lru_cache
@@ -127,3 +128,98 @@ def tidied(tree: ex.Expression) -> ex.Expression:
         return readable(ring, ring.value(tree))
     except (exact_field.TooLarge, ZeroDivisionError):
         return tree
+
+
+# Signs and numbers of a finished formula.
+
+
+def minus_inside(tree: ex.Expression) -> ex.Expression:
+    """Each term -(a - 1) c of a sum as (1 - a) c, -c/(a - 1) as c/(1 - a); likewise for numbers other than 1."""
+    if isinstance(tree, ex.Sum):
+        return ex.add(*map(minus_inside, tree.terms))
+    match tree:
+        case ex.Product((ex.Number(value), *factors)) if value < 0:
+            for place, factor in enumerate(factors):
+                base, exponent = (factor.base, factor.exponent) if isinstance(factor, ex.Power) else (factor, ex.ONE)
+                if not isinstance(base, ex.Sum) or not (_is_difference(base) or _is_mostly_negative(base)):
+                    continue
+                if isinstance(exponent, ex.Number) and exponent.value % 2 == 1:
+                    turned = ex.add(*map(ex.negate, base.terms[::-1])) ** exponent
+                    return ex.multiply(ex.number(-value), *factors[:place], turned, *factors[place + 1 :])
+    return tree
+
+
+def roots_upright(tree: ex.Expression) -> ex.Expression:
+    """1/sqrt(-a/(b - c)) as sqrt((c - b)/a): no quotient whose denominator is a sum under a root in a denominator."""
+    tree = ex.rebuild(tree, roots_upright)
+    match tree:
+        case ex.Power(base, ex.Number(e)) if e < 0 and e.denominator > 1:
+            powers = ex.powers_of(base)
+            if any(isinstance(part, ex.Sum) and k == -1 for part, k in powers):
+                negative = any(isinstance(part, ex.Number) and part.value < 0 for part, _ in powers)
+                parts = [part if k == -1 else part**-k for part, k in powers]
+                if negative:
+                    place = next(n for n, (part, k) in enumerate(powers) if isinstance(part, ex.Sum) and k == -1)
+                    parts = [ex.negated(part) if n == place else part for n, part in enumerate(parts)]
+                    parts.append(ex.number(-1))
+                return ex.multiply(*parts) ** -e
+    return tree
+
+
+def numbers_outside(tree: ex.Expression) -> ex.Expression:
+    """(x^2/2 + 3 y^2/2)/z as (x^2 + 3 y^2)/(2 z): no denominator or minus in a bracket that all of its terms have."""
+    tree = ex.rebuild(tree, numbers_outside)
+    if not isinstance(tree, ex.Product):
+        return tree
+    shares = [_common_denominator(factor) for factor in tree.factors]
+    whole = [
+        ex.add(*(d * term for term in f.terms)) if isinstance(f, ex.Sum) else f
+        for f, d in zip(tree.factors, shares, strict=True)
+    ]
+    return ex.multiply(ex.number(Fraction(1, math.prod(shares))), *whole)
+
+
+def plain_quotients(tree: ex.Expression) -> ex.Expression:
+    """18 (c u v - u^2/3 - v^2/3)/(c^2 - 16) as 6 (u^2 + v^2 - 3 c u v)/(16 - c^2).
+
+    Fractions in brackets that the number in front takes away, and minus signs of two brackets at once.
+    """
+    tree = ex.rebuild(tree, plain_quotients)
+    if not isinstance(tree, ex.Product):
+        return tree
+    number = ex.coefficient(tree)
+    powers = ex.powers_of(ex.multiply(*tree.factors[isinstance(tree.factors[0], ex.Number) :]))
+    sums = {k: base.terms for k, (base, e) in enumerate(powers) if isinstance(base, ex.Sum) and e % 2 == 1}
+    surplus = {k: 2 * sum(map(is_negative, terms)) - len(terms) for k, terms in sums.items()}
+    ordered = iter(sorted(sums, key=lambda k: -surplus[k]))
+    for one, other in zip(ordered, ordered, strict=False):
+        if surplus[one] + surplus[other] > 0:
+            sums |= {k: tuple(map(ex.negate, sums[k][::-1])) for k in (one, other)}
+    for k, terms in sums.items():
+        share = math.lcm(*(ex.coefficient(term).denominator for term in terms)) if powers[k][1] == 1 else 1
+        share = share if number.numerator % share == 0 else 1
+        number /= share
+        powers[k] = ex.add(*(share * term for term in terms)), powers[k][1]
+    return ex.multiply(ex.number(number), *(base**e for base, e in powers))
+
+
+def _common_denominator(tree: ex.Expression) -> int:
+    """The denominator of the coefficients of a sum if all share it, else 1; negative if all coefficients are."""
+    found = [ex.coefficient(term) for term in tree.terms] if isinstance(tree, ex.Sum) else [Fraction(1)]
+    sign = -1 if all(value < 0 for value in found) else 1
+    return sign * found[0].denominator if len({value.denominator for value in found}) == 1 else sign
+
+
+def _is_difference(tree: ex.Sum) -> bool:
+    """Whether it has two terms of opposite sign, one of them a number."""
+    signs = {is_negative(term) for term in tree.terms}
+    return len(tree.terms) == len(signs) == 2 and any(isinstance(term, ex.Number) for term in tree.terms)
+
+
+def _is_mostly_negative(tree: ex.Sum) -> bool:
+    """Whether it has more minus signs than plus signs."""
+    return 2 * sum(map(is_negative, tree.terms)) > len(tree.terms)
+
+
+def is_negative(term: ex.Expression) -> bool:
+    return ex.coefficient(term) < 0

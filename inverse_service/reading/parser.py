@@ -54,15 +54,10 @@ def _too_long(column: int) -> errors.InputError:
 
 def product(factors: Sequence[ex.Expression], column: int) -> ex.Expression:
     """The product; LimitError where its coefficient would be too long."""
-    _check_bits(sum(_bits(_coefficient(factor)) for factor in factors), column)
+    _check_bits(sum(_bits(ex.coefficient(factor)) for factor in factors), column)
     result = ex.multiply(*factors)
-    _check_number(_coefficient(result), column)
+    _check_number(ex.coefficient(result), column)
     return result
-
-
-def _coefficient(expression: ex.Expression) -> Fraction:
-    first = expression.factors[0] if isinstance(expression, ex.Product) else expression
-    return first.value if isinstance(first, ex.Number) else Fraction(1)
 
 
 def sum_of(terms: Sequence[ex.Expression], column: int) -> ex.Expression:
@@ -95,7 +90,7 @@ def raised(base: ex.Expression, exponent: ex.Expression, column: int) -> ex.Expr
         if isinstance(base, ex.Number):
             _check_numbers(base.value, exponent.value, column)
     result = base**exponent
-    _check_number(_coefficient(result), column)
+    _check_number(ex.coefficient(result), column)
     if isinstance(result, ex.Power) and isinstance(result.exponent, ex.Number):
         _check_exponent(result.exponent.value, column)
     return result

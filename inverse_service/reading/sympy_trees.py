@@ -1,16 +1,13 @@
 """Convert between SymPy expressions and our trees, node by node."""
 
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import suppress
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import partial, reduce
+from functools import reduce
 from typing import Any
 
 import sympy
 from sympy.core.function import AppliedUndef
-from sympy.integrals.heurisch import heurisch
-from sympy.simplify.fu import TR8
 
 from inverse_service import errors
 from inverse_service.expressions import functions, tree as ex
@@ -152,32 +149,3 @@ def _arbitrary(applied: Any, orders: list[int], arguments: Any, leaves: Leaves) 
     if name is None:
         raise _refused(f"the function {applied} occurs", "give the coordinates, and functions of them")
     return ex.Arbitrary(name, tuple(from_sympy(argument, leaves) for argument in arguments), tuple(orders))
-
-
-def elementary_antiderivatives(
-    slope: ex.Expression, variable: ex.Symbol, signs: Mapping[ex.Symbol, int]
-) -> Iterator[ex.Expression]:
-    """Elementary candidates from SymPy for the integral of a formula in real symbols with these signs.
-
-    They are not verified: the first case of a piecewise integral is taken, and `floor` is replaced by 0.
-    """
-    symbols = {
-        name: sympy.Symbol(name.name, **{"positive" if sign > 0 else "negative": True}) for name, sign in signs.items()
-    }
-    symbols[variable] = x = sympy.Symbol(variable.name, real=True)
-    leaves = Leaves({each: name for name, each in symbols.items()}, {})
-    given = to_sympy(slope, lambda node: symbols[node])  # type: ignore[index]
-    logarithms = {
-        each: sympy.log(each.args[0] + sympy.sqrt(each.args[0] ** 2 - 1)) for each in given.atoms(sympy.acosh)
-    }
-    plain = given.xreplace(logarithms).rewrite((sympy.sinh, sympy.cosh, sympy.tanh), sympy.exp)
-    circular = plain.atoms(sympy.sin, sympy.cos)
-    sums = [TR8(plain)] if len({each.args for each in circular}) > 1 else []  # of products of sines
-    for integrate in (partial(sympy.integrate, meijerg=False), heurisch):
-        for formula in dict.fromkeys((*sums, plain, given)):
-            with suppress(Exception):  # SymPy's are of all kinds
-                found = integrate(formula, x)
-                if found is not None and not found.has(sympy.Integral, sympy.I):
-                    found = found.xreplace({long: u for u, long in logarithms.items()})
-                    found = found.replace(sympy.floor, lambda _: sympy.S.Zero)
-                    yield from_sympy(found.replace(sympy.Piecewise, lambda first, *_: first[0]), leaves)

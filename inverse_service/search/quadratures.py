@@ -488,7 +488,7 @@ def _by_sympy(slope: ex.Expression, variable: ex.Symbol, table: real_point.RealT
     high = any(isinstance(node, ex.Number) and abs(node.value) > _HIGHEST for node in nodes)
     if high or len(nodes) > bounds.NODES or any(isinstance(node, ex.Arbitrary | ex.Velocity) for node in nodes):
         return None
-    from inverse_service.reading.sympy_trees import elementary_antiderivatives
+    from inverse_service.search.sympy_integrals import elementary_antiderivatives
 
     signs = {node: 1 if table[node] > 0 else -1 for node in nodes if isinstance(node, ex.Symbol)}
     question, most = (slope, frozenset(signs.items())), deadline.end() - deadline.now()

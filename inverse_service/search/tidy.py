@@ -87,7 +87,7 @@ def tidied(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
     while (shorter := _shortest(tree, system)) != tree:
         tree = shorter
     tree = _with_squares_inside(system, tree)
-    tree = collecting.numbers_outside(collecting.minus_inside(_as_written(writing.joined(tree), system)))
+    tree = writing.numbers_outside(writing.minus_inside(_as_written(writing.joined(tree), system)))
     return _grouped_alike(kinetic_first(tree))
 
 
@@ -337,7 +337,7 @@ def _has_one_sign(tree: ex.Expression, form: ex.Expression) -> bool:
     """
     terms = list(form.terms) if isinstance(form, ex.Sum) else [form]
     new = [term for term in terms if not isinstance(tree, ex.Sum) or term not in tree.terms]
-    return len({collecting.is_negative(term) for term in new}) <= 1
+    return len({writing.is_negative(term) for term in new}) <= 1
 
 
 @lru_cache(maxsize=1024)

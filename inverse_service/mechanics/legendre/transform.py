@@ -222,15 +222,15 @@ def _closed(
         rates.update(zip(block.names, (_placed(v, table) for v in found.branch.velocities), strict=True))
     chained = tuple(rates[name] for name in names)
     energies = [
-        collecting.minus_inside(short_forms.exponentials_above(_placed(found.branch.hamiltonian, table)))
+        writing.minus_inside(short_forms.exponentials_above(_placed(found.branch.hamiltonian, table)))
         for found in chosen
     ]
     plain = ex.add(*energies, ex.negated(parts.free))
     short = short_forms.inside(short_forms.shortest([plain, collecting.collect(plain)]))
-    whole = collecting.roots_upright(writing.joined(short_forms.without_cancelling(short)))
+    whole = writing.roots_upright(writing.joined(short_forms.without_cancelling(short)))
     return replace(
         implicit,
-        hamiltonian=collecting.plain_quotients(quadratic_forms.shortest_form(whole, implicit.symbols)),
+        hamiltonian=writing.plain_quotients(quadratic_forms.shortest_form(whole, implicit.symbols)),
         velocities=tuple(
             writing.joined(collecting.merge_powers(velocity)) for velocity in blocks.resolved(chained, names)
         ),

@@ -8,7 +8,7 @@ from inverse_service import __version__, errors
 from inverse_service.expressions import notation, printing
 from inverse_service.reading import reader
 from inverse_service.reading.names import Names
-from inverse_service.service.documents import text_page
+from inverse_service.service.documents import latex_lines, text_page
 
 SIGNS = {"!=": r" \neq ", ">=": r" \geq ", "<=": r" \leq "}
 IN_A_SENTENCE = 150.0  # points of a formula in a line of text
@@ -85,7 +85,7 @@ def escaped(text: str) -> str:
 
 def display(formula: str) -> str:
     """A displayed formula; a long one is on several lines."""
-    lines = printing.lines_of_latex(formula)
+    lines = latex_lines.lines_of_latex(formula)
     if len(lines) == 1:
         return f"\\[ {formula} \\]"
     broken = r" \\ & \quad ".join(lines)
@@ -132,4 +132,4 @@ def names_of(system: Mapping[str, Any] | None) -> Names:
 
 def _formula(formula: str) -> str:
     """A formula in a sentence; one that is wider than a line is displayed."""
-    return f"${formula}$" if len(printing.lines_of_latex(formula, IN_A_SENTENCE)) == 1 else display(formula)
+    return f"${formula}$" if len(latex_lines.lines_of_latex(formula, IN_A_SENTENCE)) == 1 else display(formula)
