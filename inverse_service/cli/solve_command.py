@@ -5,7 +5,7 @@ import json
 import re
 import sys
 import time as clocks
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
@@ -21,6 +21,7 @@ from inverse_service.service.jobs import model, tasks, warming, workers
 from inverse_service.settings import read_settings
 
 STAGE_WIDTH, LINE_WIDTH = 78, 118
+LINES_AFTER = 1.0  # seconds
 _CALLED = re.compile(r"[\s\[({]*(?:Eq|Equal|Equality|Derivative)\s*[\[(]")  # SymPy's and Mathematica's equations
 PROOFS = ("coq", "identities")
 # How `solve` writes its result.
@@ -71,7 +72,10 @@ def solve(
     functions: Annotated[str | None, typer.Option(help='Arbitrary functions: "V(x,y), f(t)".')] = None,
     coordinates: Annotated[str | None, typer.Option(help="The coordinates, in their order: x,y.")] = None,
     time: Annotated[str | None, typer.Option(help="The name of the independent variable, such as x.")] = None,
-    progress: Annotated[bool, typer.Option("--progress", help="A line for each part as it is finished.")] = False,
+    progress: Annotated[
+        bool | None,
+        typer.Option(help="A line for each part as it is finished; the default on a terminal, after a second."),
+    ] = None,
 ) -> cli.ExitCode:
     """Solve one system. Exit 0 definite verdict, 1 undetermined, 2 invalid input, 3 internal error."""
     named = {"parameters": parameters, "functions": functions, "coordinates": coordinates, "time": time}
@@ -193,7 +197,7 @@ def _is_file(name: str) -> bool:
         return False
 
 
-def _solve(document: Any, options: SolveOptions, memory_limit: int, progress: bool) -> dict[str, Any]:
+def _solve(document: Any, options: SolveOptions, memory_limit: int, progress: bool | None) -> dict[str, Any]:
     """The result, or what is finished of it where a limit ended the process."""
     shown = _Shown(progress, sys.stderr.isatty())
     outcome = workers.run_alone(tasks.solve_task, (document, options), options.time_limit, memory_limit, shown.report)
@@ -211,11 +215,17 @@ def _solve(document: Any, options: SolveOptions, memory_limit: int, progress: bo
 
 
 class _Shown:
-    """Report progress on standard error: the stage on the last line of a terminal, a line for each part."""
+    """Report progress on standard error: the stage on the last line of a terminal, a line for each part.
 
-    def __init__(self, parts: bool, stages: bool) -> None:
-        self._parts, self._stages = parts, stages
-        self._began, self._told = clocks.monotonic(), set[str]()
+    On a terminal (`stages`) the lines begin after LINES_AFTER seconds, unless `parts` says otherwise: a quick answer
+    stands alone.
+    """
+
+    def __init__(self, parts: bool | None, stages: bool) -> None:
+        self._parts, self._stages = stages if parts is None else parts, stages
+        self._from = LINES_AFTER if parts is None else 0.0
+        self._began = clocks.monotonic()
+        self._finished, self._told = dict[str, None](), set[str]()
         self.so_far: dict[str, Any] | None = None
 
     def report(self, value: Any) -> None:
@@ -223,27 +233,35 @@ class _Shown:
         if isinstance(value, str):
             if self._stages:
                 show_stage(value)
+            self._say()
             return
         before = {} if self.so_far is None else self.so_far["so_far"]
         self.so_far = {"so_far": before | value["value"], "seconds": value["seconds"]}
-        self._say(value["parts"], self.so_far["so_far"])
+        self._finished |= dict.fromkeys(value["parts"])
+        self._say()
 
     def rest(self, result: Mapping[str, Any]) -> None:
         """The parts that came with the end."""
         missing = {entry["part"] for entry in result.get("incomplete", ())}
-        self._say([part for part in summaries(result) if part not in missing], result)
+        self.so_far = {"so_far": result}
+        self._finished |= dict.fromkeys(part for part in summaries(result) if part not in missing)
+        if self._told or not self._from:
+            self._say()
 
     def clear(self) -> None:
         """No stage is left on the terminal."""
         if self._stages:
             show_stage("")
 
-    def _say(self, parts: Iterable[str], found: Mapping[str, Any]) -> None:
-        for part in (part for part in parts if self._parts and part not in self._told):
+    def _say(self) -> None:
+        taken = clocks.monotonic() - self._began
+        if not self._parts or taken < self._from or self.so_far is None:
+            return
+        texts = summaries(self.so_far["so_far"])
+        for part in (part for part in self._finished if part in texts and part not in self._told):
             self._told.add(part)
             self.clear()
-            text = summaries(found).get(part, "")
-            line = f"{clocks.monotonic() - self._began:7.2f} s  {part.replace('_', ' ')}{': ' if text else ''}{text}"
+            line = f"{taken:7.2f} s  {part.replace('_', ' ')}: {texts[part]}"
             print(line if len(line) <= LINE_WIDTH else f"{line[: LINE_WIDTH - 3]}...", file=sys.stderr, flush=True)
 
 
@@ -263,9 +281,10 @@ def summaries(result: Mapping[str, Any]) -> dict[str, str]:
         "reduced": reduced.get("verdict"),
         "clock": clock.get("verdict"),
         "kinds": ", ".join(f"{name} {part['verdict']}" for name, part in (result.get("kinds") or {}).items()) or None,
+        "first_integrals": ", ".join(one["name"] for one in result.get("first_integrals") or ()) or None,
         "explanation": f"{len(result['explanation'])} steps" if result.get("explanation") else None,
     }
-    return {part: text.replace("_", " ") for part, text in texts.items() if text}
+    return {part: text.replace("not_variational", "not variational") for part, text in texts.items() if text}
 
 
 def show_stage(text: str) -> None:

@@ -60,3 +60,15 @@ def test_a_new_machine_compiles_before_the_clock_starts_and_says_so(tmp_path: Pa
     assert (first.returncode, "Lagrangian" in first.stdout) == (0, True), first.stdout
     second = shell(f"{COMMAND} solve sho --time-limit 2 --format text", INVERSE_SERVICE_CACHE=cache)
     assert (second.returncode, second.stderr) == (0, "")
+
+
+@pytest.mark.slow
+def test_a_terminal_shows_each_part_of_a_slow_answer_as_it_comes() -> None:
+    spawn = f'{sys.executable} -c "import pty, sys; pty.spawn(sys.argv[1:])"'
+    run = shell(f"{spawn} {COMMAND} solve {Path(__file__).parents[2]}/docs/questions/robot-second.json --format text")
+    shown = (
+        run.stdout.index("motion: found"),
+        run.stdout.index("any associated: variational"),
+        run.stdout.index("Nonholonomic motion:"),
+    )
+    assert sorted(shown) == list(shown)
