@@ -40,6 +40,7 @@ _SUBJECT_TO = re.compile(
 _LABEL = re.compile(
     r"(?:^|(?<=[;\n]))[ \t]*(?:[A-Z][\w -]{2,40}[\w]|[Ee]q(?:uation|\.)?\s*\(?[\d.]+[a-z]?\)?)\s*:(?![=:])"
 )
+_INDEX_AFTER_PRIMES = re.compile(r"(?<=[^\W\d_])(['\u2032\u2033\u2019]+)(_(?:\{\d+\}|\d+(?!\w)))")  # q''_1
 _ACCELERATION = re.compile(r"(?<!')''(?!['(])")
 _MATHEMATICA = re.compile(r"[A-Za-z']\[|==")
 
@@ -110,7 +111,7 @@ def read_tokens(formula: str, names: Names | None = None) -> list[Token]:
     """The tokens, before any name is looked up."""
     formula = _GREEK_OF_MATHEMATICA.sub(_greek, formula)
     formula = _SUBJECT_TO.sub(lambda words: ";".ljust(len(words[0])), formula)
-    formula = _with_dots_after_letters(_LABEL.sub(_without_label, formula))
+    formula = _INDEX_AFTER_PRIMES.sub(r"\2\1", _with_dots_after_letters(_LABEL.sub(_without_label, formula)))
     names = names or Names()
     if is_latex(formula):
         from inverse_service.reading import latex
