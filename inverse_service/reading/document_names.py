@@ -13,7 +13,15 @@ from dataclasses import dataclass, field, replace
 from inverse_service import errors
 from inverse_service.expressions import derivative, refusals, tree as ex
 from inverse_service.reading import names as nm, reader
-from inverse_service.reading.tokens import Token, after_primes, at, check_brackets, closing, split_at_commas
+from inverse_service.reading.tokens import (
+    Token,
+    after_power,
+    after_primes,
+    at,
+    check_brackets,
+    closing,
+    split_at_commas,
+)
 
 ParameterValue = str | int | float | None
 
@@ -393,7 +401,7 @@ _LONGEST_ARGUMENTS = 400
 
 def moving_products(texts: Mapping[str, str], declared: nm.Names, order: int = 2) -> dict[str, tuple[str, ...]]:
     """The products among the runs of letters with primes: mx'' is m x''; also y y'' and L I'' without the space."""
-    lines = [line for text in texts.values() if (line := _tokens(text, declared))]
+    lines = [line for text in texts.values() if (line := reader.tokens_if_any(text, declared))]
     words = [(line[k].text, is_primed(line, k)) for line in lines for k in range(len(line)) if line[k].kind == "name"]
     alone, primed = ({word for word, moves in words if moves is which} for which in (False, True))
     found: dict[str, tuple[str, ...]] = {}
@@ -465,10 +473,7 @@ def key_name(key: str, names: nm.Names) -> str:
     pointer = f"/equations/{nm.escaped(key)}"
     if names.role(key):
         return key
-    try:
-        tokens = reader.read_tokens(key[:200], names)
-    except errors.InputError:
-        tokens = []
+    tokens = reader.tokens_if_any(key[:200], names)
     accelerated = moving_names(tokens, 2)
     if len(accelerated) == 1 and all(token.kind == "prime" for token in tokens[1:]):
         return accelerated[0]
@@ -593,7 +598,7 @@ def _with_guessed(texts: Mapping[str, str], declared: nm.Names, dummies: Collect
     except errors.InputError:
         for pointer, text in texts.items():
             try:
-                check_brackets(_tokens(text, declared))
+                check_brackets(reader.tokens_if_any(text, declared))
             except errors.InputError as error:
                 raise error.at(pointer) from None
         raise
@@ -608,7 +613,7 @@ def _guessed(texts: Mapping[str, str], declared: nm.Names, dummies: Collection[s
     have been meant, for a suspect name.
     """
     lines = {
-        pointer: _tokens(text, replace(declared, forms=pointer.startswith("/constraints")))
+        pointer: reader.tokens_if_any(text, replace(declared, forms=pointer.startswith("/constraints")))
         for pointer, text in texts.items()
     }
     coordinates = declared.coordinates
@@ -883,7 +888,7 @@ def _raised_call(
     name, start = line[place], place + 2
     if start >= len(line) or not line[place + 1].is_operator("^"):
         return None
-    opening = (closing(line, start) if line[start].is_operator("(") else start) + 1
+    opening = after_power(line, place + 1)
     if not at(line, opening).is_operator("("):
         return None
     raised, end = line[start + 1], closing(line, opening)
@@ -924,13 +929,6 @@ def _is_apart(line: Sequence[Token], place: int) -> bool:
     )
 
 
-def _tokens(text: str, declared: nm.Names) -> list[Token]:
-    try:
-        return reader.read_tokens(text, declared)
-    except errors.InputError:
-        return []
-
-
 def _looks_like_a_function(name: str) -> bool:
     """Whether the name may be a known function, such as a mistyped sqrt, acot or gamma; then it is not guessed."""
     is_word = re.match("[A-Za-z]{3}", name) is not None and name not in nm.GREEK_NAMES
@@ -939,9 +937,7 @@ def _looks_like_a_function(name: str) -> bool:
 
 def _elliptic_arguments(line: Sequence[Token], place: int) -> int:
     """The number of arguments of sn u, cn(u, k) and dn^2(u, k); 0 for a constant, as in cn*x."""
-    opening = place + 1
-    if at(line, opening).is_operator("^"):
-        opening = closing(line, opening + 1) + 1 if at(line, opening + 1).is_operator("(") else opening + 2
+    opening = after_power(line, place + 1)
     if line[place].text not in nm.ELLIPTIC:
         return 0
     if at(line, opening).is_operator("("):
@@ -962,28 +958,15 @@ def _may_be_called(line: Sequence[Token], place: int) -> bool:
 
 def _after_power_of_time(line: Sequence[Token], place: int) -> int:
     """The place after the power in omega^2(t); otherwise the same place."""
-    if not at(line, place).is_operator("^"):
-        return place
-    end = (closing(line, place + 1) if at(line, place + 1).is_operator("(") else place + 1) + 1
+    end = after_power(line, place)
     return end if [token.text for token in line[end : end + 3]] == ["(", "t", ")"] else place
 
 
 def _call_arguments(line: Sequence[Token], place: int, coordinates: Sequence[str]) -> tuple[str, ...]:
     """The coordinates (and t) in brackets after a name and its primes; empty if the bracket holds anything else."""
     place = after_primes(line, place)
-    if not at(line, place).is_operator("("):
-        return ()
-    found: list[str] = []
-    texts = [token.text for token in line]
-    at_t = {end for end in range(place, len(line)) if texts[end : end + 3] == ["(", "t", ")"]}  # x(t) is x
-    skipped = {after for end in at_t if texts[end - 1] in coordinates for after in range(end, end + 3)}
-    for index, token in enumerate(line[place + 1 :], place + 1):
-        if index in skipped:
-            continue
-        if token.is_operator(")"):
-            return tuple(found) if len(set(found)) == len(found) else ()
-        if token.kind == "name" and token.text in coordinates:
-            found.append(token.text)
-        elif not token.is_operator(","):
-            return ()
-    return ()
+    end = closing(line, place) if at(line, place).is_operator("(") else len(line)
+    parts = [[token.text for token in part] for part in split_at_commas(line[place + 1 : end])]
+    names = tuple(part[0] for part in parts if part and part[1:] in ([], ["(", "t", ")"]))  # x(t) is x
+    plain = end < len(line) and len(names) == len(parts) == len(set(names)) and set(names) <= set(coordinates)
+    return names if plain else ()

@@ -509,8 +509,6 @@ class LatexTranslator:
     def _power(self, caret: Token) -> None:
         raw = self._raw.ahead
         self._refuse_indices(caret)
-        if self._subscript_after_power():
-            return
         if raw.is_command("prime"):
             self._primes()
         elif raw.is_operator("{") and _is_prime(self._raw.look(1)):
@@ -531,23 +529,6 @@ class LatexTranslator:
                 self._emit("(", raw)
                 self._group(self._raw.take())
                 self._emit(")", raw)
-
-    def _subscript_after_power(self) -> bool:
-        r"""\omega^2_0 as \omega_0^2: TeX sets both orders alike; takes nothing if no subscript follows."""
-        start, length = self._raw.position, len(self._tokens)
-        last = self._tokens[-1] if self._tokens else None
-        if last is None or last.kind != "name" or "_" in last.text or last.text in nm.FUNCTIONS:
-            return False
-        raw = self._raw.ahead
-        group = self._raw.take_group()
-        if not self._raw.ahead.is_operator("_") or raw.kind == "command":
-            self._raw.position = start
-            return False
-        self._tokens[length - 1] = replace(last, text=self._with_subscript(last.text))
-        caret = Token("operator", "^", raw.column)
-        self._raw.put_back(group)
-        self._power(caret)
-        return True
 
     def _refuse_indices(self, caret: Token) -> None:
         r"""InputError for the indices of tensors, \Gamma^x_{xx} and g^{tt}, which are not powers."""

@@ -399,12 +399,11 @@ class FormulaParser:
 
     def _until(self, opening: Token, closing: str, most: int) -> list[ex.Expression]:
         """At most so many formulas, separated by commas, and the closing bracket."""
-        bars, self._bars = self._bars, int(closing == "|")
-        found = [self._expression()]
+        bars = int(closing == "|")
+        found = [self._within(bars)]
         while len(found) < most and self._stream.take_operator(","):
-            found.append(self._expression())
+            found.append(self._within(bars))
         self._stream.close(opening, closing)
-        self._bars = bars
         return found
 
     def _piecewise(self, token: Token) -> ex.Expression:
@@ -847,24 +846,16 @@ class FormulaParser:
         return Variable(node, times, token.column)
 
     def _variable_node(self, token: Token) -> ex.Expression:
+        wanted = "the variable of the derivative, a name,"
         if token.kind != "name":
-            raise unexpected(token, "the variable of the derivative, a name,")
-        if token.text == "t":
-            return ex.TIME
-        name = self._names.spelling(token.text)
-        match self._names.role(name):
-            case "coordinate":
-                return self._coordinate(name, 0, token)
-            case "parameter":
-                return ex.Symbol(name)
-            case "function":
-                raise refusals.refusal(
-                    "a derivative by a function occurs", token.column, "differentiate by a coordinate"
-                )
-        dotted = self._names.derivative(name)
-        if dotted:
-            return self._coordinate(*dotted, token)
-        raise nm.unknown_name(token.text, self._names, token.column)
+            raise unexpected(token, wanted)
+        if self._names.role(self._names.spelling(token.text)) == "function":
+            instead = "differentiate by a coordinate"
+            raise refusals.refusal("a derivative by a function occurs", token.column, instead)
+        node = self._name(token)
+        if not isinstance(node, ex.Symbol | ex.Velocity | ex.Acceleration) or node == ex.PI:
+            raise unexpected(token, wanted)
+        return node
 
 
 _OPERAND = "a number, a name or '('"

@@ -6,7 +6,7 @@ Lists of equations are split as tokens: where one ends, and its two sides.
 import itertools
 import re
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -40,7 +40,12 @@ _SUBJECT_TO = re.compile(
 _LABEL = re.compile(
     r"(?:^|(?<=[;\n]))[ \t]*(?:[A-Z][\w -]{2,40}[\w]|[Ee]q(?:uation|\.)?\s*\(?[\d.]+[a-z]?\)?)\s*:(?![=:])"
 )
-_INDEX_AFTER_PRIMES = re.compile(r"(?<=[^\W\d_])(['\u2032\u2033\u2019]+)(_(?:\{\d+\}|\d+(?!\w)))")  # q''_1
+# q''_1, \omega^2_0 and \u03c9\u00b2\u2080, whose order TeX does not show; \Gamma^x_{xx} is a tensor.
+_RAISED_FIRST = re.compile(
+    r"(?<=[^\W\d_]|\})((?:['\u2032\u2033\u2019]+|\^(?:[^\W_]|\{[^{}_^]*\}))(?=_\d|_\{\d|[\u2080-\u2089])"
+    r"|[\u2070\u00b9\u00b2\u00b3\u2074-\u2079]+|\^(?:\d|\{-?\d+\}))"
+    r"(_(?:\{\w+\}|[A-Za-z](?!\w)|\d+(?![\w']))|[\u2080-\u2089]+)"
+)
 _ACCELERATION = re.compile(r"(?<!')''(?!['(])")
 _MATHEMATICA = re.compile(r"[A-Za-z']\[|==")
 
@@ -111,14 +116,10 @@ def read_tokens(formula: str, names: Names | None = None) -> list[Token]:
     """The tokens, before any name is looked up."""
     formula = _GREEK_OF_MATHEMATICA.sub(_greek, formula)
     formula = _SUBJECT_TO.sub(lambda words: ";".ljust(len(words[0])), formula)
-    formula = _INDEX_AFTER_PRIMES.sub(r"\2\1", _with_dots_after_letters(_LABEL.sub(_without_label, formula)))
+    formula = _RAISED_FIRST.sub(r"\2\1", _with_dots_after_letters(_LABEL.sub(_without_label, formula)))
     names = names or Names()
-    if is_latex(formula):
-        from inverse_service.reading import latex
-
-        tokens = notations.with_derivatives(_with_products(latex.tokenize(formula, names), names), names)
-    else:
-        tokens = notations.in_our_words(_with_products(tokenize(formula, names.declared()), names), names)
+    in_our_words = notations.with_derivatives if is_latex(formula) else notations.in_our_words
+    tokens = in_our_words(_with_products(_scanned(formula, names), names), names)
     refuse_decimal_commas(tokens)
     tokens = _without_remarks(_with_forms(tokens, names) if names.forms else tokens, formula, names)
     return _without_names_of_forms(tokens, names) if names.forms else tokens
@@ -174,14 +175,24 @@ def _without_names_of_forms(tokens: list[Token], names: Names) -> list[Token]:
 
 def undifferentiated(formula: str) -> list[Token]:
     """The tokens with quotients of differentials unchanged; empty for a formula that cannot be read."""
-    try:
-        if is_latex(formula):
-            from inverse_service.reading import latex
+    with suppress(errors.InputError):
+        return _scanned(formula, Names())
+    return []
 
-            return latex.tokenize(formula)
-        return tokenize(formula)
-    except errors.InputError:
-        return []
+
+def tokens_if_any(formula: str, names: Names) -> list[Token]:
+    """The tokens; empty for a formula that cannot be read, whose error is reported where it is read."""
+    with suppress(errors.InputError):
+        return read_tokens(formula, names)
+    return []
+
+
+def _scanned(formula: str, names: Names) -> list[Token]:
+    if not is_latex(formula):
+        return tokenize(formula, names.declared())
+    from inverse_service.reading import latex
+
+    return latex.tokenize(formula, names)
 
 
 LEFT_OUT, CONDITION = "left out", "a condition that is not used"

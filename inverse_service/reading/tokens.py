@@ -75,6 +75,13 @@ def after_primes(tokens: Sequence[Token], place: int) -> int:
     return place
 
 
+def after_power(tokens: Sequence[Token], place: int) -> int:
+    """The place after the ^k or ^( ... ) that begins here; the same place if there is none."""
+    if not at(tokens, place).is_operator("^"):
+        return place
+    return (closing(tokens, place + 1) if at(tokens, place + 1).is_operator("(") else place + 1) + 1
+
+
 def closing(tokens: Sequence[Token], opening: int) -> int:
     """The place of the bracket that closes the one at `opening`, or the end if there is none."""
     depth = 0
@@ -228,10 +235,6 @@ class TokenStream:
     def rest(self, most: int | None = None) -> Tokens:
         """At most so many of the tokens ahead, including the end token."""
         return self._tokens[self.position :][:most]
-
-    def put_back(self, tokens: Sequence[Token]) -> None:
-        """These tokens come next."""
-        self._tokens[self.position : self.position] = tokens
 
     def source(self, start: int, end: int) -> str:
         """The tokens from one position up to another as they may be written."""
@@ -427,7 +430,7 @@ def next_tokens(text: str, place: int, space: bool, known: Container[str] = ()) 
     if character in _ROOTS:
         return [Token("name", _ROOTS[character], place + 1, space)], place + 1
     found = letter(character)
-    if found and found[0] and found[0] != "_":
+    if found and found[0].isalpha():
         return _name(text, place, space, known)
     return _operator(text, place, space)
 
