@@ -62,7 +62,7 @@ def simulate(
 
 def value_in_time(task: Any, document: Any, limit: float) -> Any:
     """The result of the task; a limit that is reached becomes an error that names it and says what to do."""
-    outcome = workers.run_alone(task, (document, limit), limit, settings.read_settings().memory_limit)
+    outcome = workers.run_alone(task, (document, None, limit), limit, settings.read_settings().memory_limit)
     if outcome.status == "deadline":
         raise errors.WorkerFailed(f"The scene was not done in {limit:g} s: take fewer steps or a longer --time-limit.")
     from inverse_service.service.jobs.outcome import value_of

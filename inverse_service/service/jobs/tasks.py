@@ -63,37 +63,31 @@ def as_body(result: dict[str, Any]) -> bytes:
     return json.dumps(result, ensure_ascii=False, allow_nan=False, separators=(",", ":")).encode()
 
 
-def understand_job_task(document: str) -> dict[str, Any]:
+def understand_job_task(document: str) -> Any:
     """The document of a stored solve job to the `system` part of a result."""
     return understand_task(plain_data.read_json(document))
 
 
-def solve_task(document: Any, options: SolveOptions, report: Callable[[str], None] | None = None) -> dict[str, Any]:
-    """A System document to its result document; `report` receives the stages."""
-    from inverse_service.service.documents.documents import solve_document
+@dataclass(frozen=True)
+class Late:
+    """A function of the engine, which is imported where it is called: who only stores jobs has no engine."""
 
-    return solve_document(document, options, report)
+    module: str
+    name: str
 
-
-def understand_task(document: Any) -> dict[str, Any]:
-    """A System document to the `system` part of a result."""
-    from inverse_service.service.documents.documents import understand_document
-
-    return understand_document(document)
+    def __call__(self, *given: Any, report: Any = None) -> Any:
+        function = getattr(importlib.import_module(f"inverse_service.service.{self.module}"), self.name)
+        return function(*given) if report is None else function(*given, report)
 
 
-def proof_task(result: dict[str, Any], form: str, seed: int) -> str:
-    """The verdict of a result as theorems for another prover."""
-    from inverse_service.service.documents.proofs import proof_document
-
-    return proof_document(result, form, seed)
-
-
-def check_task(text: str) -> dict[str, Any]:
-    """The text of a result to the checker's verdict."""
-    from inverse_service.service.documents.checking import check_document
-
-    return check_document(text)
+# A document to its result, or to the `system` part of one; a result as theorems for another prover; the text of a
+# result to the checker's verdict; a scene to its result with the tables of all points, or to what it costs.
+solve_task = Late("documents.documents", "solve_document")
+understand_task = Late("documents.documents", "understand_document")
+proof_task = Late("documents.proofs", "proof_document")
+check_task = Late("documents.checking", "check_document")
+simulate_task = Late("scenes.simulating", "simulate_tables")
+work_precision_task = Late("scenes.work_precision", "work_precision")
 
 
 Report = Callable[[Any], None]
@@ -129,13 +123,11 @@ def ask_task(body: bytes, terms: Terms, look: Look | None = None) -> model.JobRe
 
 def parse_task(body: bytes) -> bytes:
     """A System document to the JSON of what was understood."""
-    from inverse_service.service.documents.documents import parse_document
-
-    understood = parse_document(model.split_options(_read(body))[0])
+    understood = Late("documents.documents", "parse_document")(model.split_options(_read(body))[0])
     return json.dumps(understood, ensure_ascii=False, allow_nan=False).encode()
 
 
-def check_body_task(body: bytes) -> dict[str, Any]:
+def check_body_task(body: bytes) -> Any:
     """A result or a certificate to the checker's verdict."""
     if not isinstance(_read(body), dict):
         raise errors.InputError(NO_RESULT)
@@ -158,28 +150,11 @@ def _read(body: bytes) -> Any:
         raise errors.DocumentRefused((place,)) from None
 
 
-def simulate_task(document: Any, time_limit: float) -> dict[str, Any]:
-    """A scene to its result document and the tables of all recorded points."""
-    from inverse_service.service.scenes.simulating import simulate_tables
-
-    return simulate_tables(document, None, time_limit)
-
-
-def work_precision_task(
-    document: Any, time_limit: float, report: Callable[[Any], None] | None = None
-) -> dict[str, Any]:
-    """A scene to its work-precision document."""
-    from inverse_service.service.scenes.work_precision import work_precision
-
-    return work_precision(document, report, time_limit)
-
-
 @dataclass(frozen=True, slots=True)
 class Kind:
     """`work` runs the use case, `look` refuses what has not the shape of its documents.
 
-    `limit_is_answer`: stopped at a limit it has an undetermined result. Use cases are imported when they are called:
-    the process that only stores jobs has no engine.
+    `limit_is_answer`: stopped at a limit it has an undetermined result.
     """
 
     work: Work
@@ -198,24 +173,23 @@ def label_of(result: Any) -> str:
     return verdict if isinstance(verdict, str) else "done"
 
 
+_look_at_scene: Look = Late("scenes.scene_reading", "scene_schema")
+
+
 def _looked_at(value: Any) -> None:
     if not isinstance(value, dict):
         raise errors.InputError("The document must be a JSON object.")
 
 
-def _later(module: str, name: str) -> Any:
-    """A function of the engine, which is imported when it is called."""
-    return lambda *given: getattr(importlib.import_module(f"inverse_service.service.{module}"), name)(*given)
-
-
-_look_at_system: Look = _later("documents.documents", "look")
-_look_at_scene: Look = _later("scenes.scene_reading", "scene_schema")
-_simulate = _later("scenes.simulating", "simulate")
 KINDS: Final[dict[str, Kind]] = {
-    "solve": Kind(lambda d, o, report: solve_task(d, solve_options(o), report), _look_at_system, True),
+    "solve": Kind(
+        lambda d, o, report: solve_task(d, solve_options(o), report), Late("documents.documents", "look"), True
+    ),
     "check": Kind(lambda d, o, report: check_task(model.write_json(d)), _looked_at),
-    "simulate": Kind(lambda d, o, report: _simulate(d, report, o.time_limit), _look_at_scene),
-    "work-precision": Kind(lambda d, o, report: work_precision_task(d, o.time_limit, report), _look_at_scene),
+    "simulate": Kind(
+        lambda d, o, report: Late("scenes.simulating", "simulate")(d, report, o.time_limit), _look_at_scene
+    ),
+    "work-precision": Kind(lambda d, o, report: work_precision_task(d, report, o.time_limit), _look_at_scene),
 }
 
 
