@@ -44,8 +44,10 @@ def create_application(settings: Settings) -> FastAPI:
             expose_headers=["ETag", "Link", "Location", "Preference-Applied", "Retry-After", "X-Request-ID"],
             max_age=600,
         )
-    for part in (routes.router, routes_jobs.router, routes_batches.router, routes_atlas.router, routes.open_router):
-        app.include_router(part)
+    app.include_router(routes_jobs.asked)
+    for part in (routes_jobs, routes, routes_batches, routes_atlas):
+        app.include_router(part.router)
+    app.include_router(routes.open_router)
     app.include_router(routing.router, include_in_schema=False)
     app.openapi = lambda: openapi.described(app)  # type: ignore[method-assign]
     if os.environ.get(ENDPOINT):

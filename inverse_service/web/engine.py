@@ -2,6 +2,7 @@
 
 import asyncio
 import functools
+import gc
 import itertools
 import logging
 import time
@@ -105,6 +106,8 @@ class Engine:
         self.supervisor.start()
         self._cleaner = Cleaner(self.store, self.settings.retention_days * 86_400.0, self.settings.store_size * 2**20)
         self._lag = asyncio.ensure_future(self._measure_lag())
+        gc.collect()
+        gc.freeze()  # what is loaded stays, and is not looked through again and again
         self.is_open = True
         log.info("the service starts", extra={"version": __version__, "workers": self.settings.workers})
 

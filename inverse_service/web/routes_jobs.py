@@ -2,10 +2,11 @@
 
 import asyncio
 import json
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable, Coroutine
 from typing import Any, Literal
 
 from fastapi import APIRouter, Depends, Query
+from fastapi.routing import APIRoute
 from starlette.requests import Request
 from starlette.responses import JSONResponse, Response, StreamingResponse
 
@@ -17,11 +18,24 @@ from inverse_service.web.engine import KEEP_ALIVE, LOOK_AGAIN, Engine
 from inverse_service.web.known import may_be_kept
 from inverse_service.web.problems import Refusal
 
-router = APIRouter(dependencies=[Depends(clients.require_client)])
+
+class Asked(APIRoute):
+    """A call that reads all of its request itself, so that the framework has nothing to resolve for it."""
+
+    def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
+        async def handle(request: Request) -> Response:
+            clients.note_client(request)
+            answer: Response = await self.endpoint(request)
+            return answer
+
+        return handle
+
+
+router, asked = APIRouter(dependencies=[Depends(clients.require_client)]), APIRouter(route_class=Asked)
 STILL_THERE = b": still there\n\n"
 
 
-@router.post(
+@asked.post(
     "/v1/solve",
     responses={
         200: openapi.SOLVED,
@@ -197,7 +211,7 @@ ANSWERS: dict[int | str, dict[str, Any]] = {
 }
 
 
-@router.post(
+@asked.post(
     "/v1/simulate", responses={200: openapi.answer(openapi.any_of("SimulationResult")), **ANSWERS}, openapi_extra=SCENE
 )
 async def simulate(request: Request) -> Response:
@@ -208,7 +222,7 @@ async def simulate(request: Request) -> Response:
     return await ask(request, "simulate")
 
 
-@router.post(
+@asked.post(
     "/v1/work-precision",
     responses={200: openapi.answer(openapi.any_of("WorkPrecisionResult")), **ANSWERS},
     openapi_extra=SCENE,

@@ -1,4 +1,7 @@
-"""How a task in a worker ended, as plain data that crosses the process boundary."""
+"""How a task in a worker ended, as plain data that crosses the process boundary.
+
+Without slots, with which a frozen class takes several times as long to pickle.
+"""
 
 import logging
 import signal
@@ -15,7 +18,7 @@ KILL = getattr(signal, "SIGKILL", None)
 OVER_CPU = getattr(signal, "SIGXCPU", None)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Usage:
     """What a task took: seconds of wall clock and of processor, peak memory in MiB."""
 
@@ -24,7 +27,7 @@ class Usage:
     memory: float = 0.0
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Outcome:
     """`done` has a value, `refused` has places, the others a detail for the log.
 
@@ -41,19 +44,20 @@ class Outcome:
     spent: Usage = field(default=Usage(), compare=False)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Call:
     """What a worker is to do: `task(*arguments)` within `deadline` s and `memory_limit` MiB (None: the pool's).
 
-    `reports`: the task takes a keyword `report` and calls it with what it is doing. `client`: whose it is, so
-    that nobody waits for the many of another. `priority`: the smaller one of a client goes first.
+    `reports`: the task takes a keyword `report` and calls it with what it is doing; "long": what one said that is done
+    within a moment is not told. `client`: whose it is, so that nobody waits for the many of another. `priority`: the
+    smaller one of a client goes first.
     """
 
     task: Callable[..., Any]
     arguments: tuple[Any, ...]
     deadline: float
     memory_limit: int | None = None
-    reports: bool = False
+    reports: bool | Literal["long"] = False
     priority: int = 0
     client: str = ""
 

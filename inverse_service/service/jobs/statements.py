@@ -379,13 +379,12 @@ def heartbeat(session: Session, owner: str, running: Sequence[tuple[str, int]]) 
 
 def finish(
     session: Session, id: str, attempt: int, body: bytes, usage: Usage,
-    kept: float | None = None, events: Sequence[model.Event] = (), status: model.JobStatus = "successful",
+    kept: float | None = None, status: model.JobStatus = "successful",
 ) -> bool:  # fmt: skip
-    """running -> successful or failed, with the last events; False where the attempt is no longer the current one.
+    """running -> successful or failed; False where the attempt is no longer the current one.
 
     After `kept` s (None: never) the question is computed again where it is asked again.
     """
-    add_events(session, [(id, event) for event in events])
     row = first(
         session,
         "UPDATE jobs SET status = ?, finished = moment(), expires = moment() + CAST(? AS DOUBLE PRECISION), "

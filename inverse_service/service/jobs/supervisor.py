@@ -17,7 +17,7 @@ import threading
 import time
 import uuid
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from concurrent.futures import Future
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -98,6 +98,11 @@ class _Run:
     pending: list[model.Event] = field(default_factory=list)
 
     @property
+    def has_told(self) -> bool:
+        """Whether more is known of this attempt than that it has begun."""
+        return self.number % NUMBERS_PER_ATTEMPT > 1
+
+    @property
     def furthest(self) -> dict[str, Any] | None:
         """What is finished, as `so_far` and `seconds`: of this attempt or, where that came less far, of the earlier."""
         tries = (self.latest, self.earlier)
@@ -147,16 +152,12 @@ class EventLog:
                 shown = {key: value for key, value in progress.items() if key not in ("so_far", "seconds")}
                 self._append(job, run, "progress", shown)
 
-    def end(self, job: model.Job, written: Sequence[model.Event], again: bool = False) -> None:
-        """Nothing more comes from this attempt; the store knows how it ended, and has these events of it.
-
-        `again`: another attempt comes.
-        """
+    def end(self, job: model.Job) -> None:
+        """Nothing more comes of this job here; of an attempt that is over, nothing changes."""
         with self._lock:
-            if (run := self._runs.get(job.id)) is not None:
-                run.pending = [event for event in run.pending if event not in written]
-                if run.number // NUMBERS_PER_ATTEMPT == job.attempt and not again:
-                    del self._runs[job.id]
+            run = self._runs.get(job.id)
+            if run is not None and run.number // NUMBERS_PER_ATTEMPT == job.attempt:
+                del self._runs[job.id]
 
     def latest(self, id: str) -> Mapping[str, Any] | None:
         """Progress of a job that runs here."""
@@ -169,19 +170,17 @@ class EventLog:
         with self._lock:
             return self._runs[id].furthest if id in self._runs else None
 
-    def flush(self) -> None:
-        """Write what was collected."""
+    def flush(self, id: str | None = None) -> None:
+        """Write what was collected, of one job or of all; of a job that has only begun there is nothing to tell."""
         with self._lock:
-            pending = [(id, event) for id, run in self._runs.items() for event in run.pending]
-            for run in self._runs.values():
-                run.pending = []
-        if pending:
-            self._store.add_events(pending)
-
-    def pending(self, id: str) -> list[model.Event]:
-        """The events of a job that are not written yet; its end is written with them."""
-        with self._lock:
-            return [*self._runs[id].pending] if id in self._runs else []
+            telling = {k: run for k, run in self._runs.items() if id in (None, k) and run.has_told}
+            due = [(k, event) for k, run in telling.items() for event in run.pending]
+        if due:
+            self._store.add_events(due)
+            written = {(k, event.number) for k, event in due}
+            with self._lock:
+                for k, run in self._runs.items():
+                    run.pending = [event for event in run.pending if (k, event.number) not in written]
 
     def _append(self, job: model.Job, run: _Run, kind: str, data: Mapping[str, Any]) -> None:
         # Nobody watches a single line of a batch.
@@ -202,7 +201,7 @@ ENDED = ("done", "refused")
 DEATHS = ("inverse_service_worker_deaths_total", "Workers that died.")
 FINISHERS = 4
 TICK = 0.1
-# Events of a job that ends sooner are written with its end.
+# How often the events of jobs are written, s.
 WRITE_EVENTS = 0.3
 # So long, at most, a job runs on that another front end, or an operator, dismissed; s.
 HEARTBEAT = 1.0
@@ -347,7 +346,9 @@ class Supervisor:
             return
         options = model.stored_options(job.options)
         arguments = (job.kind, job.document, job.options)
-        call = Call(tasks.job_task, arguments, options.time_limit, options.memory_limit, True, job.priority, job.client)
+        call = Call(
+            tasks.job_task, arguments, options.time_limit, options.memory_limit, "long", job.priority, job.client
+        )
         self.events.begin(job)
         began = time.monotonic()
         with self._lock:
@@ -425,9 +426,10 @@ class Supervisor:
                 return None
 
     def _finish(self, job: model.Job, outcome: Outcome) -> None:
-        events = self.events.pending(job.id)
-        label = finish(self._store, job, outcome, self.events.so_far(job.id), events)
-        self.events.end(job, events, again=label == "again")
+        self.events.flush(job.id)
+        label = finish(self._store, job, outcome, self.events.so_far(job.id))
+        if label != "again":
+            self.events.end(job)
         if outcome.status in ("crash", "killed"):
             self.counters.add(*DEATHS, how=outcome.status)
         spent = outcome.spent
@@ -494,9 +496,8 @@ def finish(
     job: model.Job,
     outcome: Outcome,
     so_far: Mapping[str, Any] | None = None,
-    events: Sequence[model.Event] = (),
 ) -> str:
-    """Store what came of the job, and its last `events`; the label it is counted under ("again": it runs once more).
+    """Store what came of the job; the label it is counted under ("again": it runs once more).
 
     A job that was ended has as its result what is finished of it, `so_far`; where that is not known, and a limit
     stopped it, its value is how the system was understood.
@@ -505,8 +506,6 @@ def finish(
     if outcome.status == "cancelled":
         # Dismissed: it is so in the store already. Otherwise the service stops, and the job runs later.
         left = None if so_far is None else tasks.as_body(undetermined(outcome, options, so_far))
-        if events:
-            store.add_events([(job.id, event) for event in events])
         store.release(job.id, job.attempt, crashed=False, usage=usage, left=left)
         return "cancelled"
     if outcome.status in ("crash", "killed") and job.crashes + 1 < model.MAX_CRASHES:
@@ -521,26 +520,24 @@ def finish(
         if fault:
             log.error("no verdict for a fault of the program (%s)", fault, extra={"job": job.id})
         by_clock = label == "undetermined" and usage.cpu > CLOCK_SHARE * options.time_limit
-        store.finish(
-            job.id, job.attempt, outcome.value.body, usage, model.TRANSIENT if by_clock or fault else None, events
-        )
+        store.finish(job.id, job.attempt, outcome.value.body, usage, model.TRANSIENT if by_clock or fault else None)
         return str(label)
     if outcome.status in ("crash", "fault", "unstarted"):
         log.error("task ended with %s: %s", outcome.status, outcome.detail, extra={"job": job.id})
     if is_undetermined(job, outcome) or (so_far is not None and outcome.status in ("crash", "killed")):
         result = undetermined(outcome, options, so_far)
-        store.finish(job.id, job.attempt, tasks.as_body(result), usage, model.TRANSIENT, events)
+        store.finish(job.id, job.attempt, tasks.as_body(result), usage, model.TRANSIENT)
         return tasks.label_of(result)
     problem = answers.of_outcome(outcome, options.time_limit, options.memory_limit)
     kept = None if outcome.status == "refused" else model.TRANSIENT
-    store.finish(job.id, job.attempt, answers.as_bytes(problem), usage, kept, events, "failed")
+    store.finish(job.id, job.attempt, answers.as_bytes(problem), usage, kept, "failed")
     return outcome.status
 
 
 def fail(store: JobStore, job: model.Job, detail: str) -> None:
     """End a job by a fault of ours."""
     problem = answers.as_bytes(answers.problem_document(500, "fault", detail))
-    store.finish(job.id, job.attempt, problem, Usage(), model.TRANSIENT, status="failed")
+    store.finish(job.id, job.attempt, problem, Usage(), model.TRANSIENT, "failed")
 
 
 def undetermined(

@@ -42,7 +42,7 @@ def load_engine() -> None:
         importlib.import_module(f"inverse_service.{module}")
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Answer:
     """A result as it is stored and sent, what it is counted as, and the fault of ours that ended it, if one did."""
 

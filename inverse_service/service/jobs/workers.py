@@ -50,7 +50,7 @@ BETWEEN_COLLECTIONS = 100_000
 MOST_CROWDED = 2.0
 WARM = "inverse_service.service.jobs.warm"
 # What a task says is sent this often, so that a short one only says that it is done; s.
-BETWEEN_REPORTS = 0.05
+BETWEEN_REPORTS = 0.1
 Report = Callable[[Any], None]
 _starting = threading.Lock()
 # What the server that forks the workers has loaded.
@@ -73,10 +73,10 @@ class WorkerProcess:
             self._process.start()
         sender.close()
         self.tasks = 0
-        # When the task under way began, on the clock here and on that of its processor, and what it took, read before
-        # the process that could tell is killed.
-        self._began: tuple[float, float | None] = (0.0, None)
-        self._used = Usage()
+        # What it says before it takes a task: the seconds of processor that it used, and waited for one, until then.
+        self._ready: tuple[float, float] | None = None
+        # When the task under way began, and what it took, read before the process that could tell is killed.
+        self._began, self._used = 0.0, Usage()
 
     @property
     def pid(self) -> int:
@@ -89,26 +89,25 @@ class WorkerProcess:
 
     def run(self, call: Call, report: Report | None = None) -> Outcome:
         """Run the task and kill the process at its deadline. Raises NotStarted."""
-        self._began, self._used = (time.monotonic(), None), Usage()
+        self._began, self._used = time.monotonic(), Usage()
         try:
+            self._ready = self._ready or self._connection.recv()
             self._connection.send(call)
-            processor, waited = self._connection.recv()
         except (OSError, EOFError):
             raise NotStarted from None
-        self._began = (self._began[0], processor)
         self.tasks += 1
-        outcome = self._await(Patience(self.pid, call.deadline, waited), report)
+        outcome = self._await(Patience(self.pid, call.deadline, self._ready[1]), report)
         if outcome.spent.wall:
             return outcome
-        wall = time.monotonic() - self._began[0]
+        wall = time.monotonic() - self._began
         return replace(outcome, spent=self._used if self._used.wall else Usage(wall, wall))
 
     def kill(self) -> None:
         """End the process at once, whatever it does."""
-        (began, before), used = self._began, processor_time(self.pid)
-        wall = time.monotonic() - began
+        used, wall = processor_time(self.pid), time.monotonic() - self._began
         # Where the system does not tell, a task is taken to have used the processor all the time.
-        self._used = Usage(wall, wall if used is None or before is None else used - before, peak_memory(self.pid))
+        processor = wall if used is None or self._ready is None else used - self._ready[0]
+        self._used = Usage(wall, processor, peak_memory(self.pid))
         with contextlib.suppress(OSError, AttributeError):
             self._process.kill()
 
@@ -124,7 +123,7 @@ class WorkerProcess:
                 self.kill()
                 return Outcome("deadline")
             try:
-                said, outcome = self._connection.recv()
+                said, outcome, ready = self._connection.recv()
             except (OSError, EOFError):
                 self._process.join(5)
                 return outcome_of_exit(self._process.exitcode)
@@ -133,6 +132,7 @@ class WorkerProcess:
                     report(value)
             if outcome is not None:
                 found: Outcome = outcome
+                self._ready = ready
                 return found
 
 
@@ -170,12 +170,12 @@ def serve(connection: Connection, memory_limit: int, is_alone: bool) -> None:
         guard(tasks.load_engine)
     saying = _Saying(connection)
     isolate(memory_limit)
+    connection.send(ready())
     while True:
         try:
             call: Call = connection.recv()
         except (OSError, EOFError):
             return
-        connection.send((time.process_time(), _waited("self")))
         bound_memory(min(call.memory_limit or memory_limit, memory_limit), memory_limit)
         bound_processor(call.deadline)
         forget_peak()
@@ -183,18 +183,24 @@ def serve(connection: Connection, memory_limit: int, is_alone: bool) -> None:
         extra = {"report": saying.say} if call.reports else {}
         outcome = guard(call.task, *call.arguments, **extra)
         spent = Usage(time.monotonic() - wall, time.process_time() - cpu, peak_memory())
-        saying.end(replace(outcome, spent=spent))
+        saying.end(replace(outcome, spent=spent), call.reports is True)
         if is_alone:
             return
 
 
+def ready() -> tuple[float, float]:
+    """Seconds of processor that this process has used, and waited for one."""
+    return time.process_time(), _waited("self")
+
+
 class _Saying:
-    """What a task says, on its way to the parent: (what was said, None) now and then, with the outcome at its end."""
+    """What a task says, sent to the parent now and then: (what was said, outcome, `ready`), None before its end."""
 
     def __init__(self, connection: Connection) -> None:
         self._connection = connection
         self._lock, self._some = threading.Lock(), threading.Event()
         self._said: list[Any] = []
+        self._is_heard = False
         threading.Thread(target=self._send_in_time, name="reports", daemon=True).start()
 
     def say(self, value: Any) -> None:
@@ -203,11 +209,11 @@ class _Saying:
             self._said.append(value)
         self._some.set()
 
-    def end(self, outcome: Outcome) -> None:
-        """Send what is left, and how the task ended."""
+    def end(self, outcome: Outcome, is_told: bool) -> None:
+        """Send how the task ended, and what is left where some was sent already or it `is_told` in any case."""
         with self._lock:
-            said, self._said = self._said, []
-            self._connection.send((said, outcome))
+            self._connection.send((self._said if self._is_heard or is_told else [], outcome, ready()))
+            self._said, self._is_heard = [], False
 
     def _send_in_time(self) -> None:
         while self._some.wait():
@@ -215,8 +221,8 @@ class _Saying:
             self._some.clear()
             with self._lock, contextlib.suppress(OSError):  # a parent that is gone is not told
                 if self._said:
-                    self._connection.send((self._said, None))
-                    self._said = []
+                    self._connection.send((self._said, None, None))
+                    self._said, self._is_heard = [], True
 
 
 def isolate(memory_limit: int) -> None:

@@ -314,7 +314,7 @@ class Refusing(SqliteStore):
     error: Exception = sqlite3.OperationalError("database or disk is full")
 
     def finish(self, *arguments: Any, **named: Any) -> bool:  # type: ignore[override]
-        if self.away and named.get("status") != "failed":
+        if self.away and "failed" not in arguments:
             self.refused.set()
             raise self.error
         return super().finish(*arguments, **named)
