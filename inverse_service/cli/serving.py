@@ -53,7 +53,8 @@ def serve(
         # Another name would be a page elsewhere that lets its own name point here.
         settings = dataclasses.replace(settings, hosts=LOOPBACK)
     listener = _listen(host, port)
-    from inverse_service.service.jobs import warming, workers
+    from inverse_service.service.compiling import warming
+    from inverse_service.service.jobs import workers
     from inverse_service.web import journal, pages
 
     # The server that forks the workers loads the engine while this process loads the pages.

@@ -1,1 +1,1 @@
-"""What the doors share: documents in and out, jobs, scenes, figures, and many machines."""
+"""What the doors share: documents in and out, jobs, scenes, figures, kernels, and many machines."""

@@ -10,7 +10,8 @@ import gc
 import importlib
 
 from inverse_service.decision.solutions import SolveOptions
-from inverse_service.service.jobs import outcome, tasks, warming, workers
+from inverse_service.service.compiling import warming
+from inverse_service.service.jobs import outcome, tasks, workers
 
 SMALL = {"coordinates": ["x"], "equations": {"x": "-x"}}
 
