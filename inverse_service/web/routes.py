@@ -4,6 +4,7 @@ import dataclasses
 import resource
 import sys
 import time
+from importlib import resources
 
 from fastapi import APIRouter, Depends
 from prometheus_client.core import CounterMetricFamily
@@ -101,25 +102,10 @@ PROMETHEUS = "text/plain; version=0.0.4; charset=utf-8"
 RSS_UNIT = 1 if sys.platform == "darwin" else 1024
 
 
-LLMS = """# inverse-service
-
-> Decide whether q'' = f(t, q, q') comes from a Lagrangian, with a proof that a second program checks.
-
-- POST /v1/solve with {"equations": "x'' = -x - c*x'", "parameters": "guess"} answers verdict, lagrangian, hamiltonian.
-- POST /v1/parse with the same body says in milliseconds what is understood, or what to write instead.
-- Constraints: {"coordinates": [...], "lagrangian": "...", "constraints": ["z' = y*x'"]}; the answer is any_associated.
-- Slow questions answer 202 with Location: GET it until it is 200; its progress.so_far is what is finished already.
-- POST /v1/batches takes NDJSON, one document a line with an id; GET its /results streams the answers.
-- POST /v1/check takes a result, or {"system": {...}, "lagrangian": "..."}, and says what is proven.
-- Errors are RFC 9457 problems: errors[].pointer and errors[].instead say what to write.
-- [OpenAPI](/openapi.json), [limits](/v1/limits), [manual](/learn); `inverse-service mcp` has the same as tools.
-"""
-
-
 @open_router.get("/llms.txt", response_class=PlainTextResponse)
 async def llms() -> PlainTextResponse:
     """A summary of the calls for programs, in ten lines."""
-    return PlainTextResponse(LLMS)
+    return PlainTextResponse(resources.files("inverse_service.web").joinpath("static/llms.txt").read_bytes())
 
 
 @open_router.get("/livez")

@@ -172,6 +172,7 @@ NEXT: Final = (
     "LEFT JOIN busy ON busy.client = jobs.client LEFT JOIN ranks ON ranks.client = jobs.client) "
     "SELECT id FROM candidates WHERE place <= ? ORDER BY rank, place, priority, sequence LIMIT ?"
 )
+DRAINED: Final = "EXISTS (SELECT 1 FROM counters WHERE name = 'drained' AND value <> 0)"
 # Nobody waits for a job: neither somebody who asked for it, nor a batch.
 UNWANTED: Final = (
     "NOT EXISTS (SELECT 1 FROM askers WHERE job = jobs.id AND gone = 0) "
@@ -336,10 +337,8 @@ def claim(session: Session, owner: str, limit: int, client_running: int = model.
     """
     if client_running < model.NO_BOUND:
         session.lock(CLAIM_LOCK)
-    if is_drained(session):
-        return []
-    waiting = session.rows("SELECT id FROM jobs WHERE status = 'accepted' LIMIT 2")
-    if len(waiting) > 1 or client_running < model.NO_BOUND:  # whose turn it is takes longer to find out
+    waiting = session.rows(f"SELECT id FROM jobs WHERE status = 'accepted' AND NOT {DRAINED} LIMIT 2")
+    if len(waiting) > 1 or (waiting and client_running < model.NO_BOUND):  # whose turn it is takes longer to find out
         waiting = session.rows(NEXT, limit, client_running, limit)
     ids = [row["id"] for row in waiting]
     rows = session.rows(
@@ -555,8 +554,7 @@ def recover(session: Session, owner: str | None = None, lease: float = 0.0) -> l
 
 def is_drained(session: Session) -> bool:
     """Whether an operator lets no job begin."""
-    found = first(session, "SELECT value FROM counters WHERE name = 'drained'")
-    return found is not None and bool(found["value"])
+    return bool(session.rows(f"SELECT 1 WHERE {DRAINED}"))
 
 
 def dismiss_lines(session: Session, where: str, arguments: tuple[Any, ...]) -> None:
