@@ -158,11 +158,11 @@ def test_what_differs_is_named() -> None:
 @pytest.mark.parametrize("address", ["", "localhost:8786", "http://localhost:8786", "file:///x"])
 def test_an_address_of_something_else_is_refused(address: str) -> None:
     with pytest.raises(errors.InputError, match="tcp://"):
-        opening.open_cluster(address, MEMORY)
+        opening.executor(address, 1, MEMORY)
 
 
 @pytest.mark.slow
 def test_an_absent_scheduler_is_said_to_be_absent(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(front, "CONNECT", 0.5)
     with pytest.raises(errors.InputError, match="No Dask scheduler answers"):
-        opening.open_cluster("tcp://127.0.0.1:9", MEMORY).start()
+        opening.executor("tcp://127.0.0.1:9", 1, MEMORY).start()

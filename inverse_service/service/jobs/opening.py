@@ -34,18 +34,14 @@ def open_store(database: str | None, guest: bool = False) -> JobStore:
     if database.startswith(POSTGRES):
         return _postgres_store(database)
     try:
-        return sqlite_store.SqliteStore(_existing(Path(database)), guest=True) if guest else _store_at(Path(database))
+        if guest and not Path(database).is_file():
+            raise errors.InputError(f"There is no database {database}; INVERSE_SERVICE_DATABASE names the service's.")
+        return sqlite_store.SqliteStore(Path(database), guest=True) if guest else _store_at(Path(database))
     except DatabaseTaken as error:
         raise errors.InputError(error.detail) from None
     except (OSError, sqlite3.Error, WrongVersion) as error:
         detail = f"The file INVERSE_SERVICE_DATABASE cannot be used as a database: {_reason(error)}."
         raise errors.InputError(detail) from None
-
-
-def _existing(path: Path) -> Path:
-    if not path.is_file():
-        raise errors.InputError(f"There is no database {path}; INVERSE_SERVICE_DATABASE names that of the service.")
-    return path
 
 
 def default_path() -> Path:
@@ -120,15 +116,12 @@ def executor(cluster: str | None, count: int, memory_limit: int) -> Executor:
 
     Raises InputError: the address is none, or the extra `dask` is not installed.
     """
-    return Workers(count, memory_limit) if cluster is None else open_cluster(cluster, memory_limit)
-
-
-def open_cluster(address: str, memory_limit: int) -> Executor:
-    """The executor on a cluster."""
-    if not address.startswith(SCHEMES):
+    if cluster is None:
+        return Workers(count, memory_limit)
+    if not cluster.startswith(SCHEMES):
         raise errors.InputError("The address of a cluster must be that of a Dask scheduler, such as tcp://host:8786.")
     if find_spec("distributed") is None:
         raise errors.InputError("A cluster needs the extra: pip install 'inverse-service[dask]'.")
     from inverse_service.service.cluster.front import Cluster
 
-    return Cluster(address, memory_limit)
+    return Cluster(cluster, memory_limit)
