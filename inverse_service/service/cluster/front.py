@@ -235,13 +235,10 @@ class Cluster:
         _close(self._client)
         self._client = self._connected()
         self._scheduler_lost = False
-        self._forget_futures()
-        log.warning("the cluster's scheduler answers again")
-
-    def _forget_futures(self) -> None:
         with self._lock:
             for task in self._open.values():
                 task.future = None
+        log.warning("the cluster's scheduler answers again")
 
     def _refuse_strangers(self) -> None:
         """Raises InputError where a worker that is there now has another program, or none of ours."""

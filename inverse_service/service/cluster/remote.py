@@ -10,7 +10,7 @@ import sys
 import threading
 from concurrent.futures import TimeoutError as WaitedTooLong
 from dataclasses import dataclass
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import version
 from typing import Any
 
 from inverse_service.service.jobs import model, workers
@@ -27,20 +27,13 @@ def fingerprint() -> Fingerprint:
     """Of this process: the engine with a digest of its text, Python, and the packages that matter."""
     python = f"{sys.version_info.major}.{sys.version_info.minor}"
     return {"engine": model.engine_version(), "python": python} | {
-        name: _version(name) for name in ("distributed", "python-flint")
+        name: version(name) for name in ("distributed", "python-flint")
     }
 
 
 def difference(ours: Fingerprint, theirs: Fingerprint) -> str:
     """What differs, in words; empty where nothing does."""
     return ", ".join(f"{name} {theirs[name]} instead of {ours[name]}" for name in ours if theirs[name] != ours[name])
-
-
-def _version(package: str) -> str:
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return "none"
 
 
 @dataclass(frozen=True, slots=True)

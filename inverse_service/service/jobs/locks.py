@@ -89,12 +89,9 @@ def _is_ours(folder: Path) -> bool:
         found = folder.lstat()
         names = {path.name for path in folder.iterdir()} if stat.S_ISDIR(found.st_mode) else set()
         is_known = all(name.startswith(CONTENTS) for name in names)
-        return is_known and _user_has(found) and time.time() - found.st_mtime > YOUNG
+        is_own = not hasattr(os, "getuid") or found.st_uid == os.getuid()
+        return is_known and is_own and time.time() - found.st_mtime > YOUNG
     return False
-
-
-def _user_has(found: os.stat_result) -> bool:
-    return not hasattr(os, "getuid") or found.st_uid == os.getuid()
 
 
 def _is_abandoned(held: Path) -> bool:
