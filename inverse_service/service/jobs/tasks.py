@@ -76,18 +76,18 @@ class Late:
     name: str
 
     def __call__(self, *given: Any, report: Any = None) -> Any:
-        function = getattr(importlib.import_module(f"inverse_service.service.{self.module}"), self.name)
+        function = getattr(importlib.import_module(self.module), self.name)
         return function(*given) if report is None else function(*given, report)
 
 
 # A document to its result, or to the `system` part of one; a result as theorems for another prover; the text of a
 # result to the checker's verdict; a scene to its result with the tables of all points, or to what it costs.
-solve_task = Late("documents.documents", "solve_document")
-understand_task = Late("documents.documents", "understand_document")
-proof_task = Late("documents.proofs", "proof_document")
-check_task = Late("documents.checking", "check_document")
-simulate_task = Late("scenes.simulating", "simulate_tables")
-work_precision_task = Late("scenes.work_precision", "work_precision")
+solve_task = Late("inverse_service.service.documents.documents", "solve_document")
+understand_task = Late("inverse_service.service.documents.documents", "understand_document")
+proof_task = Late("inverse_service.service.documents.proofs", "proof_document")
+check_task = Late("inverse_service.service.documents.checking", "check_document")
+simulate_task = Late("inverse_service.service.scenes.simulating", "simulate_tables")
+work_precision_task = Late("inverse_service.service.scenes.work_precision", "work_precision")
 
 
 Report = Callable[[Any], None]
@@ -123,7 +123,9 @@ def ask_task(body: bytes, terms: Terms, look: Look | None = None) -> model.JobRe
 
 def parse_task(body: bytes) -> bytes:
     """A System document to the JSON of what was understood."""
-    understood = Late("documents.documents", "parse_document")(model.split_options(_read(body))[0])
+    understood = Late("inverse_service.service.documents.documents", "parse_document")(
+        model.split_options(_read(body))[0]
+    )
     return json.dumps(understood, ensure_ascii=False, allow_nan=False).encode()
 
 
@@ -173,7 +175,7 @@ def label_of(result: Any) -> str:
     return verdict if isinstance(verdict, str) else "done"
 
 
-_look_at_scene: Look = Late("scenes.scene_reading", "scene_schema")
+_look_at_scene: Look = Late("inverse_service.service.scenes.scene_reading", "scene_schema")
 
 
 def _looked_at(value: Any) -> None:
@@ -183,11 +185,14 @@ def _looked_at(value: Any) -> None:
 
 KINDS: Final[dict[str, Kind]] = {
     "solve": Kind(
-        lambda d, o, report: solve_task(d, solve_options(o), report), Late("documents.documents", "look"), True
+        lambda d, o, report: solve_task(d, solve_options(o), report),
+        Late("inverse_service.service.documents.documents", "look"),
+        True,
     ),
     "check": Kind(lambda d, o, report: check_task(model.write_json(d)), _looked_at),
     "simulate": Kind(
-        lambda d, o, report: Late("scenes.simulating", "simulate")(d, report, o.time_limit), _look_at_scene
+        lambda d, o, report: Late("inverse_service.service.scenes.simulating", "simulate")(d, report, o.time_limit),
+        _look_at_scene,
     ),
     "work-precision": Kind(lambda d, o, report: work_precision_task(d, report, o.time_limit), _look_at_scene),
 }
