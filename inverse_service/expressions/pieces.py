@@ -6,7 +6,8 @@ polynomial is zero, is not specified, because answers hold on open sets.
 
 from collections.abc import Sequence
 
-from inverse_service.expressions import collecting, printing, refusals, tree as ex
+from inverse_service.expressions import collecting, printing, tree as ex
+from inverse_service.expressions.refusals import refusal
 
 MOST_PIECES, MOST_BOUNDARIES = 8, 7
 STEP = "Heaviside"
@@ -18,7 +19,7 @@ def step(u: ex.Expression, column: int) -> ex.Expression:
         root = isinstance(node, ex.Power) and not (isinstance(node.exponent, ex.Number) and _is_natural(node.exponent))
         if root or isinstance(node, ex.Apply | ex.Arbitrary | ex.Acceleration):
             wanted = "polynomials of t, coordinates, velocities and parameters, as in x^2 + y^2 < 1"
-            raise refusals.refusal("a condition is not an inequality of polynomials", column, f"compare {wanted}")
+            raise refusal("a condition is not an inequality of polynomials", column, f"compare {wanted}")
     u = collecting.collect(u)
     if isinstance(u, ex.Number):
         return ex.ONE if u.value > 0 else ex.ZERO
@@ -41,7 +42,7 @@ def either(left: ex.Expression, right: ex.Expression) -> ex.Expression:
 def piecewise(pieces: Sequence[tuple[ex.Expression, ex.Expression]], column: int) -> ex.Expression:
     """The value of the piece whose condition holds first; InputError if possibly none holds."""
     if len(pieces) > MOST_PIECES:
-        raise refusals.refusal(f"piecewise has {len(pieces)} pieces", column, f"write at most {MOST_PIECES}")
+        raise refusal(f"piecewise has {len(pieces)} pieces", column, f"write at most {MOST_PIECES}")
     left: ex.Expression = ex.ONE  # 1 where no condition holds so far
     terms = []
     for value, condition in pieces:
@@ -50,11 +51,9 @@ def piecewise(pieces: Sequence[tuple[ex.Expression, ex.Expression]], column: int
     steps = dict.fromkeys(node for _, condition in pieces for node in ex.walk(condition) if isinstance(node, ex.Apply))
     if len(steps) > MOST_BOUNDARIES:
         most = f"at most {MOST_BOUNDARIES}, which make {MOST_BOUNDARIES + 1} cases"
-        raise refusals.refusal(f"piecewise compares {len(steps)} polynomials with 0", column, f"write {most}")
+        raise refusal(f"piecewise compares {len(steps)} polynomials with 0", column, f"write {most}")
     if left != ex.ZERO:  # a formula multilinear in its steps is zero only if it is zero for all their values
-        raise refusals.refusal(
-            "piecewise has no value where none of its conditions holds", column, "end it with (b, true)"
-        )
+        raise refusal("piecewise has no value where none of its conditions holds", column, "end it with (b, true)")
     return ex.add(*terms)
 
 

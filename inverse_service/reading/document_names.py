@@ -11,7 +11,8 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from inverse_service import errors
-from inverse_service.expressions import derivative, refusals, tree as ex
+from inverse_service.expressions import derivative, tree as ex
+from inverse_service.expressions.refusals import LIMITS, joined, refusal, shorten
 from inverse_service.reading import names as nm, reader
 from inverse_service.reading.tokens import (
     Token,
@@ -74,16 +75,12 @@ def with_values(expression: ex.Expression, values: Mapping[str, ex.Expression]) 
 def _check_defined(node: ex.Expression) -> None:
     match node:
         case ex.Power(ex.Number(base), ex.Number(exponent)):
-            undefined = (base == 0 and exponent < 0) or (base < 0 and exponent.denominator != 1)
+            defined = exponent >= 0 if base == 0 else base > 0 or exponent.denominator == 1
         case ex.Apply(function, argument):
-            try:
-                nm.check_domain(function, argument, 1)
-                undefined = False
-            except errors.InputError:
-                undefined = True
+            defined = nm.is_defined(function, argument)
         case _:
-            undefined = False
-    if undefined:
+            return
+    if not defined:
         raise errors.InputError(
             "with these values of the parameters a formula has no real value (a division by zero, a root or a "
             "logarithm): give other values.",
@@ -111,7 +108,7 @@ class Declared:
     parameters: Parameters = ()
     functions: Mapping[str, Sequence[str]] = field(default_factory=dict)
     where: Mapping[str, str] = field(default_factory=dict)
-    most: int = refusals.LIMITS.coordinates
+    most: int = LIMITS.coordinates
 
     @property
     def guesses(self) -> bool:
@@ -242,13 +239,13 @@ def document_names(
     keyed = isinstance(named, Mapping)
     parameters = tuple(
         nm.declared_name(parameter, f"/parameters/{nm.escaped(parameter) if keyed else place}", "parameter")
-        for place, parameter in enumerate(bounded(list(named), "/parameters", "parameters", refusals.LIMITS.names))
+        for place, parameter in enumerate(bounded(list(named), "/parameters", "parameters", LIMITS.names))
     )
     functions = {
         nm.declared_name(key, f"/functions/{nm.escaped(key)}", "function"): _arguments(key, words)
         for key, words in declared.functions.items()
     }
-    bounded(list(declared.functions), "/functions", "functions", refusals.LIMITS.names)
+    bounded(list(declared.functions), "/functions", "functions", LIMITS.names)
     called = {defined_name(key): key.partition("(")[2].rstrip(" )") for key in declared.where if key.endswith(")")}
     functions |= {name: _arguments(name, words.split(",")) for name, words in called.items()}
     defined = tuple(name for key in declared.where if (name := defined_name(key)) not in called)
@@ -281,11 +278,11 @@ def _arguments(function: str, words: Sequence[str]) -> tuple[str, ...]:
     pointer = f"/functions/{nm.escaped(function)}"
     if isinstance(words, str) or not words:
         raise errors.InputError(
-            f"the function {refusals.shorten(function)} has no list of arguments: name the coordinates it depends on, "
+            f"the function {shorten(function)} has no list of arguments: name the coordinates it depends on, "
             'as in ["r1"].',
             pointer,
         )
-    bounded(list(words), pointer, "arguments", refusals.LIMITS.function_arguments)
+    bounded(list(words), pointer, "arguments", LIMITS.function_arguments)
     return tuple(
         "t" if word == "t" else nm.declared_name(_VELOCITY.sub(r"\1\2_dot", word), f"{pointer}/{place}")
         for place, word in enumerate(words)
@@ -312,7 +309,7 @@ def _checked_functions(names: nm.Names, texts: Mapping[str, str]) -> dict[str, t
         elif calls or not texts:
             raise errors.InputError(
                 f"{function} depends on {names.functions[function][place]}, which is not a coordinate: use one of "
-                f"{refusals.joined(names.coordinates)}, or write all arguments of {function} in brackets.",
+                f"{joined(names.coordinates)}, or write all arguments of {function} in brackets.",
                 f"/functions/{function}/{place}",
             )
     return {function: arguments for function, arguments in names.functions.items() if function not in foreign}
@@ -431,9 +428,7 @@ def _refuse_products(tokens: Sequence[Token], products: Mapping[str, tuple[str, 
         if token.text in products and is_primed(tokens, place):
             meant, primes = "*".join(products[token.text]), "'" * _primes(tokens[place + 1 :])[0]
             instead = f"did you mean {meant}{primes}?"
-            raise refusals.refusal(
-                f"{token.text}{primes} occurs", token.column, instead, (meant,), declare="coordinates"
-            )
+            raise refusal(f"{token.text}{primes} occurs", token.column, instead, (meant,), declare="coordinates")
 
 
 def inferred_coordinates(texts: Mapping[str, str], declared: nm.Names, order: int = 2) -> tuple[str, ...]:
@@ -461,8 +456,8 @@ def key_coordinate(key: str, names: nm.Names, pointer: str) -> str:
     name = names.spelling(key_name(key, names))
     if name not in names.coordinates:
         raise errors.InputError(
-            f"there is an equation for '{refusals.shorten(key)}', which is not a coordinate: the coordinates are "
-            f"{refusals.joined(names.coordinates)}.",
+            f"there is an equation for '{shorten(key)}', which is not a coordinate: the coordinates are "
+            f"{joined(names.coordinates)}.",
             pointer,
         )
     return name
@@ -689,7 +684,7 @@ def _product_or_function(line: Sequence[Token], place: int, argument: str, text:
     both = (f"{name.text}*({argument})", f"{name.text}({argument})")
     instead, what = f"write {both[0]} for a product, {both[1]} for a function", f"{name.text} ( could be"
     span = (name.column, end + 1) if plain else None
-    return refusals.refusal(f"{what} a product or a function", name.column, instead, both if plain else (), span)
+    return refusal(f"{what} a product or a function", name.column, instead, both if plain else (), span)
 
 
 def _slopes(lines: Iterable[Sequence[Token]], declared: nm.Names) -> dict[str, tuple[str, ...]]:
@@ -800,7 +795,7 @@ def _ask_back(
         other = seen.setdefault(name.replace("_", ""), name)
         if other != name:
             instead = f"{other} occurs too; write one of the two"
-            raise refusals.refusal(nm.not_declared(name), token.column, instead, (other,)).at(pointer)
+            raise refusal(nm.not_declared(name), token.column, instead, (other,)).at(pointer)
     return splits
 
 
@@ -846,7 +841,7 @@ def _refuse_operators(
     after = at(line, place + 1)
     if token.text == "T" and (before[-1:] == ["^"] or (before == ["^", "("] and after.is_operator(")"))):
         instead = "a transpose? write components"
-        raise refusals.refusal("a raised T occurs", token.column, instead, declare="parameters").at(pointer)
+        raise refusal("a raised T occurs", token.column, instead, declare="parameters").at(pointer)
     around = [other.text for other in line[place + 1 : place + 3]]
     by = (
         around[1]
@@ -856,7 +851,7 @@ def _refuse_operators(
     if by in coordinates and token.text not in slopes:
         meant = f"diff({token.text}({by}), {by})"
         what, called = f"a derivative of {token.text} by {by} occurs", (f"{token.text}({by})",)
-        raise refusals.refusal(what, token.column, f"write {meant}", called, declare="parameters").at(pointer)
+        raise refusal(what, token.column, f"write {meant}", called, declare="parameters").at(pointer)
     if token.text == "j" and not token.space_before and place and line[place - 1].kind == "number":
         reason = nm.REFUSED_UNLESS_DECLARED["i"]
         raise nm.refused(f"j {reason[0]}", reason, token.column).at(pointer)
@@ -867,15 +862,15 @@ def _refuse_operators(
     is_unit = [token.text, *following[:2]] == ["m", "/", "s"] and "s" not in coordinates
     if is_unit and place and line[place - 1].kind == "number":
         instead = "leave units out, write * between a number and a name"
-        raise refusals.refusal("m/s could be a unit", token.column, instead).at(pointer)
+        raise refusal("m/s could be a unit", token.column, instead).at(pointer)
     if error := _raised_call(line, place, coordinates, calls):
         raise error.at(pointer)
     if token.text == "d" and after.text == "t":
-        raise refusals.refusal("a differential occurs", token.column, "write x' or dx/dt for a derivative").at(pointer)
+        raise refusal("a differential occurs", token.column, "write x' or dx/dt for a derivative").at(pointer)
     if token.text == "Delta" and after.kind == "name":
         instead = f"a product? declare the constant Delta and write Delta*{after.text}"
         what = f"Delta {after.text} usually means a difference or a Laplacian; it occurs"
-        raise refusals.refusal(what, token.column, instead, (f"Delta*{after.text}",)).at(pointer)
+        raise refusal(what, token.column, instead, (f"Delta*{after.text}",)).at(pointer)
 
 
 def _raised_call(
@@ -894,14 +889,14 @@ def _raised_call(
     raised, end = line[start + 1], closing(line, opening)
     if raised.kind == "number" and raised.column > line[start].column:  # brackets of the writer, not of LaTeX
         instead = f"write {name.text}''({line[opening + 1].text}) for a derivative, ^{raised.text}* for a product"
-        return refusals.refusal(f"{name.text}^({raised.text})( could be a derivative", name.column, instead)
+        return refusal(f"{name.text}^({raised.text})( could be a derivative", name.column, instead)
     inside = [token.text for token in line[opening:end] if not token.is_operator("(", ",")]
     called = inside == ["t"] or (name.text, tuple(inside)) in calls
     if not inside or not {")", "t", *coordinates}.issuperset(inside) or called:
         return None
     power, of = "".join(token.text for token in line[start:opening]).strip("()"), inside[0]
     instead = f"write {name.text}({of})^({power}) for a function, {name.text}^({power})*({of}) for a product"
-    return refusals.refusal(f"{name.text} to a power before ( could be a function", name.column, instead)
+    return refusal(f"{name.text} to a power before ( could be a function", name.column, instead)
 
 
 def _half_a_number(line: Sequence[Token], place: int) -> errors.InputError | None:
@@ -915,9 +910,7 @@ def _half_a_number(line: Sequence[Token], place: int) -> errors.InputError | Non
     if not (power or suffix or before.text == "0"):
         return None
     shown = before.text + text + "".join(after) * power
-    return refusals.refusal(
-        f"{shown} could be one number", before.column, f"write 2*{text} for a product, 2e-3 for a number"
-    )
+    return refusal(f"{shown} could be one number", before.column, f"write 2*{text} for a product, 2e-3 for a number")
 
 
 def _is_apart(line: Sequence[Token], place: int) -> bool:

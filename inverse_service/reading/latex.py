@@ -2,7 +2,6 @@ r"""LaTeX to the tokens of the plain-text grammar, each with its column in the o
 
 import itertools
 import re
-from collections.abc import Sequence
 from dataclasses import replace
 from fractions import Fraction
 
@@ -183,23 +182,6 @@ def _conditions(text: str) -> dict[int, tuple[Tokens, int]]:
     return found
 
 
-def role_before(tokens: Sequence[Token], names: nm.Names) -> nm.Role | None:
-    """The role of the last name, in x as in x' and x^{2}; None for anything else."""
-    place = _before_power(tokens)
-    while place >= 0 and tokens[place].kind == "prime":
-        place -= 1
-    return names.role(names.spelling(tokens[place].text)) if place >= 0 else None
-
-
-def _before_power(tokens: Sequence[Token]) -> int:
-    """The place of the token before ^( … ), if this came last."""
-    last = len(tokens) - 1
-    if last < 0 or not tokens[last].is_operator(")"):
-        return last
-    start = plain.opening(tokens, last)
-    return start - 2 if start > 0 and tokens[start - 1].is_operator("^") else -1
-
-
 FONTS = ("mathrm", "operatorname", "operatorname*", "text", "mathit")
 _COMPONENTS = "a vector is not accepted, write an equation for each component"
 _OTHER_LETTER = "letters in this font are separate names, write another name such as B_1"
@@ -281,7 +263,7 @@ class LatexTranslator:
 
     def _character(self, raw: Token) -> None:
         if raw.is_operator("{"):
-            self._group_or_time(raw)
+            self._group_or_arguments(raw)
         elif raw.is_operator("^"):
             self._power(raw)
             if self._raw.ahead.is_operator("^") and self._tokens[-1].kind != "prime":
@@ -296,19 +278,15 @@ class LatexTranslator:
         else:
             raise self._misplaced(raw)
 
-    def _group_or_time(self, raw: Token) -> None:
-        constant = self._raw.ahead.is_command("left") and role_before(self._tokens, self._names) == "parameter"
-        if constant and [piece.text for piece in self._raw.rest(6)] == ["left", "(", "t", "right", ")", "}"]:
-            raise refusal("a parameter depends on time", raw.column, "", declare="functions")
-        if self._raw.ahead.is_command("left") and not constant:
-            start = len(self._tokens)
-            self._group(raw)  # the arguments in A^{2}{\left(x \right)}, in one pair of brackets
+    def _group_or_arguments(self, raw: Token) -> None:
+        start = len(self._tokens)
+        called = self._raw.ahead.is_command("left")
+        self._group(raw)
+        if called:  # the arguments in A^{2}{\left(x \right)}, in one pair of brackets
             inner = self._tokens[start + 1 : -1]
             if plain.closing(inner, 0) >= len(inner) - 1:
                 self._tokens[start:] = inner
             self._tokens[start] = replace(self._tokens[start], space_before=False)
-        else:
-            self._group(raw)
 
     def _misplaced(self, raw: Token) -> InputError:
         reasons = {

@@ -137,12 +137,15 @@ _DOMAINS: dict[str, tuple[Callable[[Fraction], bool], str]] = {
 }
 
 
+def is_defined(function: str, argument: Expression) -> bool:
+    """False where the argument is a number at which the function has no real value."""
+    return function not in _DOMAINS or not isinstance(argument, Number) or _DOMAINS[function][0](argument.value)
+
+
 def check_domain(function: str, argument: Expression, column: int) -> None:
     """InputError where the argument is a number at which the function has no real value."""
-    if function not in _DOMAINS or not isinstance(argument, Number):
-        return
-    holds, wanted = _DOMAINS[function]
-    if not holds(argument.value):
+    if not is_defined(function, argument):
+        wanted = _DOMAINS[function][1]
         raise refusal(f"{function} of this number has no real value", column, f"give it {wanted}")
 
 

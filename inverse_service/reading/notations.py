@@ -15,7 +15,7 @@ from fractions import Fraction
 from functools import partial
 
 from inverse_service import errors
-from inverse_service.expressions import refusals
+from inverse_service.expressions.refusals import LIMITS, at_most, refusal
 from inverse_service.reading.names import DERIVATIVE_NAMES, FUNCTIONS, Names
 from inverse_service.reading.tokens import (
     FACTOR,
@@ -55,7 +55,7 @@ def in_our_words(tokens: Tokens, names: Names) -> Tokens:
         tokens = _rewritten(tokens, names)
     if "I" in marks and names.role("I") is None and (mathematica or tokens != written or marks & DERIVATIVE_NAMES):
         column = next(token.column for token in tokens if token.text == "I")
-        raise refusals.refusal(
+        raise refusal(
             "I is the imaginary unit in this notation; it occurs", column, "write real equations", declare="parameters"
         )
     return with_derivatives(_without_list(tokens), names)
@@ -183,9 +183,7 @@ def _after_dot(tokens: Sequence[Token], place: int, found: Tokens, names: Names)
         found.pop()
         return place + 1
     if method.text != "diff" or not _opens(tokens, place + 2):
-        raise refusals.refusal(
-            "a dot occurs", tokens[place].column, "a dot belongs to a number such as 0.5, or to u.diff(t)"
-        )
+        raise refusal("a dot occurs", tokens[place].column, "a dot belongs to a number such as 0.5, or to u.diff(t)")
     arguments, after = _arguments(tokens, place + 2)
     start = _operand(found)
     operand = found[start:]
@@ -225,7 +223,7 @@ def _derivative_of(tokens: Sequence[Token], place: int, order: int, found: Token
     name, *ends = (*tokens[place + 1 : place + 3 + inner], tokens[start - 1])[: 2 + inner]
     closed = len(ends) == 1 + inner and all(token.is_operator(")") for token in ends)
     if not _opens(tokens, start) or name.kind != "name" or not closed:
-        raise refusals.refusal("a derivative of a name occurs", tokens[start - 1].column, "write x'' or diff(x, t, 2)")
+        raise refusal("a derivative of a name occurs", tokens[start - 1].column, "write x'' or diff(x, t, 2)")
     found += [name, Token("prime", "'" * (order + inner), name.column, False, Fraction(order + inner))]
     return place + 3 + inner
 
@@ -277,7 +275,7 @@ def _quoted(tokens: Sequence[Token], place: int, found: Tokens, names: Names) ->
     arguments, after = _arguments(tokens, place + 1)
     word = [token for token in arguments[0] if token.kind == "name"] if arguments else []
     if len(word) != 1 or len(arguments[0]) != 3:
-        raise refusals.refusal("a name in quotation marks is missing", tokens[place].column, "write Symbol('x')")
+        raise refusal("a name in quotation marks is missing", tokens[place].column, "write Symbol('x')")
     found.append(replace(word[0], space_before=tokens[place].space_before))
     return after
 
@@ -324,14 +322,14 @@ def _pieces(tokens: Sequence[Token], place: int, found: Tokens, names: Names) ->
 
 
 def _float(tokens: Sequence[Token], place: int, found: Tokens, names: Names) -> int:
-    raise refusals.refusal("a Float occurs", tokens[place].column, "write the exact number, such as Rational(1, 3)")
+    raise refusal("a Float occurs", tokens[place].column, "write the exact number, such as Rational(1, 3)")
 
 
 def _der(tokens: Sequence[Token], place: int, found: Tokens, names: Names) -> int:
     """Modelica's der(u) is diff(u, t)."""
     arguments, after = _arguments(tokens, place + 1)
     if len(arguments) != 1:
-        raise refusals.refusal("der has one argument", tokens[place].column, "write der(x)")
+        raise refusal("der has one argument", tokens[place].column, "write der(x)")
     time = Token("name", "t", tokens[place].column)
     found += _written("diff", [*arguments, [time]], tokens[place], names)
     return after
@@ -341,7 +339,7 @@ def _differential(tokens: Sequence[Token], place: int, found: Tokens, names: Nam
     """ModelingToolkit's Differential(t)(u) is diff(u, t)."""
     by, after = _arguments(tokens, place + 1)
     if len(by) != 1 or not _opens(tokens, after):
-        raise refusals.refusal("Differential has no operand", tokens[place].column, "write Differential(t)(x), or x'")
+        raise refusal("Differential has no operand", tokens[place].column, "write Differential(t)(x), or x'")
     operand, end = _arguments(tokens, after)
     found += _written("diff", [*operand[:1], *by], tokens[place], names)
     return end
@@ -351,7 +349,7 @@ def _column(tokens: Sequence[Token], place: int, found: Tokens, names: Names) ->
     """SymPy's Matrix([[u], [v]]) is u, v: its entries without the brackets of the rows' list."""
     arguments, after = _arguments(tokens, place + 1)
     if len(arguments) != 1 or not _opens(arguments[0], 0) or closing(arguments[0], 0) != len(arguments[0]) - 1:
-        raise refusals.refusal("a matrix occurs", tokens[place].column, "write its entries, separated by ;")
+        raise refusal("a matrix occurs", tokens[place].column, "write its entries, separated by ;")
     found += _rewritten(arguments[0][1:-1], names)
     return after
 
@@ -408,8 +406,8 @@ def with_derivatives(tokens: Tokens, names: Names, depth: int = 0) -> Tokens:
     primed = any(a.is_operator(")") and b.kind == "prime" for a, b in itertools.pairwise(tokens))
     if not primed and not marks & {"d", PARTIAL, TOTAL}:
         return tokens
-    if depth > refusals.LIMITS.depth:
-        refusals.at_most(depth, refusals.LIMITS.depth, "the formula is nested too deeply", tokens[0].column)
+    if depth > LIMITS.depth:
+        at_most(depth, LIMITS.depth, "the formula is nested too deeply", tokens[0].column)
     found: Tokens = []
     place = 0
     while place < len(tokens):
@@ -509,7 +507,7 @@ def _of_operand(tokens: Tokens, quotient: _Quotient, place: int, names: Names, d
         or (guessed and inside)
     ) and follows.is_operator("("):
         instead = f"write {name.text}'({variables[0].text}), or * before a factor"
-        raise refusals.refusal("a bracket follows a derivative", follows.column, instead)
+        raise refusal("a bracket follows a derivative", follows.column, instead)
     if declared or guessed:
         return _carried_out(operand, variables, first, not quotient.partial), after
     if (role is None and {*by} <= {*names.coordinates}) or (quotient.fraction and not in_time):
@@ -545,8 +543,8 @@ def _of_what(
     span = None if fraction else (ends[0].column, ends[1].column + len(ends[1].text))
     what, column = f"a derivative of {name.text} by {by[0]} occurs", name.column
     if fraction:
-        return refusals.refusal(what, ends[0].column, f"write {name.text}'({by[0]})", declare="functions")
-    return refusals.refusal(what, column, f"write {primed}{slope}", (slope,), span)
+        return refusal(what, ends[0].column, f"write {name.text}'({by[0]})", declare="functions")
+    return refusal(what, column, f"write {primed}{slope}", (slope,), span)
 
 
 def _applied(tokens: Tokens, quotient: _Quotient, place: int, names: Names, depth: int) -> tuple[Tokens, int] | None:
@@ -562,7 +560,7 @@ def _applied(tokens: Tokens, quotient: _Quotient, place: int, names: Names, dept
     timed = any(texts[k : k + 3] == ["(", "t", ")"] for k in range(len(texts)))
     if quotient.partial and in_time and not timed:
         instead = "write d/dt( and ) for the derivative along the motion"
-        raise refusals.refusal("a partial derivative by the time occurs", tokens[place].column, instead)
+        raise refusal("a partial derivative by the time occurs", tokens[place].column, instead)
     return _carried_out(inner, quotient.variables, tokens[place]), after
 
 
@@ -570,7 +568,7 @@ def _differentiated(tokens: Tokens, quotient: _Quotient, names: Names, depth: in
     """The operand of an operator: a bracket, a derivative, or a name without a following factor."""
     place = quotient.after
     first, variable = tokens[place], quotient.variables[0].text
-    refusals.at_most(depth + 1, refusals.LIMITS.depth, "the formula is nested too deeply", first.column)
+    at_most(depth + 1, LIMITS.depth, "the formula is nested too deeply", first.column)
     if nested := _derivative(tokens, place, names, depth + 1):
         return nested
     bracket = first.is_operator("(") and first.value != FRACTION
@@ -594,7 +592,7 @@ def _differentiated(tokens: Tokens, quotient: _Quotient, names: Names, depth: in
     if raised or not (bracket or (first.kind == "name" and (ends or (arguments and multiplied)))):
         what = f"it is not clear where the derivative ends, because d/d{variable} precedes a product"
         column = following.column or first.column
-        raise refusals.refusal(what, column, f"write what it differentiates in brackets, d/d{variable}(...)")
+        raise refusal(what, column, f"write what it differentiates in brackets, d/d{variable}(...)")
     inner = with_derivatives(tokens[place + bracket : end + 1 - bracket], names, depth + 1)
     return inner, end + 1
 
@@ -738,9 +736,9 @@ def _refuse_fraction(tokens: Tokens, place: int, names: Names) -> None:
         by, column = variable[0][0].text, tokens[place].column
         if any(token.is_operator("^") for token in above[2:]) and by == "t":
             instead = "write the power around the whole derivative, \\left(\\frac{dx}{dt}\\right)^2"
-            raise refusals.refusal("the exponent in a derivative is not clear", above[1].column, instead)
+            raise refusal("the exponent in a derivative is not clear", above[1].column, instead)
         instead = f"write \\frac{{d}}{{d{by}}}\\left( and \\right)"
-        raise refusals.refusal(f"a derivative by {by} occurs", column, instead)
+        raise refusal(f"a derivative by {by} occurs", column, instead)
 
 
 def _carried_out(inner: Sequence[Token], variables: Sequence[Token], at: Token, total: bool = False) -> Tokens:

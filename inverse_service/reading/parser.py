@@ -21,8 +21,9 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from inverse_service import errors
-from inverse_service.expressions import derivative, refusals, tree as ex
+from inverse_service.expressions import derivative, tree as ex
 from inverse_service.expressions.pieces import either, piecewise, step
+from inverse_service.expressions.refusals import LIMITS, at_most, limit_passed, refusal, shorten
 from inverse_service.reading import names as nm
 from inverse_service.reading.tokens import END, Token, TokenStream, outside, split_at_commas, unexpected
 
@@ -38,18 +39,18 @@ def _bits(value: Fraction) -> int:
 
 def _check_bits(total_bits: float, column: int) -> None:
     """LimitError if a number is certain to have too many digits; called before it is computed."""
-    if total_bits > refusals.LIMITS.digits * _BITS_PER_DIGIT:
+    if total_bits > LIMITS.digits * _BITS_PER_DIGIT:
         raise _too_long(column)
 
 
 def _check_number(value: Fraction, column: int) -> None:
     """LimitError if a number has too many digits, so that every accepted formula can be read back."""
-    if max(abs(value.numerator), value.denominator) >= 10**refusals.LIMITS.digits:
+    if max(abs(value.numerator), value.denominator) >= 10**LIMITS.digits:
         raise _too_long(column)
 
 
 def _too_long(column: int) -> errors.InputError:
-    return refusals.limit_passed("a number that is computed here has too many digits", column, refusals.LIMITS.digits)
+    return limit_passed("a number that is computed here has too many digits", column, LIMITS.digits)
 
 
 def product(factors: Sequence[ex.Expression], column: int) -> ex.Expression:
@@ -74,7 +75,7 @@ def sum_of(terms: Sequence[ex.Expression], column: int) -> ex.Expression:
 def reciprocal(expression: ex.Expression, column: int) -> ex.Expression:
     """1/u; InputError where u is the number 0."""
     if expression == ex.Number(Fraction(0)):
-        raise refusals.refusal("a division by zero occurs", column, "divide by something that is not 0")
+        raise refusal("a division by zero occurs", column, "divide by something that is not 0")
     return expression**-1
 
 
@@ -84,7 +85,7 @@ def raised(base: ex.Expression, exponent: ex.Expression, column: int) -> ex.Expr
         return ex.Apply("exp", exponent)
     if isinstance(base, ex.Number) and base.value < 0 and not isinstance(exponent, ex.Number):
         what = "a negative number is raised to a symbolic power, which is real for few values only"
-        raise refusals.refusal(f"{what}; it occurs", column, "write the formula for an even and for an odd power")
+        raise refusal(f"{what}; it occurs", column, "write the formula for an even and for an odd power")
     if isinstance(exponent, ex.Number):
         _check_exponent(exponent.value, column)
         if isinstance(base, ex.Number):
@@ -97,21 +98,19 @@ def raised(base: ex.Expression, exponent: ex.Expression, column: int) -> ex.Expr
 
 
 def _check_exponent(exponent: Fraction, column: int) -> None:
-    if abs(exponent.numerator) > refusals.LIMITS.exponent or exponent.denominator > refusals.LIMITS.exponent:
-        instead = f"the limit is {refusals.LIMITS.exponent:,}; declare a parameter and write it in its place"
-        raise refusals.refusal("the exponent is too large", column, instead, kind=errors.LimitError)
+    if abs(exponent.numerator) > LIMITS.exponent or exponent.denominator > LIMITS.exponent:
+        instead = f"the limit is {LIMITS.exponent:,}; declare a parameter and write it in its place"
+        raise refusal("the exponent is too large", column, instead, kind=errors.LimitError)
 
 
 def _check_numbers(base: Fraction, exponent: Fraction, column: int) -> None:
     if base == 0 and exponent <= 0:
-        raise refusals.refusal(
-            "0 to a power that is not positive has no value", column, "write another base or exponent"
-        )
+        raise refusal("0 to a power that is not positive has no value", column, "write another base or exponent")
     if base < 0 and exponent.denominator != 1:
         base, sign = -base, "-" if exponent.numerator % 2 else ""
         root = f"write {sign}{base if base.denominator == 1 else f'({base})'}^({exponent})"
         instead = root if exponent.denominator % 2 else "write another base or exponent"
-        raise refusals.refusal("a negative number to this power is not real", column, instead)
+        raise refusal("a negative number to this power is not real", column, instead)
     if abs(base) not in (0, 1):
         _check_bits(_bits(base) * float(abs(exponent)), column)
 
@@ -121,7 +120,7 @@ def check_depth(expression: ex.Expression, column: int = 1) -> ex.Expression:
     level, depth = [expression], 0
     while level:
         depth += 1
-        refusals.at_most(depth, refusals.LIMITS.depth, "the formula is nested too deeply", column)
+        at_most(depth, LIMITS.depth, "the formula is nested too deeply", column)
         level = [part for node in level for part in ex.children(node)]
     return expression
 
@@ -138,7 +137,7 @@ class Variable:
 def carry_out(expression: ex.Expression, variables: Sequence[Variable], names: nm.Names) -> ex.Expression:
     """The derivative: along the motion (x -> x' -> x'') if the variable is t, otherwise partial."""
     order = sum(variable.times for variable in variables)
-    refusals.at_most(order, refusals.LIMITS.derivative_order, "a derivative is too high", variables[0].column)
+    at_most(order, LIMITS.derivative_order, "a derivative is too high", variables[0].column)
     expression = _defined(expression, variables, names)
     for variable in variables:
         for _ in range(variable.times):
@@ -151,19 +150,17 @@ def _defined(expression: ex.Expression, variables: Sequence[Variable], names: nm
     for variable in variables:
         if isinstance(variable.node, ex.Symbol) and variable.node in names.definitions:
             what = f"a derivative by {variable.node.name} occurs, which is defined by a formula"
-            raise refusals.refusal(what, variable.column, "differentiate by a coordinate")
+            raise refusal(what, variable.column, "differentiate by a coordinate")
     others = {*names.definitions, *(variable.node for variable in variables)}
     if isinstance(expression, ex.Symbol) and expression.name in names.parameters and expression not in others:
         what = f"a derivative of the constant {expression.name} occurs"
-        raise refusals.refusal(what, variables[0].column, "leave it out", declare="functions")
+        raise refusal(what, variables[0].column, "leave it out", declare="functions")
     return ex.substitute(expression, dict(names.definitions)) if names.definitions else expression
 
 
 def _once(expression: ex.Expression, variable: Variable, names: nm.Names) -> ex.Expression:
     nodes = ex.node_count(expression)
-    refusals.at_most(
-        nodes, refusals.LIMITS.derivative_nodes, "the formula to differentiate is too large", variable.column
-    )
+    at_most(nodes, LIMITS.derivative_nodes, "the formula to differentiate is too large", variable.column)
     if variable.node != ex.TIME:
         result = derivative.differentiate(expression, variable.node)
     else:
@@ -179,7 +176,7 @@ def _refuse_two_meanings(function: ex.Arbitrary, column: int) -> None:
     arguments = ", ".join(node.name for node in function.arguments if isinstance(node, ex.Symbol))
     partial = f"{function.name}[{orders}]({arguments})"
     what = f"a derivative of {function.name} by t could be the partial one or the one along the motion; it occurs"
-    raise refusals.refusal(what, column, f"write {partial} for the partial one, and with the other terms for the other")
+    raise refusal(what, column, f"write {partial} for the partial one, and with the other terms for the other")
 
 
 def _along_motion(expression: ex.Expression, variable: Variable, names: nm.Names) -> ex.Expression:
@@ -193,7 +190,7 @@ OF_SECOND_ORDER = "write equations of second order. Those of a Lagrangian L(t, q
 
 
 def _third(column: int) -> errors.InputError:
-    return refusals.refusal("a third derivative occurs", column, OF_SECOND_ORDER)
+    return refusal("a third derivative occurs", column, OF_SECOND_ORDER)
 
 
 class FormulaParser:
@@ -213,15 +210,13 @@ class FormulaParser:
         if rest.kind == "end":
             return result
         if rest.is_operator("=", ";"):
-            raise refusals.refusal("an equation occurs where a formula is expected", rest.column, "write one side only")
+            raise refusal("an equation occurs where a formula is expected", rest.column, "write one side only")
         if rest.is_operator("[", "]"):
-            raise refusals.refusal("square brackets are not accepted here", rest.column, "write ( and )")
+            raise refusal("square brackets are not accepted here", rest.column, "write ( and )")
         if rest.is_operator("<", ">", "\u2260"):
-            raise refusals.refusal("a comparison occurs", rest.column, "write an equation with one =")
+            raise refusal("a comparison occurs", rest.column, "write an equation with one =")
         if rest.is_operator(","):
-            raise refusals.refusal(
-                "a comma occurs outside a function", rest.column, "write a decimal point, or * for a product"
-            )
+            raise refusal("a comma occurs outside a function", rest.column, "write a decimal point, or * for a product")
         raise unexpected(rest, END)
 
     def _expression(self) -> ex.Expression:
@@ -304,14 +299,12 @@ class FormulaParser:
     def _check_adjacent(self, after_division: bool) -> None:
         ahead, column = self._stream.ahead, self._stream.ahead.column
         if ahead.is_operator("(") and self._stream.look(3).kind == "end" and self._stream.look(1).kind == "number":
-            shown = f"({refusals.shorten(self._stream.look(1).text)})"
-            raise refusals.refusal(
-                f"{shown} could be an equation number", column, "leave it out, or write * before a factor"
-            )
+            shown = f"({shorten(self._stream.look(1).text)})"
+            raise refusal(f"{shown} could be an equation number", column, "leave it out, or write * before a factor")
         if ahead.kind == "number":
-            raise refusals.refusal("a number follows a factor", column, "write * before a factor or ^ before a power")
+            raise refusal("a number follows a factor", column, "write * before a factor or ^ before a power")
         if self._time_in_brackets():
-            raise refusals.refusal("(t) could be an argument or a factor", column, "write *t for a product")
+            raise refusal("(t) could be an argument or a factor", column, "write *t for a product")
         if after_division:
             raise self._unclear_quotient(column)
         last, before = self._stream.look(-1), self._stream.look(-2)
@@ -320,7 +313,7 @@ class FormulaParser:
         raises = last.kind == "number" and before.is_operator("^") and not ahead.space_before
         if raises and not self._multiplies(ahead):
             said, span = "the end of the exponent is not clear", (last.column, column)
-            raise refusals.refusal(said, column, "write x^2*y or x^(2*y)", (f"{last.text}*",), span)
+            raise refusal(said, column, "write x^2*y or x^(2*y)", (f"{last.text}*",), span)
 
     def _multiplies(self, ahead: Token) -> bool:
         """Whether a coordinate after the power of a name or bracket is a factor: in w^2x, not in e^2x, x^2n, k**2x."""
@@ -339,9 +332,9 @@ class FormulaParser:
         rest = self._source_of_factors(place)
         over, under = stream.source(start, bar), stream.source(bar + 1, place)
         if rest is None or "|" in over + under:
-            return refusals.refusal(*said)
+            return refusal(*said)
         span = (stream.look(start - stream.position).column, stream.ahead.column)
-        return refusals.refusal(*said, (f"({over}/{under})*{rest}", f"{over}/({under}*{rest})"), span)
+        return refusal(*said, (f"({over}/{under})*{rest}", f"{over}/({under}*{rest})"), span)
 
     def _quotient_before(self) -> tuple[int, int]:
         """The positions of the beginning of the term and of its last /."""
@@ -359,14 +352,12 @@ class FormulaParser:
         ahead = self._stream.ahead
         if ahead.kind == "prime":
             instead = "only a coordinate or a declared function takes a prime; write diff(u, x) for other derivatives"
-            raise refusals.refusal("a prime occurs", ahead.column, instead)
+            raise refusal("a prime occurs", ahead.column, instead)
         if not self._stream.take_operator("^"):
             return base
         exponent, slash = self._exponent(), self._stream.ahead
         if self._stream.look(-1).text == "1" and slash.is_operator("/") and self._stream.look(1).kind == "number":
-            raise refusals.refusal(
-                "the end of the exponent is not clear", slash.column, "write x^(1/2) for a root, or x/2"
-            )
+            raise refusal("the end of the exponent is not clear", slash.column, "write x^(1/2) for a root, or x/2")
         found = raised(base, exponent, ahead.column)
         if isinstance(base, ex.Velocity | ex.Acceleration) or base in [
             ex.Symbol(name) for name in self._names.coordinates
@@ -395,7 +386,7 @@ class FormulaParser:
         return self._until(token, ")", 1)[0]
 
     def _arguments(self) -> list[ex.Expression]:
-        return self._until(self._stream.take(), ")", refusals.LIMITS.tokens)
+        return self._until(self._stream.take(), ")", LIMITS.tokens)
 
     def _until(self, opening: Token, closing: str, most: int) -> list[ex.Expression]:
         """At most so many formulas, separated by commas, and the closing bracket."""
@@ -489,7 +480,7 @@ class FormulaParser:
                 meant = (f"{token.text}({inner}*t)", f"{token.text}{inside}*t")
                 said = f"the t after {token.text}( ) could be a part of the angle or a factor"
                 span = (token.column, self._stream.look(1).column)
-                raise refusals.refusal(said, opening.column, f"write {meant[0]} or {meant[1]}", meant, span)
+                raise refusal(said, opening.column, f"write {meant[0]} or {meant[1]}", meant, span)
         else:
             result = nm.call(token.text, [self._bare_argument(token)], token.column)
         return raised(result, exponent, token.column) if exponent else result
@@ -516,11 +507,9 @@ class FormulaParser:
             self._factor()
         argument = stream.source(place, stream.position)
         if not argument or sign or not is_one or f"a{name}" not in nm.FUNCTIONS:
-            return refusals.refusal(*said)
+            return refusal(*said)
         called = argument if argument.startswith("(") else f"({argument})"
-        return refusals.refusal(
-            *said, (f"a{name}{called}", f"{name}{called}^(-1)"), (token.column, stream.ahead.column)
-        )
+        return refusal(*said, (f"a{name}{called}", f"{name}{called}^(-1)"), (token.column, stream.ahead.column))
 
     def _bare_argument(self, token: Token) -> ex.Expression:
         """The argument of sin x, sin 2x, sin x^2; refused if more factors could belong to it."""
@@ -582,13 +571,13 @@ class FormulaParser:
         written = stream.take_operator("/", "*")
         sign, place = written.text if written else "*", stream.position
         if (rest := self._source_of_factors(place)) is None:
-            return refusals.refusal(*said)
+            return refusal(*said)
         inner, first = stream.source(start, end), stream.look(start - stream.position)
         separate = (f"({inner}){sign}{rest}",) * (
             first.kind != "number" or written is not None or name in ("sqrt", "cbrt")
         )
         span = (first.column, stream.ahead.column)
-        return refusals.refusal(*said, (*separate, f"({inner}{sign}{rest})"), span)
+        return refusal(*said, (*separate, f"({inner}{sign}{rest})"), span)
 
     def _source_of_factors(self, place: int) -> str | None:
         """Parse and take factors from this position on; None if they cannot be parsed."""
@@ -638,7 +627,7 @@ class FormulaParser:
         if name == "t" and self._names.time:
             return self._single(ex.TIME, token)
         if name == "t":
-            raise refusals.refusal("the time t is not accepted here; it occurs", token.column, "leave it out")
+            raise refusal("the time t is not accepted here; it occurs", token.column, "leave it out")
         dotted = self._names.derivative(name)
         if dotted:
             return self._coordinate(*dotted, token)
@@ -648,7 +637,7 @@ class FormulaParser:
         """exp(1) if it is raised to a formula; a charge e, or its square, is not Euler's number."""
         if not self._stream.ahead.is_operator("^") or self._number_alone():
             what = f"{token.text} is Euler's number only in a power such as {token.text}^x; it occurs"
-            raise refusals.refusal(what, token.column, "write exp(1), exp(2)", ("exp(1)",), declare="parameters")
+            raise refusal(what, token.column, "write exp(1), exp(2)", ("exp(1)",), declare="parameters")
         return ex.Apply("exp", ex.ONE)
 
     def _number_alone(self) -> bool:
@@ -671,16 +660,17 @@ class FormulaParser:
             self._stream.must_close()
             name = token.text
             if len(split_at_commas(self._stream.group()[1:])) > 1:
-                raise refusals.refusal(f"{name} has several arguments", token.column, "", declare="functions")
+                raise refusal(f"{name} has several arguments", token.column, "", declare="functions")
             what = f"{name}( could be a product or a function"
             span = (ahead.column, ahead.column + 1)
-            raise refusals.refusal(what, ahead.column, f"write {name}*( for a product", ("*(",), span)
+            declare = "functions" if self._is_constant(token) and node != ex.PI else ""
+            raise refusal(what, ahead.column, f"write {name}*( for a product", ("*(",), span, declare)
         if ahead.kind == "prime":
             name, what = token.text, f"{token.text} has no derivative in time; a prime occurs"
             if node in self._names.definitions:
                 return self._defined_motion(node, what)
             span = (token.column, ahead.column + len(ahead.text))
-            raise refusals.refusal(what, ahead.column, f"leave it out, or write {name}_1", (f"{name}_1",), span)
+            raise refusal(what, ahead.column, f"leave it out, or write {name}_1", (f"{name}_1",), span)
         return node
 
     def _defined_motion(self, node: ex.Expression, what: str) -> ex.Expression:
@@ -690,7 +680,7 @@ class FormulaParser:
         self._skip_time_argument()
         found = carry_out(node, [Variable(ex.TIME, order, ahead.column)], self._names)
         if name in nm.MAY_BE_FUNCTIONS or self._opens_arguments() or found == ex.ZERO:
-            raise refusals.refusal(what, ahead.column, f"write diff({name}, t), or diff({name}, x) for a slope")
+            raise refusal(what, ahead.column, f"write diff({name}, t), or diff({name}, x) for a slope")
         return found
 
     def _is_factor(self, token: Token) -> bool:
@@ -714,14 +704,14 @@ class FormulaParser:
         ahead = self._stream.ahead
         touches = self._opens_arguments() and not ahead.space_before
         if touches and self._stream.look(1).kind == "number" and self._stream.look(2).is_operator(")"):
-            value = f"{name}({refusals.shorten(self._stream.look(1).text)})"
+            value = f"{name}({shorten(self._stream.look(1).text)})"
             instead = f"omit initial conditions, they do not affect the answer; write {name}* for a product"
-            raise refusals.refusal(f"{value} occurs", token.column, instead)
+            raise refusal(f"{value} occurs", token.column, instead)
         if self._opens_arguments() and self._group_has_time():
             gap, of_time = (" ", " of time") if ahead.space_before else ("", "")
             instead = f"write {name}*( for a product; delays are not accepted"
             what, span = f"{name}{gap}( could be a product or a function{of_time}", (ahead.column, ahead.column + 1)
-            raise refusals.refusal(what, ahead.column, instead, ("*(",), span)
+            raise refusal(what, ahead.column, instead, ("*(",), span)
         node = (ex.Symbol(name), ex.Velocity(name), ex.Acceleration(name))[order]
         return node if ahead.kind == "prime" else self._single(node, token)
 
@@ -761,9 +751,7 @@ class FormulaParser:
     def _arbitrary(self, name: str, token: Token) -> ex.Expression:
         declared = self._names.functions[name]
         orders = self._orders(name, len(declared))
-        refusals.at_most(
-            sum(orders), refusals.LIMITS.derivative_order, f"a derivative of {name} is too high", token.column
-        )
+        at_most(sum(orders), LIMITS.derivative_order, f"a derivative of {name} is too high", token.column)
         column, exponent = self._stream.ahead.column, None
         if self._stream.take_operator("^"):
             exponent = self._exponent()
@@ -780,16 +768,14 @@ class FormulaParser:
             pairs = zip(declared, moving, strict=True)
             return ex.Arbitrary(name, tuple(ex.Velocity(u[0]) if u else ex.Symbol(a) for a, u in pairs), orders)
         if power == ex.number(-1):
-            raise refusals.refusal(
-                f"{name}^(-1)( has two meanings", ahead.column, f"write 1/{name}( or another function"
-            )
+            raise refusal(f"{name}^(-1)( has two meanings", ahead.column, f"write 1/{name}( or another function")
         if power is not None and ahead.space_before:
             what = f"a bracket after a power of {name} could be a factor or its arguments"
-            raise refusals.refusal(what, ahead.column, f"write {name}({', '.join(declared)})^2*( or ({name}( ))^2")
+            raise refusal(what, ahead.column, f"write {name}({', '.join(declared)})^2*( or ({name}( ))^2")
         arguments = self._arguments()
         if len(arguments) != len(declared):
             instead = f"write {len(declared)}, as in {name}({', '.join(declared)})"
-            raise refusals.refusal(f"{name} has {len(arguments)} arguments", token.column, instead)
+            raise refusal(f"{name} has {len(arguments)} arguments", token.column, instead)
         return ex.Arbitrary(name, tuple(arguments), orders)
 
     def _orders(self, name: str, count: int) -> tuple[int, ...]:
@@ -797,7 +783,7 @@ class FormulaParser:
         column = self._stream.ahead.column
         primes = self._primes()
         if primes and count != 1:
-            raise refusals.refusal(f"{name} has {count} arguments and a prime occurs", column, f"write diff({name}, x)")
+            raise refusal(f"{name} has {count} arguments and a prime occurs", column, f"write diff({name}, x)")
         opening = self._stream.take_operator("[")
         if not opening:
             return (primes,) if count == 1 else (0,) * count
@@ -807,14 +793,14 @@ class FormulaParser:
         self._stream.close(opening, "]")
         if primes or len(orders) != count:
             instead = f"write {count} in the brackets and no prime"
-            raise refusals.refusal(f"the number of orders of {name} is wrong", column, instead)
+            raise refusal(f"the number of orders of {name} is wrong", column, instead)
         return tuple(orders)
 
     def _order(self) -> int:
         token = self._stream.take()
         if token.kind != "number" or token.value.denominator != 1:
             raise unexpected(token, "the order of a derivative, an integer,")
-        refusals.at_most(token.value, refusals.LIMITS.derivative_order, "a derivative is too high", token.column)
+        at_most(token.value, LIMITS.derivative_order, "a derivative is too high", token.column)
         return int(token.value)
 
     def _derivative(self, token: Token) -> ex.Expression:
@@ -828,7 +814,7 @@ class FormulaParser:
             variables.append(self._variable())
         self._stream.close(opening)
         if not variables:
-            raise refusals.refusal(f"{token.text} has no variable", token.column, f"write {token.text}(x, t)")
+            raise refusal(f"{token.text} has no variable", token.column, f"write {token.text}(x, t)")
         if any(variable.node == ex.TIME for variable in variables) and isinstance(expression, ex.Arbitrary):
             _refuse_two_meanings(expression, token.column)
         return carry_out(expression, variables, self._names)
@@ -851,7 +837,7 @@ class FormulaParser:
             raise unexpected(token, wanted)
         if self._names.role(self._names.spelling(token.text)) == "function":
             instead = "differentiate by a coordinate"
-            raise refusals.refusal("a derivative by a function occurs", token.column, instead)
+            raise refusal("a derivative by a function occurs", token.column, instead)
         node = self._name(token)
         if not isinstance(node, ex.Symbol | ex.Velocity | ex.Acceleration) or node == ex.PI:
             raise unexpected(token, wanted)
@@ -877,4 +863,4 @@ def parse_tokens(tokens: list[Token], end_column: int, names: nm.Names) -> ex.Ex
     try:
         return FormulaParser(TokenStream(tokens, end_column), names).formula()
     except RecursionError:  # the depth limit leaves ample room unless the caller is itself very deep
-        raise refusals.refusal("the formula is nested too deeply", 1, "shorten it") from None
+        raise refusal("the formula is nested too deeply", 1, "shorten it") from None

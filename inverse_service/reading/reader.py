@@ -12,7 +12,8 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 
 from inverse_service import errors
-from inverse_service.expressions import refusals, tree as ex
+from inverse_service.expressions import tree as ex
+from inverse_service.expressions.refusals import refusal, shorten
 from inverse_service.reading import notations, parser
 from inverse_service.reading.names import FUNCTIONS, MAY_BE_FUNCTIONS, Names, written_product
 from inverse_service.reading.tokens import (
@@ -373,7 +374,7 @@ def _with_dots_after_letters(formula: str) -> str:
     primes = "''" if dots == "\u00a8" else "'"
     meant = (f"{formula[place - 1]} {letter}{primes}", f"{formula[place - 1]}{primes} {letter}")
     what, span = "the dots may belong to the letter before or after them", (place, place + 3)
-    raise refusals.refusal(what, place + 1, f"write {' or '.join(meant)}", meant, span)
+    raise refusal(what, place + 1, f"write {' or '.join(meant)}", meant, span)
 
 
 def _without_label(match: re.Match[str]) -> str:
@@ -408,9 +409,7 @@ def split_equations(formula: str, names: Names) -> list[EquationTokens]:
     groups = [EquationTokens(tuple(part), end.column if end else len(formula) + 1) for part, end in parts]
     found = [group for group in groups if group.tokens]
     if commas and len({any(token.is_operator("=") for token in group.tokens) for group in found}) > 1:
-        raise refusals.refusal(
-            "a comma splits an equation", commas[0].column, "write a decimal point, or ; between equations"
-        )
+        raise refusal("a comma splits an equation", commas[0].column, "write a decimal point, or ; between equations")
     return found
 
 
@@ -423,7 +422,7 @@ def _refuse_bullets(tokens: Sequence[Token], formula: str) -> None:
     full = [line for line, _ in split(tokens, ends) if line]
     listed = (line[0].is_operator("-") and line[1:] and line[1].space_before for line in full)
     if len(full) > 1 and all(listed) and all(any(token.is_operator("=") for token in line) for line in full):
-        raise refusals.refusal(
+        raise refusal(
             "every line begins with a - that may be a bullet", full[0][0].column, "leave it out, or write -1*"
         )
 
@@ -433,7 +432,7 @@ def read_equation(equation: EquationTokens, names: Names) -> tuple[ex.Expression
     places = [place for place, token in enumerate(equation.tokens) if token.is_operator("=")]
     if len(places) > 1:
         column = equation.tokens[places[1]].column
-        raise refusals.refusal("a second = occurs", column, "separate equations by ;")
+        raise refusal("a second = occurs", column, "separate equations by ;")
     if not places:
         return _side(list(equation.tokens), equation.end_column, names), ex.ZERO
     left, right = list(equation.tokens[: places[0]]), list(equation.tokens[places[0] + 1 :])
@@ -456,10 +455,8 @@ def remark(line: Sequence[Token], place: int) -> errors.InputError | None:
     )
     if not begins and not follows:
         return None
-    shown = refusals.shorten(f"({' '.join(token.text for token in line[start:end])})")
-    return refusals.refusal(
-        f"{shown} could be a remark", line[start - 1].column, "leave it out, or write * next to a factor"
-    )
+    shown = shorten(f"({' '.join(token.text for token in line[start:end])})")
+    return refusal(f"{shown} could be a remark", line[start - 1].column, "leave it out, or write * next to a factor")
 
 
 def _is_power(line: Sequence[Token], end: int) -> bool:
