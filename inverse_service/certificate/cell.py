@@ -512,7 +512,7 @@ class Knowledge:
         self.nonzero, self.signs = set[str](), dict[str, int]()
         self.wholes, self.found = list[Polynomial](), dict[tuple[str, int], int]()
         self.products = list[tuple[int, list[Polynomial]]]()
-        self.listed = list[tuple[Polynomial, int]]()
+        self.listed = list[tuple[Polynomial, int, set[int]]]()
         for need in needs:
             self.learn(need)
 
@@ -523,7 +523,7 @@ class Knowledge:
             odd, sign = [p for p, k in found if k % 2], 1 if content > 0 else -1
             if len(odd) == 1:
                 self.signs[str(odd[0])] = sign
-                self.listed.append((odd[0], sign))
+                self.listed.append((odd[0], sign, {*self.ring.holds(odd[0])}))
             self.products.append((sign, odd))
             self.wholes.append(need.polynomial)
 
@@ -559,6 +559,8 @@ class Knowledge:
             return 0
         sign, left = 1 if content > 0 else -1, list[Polynomial]()
         for q in self.wholes:  # which is positive, or negative where its coefficient is
+            if abs(len(polynomial) - len(q)) > 1:
+                continue
             rest = polynomial / polynomial.leading_coefficient() - q / q.leading_coefficient()
             own = 1 if q.leading_coefficient() > 0 else -1
             if rest.is_constant() and (rest == 0 or rest.leading_coefficient() * own > 0):
@@ -576,9 +578,10 @@ class Knowledge:
         for own, odd in self.products:
             names = {str(p) for p in left}
             rest = [p for p in odd if str(p) not in names]
-            signs = [self.irreducible(p, depth) for p in rest]
-            if len(rest) + len(left) == len(odd) and all(signs):
-                return sign * own * math.prod(signs)
+            if len(rest) + len(left) == len(odd):
+                signs = [self.irreducible(p, depth) for p in rest]
+                if all(signs):
+                    return sign * own * math.prod(signs)
         return 0
 
     def irreducible(self, p: Polynomial, depth: int) -> int:
@@ -605,7 +608,10 @@ class Knowledge:
 
     def by_facts(self, p: Polynomial) -> int:
         """p - r q is 0 or of the sign of r q, for a q of a known sign and a number r."""
-        for q, sign in self.listed:
+        own_letters = {*self.ring.holds(p)}
+        for q, sign, letters in self.listed:
+            if len(letters ^ own_letters) > 1:  # the rest holds what only one of them holds
+                continue
             # Where it may be, r makes more vanish than a term in pi.
             shape, below = next((one for one in q.terms() if any(one[0][1:])), (None, 1))
             above = 1 if shape is None else p[shape]
@@ -806,9 +812,8 @@ def strongest(ring: Letters, needs: Sequence[Need]) -> list[Need]:
     """Those that do not follow from the others, without the factors whose sign does."""
     plain = Knowledge(ring)
     kept = [need for need in dict.fromkeys(needs) if not plain.implies(need)]
-    for _ in range(2):
-        kept = fewer(ring, kept)
-    return kept
+    less = fewer(ring, kept)
+    return less if less == kept else fewer(ring, less)
 
 
 def fewer(ring: Letters, kept: list[Need]) -> list[Need]:

@@ -76,17 +76,23 @@ class Special(Residues):
     def draw(self) -> int:
         return self.drawn.randrange(self.prime)
 
-    def inverse(self, value: int) -> int:
-        if self.divisors is not None:
-            self.divisors.append(value % self.prime)
+    def inverse(self, value: Any) -> Any:
+        self.note(value)
         return super().inverse(value)
 
     def regular(self, matrix: list[list[Any]]) -> bool:
-        entries = [[int(entry % self.prime) for entry in row] for row in matrix]
-        determinant = int(nmod_mat(entries, self.prime).det())
-        if self.divisors is not None and determinant:
-            self.divisors.append(determinant)
-        return determinant != 0
+        determinant = self.determinant(matrix)
+        if determinant:
+            self.note(determinant)
+        return bool(determinant)
+
+    def note(self, value: Any) -> None:
+        """A divisor, which has to be a number modulo the prime."""
+        if self.divisors is not None:
+            value = self.reduced(value)
+            if not isinstance(value, int):
+                raise Undefined
+            self.divisors.append(value)
 
 
 class Exceptions(Sequence[str]):
@@ -139,7 +145,7 @@ class Finding:
 
     def __init__(self, question: Question, generic: Generic, names: list[str]) -> None:
         self.question, self.generic, self.names = question, generic, names
-        self.prime, draw = question.prime(), question.generator
+        self.prime, draw = question.prime(narrow=True), question.generator
         self.base = [draw.randrange(1, self.prime) for _ in names]
         self.largest = 0  # sum of the degrees of a numerator and its denominator
         self.enough = 8  # points on a line, as far as is known

@@ -14,14 +14,25 @@ from fractions import Fraction
 from itertools import product
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from flint import arb, arb_mat, fmpq, fmpz, fmpz_mat, nmod_mat, nmod_poly
+from flint import (
+    arb,
+    arb_mat,
+    fmpq,
+    fmpz,
+    fmpz_mat,
+    fq_default_ctx,
+    fq_default_poly_ctx,
+    nmod_mat,
+    nmod_poly,
+)
 
 from .formulas import MAX_POWER, Ended
 
 if TYPE_CHECKING:
     from .question import Question
 
-MAX_SPLIT = 1024
+MAX_SPLIT = 1024  # of points drawn in vain, for one at which all roots are there
+MAX_WIDE = 1 << 64
 MAX_CHOICES = 64
 MAX_SCALE = 4096
 MAX_TURNS = 720
@@ -46,6 +57,10 @@ class Undefined(Exception):
 
 class Unsettled(Exception):
     """A ball does not decide the question; more digits may."""
+
+
+class Met(Exception):
+    """All was read that is asked for."""
 
 
 class Atom(NamedTuple):
@@ -84,6 +99,13 @@ class Entry:
     times: int = 1
 
 
+class Root(NamedTuple):
+    """Of r^N = w: N, and how many roots of functions it holds in one another, with itself."""
+
+    degree: int
+    depth: int
+
+
 def exactly(value: arb) -> Fraction:
     """The midpoint.
 
@@ -96,6 +118,19 @@ def exactly(value: arb) -> Fraction:
     return Fraction(int(exact.p), int(exact.q))
 
 
+def count_distinct(trace: list[Atom]) -> int:
+    """How many atoms are no multiple of another one by a number k/24, as 3/2 log w is of log w."""
+    kept: list[tuple[bool, float]] = []
+    for atom in trace:
+        value = float(atom.value.mid())
+        ratios = [24 * value / other for kind, other in kept if kind == atom.imaginary]
+        if value and all(
+            abs(ratio - round(ratio)) > 1e-9 for ratio in ratios if 0.5 < abs(ratio) < 9999
+        ):
+            kept.append((atom.imaginary, value))
+    return len(kept)
+
+
 class Plan:
     """How the atoms, in the order of reading, come from independent ones.
 
@@ -106,8 +141,9 @@ class Plan:
     def __init__(
         self, traces: list[list[Atom]], bits: int, check_time: Callable[[], None] = lambda: None
     ) -> None:
-        self.bits = bits  # the product of the N of functions
-        self.split = 1
+        self.bits = bits
+        self.split = 1  # the product of the N of functions
+        self.roots = list[Root]()  # those of functions, in the order of reading
         self.entries = list[Entry]()
         self.turns = 1  # a multiple of the N of functions
         self.choices = [dict[int, int]()]  # see every_choice
@@ -260,7 +296,7 @@ class Plan:
             (MAX_TURNS if j == PI else 24 if self.pairs[j].number > 1 else MAX_SCALE)
             for j in scales
         )
-        good = split <= MAX_SPLIT and all(
+        good = split <= MAX_WIDE and all(
             scale <= most for scale, most in zip(scales.values(), bounds, strict=True)
         )
         if good and all(abs(a) * scales[j] <= MAX_POWER for j, a in parts.items()):
@@ -273,6 +309,17 @@ class Plan:
                 self.pairs[j].scale = scale
             return True
         return False
+
+    @property
+    def wide(self) -> bool:
+        """Whether numbers are taken from GF(p^2), where every number modulo p is a square."""
+        return self.split > MAX_SPLIT
+
+    @property
+    def draws(self) -> int:
+        """How many points are drawn, on the average, for one at which all roots are there."""
+        free = Root(2, 1) if self.wide else None
+        return math.prod([root.degree for root in self.roots if root != free])
 
     def every_choice(self) -> list[dict[int, int]]:
         """Each choice k of the roots r_j z_j^k_j of functions, z_j a root of unity."""
@@ -313,7 +360,11 @@ class Plan:
 
 
 class Residues:
-    """Numbers modulo a prime: random values of all generators, one for all choices of roots."""
+    """Numbers modulo a prime: random values of all generators, one for all choices of roots.
+
+    They are integers. Where the plan is wide they are those elements of GF(p^2) too that are none,
+    and the square roots of integers are there at every point.
+    """
 
     pivot: Any = staticmethod(min)  # of the places where a row is not 0
 
@@ -322,6 +373,7 @@ class Residues:
         self.prime = prime
         self.seed = seed
         self.plan = question.plan
+        self.field = fq_default_ctx(prime, 2) if self.plan.wide else None
         self.choice = choice
         self.generator, self.entries = random.Random(seed), iter(self.plan.entries)
         self.powers, self.classes, self.large = dict[int, tuple[int, int]](), list[int](), 0
@@ -381,21 +433,36 @@ class Residues:
 
     def settle(self, raw: Series) -> Series:
         """The numbers without zeros."""
+        if self.field:
+            return {key: rest for key, value in raw.items() if (rest := self.reduced(value))}
         prime = self.prime
         return {key: rest for key, value in raw.items() if (rest := value % prime)}
 
-    def number(self, value: Fraction) -> int:
+    def reduced(self, value: Number) -> Number:
+        """The number as it is written in one way only: of those modulo p as an integer."""
+        if not isinstance(value, int):
+            whole, *rest = (int(part) for part in value.to_list())
+            if any(rest):
+                return value
+            value = whole
+        return value % self.prime
+
+    def number(self, value: Fraction) -> Number:
         return value.numerator * self.inverse(value.denominator) % self.prime
 
-    def inverse(self, value: int) -> int:
-        if value % self.prime == 0:
+    def inverse(self, value: Number) -> Number:
+        value = self.reduced(value)
+        if not value:
             raise Undefined
-        return pow(value, -1, self.prime)
+        return pow(value, -1, self.prime) if isinstance(value, int) else 1 / value
 
-    def moderate_power(self, value: int, exponent: int) -> int:
-        return pow(value if exponent >= 0 else self.inverse(value), abs(exponent), self.prime)
+    def moderate_power(self, value: Number, exponent: int) -> Number:
+        value = value if exponent >= 0 else self.inverse(value)
+        if isinstance(value, int):
+            return pow(value, abs(exponent), self.prime)
+        return self.reduced(value ** abs(exponent))
 
-    def power(self, value: int, exponent: int) -> int:
+    def power(self, value: Number, exponent: int) -> Number:
         """Beyond MAX_POWER, a separate generator times a moderate power.
 
         The base must not be zero.
@@ -407,49 +474,57 @@ class Residues:
         start, free = self.powers.get(value, (0, 0))
         if abs(exponent - start) > MAX_POWER:
             start, free = self.powers[value] = exponent, self.jet("^", self.large, ())
-        return free * self.moderate_power(value, exponent - start) % self.prime
+        return self.reduced(free * self.moderate_power(value, exponent - start))
 
-    def roots(self, value: int, degree: int) -> list[int]:
+    def roots(self, value: Number, degree: int) -> list[Number]:
         """All solutions of r^degree = value, of which there have to be so many."""
         if degree == 1:
             return [value]
-        found = nmod_poly([-value % self.prime, *[0] * (degree - 1), 1], self.prime).roots()
-        if value % self.prime == 0 or len(found) < degree:
+        polynomial: Any = [self.reduced(-value), *[0] * (degree - 1), 1]
+        if not polynomial[0]:
             raise Undefined
-        return sorted(int(root) for root, _ in found)
+        if self.field:
+            solved = fq_default_poly_ctx(self.field)(polynomial).roots()
+            found = sorted([self.reduced(root) for root, _ in solved], key=str)
+        else:
+            found = sorted(int(root) for root, _ in nmod_poly(polynomial, self.prime).roots())
+        if len(found) < degree:
+            raise Undefined
+        return found
 
-    def root(self, value: int, degree: int) -> int:
+    def root(self, value: Number, degree: int) -> Number:
         return self.roots(value, degree)[0]
 
-    def product(self, entry: Entry, times: int = 1) -> int:
+    def product(self, entry: Entry, times: int = 1) -> Number:
         """The product of the e_j^(times a_j) of a combination, from their roots."""
-        value = 1
+        value: Number = 1
         for j, a in entry.parts:
-            value = value * self.moderate_power(
-                self.pairs[j][1], int(a * self.plan.pairs[j].scale * times)
+            value = self.reduced(
+                value
+                * self.moderate_power(self.pairs[j][1], int(a * self.plan.pairs[j].scale * times))
             )
-        return value % self.prime
+        return value
 
-    def total(self, entry: Entry) -> int:
-        return sum([self.pairs[j][0] * self.number(a) for j, a in entry.parts]) % self.prime
+    def total(self, entry: Entry) -> Number:
+        return self.reduced(sum([self.pairs[j][0] * self.number(a) for j, a in entry.parts]))
 
-    def same(self, left: int, right: int) -> None:
-        if (left - right) % self.prime:
+    def same(self, left: Number, right: Number) -> None:
+        if self.reduced(left - right):
             raise Ended(
                 "incomplete",
                 "A relation between functions was guessed that does not hold for all roots.",
             )
 
-    def exp(self, value: int) -> int:
+    def exp(self, value: Number) -> Number:
         """e^l for an l with this value; for an imaginary one i l."""
         entry = next(self.entries)
         if entry.pair:
             self.pairs[entry.pair] = value, self.pairs[entry.pair][1]
-            return pow(self.pairs[entry.pair][1], self.plan.pairs[entry.pair].scale, self.prime)
+            return self.moderate_power(self.pairs[entry.pair][1], self.plan.pairs[entry.pair].scale)
         self.same(value, self.total(entry))
         return self.product(entry)
 
-    def log(self, value: int) -> int:
+    def log(self, value: Number) -> Number:
         """l with e^l of this value; for an imaginary one l/i."""
         entry = next(self.entries)
         self.inverse(value)
@@ -458,35 +533,34 @@ class Residues:
             turn = pow(
                 self.turn, self.plan.turns // degree * self.choice.get(entry.pair, 0), self.prime
             )
-            self.pairs[entry.pair] = (
-                self.pairs[entry.pair][0],
-                self.root(value, degree) * turn % self.prime,
-            )
+            root = self.reduced(self.root(value, degree) * turn)
+            self.pairs[entry.pair] = self.pairs[entry.pair][0], root
             return self.pairs[entry.pair][0]
-        self.same(pow(value, entry.times, self.prime), self.product(entry, entry.times))
+        self.same(self.moderate_power(value, entry.times), self.product(entry, entry.times))
         return self.total(entry)
 
-    def circle(self, value: int) -> tuple[int, int]:
+    def circle(self, value: Number) -> tuple[Number, Number]:
         """(sin, cos) = ((E - 1/E)/2i, (E + 1/E)/2)."""
         there = self.exp(value)
         back, half = self.inverse(there), self.inverse(2)
         sine = (there - back) * half * self.inverse(self.i)
-        return sine % self.prime, (there + back) * half % self.prime
+        return self.reduced(sine), self.reduced((there + back) * half)
 
-    def angle(self, value: int) -> int:
+    def angle(self, value: Number) -> Number:
         """atan u = log((1 + iu)/(1 - iu))/2i.
 
         It is, where halves of it are angles, log((1 + iu)/sqrt(1 + u^2))/i.
         """
         turn, half = value * self.i, self.inverse(2)
         if self.question.halves:
-            length = self.exp(self.log((value * value + 1) % self.prime) * half % self.prime)
-            return self.log((turn + 1) * self.inverse(length) % self.prime)
-        return self.log((turn + 1) * self.inverse(1 - turn) % self.prime) * half % self.prime
+            length = self.exp(self.reduced(self.log(self.reduced(value * value + 1)) * half))
+            return self.log(self.reduced((turn + 1) * self.inverse(length)))
+        whole = self.log(self.reduced((turn + 1) * self.inverse(1 - turn)))
+        return self.reduced(whole * half)
 
-    def class_of(self, name: str, values: list[int]) -> int:
+    def class_of(self, name: str, values: list[Number]) -> int:
         """Arguments that are equal in the ring are in one class."""
-        key = name, tuple(value % self.prime for value in values)
+        key = name, tuple(map(self.reduced, values))
         self.classes.append(self.known.setdefault(key, len(self.known)))
         return self.classes[-1]
 
@@ -494,43 +568,83 @@ class Residues:
         """A derivative of a function: random, the same for the same class."""
         return random.Random(f"{self.seed} {(name, number, orders)}").randrange(self.prime)
 
+    def determinant(self, matrix: list[list[Number]]) -> Number:
+        rows, found = [[self.reduced(entry) for entry in row] for row in matrix], 1
+        if not self.field:
+            return int(nmod_mat(rows, self.prime).det())
+        while rows:
+            pivot = next((row for row in rows if row[0]), None)
+            if pivot is None:
+                return 0
+            found = self.reduced(found * pivot[0] * (-1) ** rows.index(pivot))
+            rows.remove(pivot)
+            scale = self.inverse(pivot[0])
+            for k, row in enumerate(rows):
+                factor = self.reduced(row[0] * scale)
+                rows[k] = [
+                    self.reduced(a - factor * b) for a, b in zip(row[1:], pivot[1:], strict=True)
+                ]
+        return found
+
     def regular(self, matrix: list[list[Number]]) -> bool:
         """Whether the determinant is not zero."""
-        rows = [[int(entry % self.prime) for entry in row] for row in matrix]
-        return int(nmod_mat(rows, self.prime).det()) != 0
+        return bool(self.determinant(matrix))
 
 
 class Witnesses(Residues):
-    """Counts the roots r^N = w that were passed.
+    """Keeps the radicands w of the roots r^N = w of a depth.
 
-    `found`: of the first that is not there, the primes q with w no q-th power.
+    Roots that are as deep, or deeper, are random numbers, only to be able to read on.
     """
 
-    passed, found = 0, frozenset[int]()
+    def __init__(self, question: Question, prime: int, seed: int, depth: int) -> None:
+        super().__init__(question, prime, seed, {})
+        self.depth, self.roots_met, self.found = depth, 0, list[tuple[int, int]]()
+        self.last = max(k for k, root in enumerate(self.plan.roots, 1) if root.depth == depth)
 
-    def root(self, value: int, degree: int) -> int:
-        if degree > 1 and value % self.prime:
-            factors = (int(q) for q, _ in fmpz(degree).factor())
-            self.found = frozenset(
-                q for q in factors if pow(value, (self.prime - 1) // q, self.prime) != 1
-            )
-        root = super().root(value, degree)
-        self.passed += degree > 1
-        return root
+    def root(self, value: int, degree: int) -> Number:
+        if degree == 1:
+            return value
+        depth, self.roots_met = self.plan.roots[self.roots_met].depth, self.roots_met + 1
+        if depth < self.depth:
+            root = self.roots(value, degree)[0]
+            if not isinstance(root, int):  # it is there in GF(p^2) only
+                raise Undefined
+            return root
+        if depth == self.depth:
+            self.found.append((value, degree))
+        if self.roots_met == self.last:
+            raise Met
+        return self.generator.randrange(1, self.prime)
+
+    def same(self, left: int, right: int) -> None:
+        """Relations between roots do not hold for random numbers."""
+
+    def logarithms(self, q: int) -> list[int]:
+        """Those modulo q, to any base, of the radicands of roots with q | N."""
+        order = (self.prime - 1) // q
+        powers = [pow(value, order, self.prime) for value, degree in self.found if not degree % q]
+        base = next((power for power in powers if power != 1), 1)
+        table = {pow(base, e, self.prime): e for e in reversed(range(q))}  # 0 of 1, if that is it
+        return [table[power] for power in powers]
 
 
 @dataclass(slots=True)
 class Place:
-    """A real point, exactly, and at it derivatives of the arbitrary functions."""
+    """A real point, exactly, and at it derivatives of the arbitrary functions.
+
+    `closer`: it lies within 2^-(5 + closer) of its parent, relative to the size of each number.
+    """
 
     generator: random.Random
     values: dict[str, Fraction]
     parent: Place | None = None
+    closer: int = 0
     jets: dict[tuple[str, int, tuple[int, ...]], Fraction] = field(default_factory=dict)
 
     def near(self, value: Fraction) -> Fraction:
         """A random number close to another, relative to its size."""
-        step = Fraction(self.generator.randrange(-(1 << 30), 1 << 30), 1 << 35)
+        step = Fraction(self.generator.randrange(-(1 << 30), 1 << 30), 1 << 35 + self.closer)
         return value + step * (abs(value) or 1)
 
     def jet(self, key: tuple[str, int, tuple[int, ...]]) -> Fraction:
@@ -539,10 +653,10 @@ class Place:
             self.jets[key] = self.near(self.parent.jet(key)) if self.parent else fresh
         return self.jets[key]
 
-    def neighbor(self) -> Place:
-        return Place(
-            self.generator, {name: self.near(value) for name, value in self.values.items()}, self
-        )
+    def neighbor(self, closer: int = 0) -> Place:
+        found = Place(self.generator, {}, self, closer=closer)
+        found.values |= {name: found.near(value) for name, value in self.values.items()}
+        return found
 
 
 class Balls:

@@ -10,11 +10,12 @@ import random
 import re
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
 from fractions import Fraction
 from itertools import accumulate
 from typing import Any, NamedTuple
 
-from flint import ctx, fmpz, fmpz_mat
+from flint import ctx, fmpz, fmpz_mat, nmod_mat
 
 from .exceptions import Generic
 from .formulas import (
@@ -39,9 +40,11 @@ from .formulas import (
     require,
 )
 from .numbers import (
+    MAX_SPLIT,
     SPARE,
     Atom,
     Balls,
+    Met,
     Number,
     Place,
     Plan,
@@ -50,6 +53,7 @@ from .numbers import (
     Undefined,
     Unsettled,
     Witnesses,
+    count_distinct,
 )
 from .series import (
     Count,
@@ -67,7 +71,7 @@ PRECISIONS = (192, 512, 2048, 8192)  # bits of balls
 MAX_RARITY = 1 << 18  # one of about so many primes has all roots that are needed of it
 MAX_VISITS = 64  # of a root that is none of a power, before it is taken for dependent
 LOOKS = 64  # for points at which a formula is not defined
-MAX_ATOMS = 40  # between which all linear relations are looked for
+MAX_ATOMS = 80  # between which all linear relations are looked for
 Tokens = tuple[str, ...]
 
 
@@ -296,11 +300,13 @@ class Question:
             trace = self.locate()
         if not self.rational:
             self.make_plan(trace)
-            if self.plan.split > 1 and not self.independent():
-                self.plan.choices = self.plan.every_choice()
         else:
             self.modulo(0, read, 1)
         self.read(Count(self))
+        if self.plan.draws > MAX_SPLIT:
+            raise Ended("incomplete", "There are too many roots of roots, or that are not square.")
+        if self.plan.roots and not self.independent():
+            self.plan.choices = self.plan.every_choice()
         if self.roots:
             self.settle(0, no_claims)
 
@@ -369,21 +375,22 @@ class Question:
 
     def make_plan(self, trace: list[Atom]) -> None:
         """The plan of the atoms, guessed from their values at the place and near it."""
-        different = {(atom.imaginary, atom.value.str(20, radius=False)) for atom in trace}
-        distinct = min(MAX_ATOMS, len(different))
-        bits, center = min(600 + 60 * distinct, 4000), self.place
+        center = self.place
+        with ctx.workprec(PRECISIONS[0]), suppress(Undefined, Unsettled):
+            trace = self.traced(self.expansion(Balls(self, center.neighbor(20), None), 0))
+        distinct = min(MAX_ATOMS, count_distinct(trace))
+        bits = min(600 + 60 * distinct, 4000)
         with ctx.workprec(bits):
             first = self.expansion(Balls(self, center, None), 0)
             traces = [self.traced(first)]
-            for _ in range(20 * distinct + 200):
-                if len(traces) > distinct + SPARE:
-                    break
+            missed = 0
+            while len(traces) <= distinct + SPARE and missed < 400:
                 try:
-                    traces.append(
-                        self.traced(self.expansion(Balls(self, center.neighbor(), None), 0))
-                    )
+                    near = center.neighbor(missed // 16)
+                    traces.append(self.traced(self.expansion(Balls(self, near, None), 0)))
                 except (Undefined, Unsettled):
                     self.check_time()
+                    missed += 1
             self.plan = Plan(traces, bits, self.check_time)
             self.plan.classes = first.arithmetic.met  # for which the plan holds
         if self.plan.halved and not self.halves:
@@ -393,31 +400,33 @@ class Question:
     def independent(self) -> bool:
         """Whether the roots r^N = w of functions are all of full degree.
 
-        Then one choice of them does for all. w is no q-th power in the field before r if it is none
-        modulo the prime at a point with all roots before r.
+        Then one choice of them does for all. So it is if, for each depth and each prime q, no
+        product of powers of those w with q | N is a q-th power in the field of the roots that are
+        less deep (Kummer), that is, if logarithms of these w modulo q, at points modulo primes
+        where all the roots that are less deep are there, have full rank.
         """
-        degrees = [
-            pair.scale
-            for pair in self.plan.pairs
-            if pair.logarithm and not pair.number and pair.scale > 1
-        ]
-        open_ones = {
-            (k, int(factor[0]))
-            for k, degree in enumerate(degrees)
-            for factor in fmpz(degree).factor()
-        }
-        met = [0] * (len(degrees) + 1)
-        for _ in range(16 * self.plan.split + 64):
-            ring = Witnesses(self, self.prime(), self.generator.getrandbits(64), {})
-            try:
-                self.read(self.expansion(ring, 0))
-            except Undefined:
-                self.check_time()
-            open_ones -= {(ring.passed, q) for q in ring.found}
-            met = [count + (k <= ring.passed) for k, count in enumerate(met)]
-            if not open_ones or any(met[k] > MAX_VISITS for k, _ in open_ones):
-                break
-        return not open_ones
+        roots = self.plan.roots
+        for depth in sorted({root.depth for root in roots}):
+            degrees = [root.degree for root in roots if root.depth == depth]
+            below = math.prod([root.degree for root in roots if root.depth < depth])
+            rows = {int(q): list[list[int]]() for n in {*degrees} for q, _ in fmpz(n).factor()}
+            prime = self.prime()
+            for _ in range(16 * min(below, MAX_SPLIT) * (len(degrees) + SPARE)):
+                if not rows or max(map(len, rows.values())) > len(degrees) + MAX_VISITS:
+                    break
+                ring = Witnesses(self, prime, self.generator.getrandbits(64), depth)
+                try:
+                    with suppress(Met):
+                        self.read(self.expansion(ring, 0))
+                    for q in [*rows]:
+                        rows[q].append(ring.logarithms(q))
+                        if nmod_mat(rows[q], q).rank() == len(rows[q][0]):
+                            del rows[q]
+                except Undefined:
+                    self.check_time()
+            if rows:
+                return False
+        return True
 
     def in_balls(
         self, degree: int, work: Callable[[Expansion], Any], classes: list[int] | None = None
@@ -448,12 +457,12 @@ class Question:
         as choices, and at all points the same arguments of functions were found to be equal.
         """
         found, prime, choices = list[Any](), 0, self.plan.choices
-        for attempt in range(2000 + 30 * self.plan.split):
+        for attempt in range(2000 + 30 * self.plan.draws):
             prime = prime if attempt % 8 else self.prime()
             seed, here, classes = self.generator.getrandbits(64), list[Any](), list[list[int]]()
             try:
                 # First, whether there are these roots.
-                for choice in choices if degree and self.plan.split > 1 else ():
+                for choice in choices if degree and self.plan.draws > 1 else ():
                     self.read(self.expansion(Residues(self, prime, seed, choice), 0))
                 for choice in choices:
                     ring = self.expansion(Residues(self, prime, seed, choice), degree)
@@ -475,12 +484,14 @@ class Question:
                 return found
         raise Ended("incomplete", "No point was found at which every formula is defined.")
 
-    def prime(self) -> int:
-        """A random prime of 61 bits, modulo which all numbers have the roots that the plan takes.
+    def prime(self, narrow: bool = False) -> int:
+        """A random prime, modulo which all numbers have the roots that the plan takes.
 
+        It has 61 bits, and where the plan is wide as many more as Lemma 2 of RING.md needs.
         It is drawn after the text is read: no text can be made so that it vanishes modulo the
         prime.
         """
+        bits = 60 + (2 * self.plan.split.bit_length() if self.plan.wide and not narrow else 0)
         fine = [2 * pair.scale for pair in self.plan.pairs if pair.number < 0]
         step = math.lcm(
             24 * math.lcm(*[2 * pair.scale for pair in self.plan.pairs if pair.logarithm]), *fine
@@ -492,7 +503,7 @@ class Question:
                 "incomplete", "There are too many roots of numbers: too few primes have them all."
             )
         for _ in range(1_000_000):
-            prime = self.generator.randrange((1 << 60) // step, (1 << 61) // step) * step + 1
+            prime = self.generator.randrange((1 << bits) // step, (2 << bits) // step) * step + 1
             if fmpz(prime).is_probable_prime() and all(
                 pow(q, (prime - 1) // n, prime) == 1 for q, n in roots
             ):

@@ -12,7 +12,7 @@ from itertools import accumulate, combinations_with_replacement, pairwise, produ
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from .formulas import MAX_POWER, Ended, Reader, require
-from .numbers import Arithmetic, Number, Series, Unsettled
+from .numbers import Arithmetic, Number, Root, Series, Unsettled
 
 if TYPE_CHECKING:
     from .question import Question
@@ -57,63 +57,76 @@ class Symbol(NamedTuple):
 class Count:
     """Reads formulas to bounds of degrees and bits.
 
-    A value is (degree of numerator, of denominator, bits of the coefficients of both).
+    A value is (degree of numerator, of denominator, bits of the coefficients of both, the depth of
+    the roots in it: see Root).
     """
 
     def __init__(self, question: Question) -> None:
         self.question = question
         self.entries = iter(question.plan.entries)
-        self.weights = dict[int, int]()
-        self.names = dict.fromkeys((*question.names, "pi"), (1, 0, 1, 0))
+        self.weights, self.depths = dict[int, int](), dict[int, tuple[int, int]]()
+        self.names = dict.fromkeys((*question.names, "pi"), (1, 0, 1, 0, 0))
         self.degree, self.ties = 0, list[Any]()
         self.forces = question.read_all(self)
 
     def bounded(self, *found: int) -> Any:
         self.question.check_time()
-        if max(found) * self.question.plan.split > MAX_DEGREE:
+        plan = self.question.plan
+        if max(found) * (1 if plan.wide else plan.split) > MAX_DEGREE:
             raise Ended(
                 "incomplete", f"A degree, or the bits of a coefficient, may be above {MAX_DEGREE}."
             )
         return found
 
     def constant(self, value: Fraction) -> Any:
-        return self.bounded(0, 0, value.numerator.bit_length(), value.denominator.bit_length())
+        return self.bounded(0, 0, value.numerator.bit_length(), value.denominator.bit_length(), 0)
 
     def add(self, terms: list[Any], weights: Iterable[int] = ()) -> Any:
-        above, below, high, low = terms[0] if terms else (0, 0, 0, 0)
-        for a, b, c, d in terms[1:]:
+        above, below, high, low, depth = terms[0] if terms else (0, 0, 0, 0, 0)
+        for a, b, c, d, e in terms[1:]:
             high, low = max(high + d, low + c) + 1, low + d
-            above, below = max(above + b, below + a), below + b
-        return self.bounded(above, below, high, low)
+            above, below, depth = max(above + b, below + a), below + b, max(depth, e)
+        return self.bounded(above, below, high, low, depth)
 
     def multiply(self, left: Any, right: Any, degree: int = 0) -> Any:
-        return self.bounded(*(a + b for a, b in zip(left, right, strict=True)))
+        sizes = (a + b for a, b in zip(left[:-1], right[:-1], strict=True))
+        return self.bounded(*sizes, max(left[-1], right[-1]))
 
     def power(self, u: Any, exponent: int) -> Any:
-        u = u if exponent >= 0 else (u[1], u[0], u[3], u[2])
-        return self.bounded(
-            *((abs(exponent) if abs(exponent) <= MAX_POWER else MAX_POWER + 1) * a for a in u)
-        )
+        *sizes, depth = u if exponent >= 0 else (u[1], u[0], u[3], u[2], u[4])
+        times = min(abs(exponent), MAX_POWER + 1)
+        return self.bounded(*(times * size for size in sizes), depth)
 
     def atom(self, u: Any, logarithm: bool) -> Any:
         """The degrees of all powers that occur in the computation with Residues."""
-        entry, size = next(self.entries), max(*u, 1)
+        plan, entry, size, depth = self.question.plan, next(self.entries), max(*u[:-1], 1), u[-1]
         if entry.pair:
             self.weights[entry.pair] = size if logarithm else 1
-        pairs = self.question.plan.pairs
+            # Of l and r: a new logarithm and a new exponential are indeterminates.
+            self.depths[entry.pair] = (0, depth) if logarithm else (depth, 0)
+            if logarithm and (degree := plan.pairs[entry.pair].scale) > 1:
+                plan.roots.append(Root(degree, depth + 1))
+                self.depths[entry.pair] = 0, depth + 1
+            depth = 0
+        else:
+            depths = [self.depths.get(j, (0, 0))[not logarithm] for j, _ in entry.parts]
+            depth = max(depths, default=0)
         weight = sum(
-            [math.ceil(abs(a) * pairs[j].scale) * self.weights.get(j, 1) for j, a in entry.parts]
+            [
+                math.ceil(abs(a) * plan.pairs[j].scale) * self.weights.get(j, 1)
+                for j, a in entry.parts
+            ]
         )
         if logarithm:
-            self.bounded(size * entry.times, weight * entry.times, 0, 0)
-            return self.bounded(1, 0, entry.times, entry.times)
-        weight = weight or (pairs[entry.pair].scale if entry.pair else 1)
-        return self.bounded(weight, weight, 1, 1)
+            self.bounded(size * entry.times, weight * entry.times)
+            return self.bounded(1, 0, entry.times, entry.times, depth)
+        weight = weight or (plan.pairs[entry.pair].scale if entry.pair else 1)
+        return self.bounded(weight, weight, 1, 1, depth)
 
     def elementary(self, name: str, u: Any) -> Any:
         if name == "atan" and self.question.halves:
             length = self.atom(
-                self.atom(self.add([(0, 0, 1, 0), self.multiply(u, u)]), True), False
+                self.atom(self.add([(0, 0, 1, 0, 0), self.multiply(u, u)]), True), False
             )
             return self.atom(self.multiply(u, length), True)
         # Of w = (1 + iu)/(1 - iu), which has the degree of u.
@@ -121,10 +134,10 @@ class Count:
         return self.multiply(found, found) if name in ("sin", "cos") else found
 
     def function(self, name: str, orders: tuple[int, ...], arguments: list[Any]) -> Any:
-        return 1, 0, 1, 0
+        return 1, 0, 1, 0, 0
 
     def integral(self, name: str, orders: list[int], arguments: list[Any]) -> Any:
-        return self.add([(1, 0, 1, 0), Reader(self, self.question.integrals[name].slope).value])
+        return self.add([(1, 0, 1, 0, 0), Reader(self, self.question.integrals[name].slope).value])
 
 
 class Expansion:

@@ -253,7 +253,9 @@ def _second_reading(text: GivenText | None, ring: Ring, table: Table) -> Value |
     given = {f"{node.coordinate}''": value for node, value in table.items() if isinstance(node, ex.Acceleration)}
     try:
         given |= {name: Reader(ring, read_tokens(written, "formula")).value for name, written in text.values.items()}
-        sides = [Reader(ring, read_tokens(side, "formula"), **given).value for side in (text.left, text.right)]
+        if any(ring.names.get(name) is not value for name, value in given.items()):
+            ring.names = ring.names | given  # for all equations, so that they share their parts
+        sides = [Reader(ring, read_tokens(side, "formula")).value for side in (text.left, text.right)]
     except Ended as end:
         if end.args[0] == "incomplete":
             raise

@@ -97,4 +97,4 @@ def test_degrees_and_bits_of_numerator_and_denominator_are_counted(text: str) ->
         read_tokens(text, ""),
     )
     asked.prepare(lambda ring: Reader(ring, formula).value, [formula])
-    assert Reader(Count(asked), formula).value == DEGREES[text]
+    assert Reader(Count(asked), formula).value[:4] == DEGREES[text]
