@@ -958,7 +958,9 @@ def _after_power_of_time(line: Sequence[Token], place: int) -> int:
 def _call_arguments(line: Sequence[Token], place: int, coordinates: Sequence[str]) -> tuple[str, ...]:
     """The coordinates (and t) in brackets after a name and its primes; empty if the bracket holds anything else."""
     place = after_primes(line, place)
-    end = closing(line, place) if at(line, place).is_operator("(") else len(line)
+    if not at(line, place).is_operator("("):
+        return ()
+    end = closing(line, place)
     parts = [[token.text for token in part] for part in split_at_commas(line[place + 1 : end])]
     names = tuple(part[0] for part in parts if part and part[1:] in ([], ["(", "t", ")"]))  # x(t) is x
     plain = end < len(line) and len(names) == len(parts) == len(set(names)) and set(names) <= set(coordinates)
