@@ -153,11 +153,13 @@ def _with_made_energy(
     run: observing.Observed, energies: trajectory.Array, kinetic: trajectory.Array
 ) -> trajectory.Outcome | None:
     """The outcome of a run in which one step changes a constant energy by CREATED of the kinetic energy, the mean one
-    and that at its ends: the step is too long there, and what follows is another motion."""
+    and that at its ends, without what the step itself has made: it is too long there, and what follows is another
+    motion."""
     if not _has_fixed_steps(run):
         return None
-    changes = np.abs(np.diff(energies))
-    sudden = changes > CREATED * np.maximum(kinetic[1:], kinetic[:-1])
+    changes = np.abs(made := np.diff(energies))
+    about = np.maximum(kinetic[1:] - np.maximum(made, 0.0), kinetic[:-1])
+    sudden = changes > CREATED * about
     end = None
     while len(places := np.flatnonzero(sudden[:end] & (changes[:end] > CREATED * kinetic[:end].mean()))):
         end = int(places[0])  # the mean of what is left shows smaller changes, down to the first
@@ -165,7 +167,7 @@ def _with_made_energy(
             break
     if end is None:
         return None
-    part = changes[end] / max(kinetic[end], kinetic[end + 1])
+    part = changes[end] / about[end]
     return trajectory.Outcome(
         "unresolved", end, float(run.trajectory.times[end]), NOT_CONSTANT.format(part), None, SHORTER
     )
