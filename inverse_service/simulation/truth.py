@@ -2,8 +2,8 @@
 
 heyoka's Taylor series, where that is installed, is checked by DOP853; without it DOP853 is checked by Gauss-Legendre of
 order 12. Where they part by more than round-off, Gauss-Legendre with half the step, checked by the whole step, is the
-reference if it agrees with the first. Four times the distance of the two bounds the error. Runs are also compared with DOP853 where a force acts
-within one of their steps.
+reference if it agrees with the first. Four times the distance of the two bounds the error. Runs are also compared with
+DOP853 where a force acts within one of their steps.
 """
 
 import time
@@ -89,7 +89,7 @@ def _references(
     apart = float(_distances(first, second)[-1])
     if apart > ENOUGH * _size(first) and scene.grid.steps <= MOST_SHARPER:
         whole, half = rows(IMPLICIT), rows(IMPLICIT, 2)
-        # Round-off of heyoka and DOP853 is that of a force in long steps; these steps are short, their sums compensated.
+        # The round-off of heyoka and DOP853 is that of forces in long steps; these are short, their sums compensated.
         if _distances(whole, half)[-1] < apart and _distances(half, first)[-1] <= SAFETY * apart:
             first, second, by = half, whole, f"Gauss-Legendre of order 12, checked by its double step and {by}"
     return _judged(times, first, second, by, begun)
