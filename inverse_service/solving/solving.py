@@ -36,6 +36,9 @@ _UNSOLVED = (
 AS_GIVEN = "the equations as given"
 # Coordinates of systems whose conditions are printed and whose freedom is counted for a known Lagrangian.
 _MOST_COORDINATES = 8
+# Accelerations of so few coordinates with so many nodes are decided about before anything is tried on them: the decision
+# takes no longer for them, and formulas do.
+_FEW_COORDINATES, _LONG = 4, 1_000
 # First integrals may take so many seconds, and such a share of the time.
 _FOR_INTEGRALS, _SHARE_FOR_INTEGRALS = 1.0, 0.1
 # Unknowns up to which the freedom in L is counted where a Lagrangian is known already: nine coordinates.
@@ -146,7 +149,7 @@ def _solve(system: second_order_system.SecondOrderSystem, options: SolveOptions,
     work = Work(
         analysis, options, report, began + options.time_limit, {"analysis": deadline.now() - began}, began=began
     )
-    given = _as_given(work)
+    given = None if _is_excluded(work) else _as_given(work)
     began = deadline.now()
     work.printed, left_out = _conditions(system, options, report)
     work.add_seconds("conditions", began)
@@ -227,6 +230,16 @@ def _answers(work: Work, given: Answer | None) -> tuple[Answer | None, Answer | 
         same = _without_time(work, with_time) if with_time is not autonomous else None
         return (same, same) if same is not None else (autonomous, with_time)
     return autonomous, _answer(work, _decide(work, with_time=True))
+
+
+def _is_excluded(work: Work) -> bool:
+    """Whether long accelerations, with no lines that they were solved from, are decided to have no Lagrangian."""
+    system, options = work.analysis.system, work.options
+    long = sum(map(ex.node_count, system.accelerations)) > _LONG and len(system.coordinates) <= _FEW_COORDINATES
+    if options.given or system.is_unsolved or not long:
+        return False
+    with_time = options.time_dependent is not False or system.depends_on_time
+    return _decide(work, with_time, _SHARE_AS_GIVEN).verdict == "not_variational"
 
 
 def _as_given(work: Work) -> Answer | None:
@@ -351,6 +364,8 @@ def _decide(
 ) -> deciding.Decision:
     if work.analysis.system.is_unsolved:
         return deciding.Decision("undetermined", with_time, 0, _UNSOLVED)
+    if with_time in work.excluded:
+        return work.excluded[with_time]
     stage = "decision with time" if with_time else "decision"
     work.progress(stage)
     is_first = not with_time and work.options.time_dependent is None  # the other question has its share, too
@@ -361,6 +376,8 @@ def _decide(
     )
     work.seconds[stage] = decision.seconds
     work.points.extend(decision.points)
+    if decision.verdict == "not_variational":
+        work.excluded[with_time] = decision
     return decision
 
 
@@ -483,6 +500,7 @@ class Work:
     end: float
     seconds: dict[str, float] = field(default_factory=dict)
     points: list[Mapping[str, int]] = field(default_factory=list)
+    excluded: dict[bool, deciding.Decision] = field(default_factory=dict)  # the proofs of a no, by `with_time`
     outcome: SearchOutcome | None = None
     autonomous: deciding.Decision | None = None
     reasons: tuple[Step, ...] = ()
