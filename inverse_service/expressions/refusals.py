@@ -1,6 +1,8 @@
 """Sizes that formulas may have, and how a refusal says what is wrong, where, and what to write instead."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -33,6 +35,27 @@ class Limits:
 
 
 LIMITS = Limits()
+_TIMES: ContextVar[int] = ContextVar("times", default=1)
+
+
+@contextmanager
+def longer_texts(times: int) -> Iterator[None]:
+    """Texts may have so many times the characters and tokens: programs print more than people type."""
+    token = _TIMES.set(times)
+    try:
+        yield
+    finally:
+        _TIMES.reset(token)
+
+
+def most_characters() -> int:
+    """Characters of one text that is read now."""
+    return LIMITS.characters * _TIMES.get()
+
+
+def most_tokens() -> int:
+    """Tokens of one text that is read now."""
+    return LIMITS.tokens * _TIMES.get()
 
 
 _DECLARING = {

@@ -27,7 +27,15 @@ from inverse_service.expressions.letters import (
     describe,
     letter,
 )
-from inverse_service.expressions.refusals import LIMITS, at_most, limit_passed, refusal, shorten
+from inverse_service.expressions.refusals import (
+    LIMITS,
+    at_most,
+    limit_passed,
+    most_characters,
+    most_tokens,
+    refusal,
+    shorten,
+)
 
 Kind = Literal["number", "name", "prime", "operator", "newline", "end", "command", "letter", "digit"]
 FACTOR, FRACTION = Fraction(1), Fraction(2)
@@ -349,10 +357,11 @@ _OTHERWISE = "use letters, digits, + - * / ^ ( ) , = and '"
 
 def check_length(text: str) -> None:
     """LimitError for too many characters, InputError for an empty text."""
-    if len(text) > LIMITS.characters:
+    most = most_characters()
+    if len(text) > most:
         raise LimitError(
-            f"the formula has {len(text):,} characters: the limit is {LIMITS.characters:,}; shorten it.",
-            column=LIMITS.characters + 1,
+            f"the formula has {len(text):,} characters: the limit is {most:,}; shorten it.",
+            column=most + 1,
         )
     if not text.strip():
         raise refusal("the formula is empty", 1, "write a formula, 0 if nothing acts")
@@ -401,7 +410,7 @@ def scan(text: str, place: int, stop: int, step: Callable[[str, int, bool], tupl
         # here and not only in the parser: thousands of brackets are not tokenized
         column = tokens[-1].column if tokens else 1
         at_most(open_brackets, LIMITS.depth, "the formula is nested too deeply", column)
-        at_most(len(tokens), LIMITS.tokens, "the formula has too many parts", column)
+        at_most(len(tokens), most_tokens(), "the formula has too many parts", column)
     return tokens
 
 

@@ -36,8 +36,8 @@ _UNSOLVED = (
 AS_GIVEN = "the equations as given"
 # Coordinates of systems whose conditions are printed and whose freedom is counted for a known Lagrangian.
 _MOST_COORDINATES = 8
-# Accelerations of so few coordinates with so many nodes are decided about before anything is tried on them: the decision
-# takes no longer for them, and formulas do.
+# Accelerations of so few coordinates with so many nodes are decided about before anything is tried on them: formulas
+# take longer then, and the decision does not.
 _FEW_COORDINATES, _LONG = 4, 1_000
 # First integrals may take so many seconds, and such a share of the time.
 _FOR_INTEGRALS, _SHARE_FOR_INTEGRALS = 1.0, 0.1

@@ -19,7 +19,7 @@ from inverse_service.certificate.kinds import KINDS, named
 from inverse_service.deadline import now
 from inverse_service.decision import certify
 from inverse_service.errors import CertificateRefused, InputError, LimitError
-from inverse_service.expressions import inequalities
+from inverse_service.expressions import inequalities, refusals
 from inverse_service.expressions.printing import to_latex
 from inverse_service.field import real_point
 from inverse_service.mechanics.agreement import Canonical
@@ -32,6 +32,7 @@ from inverse_service.service.documents.own_lagrangian import check_lagrangian
 from inverse_service.service.documents.plain_data import read_json
 from inverse_service.service.documents.preparing import inward, is_motion, is_nonholonomic, prepared
 
+LONGER = 6  # times as long as what people type may be what we printed
 TIME_LIMIT = 60.0  # of processor time, so that the load of the machine decides no verdict
 OPEN_MOTION = "It is undecided whether any associated system gives this motion a Hamiltonian."
 # Answers without a verdict; each says what was computed and claims nothing that a certificate could prove.
@@ -107,7 +108,8 @@ def check_plain(result: object, document: object = None) -> dict[str, Any]:
         return _answer(CheckResult("invalid", (_NO_RESULT,)))
     examination = Examination(_object(result), document, end)
     try:
-        examination.examine()
+        with refusals.longer_texts(LONGER):
+            examination.examine()
     except LimitError as error:  # what we print may be longer than what we read
         examination.unsettled(f"A formula is too long to be read again: {error.detail}")
     except (Ended, InputError, KeyError, TypeError, ValueError, AttributeError, IndexError, RecursionError) as error:
