@@ -17,7 +17,7 @@ from inverse_service.cli import command_line as cli
 from inverse_service.decision.solutions import SolveOptions
 from inverse_service.reading import document_names
 from inverse_service.service.compiling import warming
-from inverse_service.service.documents import plain_data
+from inverse_service.service.documents import growing, plain_data
 from inverse_service.service.jobs import model, tasks, workers
 from inverse_service.settings import read_settings
 
@@ -129,9 +129,7 @@ def _is_open(result: dict[str, Any]) -> bool:
     """
     given = (result.get("system") or {"given": {}})["given"]
     named = given.get("associated") not in (None, "any") or given.get("multiples")
-    from inverse_service.service.documents.text_page import motions_of
-
-    answers = ([] if named else motions_of(result)) or [result, *result.get("branches", ())]
+    answers = ([] if named else growing.motions_of(result)) or [result, *result.get("branches", ())]
     return bool(result.get("not_answered")) or any(answer.get("verdict") == "undetermined" for answer in answers)
 
 

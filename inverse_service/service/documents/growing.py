@@ -185,3 +185,9 @@ def _with_reason(value: Any, reason: str) -> Any:
         return value
     found = {key: _with_reason(one, reason) for key, one in value.items()}
     return found | {"reason": reason} if found.get("reason") == deadline.NOT_YET else found
+
+
+def motions_of(result: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """The answers about a motion on constraints, one for each branch; none for another document."""
+    parts = [one.get("any_associated") for one in result.get("branches") or ()]
+    return [one for one in (parts if any(parts) else [result.get("any_associated")]) if one]

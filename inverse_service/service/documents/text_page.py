@@ -9,6 +9,7 @@ from inverse_service.expressions import tree as ex
 from inverse_service.reading import reader
 from inverse_service.reading.names import Names
 from inverse_service.service.documents import canonical
+from inverse_service.service.documents.growing import motions_of
 
 LONG = 300
 MOST_OF_CONDITIONS = 5_000
@@ -114,12 +115,6 @@ def asks_motion_alone(result: Mapping[str, Any]) -> bool:
 def branches_of(result: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     """The answers on each branch; the result itself where there is one."""
     return result.get("branches") or [result]
-
-
-def motions_of(result: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """The answers about a motion on constraints, one for each branch; none for another document."""
-    parts = [one.get("any_associated") for one in result.get("branches") or ()]
-    return [one for one in (parts if any(parts) else [result.get("any_associated")]) if one]
 
 
 def notes_of_formulas(method: Mapping[str, Any]) -> list[str]:

@@ -14,7 +14,7 @@ from inverse_service.certificate.formulas import FORMAT
 from inverse_service.expressions import printing
 from inverse_service.reading import reader
 from inverse_service.reading.names import Names
-from inverse_service.service.documents import canonical, text_page
+from inverse_service.service.documents import canonical, growing, text_page
 from inverse_service.service.scenes import prices
 from inverse_service.web.pages import forms, typesetting
 
@@ -597,7 +597,7 @@ HINTS = {
 
 def _constrained(result: Mapping[str, Any], names: Names, verdict: str, brief: bool, pending: Collection[str]) -> Sheet:
     part = result.get("nonholonomic") or {}
-    motions = text_page.motions_of(result) or [{}]
+    motions = growing.motions_of(result) or [{}]
     table = tuple(_rows(result, part, motions[0], names, pending))
     main = next((row for row in table if row.is_main), None)
     asked = [formula_of("L", part["lagrangian"], names)] if part.get("lagrangian") else []
