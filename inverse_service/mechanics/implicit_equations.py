@@ -128,12 +128,8 @@ def vanishes(tree: ex.Expression) -> bool:
 def _point(tree: ex.Expression, source: random.Random, width: int) -> dict[ex.Expression, evaluation.Real]:
     """Random values of all leaves; the first attempts are positive, later ones of both signs."""
     table: dict[ex.Expression, evaluation.Real] = {}
-    for node in ex.walk(tree):
-        if (
-            isinstance(node, ex.Symbol | ex.Velocity | ex.Acceleration | ex.Arbitrary)
-            and node not in table
-            and node != ex.PI
-        ):
+    for node in ex.distinct_nodes([tree]):
+        if isinstance(node, ex.Symbol | ex.Velocity | ex.Acceleration | ex.Arbitrary) and node != ex.PI:
             value = mpf(source.randrange(1, 10**18)) / 10**18
             low = 0 if width <= 2 else -width
             table[node] = low + (width - low) * value
@@ -148,7 +144,8 @@ def is_small(tree: ex.Expression, table: Mapping[ex.Expression, evaluation.Real]
         case ex.Product(factors):
             return any(is_small(factor, table) for factor in factors)
         case ex.Sum(terms):
-            values = [evaluation.evaluate(term, table) for term in terms]
+            known = dict(table)
+            values = [evaluation.evaluate_once(term, known) for term in terms]
         case _:
             values = [evaluation.evaluate(tree, table)]
     size = mp.fsum(map(abs, values)) if len(values) > 1 else 1
