@@ -21,7 +21,7 @@ from inverse_service.decision.deciding import Analysis, Decision
 from inverse_service.decision.kinds.helmholtz import ANY_FRICTION, LagrangianKind, kind_named
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.tree import Expression, Symbol, Velocity, add, substitute
+from inverse_service.expressions.tree import Acceleration, Expression, Symbol, Velocity, add, substitute, walk
 from inverse_service.field.matrices import kernel
 from inverse_service.linear_pde.involution import Limits
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_residual
@@ -133,6 +133,8 @@ def quick_rayleigh(analysis: Analysis, given: Sequence[Expression], deadline: fl
     """By the equations as they were written: E = M q'' + b with M the Hessian of T; None where that gives none."""
     names = analysis.system.coordinates
     even, odd = zip(*(parts_of_parity(equation, names) for equation in given), strict=True) if given else ((), ())
+    if any(isinstance(node, Acceleration) for part in odd for node in walk(part)):
+        even = odd = ()  # what multiplies an acceleration is no force
     system = without_friction(analysis.system)
     for matching in (even, ()):
         tree = lagrangian_as_given(system, matching)
