@@ -4,14 +4,15 @@ A polynomial in cos u, sin u, cos w, … is written as it is, with sin^2 for 1 -
 sum of sines and cosines of sums of angles (cos u cos w + sin u sin w as cos(u - w)).
 """
 
+import math
 from fractions import Fraction
 from functools import lru_cache
 
 from inverse_service.expressions import tree as ex
 from inverse_service.search import terms as tm
 
-# Powers of one function that are written by multiple angles.
-_POWERS = 4
+# Powers of one function that are written by multiple angles, and the most waves that one product is written by.
+_POWERS, _WAVES = 4, 256
 
 
 def shortest(terms: tm.Terms) -> tm.Terms:
@@ -19,8 +20,11 @@ def shortest(terms: tm.Terms) -> tm.Terms:
     best = terms
     try:
         waves = _halved(by_multiple_angles(terms))
-        if 2 * len(waves) <= len(terms):
-            return waves
+    except tm.TooManyTerms:
+        waves = terms
+    if 2 * len(waves) <= len(terms):
+        return waves
+    try:
         for argument in dict.fromkeys(_arguments(terms)):
             for pair in (("cos", "sin"), ("sin", "cos")):
                 other = _exchanged(best, argument, *pair)
@@ -90,12 +94,18 @@ def by_multiple_angles(terms: tm.Terms) -> tm.Terms:
 
 @lru_cache(maxsize=1024)
 def _in_waves(circular: tm.Monomial) -> tuple[tuple[tm.Monomial, Fraction], ...]:
-    """The terms of a product of sines and cosines: cos u cos w = (cos(u - w) + cos(u + w))/2 and the like."""
+    """The terms of a product of sines and cosines: cos u cos w = (cos(u - w) + cos(u + w))/2 and the like.
+
+    Raises TooManyTerms for more than _WAVES; n angles, each squared, have about 3^n.
+    """
     functions = sorted((p for p, _ in circular if isinstance(p, ex.Apply)), key=repr)
     angles = list(dict.fromkeys(p.argument for p in functions))
     # cos or sin of sum_k n_k angles_k, by name and n.
     waves = {("cos", (0,) * len(angles)): Fraction(1)}
     exponents = dict(circular)
+    degrees = [sum(exponents[p] for p in functions if p.argument == angle) for angle in angles]
+    if math.prod(1 + degree for degree in degrees) > _WAVES:
+        raise tm.TooManyTerms
     for p in functions:
         place = angles.index(p.argument)
         for _ in range(int(exponents[p])):
