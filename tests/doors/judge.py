@@ -109,8 +109,8 @@ def faults_of_lagrangian(
             except NotReal:
                 continue
             g, rest = euler_lagrange(jet, given, point)
-            n = len(forces)
-            if n and abs(mpmath.det(mpmath.matrix(g))) <= mpmath.mpf(10) ** -24 * (1 + _size(g)) ** n:
+            scaled = [[x / (max(map(abs, row)) or 1) for x in row] for row in g]
+            if forces and abs(mpmath.det(mpmath.matrix(scaled))) <= mpmath.mpf(10) ** -24:
                 return f"singular Hessian of {text}"
             for row, b in zip(g, rest, strict=True):
                 parts = [x * f for x, f in zip(row, forces, strict=True)]
@@ -120,10 +120,6 @@ def faults_of_lagrangian(
             if seen == count:
                 return None
         return f"no point of the domain of {text} was found"
-
-
-def _size(g: Sequence[Sequence[Any]]) -> Any:
-    return max(abs(x) for row in g for x in row)
 
 
 def euler_lagrange(jet: Jet, given: Equations, point: Point) -> tuple[list[list[Any]], list[Any]]:
