@@ -591,7 +591,7 @@ class Examination:
             return
         self.claim(*(f"{at}/{name}" for name in compared))
         certificate, questions = _object(part.get("certificate")), derived.questions_of(part, system)
-        if system.positive and not derived.is_inside(system, certificate.get("near") or {}):
+        if system.positive and certificate and not derived.is_inside(system, certificate.get("near") or {}):
             self.contradict(f"{at}/certificate/near", "", "It is about a different branch of signs.")
         question = certificate.get("question") if certificate.get("question") in questions else questions[0]
         found = self.answer(Shown(at, part, str(question), verdict, own, key=key, follows=True))
