@@ -401,6 +401,7 @@ MEMORY_TO_REPLACE = 700.0
 STARTS = 3
 # Between attempts to start a process where the system has none to give, s.
 START_PAUSE = 0.5
+AT_ONCE = 0.1  # s
 IDLE_LOOK = 1.0
 # The first task of all shows that the engine can be loaded, s.
 PING_DEADLINE = 60.0
@@ -585,6 +586,7 @@ class Workers:
             if self._stopped:
                 task.cancel()
         outcome = Outcome("unstarted", detail="no worker process can be started")
+        has_waited = worker is not None
         for _ in range(STARTS):
             worker = worker or self._healthy(None)  # one that is dead by now says so itself
             if worker is None:
@@ -594,11 +596,15 @@ class Workers:
                 break
             try:
                 outcome = worker.run(task.call, task.report)
-                break
+                # One that waited may have been killed before it took the task: it ends a moment after the signal.
+                if not (has_waited and outcome.status == "killed" and outcome.spent.wall < AT_ONCE):
+                    break
+                has_waited = False
             except NotStarted:
-                log.warning("a worker process was found dead")
-                worker.close()
-                worker = None
+                pass
+            log.warning("a worker process was found dead")
+            worker.close()
+            worker = None
         with self._lock:
             self._running.discard(task)
         worker = _kept(worker, outcome)
