@@ -23,7 +23,7 @@ from inverse_service.simulation import derivation, observing, running, scene_dat
 CHECKS = 8
 TARGETS = (1e-3, 1e-6, 1e-9, 1e-12)
 COARSEST, FINEST = 1e-2, 1e-13  # shares of the motion: from where to where a curve is wanted
-LOOSEST, TIGHTEST = 1e-3, 1e-17  # tolerances
+LOOSEST, TIGHTEST = 1e-3, 1e-15  # tolerances
 MOST_STEPS = 4_000_000
 ROUND_OFF, NOISE = 1e-12, 4.0  # errors below this share of the motion are round-off, whose noise is about this factor
 STALLED = 0.5  # of the error before: less gain than this, twice, is the round-off floor

@@ -1,9 +1,8 @@
 """The true motion of a scene: exact where that is known, else a reference that a second one confirms.
 
 heyoka's Taylor series, where that is installed, is checked by DOP853; without it DOP853 is checked by Gauss-Legendre of
-order 12. Where they part by more than round-off, Gauss-Legendre with half the step, checked by the whole step, is the
-reference if it agrees with the first. Four times the distance of the two bounds the error. Runs are also compared with
-DOP853 where a force acts within one of their steps.
+order 12. Four times the distance of the two bounds the error. Runs are also compared with DOP853 where a force acts
+within one of their steps.
 """
 
 import time
@@ -31,7 +30,7 @@ ENOUGH = 1e-12  # two solutions agree if their distance over the size of the mot
 USELESS = 1e-3  # if they differ by more than this share of the motion, the true motion is unknown
 SAFETY = 4.0  # times the distance of the two: a bound of the error of the better one
 ROUND_OFF = 1e-15
-MOST_STEPS, MOST_SHARPER = 1_000_000, 100_000  # of Gauss-Legendre: alone, and where it comes third
+MOST_STEPS = 1_000_000
 TAYLOR, EXPLICIT, IMPLICIT = (
     scene_data.MethodChoice("heyoka", tolerance=1e-15), scene_data.MethodChoice("adaptive", tolerance=1e-13),
     scene_data.MethodChoice("reference"),
@@ -86,12 +85,6 @@ def _references(
     except InputError:  # heyoka is not installed, or does not know a function
         first, by = rows(EXPLICIT), "DOP853, checked by Gauss-Legendre of order 12"
         second = _collocation(rows, first, scene.grid.steps, stop)
-    apart = float(_distances(first, second)[-1])
-    if apart > ENOUGH * _size(first) and scene.grid.steps <= MOST_SHARPER:
-        whole, half = rows(IMPLICIT), rows(IMPLICIT, 2)
-        # The round-off of heyoka and DOP853 is that of forces in long steps; these are short, their sums compensated.
-        if _distances(whole, half)[-1] < apart and _distances(half, first)[-1] <= SAFETY * apart:
-            first, second, by = half, whole, f"Gauss-Legendre of order 12, checked by its double step and {by}"
     return _judged(times, first, second, by, begun)
 
 
