@@ -15,7 +15,7 @@ from inverse_service import deadline
 from inverse_service.certificate.checker import CheckResult
 from inverse_service.decision import certify
 from inverse_service.decision.solutions import SolveOptions
-from inverse_service.reading import tokens
+from inverse_service.expressions import refusals
 from inverse_service.service.documents import growing
 from inverse_service.service.documents.checking import check_plain
 from inverse_service.service.documents.documents import solve_document
@@ -189,7 +189,7 @@ def test_the_page_says_no_more_than_is_known(document: dict[str, Any]) -> None:
 
 def test_a_result_longer_than_what_is_read_is_not_called_invalid(monkeypatch: pytest.MonkeyPatch) -> None:
     result = json.loads(json.dumps(told_once(PARTICLE)[1]))
-    monkeypatch.setattr(tokens, "LIMITS", dataclasses.replace(tokens.LIMITS, tokens=10))
+    monkeypatch.setattr(refusals, "LIMITS", dataclasses.replace(refusals.LIMITS, tokens=1))
     found = check_plain(result)
     assert (found["verdict"], found["contradictions"]) == ("incomplete", [])
     assert "too long to be read again" in found["reasons"][0]
