@@ -268,6 +268,7 @@ def summaries(result: Mapping[str, Any]) -> dict[str, str]:
     """What one line says of each part that a result has, in the order of wanting."""
     timed, about, reduced = (result.get(key) or {} for key in ("with_time", "any_associated", "reduced"))
     clock, formulas = result.get("with_clock") or {}, ("lagrangian", "hamiltonian")
+    steps = len(result.get("explanation") or ())
     texts = {
         "motion": "found" if result.get("nonholonomic") else None,
         "conditions": "written out" if result.get("conditions") else None,
@@ -281,7 +282,7 @@ def summaries(result: Mapping[str, Any]) -> dict[str, str]:
         "clock": clock.get("verdict"),
         "kinds": ", ".join(f"{name} {part['verdict']}" for name, part in (result.get("kinds") or {}).items()) or None,
         "first_integrals": ", ".join(one["name"] for one in result.get("first_integrals") or ()) or None,
-        "explanation": f"{len(result['explanation'])} steps" if result.get("explanation") else None,
+        "explanation": f"{steps} step{'s' * (steps > 1)}" if steps else None,
     }
     return {part: text.replace("not_variational", "not variational") for part, text in texts.items() if text}
 

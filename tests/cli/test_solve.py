@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-import resource
-import subprocess
 import sys
 import time
 from pathlib import Path
@@ -209,20 +207,6 @@ def test_a_port_that_is_taken_is_exit_2(call: Any) -> None:
 
     with socket.create_server(("127.0.0.1", 0)) as taken:
         assert call("serve", "--port", str(taken.getsockname()[1])).code == 2
-
-
-@pytest.mark.slow
-def test_a_cold_start_takes_two_seconds_of_processor_time_or_little_more(tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "inverse_service", "solve", written(tmp_path, OSCILLATOR)]
-
-    def seconds() -> float:
-        used = resource.getrusage(resource.RUSAGE_CHILDREN)
-        return used.ru_utime + used.ru_stime
-
-    subprocess.run(command, check=True, capture_output=True)
-    before = seconds()
-    subprocess.run(command, check=True, capture_output=True)
-    assert 0.1 < seconds() - before < 4
 
 
 def test_options_of_a_document_hold_on_the_command_line_too(call: Any, tmp_path: Path) -> None:
