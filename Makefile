@@ -116,6 +116,7 @@ reference: install ## docs/reference/results.md from the program
 notebooks: install ## execute the notebooks of docs/ in place
 	.venv/bin/python -m tests.docs.notebooks
 
-# The documentation as a site in build/site; a warning is an error.
-docs: install ## the documentation as a site, build/site
+# The documentation as a site in build/site; a warning is an error, and so is a notebook that prints something else now.
+docs: install ## the documentation as a site, build/site, and its notebooks run
 	.venv/bin/python -m sphinx --quiet --fail-on-warning --keep-going -b html docs build/site
+	.venv/bin/python -m pytest -m slow -n logical tests/docs/test_notebook.py
