@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from inverse_service.sympy.result_objects import Result, Run
 
 __all__ = ["Client", "InputError", "Result", "catalogue", "check", "simulate", "solve"]
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 _ELSEWHERE = {
     "Client": "inverse_service.client",
     "InputError": "inverse_service.errors",
