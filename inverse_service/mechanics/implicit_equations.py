@@ -27,6 +27,7 @@ from mpmath import mp, mpf
 from inverse_service import bounds, errors
 from inverse_service.expressions import evaluation, graphs, inequalities, tree as ex
 from inverse_service.field import exact_field
+from inverse_service.mechanics import writing
 
 _POINTS = 3
 _ATTEMPTS = 60
@@ -278,7 +279,7 @@ def _solution(
     plain = ex.add(*(_scaled(-1 * ring.tree(entry), rest) for entry, rest in parts))
     if all(isinstance(ring.tree(entry), ex.Number) and len(parts) == 1 for entry, _ in parts):
         return plain
-    gathered = _gathered(plain, places)
+    gathered = writing.numbers_outside(writing.one_square(_gathered(plain, places)))
     return gathered if 2 * ex.node_count(gathered) <= 3 * ex.node_count(plain) else plain
 
 

@@ -1,7 +1,7 @@
 """Functions written for people: one term for each product of velocities, tan for sin/cos, sums put together."""
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from fractions import Fraction
 from functools import lru_cache
 from itertools import permutations
@@ -82,6 +82,34 @@ def _in_order(tree: ex.Expression) -> ex.Expression:
     return ex.multiply(*sorted(inner.factors, key=_place)) if isinstance(inner, ex.Product) else inner
 
 
+def with_products_in_order(
+    tree: ex.Expression, constants: Sequence[ex.Symbol], momenta: Collection[ex.Symbol] = ()
+) -> ex.Expression:
+    """Products as people write them: exp(c t), constants as given, coordinates, functions, brackets, velocities."""
+    places = {symbol: place for place, symbol in enumerate(constants)}
+
+    def place(factor: ex.Expression) -> tuple[int, int]:
+        base, _ = _power_of(factor)
+        held = [node for node in ex.walk(base) if isinstance(node, ex.Symbol | ex.Velocity | ex.Arbitrary)]
+        moving = any(isinstance(node, ex.Velocity) or node in momenta for node in held)
+        match base:
+            case ex.Number():
+                return 0, 0
+            case ex.Apply("exp") if ex.TIME in held:
+                return 1, 0
+            case ex.Symbol() | ex.Sum() if all(node in places for node in held):
+                return 2, min((places[node] for node in held if isinstance(node, ex.Symbol)), default=-1)
+            case ex.Symbol() | ex.Velocity():
+                return 6 if moving else 3, 0
+        return (7 if moving else 5) if isinstance(base, ex.Sum) else 4, 0
+
+    def ordered(part: ex.Expression) -> ex.Expression:
+        inner = ex.rebuild(part, ordered)
+        return ex.multiply(*sorted(inner.factors, key=place)) if isinstance(inner, ex.Product) else inner
+
+    return ordered(tree)
+
+
 def _power_of(factor: ex.Expression) -> tuple[ex.Expression, Fraction]:
     match factor:
         case ex.Power(base, ex.Number(value)) if value.denominator == 1 or isinstance(base, ex.Sum):
@@ -133,15 +161,33 @@ def tidied(tree: ex.Expression) -> ex.Expression:
 # Signs and numbers of a finished formula.
 
 
+def one_square(tree: ex.Expression) -> ex.Expression:
+    """a sin(u)^2 for a - a cos(u)^2 in each sum, a cos(u)^2 for a - a sin(u)^2."""
+    tree = ex.rebuild(tree, one_square)
+    terms = list(tree.terms) if isinstance(tree, ex.Sum) else []
+    for k, term in enumerate(terms):
+        for base, exponent in ex.powers_of(term):
+            if isinstance(base, ex.Apply) and base.function in _CIRCULAR and exponent == 2:
+                rest = ex.multiply(*(factor for factor in ex.factors_of(term) if factor != base**2))
+                if (partner := ex.negated(rest)) in terms:
+                    terms[k] = partner * ex.Apply(_CIRCULAR[base.function], base.argument) ** 2
+                    terms.remove(partner)
+                    return one_square(ex.add(*terms))
+    return tree
+
+
+_CIRCULAR = {"sin": "cos", "cos": "sin"}
+
+
 def minus_inside(tree: ex.Expression) -> ex.Expression:
-    """Each term -(a - 1) c of a sum as (1 - a) c, -c/(a - 1) as c/(1 - a); likewise for numbers other than 1."""
+    """Each term -(a - b) c of a sum as (b - a) c, -c/(a - b) as c/(b - a); likewise where more terms are negative."""
     if isinstance(tree, ex.Sum):
         return ex.add(*map(minus_inside, tree.terms))
     match tree:
         case ex.Product((ex.Number(value), *factors)) if value < 0:
             for place, factor in enumerate(factors):
                 base, exponent = (factor.base, factor.exponent) if isinstance(factor, ex.Power) else (factor, ex.ONE)
-                if not isinstance(base, ex.Sum) or not (_is_difference(base) or _is_mostly_negative(base)):
+                if not isinstance(base, ex.Sum) or not _is_half_negative(base):
                     continue
                 if isinstance(exponent, ex.Number) and exponent.value % 2 == 1:
                     turned = ex.add(*map(ex.negate, base.terms[::-1])) ** exponent
@@ -171,12 +217,14 @@ def numbers_outside(tree: ex.Expression) -> ex.Expression:
     tree = ex.rebuild(tree, numbers_outside)
     if not isinstance(tree, ex.Product):
         return tree
-    shares = [_common_denominator(factor) for factor in tree.factors]
-    whole = [
-        ex.add(*(d * term for term in f.terms)) if isinstance(f, ex.Sum) else f
-        for f, d in zip(tree.factors, shares, strict=True)
-    ]
-    return ex.multiply(ex.number(Fraction(1, math.prod(shares))), *whole)
+    number, factors = Fraction(1), []
+    for base, e in ex.powers_of(tree):
+        if isinstance(base, ex.Sum) and e.denominator == 1:
+            share = Fraction(_common_denominator(base))
+            base = ex.add(*(share * term for term in base.terms))
+            number /= share**e.numerator
+        factors.append(base**e)
+    return ex.multiply(ex.number(number), *factors)
 
 
 def plain_quotients(tree: ex.Expression) -> ex.Expression:
@@ -210,15 +258,9 @@ def _common_denominator(tree: ex.Expression) -> int:
     return sign * found[0].denominator if len({value.denominator for value in found}) == 1 else sign
 
 
-def _is_difference(tree: ex.Sum) -> bool:
-    """Whether it has two terms of opposite sign, one of them a number."""
-    signs = {is_negative(term) for term in tree.terms}
-    return len(tree.terms) == len(signs) == 2 and any(isinstance(term, ex.Number) for term in tree.terms)
-
-
-def _is_mostly_negative(tree: ex.Sum) -> bool:
-    """Whether it has more minus signs than plus signs."""
-    return 2 * sum(map(is_negative, tree.terms)) > len(tree.terms)
+def _is_half_negative(tree: ex.Sum) -> bool:
+    """Whether at least half of its terms have a minus sign."""
+    return 2 * sum(map(is_negative, tree.terms)) >= len(tree.terms)
 
 
 def is_negative(term: ex.Expression) -> bool:

@@ -88,7 +88,8 @@ def tidied(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
         tree = shorter
     tree = _with_squares_inside(system, tree)
     tree = writing.numbers_outside(writing.minus_inside(_as_written(writing.joined(tree), system)))
-    return _grouped_alike(kinetic_first(tree))
+    constants = tuple(map(ex.Symbol, system.parameters))
+    return writing.with_products_in_order(_grouped_alike(kinetic_first(tree)), constants)
 
 
 def _grouped_alike(tree: ex.Expression) -> ex.Expression:

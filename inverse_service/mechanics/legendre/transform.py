@@ -77,10 +77,12 @@ def legendre(
     # u log u has log u + 1 for a slope, if it is not expanded
     slopes = euler_lagrange.gradient(lagrangian, map(ex.Velocity, names))
     given = [slopes.get(ex.Velocity(name), ex.ZERO) for name in names]
-    functions = tuple(
+    shorter = [
         short_forms.shortest([short_forms.inside(short_forms.related(short_forms.simplified(slope))), slope])
         for slope in given
-    )
+    ]
+    constants = _constants_of(lagrangian, names)
+    functions = tuple(writing.with_products_in_order(slope, constants) for slope in shorter)
     parts = blocks.split(lagrangian, names, dict(zip(names, symbols, strict=True)))
     implicit = LegendreTransform(lagrangian, symbols, _energy(parts), functions, None, True, renamed)
     points = sampling.sample_points([lagrangian, *functions], positive)
@@ -221,22 +223,29 @@ def _closed(
     for block, found in zip(parts.blocks, chosen, strict=True):
         rates.update(zip(block.names, (_placed(v, table) for v in found.branch.velocities), strict=True))
     chained = tuple(rates[name] for name in names)
-    energies = [
-        writing.minus_inside(short_forms.exponentials_above(_placed(found.branch.hamiltonian, table)))
-        for found in chosen
-    ]
+    energies = [short_forms.exponentials_above(_placed(found.branch.hamiltonian, table)) for found in chosen]
     plain = ex.add(*energies, ex.negated(parts.free))
     short = short_forms.inside(short_forms.shortest([plain, collecting.collect(plain)]))
     whole = writing.roots_upright(writing.joined(short_forms.without_cancelling(short)))
+    whole = writing.plain_quotients(writing.one_square(quadratic_forms.shortest_form(whole, implicit.symbols)))
+    constants = _constants_of(implicit.lagrangian, names)
+    whole = writing.with_products_in_order(writing.minus_inside(whole), constants, implicit.symbols)
+    terms = whole.terms if isinstance(whole, ex.Sum) else (whole,)
     return replace(
         implicit,
-        hamiltonian=writing.plain_quotients(quadratic_forms.shortest_form(whole, implicit.symbols)),
+        hamiltonian=ex.add(*sorted(terms, key=lambda term: not ex.holds(term, *implicit.symbols))),
         velocities=tuple(
             writing.joined(collecting.merge_powers(velocity)) for velocity in blocks.resolved(chained, names)
         ),
         implicit=False,
         chained=chained,
     )
+
+
+def _constants_of(lagrangian: ex.Expression, names: Sequence[str]) -> tuple[ex.Symbol, ...]:
+    """The constants in the order in which L has them."""
+    symbols = dict.fromkeys(node for node in ex.walk(lagrangian) if isinstance(node, ex.Symbol))
+    return tuple(node for node in symbols if node != ex.TIME and node.name not in names)
 
 
 def _shifts(
