@@ -26,7 +26,8 @@ if TYPE_CHECKING:
     from .question import Question
 
 Polynomial = Any  # fmpq_mpoly
-MAX_TERMS = 3000  # of a polynomial; a longer one becomes a generator without known properties
+MAX_TERMS = 3000  # of a polynomial; a longer formula becomes a generator of unknown sign
+LONG = "..."  # begins the text of such a generator, which no formula contains
 MAX_LETTERS = 512
 SPARE = 24  # generators in addition to the names, at first
 
@@ -83,8 +84,8 @@ class Cell:
     """Where a claim holds: inequalities "x > 0", "x - 1 != 0", each an expression and 0.
 
     `sides` are those of them on which relations depend that the proof used. `one_side`: only the
-    part of this set is meant that is connected with P where all `>` hold. `unknown`: the formulas
-    are too long to say where they are defined.
+    part of this set is meant that is connected with P where all `>` hold. `unknown`: a condition is
+    too long to be written.
     """
 
     domain: tuple[str, ...] = ()
@@ -124,7 +125,7 @@ class Letters:
         self.pairs = dict[int, frozenset[Need]]()
         self.needs, self.cut = dict[Need, None](), dict[Need, None]()
         self.known = dict[str, Factors]()
-        self.ties, self.unknown = list[Any](), False
+        self.ties = list[Any]()
         self.apart = False  # sines and cosines of sums by those of the terms
 
     # The operations of a ring.
@@ -143,7 +144,8 @@ class Letters:
                 common = below.gcd(term.below)
                 above = above * (term.below / common) + weight * term.above * (below / common)
                 below = below * (term.below / common)
-            above, below = self.bounded_pair(above, below)
+            if max(len(above), len(below)) > MAX_TERMS:
+                return self.long(*terms)
         return self.reduced(above, below)
 
     def multiply(self, left: Quotient, right: Quotient, degree: int = 0) -> Quotient:
@@ -151,10 +153,10 @@ class Letters:
             len(left.above) * len(right.above) + len(left.below) * len(right.below)
             > 100 * MAX_TERMS
         ):
-            return self.opaque()
+            return self.long(left, right)
         first, second = self.reduced(left.above, right.below), self.reduced(right.above, left.below)
-        found = Quotient(*self.bounded_pair(first.above * second.above, first.below * second.below))
-        return self.without_squares(found)
+        above, below = first.above * second.above, first.below * second.below
+        return self.without_squares(self.shortened(above, below, left, right))
 
     def without_squares(self, u: Quotient) -> Quotient:
         """With sqrt(w)^2 = w put in."""
@@ -177,13 +179,13 @@ class Letters:
     def power(self, u: Quotient, exponent: int) -> Quotient:
         if exponent < 0:
             self.need("!=", u)
-            u = Quotient(u.below, u.above) if u.above != 0 else self.opaque()
+            u = Quotient(u.below, u.above) if u.above != 0 else self.long(u)
         size, most = abs(exponent), max(len(u.above), len(u.below))
         if size > 4096 or (
             most > 1 and (size > 64 or math.comb(size + most - 1, size) > 40 * MAX_TERMS)
         ):
-            return self.opaque()
-        return self.without_squares(Quotient(*self.bounded_pair(u.above**size, u.below**size)))
+            return self.long(u)
+        return self.without_squares(self.shortened(u.above**size, u.below**size, u))
 
     def elementary(self, name: str, u: Quotient) -> Quotient:
         if self.apart and name in ("sin", "cos") and u.below.is_constant() and len(u.above) > 1:
@@ -330,12 +332,10 @@ class Letters:
     def raised(self, value: Quotient, base: Quotient, exponent: int) -> Quotient:
         size, base = abs(exponent), base if exponent >= 0 else Quotient(base.below, base.above)
         if size > 64 and max(len(base.above), len(base.below)) > 1:
-            return self.opaque()
+            return self.long(value, base)
         if exponent < 0:
             self.need("!=", Quotient(base.below, self.one))
-        return self.multiply(
-            value, Quotient(*self.bounded_pair(base.above**size, base.below**size))
-        )
+        return self.multiply(value, self.shortened(base.above**size, base.below**size, base))
 
     def letter(self, text: str, inner: frozenset[Need]) -> int:
         if text not in self.places:
@@ -346,18 +346,14 @@ class Letters:
             self.texts.append(text)
         return self.places[text]
 
-    def opaque(self) -> Quotient:
-        """A generator for an expression that is too long."""
-        self.unknown = True
-        return Quotient(
-            self.generators[self.letter(f"... {len(self.texts)}", frozenset())], self.one
-        )
+    def long(self, *parts: Quotient) -> Quotient:
+        """A generator for a formula of these parts, which is analytic where they are."""
+        inner = frozenset().union(*map(self.needs_of, parts))
+        return Quotient(self.generators[self.letter(f"{LONG}{len(self.texts)}", inner)], self.one)
 
-    def bounded_pair(self, above: Polynomial, below: Polynomial) -> tuple[Polynomial, Polynomial]:
-        if max(len(above), len(below)) <= MAX_TERMS:
-            return above, below
-        found = self.opaque()
-        return found.above, found.below
+    def shortened(self, above: Polynomial, below: Polynomial, *parts: Quotient) -> Quotient:
+        too_long = max(len(above), len(below)) > MAX_TERMS
+        return self.long(*parts) if too_long else Quotient(above, below)
 
     def reduced(self, above: Polynomial, below: Polynomial) -> Quotient:
         if below.is_constant():
@@ -760,7 +756,8 @@ def cells_of(question: Question, by_theorem: bool = False) -> tuple[Cell, Cell]:
         # What is not 0 may imply that a cut is positive, and have parts that are not connected.
         inside = [need for need in (*hints, *cut, *needs) if need.kind == ">"] if cut else []
         one_side = not all(is_convex(ring, need.polynomial) for need in strongest(ring, inside))
-        return Cell(written(ring, kept), written(ring, sides), one_side, ring.unknown)
+        domain = written(ring, kept)
+        return Cell(domain, written(ring, sides), one_side, any(LONG in text for text in domain))
 
     formulas = cell(ring.needs)
     return (cell(forces) if by_theorem else formulas), formulas
@@ -794,7 +791,10 @@ def signed(question: Question, ring: Letters, needs: Iterable[Need]) -> list[Nee
         if need.kind == ">":
             found.append(need)
             continue
-        tokens = read_tokens(ring.text(need.polynomial), "cell")
+        text = ring.text(need.polynomial)
+        if LONG in text:
+            raise Ended("incomplete", "A formula is too long to determine on which side it holds.")
+        tokens = read_tokens(text, "cell")
 
         def positive(expansion: Any, tokens: tuple[str, ...] = tokens) -> bool:
             value = Reader(expansion, tokens).value.get(0, 0)
@@ -877,15 +877,12 @@ def where_regular(
         found.extend(need_of("!=", factor) for factor, _ in factors)
 
     ring = letters_of(question, read)
-    if ring.unknown:
+    if any(LONG in text for text in written(ring, found)):
         return Cell(unknown=True)
     moving = {"t", *question.coordinates, *(f"{name}'" for name in question.coordinates)}
     texts = [(need, read_tokens(ring.text(need.polynomial), "cell")) for need in found]
-    return Cell(
-        written(
-            ring, strongest(ring, [need for need, tokens in texts if not moving.isdisjoint(tokens)])
-        )
-    )
+    kept = [need for need, tokens in texts if not moving.isdisjoint(tokens)]
+    return Cell(written(ring, strongest(ring, kept)))
 
 
 def determinant(ring: Letters, matrix: list[list[Quotient]]) -> Quotient:

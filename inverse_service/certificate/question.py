@@ -229,7 +229,10 @@ class Question:
 
     def set_of_claim(self, claim: dict[str, Any]) -> None:
         near = claim.get("near") or {}
-        shape = {"conditions?": [TEXT, MAX_LISTED], "roots?": [{}, MAX_LISTED]}
+        shape = {
+            "conditions?": [TEXT, MAX_LISTED],
+            "roots?": [{"root": TEXT, "is": TEXT}, MAX_LISTED],
+        }
         check_shape(near, dict.fromkeys(near, NUMBER), "near")
         require({*near} <= self.names, "near contains a name that the system does not declare.")
         self.near = {name: Fraction(value) for name, value in near.items()}
@@ -237,7 +240,6 @@ class Question:
         self.conditions = [read_condition(text) for text in claim.get("conditions") or []]
         self.roots = list[Root]()
         for entry in claim.get("roots") or []:
-            check_shape(entry, {"root": TEXT, "is": TEXT}, "roots")
             root = read_tokens(entry["root"], "roots.root")
             self.roots.append(Root(root, read_tokens(entry["is"], "roots.is")))
             require(is_root(root), "A root has to be sqrt(w) or (w)^(a/k).")

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice, product
 from typing import Any, TypeVar
 
@@ -77,21 +77,23 @@ def answered(
 
 
 def other_part(
-    system: second_order_system.SecondOrderSystem,
+    analysis: deciding.Analysis,
     certificate: Mapping[str, Any],
     sides: Sequence[Expression],
     end: float,
+    wanted: Sequence[str] = ("invalid", "incomplete"),
 ) -> tuple[real_point.RealTable, checker.CheckResult] | None:
-    """A point of a cell at which a proof found on one part of the cell fails, and the result of the checker there.
+    """A point of a cell at which a claim judged on one part of it has a wanted verdict, and the checker's result there.
 
-    One at which the claim is wrong, or else where it is undecided; None where it is proven at all points tried.
+    The first wanted verdict comes first; None where no point that was tried has one.
     """
-    found = list[tuple[real_point.RealTable, checker.CheckResult]]()
-    for point in (one for seed in _OTHER_POINTS for one in _points(system, seed)):
-        if real_point.are_positive(sides, point) and deadline.now() < end:
+    found = dict[str, tuple[real_point.RealTable, checker.CheckResult]]()
+    for point in (one for seed in _OTHER_POINTS for one in _points(analysis.system, seed)):
+        if wanted[0] not in found and real_point.are_positive(sides, point) and deadline.now() < end:
             moved = {**certificate, "near": certify.moved_to(certificate["near"], point)}
-            found.append((point, checker.check_certificate(moved, time_limit=deadline.left(end, 1.0))))
-    return next((one for verdict in ("invalid", "incomplete") for one in found if one[1].verdict == verdict), None)
+            proof = certify.proved(replace(analysis, real_point=point), moved, deadline.left(end, 1.0))[1]
+            found.setdefault(proof.verdict, (point, proof))
+    return next((found[verdict] for verdict in wanted if verdict in found), None)
 
 
 def _points(system: second_order_system.SecondOrderSystem, seed: int) -> list[real_point.RealTable]:

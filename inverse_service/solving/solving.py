@@ -91,7 +91,8 @@ def solve_branches(
     for found in solutions:
         for one in (found.autonomous, found.with_time):
             if one is not None and one.one_side and one.certificate is not None:
-                other = cells.other_part(found.system, one.certificate, one.sides, end)
+                analysis = deciding.analyze(found.system)
+                other = cells.other_part(analysis, one.certificate, one.sides, end)
                 if other is not None:
                     open_cells.append(cells.Left(sides_of(found), other[0], _UNCONNECTED))
                     break

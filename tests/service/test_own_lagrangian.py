@@ -138,6 +138,7 @@ def test_http_answers_and_refuses_a_name_that_the_system_does_not_have(service: 
         ("x'' = -x", "(x'^2 - x^2)/(2*m) + F(x)*x'", "valid"),
         ("x'' = -x", "x'^2/2 - k*x^2", "invalid"),
         ("x'' = -x", "x'^2/2 - F(x)", "invalid"),
+        ("x'' = -x", "(x'^2 - x^2)/2 + x^3*(sqrt(x - 2*sqrt(x - 1)) - sqrt(x - 1) + 1)", "differs"),  # right for x > 2
     ],
 )
 def test_constants_that_the_equations_do_not_contain_are_of_any_value(

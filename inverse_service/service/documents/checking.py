@@ -43,7 +43,7 @@ _OPEN: Final = "A verdict is undetermined, or no certificate proves it."
 _VERDICTS: Final = ("variational", "not_variational", "undetermined")
 # The keys of a certificate that the checker reads: of each one, and by `among` and `kind`. Others have no effect.
 _READ: Final = {
-    "format", "question", "claim", "kind", "near", "conditions", "roots", "among", "system/coordinates",
+    "format", "question", "claim", "kind", "near", "conditions", "among", "system/coordinates",
     "system/equations", "system/parameters", "system/functions", "system/velocities",
 }  # fmt: skip
 _READ_OF: Final = {
@@ -452,7 +452,8 @@ class Examination:
             self.open_places.append(place)  # for one of both the time was over
             return
         proven = f"It is proven for general parameters, without {', '.join(found) or 'exceptions'}."
-        self.agree(place, {*stated} == {*found}, ", ".join(map(str, stated)), proven)
+        good = isinstance(stated, list) and {*stated} == {*found}
+        self.agree(place, good, ", ".join(map(str, stated)), proven)
 
     def energy(self, shown: Shown, certificate: dict[str, Any]) -> None:
         """A Hamiltonian belongs to a proven Lagrangian."""
@@ -734,7 +735,8 @@ class Examination:
                 if text.endswith(f" = {written}"):
                     self.claim(f"/system/latex/{name}")
         guessed = self.result.get("guessed")
-        if guessed and set(guessed) <= {*own["parameters"], *own["functions"]} and isinstance(plain, dict):
+        known = {*own["parameters"], *own["functions"]}
+        if isinstance(guessed, list) and guessed and {*guessed} <= known and isinstance(plain, dict):
             declared = json.dumps([plain.get("parameters"), plain.get("functions")])
             if not any(f'"{name}"' in declared for name in guessed):
                 self.claim("/guessed")
@@ -757,7 +759,8 @@ def read_keys(certificate: Mapping[str, Any]) -> set[str]:
     among, kind = str(certificate.get("among")), str(certificate.get("kind"))
     moving = "velocities" in _object(certificate.get("system"))
     found = [_READ_OF.get((of, kind), set()) for of in ("", among)]
-    return _READ.union(*found, _READ_OF_MOTION if moving else ())
+    roots = (f"roots/{k}/{key}" for k in range(len(certificate.get("roots") or ())) for key in ("root", "is"))
+    return _READ.union(*found, _READ_OF_MOTION if moving else (), roots)
 
 
 def proves(certificate: Mapping[str, Any], question: str, verdict: str | None) -> bool:

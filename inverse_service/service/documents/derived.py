@@ -314,7 +314,9 @@ def in_clock(part: Mapping[str, Any], system: SecondOrderSystem, factor: ex.Expr
 
 
 def system_there(document: Any, conditions: Any) -> SecondOrderSystem | None:
-    """That of the document for special values of the parameters, given as texts "name = value"."""
+    """That of the document for special values of the parameters, given as a list of texts "name = value"."""
+    if not isinstance(conditions, list):
+        return None
     try:
         system = accepting.to_system(accepting.to_schema(preparing.prepared(document).document))
         names = Names(parameters=system.parameters, time=False)  # constants: a = x is no condition

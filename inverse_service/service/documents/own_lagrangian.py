@@ -31,6 +31,7 @@ AS_WRITTEN = (
     "up to their signs."
 )
 _SINGULAR = "The Hessian of L in the velocities is singular: L does not determine the accelerations."
+_LOOK = 2.0  # s, for a part of a cell where L is right, after it was found wrong on another
 _DIGITS = 12  # of numbers that are shown
 _ELSEWHERE = "Other parts of this set, which are not connected with this point, are undecided."
 
@@ -140,7 +141,7 @@ def _judged(
         domain = [*dict.fromkeys([*known, *statement["domain"]])]
         found = cell(domain, near, "valid", proof.reasons) | {"statement": statement | {"domain": domain}}
         if where.one_side:
-            other = cells.other_part(system, certificate, where.sides, end)
+            other = cells.other_part(analysis, claim, where.sides, end)
             if other is None or other[1].verdict != "invalid":
                 found |= {"verdict": "incomplete", "reasons": [_ELSEWHERE]}
             else:
@@ -155,6 +156,9 @@ def _judged(
     found = cell(domain, near, proof.verdict, proof.reasons)
     if proof.verdict == "invalid" and table is not None:
         found |= _failing(system, own, table)
+        soon = min(end, now() + _LOOK)
+        if not system.is_unsolved and cells.other_part(analysis, claim, sides, soon, ("valid",)):
+            found |= {"verdict": "differs"}
     return found, sides
 
 
