@@ -377,7 +377,7 @@ class Examination:
         if not shown.follows:
             proof = self.narrow(certificate, self.with_document(certificate))
             # A part of a result that an older program wrote has no list.
-            self.exceptions(at, part.get("exceptions", proof.exceptions if shown.kind else []), proof.exceptions)
+            self.exceptions(at, part.get("exceptions", [*proof.exceptions] if shown.kind else []), proof.exceptions)
         if "checked" in part:
             self.agree(f"{at}/checked", part["checked"] == "valid", part["checked"], "The checker says valid.")
         self.formulas(shown, certificate)
