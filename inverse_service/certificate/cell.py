@@ -235,25 +235,23 @@ class Letters:
             sine, cosine = self.add([a, b]), self.add([d, e], [1, -1])
         return sine, cosine
 
-    def function(self, name: str, orders: tuple[int, ...], arguments: list[Quotient]) -> Quotient:
+    def function(
+        self,
+        name: str,
+        orders: Sequence[int],
+        arguments: list[Quotient],
+        within: Sequence[Quotient] = (),
+    ) -> Quotient:
+        """A derivative of a function, analytic where the arguments and what is `within` are."""
         listed = ", ".join(map(self.text, arguments))
-        primes = (
-            "'" * orders[0]
-            if len(orders) == 1
-            else f"[{','.join(map(str, orders))}]"
-            if any(orders)
-            else ""
-        )
-        inner = frozenset().union(*map(self.needs_of, arguments))
-        return Quotient(self.generators[self.letter(f"{name}{primes}({listed})", inner)], self.one)
+        primes = "'" * orders[0] if len(orders) == 1 else str([*orders]) if any(orders) else ""
+        inner = frozenset().union(*map(self.needs_of, [*arguments, *within]))
+        place = self.letter(f"{name}{primes.replace(' ', '')}({listed})", inner)
+        return Quotient(self.generators[place], self.one)
 
     def integral(self, name: str, orders: list[int], arguments: list[Quotient]) -> Quotient:
         slope = Reader(self, self.question.integrals[name].slope).value
-        inner = frozenset().union(*map(self.needs_of, [*arguments, slope]))
-        return Quotient(
-            self.generators[self.letter(f"{name}({', '.join(map(self.text, arguments))})", inner)],
-            self.one,
-        )
+        return self.function(name, (), arguments, [slope])
 
     # Helpers of these.
 
@@ -307,11 +305,12 @@ class Letters:
                 if (k * a).denominator == 1 and (
                     positive or every_one or (k % 2 == 0 and (k * a) % 2 == 0)
                 ):
-                    value = self.raised(value, Quotient(p, self.one), int(sign * k * a))
+                    power = self.power(Quotient(p, self.one), int(sign * k * a))
+                    value = self.multiply(value, power)
                 else:
                     left[side] = left[side] * p**k
         rest, whole = self.reduced(*left), math.floor(a)
-        value = self.raised(value, rest, whole)
+        value = self.multiply(value, self.power(rest, whole)) if whole else value
         if a == whole or (rest.above == 1 and rest.below == 1):
             return value
         inner, part = self.text(rest), a - whole
@@ -328,14 +327,6 @@ class Letters:
         if part == Fraction(1, 2):
             self.squares[place] = rest
         return self.multiply(value, Quotient(self.generators[place], self.one))
-
-    def raised(self, value: Quotient, base: Quotient, exponent: int) -> Quotient:
-        size, base = abs(exponent), base if exponent >= 0 else Quotient(base.below, base.above)
-        if size > 64 and max(len(base.above), len(base.below)) > 1:
-            return self.long(value, base)
-        if exponent < 0:
-            self.need("!=", Quotient(base.below, self.one))
-        return self.multiply(value, self.shortened(base.above**size, base.below**size, base))
 
     def letter(self, text: str, inner: frozenset[Need]) -> int:
         if text not in self.places:
@@ -735,17 +726,12 @@ def cells_of(question: Question, by_theorem: bool = False) -> tuple[Cell, Cell]:
         forces.extend(ring.needs)
         collect_needs(ring, question.read(ring))
         ring.entries = iter(())
-        positive = [
-            ring.add([Reader(ring, one).value for one in pair], [1, -1])
-            for pair in question.conditions
-        ]
-        hints.extend(need for value in positive for need in ring.pieces(">", value))
-        positive = [
-            Reader(ring, said).value for _, said in (() if question.rational else question.roots)
-        ]
-        hints.extend(
-            need for value in positive for need in ring.pieces(">", value) if need.kind == ">"
-        )
+        for pair in question.conditions:
+            value = ring.add([Reader(ring, one).value for one in pair], [1, -1])
+            hints.extend(ring.pieces(">", value))
+        for _, said in () if question.rational else question.roots:
+            value = Reader(ring, said).value
+            hints.extend(need for need in ring.pieces(">", value) if need.kind == ">")
 
     ring = letters_of(question, read)
     cut = signed(question, ring, ring.needs if question.partly else ring.cut)
