@@ -323,13 +323,16 @@ def _angle(node: ex.Expression) -> ex.Expression | None:
 def _factor(base: ex.Expression, square: ex.Expression, table: real_point.RealTable) -> Fraction | None:
     """A rational number that the quotient seems to be; the checker proves it."""
     ratios = []
-    for shift in (0, Fraction(1, 7), Fraction(-2, 9)):
+    for shift in (mpmath.mpf(0), mpmath.mpf(1) / 7, mpmath.mpf(-2) / 9):
         with suppress(evaluation.NoRealValue, ZeroDivisionError):
-            moved = {key: value * (1 + mpmath.mpf(shift.numerator) / shift.denominator) for key, value in table.items()}
+            # Each by its own factor: a quotient may be homogeneous of degree 0.
+            moved = {key: value * (1 + shift / (k + 1)) for k, (key, value) in enumerate(table.items())}
             ratios.append(evaluation.evaluate(base, moved) / evaluation.evaluate(square, moved))
-    if len(ratios) < 3 or max(ratios) - min(ratios) > mpmath.mpf(10) ** -12 * abs(ratios[0]) or ratios[0] <= 0:
+    if len(ratios) < 3 or ratios[0] <= 0:
         return None
-    return Fraction(mpmath.nstr(ratios[0], 15)).limit_denominator(1000)
+    factor = Fraction(mpmath.nstr(ratios[0], 15)).limit_denominator(1000)
+    number = mpmath.mpf(factor.numerator) / factor.denominator
+    return factor if all(abs(ratio - number) < mpmath.mpf(10) ** -12 * ratio for ratio in ratios) else None
 
 
 def point_of(analysis: deciding.Analysis, lagrangian: ex.Expression) -> real_point.RealTable | None:
