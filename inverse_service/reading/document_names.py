@@ -21,6 +21,7 @@ from inverse_service.reading.tokens import (
     at,
     check_brackets,
     closing,
+    split,
     split_at_commas,
 )
 
@@ -734,8 +735,7 @@ _COMPONENTS = frozenset("ABEFJPVpv")  # Fx and Fy are usually two components
 
 def _called_with(line: Sequence[Token], place: int, declared: nm.Names) -> int:
     """The number of arguments of an undeclared F in F(x*y), F(x, x') or f(y/x); 0 if it may be a factor."""
-    opening = place + 1
-    opening = after_primes(line, opening)
+    opening = after_primes(line, place + 1)
     if not at(line, opening).is_operator("("):
         return 0
     end = closing(line, opening)
@@ -744,7 +744,9 @@ def _called_with(line: Sequence[Token], place: int, declared: nm.Names) -> int:
     if line[place].text not in CALLED_LETTERS and (count == 1 or len(line[place].text) > 1):
         return 0
     moves = any(token.text == "t" or declared.role(declared.spelling(token.text)) == "coordinate" for token in inside)
-    if line[opening].space_before or end == len(line) or not moves:
+    summed = split(inside, lambda _, token: token.is_operator("+", "-"))
+    weight = line[place].text in ("g", "G") and any(len(term) == 1 and term[0].kind == "number" for term, _ in summed)
+    if line[opening].space_before or end == len(line) or not moves or weight:  # g(1 - x/l) is usually a product
         return 0
     return count
 

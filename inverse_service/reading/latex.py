@@ -130,6 +130,8 @@ def _command(text: str, place: int, space: bool) -> tuple[Tokens, int]:
         return [], end
     if name in ("quad", "qquad"):
         return [Token("newline", name, place + 1, space)], end
+    if name == "equiv":
+        return [Token("operator", "=", place + 1, space)], end
     if name in ("begin", "end"):
         kind, end = _environment(text, place, end)
         return [Token("command", f"{name} matrix", place + 1, space)] * (kind in components.MATRICES), end
@@ -186,9 +188,7 @@ FONTS = ("mathrm", "operatorname", "operatorname*", "text", "mathit")
 _COMPONENTS = "a vector is not accepted, write an equation for each component"
 _OTHER_LETTER = "letters in this font are separate names, write another name such as B_1"
 # A bold r is not the r of the next line, nor is a script L the l.
-VECTORS = dict.fromkeys(
-    ("mathbf", "boldsymbol", "bm", "pmb", "bf", "textbf", "vec", "overrightarrow", "underline"), _COMPONENTS
-)
+VECTORS = dict.fromkeys((*components.BOLD, "bf"), _COMPONENTS)
 OTHER_LETTERS = dict.fromkeys(
     ("mathcal", "mathscr", "mathfrak", "mathbb", "mathsf", "mathtt", "hat", "widehat", "overline"), _OTHER_LETTER
 )
@@ -197,15 +197,19 @@ MARKED = VECTORS | OTHER_LETTERS
 _WORDS = nm.FUNCTIONS | nm.DERIVATIVE_NAMES | nm.REFUSED.keys()
 
 _FRACTIONS = ("frac", "tfrac", "dfrac", "cfrac")
-_PRODUCTS = {"cdot": "*", "times": "*", "ast": "*", "div": "/", "lbrace": "(", "rbrace": ")", "{": "(", "}": ")"}
-_OPENING, _CLOSING = "([", ")]"
-_COMPARED = {
+_SIGNS = {
+    "div": "/",
+    "\\": ";",
+    **dict.fromkeys(("cdot", "times", "ast"), "*"),
+    **dict.fromkeys(("lbrace", "{"), "("),
+    **dict.fromkeys(("rbrace", "}"), ")"),
+    **dict.fromkeys(("vert", "lvert", "rvert"), "|"),
     **dict.fromkeys(("le", "leq", "leqslant", "lt", "ll"), "<"),
     **dict.fromkeys(("ge", "geq", "geqslant", "gt", "gg"), ">"),
     **dict.fromkeys(("ne", "neq"), "\u2260"),
 }
+_OPENING, _CLOSING = "([", ")]"
 _TENSORS = frozenset(("Gamma", "g", "R", "T", "F", "eta", "h", "delta", "epsilon", "varepsilon"))
-_BARS = ("vert", "lvert", "rvert")
 _REASONS = {
     "int": "integrals are not evaluated, write the evaluated integral",
     "sum": "sums are not expanded, write the terms",
@@ -218,7 +222,7 @@ _REASONS = {
     "rm": "write \\mathrm{d}",
     "over": "write \\frac{a}{b}",
     **dict.fromkeys(("dv", "odv", "derivative"), "write \\frac{d^2 x}{dt^2}"),
-    **dict.fromkeys(("approx", "equiv", "sim", "simeq", "propto", "cong", "coloneqq"), "write ="),
+    **dict.fromkeys(("approx", "sim", "simeq", "propto", "cong", "coloneqq"), "write ="),
     "dddot": "write equations of second order",
     "ddddot": "write equations of second order",
 }
@@ -240,10 +244,6 @@ class LatexTranslator:
             self._one()
             at_most(len(self._tokens), LIMITS.tokens, "the formula has too many parts", self._raw.ahead.column)
         return self._tokens
-
-    def _begin_factor(self, raw: Token) -> None:
-        """The ( of a fraction or a root, which is not an argument bracket of the name before it."""
-        self._tokens.append(Token("operator", "(", raw.column, True, FACTOR))
 
     def _one(self) -> None:
         """Translate the next piece."""
@@ -326,16 +326,10 @@ class LatexTranslator:
             self._emit_name(self._with_subscript(accented), raw)
         elif name in ("left", "right"):
             self._delimiter(raw)
-        elif name in _BARS:
-            self._emit("|", raw)
-        elif name in _PRODUCTS:
-            self._emit(_PRODUCTS[name], raw)
-        elif name in _COMPARED:
-            self._emit(_COMPARED[name], raw)
+        elif name in _SIGNS:
+            self._emit(_SIGNS[name], raw)
         elif name == "partial":
             self._partial(raw)
-        elif name == "\\":
-            self._emit(";", raw)
         else:
             what, instead = f"the command \\{shorten(name)} is not accepted", MARKED.get(name) or _REASONS.get(name)
             if not instead and name in nm.REFUSED:
@@ -351,16 +345,12 @@ class LatexTranslator:
         if {*by} == {"t"}:
             raise refusal("a partial derivative occurs", raw.column, "write diff(A(x, y), x), A declared")
         self._tokens.append(Token("operator", "(", raw.column, True, FRACTION))
-        for text in ("(", PARTIAL, ")", "/", "(", PARTIAL):
-            self._emit(text, raw)
-        self._emit_name(by, raw)
-        for text in "))":
-            self._emit(text, raw)
+        self._tokens += plain.written(f"({PARTIAL})/({PARTIAL} {by}))", raw)
 
     def _function(self, name: str, raw: Token) -> None:
         if self._raw.ahead.is_operator("_"):
             raise refusal("a base of a logarithm occurs", raw.column, "write \\ln(x)/\\ln(b)")
-        self._emit_name(name, raw)
+        self._tokens.append(Token("name", name, raw.column, True))  # g/l\sin x is g/l sin x
 
     def _font(self, raw: Token) -> None:
         start = self._raw.position
@@ -377,12 +367,12 @@ class LatexTranslator:
 
     def _delimiter(self, raw: Token) -> None:
         delimiter = self._raw.take()
-        text = _PRODUCTS.get(delimiter.text, delimiter.text)
+        text = _SIGNS.get(delimiter.text, delimiter.text)
         if text and text in (_OPENING if raw.text == "left" else _CLOSING):
             if delimiter.text in ("{", "lbrace") and not self._closes_later():
                 return  # \left\{ before a list of equations; it is ended by \right.
             self._emit("(" if raw.text == "left" else ")", raw, space=True)
-        elif delimiter.text in ("|", *_BARS):
+        elif text == "|":
             self._emit("|", raw)
         elif not (delimiter.is_operator(".") and raw.text == "right"):
             raise refusal(f"this delimiter after \\{raw.text} is not accepted", raw.column, "write ( and )")
@@ -459,15 +449,9 @@ class LatexTranslator:
         digits = self._digits()
         if not digits or not self._raw.take().is_operator("]"):
             raise refusal("the degree of a root is not an integer", raw.column, "write \\sqrt[3]{x}")
-        self._begin_factor(raw)
+        self._tokens.append(Token("operator", "(", raw.column, True, FACTOR))  # no argument bracket of a name before it
         self._argument(raw)
-        for text in "^(":
-            self._emit(text, raw)
-        self._tokens.append(plain.number_token("1", raw.column, False))
-        self._emit("/", raw)
-        self._tokens.append(plain.number_token(digits, raw.column, False))
-        for text in "))":
-            self._emit(text, raw)
+        self._tokens += plain.written(f"^(1/{digits}))", raw)
 
     def _dot(self, raw: Token, order: int) -> None:
         """\\dot{x}, \\dot x, \\dot{r}_1, \\dot{r_1}, \\dot\\theta."""

@@ -102,6 +102,7 @@ REFUSED_UNLESS_DECLARED: dict[str, Reason] = {
     **dict.fromkeys(_WORDS, ("is a word", "write the equations alone, separated by ;")),
     **dict.fromkeys(("grad", "div", "curl", "rot", "nabla", "laplacian"), _VECTORS),
     **dict.fromkeys(_DEGREES, ("usually means a degree", "write 30*pi/180 for 30 degrees", "parameters")),
+    **dict.fromkeys(("dot", "ddot", "prime"), ("usually means a derivative", "write x' or x''", "parameters")),
     **dict.fromkeys(_RADIANS, ("usually means the unit of angles", "leave it out", "parameters")),
 }
 # Short names of functions that are also used for coordinates: th for theta.

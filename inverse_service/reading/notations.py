@@ -421,8 +421,7 @@ def with_derivatives(tokens: Tokens, names: Names, depth: int = 0) -> Tokens:
 def second_derivatives(tokens: Tokens) -> Iterator[tuple[str, str]]:
     """(y, x) for each d^2y/dx^2, d^2/dx^2 y, d/dx(x dy/dx), d/dx(x y') and y''(x), for all names y and x."""
     for place in range(len(tokens)):
-        after = place + 1
-        after = after_primes(tokens, after)
+        after = after_primes(tokens, place + 1)
         order = sum(int(prime.value) for prime in tokens[place + 1 : after])
         called = [token.text for token in tokens[after : after + 3]][::2] in (["(", ")"], ["[", "]"])
         if tokens[place].kind == "name" and order == 2 and called and tokens[after + 1].kind == "name":
@@ -449,8 +448,7 @@ def _derivative(tokens: Tokens, place: int, names: Names, depth: int) -> tuple[T
         if power := _power_of_operator(tokens, place, names, depth):
             return power
         end = closing(tokens, place)
-        after = end + 1
-        after = after_primes(tokens, after)
+        after = after_primes(tokens, end + 1)
         called = place > 0 and tokens[place - 1].kind in ("name", "prime") and not tokens[place].space_before
         if after > end + 1 and not called:
             order = sum(int(prime.value) for prime in tokens[end + 1 : after])

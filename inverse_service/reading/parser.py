@@ -310,10 +310,27 @@ class FormulaParser:
         last, before = self._stream.look(-1), self._stream.look(-2)
         if before.is_operator("-"):
             before = self._stream.look(-3)
-        raises = last.kind == "number" and before.is_operator("^") and not ahead.space_before
-        if raises and not self._multiplies(ahead):
+        if not before.is_operator("^") or ahead.space_before:
+            return
+        if last.kind == "number" and not self._multiplies(ahead):
             said, span = "the end of the exponent is not clear", (last.column, column)
             raise refusal(said, column, "write x^2*y or x^(2*y)", (f"{last.text}*",), span)
+        if last.kind == ahead.kind == "name" and not self._is_function(ahead):
+            raise self._unclear_exponent(last)
+
+    def _unclear_exponent(self, first: Token) -> errors.InputError:
+        """The refusal of e^-kt, whose exponent begins with `first`, with both interpretations."""
+        stream = self._stream
+        glued = [first.text]
+        for place in itertools.count():
+            token = stream.look(place)
+            if token.kind not in ("name", "prime") or token.space_before or self._is_function(token):
+                break
+            glued[-1:] = [glued[-1] + token.text] if token.kind == "prime" else [glued[-1], token.text]
+        written, span = "*".join(glued), (first.column, token.column)
+        instead = f"write ^({written}) or ^{written}"
+        said = "the end of the exponent is not clear"
+        return refusal(said, stream.ahead.column, instead, (f"({written})", written), span)
 
     def _multiplies(self, ahead: Token) -> bool:
         """Whether a coordinate after the power of a name or bracket is a factor: in w^2x, not in e^2x, x^2n, k**2x."""
@@ -531,7 +548,8 @@ class FormulaParser:
                 argument = product([argument, self._factor()], ahead.column)
         after, of_number = self._stream.ahead, ahead.kind == "number" and self._stream.position == start + 1
         signs = ("/", "*") if of_number else ("/",)  # sin 2*x usually means sin(2*x)
-        if after.is_operator(*signs) or (_starts_factor(after) and not self._bare_ends()):
+        divides = after.text == "/" and self._is_function(self._stream.look(1))  # sin x/cos x
+        if (after.is_operator(*signs) and not divides) or (_starts_factor(after) and not self._bare_ends()):
             raise self._unclear_end(token, start)
         return argument
 
@@ -560,6 +578,9 @@ class FormulaParser:
                 return 0
             latin = latin and token.text not in nm.GREEK_NAMES
         return 0
+
+    def _is_function(self, token: Token) -> bool:
+        return token.text in nm.FUNCTIONS and self._names.role(token.text) is None
 
     def _is_constant(self, token: Token) -> bool:
         return self._names.role(self._names.spelling(token.text)) == "parameter" or token.text in ("pi", "Pi")

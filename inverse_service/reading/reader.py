@@ -45,7 +45,7 @@ _LABEL = re.compile(
 _RAISED_FIRST = re.compile(
     r"(?<=[^\W\d_]|\})((?:['\u2032\u2033\u2019]+|\^(?:[^\W_]|\{[^{}_^]*\}))(?=_\d|_\{\d|[\u2080-\u2089])"
     r"|[\u2070\u00b9\u00b2\u00b3\u2074-\u2079]+|\^(?:\d|\{-?\d+\}))"
-    r"(_(?:\{\w+\}|[A-Za-z](?!\w)|\d+(?![\w']))|[\u2080-\u2089]+)"
+    r"(_(?:\{\w+\}|[A-Za-z](?!\w)|\d+(?![\d_']))|[\u2080-\u2089]+)"
 )
 _ACCELERATION = re.compile(r"(?<!')''(?!['(])")
 _MATHEMATICA = re.compile(r"[A-Za-z']\[|==")
@@ -133,6 +133,7 @@ def _with_forms(tokens: list[Token], names: Names) -> list[Token]:
     """The tokens with z' for dz and 1 for dt: a Pfaffian form divided by dt."""
     found: list[Token] = []
     place = 0
+    _ask_about_displacements(tokens, names)
     while place < len(tokens):
         token, following = tokens[place], at(tokens, place + 1)
         name, length, factor = "", 1, list[Token]()
@@ -155,6 +156,18 @@ def _with_forms(tokens: list[Token], names: Names) -> list[Token]:
             length = 1
         place += length
     return found
+
+
+def _ask_about_displacements(tokens: Sequence[Token], names: Names) -> None:
+    """InputError for the delta z of delta z = y delta x, which is usually a virtual displacement."""
+    if names.role("delta") or any(token.kind == "prime" for token in tokens):
+        return
+    for delta, moving in itertools.pairwise(tokens):
+        if delta.text == "delta" and names.role(names.spelling(moving.text)) == "coordinate":
+            meant = (f"d{moving.text}", f"delta*{moving.text}")
+            what, span = f"delta {moving.text} could be a virtual displacement", (delta.column, moving.column)
+            instead = f"write {meant[0]} for it, as in dz - y dx = 0, or {meant[1]}"
+            raise refusal(what, delta.column, instead, meant, (span[0], span[1] + len(moving.text)))
 
 
 def _without_names_of_forms(tokens: list[Token], names: Names) -> list[Token]:
@@ -231,9 +244,10 @@ def _without_remarks(tokens: list[Token], formula: str, names: Names) -> list[To
         following = groups[place + 1][0] if place + 1 < len(groups) else []
         group = _without_condition(group, formula)
         listed = end is not None and end.is_operator(",") and len(group) == 1 and _is_condition(following)
-        if equations and group and (_is_initial(group) or _is_condition(group) or listed):
+        omitted = bool(group) and (_is_initial(group) or _is_number(group))
+        if equations and (omitted or (group and (_is_condition(group) or listed))):
             stop = end.column - 1 if end is not None else len(formula)
-            note(formula[group[0].column - 1 : stop].strip(" \t\n$.,;"), LEFT_OUT if _is_initial(group) else CONDITION)
+            note(formula[group[0].column - 1 : stop].strip(" \t\n$.,;"), LEFT_OUT if omitted else CONDITION)
             group = []
         equal = group and (names.energy or _has(group, "="))
         found += _without_number(group, formula, names) if equal else group
@@ -300,28 +314,38 @@ def _is_initial(group: Sequence[Token]) -> bool:
 
 def _without_number(group: list[Token], formula: str, names: Names) -> list[Token]:
     """The equation without the (1) or 1. before it and the (1) after it, which are usually its number."""
-    texts = [token.text for token in group[:3]]
-    begins = len(group) > 3 and group[0].is_operator("(") and group[1].kind == "number" and texts[2] == ")"
-    if begins and not group[0].value and (group[3].kind == "name" or group[3].is_operator("(")):
-        note("".join(texts), LEFT_OUT)
+    begins = _is_number(group[:3]) and not group[0].value
+    if begins and len(group) > 3 and (group[3].kind == "name" or group[3].is_operator("(")):
+        note("".join(token.text for token in group[:3]), LEFT_OUT)
         return group[3:]
-    if len(group) > 1 and group[0].kind == "number" and texts[0].endswith(".") and group[1].space_before:
-        note(texts[0], LEFT_OUT)
+    if len(group) > 1 and group[0].kind == "number" and group[0].text.endswith(".") and group[1].space_before:
+        note(group[0].text, LEFT_OUT)
         return group[1:]
-    before, opening, number, end = group[-4:] if len(group) > 4 else group[:1] * 4
-    ends = (
-        formula[opening.column - 1 : opening.column] == "("
-        and opening.space_before
-        and not opening.value
-        and number.kind == "number"
-    )
+    start = opening(group, len(group) - 1) if group and group[-1].is_operator(")") else 0
+    if start < 1 or not _is_number(group[start:]) or group[start].value:
+        return group
+    bracket, before, number = group[start], group[start - 1], "".join(token.text for token in group[start:])
     called = before.kind == "name" and (
         before.text in FUNCTIONS | MAY_BE_FUNCTIONS or names.role(names.spelling(before.text)) == "function"
     )
-    if ends and end.is_operator(")") and not called and (before.kind != "operator" or before.is_operator(")")):
-        note(f"({number.text})", LEFT_OUT)
-        return group[:-3]
-    return group
+    ends = formula[bracket.column - 1] == "(" and bracket.space_before
+    if not ends or called or (before.kind == "operator" and not before.is_operator(")")):
+        return group
+    if len(group) - start == 4:
+        if "." not in number or (names.role(group[-2].text) and not names.guesses):
+            return group
+        what = f"{number} could be an equation number"
+        raise refusal(what, bracket.column, "leave it out, or write * before a factor")
+    note(number, LEFT_OUT)
+    return group[:start]
+
+
+def _is_number(group: Sequence[Token]) -> bool:
+    """Whether it is (3.2) or (3.2a), as the number of an equation."""
+    if len(group) not in (3, 4) or not (group[0].is_operator("(") and group[-1].is_operator(")")):
+        return False
+    letters = [token for token in group[2:-1] if token.kind != "name" or len(token.text) > 1 or token.space_before]
+    return group[1].kind == "number" and not letters
 
 
 def _with_products(tokens: list[Token], names: Names) -> list[Token]:

@@ -395,6 +395,11 @@ def tokenize(text: str, known: Container[str] = ()) -> Tokens:
     return with_line_ends(scan(text, 0, len(text), step))
 
 
+def written(text: str, at: Token) -> Tokens:
+    """The tokens of a text that stands for the token `at`, all in its place."""
+    return [replace(token, column=at.column) for token in tokenize(text)]
+
+
 def scan(text: str, place: int, stop: int, step: Callable[[str, int, bool], tuple[Tokens, int]]) -> Tokens:
     """Apply `step` from one place to another; it takes a place and whether a space precedes it.
 
@@ -435,7 +440,8 @@ def next_tokens(text: str, place: int, space: bool, known: Container[str] = ()) 
     if character in SUPERSCRIPTS or character == SUPERSCRIPT_MINUS:
         return _superscript(text, place)
     if character == "\u207f":
-        return [Token("operator", "^", place + 1), Token("name", "n", place + 1)], place + 1
+        raised = (Token("operator", "(", place + 1), Token("name", "n", place + 1), Token("operator", ")", place + 1))
+        return [Token("operator", "^", place + 1), *raised], place + 1
     if character in _ROOTS:
         return [Token("name", _ROOTS[character], place + 1, space)], place + 1
     found = letter(character)

@@ -39,8 +39,10 @@ def fault_of(row: Row, found: Any) -> str | None:
     for name, text in row["reads"].items():
         if not same_formula(texts.get(name, "no such equation"), text, found["coordinates"]):
             return f"{name} is read as {texts.get(name)}, not {text}"
-    if "guessed" in row and list(found["guessed"] or []) != row["guessed"]:
-        return f"guessed {found['guessed']}"
+    lists = {"guessed": list(found["guessed"] or []), "noted": [part["text"] for part in found["readings"]]}
+    for key in lists.keys() & row.keys():
+        if lists[key] != row[key]:
+            return f"{key} {lists[key]}"
     return None
 
 

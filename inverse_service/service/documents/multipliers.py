@@ -7,7 +7,7 @@ that of L with the constraints.
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 from inverse_service import errors
@@ -35,7 +35,8 @@ def constrained(texts: Mapping[str, str], declared: document_names.Declared) -> 
     """The Lagrangian and the constraints of equations with multipliers; None where they are no such equations."""
     try:
         names = document_names.known_names(declared, texts).names
-        lines = [(pointer, *pair) for pointer, text in texts.items() for pair in reader.read_equations(text, names)]
+        kinds = {pointer: replace(names, forms=pointer.startswith("/constraints")) for pointer in texts}
+        lines = [(at, *pair) for at, text in texts.items() for pair in reader.read_equations(text, kinds[at])]
     except errors.InputError:
         return None
     moving = [left - right for _, left, right in lines if _holds(left - right, ex.Acceleration)]

@@ -140,7 +140,9 @@ _LAGRANGES_EQUATION = re.compile(
     rf"(?:\\[dt]?frac\s*\{{\s*d\s*\}}\s*\{{\s*dt\s*\}}|d\s*/\s*dt)[^;,\n=]{{0,120}}?{_DL}=(?:\s*0|\s*\\?[dt]?\w*\{{?{_DL})\s*(?=$|[;,.\n\\])"
 )
 _WRAPPER_ENDS = re.compile(r"(?:\$+|\\\]|\\end\s*\{\w+\*?\}|[\s;,.])*$")
-_FORM = re.compile(r"(?<![A-Za-z\\][A-Za-z])(?<!\\)d(?:[A-Za-z]|\s*\\)")  # dx and d\theta, in dz = y dx and dz = ydx
+# dx and d\theta, in dz = y dx and dz = ydx; \delta x is a virtual displacement, or asked about
+_FORM = re.compile(r"(?<![A-Za-z\\][A-Za-z])(?<!\\)d(?:[A-Za-z]|\s*\\)|(?:\u03b4|\bdelta\s)\s*[\w\\]")
+_OF_A_FORM = re.compile(r"\s*(?:d|\u03b4)")
 _DEFINED = re.compile(
     r"\s*\\?([A-Za-z\u0391-\u03c9][^\W\u00b2]*(?:_\{\w+\})?)(?:(\([^()]*\))|(\^2|\^\{2\}|\u00b2))?\s*"
 )
@@ -164,7 +166,10 @@ def _with_lagrangian(plain: dict[str, Any]) -> tuple[dict[str, Any], dict[str, s
     for pointer, text in texts.items():
         text = _LETTER_L.sub(_letter_l, text)
         notes |= {match[0].strip(): reader.LEFT_OUT for match in _LAGRANGES_EQUATION.finditer(text)}
-        for line in _lines(_LAGRANGES_EQUATION.sub(lambda match: " " * len(match[0]), text)):
+        with reader.noted() as omitted:
+            lines = _lines(_LAGRANGES_EQUATION.sub(lambda match: " " * len(match[0]), text))
+        notes |= omitted
+        for line in lines:
             named = _ENERGY.match(line)
             kind = next((kind for kind in ("whole", "kinetic", "potential") if named and named[kind]), "")
             if named is None or kind in energies or named[kind] in _declared(plain):
@@ -195,7 +200,7 @@ def _with_lagrangian(plain: dict[str, Any]) -> tuple[dict[str, Any], dict[str, s
     constraints = [held] if isinstance(held, str) else list(held)
     for pointer, line in others:
         left, equal, right = line.partition("=")
-        if equal and (defined := _DEFINED.fullmatch(left)) and not (left.strip()[0] == "d" and _FORM.search(right)):
+        if equal and (defined := _DEFINED.fullmatch(left)) and not (_OF_A_FORM.match(left) and _FORM.search(right)):
             root = ("(", ")^{1/2}" if reader.is_latex(right) else ")^(1/2)") if defined[3] else ("", "")
             name = defined[1] + (defined[2] or "")
             where[name] = root[0].rjust(len(left) + 1) + right + root[1]
@@ -243,10 +248,15 @@ _LAMBDA = re.compile(r"lambda|Lambda|\bmu|\\mu|[\u03bb\u03bc\u039b]")
 def _with_multipliers(
     plain: dict[str, Any], texts: Mapping[str, str]
 ) -> tuple[dict[str, Any], dict[str, str], dict[str, str]]:
-    """The same for m x'' = lambda sin(theta), … with x' sin(theta) = y' cos(theta)."""
+    """The same for m x'' = lambda sin(theta), … with x' sin(theta) = y' cos(theta) or sin(theta) dx = cos(theta) dy."""
     from inverse_service.service.documents import multipliers
 
     given = {key: plain[key] for key in ("coordinates", "parameters", "functions", "where") if plain.get(key)}
+    lines = [(pointer, line) for pointer, text in texts.items() for line in _lines(text)]
+    forms = [_is_form(line) for _, line in lines]
+    pointers = [f"/{'constraints' if form else 'equations'}/{k}" for k, form in enumerate(forms)] if any(forms) else []
+    origins = dict(zip(pointers, (pointer for pointer, _ in lines), strict=False))
+    texts = dict(zip(pointers, (line for _, line in lines), strict=False)) or texts
     try:
         found = None if "constraints" in plain else multipliers.constrained(texts, document_names.Declared(**given))
     except (TypeError, AttributeError):  # the shapes of declarations are refused by the schemas
@@ -255,8 +265,13 @@ def _with_multipliers(
         return plain, {}, {}
     kept = {key: part for key, part in plain.items() if key != "equations"}
     made = {"coordinates": found.coordinates, "lagrangian": found.lagrangian, "constraints": found.constraints}
-    places = {f"/constraints/{k}": pointer for k, pointer in enumerate(found.pointers)}
+    places = {f"/constraints/{k}": origins.get(pointer, pointer) for k, pointer in enumerate(found.pointers)}
     return {**kept, **made}, places, dict.fromkeys(found.multipliers, "a multiplier of the constraints")
+
+
+def _is_form(line: str) -> bool:
+    """Whether it is dz = y dx, without a derivative dx/dt."""
+    return _FORM.search(line) is not None and not re.search(r"d\s*t|''", line)
 
 
 def _letter_l(match: re.Match[str]) -> str:
@@ -444,7 +459,10 @@ def _found_time(plain: Mapping[str, Any]) -> str:
             return "t"
     moving |= {match[1] for text in _texts(plain) for match in _MOVING.finditer(text)}
     name = found.pop() if len(found) == 1 else "t"
-    return "t" if name in _declared(plain) | moving or name in FUNCTIONS | DERIVATIVE_NAMES else name
+    if name in _declared(plain) | moving or name in FUNCTIONS | DERIVATIVE_NAMES:
+        return "t"
+    letters = {match[1] for text in _texts(plain) for match in re.finditer(r"\\([A-Za-z]+)", text)}
+    return f"var{name}" if f"var{name}" in letters and name not in letters else name  # \varphi is read as phi
 
 
 def _declared(plain: Mapping[str, Any], keys: tuple[str, ...] = NAMES) -> set[str]:
@@ -509,7 +527,7 @@ def _in_latex(text: str, table: Mapping[str, str], pad: bool) -> str:
             return match.group()
         if word.startswith("\\"):
             new = table.get(word[1:])
-            return match.group() if new is None else below + _spelled(new).ljust(len(word) if pad else 0)
+            return match.group() if new is None else below + _spelled(new).rjust(len(word) if pad else 0)
         if word in FUNCTIONS:
             return match.group()
         return below + "".join(_spelled(table[letter]) if letter in table else letter for letter in word)
