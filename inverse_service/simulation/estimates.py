@@ -174,8 +174,12 @@ def _with_made_energy(
 
 
 def _elsewhere(run: observing.Observed, errors: trajectory.Array, shares: trajectory.Array, which: str) -> str:
-    """A warning if the error of a coordinate exceeds TOO_LARGE of its range."""
-    far = shares > TOO_LARGE
+    """A warning if the error of a coordinate exceeds TOO_LARGE of its range; of a method that chooses its steps for an
+    error, OVER_TOLERANCE times its tolerance, and at least NOT_CHOSEN, is enough: it has missed something."""
+    choice, limit = run.requested.choice, TOO_LARGE
+    if choice is not None and choice.method in method_table.OWN_STEPS:
+        limit = min(limit, max(NOT_CHOSEN, OVER_TOLERANCE * choice.tolerance))
+    far = shares > limit
     if not far.any():
         return ""
     first = int(far.any(axis=1).argmax())
@@ -194,7 +198,7 @@ def _change_of_energy(energies: trajectory.Array, kinetic: trajectory.Array) -> 
 
 
 _OTHER = "the Euler-Lagrange equations of the free Lagrangian at the motion"
-TOO_LARGE = 0.1  # of the size of the motion
+TOO_LARGE, NOT_CHOSEN, OVER_TOLERANCE = 0.1, 0.01, 100.0  # the first two of the size of the motion
 GOLDEN, GOLDEN_STEPS, MOST_MOMENTS, MOST_VALUES = 0.618033988749895, 75, 64, 2**21  # to the last bit of a step
 CREATED = 0.75  # of the kinetic energy: more from nothing in one step is no motion
 NOT_CONSTANT = "the energy, which is constant, changes in one step by {:.3g} of the kinetic energy"

@@ -558,8 +558,17 @@ class _Motion:
                 tuple(right[i] if k == j else entry for k, entry in enumerate(row)) for i, row in enumerate(rows)
             ]
             found[u] = motions.determinant(tuple(changed)) / whole
-        forces = tuple(middle[k] + ex.add(*(found[u] * slopes[j][k] for j, u in enumerate(stuck))) for k in range(n))
-        return forces, found
+        forces = [middle[k] + ex.add(*(found[u] * slopes[j][k] for j, u in enumerate(stuck))) for k in range(n)]
+        # By the formulas alone round-off would move what sticks: one coordinate follows from the others.
+        free = list(range(n))
+        for w in surfaces:
+            weights = [derivative.differentiate(w, ex.Velocity(name)) for name in self.scene.coordinates]
+            held = [k for k in free if isinstance(weights[k], ex.Number) and weights[k] != ex.ZERO]
+            for k in held[:1]:
+                free.remove(k)
+                forces[k] = ex.ZERO
+                forces[k] = -self.rate(w, forces) / weights[k]
+        return tuple(forces), found
 
     def problem_on(self, sides: Sides, by_forces: bool) -> data.Problem:
         """The problem of the method with s u for sqrt(u^2); that of the accelerations where something sticks."""
@@ -667,6 +676,7 @@ class _Run:
         self.notes: dict[int, str] = {}
         self.switches: list[Switch] = []
         self.acted: list[float] = []
+        self.settled: set[ex.Expression] = set()  # functions whose sides at the last event are known
         self.held: dict[int, float] = {}  # the sense in which each event was reached that turned the motion back
 
     def go(self, start: data.Start) -> Pieces | data.Unavailable:
@@ -757,8 +767,9 @@ class _Run:
                 float(self.motion.at([on_sides(u, sides)], (ran.times[k], ran.positions[k], velocities[k]))[0])
                 for k in rows
             ]
-            turns = side and values[0] == 0 and all(side * value < 0 for value in values[1:])
+            turns = side and u not in self.settled and values[0] == 0 and all(side * value < 0 for value in values[1:])
             if turns and not self.motion.goes(sides, [u], (float(ran.times[0]), ran.positions[0], velocities[0])):
+                self.settled.add(u)
                 return sides | {u: -side}
         return None
 
@@ -772,6 +783,7 @@ class _Run:
         for u in zero:
             if before.get(u) == STICKS:  # it is released to the side to which its share has come
                 released[u] = 1 if self.motion.at([self.motion.shares(before)[u]], state)[0] > 0 else -1
+        self.settled = set(released)
         # What sticks elsewhere is decided with them: its force may not hold any more, and an event may have moved it.
         size = float(np.abs(np.concatenate(state[1:])).max()) + 1e-300
         stuck = [u for u, side in before.items() if side == STICKS and u not in zero
@@ -856,12 +868,13 @@ class _Run:
         self, event: data.Event, before: tuple[float, Array, Array], after: tuple[float, Array, Array], sides: Sides
     ) -> float:
         """1 or -1: the sense in which the formula reached its zero, if it is still zero and the event has stopped or
-        reversed it; 0 elsewhere."""
+        reversed it; 0 elsewhere. The rate is noise where events come ever faster: against the event's own direction it
+        shows that this one was not located."""
         own, forces = on_sides(event.formula, sides), self.motion.forces(sides)
         rate, size = self.motion.rate(own, forces), float(np.abs(np.concatenate(before[1:])).max())
         (old,), (value, new) = self.motion.at([rate], before), self.motion.at([own, rate], after)
-        sense = float(np.sign(old))
-        return sense if abs(value) <= AT_ZERO * size and sense * new <= 0 else 0.0
+        sense = float(event.direction or np.sign(old))
+        return sense if abs(value) <= AT_ZERO * size and (sense * new <= 0 or sense * old < 0) else 0.0
 
     def _fell_through(self, ran: Trajectory, velocities: Array, until: float) -> bool:
         """Whether the motion passes in the sense in which an event has just turned it back: the next event, sooner

@@ -241,6 +241,7 @@ def _observed(
 
 SMALLEST_NORM = 1e-200  # its product with the fourth power of a tolerance does not underflow
 LATER = 0.382  # of a step of the grid, no common multiple of a period
+ROUND_OFF = 1e-15  # of the terms of a force
 FAR_END = 1e-20  # of the whole; less than any unit of a coordinate differs from that of another
 
 Stages = list[tuple[list[Formula], list[Formula]]]
@@ -279,7 +280,8 @@ def _squared_norm(
     Where all of these vanish at once, a thousandth of what the other of q and v makes of it in a step of the grid, or
     what the accelerations `later` in that step do.
     The influence of one end of a chain on the other within a step is of higher order than the error, so that no step is
-    short enough for it: 1e-20 of the whole counts as well.
+    short enough for it: 1e-20 of the whole counts as well. Where terms of a force cancel at rest, the round-off that
+    they leave changes with t: a step's share of it is no error.
     """
     q, v = f.symbols("q"), f.symbols("v")
     others = [*((rate * WHOLE_STEP) ** 2 for rate in v), *((place / WHOLE_STEP) ** 2 for place in q)]
@@ -288,6 +290,11 @@ def _squared_norm(
         others = [a + b for a, b in zip(others, [*(WHOLE_STEP**2 * gain for gain in gained), *gained], strict=True)]
     sizes = [value**2 + change**2 + slope**2 + other / 1_000_000
              for value, change, slope, other in zip((*q, *v), changes, first, others, strict=True)]  # fmt: skip
+    if f.depends_on_time:
+        lost = (number(ROUND_OFF) * STEP / ALPHA) ** 2
+        ends = [force.subs({MOMENT: moment_at(number(1.0))}) for force in f.accelerations]
+        noise = [lost * sum((term**2 for term in end.args if end.is_Add), number(0)) for end in ends]
+        sizes = [a + b for a, b in zip(sizes, [*(STEP**2 * one for one in noise), *noise], strict=True)]
     wholes = [sum(part, number(0)) for part in (sizes[: f.size], sizes[f.size :])]
     total = number(0)
     for k, (size, error) in enumerate(zip(sizes, errors, strict=True)):
