@@ -721,6 +721,12 @@ class _Run:
             if (turned := self._turned(ran, velocities, sides)) is not None:
                 sides = turned
                 continue
+            # What follows the first passage of a switch is no motion, and may end where none can be followed.
+            last = self._passed(ran, velocities, sides)
+            if last < len(ran.times):
+                ran = replace(ran.part(slice(last)), outcome=Outcome("completed"))
+                observed = replace(observed, trajectory=observed.trajectory.part(slice(last)))
+                velocities = velocities[:last]
             found = self._first(observed, replace(self.motion.problem, accelerations=self.motion.forces(sides)), sides)
             begun = None
             if self._fell_through(ran, velocities, np.inf if found is None else found[0][0]):
@@ -757,6 +763,13 @@ class _Run:
             outcome = Outcome("singular", place, state[0], NO_MOTION.format(text), 0.0, BEGIN_ELSEWHERE)
         whole = self._joined(outcome or Outcome("completed", grid.steps, grid.begin + grid.steps * grid.step), start)
         return Pieces(whole, tuple(self._events()), tuple(self.switches), state)
+
+    def _passed(self, ran: Trajectory, velocities: Array, sides: Sides) -> int:
+        """How many points lead to the first beyond a switch, or all."""
+        table = nf.table_of(self.scene.coordinates, ran.positions, velocities, self.motion.values, ran.times)
+        values = [side * nf.array_value(on_sides(u, sides), table) for u, side in sides.items() if side]
+        passed = np.any([value[1:] < 0 for value in values], axis=0) if values else np.zeros(1, dtype=bool)
+        return int(passed.argmax()) + 2 if passed.any() else len(ran.times)
 
     def _turned(self, ran: Trajectory, velocities: Array, sides: Sides) -> Sides | None:
         """The sides, where a function that was zero at the start of a piece went to the other one at once: its sides
