@@ -355,7 +355,6 @@ def finding_steps(analyzed: AnalyzedMotion, found: Finding, with_time: bool) -> 
             said(
                 f"{how}, {len(found.rows)} equations leave a rank below {k} in every solution: no associated system is "
                 "variational.",
-                about=("prolonged", "associated") if found.along is None else ("associated",),
             )
         )
     elif found.symbol is not None:
@@ -364,7 +363,6 @@ def finding_steps(analyzed: AnalyzedMotion, found: Finding, with_time: bool) -> 
                 f"Prolonged to order {found.order} the system is involutive at degree {found.degree}, with solutions "
                 f"of rank {found.ranks[0]}; the derivatives of l alone have rank {found.ranks[1]}. "
                 "So there is such a Lagrangian near the generic point.",
-                about=("prolonged", "involutive"),
             )
         )
     return tuple(steps)

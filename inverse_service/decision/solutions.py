@@ -51,6 +51,12 @@ class SolveOptions:
     )
 
 
+def questions(time_dependent: bool | None, system: SecondOrderSystem) -> tuple[bool, bool]:
+    """Whether L(q, q') is asked for, and whether L(t, q, q') is, the only question where f contains t."""
+    depends = system.depends_on_time
+    return not depends and time_dependent is not True, depends or time_dependent is not False
+
+
 @dataclass(frozen=True, slots=True)
 class SolutionSpace:
     """Size of the space of multipliers: D_0, D_1, … at `order`, Cartan characters, a sentence."""
@@ -103,26 +109,21 @@ class Hamiltonian:
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """A part of a step: "text", a "formula" in the sentence, one on "display" below it, or what the step is "about".
+    """A part of a step: "text", a "formula" in the sentence, or one on "display" below it.
 
-    `mathml` is the content of <math>; `uses` names the tensors and words of the theory that need explaining,
-    `letters` its names in a formula.
+    `letters` are the names of the theory in a formula, with their lower indices; R without them too.
     """
 
     kind: str
     text: str
-    latex: str = ""
-    mathml: str = ""
-    uses: tuple[str, ...] = ()
     letters: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """One step of an explanation: its sentence, its displayed formula in LaTeX (may be empty), and both in parts."""
+    """One step of an explanation: its sentence, and this in parts, what is shown below it at the end."""
 
     text: str
-    latex: str = ""
     parts: tuple[Part, ...] = ()
 
 

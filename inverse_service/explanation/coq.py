@@ -12,11 +12,11 @@ from __future__ import annotations
 
 import math
 import random
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+import sys
+from collections.abc import Iterator, Mapping, Sequence
 from fractions import Fraction
 
-from flint import Ordering, fmpq, fmpq_mpoly, fmpq_mpoly_ctx
+from flint import fmpq_mpoly
 
 from inverse_service.explanation import hierarchy, theorems as th
 from inverse_service.expressions import tree as ex
@@ -130,31 +130,11 @@ Definition euler_lagrange (i : nat) : poly := (along (partial (1 + size + i) L) 
 """
 
 
-@dataclass(frozen=True, slots=True)
-class Formal:
-    """A polynomial in the generators, including 1/D, with no relation between them used."""
-
-    polynomial: fmpq_mpoly
-
-    def __add__(self, other: Formal, /) -> Formal:
-        return Formal(self.polynomial + other.polynomial)
-
-    def __sub__(self, other: Formal, /) -> Formal:
-        return Formal(self.polynomial - other.polynomial)
-
-    def __mul__(self, other: Formal, /) -> Formal:
-        return Formal(self.polynomial * other.polynomial)
-
-    def scaled(self, factor: int | Fraction) -> Formal:
-        return Formal(self.polynomial * fmpq(*Fraction(factor).as_integer_ratio()))
-
-    @property
-    def is_zero(self) -> bool:
-        return bool(self.polynomial.is_zero())
-
-
 class System:
-    """The formulas of theorems over one ring, as Coq has them: generators, their slopes, f, and L if there is one."""
+    """The formulas of theorems over one ring, as Coq has them: generators, their slopes, f, and L if there is one.
+
+    `formal` are the polynomials in these generators and those 1/D, with no relation between them used.
+    """
 
     def __init__(self, theorems: Sequence[th.Theorem]) -> None:
         self.theorems, first = theorems, theorems[0]
@@ -169,10 +149,16 @@ class System:
         images = [image for table in self.ring.images for image in table.values()]
         self.below = sorted({k for value in (*given, *images) for k, _ in value.exponents})
         self.count = len(self.field.context.names())
-        names = tuple(f"g{k}" for k in range(self.count + len(self.below)))
-        self.context = fmpq_mpoly_ctx.get(names, Ordering.lex)
-        self.images = [{k: self.formal(image).polynomial for k, image in table.items()} for table in self.ring.images]
-        self.accelerations = [self.formal(f) for f in motion.accelerations]
+        unbounded = exact_field.Budget(sys.maxsize, self.field.budget.deadline)
+        field = exact_field.QuotientField.with_generators(self.count + len(self.below), unbounded)
+        self.formal = exact_field.ExactRing(field, self.ring.variables, 0, undefined=self.ring.undefined)
+        for table in self.ring.images:
+            found = {k: self.element(image) for k, image in table.items()}
+            by = exact_field.Derivation(found)
+            for place, k in enumerate(self.below, self.count):  # d(1/D) = -(1/D)^2 dD
+                found[place] = -(self.formal.generator(place) ** 2) * by(self.denominator(k))
+            self.formal.images.append(found)
+        self.accelerations = [self.element(f) for f in motion.accelerations]
         self.used = self._used(given)
         self.names = th.letters_of(first, self.used)
         self.numbers = {k: number for number, k in enumerate(sorted(self.used, reverse=True))}
@@ -183,7 +169,7 @@ class System:
     def _used(self, given: Sequence[exact_field.Quotient]) -> set[int]:
         """The generators that occur in the formulas, in their slopes, and in the theorems."""
         variables = {k for k, tree in self.ring.trees.items() if tree in self.ring.variables and tree != ex.TIME}
-        polynomials = [p for value in given for p in (value.numerator,)]
+        polynomials = [value.numerator for value in given]
         polynomials += [self.field.denominators[k] for k in self.below]
         polynomials += [p for theorem in self.theorems for p in th.polynomials_of(theorem)]
         used = variables | {*self.entries.values()}
@@ -196,11 +182,11 @@ class System:
             waiting = found - used
         return used
 
-    def denominator(self, k: int) -> fmpq_mpoly:
+    def denominator(self, k: int) -> exact_field.Quotient:
         """D in terms of the generators."""
-        return self.formal(exact_field.Quotient(self.field, self.field.denominators[k], ())).polynomial
+        return self.element(exact_field.Quotient(self.field, self.field.denominators[k], ()))
 
-    def formal(self, value: exact_field.Quotient) -> Formal:
+    def element(self, value: exact_field.Quotient) -> exact_field.Quotient:
         """N / (D_1^e_1 ...) as N times powers of the generators 1/D."""
         powers = [0] * len(self.below)
         for k, e in value.exponents:
@@ -208,49 +194,21 @@ class System:
                 raise exact_field.TooLarge("a denominator that f does not have")
             powers[self.below.index(k)] = e
         table = {(*exponents, *powers): c for exponents, c in value.numerator.to_dict().items()}
-        return Formal(self.context.from_dict(table))
+        return exact_field.Quotient(self.formal.field, self.formal.field.context.from_dict(table), ())
 
-    def partial(self, variable: int) -> Callable[[Formal], Formal]:
-        """The derivative by ring.variables[variable]; d(1/D) = -(1/D)^2 dD."""
-        images = dict(self.images[variable])
-        for place, k in enumerate(self.below):
-            inner = self.denominator(k)
-            slope = sum((inner.derivative(g) * image for g, image in images.items() if g < self.count), inner * 0)
-            images[self.count + place] = -(self.context.gen(self.count + place) ** 2) * slope
+    def motion(self) -> Motion[exact_field.Quotient]:
+        ring, n = self.formal, self.size
+        velocities = [ring.generator(self.place(v)) for v in ring.variables[1 + n :]]  # type: ignore[arg-type]
+        partials = [ring.partial(k) for k in range(1, 2 * n + 1)]
+        along = ring.along([ring.constant(1), *velocities, *self.accelerations])
+        return Motion(tuple(self.accelerations), tuple(partials[:n]), tuple(partials[n:]), along, ring.constant(0))
 
-        def derivative(value: Formal) -> Formal:
-            degrees = value.polynomial.degrees()
-            if any(degrees[k] > 0 for k in self.ring.undefined):
-                raise exact_field.TooLarge("a derivative of an arbitrary function beyond the order prepared is needed")
-            terms = (value.polynomial.derivative(k) * image for k, image in images.items() if degrees[k] > 0)
-            return Formal(sum(terms, value.polynomial * 0))
-
-        return derivative
-
-    def motion(self) -> Motion[Formal]:
-        n = self.size
-        partials = [self.partial(k) for k in range(2 * n + 1)]
-        velocities = [Formal(self.context.gen(self.place(v))) for v in self.ring.variables[1 + n :]]  # type: ignore[arg-type]
-        one = Formal(self.context.constant(1))
-
-        def along(value: Formal) -> Formal:
-            rates = [one, *velocities, *self.accelerations]
-            return Formal(
-                sum(
-                    (by(value).polynomial * rate.polynomial for by, rate in zip(partials, rates, strict=True)),
-                    value.polynomial * 0,
-                )
-            )
-
-        zero = Formal(self.context.constant(0))
-        return Motion(tuple(self.accelerations), tuple(partials[1 : 1 + n]), tuple(partials[1 + n :]), along, zero)
-
-    def cleared(self, formal: Formal, least: Mapping[int, int]) -> tuple[fmpq_mpoly, dict[int, int]]:
+    def cleared(self, formal: exact_field.Quotient, least: Mapping[int, int]) -> tuple[fmpq_mpoly, dict[int, int]]:
         """(the product with D^m, m): a polynomial in the generators, m at least `least`."""
-        tables = [exponents[self.count :] for exponents in formal.polynomial.to_dict()]
+        tables = [exponents[self.count :] for exponents in formal.numerator.to_dict()]
         most = {k: max([least.get(k, 0), *(table[place] for table in tables)]) for place, k in enumerate(self.below)}
         whole = self.field.context.constant(0)
-        for exponents, c in formal.polynomial.to_dict().items():
+        for exponents, c in formal.numerator.to_dict().items():
             term = self.field.context.from_dict({exponents[: self.count]: c})
             for place, k in enumerate(self.below):
                 term = term * self.field.denominators[k] ** (most[k] - exponents[self.count + place])
@@ -272,15 +230,14 @@ class System:
         yield f"Definition size := {n}%nat."
         yield "(* dD/d(variable) for the generators other than 1/D; variable 0 is the time. *)"
         yield "Definition slope_of_letter (v k : nat) : poly :=\n  match v, k with"
-        for v, table in enumerate(self.images):
+        for v, table in enumerate(self.formal.images):
             for k, image in table.items():
                 if k in self.numbers:
                     yield f"  | {v}%nat, {self.numbers[k]}%nat => {self.polynomial(image)}"
         yield "  | _, _ => []\n  end."
         yield "Definition denominator (k : nat) : poly :=\n  match k with"
         for place, k in enumerate(self.below):
-            inner = self.denominator(k)
-            yield f"  | {len(self.numbers) + place}%nat => {self.polynomial(inner)}"
+            yield f"  | {len(self.numbers) + place}%nat => {self.polynomial(self.denominator(k))}"
         yield "  | _ => []\n  end."
         yield "(* d(1/D) = -(1/D)^2 dD *)"
         yield "Definition slope (v k : nat) : poly :="
@@ -292,7 +249,7 @@ class System:
         yield "  | _ => []\n  end."
         yield "Definition f (i : nat) : poly :=\n  match i with"
         for i, acceleration in enumerate(self.accelerations):
-            yield f"  | {i}%nat => {self.polynomial(acceleration.polynomial)}"
+            yield f"  | {i}%nat => {self.polynomial(acceleration)}"
         yield "  | _ => []\n  end."
         yield TENSORS
         values = [f"  | {number}%nat => {name[k]}" for k, number in self.numbers.items()]
@@ -306,16 +263,16 @@ class System:
         """A denominator as real numbers."""
         return th.polynomial_text(self.names, self.field.denominators[k])
 
-    def polynomial(self, polynomial: fmpq_mpoly) -> str:
+    def polynomial(self, value: exact_field.Quotient) -> str:
         """The polynomial in the generators of the file."""
         letters = {k: f"_{name}" for k, name in self.names.names.items()}
         letters |= {self.count + place: f"inverse_{place + 1}" for place in range(len(self.below))}
         terms = []
-        for exponents, c in polynomial.to_dict().items():
+        for exponents, c in value.numerator.to_dict().items():
             powers = [f"{letters[k]} ^ {e}" if e > 1 else letters[k] for k, e in enumerate(exponents) if e]
-            value = exact_field.as_fraction(c)
-            number = f"num ({value.numerator} # {value.denominator})"
-            terms.append(" * ".join(powers if value == 1 and powers else [number, *powers]))
+            number = exact_field.as_fraction(c)
+            written = f"num ({number.numerator} # {number.denominator})"
+            terms.append(" * ".join(powers if number == 1 and powers else [written, *powers]))
         return f"({' + '.join(terms) or 'num 0'})%poly"
 
     def at_point(self, polynomial: str) -> str:
@@ -336,7 +293,7 @@ def coq(theorems: Sequence[th.Theorem]) -> str:
             _entries(system)
             if system.entries
             else [
-                f"Definition L : poly := {system.polynomial(system.formal(system.lagrangian).polynomial)}."  # type: ignore[arg-type]
+                f"Definition L : poly := {system.polynomial(system.element(system.lagrangian))}."  # type: ignore[arg-type]
             ]
         )
         return "\n".join([HEAD, *system.definitions(), *given, *further, TACTICS + th.LEMMAS, *proofs])
@@ -379,10 +336,11 @@ def _of_conditions(system: System) -> str:
     relations = th.relations_of(system.ring)
     for (fact, _), (name, row) in zip(theorem.equations, origin.rows, strict=True):
         terms = hierarchy.equation_terms(name.condition, tensors[name.condition], system.size)[name]
-        entries = {pair: Formal(system.context.gen(k)) for pair, k in system.entries.items()}
-        formal = Formal(system.context.constant(0))
-        for pair, sign, coefficient in terms:
-            formal = formal + (coefficient * entries[pair]).scaled(sign)
+        ring = system.formal
+        summands = [
+            (coefficient * ring.generator(system.entries[pair])).scaled(sign) for pair, sign, coefficient in terms
+        ]
+        formal = exact_field.sum_of(ring.constant(0), summands)
         whole, most = system.cleared(formal, dict(row.exponents))
         number = row.numerator.leading_coefficient() / fact.polynomial.leading_coefficient()
         factor = system.field.context.constant(number)
@@ -429,7 +387,7 @@ def _of_lagrangian(system: System, k: int) -> str:
     theorem = system.theorems[k]
     motion = system.motion()
     assert system.lagrangian is not None
-    value = system.formal(system.lagrangian)
+    value = system.element(system.lagrangian)
     formal = motion.along(motion.by_velocity[k](value)) - motion.by_coordinate[k](value)
     whole, most = system.cleared(formal, {})
     found = th.divided(whole, th.relations_of(system.ring), system.field.budget)

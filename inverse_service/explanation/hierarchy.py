@@ -302,9 +302,10 @@ class Elimination:
     solved: tuple[Solved, ...]
     values: Mapping[Unknown, Linear]
 
-    def entry(self, unknown: Unknown, one: exact_field.Quotient) -> Linear:
-        """An entry of g as a combination of free entries."""
-        return self.values.get(unknown, {unknown: one})
+    def matrix(self, n: int, one: exact_field.Quotient) -> list[list[Linear]]:
+        """g, shape (n, n), each entry as a combination of free ones."""
+        pairs = [[_pair(i, j) for j in range(n)] for i in range(n)]
+        return [[self.values.get(pair, {pair: one}) for pair in row] for row in pairs]
 
 
 def eliminate(equations: Mapping[EquationName, Linear], table: PointwiseConditions) -> Elimination:
@@ -387,7 +388,7 @@ def vanishing_block(values: Mapping[Unknown, Linear], n: int) -> tuple[tuple[int
     zero = {unknown for unknown, row in values.items() if not row}
     for size in range(1, n + 1):
         for rows in itertools.combinations(range(n), size):
-            columns = tuple(c for c in range(n) if all((min(r, c), max(r, c)) in zero for r in rows))
+            columns = tuple(c for c in range(n) if all(_pair(r, c) in zero for r in rows))
             if size + len(columns) > n:
                 return rows, columns
     return None
@@ -398,11 +399,10 @@ def remaining_determinant(
 ) -> exact_field.Quotient:
     """det g of what remains (n <= 4)."""
 
-    def entry(i: int, j: int) -> exact_field.Quotient:
-        row = elimination.entry((min(i, j), max(i, j)), one)
+    def entry(row: Linear) -> exact_field.Quotient:
         return exact_field.sum_of(one - one, [c * symbols[unknown] for unknown, c in row.items()])
 
-    return matrices.determinant([[entry(i, j) for j in range(n)] for i in range(n)], one)
+    return matrices.determinant([list(map(entry, line)) for line in elimination.matrix(n, one)], one)
 
 
 @dataclass(frozen=True, slots=True)
@@ -426,13 +426,7 @@ class Contradiction:
 
 def direction_matrix(result: Elimination, n: int, one: exact_field.Quotient) -> Matrix:
     """G: the entries of g divided by the one that stayed free."""
-    zero = one - one
-
-    def entry(i: int, j: int) -> exact_field.Quotient:
-        row = result.entry((min(i, j), max(i, j)), one)
-        return next(iter(row.values()), zero)
-
-    return tuple(tuple(entry(i, j) for j in range(n)) for i in range(n))
+    return tuple(tuple(next(iter(row.values()), one - one) for row in line) for line in result.matrix(n, one))
 
 
 def contradiction(

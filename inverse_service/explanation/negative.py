@@ -19,18 +19,17 @@ from __future__ import annotations
 import itertools
 import math
 import random
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import partial
-from typing import Any, TypeVar, cast
+from typing import Any, cast
 
 from inverse_service import bounds, errors
 from inverse_service.deadline import now
 from inverse_service.decision.deciding import Analysis, LocalScalar, motion_of_series
 from inverse_service.decision.solutions import Step
 from inverse_service.explanation import hierarchy, wording
-from inverse_service.expressions import notation, printing, tree as ex
+from inverse_service.expressions import collecting, notation, printing, tree as ex
 from inverse_service.field import exact_field, matrices, modular, null_vectors, tower
 from inverse_service.field.point import Point, SingularPoint, Variable, evaluate, number_value, variables_in
 from inverse_service.mechanics.conditions import MotionInRing, Tensor11, Tensor12, motion_in_ring
@@ -45,17 +44,13 @@ LARGEST_N = 5
 LONGEST_SHOWN = 2_000
 
 Row = tuple[Fraction, ...]
+Values = Mapping[Any, Fraction]
 
 # Small numbers first; larger ones, where roots have to come out, later.
 _SMALL, _LARGER, _PATIENCE = 5, 12, 20
 _PLAIN = tuple(tuple(map(Fraction, values.split())) for values in ("0 0 1 2", "0 0 1 2", "0 0 1 -1", "0 0 1 2"))
 _SPEEDS = tuple(map(Fraction, ("0", "3/5", "4/5", "-3/5")))
 CHOSEN = modular.safe_prime(7_003)
-
-Key = TypeVar("Key")
-
-
-Values = Mapping[object, Fraction]
 
 
 def explain_negative(
@@ -64,7 +59,7 @@ def explain_negative(
     with_time: bool = False,
     seed: int = 1,
     time_limit: float = TIME_LIMIT,
-) -> wording.Explanation:
+) -> tuple[Step, ...]:
     """From the chosen conditions of the hierarchy to det g = 0; for None, the differential consequence.
 
     Where the expressions are too large for pencil and paper, or more than one direction is left, the conditions
@@ -82,12 +77,12 @@ def explain_negative(
             found = _by_elimination(analysis, chosen, seed, budget)
     except (exact_field.TooLarge, ZeroDivisionError):
         pass
-    if found is not None and _length(found.steps) <= LONGEST_SHOWN:
+    if found is not None and _length(found) <= LONGEST_SHOWN:
         return found
     steps = _in_numbers(analysis, chosen) if chosen is not None and len(system.coordinates) <= LARGEST_N else None
-    if steps is None or (found is not None and _length(found.steps) <= _length(steps)):
-        return found or wording.Explanation(summary, complete=False)
-    return wording.Explanation(steps)
+    if steps is None or (found is not None and _length(found) <= _length(steps)):
+        return found or summary
+    return steps
 
 
 def _length(steps: Sequence[Step]) -> int:
@@ -95,20 +90,11 @@ def _length(steps: Sequence[Step]) -> int:
     return max(len(step.text) for step in steps)
 
 
-def _in_numbers(analysis: Analysis, chosen: hierarchy.SufficientSet) -> tuple[Step, ...] | None:
-    """The argument at one point; None if no suitable point was found in time."""
-    numbers = numbers_at_a_point(analysis, chosen, now() + NUMBERS_LIMIT)
-    if numbers is None:
-        return None
-    return steps_in_numbers(analysis.system, chosen, entry_symbols(analysis.system), numbers)
-
-
 def _by_elimination(
     analysis: Analysis, chosen: hierarchy.SufficientSet, seed: int, budget: exact_field.Budget
-) -> wording.Explanation:
+) -> tuple[Step, ...]:
     solved = solve_conditions(analysis, chosen, seed, budget)
-    steps = [wording.opening(analysis.system, chosen), *solved.steps, _closing_step(solved)]
-    return wording.Explanation(tuple(steps))
+    return (wording.opening(analysis.system, chosen), *solved.steps, _closing_step(solved))
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,14 +140,12 @@ def solve_conditions(
     rows = exact_rows(analysis, chosen, seed, budget, further_orders)
     result = hierarchy.eliminate(rows.equations, rows.table)
     ring = rows.exact.ring
-    steps = wording.tensor_steps(ring, [(condition, rows.tensors[condition]) for condition in chosen.conditions])
+    steps = [wording.tensor_step(ring, condition, rows.tensors[condition]) for condition in chosen.conditions]
     steps += [_solved_step(ring, rows.symbols, step, analysis.system.parameters) for step in result.solved]
     return SolvedConditions(rows.exact, rows.symbols, result, tuple(steps))
 
 
-def _by_differentiation(
-    analysis: Analysis, with_time: bool, seed: int, budget: exact_field.Budget
-) -> wording.Explanation:
+def _by_differentiation(analysis: Analysis, with_time: bool, seed: int, budget: exact_field.Budget) -> tuple[Step, ...]:
     """The multiplier known up to a factor, and the equations for the factor that contradict each other."""
     chosen = hierarchy.unique_direction(analysis, seed) if len(analysis.system.coordinates) > 1 else None
     if chosen is None:
@@ -170,12 +154,11 @@ def _by_differentiation(
     ring, n = solved.exact.ring, solved.exact.motion.size
     direction = hierarchy.direction_matrix(solved.result, n, ring.constant(1))
     found = hierarchy.contradiction(analysis, solved.exact, direction, with_time, seed)
-    steps = [
+    return (
         wording.opening(analysis.system, chosen),
         *solved.steps,
-        *wording.factor_steps(ring, analysis.system, direction, found),
-    ]
-    return wording.Explanation(tuple(steps))
+        *wording.factor_steps(ring, direction, found),
+    )
 
 
 def entry_symbols(system: SecondOrderSystem) -> dict[hierarchy.Unknown, ex.Symbol]:
@@ -236,13 +219,10 @@ def _closing_step(solved: SolvedConditions) -> Step:
 
 def _det_vanishes(solved: SolvedConditions) -> Step:
     """The remaining multiplier, written out if it is short, and its determinant."""
-    n, result = solved.exact.motion.size, solved.result
-    one = solved.exact.ring.constant(1)
+    ring = solved.exact.ring
     end = "`det g` is zero for all values of the remaining entries. Hence no regular Lagrangian exists."
-    rows = [
-        [linear_tree(solved.exact.ring, solved.symbols, result.entry((min(i, j), max(i, j)), one)) for j in range(n)]
-        for i in range(n)
-    ]
+    remaining = solved.result.matrix(solved.exact.motion.size, ring.constant(1))
+    rows = [[linear_tree(ring, solved.symbols, row) for row in line] for line in remaining]
     if sum(ex.node_count(entry) for line in rows for entry in line) > bounds.SHOWN:
         return wording.said(f"With these values {end}", shown=[wording.SINGULAR])
     return wording.said(
@@ -250,43 +230,83 @@ def _det_vanishes(solved: SolvedConditions) -> Step:
     )
 
 
-def steps_in_numbers(
-    system: SecondOrderSystem,
-    chosen: hierarchy.SufficientSet,
-    symbols: Mapping[hierarchy.Unknown, ex.Symbol],
-    numbers: NumbersAtAPoint,
-) -> tuple[Step, ...]:
-    """The point, the tensors there, the equations, their solution, and why it is singular."""
-    size = len(system.coordinates)
-    names = [symbols[pair] for pair in hierarchy.unknowns(size)]
-    rows = {name: (*whole_multiple(dict(enumerate(row))).values(),) for name, row in numbers.rows.items()}
-    solution = echelon(list(rows.values()))
+def _in_numbers(analysis: Analysis, chosen: hierarchy.SufficientSet) -> tuple[Step, ...] | None:
+    """The argument at one point: tensors, equations, their solution, and why it is singular; None without a point."""
+    values = numbers_at_a_point(analysis, chosen, now() + NUMBERS_LIMIT)
+    if values is None:
+        return None
+    names, span = list(entry_symbols(analysis.system).values()), range(len(analysis.system.coordinates))
+    rows = {name: _whole(row) for name, row in _rows(values, chosen, len(names)).items()}
+    tensors = {
+        condition: notation.matrix([[ex.number(values[condition, i, k]) for k in span] for i in span])
+        for condition in chosen.conditions
+        if not condition.cyclic
+    }
+    solution = _echelon(list(rows.values()))
     return (
-        wording.opening(system, chosen),
-        point_step("The conditions are too long to print", numbers.variables, numbers.atoms, numbers.real),
-        *(_tensor_step(name, matrix) for name, matrix in numbers.tensors.items()),
-        *(_equation_step(name, row, names) for name, row in rows.items()),
-        solution_step(solution, names),
-        _closing_step_at_point(solution, names),
+        wording.opening(analysis.system, chosen),
+        _point_step(analysis, chosen, values),
+        *(
+            wording.said("At this point ", notation.row(notation.theory(f"{condition.name} = "), entries), ".")
+            for condition, entries in tensors.items()
+        ),
+        *(
+            wording.said(
+                wording.equation_name(name),
+                ", up to a constant factor: ",
+                notation.row(_combination(row, names), " = 0"),
+                ".",
+            )
+            for name, row in rows.items()
+        ),
+        wording.said(
+            "These linear equations have the solution ",
+            *wording.separated(
+                [
+                    notation.row(
+                        names[pivot], " = ", _combination([-a * (k != pivot) for k, a in enumerate(row)], names)
+                    )
+                    for pivot, row in solution
+                ]
+            ),
+            ".",
+        ),
+        _closing_step_at_point([name for k, name in enumerate(names) if k not in dict(solution)]),
     )
 
 
-def echelon(rows: Sequence[Row]) -> list[tuple[int, Row]]:
+def _echelon(rows: Sequence[Row]) -> list[tuple[int, Row]]:
     """The reduced echelon form, its pivots the last entries of the rows: (pivot column, row with 1 in the pivot)."""
     width = len(rows[0]) if rows else 0
     turned = matrices.echelon_of([line[::-1] for line in rows], width)
     return sorted((width - 1 - pivot, tuple(line[::-1])) for pivot, line in turned)
 
 
-def point_step(
-    why: str, variables: Mapping[Variable, Fraction], atoms: Mapping[ex.Expression, Fraction], real: bool
-) -> Step:
+def _whole(row: Row) -> Row:
+    """The row times a number, its entries whole without a common divisor."""
+    scale = math.lcm(*(value.denominator for value in row))
+    divisor = math.gcd(*(int(value * scale) for value in row)) or 1
+    return tuple(value * scale / divisor for value in row)
+
+
+def _combination(row: Sequence[Fraction], names: Sequence[ex.Symbol]) -> ex.Expression:
+    return ex.add(*(a * name for a, name in zip(row, names, strict=True) if a))
+
+
+def _point_step(analysis: Analysis, chosen: hierarchy.SufficientSet, values: Values) -> Step:
     """The substituted values, and why they are admissible."""
-    values = [*sorted(variables.items(), key=lambda pair: printing.to_text(pair[0])), *atoms.items()]
-    listed = wording.separated([notation.row(name, " = ", ex.number(value)) for name, value in values])
-    if not values:
+    bare = bare_variables(analysis.accelerations)
+    variables = [each for each in values if isinstance(each, ex.Symbol | ex.Velocity) and each in bare]
+    listed = wording.separated(
+        [
+            notation.row(each, " = ", ex.number(values[each]))
+            for each in (*sorted(variables, key=printing.to_text), *_atoms(analysis, chosen))
+        ]
+    )
+    if not listed:
         return wording.said("Take any point.")
-    if real:
+    why = "The conditions are too long to print"
+    if is_real(analysis):
         return wording.said(f"{why}, so evaluate them at one point: ", *listed, ".")
     return wording.said(
         f"{why}, so substitute numbers for the functions: ", *listed, ". No real point need have these values, but "
@@ -294,54 +314,24 @@ def point_step(
     )  # fmt: skip
 
 
-def _tensor_step(condition: hierarchy.ConditionName, rows: tuple[Row, ...]) -> Step:
-    entries = notation.matrix([[ex.number(entry) for entry in line] for line in rows])
-    return wording.said("At this point ", notation.row(notation.theory(f"{condition.name} = "), entries), ".")
+def _closing_step_at_point(free: Sequence[ex.Symbol]) -> Step:
+    """A rank is generic where it is full; that a determinant vanishes might be an accident of one point.
 
-
-def combination(row: Row, names: Sequence[ex.Symbol]) -> ex.Expression:
-    return ex.add(*(a * name for a, name in zip(row, names, strict=True) if a))
-
-
-def _equation_step(name: hierarchy.EquationName, line: Row, names: Sequence[ex.Symbol]) -> Step:
-    return wording.said(
-        wording.equation_name(name), ", up to a constant factor: ", notation.row(combination(line, names), " = 0"), "."
-    )
-
-
-def solution_step(solution: Sequence[tuple[int, Row]], names: Sequence[ex.Symbol]) -> Step:
-    lines = []
-    for pivot, line in solution:
-        rest = tuple(-a if k != pivot else Fraction(0) for k, a in enumerate(line))
-        lines.append(notation.row(names[pivot], " = ", combination(rest, names)))
-    return wording.said("These linear equations have the solution ", *wording.separated(lines), ".")
-
-
-def left_free(solution: Sequence[tuple[int, Row]], names: Sequence[ex.Symbol]) -> list[wording.Piece]:
-    """State what the solution implies for g."""
-    free = unsolved(solution, names)
+    `free` are the entries of g that the solution leaves free.
+    """
     if not free:
-        return ["Hence `g = 0`"]
-    return ["Hence `det g = 0` for all values of ", *wording.enumerated(free)]
-
-
-def unsolved(solution: Sequence[tuple[int, Row]], names: Sequence[ex.Symbol]) -> list[ex.Symbol]:
-    """The entries of g that the solution leaves free."""
-    return [name for k, name in enumerate(names) if k not in {pivot for pivot, _ in solution}]
-
-
-def _closing_step_at_point(solution: Sequence[tuple[int, Row]], names: Sequence[ex.Symbol]) -> Step:
-    """A rank is generic where it is full; that a determinant vanishes might be an accident of one point."""
-    minors = (
-        "The same argument applies at every generic point, because a minor that is nonzero for these numbers vanishes "
-        "at most on a set without interior points."
+        return wording.said(
+            "Hence `g = 0`. The same argument applies at every generic point, because a minor that is nonzero for "
+            "these numbers vanishes at most on a set without interior points. So there is no Lagrangian.",
+            shown=[wording.SINGULAR],
+        )
+    return wording.said(
+        "Hence `det g = 0` for all values of ",
+        *wording.enumerated(free),
+        ". The choice of point does not matter: at random points, modulo large primes, the same equations also admit "
+        "only singular `g`, so `det g = 0` at every generic point. So there is no Lagrangian.",
+        shown=[wording.SINGULAR],
     )
-    random = (
-        "The choice of point does not matter: at random points, modulo large primes, the same equations also admit "
-        "only singular `g`, so `det g = 0` at every generic point."
-    )
-    reason = random if unsolved(solution, names) else minors
-    return wording.said(*left_free(solution, names), f". {reason} So there is no Lagrangian.", shown=[wording.SINGULAR])
 
 
 @dataclass(slots=True)
@@ -392,7 +382,7 @@ def is_real(analysis: Analysis) -> bool:
             return False  # e has its own value
         if not rule.free:
             continue
-        found = _combination(rule.angle if isinstance(rule, tower.AngleRule) else rule.atom.argument)
+        found = _of_variables(rule.angle if isinstance(rule, tower.AngleRule) else rule.atom.argument)
         if found is None or not isinstance(rule, tower.AngleRule | tower.ExponentialRule) or bare & set(found):
             return False
         arguments.append(found)
@@ -401,22 +391,16 @@ def is_real(analysis: Analysis) -> bool:
     return not names or len(matrices.echelon_of(rows, len(names))) == len(arguments)
 
 
-def _combination(expression: ex.Expression) -> dict[Variable, Fraction] | None:
+def _of_variables(tree: ex.Expression) -> dict[Variable, Fraction] | None:
     """The coefficients of a rational combination of variables; None for another expression."""
-    match expression:
-        case ex.Symbol() | ex.Velocity():
-            return {expression: Fraction(1)}
-        case ex.Product((ex.Number(value), ex.Symbol() | ex.Velocity() as name)):
-            return {name: value}
-        case ex.Sum(terms):
-            total: dict[Variable, Fraction] = {}
-            for part in map(_combination, terms):
-                if part is None:
-                    return None
-                for name, value in part.items():
-                    total[name] = total.get(name, Fraction(0)) + value
-            return total
-    return None
+    found: dict[Variable, Fraction] = {}
+    for monomial, value in collecting.expand(tree):
+        match monomial:
+            case ((ex.Symbol() | ex.Velocity() as name, 1),):
+                found[name] = value
+            case _:
+                return None
+    return found
 
 
 def bare_variables(expressions: Iterable[ex.Expression]) -> set[Variable]:
@@ -457,144 +441,62 @@ def _with_partners(atoms: Iterable[ex.Expression]) -> Iterator[ex.Expression]:
         seen.update(both)
 
 
-def placed(analysis: Analysis, point: Point) -> bool:
-    """Give the atoms their values at the point; whether the point is one of the domain of f."""
-    requirements = [*((radicand, 1) for radicand in analysis.tower.radicands), *analysis.tower.signs]
-    try:
-        for rule in analysis.tower.rules:
-            tower.replay(rule, point, analysis.tower.scale)
-        signs = [(modular.is_positive(evaluate(tree, point), point.prime), sign) for tree, sign in requirements]
-    except (SingularPoint, ValueError, ZeroDivisionError, errors.IrreducibleAtoms):
-        return False
-    return all(positive == (sign > 0) for positive, sign in signs)
+def numbers_at_a_point(analysis: Analysis, chosen: hierarchy.SufficientSet, deadline: float) -> Values | None:
+    """Values at a point where the chosen equations still leave only singular g.
 
-
-def in_fractions(analysis: Analysis, residues: Callable[[int], Mapping[Key, int] | None]) -> dict[Key, Fraction] | None:
-    """`residues(prime)` as fractions of small numbers, from one prime and confirmed by another."""
-    found = fractions_of_one_prime(analysis, residues)
-    return found if found is not None and are_confirmed(analysis, residues, found) else None
-
-
-def fractions_of_one_prime(
-    analysis: Analysis, residues: Callable[[int], Mapping[Key, int] | None]
-) -> dict[Key, Fraction] | None:
-    """`residues(prime)` as fractions of small numbers, to be confirmed."""
-    prime = modular.safe_prime(7_001, analysis.tower.residues)
-    found: dict[Key, Fraction] = {}
-    for key, residue in (residues(prime) or {}).items():
-        value = modular.reconstruct(residue, prime, bounds.NUMBER)
-        if value is None:
-            return None
-        found[key] = value
-    return found or None
-
-
-def are_confirmed(
-    analysis: Analysis, residues: Callable[[int], Mapping[Key, int] | None], found: Mapping[Key, Fraction]
-) -> bool:
-    """Whether a second prime gives the same fractions."""
-    prime = modular.safe_prime(7_002, analysis.tower.residues)
-    values = residues(prime)
-    return values is not None and not any(
-        (fraction.numerator - values.get(key, 0) * fraction.denominator) % prime for key, fraction in found.items()
-    )
-
-
-def residues_at(
-    analysis: Analysis, point: Point, atoms: Sequence[ex.Expression], further: Callable[[Point], Mapping[Any, int]]
-) -> dict[Any, int] | None:
-    """Values of variables, atoms and the `further` quantities; None if the point is singular."""
-    if not placed(analysis, point):
-        return None
-    try:
-        found: dict[Any, int] = {atom: evaluate(atom, point) for atom in atoms}
-        return {**found, **further(point), **point.variables}
-    except (SingularPoint, ValueError, ZeroDivisionError, errors.IrreducibleAtoms):
-        return None
-
-
-@dataclass(frozen=True, slots=True)
-class NumbersAtAPoint:
-    """Values of variables and atoms, of the tensors (n, n) and of the equations over `unknowns`.
-
-    `real` says whether a real point has these values; else they only respect the algebraic relations.
-    """
-
-    variables: Mapping[Variable, Fraction]
-    atoms: Mapping[ex.Expression, Fraction]
-    tensors: Mapping[hierarchy.ConditionName, tuple[tuple[Fraction, ...], ...]]
-    rows: Mapping[hierarchy.EquationName, tuple[Fraction, ...]]
-    real: bool = True
-
-
-def numbers_at_a_point(
-    analysis: Analysis, chosen: hierarchy.SufficientSet, deadline: float = float("inf")
-) -> NumbersAtAPoint | None:
-    """The chosen equations at a point where they still leave only singular g.
-
-    None where none was met before the deadline (`now`), or numbers such as pi have no value.
+    By the variables, the atoms, (condition, i, k) of the tensors (n, n) and (name, column) of the equations. None where
+    none was met before the deadline (`now`), or numbers such as pi have no value.
     """
     if not has_points(analysis):
         return None
     size = len(analysis.system.coordinates)
+    width = len(hierarchy.unknowns(size))
     for attempt in range(bounds.TRIES):
         if now() > deadline:
             break
-        values = in_fractions(analysis, partial(_residues, analysis, chosen, attempt))
+        values = _in_fractions(analysis, chosen, attempt)
         if values is None:
             continue
-        rows = {name: tuple(values[name, k] for k in range(len(hierarchy.unknowns(size)))) for name in chosen.equations}
-        if leave_singular_only(rows.values(), size):
-            return _collected(analysis, chosen, values, rows)
+        rows = _rows(values, chosen, width).values()
+        residues = [tuple(number_value(entry, CHOSEN) for entry in row) for row in rows]
+        if hierarchy.all_singular(null_vectors.null_rows(residues, width, CHOSEN), size, CHOSEN):
+            return values
     return None
 
 
-def matrices_left(rows: Iterable[Sequence[Fraction]], size: int) -> list[list[int]]:
-    """A basis of the symmetric matrices that satisfy the rows, modulo a prime."""
-    residues = [tuple(number_value(entry, CHOSEN) for entry in row) for row in rows]
-    return null_vectors.null_rows(residues, len(hierarchy.unknowns(size)), CHOSEN)
+def _rows(values: Values, chosen: hierarchy.SufficientSet, width: int) -> dict[hierarchy.EquationName, Row]:
+    return {name: tuple(values[name, k] for k in range(width)) for name in chosen.equations}
 
 
-def leave_singular_only(rows: Iterable[Sequence[Fraction]], size: int) -> bool:
-    """Whether every symmetric matrix that satisfies the rows is singular."""
-    return hierarchy.all_singular(matrices_left(rows, size), size, CHOSEN)
+def _in_fractions(analysis: Analysis, chosen: hierarchy.SufficientSet, attempt: int) -> Values | None:
+    """Everything at the point of this number as fractions of small numbers, from one prime and confirmed by another."""
+    prime, second = (modular.safe_prime(k, analysis.tower.residues) for k in (7_001, 7_002))
+    found: dict[Any, Fraction] = {}
+    for key, residue in (_residues(analysis, chosen, attempt, prime) or {}).items():
+        value = modular.reconstruct(residue, prime, bounds.NUMBER)
+        if value is None:
+            return None
+        found[key] = value
+    known = _residues(analysis, chosen, attempt, second) if found else None
+    if known is None or any((x.numerator - known.get(key, 0) * x.denominator) % second for key, x in found.items()):
+        return None
+    return found
 
 
-def whole_multiple(row: Mapping[Key, Fraction]) -> dict[Key, Fraction]:
-    """The row times a number, its entries whole without a common divisor."""
-    scale = math.lcm(*(value.denominator for value in row.values()))
-    divisor = math.gcd(*(int(value * scale) for value in row.values())) or 1
-    return {key: value * scale / divisor for key, value in row.items()}
-
-
-def _collected(
-    analysis: Analysis,
-    chosen: hierarchy.SufficientSet,
-    values: Values,
-    rows: Mapping[hierarchy.EquationName, tuple[Fraction, ...]],
-) -> NumbersAtAPoint:
-    """The values, keyed by the expressions that have them."""
-    size = range(len(analysis.system.coordinates))
-    bare = bare_variables(analysis.accelerations)
-    variables = {
-        key: value for key, value in values.items() if isinstance(key, ex.Symbol | ex.Velocity) and key in bare
-    }
-    atoms = {atom: values[atom] for atom in _atoms(analysis, chosen)}
-    tensors = {
-        condition: tuple(tuple(values[condition, i, k] for k in size) for i in size)
-        for condition in chosen.conditions
-        if not condition.cyclic
-    }
-    return NumbersAtAPoint(variables, atoms, tensors, rows, is_real(analysis))
-
-
-def _residues(
-    analysis: Analysis, chosen: hierarchy.SufficientSet, attempt: int, prime: int
-) -> dict[object, int] | None:
-    """Everything at the point number `attempt`, modulo the prime; None where it is singular."""
+def _residues(analysis: Analysis, chosen: hierarchy.SufficientSet, attempt: int, prime: int) -> dict[Any, int] | None:
+    """Everything at the point number `attempt`, modulo the prime; None where f or its roots have no value there."""
     kind = PlainPoint if attempt % 2 else SmallPoint
     point = kind(prime, attempt // 2, dict(analysis.tower.real_signs))
-    return residues_at(analysis, point, _atoms(analysis, chosen), lambda there: _conditions(analysis, chosen, there))
+    try:
+        for rule in analysis.tower.rules:
+            tower.replay(rule, point, analysis.tower.scale)
+        for tree, sign in (*((radicand, 1) for radicand in analysis.tower.radicands), *analysis.tower.signs):
+            if modular.is_positive(evaluate(tree, point), prime) != (sign > 0):
+                return None
+        found: dict[Any, int] = {atom: evaluate(atom, point) for atom in _atoms(analysis, chosen)}
+        return {**found, **_conditions(analysis, chosen, point), **point.variables}
+    except (SingularPoint, ValueError, ZeroDivisionError, errors.IrreducibleAtoms):
+        return None
 
 
 def _atoms(analysis: Analysis, chosen: hierarchy.SufficientSet) -> list[ex.Expression]:

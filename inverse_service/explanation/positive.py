@@ -17,7 +17,7 @@ from inverse_service.deadline import now
 from inverse_service.decision import certify
 from inverse_service.decision.solutions import Answer, Hamiltonian, Lagrangian, SolutionSpace, Step
 from inverse_service.errors import InputError
-from inverse_service.explanation.wording import Explanation, Piece, said, separated
+from inverse_service.explanation.wording import Piece, said, separated
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.derivative import differentiate, differentiate_in_time
 from inverse_service.expressions.inequalities import inequality
@@ -49,11 +49,11 @@ _SERIES_ORDER = 2
 _MOST_COEFFICIENTS = 60
 
 
-def explain_positive(system: SecondOrderSystem, multiplier: Sequence[Sequence[Expression]]) -> Explanation:
+def explain_positive(system: SecondOrderSystem, multiplier: Sequence[Sequence[Expression]]) -> tuple[Step, ...]:
     """The Helmholtz conditions for the multiplier g, shape (n, n), each worked out and seen to hold.
 
-    `complete` is False where an identity was not recognized (too large, or atoms whose relations are
-    not known here): then the steps only say what must be computed.
+    Where an identity was not recognized (too large, or atoms whose relations are not known here), the steps only say
+    what must be computed.
     """
     budget = Budget(bounds.TERMS, now() + TIME_LIMIT)
     try:
@@ -63,18 +63,16 @@ def explain_positive(system: SecondOrderSystem, multiplier: Sequence[Sequence[Ex
         g = tuple(tuple(exact.ring.value(entry) for entry in row) for row in multiplier)
         return _worked_out(exact, g)
     except (TooLarge, ZeroDivisionError):
-        plan = (
+        return (
             said(
                 "The matrix `g` is the velocity Hessian of `L`; `dg_ij/dv^k` is symmetric in `j` and `k`.",
-                about=("multiplier",),
             ),
             said("With `N = -1/2 df/dv`, compare `Gamma(g)` with `g N + (g N)^T`."),
             said("Check that `g Phi` is symmetric for the given `Phi` and that `det g` is not zero."),
         )
-        return Explanation(plan, complete=False)
 
 
-def _worked_out(exact: conditions.MotionInRing, g: Matrix) -> Explanation:
+def _worked_out(exact: conditions.MotionInRing, g: Matrix) -> tuple[Step, ...]:
     motion, span = exact.motion, range(exact.motion.size)
     n = conditions.connection(motion)
     product = _product(exact, g, n)
@@ -94,13 +92,12 @@ def _worked_out(exact: conditions.MotionInRing, g: Matrix) -> Explanation:
         step = said(
             "The velocity Hessian ", row("g = ", quotient_tree(exact.ring, size)),
             " is not identically zero, and ", row("Gamma(g) = ", quotient_tree(exact.ring, moved[0][0])),
-            " equals `-g df/dv`, so it is a multiplier.", about=("multiplier",),
+            " equals `-g df/dv`, so it is a multiplier.",
         )  # fmt: skip
-        return Explanation((step,))
-    steps = (
+        return (step,)
+    return (
         said(
             "The velocity Hessian of `L` is the multiplier `g`; `dg_ij/dv^k` is symmetric in `j` and `k`.",
-            about=("multiplier",),
         ),
         said(
             row("Gamma(g) = ", _matrix(exact, moved)),
@@ -111,7 +108,6 @@ def _worked_out(exact: conditions.MotionInRing, g: Matrix) -> Explanation:
         said(row("g Phi = ", _matrix(exact, lowered)), " is symmetric."),
         said(row("det g = ", quotient_tree(exact.ring, size)), " is not identically zero, so `g` is a multiplier."),
     )
-    return Explanation(steps)
 
 
 def _product(exact: conditions.MotionInRing, left: Matrix, right: Matrix) -> list[list[Quotient]]:
@@ -194,16 +190,13 @@ def existence_steps(decision: Decision) -> tuple[Step, ...]:
         said(
             f"The Taylor polynomials of `g` that satisfy the Helmholtz conditions, prolonged to order {order}, form "
             f"spaces of dimensions {dimensions} in degrees 0 to {degree}; higher orders do not reduce them.",
-            about=("multiplier", "Helmholtz", "prolonged"),
         ),
         said(
             f"Its symbol in degree {degree} has dimension {decision.symbol.dimension} and passes Cartan's test "
             f"(characters {', '.join(map(str, decision.symbol.characters))}): the system is involutive.",
-            about=("involutive",),
         ),
         said(
             f"A regular `g` remains at a generic point, so a regular Lagrangian exists; {decision.space.statement}.",
-            about=("regular",),
         ),
     )
 
@@ -298,7 +291,7 @@ def as_given_steps() -> tuple[Step, ...]:
     """How L follows from equations that are Euler-Lagrange equations as written."""
     step = said(
         "Factors found from quotients of coefficients make the equations self-adjoint; the matrix of the "
-        "accelerations is then the Hessian of a Lagrangian.", about=("Helmholtz",),
+        "accelerations is then the Hessian of a Lagrangian.",
     )  # fmt: skip
     return (step,)
 
@@ -322,13 +315,13 @@ def search_steps(outcome: SearchOutcome) -> tuple[Step, ...]:
     sentence: list[Piece] = [general, " is a Lagrangian"] if short else ["so is every sum of its parts `C_k L_k`"]
     return (
         first,
-        said("More generally, ", *sentence, " for constants `C_k` that keep the Hessian regular.", about=("regular",)),
+        said("More generally, ", *sentence, " for constants `C_k` that keep the Hessian regular."),
     )
 
 
 def verification_steps(analysis: Analysis, lagrangian: Lagrangian) -> tuple[Step, ...]:
     """The Helmholtz conditions for its multiplier, worked out where they are short."""
-    return () if analysis.system.is_unsolved else explain_positive(analysis.system, lagrangian.multiplier).steps
+    return () if analysis.system.is_unsolved else explain_positive(analysis.system, lagrangian.multiplier)
 
 
 def hamiltonian_of(

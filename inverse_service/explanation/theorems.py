@@ -62,11 +62,8 @@ Open Scope R_scope.
 {LEMMAS}"""
 # Words that name no variable in Coq, and the names that proofs use themselves.
 _TAKEN = re.compile(
-    r"(eq|row|rel|nz|val|ker)\d+|Motion|whole|which|cancel|plus_zero|times_zero|nonzero|zero|det_g|residual|R|as|at|by|do|else|end|exists|fix|for|"
-    r"forall|from|fun|have|if|in|let|match|mod|open|return|show|then|theorem|Type|Prop|Set|SProp|using|where|with|"
-    r"axiom|def|example|instance|lemma|local|macro|namespace|private|section|structure|variable|universe|class|"
-    r"cofix|import|export|inductive|syntax|infix|notation|prefix|deriving|mutual|calc|suffices|nomatch|try|catch|"
-    r"finally|unless|matches|sorry|abbrev|opaque|attribute|partial|unsafe|protected|noncomputable|assume|obtain|set_option"
+    r"(eq|row|rel|nz|val|ker)\d+|Motion|whole|which|cancel|plus_zero|times_zero|nonzero|zero|det_g|residual|R|as|at|by|"
+    r"cofix|do|else|end|exists|fix|for|forall|from|fun|if|in|let|match|mod|return|then|Type|Prop|Set|SProp|using|where|with"
 )
 
 
@@ -375,7 +372,7 @@ class _Elimination:
     def theorem(self) -> Theorem:
         equations, values = list[tuple[Fact, str]](), list[Divisor]()
         for step in self.result.solved:
-            row = exact_field.sum_of(self.ring.constant(0), [c * self._entry(u) for u, c in step.original.items()])
+            row = exact_field.sum_of(self.ring.constant(0), [c * self._entry(*u) for u, c in step.original.items()])
             fact = Fact(f"eq{len(equations) + 1}", primitive(row.numerator))
             equations.append((fact, wording.equation_name(step.name).text))
             self.origins.append((step.name, row))
@@ -387,8 +384,8 @@ class _Elimination:
         steps = tuple(self.steps)
         return Theorem("det_g_is_zero", self.ring, _used(self.relations, steps), tuple(equations), steps)
 
-    def _entry(self, unknown: hierarchy.Unknown) -> exact_field.Quotient:
-        return self.ring.atoms[self.symbols[unknown]]
+    def _entry(self, i: int, j: int) -> exact_field.Quotient:
+        return self.ring.atoms[self.symbols[min(i, j), max(i, j)]]
 
     def _interleaved(self, values: Sequence[Divisor]) -> list[Divisor]:
         """The values, each followed by the relations, so that nothing grows."""
@@ -417,8 +414,8 @@ class _Elimination:
 
     def _null_vector(self) -> list[exact_field.Quotient] | None:
         """k, free of entries of g, with g k = 0 for every remaining g: it makes det g = 0 a short identity."""
-        span, one = range(self.size), self.ring.constant(1)
-        entries = [[self.result.entry((min(i, j), max(i, j)), one) for j in span] for i in span]
+        one = self.ring.constant(1)
+        entries = self.result.matrix(self.size, one)
         free = sorted({unknown for line in entries for row in line for unknown in row})
         rows = [[row.get(unknown, one - one) for row in line] for unknown in free for line in entries]
         return next(reversed(matrices.null_space(rows, self.size, one).values()), None)
@@ -426,15 +423,12 @@ class _Elimination:
     def _by_kernel(self, vector: Sequence[exact_field.Quotient], values: Sequence[Divisor]) -> Combination:
         """g k = 0, and k_m det g = sum over j of the cofactor (j, m) times (g k)_j."""
         span, places = range(self.size), [self.places[0, j] for j in range(self.size)]
-        row = exact_field.sum_of(
-            self.ring.constant(0), [k * self._entry((0, j)) for j, k in enumerate(vector)]
-        ).numerator
+        row = exact_field.sum_of(self.ring.constant(0), [k * self._entry(0, j) for j, k in enumerate(vector)]).numerator
         k = [coefficient(row, place, 1) for place in places]
         m = min((j for j in span if not k[j].is_zero()), key=lambda j: len(k[j]))
         terms = []
         for j in span:
-            entries = [self._entry((min(i, j), max(i, j))).numerator for i in span]
-            image = sum((k[i] * entries[i] for i in span), row * 0)
+            image = sum((k[i] * self._entry(i, j).numerator for i in span), row * 0)
             found = self._emptied(image, values)
             fact = Fact(f"ker{j + 1}", image)
             self.steps.append(identity(fact, found.multiplier, found.terms))
@@ -443,9 +437,8 @@ class _Elimination:
         return k[m], terms
 
     def _minor(self, rows: Sequence[int], columns: Sequence[int]) -> fmpq_mpoly:
-        matrix = [[self._entry((min(i, j), max(i, j))) for j in columns] for i in rows]
-        one = self.ring.constant(1)
-        return matrices.determinant(matrix, one).numerator
+        matrix = [[self._entry(i, j) for j in columns] for i in rows]
+        return matrices.determinant(matrix, self.ring.constant(1)).numerator
 
     def _emptied(self, polynomial: fmpq_mpoly, values: Sequence[Divisor]) -> Remainder:
         """The polynomial as a combination of values and relations; TooLarge if a remainder is left."""

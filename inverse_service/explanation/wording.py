@@ -6,11 +6,12 @@ Phi, nabla Phi and R of a solution, written out for people.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from itertools import combinations
 from typing import TYPE_CHECKING, cast
 
 from inverse_service.decision.solutions import Answer, Conditions, Part, Solution, Step
-from inverse_service.expressions.notation import Formula, formula_of, matrix, row, theory
+from inverse_service.expressions import notation, printing
 from inverse_service.expressions.tree import Expression, Symbol, Velocity, walk
 from inverse_service.field.exact_field import ExactRing, quotient_tree
 from inverse_service.mechanics.conditions import Tensor11, Tensor12, conditions
@@ -21,38 +22,31 @@ if TYPE_CHECKING:
     from inverse_service.field.exact_field import Quotient
     from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
-Piece = str | Formula | Expression
+Piece = str | notation.Formula | Expression
 
 
-def said(*pieces: Piece, shown: Sequence[Piece] = (), about: Sequence[str] = ()) -> Step:
+def said(*pieces: Piece, shown: Sequence[Piece] = ()) -> Step:
     """A sentence of words and formulas, and the formulas that are `shown`: below it, unless they are in the sentence.
 
-    In a text, grave accents enclose a formula in the notation of the theory. `about` names the words
-    of the theory that the step relies on.
+    In a text, grave accents enclose a formula in the notation of the theory.
     """
     sentence = [part for piece in pieces for part in _parts(piece)]
-    main = [_formula(formula_of(piece), "display") for piece in shown]
     texts = {part.text for part in sentence}
-    below = [part for part in main if part.text not in texts]
-    if about:
-        below.append(Part("about", "", uses=tuple(about)))
-    relations = [part.latex for part in sentence if part.kind == "formula" and "=" in part.text]
-    latex = [part.latex for part in main] or relations[-1:]
-    return Step("".join(part.text for part in sentence), r",\quad ".join(latex), (*sentence, *below))
+    below = [part for part in (_formula(piece, "display") for piece in shown) if part.text not in texts]
+    return Step("".join(part.text for part in sentence), (*sentence, *below))
 
 
 def _parts(piece: Piece) -> list[Part]:
     if not isinstance(piece, str):
-        return [_formula(formula_of(piece), "formula")]
-    pieces = piece.split("`")
-    return [
-        _formula(formula_of(text), "formula") if k % 2 else Part("text", text) for k, text in enumerate(pieces) if text
-    ]
+        return [_formula(piece)]
+    return [_formula(text) if k % 2 else Part("text", text) for k, text in enumerate(piece.split("`")) if text]
 
 
-def _formula(formula: Formula, kind: str) -> Part:
-    mathml = "" if formula.reads_back else formula.mathml
-    return Part(kind, formula.text, formula.latex, mathml, formula.uses, formula.letters)
+def _formula(piece: Piece, kind: str = "formula") -> Part:
+    if isinstance(piece, Expression):
+        return Part(kind, printing.to_text(piece))
+    formula = notation.formula_of(piece)
+    return Part(kind, formula.text, (*formula.letters, *({"R"} & {*formula.uses})))
 
 
 def enumerated(formulas: Sequence[Piece]) -> list[Piece]:
@@ -90,7 +84,7 @@ def with_shared_letters(answer: Answer, system: SecondOrderSystem) -> Answer:
     """The answer with a first sentence that defines each symbol that the theory and the system both use."""
     names = {*system.coordinates, *system.parameters, *dict(system.functions)}
     parts = [part for step in (*answer.explanation, *answer.details) for part in step.parts]
-    words = {word for part in parts for word in (*part.letters, *({"R"} & {*part.uses}))}
+    words = {word for part in parts for word in part.letters}
     shared = [name for name in _MEANING if name in names & words]
     if not shared:
         return answer
@@ -103,14 +97,6 @@ def with_shared_letters(answer: Answer, system: SecondOrderSystem) -> Answer:
 _SYMMETRIC = "g_ij T^j_k = g_kj T^j_i"
 _CYCLIC = "g_ij R^j_kl + g_lj R^j_ik + g_kj R^j_li = 0"
 SINGULAR = "det g = 0"
-
-
-@dataclass(frozen=True, slots=True)
-class Explanation:
-    """The steps. If `complete` is False, they state conditions and ranks only, not the whole argument."""
-
-    steps: tuple[Step, ...]
-    complete: bool = True
 
 
 def indices(system: SecondOrderSystem) -> list[Piece]:
@@ -128,18 +114,17 @@ def opening(system: SecondOrderSystem, chosen: SufficientSet) -> Step:
         "Suppose that a regular Lagrangian exists. Its velocity Hessian `g` is symmetric and nonsingular, and ",
         *_conditions(chosen), " (indices: ", *indices(system), ").",
         shown=[formula for kind, formula in ((False, _SYMMETRIC), (True, _CYCLIC)) if kind in kinds],
-        about=("multiplier",),
     )  # fmt: skip
 
 
 def _conditions(chosen: SufficientSet) -> list[Piece]:
-    plain = [theory(condition.name) for condition in chosen.conditions if not condition.cyclic]
+    plain = [notation.theory(condition.name) for condition in chosen.conditions if not condition.cyclic]
     cyclic = [condition.name for condition in chosen.conditions if condition.cyclic]
     found: list[Piece] = ["`g T` is symmetric for `T` = ", *enumerated(plain)] if plain else []
     if cyclic:
         found += [" and "] if found else []
-        found.append(theory(_CYCLIC))
-        others: list[Piece] = [" for ", *enumerated([theory(name) for name in cyclic]), " in the place of `R`"]
+        found.append(notation.theory(_CYCLIC))
+        others: list[Piece] = [" for ", *enumerated([notation.theory(name) for name in cyclic]), " in the place of `R`"]
         found += [] if cyclic == ["R"] else others
     return found
 
@@ -148,62 +133,35 @@ def _listed(words: Sequence[str]) -> str:
     return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
 
 
-def tensor_steps(
-    ring: ExactRing, tensors: Sequence[tuple[ConditionName, Tensor11[Quotient] | Tensor12[Quotient]]]
-) -> list[Step]:
-    """The tensors of the chosen conditions, the nonzero components of curvatures only."""
-    return [_tensor_step(condition, _components(ring, condition, tensor)) for condition, tensor in tensors]
-
-
-def _tensor_step(condition: ConditionName, entries: Sequence[tuple[str, Expression]]) -> Step:
-    if not entries:
-        return said("All components of ", theory(condition.name), " are zero.")
-    shown = [row(component(condition, name), " = ", tree) for name, tree in entries]
-    return said("The nonzero components of ", theory(condition.name), " are ", *separated(shown), ".", shown=shown)
-
-
-def component(condition: ConditionName, indices: str) -> Formula:
-    """(nabla Phi)^1_2, the first index above."""
-    inner, above, below = theory(condition.name), indices[0], indices[1:]
-    return Formula(
-        f"({condition.name})^{above}_{below}",
-        rf"({inner.latex.strip()})^{{{above}}}{{}}_{{{below}}}",
-        f"<msubsup>{_in_brackets(inner)}<mn>{below}</mn><mn>{above}</mn></msubsup>",
-        inner.uses,
-        letters=inner.letters,
-    )
-
-
-def _in_brackets(formula: Formula) -> str:
-    return f"<mrow><mo stretchy='false'>(</mo>{formula.mathml}<mo stretchy='false'>)</mo></mrow>"
-
-
-def _components(
-    ring: ExactRing, condition: ConditionName, tensor: Tensor11[Quotient] | Tensor12[Quotient]
-) -> list[tuple[str, Expression]]:
-    """Index strings such as "12" or "213" with the nonzero components; k < l for T^j_kl."""
-    found: list[tuple[str, Quotient]] = []
+def tensor_step(ring: ExactRing, condition: ConditionName, tensor: Tensor11[Quotient] | Tensor12[Quotient]) -> Step:
+    """The nonzero components of a tensor of the conditions, the first index above; k < l for T^j_kl."""
     span = range(len(tensor))
+    found: list[tuple[tuple[int, ...], Quotient]]
     if condition.cyclic:
         bend = cast("Tensor12[Quotient]", tensor)
-        triples = [(i, k, m) for i in span for k in span for m in span if k < m]
-        found = [(f"{i + 1}{k + 1}{m + 1}", bend[i][k][m]) for i, k, m in triples]
+        found = [((i, k, m), bend[i][k][m]) for i in span for k, m in combinations(span, 2)]
     else:
         plain = cast("Tensor11[Quotient]", tensor)
-        found = [(f"{i + 1}{k + 1}", plain[i][k]) for i in span for k in span]
-    return [(name, quotient_tree(ring, value)) for name, value in found if not value.is_zero]
+        found = [((i, k), plain[i][k]) for i in span for k in span]
+    shown = [
+        notation.row(f"({condition.name})^{above + 1}_{_numbers(below)} = ", quotient_tree(ring, value))
+        for (above, *below), value in found
+        if not value.is_zero
+    ]
+    name = notation.theory(condition.name)
+    if not shown:
+        return said("All components of ", name, " are zero.")
+    return said("The nonzero components of ", name, " are ", *separated(shown), ".", shown=shown)
 
 
-def equation_name(name: EquationName) -> Formula:
+def _numbers(indices: Sequence[int]) -> str:
+    """The indices as a person counts them."""
+    return "".join(str(index + 1) for index in indices)
+
+
+def equation_name(name: EquationName) -> notation.Formula:
     """(nabla Phi)_12: entry 12 of g nabla Phi, which must equal entry 21."""
-    inner, below = theory(name.condition.name), "".join(str(i + 1) for i in name.indices)
-    return Formula(
-        f"({name.condition.name})_{below}",
-        rf"({inner.latex.strip()})_{{{below}}}",
-        f"<msub>{_in_brackets(inner)}<mn>{below}</mn></msub>",
-        inner.uses,
-        letters=inner.letters,
-    )
+    return notation.theory(f"({name.condition.name})_{_numbers(name.indices)}")
 
 
 def equation_step(
@@ -219,22 +177,24 @@ def equation_step(
 
     Parameters are numbers, so the step says for which of their values it holds.
     """
-    pieces: list[Piece] = [equation_name(name), ": ", row(original, " = 0"), ". "]
+    pieces: list[Piece] = [equation_name(name), ": ", notation.row(original, " = 0"), ". "]
     if reduced != original:
-        pieces += ["Substituting the results above gives ", row(reduced, " = 0"), ". "]
-    return said(*pieces, *_divided_by(dict.fromkeys(divisors), parameters), row(pivot, " = ", result), ".")
+        pieces += ["Substituting the results above gives ", notation.row(reduced, " = 0"), ". "]
+    return said(*pieces, *_divided_by(dict.fromkeys(divisors), parameters), notation.row(pivot, " = ", result), ".")
 
 
 def _divided_by(divisors: Iterable[Expression], parameters: Collection[str]) -> list[Piece]:
     """For a != 0, since x is not identically zero, …"""
-    numbers, others = list[Formula](), list[Formula]()
+    numbers, others = list[notation.Formula](), list[notation.Formula]()
     for divisor in divisors:
         leaves = [node for node in walk(divisor) if isinstance(node, Symbol | Velocity)]
         constant = leaves and all(isinstance(leaf, Symbol) and leaf.name in parameters for leaf in leaves)
-        (numbers if constant else others).append(formula_of(divisor))
+        (numbers if constant else others).append(notation.formula_of(divisor))
     if not numbers and not others:
         return ["Hence "]
-    values: list[Piece] = ["For ", *separated([row(one, " != 0") for one in numbers], " and "), ", "] if numbers else []
+    values: list[Piece] = (
+        ["For ", *separated([notation.row(one, " != 0") for one in numbers], " and "), ", "] if numbers else []
+    )
     verb = "is" if len(others) == 1 else "are"
     word = "since " if numbers else "Since "
     return [*values, *([word, *enumerated(others), f" {verb} not identically zero, "] if others else [])]
@@ -243,7 +203,7 @@ def _divided_by(divisors: Iterable[Expression], parameters: Collection[str]) -> 
 def block_sentence(symbols: Mapping[Unknown, Symbol], rows: tuple[int, ...], columns: tuple[int, ...], n: int) -> Step:
     """Explain that g is singular because the common entries of these rows and columns vanish."""
     names = sorted({symbols[min(r, c), max(r, c)].name for r in rows for c in columns})
-    equal = row(*separated([Symbol(name) for name in names], " = "), " = 0")
+    equal = notation.row(*separated([Symbol(name) for name in names], " = "), " = 0")
     if len(rows) == 1 and len(columns) == n:
         why = f"row {rows[0] + 1} of `g` is zero"
     else:
@@ -274,23 +234,21 @@ def differential_summary(system: SecondOrderSystem) -> tuple[Step, ...]:
         " and the velocities leave only singular ones. The certificate lists the differentiated equations that were "
         "used.",
         shown=["Gamma(g) = g N + (g N)^T", "dg_ij/dv^k = dg_ik/dv^j"],
-        about=("Helmholtz",),
     )  # fmt: skip
     return (step,)
 
 
-def factor_steps(
-    ring: ExactRing, system: SecondOrderSystem, direction: Tensor11[Quotient], found: Contradiction
-) -> list[Step]:
+def factor_steps(ring: ExactRing, direction: Tensor11[Quotient], found: Contradiction) -> list[Step]:
     """g = e^u times a known matrix; the derivatives of u, and the two that contradict each other."""
     rows = [[quotient_tree(ring, entry) for entry in line] for line in direction]
     fixed = said(
         "The algebraic conditions therefore determine `g` up to a factor: `g = e^u G` or `g = -e^u G` with ",
-        row("G = ", matrix(rows)), " and unknown `u`.",
+        notation.row("G = ", notation.matrix(rows)), " and unknown `u`.",
     )  # fmt: skip
     steps = [fixed]
     steps += [
-        said(f"{line.reason}: ", row(line.formula, " = ", quotient_tree(ring, line.value)), ".") for line in found.lines
+        said(f"{line.reason}: ", notation.row(line.formula, " = ", quotient_tree(ring, line.value)), ".")
+        for line in found.lines
     ]
     tree = quotient_tree(ring, found.difference)
     steps.append(

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from inverse_service import bounds, deadline, errors
 from inverse_service.certificate import checker, formulas
 from inverse_service.decision import cells, certify, deciding
-from inverse_service.decision.solutions import Answer, Conditions, Lagrangian, Solution, SolveOptions, Step
+from inverse_service.decision.solutions import Answer, Conditions, Lagrangian, Solution, SolveOptions, Step, questions
 from inverse_service.explanation import positive, wording
 from inverse_service.expressions import collecting, notation, printing, tree as ex
 from inverse_service.linear_pde import involution
@@ -204,26 +204,25 @@ def _unreduced(
     system: second_order_system.SecondOrderSystem, options: SolveOptions, found: Conditions | None, reason: str
 ) -> Solution:
     answer = Answer("undetermined", reason=reason, positive=tuple(map(collecting.collect, system.positive)))
-    autonomous = None if system.depends_on_time or options.time_dependent is True else answer
-    with_time = None if options.time_dependent is False and not system.depends_on_time else answer
+    autonomous, with_time = (answer if asked else None for asked in questions(options.time_dependent, system))
     return Solution(system, autonomous, with_time, found, {"seed": options.seed})
 
 
 def _answers(work: Work, given: Answer | None) -> tuple[Answer | None, Answer | None]:
     """(L(q, v), L(t, q, v)); an autonomous Lagrangian, as the `given` one can be, answers the second question too."""
-    wanted, depends = work.options.time_dependent, work.analysis.system.depends_on_time
+    wants_plain, wants_time = questions(work.options.time_dependent, work.analysis.system)
     if given is not None and not _holds_time(given):
-        return None if depends or wanted else given, None if wanted is False and not depends else given
+        return given if wants_plain else None, given if wants_time else None
     if given is not None:
-        return None if depends or wanted else _answer(work, _decide(work, with_time=False)), given
-    first = None if depends or wanted is True else _decide(work, with_time=False)
-    if first is not None and first.verdict == "not_variational" and wanted is None:
+        return _answer(work, _decide(work, with_time=False)) if wants_plain else None, given
+    first = _decide(work, with_time=False) if wants_plain else None
+    if first is not None and first.verdict == "not_variational" and wants_time:
         timed = _decide(work, with_time=True, order=first.order)
         both = _negative(work, timed) if timed.verdict == "not_variational" else None
         if both is not None and both.verdict == "not_variational":
             return both, both  # one proof
     autonomous = None if first is None else _answer(work, first)
-    if wanted is False and not depends:
+    if not wants_time:
         return autonomous, None
     if autonomous is not None and autonomous.verdict == "variational":
         plain = _is_complete(autonomous) and terms.reading_class(_expression(autonomous)) < _RATIONAL
@@ -239,7 +238,7 @@ def _is_excluded(work: Work) -> bool:
     long = sum(map(ex.node_count, system.accelerations)) > _LONG and len(system.coordinates) <= _FEW_COORDINATES
     if options.given or system.is_unsolved or not long:
         return False
-    with_time = options.time_dependent is not False or system.depends_on_time
+    with_time = questions(options.time_dependent, system)[1]
     return _decide(work, with_time, _SHARE_AS_GIVEN).verdict == "not_variational"
 
 
@@ -249,12 +248,12 @@ def _as_given(work: Work) -> Answer | None:
     began = deadline.now()
     work.progress("the equations as given")
     written = tuple(second_order_system.on_branch(equation, system) for equation in work.options.given)
-    without_time = work.options.time_dependent is False and not system.depends_on_time
+    wants_time = questions(work.options.time_dependent, system)[1]
     best: ex.Expression | None = None
     with suppress(deadline.OutOfTime), deadline.until(deadline.now() + _SHARE_AS_GIVEN * work.left()):
         for signs in (False, True):
             for tree in () if best is not None else row_factors.lagrangians_of_lines(system, written, table, signs):
-                if (best is not None and ex.holds(tree, ex.TIME)) or (ex.holds(tree, ex.TIME) and without_time):
+                if (best is not None and ex.holds(tree, ex.TIME)) or (ex.holds(tree, ex.TIME) and not wants_time):
                     continue
                 best = next(
                     (
@@ -411,7 +410,7 @@ def _reasons(work: Work, with_time: bool) -> tuple[Step, ...]:
     if work.reasons:
         return work.reasons
     chosen = smallest_sufficient_set(work.analysis, work.options.seed)
-    steps = explain_negative(work.analysis, chosen, with_time, work.options.seed).steps
+    steps = explain_negative(work.analysis, chosen, with_time, work.options.seed)
     if chosen is not None:
         work.reasons = steps
     return steps
@@ -557,7 +556,7 @@ def tell(work: Work, answer: Answer, with_time: bool) -> None:
     """Hand over a confirmed answer while there is more to find."""
     found = answer.lagrangian
     work.answers[with_time] = answer = _on_its_set(work, answer)
-    is_main = with_time is (work.analysis.system.depends_on_time or work.options.time_dependent is True)
+    is_main = with_time is not questions(work.options.time_dependent, work.analysis.system)[0]
     parts = [named("existence", with_time), "certificate"]
     # L(q, q') answers both questions, without L(t, q, q') there is no L(q, q'), and one question has both names.
     if with_time is (answer.verdict == "not_variational") or (with_time and is_main):
@@ -580,10 +579,10 @@ def named(part: str, with_time: bool) -> str:
 
 def _so_far(work: Work) -> SoFar:
     """The confirmed answers; a question that is not decided is undetermined."""
-    system, wanted = work.analysis.system, work.options.time_dependent
-    depends = system.depends_on_time
-    autonomous = None if depends or wanted is True else work.answers.get(False, OPEN)
-    with_time = None if wanted is False and not depends else work.answers.get(True, OPEN)
+    system = work.analysis.system
+    wants_plain, wants_time = questions(work.options.time_dependent, system)
+    autonomous = work.answers.get(False, OPEN) if wants_plain else None
+    with_time = work.answers.get(True, OPEN) if wants_time else None
     if autonomous is not None and with_time is not None:
         if autonomous.verdict == "variational" and with_time.lagrangian is None:
             with_time = autonomous

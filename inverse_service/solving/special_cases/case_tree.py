@@ -18,7 +18,7 @@ from flint import fmpq, fmpq_mpoly
 from inverse_service import bounds, errors
 from inverse_service.deadline import now, until
 from inverse_service.decision import deciding
-from inverse_service.decision.solutions import Verdict
+from inverse_service.decision.solutions import Verdict, questions
 from inverse_service.explanation import hierarchy
 from inverse_service.expressions import collecting, printing, tree as ex
 from inverse_service.field import exact_field
@@ -364,17 +364,16 @@ def examine(question: Question, stratum: Stratum, functions: FunctionCase) -> Ca
         analysis = deciding.analyze(system)
         case = _decided(question, analysis, Case(question, stratum, functions, system, None, None))
     except errors.IrreducibleAtoms as problem:
-        return Case(question, stratum, functions, system, *_undetermined(question), reason=problem.detail,
-                    unsettled=problem.detail)  # fmt: skip
+        reason = unsettled = problem.detail
     except exact_field.TooLarge as problem:
-        return Case(question, stratum, functions, system, *_undetermined(question), reason=str(problem),
-                    unsettled=str(problem))  # fmt: skip
+        reason = unsettled = str(problem)
     except ZeroDivisionError:
-        detail = "the equations have no value here"
-        return Case(question, stratum, functions, system, *_undetermined(question), reason=detail, unsettled=UNDEFINED)
-    if not system.parameters and not system.functions:
-        return case
-    return _with_ideals(question, analysis, case)
+        reason, unsettled = "the equations have no value here", UNDEFINED
+    else:
+        return _with_ideals(question, analysis, case) if system.parameters or system.functions else case
+    unknown: Verdict = "undetermined"
+    autonomous, with_time = (unknown if asked else None for asked in questions(question.time_dependent, system))
+    return Case(question, stratum, functions, system, autonomous, with_time, reason=reason, unsettled=unsettled)
 
 
 def _has_no_value(node: ex.Expression) -> bool:
@@ -387,22 +386,14 @@ def _has_no_value(node: ex.Expression) -> bool:
     return False
 
 
-def _undetermined(question: Question) -> tuple[Verdict | None, Verdict | None]:
-    return (
-        None if question.time_dependent is True else "undetermined",
-        None if question.time_dependent is False else "undetermined",
-    )
-
-
 def _decided(question: Question, analysis: deciding.Analysis, case: Case) -> Case:
     """Both verdicts as far as asked; an L(q, v) is an L(t, q, v)."""
     limits = Limits(deadline=question.deadline)
-    depends = analysis.system.depends_on_time
-    wants_time = question.time_dependent is not False or depends
+    wants_plain, wants_time = questions(question.time_dependent, analysis.system)
     autonomous: Verdict | None = None
     with_time: Verdict | None = None
     statement = reason = ""
-    if question.time_dependent is not True and not depends:
+    if wants_plain:
         decision = deciding.decide(analysis.system, False, question.seed, limits, analysis=analysis)
         autonomous = decision.verdict
         statement, reason = "" if decision.space is None else decision.space.statement, decision.reason
@@ -481,7 +472,7 @@ def _positive(
         )
     except (exact_field.TooLarge, ZeroDivisionError, KeyError):
         return (), False
-    return found.ideals, found.proved
+    return found.ideals, not found.doubtful
 
 
 Equation = tuple[ex.Expression, ex.Expression]

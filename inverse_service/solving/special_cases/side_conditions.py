@@ -37,7 +37,7 @@ class Ideal:
 
 @dataclass(frozen=True)
 class SideConditions:
-    """The ideals of an elimination; `doubtful` says that functions in f may hide further special values."""
+    """Off their zeros the outcome of a calculation holds; `doubtful`: functions may hide further special values."""
 
     ideals: tuple[Ideal, ...]
     doubtful: bool
@@ -179,18 +179,10 @@ def all_conditions(analysis: Analysis, depth: int, seed: int = 1) -> list[Equati
     return [name for name, row in table.rows.items() if any(row)]
 
 
-@dataclass(frozen=True)
-class Regularity:
-    """L is a regular Lagrangian off the zeros of the ideals; `proved` is False where more may be special."""
-
-    ideals: tuple[Ideal, ...]
-    proved: bool
-
-
 def regularity(
     system: SecondOrderSystem, lagrangian: ex.Expression, space: strata.ParameterSpace, budget: exact_field.Budget
-) -> Regularity:
-    """For a Lagrangian of the system; raises TooLarge or ZeroDivisionError."""
+) -> SideConditions:
+    """Where a Lagrangian of the system may be none, or singular; raises TooLarge or ZeroDivisionError."""
     entries = euler_lagrange.hessian(lagrangian, system.coordinates)
     names = system.coordinates
     variables: list[ex.Symbol | ex.Velocity] = [ex.TIME, *map(ex.Symbol, names), *map(ex.Velocity, names)]
@@ -200,14 +192,9 @@ def regularity(
     ring.value(lagrangian)
     reader = Reader.of(ring, space)
     whole = matrices.determinant(matrix, ring.constant(1))
-    ideals = [*reader.ideals(whole), *_denominators(reader), *reader.inside_functions()]
-    return Regularity(tuple(ideals), not reader.is_doubtful(whole))
-
-
-def _denominators(reader: Reader) -> list[Ideal]:
-    """Where a denominator of L vanishes identically."""
-    found = [exact_field.Quotient(reader.ring.field, denominator, ()) for denominator in reader.ring.field.denominators]
-    return [ideal for quotient in found for ideal in reader.ideals(quotient)]
+    divisors = [whole, *(exact_field.Quotient(ring.field, denominator, ()) for denominator in ring.field.denominators)]
+    ideals = [*(ideal for each in divisors for ideal in reader.ideals(each)), *reader.inside_functions()]
+    return SideConditions(tuple(ideals), reader.is_doubtful(whole))
 
 
 def has_one_everywhere(system: SecondOrderSystem) -> bool:

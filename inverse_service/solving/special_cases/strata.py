@@ -11,6 +11,7 @@ unsolved, and the stratum says so.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -212,11 +213,12 @@ def _step(item: _Open) -> list[_Open]:
     simple = next((k for k, parts in enumerate(table) if len(parts) == 1 and _has_number_slope(parts[0])), None)
     if simple is not None:
         chosen = table[simple][0]
-        rest = [_product(parts) for k, parts in enumerate(table) if k != simple]
+        rest = [math.prod(parts[1:], start=parts[0]) for k, parts in enumerate(table) if k != simple]
         return _solved_linear([chosen], item.stratum, rest)
     if any(len(parts) > 1 for parts in table):
-        chosen_parts = min((parts for parts in table if len(parts) > 1), key=lambda parts: (len(parts), _size(parts)))
-        rest = [_product(parts) for parts in table if parts is not chosen_parts]
+        several = (parts for parts in table if len(parts) > 1)
+        chosen_parts = min(several, key=lambda parts: (len(parts), sum(map(len, parts))))
+        rest = [math.prod(parts[1:], start=parts[0]) for parts in table if parts is not chosen_parts]
         return [_Open((part, *rest), item.stratum) for part in chosen_parts]
     plain = [parts[0] for parts in table]
     return _solved_linear(plain, item.stratum, ()) or _solved_quadratic(plain, item.stratum)
@@ -235,17 +237,6 @@ def _has_number_slope(equation: fmpq_mpoly) -> bool:
         degree == 1 and coefficients_in(equation, index)[1].is_constant()
         for index, degree in enumerate(equation.degrees())
     )
-
-
-def _product(parts: Sequence[fmpq_mpoly]) -> fmpq_mpoly:
-    product = parts[0]
-    for part in parts[1:]:
-        product = product * part
-    return product
-
-
-def _size(parts: Sequence[fmpq_mpoly]) -> int:
-    return sum(map(len, parts))
 
 
 def _linear_choices(equations: Sequence[fmpq_mpoly]) -> Iterator[tuple[tuple[int, int, int], int, int]]:
