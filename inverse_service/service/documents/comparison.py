@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from time import thread_time
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from inverse_service import errors
@@ -25,7 +26,7 @@ from inverse_service.service.documents import accepting, preparing
 
 if TYPE_CHECKING:
     from api_schemas.system import SystemDocument
-    from inverse_service.mechanics.constrained_motion import ConstrainedMotion, NonholonomicSystem
+    from inverse_service.mechanics.constrained_motion import ConstrainedMotion
 
 
 def compared_with_document(document: Any, canonical: Canonical, time_limit: float = 60.0) -> checker.CheckResult:
@@ -66,10 +67,8 @@ def _compared(document: Any, canonical: Canonical, end: float) -> checker.CheckR
 
 
 def _compared_motion(document: Any, canonical: Canonical, end: float) -> checker.CheckResult:
-    # Imported where it is needed: it takes 0.05 s, which a single call for another system notices.
-    motion = _nonholonomic(document)
-    functions = dict(motion.functions)
-    names = Names(motion.coordinates, motion.parameters, functions)
+    motion = _of_motions().nonholonomic_of(document)
+    names = Names(motion.coordinates, motion.parameters, dict(motion.functions))
     return _named(names, canonical) or motion_agrees(motion, canonical, end - now())
 
 
@@ -80,18 +79,17 @@ def compared_claim(document: Any, certificate: Mapping[str, Any], time_limit: fl
     """
     from inverse_service.constrained.hamiltonise import vanish
     from inverse_service.constrained.lagrangian import first_system
-    from inverse_service.service.documents.nonholonomic_documents import look_motion, read_given_motion
 
     try:
         document = preparing.prepared(document).document
         claimed = _claimed(_with_velocities(certificate["system"], document))
         if preparing.is_motion(document):
-            given = read_given_motion(look_motion(document))
+            given = _of_motions().motion_of(document)
             pairs = zip(given.free_accelerations, claimed.free_accelerations, strict=True)
             trees, differ = [ex.subtract(*pair) for pair in pairs], given.free != claimed.free
             constraints = [v - w for v, w in given.on_constraints.items()]
         else:
-            made = _nonholonomic(document)
+            made = _of_motions().nonholonomic_of(document)
             constraints, trees, differ = (
                 list(made.constraints),
                 [],
@@ -123,10 +121,10 @@ def _with_velocities(system: Mapping[str, Any], document: Any) -> Mapping[str, A
     if system.get("velocities") is not None:
         return system
     from inverse_service.constrained.nonholonomic_study import motion_report
-    from inverse_service.service.documents.nonholonomic_documents import look_motion, read_given_motion
 
+    read = _of_motions()
     given = preparing.is_motion(document)
-    motion = read_given_motion(look_motion(document)) if given else motion_report(_nonholonomic(document)).motion
+    motion = read.motion_of(document) if given else motion_report(read.nonholonomic_of(document)).motion
     rates = zip(motion.dependent, motion.dependent_velocities, strict=True)
     velocities = {name: to_text(rate) for name, rate in rates if name not in system["coordinates"]}
     coordinates = [*system["coordinates"], *velocities]
@@ -142,10 +140,11 @@ def _claimed(system: Mapping[str, Any]) -> ConstrainedMotion:
     )
 
 
-def _nonholonomic(document: Any) -> NonholonomicSystem:
-    from inverse_service.service.documents.nonholonomic_documents import to_nonholonomic, to_nonholonomic_schema
+def _of_motions() -> ModuleType:
+    """The module of motions on constraints: it takes 0.05 s, which a single call for another system notices."""
+    from inverse_service.service.documents import nonholonomic_documents
 
-    return to_nonholonomic(to_nonholonomic_schema(document))
+    return nonholonomic_documents
 
 
 def _texts(schema: SystemDocument, names: Names) -> list[GivenText | None]:
@@ -394,12 +393,10 @@ def image_agrees(document: Any, shown: Mapping[str, Any], names: Names) -> bool 
     """
     from inverse_service.constrained.hamiltonise import rank_at_point
     from inverse_service.mechanics.constrained_motion import equations_of_motion
-    from inverse_service.service.documents import nonholonomic_documents
 
     if not isinstance(document, dict) or "lagrangian" not in document:
         return None
-    schema = nonholonomic_documents.to_nonholonomic_schema(document)
-    motion = equations_of_motion(nonholonomic_documents.to_nonholonomic(schema))
+    motion = equations_of_motion(_of_motions().nonholonomic_of(document))
     listed = [reader.read_formula(text, names) for text in shown["constraints"]]
     if len(listed) != len(motion.dependent):
         return False

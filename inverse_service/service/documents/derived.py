@@ -17,7 +17,7 @@ from inverse_service import deadline, errors
 from inverse_service.decision import certify, deciding
 from inverse_service.decision.solutions import Answer, Solution, SolveOptions
 from inverse_service.explanation import positive
-from inverse_service.expressions import collecting, printing, tree as ex
+from inverse_service.expressions import collecting, derivative, printing, tree as ex
 from inverse_service.field import real_point
 from inverse_service.mechanics import second_order_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
@@ -41,7 +41,7 @@ Values = Mapping[ex.Expression, ex.Expression]
 
 def answered(system: SecondOrderSystem, answer: Answer) -> dict[str, Any]:
     """The equations and the answer as fields."""
-    fields = translate.answer_fields(answer, system) | translate.equation_fields(system)
+    fields = translate.answer_fields(answer) | translate.equation_fields(system)
     return {key: fields[key] for key in schemas.ClockPart.model_fields if key in fields}
 
 
@@ -112,14 +112,14 @@ def special_cases(
     found = case_tree.special_cases(system, asked.time_dependent, limit, progress, asked.seed)
     both = found.root.case.autonomous is not None and found.root.case.with_time is not None
     timed = list(_variational(found.root, True, False)) if both else None
-    return schemas.SpecialCasesPart(
+    return translate.part_of(
+        schemas.SpecialCasesPart,
+        found,
         tree=_node(found.root, asked.seed, end),
         variational_when=list(_variational(found.root, found.root.case.autonomous is None, False)),
         variational_when_with_time=timed,
         examined=len(found.examined),
-        complete=found.complete,
         complete_with_time=found.complete_with_time if both else None,
-        reasons=list(found.reasons),
     )
 
 
@@ -173,7 +173,6 @@ def _variational(node: Node, timed: bool, inside: bool) -> Iterator[schemas.Vari
 
 
 def _conditions_of(node: Node) -> list[schemas.Formula]:
-    from inverse_service.expressions import printing
     from inverse_service.solving.special_cases import case_tree
 
     return [
@@ -221,12 +220,10 @@ def _there(system: Mapping[str, Any], text: str) -> dict[str, Any] | None:
 
 def _root(tree: ex.Expression, name: str) -> dict[ex.Expression, ex.Expression] | None:
     """The parameter's value where the tree is 0, if it is a number times the parameter and what does not hold it."""
-    at = [collecting.collect(ex.substitute(tree, {ex.Symbol(name): ex.number(k)})) for k in range(3)]
-    slope = collecting.collect(at[1] - at[0])
-    is_linear = collecting.collect(at[2] - at[1] - slope) == ex.ZERO
-    if not is_linear or not isinstance(slope, ex.Number) or slope == ex.ZERO:
+    slope = collecting.collect(derivative.differentiate(tree, ex.Symbol(name)))
+    if not isinstance(slope, ex.Number) or slope == ex.ZERO:
         return None
-    return {ex.Symbol(name): collecting.collect(-at[0] / slope)}
+    return {ex.Symbol(name): collecting.collect(-ex.substitute(tree, {ex.Symbol(name): ex.ZERO}) / slope)}
 
 
 # The key `instead`: the first alternative that is quickly found where there is no L(q, q').

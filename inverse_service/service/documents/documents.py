@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 from api_schemas.base import ParseAnswer
 from inverse_service import errors
 from inverse_service.deadline import now, whole
-from inverse_service.decision.solutions import SolveOptions
+from inverse_service.decision.solutions import SolveOptions, questions
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading import reader
 from inverse_service.service.documents import accepting, answers, checking, derived, preparing, translate
@@ -230,10 +230,9 @@ def with_one_verdict(document: dict[str, Any]) -> dict[str, Any]:
 
 def _wanted(schema: SystemDocument, system: SecondOrderSystem, kinds: bool) -> tuple[str, ...]:
     """The parts of the result that is asked for, in the order of wanting."""
-    asked = schema.time_dependent_lagrangian
-    questions = (system.depends_on_time or asked is True, asked is not False or system.depends_on_time)
-    parts = ("conditions", "existence", *["existence_with_time"] * questions[1], "certificate", "lagrangian")
-    second = ["lagrangian_with_time"] * (questions == (False, True))
+    wants_plain, wants_time = questions(schema.time_dependent_lagrangian, system)
+    parts = ("conditions", "existence", *["existence_with_time"] * wants_time, "certificate", "lagrangian")
+    second = ["lagrangian_with_time"] * (wants_plain and wants_time)
     last = [*["first_integrals"] * schema.first_integrals, *["kinds"] * kinds, *["clock"] * bool(schema.clock)]
     return (*parts, *second, "hamiltonian", *last, "explanation")
 

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
-from typing import Any
 
 from api_schemas.result import KindPart, ResultDocument
 from api_schemas.system import InvariantKind, SystemDocument
@@ -16,7 +15,7 @@ from inverse_service.expressions.tree import Expression, Number, Power, Product,
 from inverse_service.mechanics.second_order_system import SecondOrderSystem, on_branch
 from inverse_service.reading.names import Names
 from inverse_service.service.documents.accepting import formula_about
-from inverse_service.service.documents.translate import formula, lagrangian_part, plain
+from inverse_service.service.documents.translate import lagrangian_part, part_of
 from inverse_service.solving.definite import answer_definite
 from inverse_service.solving.kind_answers import KindAnswer, answer_kind, answer_rayleigh
 from inverse_service.solving.solving import solve
@@ -113,26 +112,19 @@ def _rayleigh(solution: Solution, _: LagrangianKind, asked: SolveOptions, deadli
         return [] if found is None or known is None else [one.expression for one in (known, *found.other_lagrangians)]
 
     try:
-        analysis, given = analyze(solution.system), given_of(asked, solution.system)
+        analysis = analyze(solution.system)
+        given = tuple(on_branch(equation, solution.system) for equation in asked.given)
         return answer_rayleigh(analysis, given, natural, asked.seed, deadline)
     except IrreducibleAtoms as problem:
         return KindAnswer("undetermined", problem.detail)
 
 
-def given_of(asked: SolveOptions, system: SecondOrderSystem) -> tuple[Expression, ...]:
-    return tuple(on_branch(equation, system) for equation in asked.given)
-
-
 def kind_part(found: KindAnswer) -> KindPart:
-    certificate: dict[str, Any] | None = None if found.certificate is None else plain(found.certificate)
-    drag = found.dissipation
-    return KindPart(
-        verdict=found.verdict,
-        reason=found.reason,
-        certificate=certificate,
-        checked=None if certificate is None else "valid",
+    return part_of(
+        KindPart,
+        found,
+        checked=None if found.certificate is None else "valid",
         lagrangian=None if found.lagrangian is None else lagrangian_part(found.lagrangian),
-        dissipation=None if drag is None else formula(drag),
-        near=(certificate or {}).get("near") or {},
+        near=(found.certificate or {}).get("near") or {},
         exceptions=list(found.exceptions),
     )

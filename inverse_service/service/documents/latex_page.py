@@ -121,13 +121,9 @@ def names_of(system: Mapping[str, Any] | None) -> Names:
     """The names that formulas about a system have, its momenta and the entries of g among them."""
     if system is None:
         return Names()
-    n, coordinates = len(system["coordinates"]), tuple(system["coordinates"])
+    n = len(system["coordinates"])
     entries = [f"{letter}_{i}{j}" for letter in "gh" for i in range(1, n + 1) for j in range(i, n + 1)]
-    functions = {name: tuple(arguments) for name, arguments in (system.get("functions") or {}).items()}
-    time = system.get("time", "t")
-    words = [*system["parameters"], *(f"p_{name}" for name in coordinates), *entries, "L", "H", time]
-    taken = {*coordinates, *functions, "t"}
-    return Names(coordinates, tuple(dict.fromkeys(word for word in words if word not in taken)), functions)
+    return text_page.names_in(system, [*(f"p_{name}" for name in system["coordinates"]), *entries, "L", "H"])
 
 
 def _formula(formula: str) -> str:

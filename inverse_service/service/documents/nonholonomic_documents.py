@@ -54,6 +54,11 @@ def to_nonholonomic(schema: schemas.NonholonomicDocument) -> constrained_motion.
     )
 
 
+def nonholonomic_of(document: Any) -> constrained_motion.NonholonomicSystem:
+    """The system of a prepared document; raises InputError."""
+    return to_nonholonomic(to_nonholonomic_schema(document))
+
+
 def to_families(
     schema: schemas.NonholonomicDocument, system: constrained_motion.NonholonomicSystem
 ) -> list[tuple[ex.Expression, ...]]:
@@ -68,25 +73,6 @@ def to_families(
     ]
 
 
-def to_nonholonomic_parse_answer(
-    system: constrained_motion.NonholonomicSystem,
-    motion: constrained_motion.EquationsOfMotion,
-    schema: schemas.NonholonomicDocument,
-) -> schemas.NonholonomicParseAnswer:
-    """The interpretation: Lagrangian, constraints, and the accelerations that follow."""
-    return translate.part_of(
-        schemas.NonholonomicParseAnswer,
-        system,
-        functions=translate.function_fields(system),
-        equations={name: translate.parsed(f) for name, f in zip(system.coordinates, motion.accelerations, strict=True)},
-        depends_on_time=any(node == ex.TIME for f in motion.accelerations for node in ex.walk(f)),
-        guessed=translate.guessed_names(schema, system),
-        readings=[],
-        lagrangian=translate.parsed(system.lagrangian),
-        constraints=[translate.parsed(tree) for tree in system.constraints],
-    )
-
-
 def to_nonholonomic_part(study: nonholonomic_study.Study, kept: Sequence[FirstIntegral]) -> schemas.NonholonomicPart:
     """The key `nonholonomic` of a result."""
     system = study.report.motion.system
@@ -94,20 +80,14 @@ def to_nonholonomic_part(study: nonholonomic_study.Study, kept: Sequence[FirstIn
         lagrangian=translate.formula(system.lagrangian),
         constraints=[translate.formula(tree) for tree in system.constraints],
         main=study.answers[study.main].associated.kind,
-        **_motion_fields(study.report),
+        equations_of_motion=_motion(study.report.motion),
+        integrable=_integrability(study.report),
+        measure_density=_measure(study.report),
+        paper_class=_class(study.report),
         first_integrals=[translate.integral_part(each) for each in kept],
         associated=[_associated(one, place == study.main) for place, one in enumerate(study.answers)],
         hamiltonisation=[_hamiltonisation(report) for one in study.answers for report in one.reports],
     )
-
-
-def _motion_fields(report: nonholonomic_study.MotionReport) -> dict[str, Any]:
-    return {
-        "equations_of_motion": _motion(report.motion),
-        "integrable": _integrability(report),
-        "measure_density": _measure(report),
-        "paper_class": _class(report),
-    }
 
 
 def _motion(motion: constrained_motion.EquationsOfMotion) -> schemas.MotionPart:
@@ -263,7 +243,7 @@ def _associated(one: nonholonomic_study.AssociatedAnswer, is_main: bool) -> sche
     system, solution, answer = one.associated.system, one.solution, one.answer
     if system is None or solution is None or answer is None:
         return schemas.AssociatedPart(kind=one.associated.kind, defined=False, explanation=one.associated.explanation)
-    fields = translate.answer_fields(answer, system)
+    fields = translate.answer_fields(answer)
     return schemas.AssociatedPart(
         kind=one.associated.kind,
         defined=True,
@@ -331,7 +311,7 @@ def solve_motion(document: Any, options: solutions.SolveOptions, grow: Growing) 
     question = schema.time_dependent_lagrangian
     grow.wanted = ("any_associated", "reduced")
     grow.begin("reduced")
-    plain = decided_reduced(motion, None, options.seed, SHARE_OF_REDUCED * (end - now()))
+    plain = deciding.decide_reduced(motion, None, _for_reduced(options, SHARE_OF_REDUCED * (end - now())))
     own = None if plain is None else plain.answer
     grow.begin("any_associated")
     answer = answering.answer_motion(motion, (), question, options.seed, end, grow.stage, reduced=own)
@@ -343,7 +323,10 @@ def solve_motion(document: Any, options: solutions.SolveOptions, grow: Growing) 
     whole = schemas.NonholonomicResult(**told, nonholonomic=None, any_associated=about)
     grow.hand_over(("any_associated",), lambda: compared(whole, end - now()))
     grow.begin("reduced")
-    reduced = reduced_part_of_motion(motion, plain, options.seed, end - now())
+    reduced = None  # there is no measure that would give a clock
+    if plain is not None:
+        limits = _for_reduced(options, end - now())
+        reduced = _part(deciding.answer_reduced(motion, None, None, limits, plain))
     grow.begin("certificate")
     return grow.end(compared(whole.model_copy(update={"reduced": reduced}), end - now()))
 
@@ -372,36 +355,18 @@ def read_given_motion(schema: schemas.MotionDocument) -> constrained_motion.Cons
     )
 
 
+def motion_of(document: Any) -> constrained_motion.ConstrainedMotion:
+    """The motion that a prepared document gives; raises InputError."""
+    return read_given_motion(look_motion(document))
+
+
 QUADRATURE = "Along a solution of these equations the other coordinates follow by integrating the right sides over t."
 CLOSED = "The equations of these coordinates contain no other coordinates; those follow from the equations of motion."
 
 
-def decided_reduced(
-    motion: constrained_motion.ConstrainedMotion, lagrangian: ex.Expression | None, seed: int, time_limit: float
-) -> deciding.Decided | None:
-    """The reduced system with its answer, None where the motion does not reduce."""
-    options = solutions.SolveOptions(seed=seed, time_limit=max(0.1, time_limit), conditions=False)
-    return deciding.decide_reduced(motion, lagrangian, options)
-
-
-def reduced_part(
-    report: nonholonomic_study.MotionReport, plain: deciding.Decided | None, seed: int, time_limit: float
-) -> schemas.ReducedPart | None:
-    """With another clock besides; where the free coordinates hold others, the answer of a closed subsystem."""
-    options = solutions.SolveOptions(seed=seed, time_limit=max(0.1, time_limit), conditions=False)
-    motion = report.motion
-    if plain is not None:
-        return _part(deciding.answer_reduced(motion, motion.system.lagrangian, report.density, options, plain))
-    closed = deciding.closed_subsystem(report.exact, motion)
-    return None if closed is None else _part(deciding.answer_closed(closed, options))
-
-
-def reduced_part_of_motion(
-    motion: constrained_motion.ConstrainedMotion, plain: deciding.Decided | None, seed: int, time_limit: float
-) -> schemas.ReducedPart | None:
-    """The same of a motion that is given as it is: there is no measure that would give a clock."""
-    options = solutions.SolveOptions(seed=seed, time_limit=max(0.1, time_limit), conditions=False)
-    return None if plain is None else _part(deciding.answer_reduced(motion, None, None, options, plain))
+def _for_reduced(options: solutions.SolveOptions, time_limit: float) -> solutions.SolveOptions:
+    """What is asked about the reduced system."""
+    return solutions.SolveOptions(seed=options.seed, time_limit=max(0.1, time_limit), conditions=False)
 
 
 def _part(found: deciding.Reduced) -> schemas.ReducedPart:
@@ -424,20 +389,18 @@ def systems_of_reduced(
     """The reduced system of the document, and this in the clock of `with_clock`; None where there is none."""
     clock = part.get("with_clock")
     try:
-        system = _of_document(preparing.prepared(document).document)
+        document = preparing.prepared(document).document
+        if preparing.is_motion(document):
+            system = deciding.reduced_system(motion_of(document))
+        else:
+            report = nonholonomic_study.motion_report(nonholonomic_of(document))
+            system = deciding.reduced_system(report.motion) or deciding.closed_subsystem(report.exact, report.motion)
         if system is None or not isinstance(clock, dict):
             return system, None
         factor = derived.read_clock(system, str(clock.get("factor")))
     except errors.InputError:
         return None, None
     return system, derived.in_clock(clock, system, factor)
-
-
-def _of_document(document: Any) -> SecondOrderSystem | None:
-    if preparing.is_motion(document):
-        return deciding.reduced_system(read_given_motion(look_motion(document)))
-    report = nonholonomic_study.motion_report(to_nonholonomic(to_nonholonomic_schema(document)))
-    return deciding.reduced_system(report.motion) or deciding.closed_subsystem(report.exact, report.motion)
 
 
 # Of the time for all, what finding the motion and what it keeps may take.
@@ -490,13 +453,13 @@ def solve_nonholonomic(document: Any, options: solutions.SolveOptions, grow: Gro
         "explanation",
     )
     last = end - SHARE_LEFT * options.time_limit
-    made = _Made(schema, report, grow, last)
+    made = _Made(schema, report, options, grow, last, documents.checked)
     first = [nonholonomic_study.Study(report, (_unasked(defined, NOT_YET),), 0)]
     made.tell(("motion",), first)
     asked = dataclasses.replace(
         options,
         time_dependent=schema.time_dependent_lagrangian,
-        time_limit=_share(schema) * (end - now()),
+        time_limit=SHARE_OF_SYSTEMS / (2 if schema.special_cases else 1) * (end - now()),
         ansatz=accepting.to_ansatz(schema, defined.system),
         series_order=schema.series_order,
     )
@@ -509,15 +472,7 @@ def solve_nonholonomic(document: Any, options: solutions.SolveOptions, grow: Gro
     if main.solution is not None:
         grow.cut |= main.solution.cut
     made.tell((*decided, "explanation"), studies)
-    own = made.begin_reduced(options.seed)
-    for place, study in enumerate(studies):
-        grow.begin("any_associated")
-        limit = share(SHARE_OF_ANY / (len(studies) - place), last)
-        made.ask(study, asked, limit, own, lambda: made.tell((), studies) if len(studies) == 1 else None)
-    made.tell(("any_associated",), studies)
-    made.find_first_integrals(options)
-    made.tell(("first_integrals",), studies)
-    made.end_reduced(options.seed)
+    made.ask_about_the_motion(studies, asked, SHARE_OF_ANY)
     whole = made.whole(studies)
     if schema.special_cases:
         assert main.associated.system is not None
@@ -533,41 +488,56 @@ def solve_nonholonomic(document: Any, options: solutions.SolveOptions, grow: Gro
 
 @dataclasses.dataclass(slots=True)
 class _Made:
-    """The known results about a motion: `answers` about any associated system by branch, the `reduced` system."""
+    """The known results about a motion: `answers` about any associated system by branch, the `reduced` system.
+
+    `check` makes the document of the whole result, with the time that it may take.
+    """
 
     schema: schemas.NonholonomicDocument
     report: nonholonomic_study.MotionReport
+    options: solutions.SolveOptions
     grow: Growing
     last: float
+    check: Callable[[schemas.NonholonomicResult, float], dict[str, Any]]
     answers: list[answering.MotionAnswer] = dataclasses.field(default_factory=list)
-    plain: deciding.Decided | None = None
     reduced: schemas.ReducedPart | None = None
     kept: tuple[FirstIntegral, ...] = ()
 
-    def find_first_integrals(self, options: solutions.SolveOptions) -> None:
-        """The first integrals of the motion."""
-        if self.schema.first_integrals:
-            self.grow.begin("first_integrals")
-            limit = min(FOR_INTEGRALS, SHARE_OF_INTEGRALS * options.time_limit)
-            self.kept = nonholonomic_study.first_integrals(self.report, options.seed, limit)
-
     def tell(self, parts: Sequence[str], studies: Sequence[nonholonomic_study.Study]) -> None:
         """Hand over these parts, and with them all that is known."""
-        self.grow.hand_over(parts, lambda: documents.checked(self.whole(studies), max(1.0, self.last - now())))
+        self.grow.hand_over(parts, lambda: self.check(self.whole(studies), max(1.0, self.last - now())))
 
-    def begin_reduced(self, seed: int) -> solutions.Answer | None:
-        """The answer for the reduced system as it is, which answers for the motion too where it is a yes."""
+    def ask_about_the_motion(
+        self, studies: Sequence[nonholonomic_study.Study], asked: solutions.SolveOptions, part: float
+    ) -> None:
+        """Any associated system, in this part of the time, first integrals, and the reduced system with its clocks.
+
+        The answer for the reduced system as it is, which comes first, answers for the motion too where it is a yes.
+        """
+        motion, density = self.report.motion, self.report.density
+        lagrangian = motion.system.lagrangian
         self.grow.begin("reduced")
-        motion, limit = self.report.motion, SHARE_OF_REDUCED * (self.last - now())
-        self.plain = decided_reduced(motion, motion.system.lagrangian, seed, limit)
-        return None if self.plain is None else self.plain.answer
-
-    def end_reduced(self, seed: int) -> None:
-        """With other clocks, in the time that is left."""
+        limits = _for_reduced(self.options, SHARE_OF_REDUCED * (self.last - now()))
+        plain = deciding.decide_reduced(motion, lagrangian, limits)
+        for left, study in zip(range(len(studies), 0, -1), studies, strict=True):
+            self.grow.begin("any_associated")
+            own = None if plain is None else plain.answer
+            tell = partial(self.tell, (), studies) if len(studies) == 1 else lambda: None
+            self._ask(study, asked, share(part / left, self.last), own, tell)
+        self.tell(("any_associated",), studies)
+        if self.schema.first_integrals:
+            self.grow.begin("first_integrals")
+            limit = min(FOR_INTEGRALS, SHARE_OF_INTEGRALS * self.options.time_limit)
+            self.kept = nonholonomic_study.first_integrals(self.report, self.options.seed, limit)
+        self.tell(("first_integrals",), studies)
         self.grow.begin("reduced")
-        self.reduced = reduced_part(self.report, self.plain, seed, self.last - now())
+        limits = _for_reduced(self.options, self.last - now())
+        if plain is not None:
+            self.reduced = _part(deciding.answer_reduced(motion, lagrangian, density, limits, plain))
+        elif (closed := deciding.closed_subsystem(self.report.exact, motion)) is not None:
+            self.reduced = _part(deciding.answer_closed(closed, limits))
 
-    def ask(
+    def _ask(
         self,
         study: nonholonomic_study.Study,
         asked: solutions.SolveOptions,
@@ -624,22 +594,14 @@ def _about_the_motion(
     if one.system is None:
         raise errors.InputError(one.explanation, "/associated")
     last = end - SHARE_LEFT * options.time_limit
-    grow.wanted, made = ("motion", "any_associated", "first_integrals", "reduced"), _Made(schema, report, grow, last)
+    grow.wanted = ("motion", "any_associated", "first_integrals", "reduced")
+    made = _Made(schema, report, options, grow, last, compared)
     answered = map(_unasked, nonholonomic_study.on_branches(one))
     studies = [nonholonomic_study.Study(report, (each,), 0) for each in answered]
-    grow.hand_over(("motion",), lambda: compared(made.whole(studies), 1.0))
+    made.tell(("motion",), studies)
     asked = dataclasses.replace(options, time_dependent=schema.time_dependent_lagrangian)
-    own = made.begin_reduced(options.seed)
-    told = partial(grow.hand_over, (), lambda: compared(made.whole(studies), 1.0))
-    for left, study in zip(range(len(studies), 0, -1), studies, strict=True):
-        grow.begin("any_associated")
-        # Other clocks of the reduced system, which come after, have a floor too.
-        limit = share((1 - SHARE_OF_REDUCED) / left, last)
-        made.ask(study, asked, limit, own, told if len(studies) == 1 else lambda: None)
-    grow.hand_over(("any_associated",), lambda: compared(made.whole(studies), max(1.0, end - now())))
-    made.find_first_integrals(options)
-    grow.hand_over(("first_integrals",), lambda: compared(made.whole(studies), 1.0))
-    made.end_reduced(options.seed)
+    # Other clocks of the reduced system, which come after, have a floor too.
+    made.ask_about_the_motion(studies, asked, 1 - SHARE_OF_REDUCED)
     grow.begin("certificate")
     return grow.end(compared(made.whole(studies), end - now()))
 
@@ -651,10 +613,6 @@ def _unasked(one: AssociatedSystem, reason: str = ONLY_THE_MOTION) -> nonholonom
         "undetermined", reason=reason, positive=tuple(map(collecting.collect, one.system.positive))
     )
     return nonholonomic_study.AssociatedAnswer(one, solutions.Solution(one.system, answer, None, None))
-
-
-def _share(schema: schemas.NonholonomicDocument) -> float:
-    return SHARE_OF_SYSTEMS / 2 if schema.special_cases else SHARE_OF_SYSTEMS
 
 
 def _with_images(main: nonholonomic_study.AssociatedAnswer) -> solutions.Solution:
@@ -676,10 +634,16 @@ def _imaged(main: nonholonomic_study.AssociatedAnswer, answer: solutions.Answer 
 
 
 def parse(schema: schemas.NonholonomicDocument) -> schemas.NonholonomicParseAnswer:
-    """The interpretation of a Nonholonomic document; raises InputError."""
+    """Lagrangian, constraints, and the accelerations that follow; raises InputError."""
     system = to_nonholonomic(schema)
     to_families(schema, system)
-    return to_nonholonomic_parse_answer(system, constrained_motion.equations_of_motion(system), schema)
+    forces = constrained_motion.equations_of_motion(system).accelerations
+    motion = SecondOrderSystem(system.coordinates, forces, system.parameters, system.functions, system.name)
+    return schemas.NonholonomicParseAnswer(
+        **dict(translate.to_parse_answer(motion, schema)),
+        lagrangian=translate.parsed(system.lagrangian),
+        constraints=[translate.parsed(tree) for tree in system.constraints],
+    )
 
 
 def parse_associated(schema: schemas.NonholonomicDocument) -> dict[str, Any] | None:

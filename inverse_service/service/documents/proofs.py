@@ -17,8 +17,6 @@ from inverse_service.reading.names import Names
 
 TERM_LIMIT = 20_000
 TIME_LIMIT = 10.0
-COMMENTS = {"coq": "(* {} *)\n"}
-WRITERS = {"coq": coq}
 
 
 class NoTheorem(Exception):
@@ -32,9 +30,8 @@ def proof_document(result: dict[str, Any], form: str, seed: int) -> str:
     if form == "identities":
         found = {"theorems": identities(theorems), "domain": domain, "reason": reason}
         return json.dumps(found, ensure_ascii=False, indent=2) + "\n"
-    if not theorems:
-        return COMMENTS[form].format(reason)
-    return WRITERS[form](theorems) + "".join(COMMENTS[form].format(line) for line in _about(result))
+    lines = _about(result) if theorems else [reason]
+    return (coq(theorems) if theorems else "") + "".join(f"(* {line} *)\n" for line in lines)
 
 
 def _about(result: dict[str, Any]) -> list[str]:

@@ -251,9 +251,10 @@ def _complexity(lagrangian: str, system: Mapping[str, Any]) -> int:
 
 def names_in(system: Mapping[str, Any], letters: Iterable[str] = ()) -> Names:
     """The names of the formulas of a result, its own name of the time among them; `letters` are additional ones."""
-    functions = {name: tuple(arguments) for name, arguments in system["functions"].items()}
+    functions = {name: tuple(arguments) for name, arguments in (system.get("functions") or {}).items()}
     words = dict.fromkeys((*system["parameters"], *letters, system.get("time", "t")))
-    return Names(tuple(system["coordinates"]), tuple(word for word in words if word != "t"), functions)
+    taken = {*system["coordinates"], *functions, "t"}
+    return Names(tuple(system["coordinates"]), tuple(word for word in words if word not in taken), functions)
 
 
 def _degree(tree: ex.Expression, rational: bool = False) -> int | None:

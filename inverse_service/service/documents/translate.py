@@ -46,13 +46,9 @@ def guessed_names(schema: AnyDocument, system: SecondOrderSystem | NonholonomicS
     declared = Declared(schema.coordinates, schema.parameters, schema.functions)
     if not declared.guesses:
         return []
-    known = {_plain_name(name) for name in (*declared.named_parameters(), *schema.functions)}
+    known = {declared_name(name, "") for name in (*declared.named_parameters(), *schema.functions)}
     names = (*system.parameters, *dict(system.functions))
     return [name for name in names if name not in known]
-
-
-def _plain_name(name: str) -> str:
-    return declared_name(name, "")
 
 
 def to_understood(system: SecondOrderSystem, schema: AnyDocument) -> schemas.UnderstoodSystem:
@@ -104,21 +100,17 @@ def to_result(
         **_both_answers(solution, schema),
         conditions=_conditions(solution.conditions),
         branches=[schemas.BranchPart(**_both_answers(branch, schema)) for branch in branches],
-        not_answered=[_not_answered(one, solution.system) for one in left],
+        not_answered=[_not_answered(one) for one in left],
         advice=_advice(solution, schema.time_dependent_lagrangian),
         guessed=guessed_names(schema, solution.system),
         provenance={"program": "inverse-service", "version": __version__, **found},
     )
 
 
-def _not_answered(left: Left, system: SecondOrderSystem) -> schemas.NotAnsweredPart:
+def _not_answered(left: Left) -> schemas.NotAnsweredPart:
     named = {name_of(key): mpmath.nstr(value, 12) for key, value in (left.near or {}).items() if key != tower.RADIAN}
     near = {name: value for name, value in named.items() if name}
-    return schemas.NotAnsweredPart(
-        domain=certify.shortest(left.positive),
-        near=near,
-        reason=left.reason,
-    )
+    return schemas.NotAnsweredPart(domain=certify.shortest(left.positive), near=near, reason=left.reason)
 
 
 def _advice(solution: solutions.Solution, time_dependent: bool | None) -> schemas.AdvicePart:
@@ -136,8 +128,8 @@ def _both_answers(solution: solutions.Solution, schema: Asking) -> dict[str, Any
     main, other = main_and_other(solution, schema.time_dependent_lagrangian)
     time = solution.with_time
     proven = _proven(main, time)
-    shown = answer_fields(main, solution.system)
-    second = None if other is None else answer_fields(other, solution.system)
+    shown = answer_fields(main)
+    second = None if other is None else answer_fields(other)
     if other is not None and second is not None:
         second["details"] = [step for step in second["details"] if step not in shown["details"]]
         second["exceptions"] = list(other.exceptions)
@@ -193,7 +185,7 @@ def _proven(main: solutions.Answer, time: solutions.Answer | None) -> solutions.
     return time if covers and time is not None else main
 
 
-def answer_fields(answer: solutions.Answer, system: SecondOrderSystem) -> dict[str, Any]:
+def answer_fields(answer: solutions.Answer) -> dict[str, Any]:
     """One answer as the fields of a result."""
     lagrangian, space = answer.lagrangian, answer.space
     return {
