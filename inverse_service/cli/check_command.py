@@ -79,7 +79,7 @@ def check(
 def _print(found: dict[str, Any], form: str | None, lines: Callable[[], list[str]]) -> None:
     """Print JSON into a pipe and lines on a terminal, unless the format is given."""
     plain = form == "json" or (form is None and not sys.stdout.isatty())
-    cli.write((json.dumps(found, ensure_ascii=False, indent=2) if plain else "\n".join(lines())) + "\n")
+    cli.write(cli.in_json(found) if plain else "\n".join(lines()) + "\n")
 
 
 def _document(name: str) -> Any:
@@ -189,10 +189,8 @@ def check_batch(name: str) -> cli.ExitCode:
                     cli.write(
                         f"line {number}, id {ids[number]}: {answer.get('verdict', 'error')}: {' '.join(reasons)}\n"
                     )
-    named = {what: NAMES.get(what, (what, what)) for what in (*sorted(summary.labels), *others)}
-    counts = [
-        f"{count} {named[what][count != 1]}" for what, count in (*sorted(summary.labels.items()), *others.items())
-    ]
+    found = (*sorted(summary.labels.items()), *others.items())
+    counts = [f"{count} {NAMES.get(what, (what, what))[count != 1]}" for what, count in found]
     cli.write(f"{', '.join(counts) or 'no lines'}.\n")
     return cli.ExitCode.OPEN if others["error"] or summary.labels.keys() - {"valid"} else cli.ExitCode.DONE
 

@@ -6,6 +6,7 @@ Each command is in a module of `COMMANDS`, which is loaded when its command is c
 import contextlib
 import gc
 import importlib
+import json
 import logging
 import os
 import sys
@@ -164,6 +165,11 @@ def read_bytes(name: str, limit: int = MAX_BYTES) -> bytes:
     if len(data) > limit:
         raise errors.LimitError(f"The file is larger than {limit} bytes; a document of one system is far smaller.")
     return data
+
+
+def in_json(value: Any) -> str:
+    """Lines of JSON as a person reads them."""
+    return json.dumps(value, ensure_ascii=False, indent=2, default=str) + "\n"
 
 
 def write(text: str, target: Path | None = None) -> None:

@@ -52,7 +52,7 @@ def simulate(
 
         animate(moving, summary, found["tables"])
     if folder is None:
-        cli.write(json.dumps(summary, ensure_ascii=False, indent=2) + "\n")
+        cli.write(cli.in_json(summary))
     else:
         write_files(folder, document, found, summary, figures)
         _show(page(summary), folder)
@@ -117,8 +117,7 @@ def write_files(folder: Path, document: Any, found: Mapping[str, Any], summary: 
         from inverse_service.service.figures.drawing import draw_simulation
 
         summary["figures"] = draw_simulation(folder, summary, tables, found["truth"])
-    text = json.dumps(summary | {"scene": document}, ensure_ascii=False, indent=2, default=str)
-    (folder / "summary.json").write_text(text + "\n", encoding="utf-8")
+    (folder / "summary.json").write_text(cli.in_json(summary | {"scene": document}), encoding="utf-8")
 
 
 def write_netcdf(path: Path, table: Mapping[str, Any], units: Mapping[str, str], metadata: str) -> None:
@@ -233,17 +232,14 @@ def work_precision(
         document = document | {"long": True}
     result = value_in_time(tasks.work_precision_task, document, time_limit or MEASURING_SECONDS)
     if folder is None:
-        cli.write(
-            price_list(result) if sys.stdout.isatty() else json.dumps(result, ensure_ascii=False, indent=2) + "\n"
-        )
+        cli.write(price_list(result) if sys.stdout.isatty() else cli.in_json(result))
         return cli.ExitCode.DONE
     from inverse_service.service.figures.price_curves import precision_figure
     from inverse_service.service.figures.style import save
 
     figure, caption = precision_figure(result, evaluations)
     result["figures"] = [{"files": save(figure, folder, "work-precision", caption), "caption": caption}]
-    text = json.dumps(result, ensure_ascii=False, indent=2)
-    (folder / "work-precision.json").write_text(text + "\n", encoding="utf-8")
+    (folder / "work-precision.json").write_text(cli.in_json(result), encoding="utf-8")
     (folder / "work-precision.csv").write_text(comma_table(result), encoding="utf-8")
     _show(price_list(result), folder)
     return cli.ExitCode.DONE

@@ -1,7 +1,6 @@
 """`inverse-service solve`; `catalogue`, the documents that come with the package; `warm`."""
 
 import functools
-import json
 import re
 import sys
 import time as clocks
@@ -305,7 +304,7 @@ def _proof(result: dict[str, Any], form: str, asked: model.JobOptions) -> str:
 
 def _written(result: dict[str, Any], form: str, explain: bool) -> str:
     if form == "json":
-        return json.dumps(result, ensure_ascii=False, indent=2) + "\n"
+        return cli.in_json(result)
     if form not in ("text", "latex"):
         from inverse_service.sympy import from_result
 
@@ -342,19 +341,15 @@ def catalogue(
         width = max((len(entry["name"]) for entry in entries), default=0)
         lines = [f"{entry['name']:<{width}}  {entry.get('title', '')}" for entry in entries]
         plain = {"systems": [{key: entry.get(key, "") for key in ("name", "title", "group")} for entry in entries]}
-        text = _indented(plain) if form == "json" else "\n".join(lines)
+        text = cli.in_json(plain) if form == "json" else "\n".join(lines) + "\n"
     else:
         entry = catalog.entry(name)
         expected = [(key, value) for key, value in entry.get("expected", {}).items() if isinstance(value, str)]
         lines = [entry.get("title", name), f"source: {entry.get('source', '')}"]
         lines += [f"expected: {key} = {value}" for key, value in expected]
-        text = "\n".join([*(lines if form == "text" else ()), _indented(entry["document"])])
-    cli.write(f"{text}\n")
+        text = "\n".join([*(lines if form == "text" else ()), cli.in_json(entry["document"])])
+    cli.write(text)
     return cli.ExitCode.DONE
-
-
-def _indented(value: Any) -> str:
-    return json.dumps(value, ensure_ascii=False, indent=2)
 
 
 @cli.application.command()

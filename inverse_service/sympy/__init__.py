@@ -100,9 +100,9 @@ def _named(declared: Any) -> Any:
 def _name(each: Any) -> Any:
     if each is None or isinstance(each, bool | int | float | str):
         return each
-    from inverse_service.sympy.from_sympy import declared_text
+    from inverse_service.sympy.from_sympy import plain_name
 
-    return declared_text(each)
+    return plain_name(each)
 
 
 def _of_text(text: str) -> dict[str, Any]:

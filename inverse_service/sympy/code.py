@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import keyword
 import textwrap
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -74,6 +74,7 @@ _RUST = (
 )
 _JAVASCRIPT = ("function {name}({arguments}) {{", "  const {} = {};", "  return {};", "  return [{values}];", "}")
 
+_JAX_FUNCTIONS = ("lagrangian", "momenta", "hamiltonian")
 _JAX_HEAD = """import jax
 import jax.numpy as jnp
 
@@ -202,13 +203,26 @@ def program(answer: Answer, language: str) -> str:
         listed = ", ".join([*WHOLE, *LANGUAGES])
         raise InputError(f"There is no code in '{language[:20]}': the languages are {listed}.")
     chosen = LANGUAGES[language]
-    parts = []
+    parts = [
+        chosen.comment.format(left_out) if left_out else _function(answer, what, chosen)
+        for what, left_out in known_quantities(answer)
+    ]
+    return chosen.start + "\n\n".join(parts) + "\n"
+
+
+def known_quantities(answer: Answer) -> Iterator[tuple[str, str]]:
+    """What the answer has, each with why it is left out of a program, which is empty where it is not.
+
+    That is an integral in it, for which only SymPy's program has a class.
+    """
+    integrals = (answer._shown.get("integrals") or {}).keys()
     for what in QUANTITIES:
         quantity = quantity_of(answer, what)
         if quantity is not None:
-            left_out = without_formula(answer, what, quantity)
-            parts.append(chosen.comment.format(left_out) if left_out else _function(answer, what, chosen))
-    return chosen.start + "\n\n".join(parts) + "\n"
+            functions = sympy.Tuple(*sympy.flatten([quantity])).atoms(sympy.Function)
+            found = sorted({call.func.__name__ for call in functions} & integrals)
+            without = next((f"{name} is an integral without a formula. The format sympy has it." for name in found), "")
+            yield what, f"{what} is left out: {without}" if without else ""
 
 
 def quantity_of(answer: Answer, what: str) -> Any:
@@ -290,13 +304,6 @@ def refuse_functions(expressions: Sequence[Any]) -> None:
     """InputError for arbitrary functions, which no language knows."""
     if any(each.atoms(AppliedUndef, sympy.Subs) for each in expressions):
         raise InputError("The system has arbitrary functions, and code needs formulas for them: give them by 'where'.")
-
-
-def without_formula(answer: Answer, what: str, quantity: Any) -> str:
-    """Why a quantity is left out: the integral in it for which only SymPy's program has a class; "" where it is not."""
-    called = {call.func.__name__ for call in sympy.Tuple(*sympy.flatten([quantity])).atoms(sympy.Function)}
-    found = sorted(called & (answer._shown.get("integrals") or {}).keys())
-    return f"{what} is left out: {found[0]} is an integral without a formula. The format sympy has it." if found else ""
 
 
 def _returned(texts: list[str], language: Language) -> list[str]:
@@ -418,22 +425,16 @@ def _python_words(answer: Answer) -> dict[Any, str]:
 
 def jax_program(answer: Answer) -> str:
     """With `diffrax.ODETerm(vector_field)` the motion of y = (q, v); args are the parameters in their order."""
-    parts = [_jax_function(answer, "vector_field", _field(answer))]
-    for what in ("lagrangian", "momenta", "hamiltonian"):
-        quantity = quantity_of(answer, what)
-        if quantity is None:
-            continue
-        if left_out := without_formula(answer, what, quantity):
-            parts.append(f"# {left_out}")
-        else:
-            lines = [f"# {what}: where {one}" for one in conditions_of(answer, what)]
-            parts.append("\n".join([*lines, _jax_function(answer, what, quantity)]))
-    return _JAX_HEAD + "\n\n" + "\n\n\n".join(parts) + "\n"
-
-
-def _field(answer: Answer) -> list[Any]:
     table = answer._table
-    return [*(table.velocity(name) for name in table.coordinates), *answer.accelerations]
+    field = [*(table.velocity(name) for name in table.coordinates), *answer.accelerations]
+    parts = [_jax_function(answer, "vector_field", field)]
+    for what, left_out in known_quantities(answer):
+        if left_out and what in _JAX_FUNCTIONS:
+            parts.append(f"# {left_out}")
+        elif what in _JAX_FUNCTIONS:
+            lines = [f"# {what}: where {one}" for one in conditions_of(answer, what)]
+            parts.append("\n".join([*lines, _jax_function(answer, what, quantity_of(answer, what))]))
+    return _JAX_HEAD + "\n\n" + "\n\n\n".join(parts) + "\n"
 
 
 def _jax_function(answer: Answer, name: str, value: Any) -> str:
@@ -472,19 +473,15 @@ def modelingtoolkit_program(answer: Answer) -> str:
     pairs = zip(names.values(), answer.accelerations, strict=True)
     lines += ["equations = [", *(f"    D(D({name})) ~ {text(f)}," for name, f in pairs), "]"]
     lines.append("@named motion = System(equations, t)")
-    lagrangian, hamiltonian = answer.lagrangian, answer.hamiltonian
-    if lagrangian is not None and (left_out := without_formula(answer, "lagrangian", lagrangian)):
-        lines.append(f"# {left_out}")
-    elif lagrangian is not None:
-        lines += [f"# where {one}" for one in conditions_of(answer, "lagrangian")]
-        lines.append(f"lagrangian = {text(lagrangian)}")
-    if hamiltonian is not None and (left_out := without_formula(answer, "hamiltonian", hamiltonian.expr)):
-        lines.append(f"# {left_out}")
-    elif hamiltonian is not None:
-        if not hamiltonian.implicit:
-            lines.append(f"@variables {' '.join(map(str, hamiltonian.momenta))}")
-        lines += [f"# where {one}" for one in conditions_of(answer, "hamiltonian")]
-        lines.append(f"hamiltonian = {text(hamiltonian.expr)}")
+    hamiltonian = answer.hamiltonian
+    for what, left_out in known_quantities(answer):
+        if what in ("lagrangian", "hamiltonian") and left_out:
+            lines.append(f"# {left_out}")
+        elif what in ("lagrangian", "hamiltonian"):
+            if what == "hamiltonian" and hamiltonian is not None and not hamiltonian.implicit:
+                lines.append(f"@variables {' '.join(map(str, hamiltonian.momenta))}")
+            lines += [f"# where {one}" for one in conditions_of(answer, what)]
+            lines.append(f"{what} = {text(quantity_of(answer, what))}")
     return "\n".join(lines) + "\n"
 
 

@@ -7,7 +7,7 @@ matrices and arrays; `verification` is a third opinion, by SymPy itself, on L an
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -53,7 +53,7 @@ class Table:
     @cached_property
     def momenta(self) -> dict[str, Any]:
         """The symbols p_x of the momenta."""
-        return {f"p_{name}": sympy.Symbol(f"p_{_plain(found)}") for name, found in self.coordinates.items()}
+        return {f"p_{name}": sympy.Symbol(f"p_{plain_name(found)}") for name, found in self.coordinates.items()}
 
     def symbol(self, name: str) -> Any:
         """The object of a name; a symbol of the same name for one that is not in the table."""
@@ -112,8 +112,9 @@ class Table:
         )
 
 
-def _plain(found: Any) -> str:
-    return str(found.func) if isinstance(found, AppliedUndef) else str(found)  # x(t), or the class f itself
+def plain_name(found: Any) -> str:
+    """The name or value of an object in a declaration: k for Symbol("k"), x for x(t), V for Function("V"), 2 for 2."""
+    return str(found.func) if isinstance(found, AppliedUndef) else str(found)
 
 
 def table_of_result(result: Mapping[str, Any], given: Mapping[str, Any] | None = None) -> Table:
@@ -133,16 +134,11 @@ def table_of_result(result: Mapping[str, Any], given: Mapping[str, Any] | None =
     )
 
 
-def declared_text(each: Any) -> str:
-    """The name or value of an object in a declaration: k for Symbol("k"), V for Function("V"), 2 for 2."""
-    return _plain(each)
-
-
 def names_for(objects: Iterable[Any]) -> dict[Any, str]:
     """A name for each object: its own where a document can declare it, else one like it."""
     used, found = set[str](), {}
     for each in objects:
-        wanted = _wanted(_plain(each))
+        wanted = _wanted(plain_name(each))
         name = next(word for word in (wanted, *(f"{wanted}_{k}" for k in range(2, 99))) if word not in used)
         used.add(name)
         found[each] = name
@@ -238,14 +234,37 @@ def read(
     elif (found := _lagrangian(system)) is not None:
         return _forward(found, coordinates, time, questions)
     given = _given(system, coordinates, velocities or {}, time)
+
+    def equations(table: Table, texts: Sequence[str]) -> dict[str, Any]:
+        if given.accelerations is None:
+            return {"equations": [f"{text} = 0" for text in texts]}
+        return {"equations": dict(zip((table_name(table, x) for x in given.accelerations), texts, strict=True))}
+
+    found = _reading(given, equations, questions)
+    return _of_pairs(found, given) if given.pairs else found
+
+
+def _reading(
+    given: _Given, keys: Callable[[Table, Sequence[str]], dict[str, Any]], questions: Mapping[str, Any]
+) -> Reading:
+    """The document with these keys of the texts of what is given; terms of an ansatz may be expressions."""
     table, leaves = _names(given)
-    equations: Any
-    if given.accelerations is not None:
-        equations = {table_name(table, x): to_text(_tree(f, given, leaves)) for x, f in given.accelerations.items()}
-    else:
-        equations = [f"{to_text(_tree(zero, given, leaves))} = 0" for zero in given.zeros]
-    document = {**_declared(table), "equations": equations, **_asked(questions, given, leaves)}
-    return _of_pairs(document, table, given) if given.pairs else Reading(document, table)
+
+    def text(each: Any) -> str:
+        return each if isinstance(each, str) else to_text(from_sympy(_expression(each), leaves))
+
+    found: dict[str, Any] = {"coordinates": list(table.coordinates)}
+    if table.parameters:
+        found["parameters"] = list(table.parameters)
+    if table.functions:
+        found["functions"] = {name: list(arguments) for name, arguments in table.arguments.items()}
+    if table.time_name != "t":
+        found["time"] = table.time_name
+    found |= keys(table, list(map(text, given.zeros)))
+    found |= {key: value for key, value in questions.items() if value is not None}
+    if "ansatz" in found:
+        found["ansatz"] = list(map(text, found["ansatz"]))
+    return Reading(found, table)
 
 
 def _moved(key: Any) -> Any:
@@ -268,15 +287,13 @@ def _forward(lagrangian: Any, coordinates: Sequence[Any] | None, time: Any, ques
     zeros = (_expression(lagrangian),)
     time = time or _found_time(zeros)
     given = _Given(zeros, tuple(coordinates or _moving(zeros, time, 1)), {}, time)
-    table, leaves = _names(given)
-    document = {**_declared(table), "lagrangian": to_text(_tree(zeros[0], given, leaves))}
-    return Reading({**document, **_asked(questions, given, leaves)}, table)
+    return _reading(given, lambda _, texts: {"lagrangian": texts[0]}, questions)
 
 
-def _of_pairs(document: Mapping[str, Any], table: Table, given: _Given) -> Reading:
+def _of_pairs(found: Reading, given: _Given) -> Reading:
     """The document of first-order equations x' = h, p' = F, and the objects of the x that its reader chooses."""
-    named = [table_name(table, each) for each in given.preferred]
-    whole = {key: value for key, value in document.items() if key != "coordinates"}
+    table, named = found.names, [table_name(found.names, each) for each in given.preferred]
+    whole = {key: value for key, value in found.document.items() if key != "coordinates"}
     whole |= {"coordinates": named} if named else {}
     ready = prepared(whole)
     try:
@@ -293,33 +310,12 @@ def read_constrained(
     zeros = (_expression(lagrangian), *map(_zero, constraints))
     coordinates = coordinates or _moving(zeros, _found_time(zeros), 1)
     given = _Given(zeros, tuple(coordinates), {}, _time_of(coordinates))
-    table, leaves = _names(given)
-    texts = [to_text(_tree(zero, given, leaves)) for zero in zeros]
-    document = {**_declared(table), "lagrangian": texts[0], "constraints": texts[1:]}
-    return Reading({**document, **_asked(questions, given, leaves)}, table)
+    return _reading(given, lambda _, texts: {"lagrangian": texts[0], "constraints": texts[1:]}, questions)
 
 
 def table_name(table: Table, found: Any) -> str:
     """The name of a coordinate."""
     return next(name for name, each in table.coordinates.items() if each == found)
-
-
-def _declared(table: Table) -> dict[str, Any]:
-    found: dict[str, Any] = {"coordinates": list(table.coordinates)}
-    if table.parameters:
-        found["parameters"] = list(table.parameters)
-    if table.functions:
-        found["functions"] = {name: list(arguments) for name, arguments in table.arguments.items()}
-    return found if table.time_name == "t" else {**found, "time": table.time_name}
-
-
-def _asked(questions: Mapping[str, Any], given: _Given, leaves: Leaves) -> dict[str, Any]:
-    """The questions as the document has them; terms of an ansatz may be expressions."""
-    found = {key: value for key, value in questions.items() if value is not None}
-    if "ansatz" in found:
-        terms = found["ansatz"]
-        found["ansatz"] = [term if isinstance(term, str) else to_text(_tree(term, given, leaves)) for term in terms]
-    return found
 
 
 def _of_lagrange(method: Any) -> tuple[list[Any], list[Any]]:
@@ -557,10 +553,6 @@ def _formal(function: Any, applied: set[Any], given: _Given, names: Mapping[Any,
     return tuple(names[each] for each in chosen)
 
 
-def _tree(expression: Any, given: _Given, leaves: Leaves) -> Expression:
-    return from_sympy(_expression(expression), leaves)
-
-
 @dataclass(frozen=True)
 class Conditions:
     """N, Phi and nabla Phi as n x n matrices, R as an n x n x n array (R[j, k, l] = R^j_kl).
@@ -579,7 +571,7 @@ class Conditions:
         from inverse_service.sympy.result_objects import aligned
 
         named = (("N", self.N), (r"\Phi", self.Phi), (r"\nabla\Phi", self.nabla_Phi), ("R", self.R))
-        return aligned([(name, sympy.latex(part)) for name, part in named if part is not None])
+        return aligned((name, part) for name, part in named if part is not None)
 
 
 def conditions_of(system: Any, coordinates: Sequence[Any] | None, keys: Mapping[str, Any]) -> Conditions:

@@ -91,14 +91,29 @@ class Motion(dict[Any, Any]):
     """The acceleration of each coordinate; a notebook shows them one below the other."""
 
     def _repr_latex_(self) -> str:
-        import sympy
-
-        return aligned([(sympy.latex(left), sympy.latex(right)) for left, right in self.items()])
+        return aligned(self.items())
 
 
-def aligned(rows: Iterable[tuple[str, str]]) -> str:
-    """Left = right, one below the other, for a notebook."""
-    return "$\\displaystyle\\begin{aligned}" + r" \\ ".join(f"{a} &= {b}" for a, b in rows) + "\\end{aligned}$"
+def aligned(rows: Iterable[tuple[Any, Any]]) -> str:
+    """Left = right, LaTeX or expressions, one below the other, for a notebook."""
+    import sympy
+
+    sides = [[side if isinstance(side, str) else sympy.latex(side) for side in row] for row in rows]
+    return "$\\displaystyle\\begin{aligned}" + r" \\ ".join(f"{a} &= {b}" for a, b in sides) + "\\end{aligned}$"
+
+
+def _bridge() -> Any:
+    """The conversions to SymPy objects; SymPy takes 0.4 s to load."""
+    from inverse_service.sympy import from_sympy
+
+    return from_sympy
+
+
+def _pages() -> Any:
+    """What a result says to a person, which loads the reader of formulas and the checker."""
+    from inverse_service.service.documents import text_page
+
+    return text_page
 
 
 @dataclass(frozen=True)
@@ -112,11 +127,7 @@ class Hamiltonian:
     time: Any = None
 
     def _repr_latex_(self) -> str:
-        import sympy
-
-        return aligned(
-            [("H", sympy.latex(self.expr)), *((sympy.latex(p), sympy.latex(f)) for p, f in self.momenta.items())]
-        )
+        return aligned([("H", self.expr), *self.momenta.items()])
 
     def equations(self) -> Listed[Eq]:
         """Hamilton's equations q' = dH/dp, p' = -dH/dq; ValueError where H is over the velocities."""
@@ -139,18 +150,13 @@ class Verification:
     hamiltonian: Expr | None = None
 
     def _repr_latex_(self) -> str:
-        import sympy
-
-        rows = [(f"E_{{{place}}}", sympy.latex(each)) for place, each in enumerate(self.euler_lagrange, 1)]
-        rows += [] if self.hamiltonian is None else [("H - (p v - L)", sympy.latex(self.hamiltonian))]
-        return aligned(rows)
+        rows = [(f"E_{{{place}}}", each) for place, each in enumerate(self.euler_lagrange, 1)]
+        return aligned(rows + ([] if self.hamiltonian is None else [("H - (p v - L)", self.hamiltonian)]))
 
     @property
     def holds(self) -> bool | None:
         """True where SymPy reduces all of them to 0, False where one differs from 0 in numbers, None where unsure."""
-        from inverse_service.sympy.from_sympy import is_zero
-
-        verdicts = [is_zero(each) for each in (*self.euler_lagrange, self.hamiltonian) if each is not None]
+        verdicts = [_bridge().is_zero(each) for each in (*self.euler_lagrange, self.hamiltonian) if each is not None]
         return False if False in verdicts else (None if None in verdicts else True)
 
 
@@ -174,25 +180,18 @@ class Answer(dict[str, Any]):
     @cached_property
     def _where(self) -> tuple[str, ...]:
         """The conditions of the answer and of its L."""
-        from inverse_service.service.documents.text_page import conditions_of
-
-        return conditions_of(self._shown)
+        found: tuple[str, ...] = _pages().conditions_of(self._shown)
+        return found
 
     @cached_property
     def _table(self) -> Table:
-        from inverse_service.sympy.from_sympy import table_of_result
-
-        table, integrals = self._given or table_of_result({"system": self._system}), self._shown.get("integrals")
-        if not integrals:
-            return table
-        from inverse_service.sympy.from_sympy import with_integrals
-
-        return with_integrals(table, integrals)
+        table: Table = self._given or _bridge().table_of_result({"system": self._system})
+        if integrals := self._shown.get("integrals"):
+            table = _bridge().with_integrals(table, integrals)
+        return table
 
     def _expression(self, text: str) -> Expr:
-        from inverse_service.sympy.from_sympy import expression
-
-        return expression(text, self._table)
+        return _bridge().expression(text, self._table)
 
     @property
     def _shown(self) -> Mapping[str, Any]:
@@ -225,9 +224,7 @@ class Answer(dict[str, Any]):
     @cached_property
     def domain(self) -> Listed[Boolean]:
         """The conditions under which the answer holds and L is one, as relations."""
-        from inverse_service.sympy.from_sympy import relation
-
-        return Listed(relation(text, self._table) for text in self._where)
+        return Listed(_bridge().relation(text, self._table) for text in self._where)
 
     @cached_property
     def hamiltonian(self) -> Hamiltonian | None:
@@ -242,14 +239,12 @@ class Answer(dict[str, Any]):
     @cached_property
     def first_integrals(self) -> Listed[FirstIntegral]:
         """The functions that are constant along the motion, the energy first."""
-        from inverse_service.sympy.from_sympy import relation
-
         return Listed(
             FirstIntegral(
                 each["name"],
                 self._expression(each["text"]),
                 each.get("symmetry") or "",
-                tuple(relation(text, self._table) for text in each["domain"]),
+                tuple(_bridge().relation(text, self._table) for text in each["domain"]),
             )
             for each in self._shown.get("first_integrals") or self.get("first_integrals") or ()
         )
@@ -291,9 +286,8 @@ class Answer(dict[str, Any]):
 
     def verify(self) -> Verification:
         """SymPy's own Euler-Lagrange residuals of L along the motion, and H - (p v - L); ValueError without L."""
-        from inverse_service.sympy.from_sympy import verification
-
-        return verification(self)
+        found: Verification = _bridge().verification(self)
+        return found
 
     @cached_property
     def equations(self) -> Motion:
@@ -381,9 +375,8 @@ class Result(Answer):
 
     @property
     def _shown(self) -> Mapping[str, Any]:
-        from inverse_service.service.documents.text_page import first_answer
-
-        return first_answer(self)
+        found: Mapping[str, Any] = _pages().first_answer(self)
+        return found
 
     @cached_property
     def main(self) -> Answer:
@@ -449,10 +442,8 @@ class Result(Answer):
     @cached_property
     def conditions(self) -> Conditions | None:
         """Phi, nabla Phi and R as SymPy arrays, None where they were left out."""
-        from inverse_service.sympy.from_sympy import conditions_of_texts
-
         found = self.get("conditions")
-        return None if found is None else conditions_of_texts(found, self._table)
+        return None if found is None else _bridge().conditions_of_texts(found, self._table)
 
     @property
     def special_cases(self) -> Mapping[str, Any] | None:
@@ -497,9 +488,7 @@ def result_of(data: Mapping[str, Any], names: Any = None) -> Result:
     data = dict(data)
     if not isinstance(names, Mapping):
         return Result(data, names)
-    from inverse_service.sympy.from_sympy import table_of_result
-
-    return Result(data, table_of_result(data, names))
+    return Result(data, _bridge().table_of_result(data, names))
 
 
 class Answers(Iterator[Result | dict[str, Any]]):
@@ -601,23 +590,22 @@ def row_of(result: Mapping[str, Any]) -> dict[str, Any]:
 
     All of them are of the first of the `branches`, but the verdicts: "mixed" where the branches differ.
     """
-    from inverse_service.service.documents.text_page import branches_of, common_verdict, conditions_of, first_answer
-
+    pages = _pages()
     if not isinstance(result, Mapping):
         raise errors.InputError("A table needs results.")
     row = {key: result.get(key) for key in COLUMNS}
     for key in ("verdict", "verdict_with_time"):
-        row[key] = common_verdict(branches_of(result), key)
+        row[key] = pages.common_verdict(pages.branches_of(result), key)
     if error := result.get("error"):
         row |= {"verdict": "error", "reason": error["detail"]}
-    first = first_answer(result)
-    for letter, key in (("L", "lagrangian"), ("H", "hamiltonian")):
+    first = pages.first_answer(result)
+    for letter, key in _LETTERS:
         row[letter] = (first.get(key) or {}).get("text")
     space, system = result.get("solution_space") or {}, result.get("system") or {}
     seconds = (result.get("provenance") or {}).get("seconds") or {}
     row |= {"statement": space.get("statement"), "n": len(system.get("coordinates", ())), "order": space.get("order")}
     row |= {"seconds": sum(seconds.values()) if seconds else None}
-    return row | {"where": ", ".join(conditions_of(first)), "branches": len(branches_of(result))}
+    return row | {"where": ", ".join(pages.conditions_of(first)), "branches": len(pages.branches_of(result))}
 
 
 def draw_motion(
