@@ -367,20 +367,15 @@ def _wanted(path: Path) -> dict[str, Mapping[str, Any]]:
     found: dict[str, Mapping[str, Any]] = {}
     with batches.open_source(path) as stream:
         for line in batches.read_lines(stream):
-            value = _object(line.raw)
-            if value is None or len(value) < 2 or "id" not in value:
+            try:
+                value = json.loads(line.raw)
+            except ValueError:
+                value = None
+            if not isinstance(value, dict) or len(value) < 2 or "id" not in value:
                 detail = f"Line {line.number} of the expected answers has no 'id' and key, such as 'verdict'."
                 raise errors.InputError(detail)
             found[_name(value["id"], line.number)] = value
     return found
-
-
-def _object(raw: bytes) -> Mapping[str, Any] | None:
-    try:
-        value = json.loads(raw)
-    except ValueError:
-        return None
-    return value if isinstance(value, dict) else None
 
 
 def _name(identifier: Any, number: int) -> str:

@@ -427,8 +427,7 @@ def _theorem(
 ) -> str:
     letters = system.names
     binders = " ".join(letters.names[k] for k in system.numbers)
-    given = [f"  ({fact.name} : {th.polynomial_text(letters, fact.polynomial)} = 0)" for fact in relations]
-    given += [f"  (nz{i} : {th.polynomial_text(letters, one)} <> 0)" for i, one in enumerate(nonzero, 1)]
+    given = th.hypotheses(letters, relations, nonzero)
     last = theorem.steps[-1]
     said = system.at_point(expression) if expression else th.polynomial_text(letters, last.gives.polynomial)
     lines = [f"Theorem {theorem.name} ({binders} : R)", *given, *rows, f"  : {said} = 0.", "Proof.", *proofs]

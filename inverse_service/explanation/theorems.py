@@ -578,26 +578,21 @@ def combination(letters: Letters, terms: Iterable[tuple[fmpq_mpoly, Fact]]) -> s
     return " + ".join(parts) or "0"
 
 
-def _hypotheses(theorem: Theorem, letters: Letters) -> Iterator[str]:
-    for fact in (*theorem.relations, *(fact for fact, _ in theorem.equations)):
-        yield f"  ({fact.name} : {polynomial_text(letters, fact.polynomial)} = 0)"
-    for k, one in enumerate(theorem.nonzero, 1):
-        yield f"  (nz{k} : {polynomial_text(letters, one)} <> 0)"
-
-
-def _comments(theorem: Theorem, letters: Letters) -> list[str]:
-    means = [f"{name} is {text}" for name, text in letters.meanings.items()]
-    return means + [
-        f"{fact.name} is {text}, without denominators and common factors" for fact, text in theorem.equations
-    ]
+def hypotheses(letters: Letters, facts: Iterable[Fact], nonzero: Iterable[fmpq_mpoly]) -> Iterator[str]:
+    """What is zero, and what is not."""
+    yield from (f"  ({fact.name} : {polynomial_text(letters, fact.polynomial)} = 0)" for fact in facts)
+    yield from (f"  (nz{k} : {polynomial_text(letters, one)} <> 0)" for k, one in enumerate(nonzero, 1))
 
 
 def coq_of_identities(theorem: Theorem) -> str:
     """A file for Coq whose hypotheses are the equations, not where they come from."""
     letters = letters_of(theorem)
     binders = f" ({' '.join(letters.names.values())} : R)" if letters.names else ""
-    lines = [COQ_HEAD, *(f"(* {text} *)" for text in _comments(theorem, letters))]
-    lines += [f"Theorem {theorem.name}{binders}", *_hypotheses(theorem, letters)]
+    lines = [COQ_HEAD, *(f"(* {name} is {text} *)" for name, text in letters.meanings.items())]
+    for fact, text in theorem.equations:
+        lines.append(f"(* {fact.name} is {text}, without denominators and common factors *)")
+    facts = (*theorem.relations, *(fact for fact, _ in theorem.equations))
+    lines += [f"Theorem {theorem.name}{binders}", *hypotheses(letters, facts, theorem.nonzero)]
     lines += [f"  : {polynomial_text(letters, theorem.steps[-1].gives.polynomial)} = 0.", "Proof."]
     return "\n".join([*lines, *coq_steps(theorem, letters), "Qed.", ""])
 

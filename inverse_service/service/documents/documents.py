@@ -70,7 +70,7 @@ def solve_document(document: Any, options: SolveOptions, progress: Progress | No
 
 def _with_given(found: dict[str, Any], document: Any) -> dict[str, Any]:
     if isinstance(found.get("system"), dict):
-        found["system"] = found["system"] | {"given": _as_given(document)}
+        found["system"] = found["system"] | {"given": translate.plain(document)}
     return found
 
 
@@ -93,20 +93,14 @@ def parse_document(document: Any) -> dict[str, Any]:
 
 
 def understand_document(document: Any) -> dict[str, Any]:
-    """The `system` part of a result; raises InputError."""
+    """The `system` part of a result, with the document as JSON has it; raises InputError."""
     ready = preparing.prepared(document)
-    return {**_in_own_words(ready, lambda cases: _understood(cases, ready)), "given": _as_given(document)}
 
+    def understood(cases: UseCases) -> dict[str, Any]:
+        schema = cases.look(ready.document)
+        return translate.to_understood(cases.system(schema), schema).model_dump(mode="json")
 
-def _understood(cases: UseCases, ready: preparing.Prepared) -> dict[str, Any]:
-    schema = cases.look(ready.document)
-    return translate.to_understood(cases.system(schema), schema).model_dump(mode="json")
-
-
-def _as_given(document: Any) -> dict[str, Any]:
-    """The document as JSON has it; exact decimals are texts."""
-    found: dict[str, Any] = translate.plain(document)
-    return found
+    return {**_in_own_words(ready, understood), "given": translate.plain(document)}
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -181,13 +175,13 @@ def solve_system(document: Any, options: SolveOptions, grow: Growing | None = No
     def tell(parts: Sequence[str], make: Callable[[], tuple[tuple[Solution, ...], tuple[Left, ...]]]) -> None:
         def so_far() -> dict[str, Any]:
             known, open_ones = make()
-            return with_one_verdict(checked(_result(known, schema, open_ones), 1.0))
+            return with_one_verdict(checked(translate.to_result(known[0], schema, known[1:], open_ones), 1.0))
 
         grow.hand_over(parts, so_far)
 
     solutions, left = solving.solve_branches(system, dataclasses.replace(asked, hand_over=tell), grow.stage)
     solution, grow.cut = solutions[0], {part: why for each in solutions for part, why in each.cut.items()}
-    result = _result(solutions, schema, left)
+    result = translate.to_result(solution, schema, solutions[1:], left)
     limit = now() + SHARE_OF_SOLVER * (end - now())
     if result.verdict == "not_variational":
         grow.begin("kinds")
@@ -205,19 +199,11 @@ def solve_system(document: Any, options: SolveOptions, grow: Growing | None = No
         grow.hand_over(("explanation", "clock"), partial(checked, result, 1.0))
     if schema.special_cases:
         grow.begin("special_cases")
-        result = result.model_copy(
-            update={
-                "special_cases": derived.special_cases(
-                    system, asked, now() + SHARE_OF_SOLVER * (end - now()), grow.stage
-                )
-            }
-        )
+        limit = now() + SHARE_OF_SOLVER * (end - now())
+        cases = derived.special_cases(system, asked, limit, grow.stage)
+        result = result.model_copy(update={"special_cases": cases})
     grow.begin("certificate")
     return with_one_verdict(ordered(grow.end(checked(result, end - now()))))
-
-
-def _result(solutions: Sequence[Solution], schema: SystemDocument, left: Sequence[Left] = ()) -> ResultDocument:
-    return translate.to_result(solutions[0], schema, solutions[1:], left)
 
 
 def with_one_verdict(document: dict[str, Any]) -> dict[str, Any]:
