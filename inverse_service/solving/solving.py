@@ -252,19 +252,15 @@ def _as_given(work: Work) -> Answer | None:
     best: ex.Expression | None = None
     with suppress(deadline.OutOfTime), deadline.until(deadline.now() + _SHARE_AS_GIVEN * work.left()):
         for signs in (False, True):
-            for tree in () if best is not None else row_factors.lagrangians_of_lines(system, written, table, signs):
-                if (best is not None and ex.holds(tree, ex.TIME)) or (ex.holds(tree, ex.TIME) and not wants_time):
+            for tree in row_factors.lagrangians_of_lines(system, written, table, signs):
+                if ex.holds(tree, ex.TIME) and (best is not None or not wants_time):
                     continue
-                best = next(
-                    (
-                        f
-                        for f in dict.fromkeys((tidy.tidied(tree, system), tree))
-                        if is_confirmed(work, f, ex.holds(f, ex.TIME))
-                    ),
-                    best,
-                )
+                forms = dict.fromkeys((tidy.tidied(tree, system), tree))
+                best = next((form for form in forms if is_confirmed(work, form, ex.holds(form, ex.TIME))), best)
                 if best is not None and not ex.holds(best, ex.TIME):
                     break
+            if best is not None:
+                break
     work.add_seconds("search", began)
     if best is None:
         return None

@@ -295,12 +295,17 @@ def _of_pairs(found: Reading, given: _Given) -> Reading:
     table, named = found.names, [table_name(found.names, each) for each in given.preferred]
     whole = {key: value for key, value in found.document.items() if key != "coordinates"}
     whole |= {"coordinates": named} if named else {}
-    ready = prepared(whole)
+    chosen = _system_of(whole)[1].coordinates
+    return Reading(whole, replace(table, coordinates={name: table.coordinates[name] for name in chosen}))
+
+
+def _system_of(document: Mapping[str, Any]) -> tuple[Prepared, SecondOrderSystem]:
+    """The document prepared for its schema, and its system; InputError in the words of the document."""
+    ready = prepared(document)
     try:
-        chosen = to_system(to_schema(ready.document)).coordinates
+        return ready, to_system(to_schema(ready.document))
     except InputError as error:
         raise ready.error(error) from None
-    return Reading(whole, replace(table, coordinates={name: table.coordinates[name] for name in chosen}))
 
 
 def read_constrained(
@@ -577,21 +582,27 @@ class Conditions:
 def conditions_of(system: Any, coordinates: Sequence[Any] | None, keys: Mapping[str, Any]) -> Conditions:
     """The tensors of a system, given in any form that `solve` accepts."""
     document, names = asked(system, coordinates, **keys)
-    ready = prepared(document)
-    try:
-        motion = to_system(to_schema(ready.document))
-    except InputError as error:
-        raise ready.error(error) from None
-    table, tensors = _inside(names, ready, motion), conditions(motion)
+    ready, motion = _system_of(document)
+    table, found = _inside(names, ready, motion), conditions(motion)
+    return _conditions(
+        (found.Phi, found.nabla_Phi, found.N), found.R, lambda each: to_sympy(each, table.leaf), found.reason
+    )
 
-    def plain(part: Any) -> Any:
-        return [plain(each) for each in part] if isinstance(part, tuple) else to_sympy(part, table.leaf)
 
-    def matrix(rows: Any) -> Any:
-        return None if rows is None else sympy.ImmutableMatrix(plain(rows))
+def conditions_of_texts(parts: Mapping[str, Any], table: Table) -> Conditions:
+    """The key `conditions` of a result."""
+    return _conditions((parts["Phi"], parts["nabla_Phi"], None), parts["R"], lambda text: expression(text, table))
 
-    blocks = None if tensors.R is None else sympy.ImmutableDenseNDimArray(plain(tensors.R))
-    return Conditions(matrix(tensors.Phi), matrix(tensors.nabla_Phi), blocks, matrix(tensors.N), tensors.reason)
+
+def _conditions(matrices: Sequence[Any], blocks: Any, convert: Callable[[Any], Any], reason: str = "") -> Conditions:
+    """Phi, nabla Phi, N and R with their entries converted; what is None stays so."""
+
+    def converted(part: Any) -> Any:
+        return [converted(each) for each in part] if isinstance(part, tuple | list) else convert(part)
+
+    Phi, nabla_Phi, N = (None if rows is None else sympy.ImmutableMatrix(converted(rows)) for rows in matrices)
+    R = None if blocks is None else sympy.ImmutableDenseNDimArray(converted(blocks))
+    return Conditions(Phi, nabla_Phi, R, N, reason)
 
 
 def _inside(names: Table | None, ready: Prepared, motion: SecondOrderSystem) -> Table:
@@ -602,16 +613,6 @@ def _inside(names: Table | None, ready: Prepared, motion: SecondOrderSystem) -> 
     own = [dict(zip(parts[key], getattr(table, key).values(), strict=True)) for key in parts]
     velocities = dict(zip(motion.coordinates, table.velocities.values(), strict=False))
     return Table(table.time, "t", own[0], velocities, own[1], own[2], functions)
-
-
-def conditions_of_texts(parts: Mapping[str, Any], table: Table) -> Conditions:
-    """The key `conditions` of a result."""
-
-    def matrix(rows: Any) -> Any:
-        return sympy.ImmutableMatrix([[expression(text, table) for text in row] for row in rows])
-
-    blocks = [[[expression(text, table) for text in row] for row in block] for block in parts["R"]]
-    return Conditions(matrix(parts["Phi"]), matrix(parts["nabla_Phi"]), sympy.ImmutableDenseNDimArray(blocks))
 
 
 def verification(answer: Answer) -> Verification:
