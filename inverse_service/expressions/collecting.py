@@ -9,6 +9,7 @@ Monomials of atoms are converted back to trees in a fixed order, with powers and
 """
 
 import math
+import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from fractions import Fraction
 from functools import lru_cache
@@ -299,7 +300,12 @@ def order(monomial: Monomial) -> tuple[tuple[Place, Fraction], ...]:
 def place(base: ex.Expression) -> Place:
     """The rank of an atom among atoms; its text breaks ties."""
     ranks = {ex.Number: 0, ex.Symbol: 1, ex.Arbitrary: 2, ex.Velocity: 4}
-    return 0 if base == ex.PI else ranks.get(type(base), 3), printing.to_text(base)
+    return 0 if base == ex.PI else ranks.get(type(base), 3), natural(printing.to_text(base))
+
+
+def natural(text: str) -> str:
+    """A key that sorts texts by the numbers in them: m1, m2, m10."""
+    return re.sub(r"\d+", lambda found: found[0].zfill(4), text)
 
 
 def terms_tree(terms: Iterable[Term]) -> ex.Expression:

@@ -80,16 +80,12 @@ def polynomials(material: Material) -> list[tm.Monomial]:
 
 
 def roots_of_constants(material: Material) -> list[tm.Monomial]:
-    """v_i v_j and 1 times roots of what constant velocities make in f, as a frequency squared w^2 + k."""
+    """v_i v_j and 1 times roots of constant velocities and of what they make in f, as a frequency squared w^2 + k."""
     constant = [v for v, f in zip(material.motion.velocities, material.motion.forces, strict=True) if not f]
-    moving: list[ex.Expression] = [
-        *material.motion.coordinates,
-        *(v for v in material.motion.velocities if v not in constant),
-    ]
-    letters = [p for p in moving_letters(material) if isinstance(p, ex.Sum) and not ex.holds(p, *moving)]
-    if not letters:
-        return []
-    kept = distinct([*map(tm.monomial, letters), tm.monomial(*letters)])
+    moving = [*material.motion.coordinates, *(v for v in material.motion.velocities if v not in constant)]
+    sums = [p for p in moving_letters(material) if isinstance(p, ex.Sum) and not ex.holds(p, *moving)]
+    letters = [tm.monomial(p) for p in (*constant, *sums)]
+    kept = distinct([*letters, tm.monomial(*sums)])
     rooted = [
         tm.times(tm.EMPTY, key, e) for key in products([tm.EMPTY, *map(tm.monomial, constant)], kept) for e in _HALVES
     ]

@@ -105,6 +105,14 @@ REDUCTIONS = (
         "The system decouples, so the Lagrangian is the sum of the Lagrangians of its blocks.",
         exact=True,
     ),
+    protocol.Reduction(
+        "a coordinate as time",
+        3.6,
+        reductions.has_own_time,
+        reductions.along_a_coordinate,
+        "The equation of a coordinate `u` holds no other, and with `u` as time the paths are those of a Lagrangian "
+        "`M(u, x, dx/du)`. `L = u' M(u, x, x'/u') + S(u, u')`, where `S` is a Lagrangian of `u`.",
+    ),
 )
 ANSATZ = (
     families.Family("quadratic in the velocities, short factors", 2, families.quadratic, bounds.SMALL),
@@ -273,9 +281,9 @@ def _lifted(state: _Search, reduction: protocol.Reduction) -> Sequence[ex.Expres
 def _of_smaller(smaller: protocol.Smaller, seed: int) -> list[tuple[ex.Expression, ...]]:
     """The Lagrangians of each of the systems; none where one has none."""
     found = []
-    for system in smaller.systems:
+    for system, with_time in zip(smaller.systems, smaller.with_time, strict=True):
         with within(bounds.WORK):
-            one = search(deciding.analyze(system), smaller.with_time, seed, math.inf, lambda _: None).found
+            one = search(deciding.analyze(system), with_time, seed, math.inf, lambda _: None).found
         if one is None:
             return []
         found.append(one.lagrangians)

@@ -67,13 +67,13 @@ class Leaf:
 
 @dataclass(frozen=True, slots=True)
 class Smaller:
-    """Systems whose Lagrangians L(q, q'), or L(t, q, q') `with_time`, make Lagrangians of the given one.
+    """Systems whose Lagrangians L(q, q'), or L(t, q, q') for those `with_time`, make Lagrangians of the given one.
 
     `lift` takes the Lagrangians of each system, the simplest first.
     """
 
     systems: tuple[SecondOrderSystem, ...]
-    with_time: bool
+    with_time: tuple[bool, ...]
     lift: Callable[[Sequence[Sequence[ex.Expression]]], Sequence[ex.Expression]]
 
 

@@ -1,4 +1,4 @@
-"""Reductions: a system as blocks that share no coordinates, and in other coordinates that its right-hand sides suggest.
+"""Reductions: a system as blocks that share no coordinates, with a coordinate as time, and in other coordinates.
 
 A regular Lagrangian stays one under a change of coordinates new = W(old), old = psi(new), one or two at a time:
 shear        X = x + g(y, …) where x + g, or its rate x' + g_y y' + …, occurs in f as a sum
@@ -65,7 +65,8 @@ def into_blocks(material: Material, seed: int) -> Iterator[Smaller]:
     """The blocks; the sum of their Lagrangians is one of the whole system."""
     blocks = tuple(decoupled_blocks(_cancelled(material)))
     system = material.analysis.system
-    yield Smaller(blocks, material.motion.with_time, lambda found: [_sum_of(system, [trees[0] for trees in found])])
+    timed = (material.motion.with_time,) * len(blocks)
+    yield Smaller(blocks, timed, lambda found: [_sum_of(system, [trees[0] for trees in found])])
 
 
 def _sum_of(system: SecondOrderSystem, trees: Sequence[ex.Expression]) -> ex.Expression:
@@ -82,6 +83,53 @@ def _sum_of(system: SecondOrderSystem, trees: Sequence[ex.Expression]) -> ex.Exp
 def _renamed(tree: ex.Expression, names: Mapping[str, str]) -> ex.Expression:
     named = replace(tree, name=names.get(tree.name, tree.name)) if isinstance(tree, ex.Integral) else tree
     return ex.rebuild(named, lambda part: _renamed(part, names))
+
+def has_own_time(material: Material) -> bool:
+    """Whether the paths of the motion are solutions of a system with one of the coordinates as time."""
+    return any(True for _ in _along(material))
+
+
+def along_a_coordinate(material: Material, seed: int) -> Iterator[Smaller]:
+    """With u as time, x'' = F(u, x, dx/du): L = u' M(u, x, x'/u') + S(u, u').
+
+    M, homogeneous of degree 1, has the equations of the paths alone (Noether's second theorem: that of u follows from
+    those of x), and S is a Lagrangian of u, whose equation no other coordinate enters. L is regular if M and S are.
+    """
+    for u, paths, own in sorted(_along(material), key=lambda found: size(found[1].accelerations)):
+        yield Smaller((paths, own), (True, material.motion.with_time), partial(_homogeneous, u))
+
+
+def _along(material: Material) -> Iterator[tuple[str, SecondOrderSystem, SecondOrderSystem]]:
+    """(u, the system of dx/du, that of u) for each coordinate u with u'' = f_u(u, u') such that paths have no u'."""
+    system = material.analysis.system
+    names = system.coordinates
+    if len(names) == 1 or system.depends_on_time or system.functions or is_decoupled(material):
+        return
+    for u, f in zip(names, system.accelerations, strict=True):
+        rate, others = ex.Velocity(u), tuple(name for name in names if name != u)
+        if not _coordinates_in(f, names) <= {u}:
+            continue
+        table: dict[ex.Expression, ex.Expression] = {ex.Velocity(x): ex.Velocity(x) * rate for x in others}
+        forces = []
+        for x, force in zip(names, system.accelerations, strict=True):
+            if x != u:
+                along = (ex.substitute(force, table) - ex.Velocity(x) * f) / rate**2
+                forces.append(writing.shorten(along, exact_field.Budget.short()))
+        if not any(ex.holds(force, rate) for force in forces):
+            timed = tuple(ex.substitute(force, {ex.Symbol(u): ex.TIME}) for force in forces)
+            plain = replace(system, branch=None, nonzero=())
+            paths = replace(plain, coordinates=others, accelerations=timed)
+            yield u, paths, replace(plain, coordinates=(u,), accelerations=(f,))
+
+
+def _homogeneous(u: str, found: Sequence[Sequence[ex.Expression]]) -> list[ex.Expression]:
+    """u' M(u, x, x'/u') + S for each M."""
+    rate, lagrangians = ex.Velocity(u), []
+    for tree in found[0]:
+        velocities = [node for node in ex.walk(tree) if isinstance(node, ex.Velocity)]
+        table: dict[ex.Expression, ex.Expression] = {v: v / rate for v in velocities}
+        lagrangians.append(collecting.merge_powers(rate * ex.substitute(tree, {**table, ex.TIME: ex.Symbol(u)})))
+    return [one + found[1][0] for one in lagrangians]
 
 
 # The terms of a function of position, a set so that equal ones can be counted.
@@ -241,9 +289,8 @@ def applies(material: Material) -> bool:
 def in_shorter_coordinates(material: Material, seed: int) -> Iterator[Smaller]:
     """The system in the shortest of the suggested coordinates; its Lagrangians in the given ones again."""
     for change, system in shorter(material)[: bounds.FEW]:
-        yield Smaller(
-            (system,), material.motion.with_time, partial(_carried_back, _table(change.new, system.coordinates))
-        )
+        lift = partial(_carried_back, _table(change.new, system.coordinates))
+        yield Smaller((system,), (material.motion.with_time,), lift)
 
 
 def _carried_back(

@@ -18,7 +18,7 @@ from math import gcd, lcm
 from flint import fmpq, fmpq_mpoly, fmpq_mpoly_ctx
 
 from inverse_service import bounds
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import collecting, tree as ex
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.field import exact_field
 
@@ -346,7 +346,7 @@ def rank(key: Monomial) -> tuple[Fraction | int, int, str]:
 @lru_cache(maxsize=4096)
 def _traits(letter: ex.Expression) -> tuple[int, bool, str]:
     """Its weight, whether it is a sum with velocities, and its sort key; cached, since printing a tree takes long."""
-    return _letter_weight(letter), _is_moving_sum(letter), repr(letter)
+    return _letter_weight(letter), _is_moving_sum(letter), collecting.natural(repr(letter))
 
 
 def _letter_weight(letter: ex.Expression) -> int:

@@ -59,7 +59,7 @@ def _multiple(argument: ex.Expression) -> tuple[Fraction, ex.Apply | None]:
     return Fraction(1), None
 
 
-_BEFORE_A_BRACKET = 12
+_BEFORE_A_BRACKET, _FRACTION_IN_FRACTION = 12, 4
 # Terms of a potential stay apart, as they are known, where one bracket is not much shorter.
 _MUCH = 2
 
@@ -343,8 +343,8 @@ def _has_one_sign(tree: ex.Expression, form: ex.Expression) -> bool:
 
 @lru_cache(maxsize=1024)
 def _size(tree: ex.Expression) -> int:
-    """The nodes; a minus sign counts nothing, but much before a bracket."""
-    return ex.node_count(tree) + sum(map(_sign, ex.walk(tree)))
+    """The nodes; a minus sign counts nothing, but much before a bracket, as a divisor does in one over another."""
+    return ex.node_count(tree) + sum(_sign(node) + _fractions(node) for node in ex.walk(tree))
 
 
 def _preference(tree: ex.Expression) -> tuple[int, int]:
@@ -358,6 +358,18 @@ def _sign(node: ex.Expression) -> int:
     if len(node.factors) > 2:
         return -1
     return _BEFORE_A_BRACKET if isinstance(node.factors[1], ex.Sum) else -2
+
+
+def _fractions(node: ex.Expression) -> int:
+    """For (c + 2 x'/x)/a, which is (c x + 2 x')/(a x)."""
+    if not (isinstance(node, ex.Product) and any(map(_is_divisor, node.factors))):
+        return 0
+    terms = (term for factor in node.factors if isinstance(factor, ex.Sum) for term in factor.terms)
+    return _FRACTION_IN_FRACTION * any(_is_divisor(part) for term in terms for part in ex.factors_of(term))
+
+
+def _is_divisor(node: ex.Expression) -> bool:
+    return isinstance(node, ex.Power) and isinstance(node.exponent, ex.Number) and node.exponent.value < 0
 
 
 def collected_inside(tree: ex.Expression) -> ex.Expression:
