@@ -26,7 +26,7 @@ from inverse_service import bounds, deadline, errors
 from inverse_service.expressions import derivative, evaluation, tree as ex
 from inverse_service.field import null_vectors, real_point
 from inverse_service.field.point import SingularPoint, number_value
-from inverse_service.search import ansatz, members, quadratures
+from inverse_service.search import angles, ansatz, members, quadratures
 from inverse_service.search.factors import Factors, find_factors
 from inverse_service.search.families import with_potential
 from inverse_service.search.gradients import ONE_TERM, Integrator
@@ -255,7 +255,7 @@ def _in_factors(material: Material, phi: Monomial, polynomial: ex.Expression, ex
     moving = []
     for base, e in ex.powers_of(quadratures.factored(polynomial, [x, v])):
         if has_velocity(base):
-            moving.append((quadratures.expanded(base), ex.number(e * exponent)))
+            moving.append((tree_of(angles.shortest(terms_of(base))), ex.number(e * exponent)))
         elif not isinstance(base, ex.Number) and ex.holds(base, x, ex.TIME):
             phi = times(phi, _letters(base), e * exponent)
     return LastMultiplier(phi, tuple(moving))

@@ -43,11 +43,6 @@ def factored(tree: ex.Expression, variables: Sequence[ex.Symbol | ex.Velocity]) 
         raise tm.TooManyTerms from problem
 
 
-def expanded(tree: ex.Expression) -> ex.Expression:
-    """The tree as a sum of monomials in letters."""
-    return tm.tree_of(tm.terms_of(tree))
-
-
 def weight(tree: ex.Expression) -> int:
     """The number of nodes, functions and roots counting more: how hard a formula is to read."""
     return sum(_node_weight(node) for node in ex.walk(tree))
@@ -100,7 +95,7 @@ def _square_part(value: int) -> tuple[int, int]:
 def extracted_root(tree: ex.Expression) -> ex.Expression:
     """A square root of a product with the squares among its factors taken out; its sign is left open."""
     outside, inside = even_root(tree)
-    return outside * ex.square_root(expanded(inside))
+    return outside * ex.square_root(tm.tree_of(tm.terms_of(inside)))
 
 
 def solution(columns: Sequence[Mapping[Any, Fraction]], right: Mapping[Any, Fraction]) -> list[Fraction] | None:

@@ -84,6 +84,7 @@ def _renamed(tree: ex.Expression, names: Mapping[str, str]) -> ex.Expression:
     named = replace(tree, name=names.get(tree.name, tree.name)) if isinstance(tree, ex.Integral) else tree
     return ex.rebuild(named, lambda part: _renamed(part, names))
 
+
 def has_own_time(material: Material) -> bool:
     """Whether the paths of the motion are solutions of a system with one of the coordinates as time."""
     return any(True for _ in _along(material))
