@@ -13,6 +13,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import lru_cache
 from math import inf, lcm
 
 from inverse_service import bounds, errors
@@ -20,6 +21,7 @@ from inverse_service.decision.deciding import Analysis
 from inverse_service.expressions import tree as ex
 from inverse_service.field import null_vectors, tower
 from inverse_service.field.point import SingularPoint, evaluate
+from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.search import ansatz, terms as tm
 from inverse_service.search.gradients import Integrator
 from inverse_service.search.material import (
@@ -31,11 +33,9 @@ from inverse_service.search.material import (
 
 def integrating_factor(material: Material, c: tm.Terms, variable: ex.Symbol) -> tm.Monomial | None:
     """exp(-int c d variable), a product of powers of letters and exponentials; None where it is none."""
-    # Without a real point, so that SymPy is not asked: most coefficients have an elementary integral or none.
-    integrator, phi, rest = Integrator(material.analysis.system), tm.EMPTY, tm.Terms()
+    integrator, phi, rest = Integrator(material.analysis.system, material.analysis.real_point), tm.EMPTY, tm.Terms()
     with suppress(tm.TooManyTerms):
-        logarithm = integrator.function_of([variable], [c])
-        integrator.table = material.analysis.real_point
+        logarithm = _logarithm(material.analysis.system, frozenset(c.items()), variable)
         for key, value in logarithm.items() if logarithm is not None else ():
             match [*key]:
                 case [(ex.Apply("log", ex.Sum() as base), power)] if power == 1:
@@ -45,6 +45,17 @@ def integrating_factor(material: Material, c: tm.Terms, variable: ex.Symbol) -> 
         found = None if logarithm is None else integrator.exponential(rest)
         return tm.times(tm.EMPTY, tm.times(phi, next(iter(found))), -1) if found and len(found) == 1 else None
     return None
+
+
+@lru_cache(maxsize=256)
+def _logarithm(
+    system: SecondOrderSystem, c: frozenset[tuple[tm.Monomial, Fraction]], variable: ex.Symbol
+) -> tm.Terms | None:
+    """int c d variable, which both questions and several rows ask for.
+
+    Without a real point, so that SymPy is not asked: most coefficients have an elementary integral or none.
+    """
+    return Integrator(system).function_of([variable], [dict(c)])
 
 
 def divergence_factor(material: Material, seed: int) -> tm.Monomial | None:

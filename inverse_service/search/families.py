@@ -82,7 +82,10 @@ def polynomials(material: Material) -> list[tm.Monomial]:
 def roots_of_constants(material: Material) -> list[tm.Monomial]:
     """v_i v_j and 1 times roots of constant velocities and of what they make in f, as a frequency squared w^2 + k."""
     constant = [v for v, f in zip(material.motion.velocities, material.motion.forces, strict=True) if not f]
-    moving = [*material.motion.coordinates, *(v for v in material.motion.velocities if v not in constant)]
+    moving: list[ex.Expression] = [
+        *material.motion.coordinates,
+        *(v for v in material.motion.velocities if v not in constant),
+    ]
     sums = [p for p in moving_letters(material) if isinstance(p, ex.Sum) and not ex.holds(p, *moving)]
     letters = [tm.monomial(p) for p in (*constant, *sums)]
     kept = distinct([*letters, tm.monomial(*sums)])

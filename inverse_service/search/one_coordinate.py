@@ -20,12 +20,14 @@ from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
 
+import mpmath
 import numpy as np
 
 from inverse_service import bounds, deadline, errors
 from inverse_service.expressions import derivative, evaluation, tree as ex
 from inverse_service.field import null_vectors, real_point
 from inverse_service.field.point import SingularPoint, number_value
+from inverse_service.mechanics import implicit_equations
 from inverse_service.search import angles, ansatz, members, quadratures
 from inverse_service.search.factors import Factors, find_factors
 from inverse_service.search.families import with_potential
@@ -229,10 +231,7 @@ class LastMultiplier:
 
 
 def last_multipliers(material: Material, factors: Factors, seed: int) -> list[LastMultiplier]:
-    """Multipliers in factors, each once, few factors first.
-
-    Those without velocity are only candidates: most of them fulfil no equation.
-    """
+    """Multipliers in factors, each once, few factors first; no formula of which much would be integrated in vain."""
     found = dict.fromkeys(LastMultiplier(phi, ()) for phi in position_factors(factors, Fraction(0)) if phi)
     if not derivative_of_terms(material.motion.forces[0], material.motion.velocities[0]):
         found[LastMultiplier(EMPTY, ())] = None
@@ -246,7 +245,25 @@ def last_multipliers(material: Material, factors: Factors, seed: int) -> list[La
             found[_in_factors(material, phi, base, exponent)] = None
         except TooManyTerms:
             continue
-    return sorted(found, key=lambda multiplier: len(multiplier.moving))
+    fulfilled = (multiplier for multiplier in found if _may_hold(material, multiplier))
+    return sorted(fulfilled, key=lambda multiplier: len(multiplier.moving))
+
+
+def _may_hold(material: Material, multiplier: LastMultiplier) -> bool:
+    """Whether Gamma(log g) + df/dv is 0 at the real point, as it is everywhere for a multiplier, of short factors."""
+    (x,), (v,), (f,) = material.motion.coordinates, material.motion.velocities, material.analysis.system.accelerations
+    factors = [(monomial_tree(multiplier.factor), ex.ONE), *multiplier.moving]
+    if max(ex.node_count(base) for base, _ in factors) > 2 * bounds.NODES:
+        return False
+    rates = [
+        e * weight * derivative.differentiate(base, letter) / base
+        for base, e in factors
+        for letter, weight in ((ex.TIME, ex.ONE), (x, v), (v, f))
+    ]
+    with mpmath.workdps(bounds.DIGITS), suppress(evaluation.NoRealValue):
+        residual = ex.add(derivative.differentiate(f, v), *rates)
+        return implicit_equations.is_small(residual, material.analysis.real_point or {})
+    return True
 
 
 def _in_factors(material: Material, phi: Monomial, polynomial: ex.Expression, exponent: Fraction) -> LastMultiplier:
