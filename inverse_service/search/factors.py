@@ -80,16 +80,27 @@ def divergence_factor(material: Material, seed: int) -> tm.Monomial | None:
     return frozenset([(ex.Apply("exp", tm.monomial_tree(rate)), c)])
 
 
-def is_free_of_divergence(analysis: Analysis, seed: int) -> bool:
-    """Whether div_v f vanishes at a random point."""
+def asks_for_no_time(analysis: Analysis, seed: int) -> bool:
+    """Whether div_v f = 0, or f is homogeneous of degree 2 in v, at a random point: no factor e^(ct) follows then.
+
+    With the degree 2, q(at) is a motion where q(t) is one, so that no rate c differs from another.
+    """
     try:
         point = tower.draw_point(analysis.tower, seed)
         connection, _ = ansatz.connection_and_endomorphism(
             ansatz.Sampler(analysis, analysis.tower, analysis.real_point), point
         )
+        forces = [evaluate(tower.to_kernels(f), point) for f in analysis.system.accelerations]
     except (errors.IrreducibleAtoms, SingularPoint, ValueError):
         return False
-    return sum(row[i] for i, row in enumerate(connection)) % point.prime == 0
+    velocities = [point.variable(ex.Velocity(name)) for name in analysis.system.coordinates]
+    # N = -f_v/2, and f_v v = 2 f
+    turned = [
+        sum(a * v for a, v in zip(row, velocities, strict=True)) + f for row, f in zip(connection, forces, strict=True)
+    ]
+    return sum(row[i] for i, row in enumerate(connection)) % point.prime == 0 or not any(
+        x % point.prime for x in turned
+    )
 
 
 def _constants_of_divergence(

@@ -45,31 +45,10 @@ _ROOTS = tuple(Fraction(e, 2) for e in (1, -1, 2, -2, 3, -3, 4))
 _HALVES = (Fraction(1, 2), Fraction(-1, 2))
 
 
-def ratios(material: Material) -> list[tm.Monomial]:
-    """v_i v_j and v_i v_j / v_k."""
-    return distinct([*quadratic(material), *quotients(material, 2)])
-
-
-def of_velocities(material: Material) -> list[tm.Monomial]:
-    """These, powers and logarithms of one velocity."""
-    return distinct([*ratios(material), *(shape for v in material.motion.velocities for shape in single(v))])
-
-
 def functions(material: Material) -> list[tm.Monomial]:
-    """These, and what f itself holds."""
-    return distinct([*of_velocities(material), *of_letters(material)])
-
-
-def as_in_force(material: Material) -> list[tm.Monomial]:
-    """Those of these that need no other roots and logarithms than f holds: f has values for them already."""
-    items = {item for terms in material.motion.forces for key in terms for item in key}
-    letters, rooted = {p for p, _ in items}, {p for p, e in items if e.denominator > 1}
-
-    def is_held(letter: ex.Expression, e: Fraction) -> bool:
-        plain = not isinstance(letter, ex.Apply) or ex.is_exponential(letter) or letter in letters
-        return plain and (e.denominator == 1 or letter in rooted)
-
-    return [shape for shape in functions(material) if all(is_held(p, e) for p, e in shape)]
+    """v_i v_j and v_i v_j / v_k, powers and logarithms of one velocity, and what f itself holds."""
+    own = (shape for v in material.motion.velocities for shape in single(v))
+    return distinct([*quadratic(material), *quotients(material, 2), *own, *of_letters(material)])
 
 
 def polynomials(material: Material) -> list[tm.Monomial]:
@@ -87,11 +66,9 @@ def roots_of_constants(material: Material) -> list[tm.Monomial]:
         *(v for v in material.motion.velocities if v not in constant),
     ]
     sums = [p for p in moving_letters(material) if isinstance(p, ex.Sum) and not ex.holds(p, *moving)]
-    letters = [tm.monomial(p) for p in (*constant, *sums)]
-    kept = distinct([*letters, tm.monomial(*sums)])
-    rooted = [
-        tm.times(tm.EMPTY, key, e) for key in products([tm.EMPTY, *map(tm.monomial, constant)], kept) for e in _HALVES
-    ]
+    made = distinct([*map(tm.monomial, sums), tm.monomial(*sums)]) if sums else []
+    kept = list(map(tm.monomial, constant))
+    rooted = [tm.times(tm.EMPTY, key, e) for key in (*kept, *products([tm.EMPTY, *kept], made)) for e in _HALVES]
     return [*quadratic(material), *products([tm.EMPTY, *quadratic(material)], rooted)]
 
 

@@ -36,6 +36,7 @@ from inverse_service.search.terms import Monomial, TooManyTerms, tree_of
 
 Rung = protocol.Leaf | protocol.Reduction | families.Family
 
+BLOCKS = "decoupled blocks one by one"
 LEAVES = (
     protocol.Leaf(
         "each equation times a function",
@@ -98,7 +99,7 @@ REDUCTIONS = (
         exact=True,
     ),
     protocol.Reduction(
-        "decoupled blocks one by one",
+        BLOCKS,
         3.55,
         reductions.is_decoupled,
         reductions.into_blocks,
@@ -116,11 +117,8 @@ REDUCTIONS = (
 )
 ANSATZ = (
     families.Family("quadratic in the velocities, short factors", 2, families.quadratic, bounds.SMALL),
-    families.Family("functions of velocities as in f, short factors", 3.74, families.as_in_force, bounds.SMALL),
-    families.Family("functions of velocities, constant coefficients", 3.75, families.of_velocities, 0),
-    families.Family("ratios of velocities, short factors", 3.7, families.ratios, bounds.SMALL),
-    families.Family("quadratic, roots of constant velocities", 3.8, families.roots_of_constants, bounds.SMALL),
     families.Family("functions of velocities, short factors", 4, families.functions, bounds.SMALL),
+    families.Family("quadratic, roots of constant velocities", 4.1, families.roots_of_constants, bounds.SMALL),
     families.Family("products of up to four velocities", 7, families.polynomials, bounds.LARGE),
     families.Family("logarithms and arctangents of two velocities", 9, families.complex_logarithms, bounds.SMALL),
 )
@@ -243,6 +241,8 @@ def _climb(
         found = attempt(state, rung)
         if found is not None:
             yield found
+        if rung.name == BLOCKS and reductions.is_decoupled(state.material):
+            return  # the same rows have been tried on each block, and pairs of blocks come before
 
 
 def attempt(state: _Search, rung: Rung) -> protocol.Found | None:
