@@ -48,7 +48,7 @@ _HALVES = (Fraction(1, 2), Fraction(-1, 2))
 def functions(material: Material) -> list[tm.Monomial]:
     """v_i v_j and v_i v_j / v_k, powers and logarithms of one velocity, and what f itself holds."""
     own = (shape for v in material.motion.velocities for shape in single(v))
-    return distinct([*quadratic(material), *quotients(material, 2), *own, *of_letters(material)])
+    return distinct([*quadratic(material), *quotients(material), *own, *of_letters(material)])
 
 
 def polynomials(material: Material) -> list[tm.Monomial]:
@@ -93,18 +93,16 @@ def powers(material: Material, degree: int) -> list[tm.Monomial]:
     return [tm.monomial(*chosen) for chosen in itertools.combinations_with_replacement(velocities, degree)]
 
 
-def quotients(material: Material, degree: int) -> list[tm.Monomial]:
-    """Products of `degree` velocities over w^(degree - 1) or w^(degree - 2), w another velocity or a sum of them in f.
+def quotients(material: Material) -> list[tm.Monomial]:
+    """v_i v_j / w, w another velocity or a sum of them in f.
 
     Where some velocities are constant along the motion, only these are divided by.
     """
-    exponents = {degree - 1, degree - 2} - {0}
     return [
-        tm.times(product, tm.monomial(w), -e)
-        for product in powers(material, degree)
+        tm.times(product, tm.monomial(w), -1)
+        for product in quadratic(material)
         for w in (*divisors(material), *material.linear_sums)
         if all(w != letter for letter, _ in product)
-        for e in exponents
     ]
 
 
@@ -357,7 +355,7 @@ def kinetic_terms(material: Material, family: Family, factors: Factors, seed: in
         return
     possible = possible_shapes(material, shapes, seed)
     chosen = _with_roots_of_numbers(material, possible.shapes)
-    if not chosen or not family.terms:
+    if not chosen:
         yield chosen
         return
     if material.motion.size > 1:

@@ -36,9 +36,6 @@ _UNSOLVED = (
 AS_GIVEN = "the equations as given"
 # Coordinates of systems whose conditions are printed and whose freedom is counted for a known Lagrangian.
 _MOST_COORDINATES = 8
-# Accelerations of so few coordinates with so many nodes are decided about before anything is tried on them: formulas
-# take longer then, and the decision does not.
-_FEW_COORDINATES, _LONG = 4, 1_000
 # First integrals may take so many seconds, and such a share of the time.
 _FOR_INTEGRALS, _SHARE_FOR_INTEGRALS = 1.0, 0.1
 # Unknowns up to which the freedom in L is counted where a Lagrangian is known already: nine coordinates.
@@ -233,10 +230,12 @@ def _answers(work: Work, given: Answer | None) -> tuple[Answer | None, Answer | 
 
 
 def _is_excluded(work: Work) -> bool:
-    """Whether long accelerations, with no lines that they were solved from, are decided to have no Lagrangian."""
+    """Whether accelerations that nobody wrote, as those of a reduced system, are decided to have no Lagrangian.
+
+    No lines have a shape of their own then; and the decision is asked for in any case, to count the freedom.
+    """
     system, options = work.analysis.system, work.options
-    long = sum(map(ex.node_count, system.accelerations)) > _LONG and len(system.coordinates) <= _FEW_COORDINATES
-    if options.given or system.is_unsolved or not long:
+    if options.given or system.is_unsolved or len(system.coordinates) > _MOST_COORDINATES:
         return False
     with_time = questions(options.time_dependent, system)[1]
     return _decide(work, with_time, _SHARE_AS_GIVEN).verdict == "not_variational"
@@ -360,8 +359,8 @@ def _decide(
 ) -> deciding.Decision:
     if work.analysis.system.is_unsolved:
         return deciding.Decision("undetermined", with_time, 0, _UNSOLVED)
-    if with_time in work.excluded:
-        return work.excluded[with_time]
+    if with_time in work.decided:
+        return work.decided[with_time]
     stage = "decision with time" if with_time else "decision"
     work.progress(stage)
     is_first = not with_time and work.options.time_dependent is None  # the other question has its share, too
@@ -372,8 +371,8 @@ def _decide(
     )
     work.seconds[stage] = decision.seconds
     work.points.extend(decision.points)
-    if decision.verdict == "not_variational":
-        work.excluded[with_time] = decision
+    if decision.verdict != "undetermined":
+        work.decided[with_time] = decision
     return decision
 
 
@@ -496,7 +495,7 @@ class Work:
     end: float
     seconds: dict[str, float] = field(default_factory=dict)
     points: list[Mapping[str, int]] = field(default_factory=list)
-    excluded: dict[bool, deciding.Decision] = field(default_factory=dict)  # the proofs of a no, by `with_time`
+    decided: dict[bool, deciding.Decision] = field(default_factory=dict)  # by `with_time`
     outcome: SearchOutcome | None = None
     autonomous: deciding.Decision | None = None
     reasons: tuple[Step, ...] = ()
