@@ -328,44 +328,38 @@ def _combination(sides: Sequence[Mapping[tm.Monomial, tm.Terms]]) -> list[tuple[
 
 
 def _by_partial_fractions(x: Variable, wanted: tm.Terms) -> ex.Expression | None:
-    """Of a rational function of x whose denominators are linear in x; its other generators are constants."""
-    poles, one = dict[ex.Expression, int](), tm.monomial(x)
-    for key in wanted:
-        for letter, e in key:
-            if not ex.holds(letter, x):
-                continue
-            slope = tm.letter_derivative(letter, x)
-            if e.denominator > 1 or any(ex.holds(p, x) for part in slope for p, _ in part):
-                return None
-            if e < 0:
-                poles[letter] = max(poles.get(letter, 0), int(-e))
+    """sum c_p log p + c_pj p^(1 - j) + c_k x^k over the denominators p, what is free of x being constant.
+
+    All integrals of rational functions with denominators linear in x are of this kind.
+    """
+    poles = dict[ex.Expression, int]()
+    for letter, e in (item for key in wanted for item in key if ex.holds(item[0], x)):
+        if e.denominator > 1:
+            return None
+        if e < 0:
+            poles[letter] = max(poles.get(letter, 0), int(-e))
     if not 2 <= sum(poles.values()) <= _HIGHEST:
         return None
     whole: tm.Monomial = frozenset((letter, Fraction(e)) for letter, e in poles.items())
 
-    def by_power(terms: tm.Terms) -> dict[tm.Monomial, tm.Terms]:
-        """The terms over the common denominator, by powers of x."""
+    def by_generators(terms: tm.Terms) -> dict[tm.Monomial, tm.Terms]:
+        """The terms over the common denominator, by what depends on x."""
         found = dict[tm.Monomial, tm.Terms]()
         numerator = ex.add(*(value * tm.monomial_tree(tm.times(key, whole)) for key, value in terms.items()))
         for key, value in tm.terms_of(numerator).items():
-            own: tm.Monomial = frozenset(item for item in key if item[0] == x)
+            own: tm.Monomial = frozenset(item for item in key if ex.holds(item[0], x))
             found.setdefault(own, {})[key - own] = value
         return found
 
-    right = by_power(wanted)
+    right = by_generators(wanted)
     highest = max(int(dict(own).get(x, 0)) for own in right) - sum(poles.values())
-    parts = [(letter, j) for letter, e in poles.items() for j in range(1, e + 1)]
-    units = [tm.times(frozenset(), tm.monomial(letter), -j) for letter, j in parts]
-    units += [tm.times(frozenset(), one, k) for k in range(highest + 1)]
-    found = _combination([*(by_power({unit: Fraction(1)}) for unit in units), right])
-    if found is None:
-        return None
-    rates = [tm.tree_of(tm.letter_derivative(letter, x)) for letter, _ in parts]
     primitives = [
-        (ex.Apply("log", letter) if j == 1 else letter ** (1 - j) / (1 - j)) / rate
-        for (letter, j), rate in zip(parts, rates, strict=True)
-    ] + [x ** (k + 1) / (k + 1) for k in range(highest + 1)]
-    return ex.add(*(c * primitives[k] for k, c in found))
+        tm.monomial(ex.Apply("log", letter)) if j == 1 else frozenset([(letter, Fraction(1 - j))])
+        for letter, e in poles.items()
+        for j in range(1, e + 1)
+    ] + [frozenset([(x, Fraction(k + 1))]) for k in range(highest + 1)]
+    found = _combination([*(by_generators(tm.derivative_of_terms({m: Fraction(1)}, x)) for m in primitives), right])
+    return None if found is None else ex.add(*(c * tm.monomial_tree(primitives[k]) for k, c in found))
 
 
 _NAMES = ("F", "G", "H", "K", "P", "Q", "S", "U", "W", "Z")

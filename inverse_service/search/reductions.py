@@ -23,7 +23,7 @@ from inverse_service.mechanics.second_order_system import SecondOrderSystem, con
 from inverse_service.search import quadratures, tidy
 from inverse_service.search.material import Material
 from inverse_service.search.protocol import Smaller
-from inverse_service.search.terms import Monomial, Terms, TooManyTerms, terms_of, tree_of
+from inverse_service.search.terms import Monomial, Terms, TooManyTerms, collected, terms_of, tree_of
 
 
 def decoupled_blocks(system: SecondOrderSystem) -> list[SecondOrderSystem]:
@@ -104,7 +104,7 @@ def _along(material: Material) -> Iterator[tuple[str, SecondOrderSystem, SecondO
     """(u, the system of dx/du, that of u) for each coordinate u with u'' = f_u(u, u') such that paths have no u'."""
     system = material.analysis.system
     names = system.coordinates
-    if len(names) == 1 or system.depends_on_time or system.functions or is_decoupled(material):
+    if len(names) == 1 or system.depends_on_time or is_decoupled(material):
         return
     for u, f in zip(names, system.accelerations, strict=True):
         rate, others = ex.Velocity(u), tuple(name for name in names if name != u)
@@ -114,11 +114,13 @@ def _along(material: Material) -> Iterator[tuple[str, SecondOrderSystem, SecondO
         forces = []
         for x, force in zip(names, system.accelerations, strict=True):
             if x != u:
-                along = (ex.substitute(force, table) - ex.Velocity(x) * f) / rate**2
-                forces.append(writing.shorten(along, exact_field.Budget.short()))
+                along = collecting.collect((ex.substitute(force, table) - ex.Velocity(x) * f) / rate**2)
+                is_free = not ex.holds(along, rate)
+                forces.append(along if is_free else writing.quotient(along, exact_field.Budget.short()))
         if not any(ex.holds(force, rate) for force in forces):
             timed = tuple(ex.substitute(force, {ex.Symbol(u): ex.TIME}) for force in forces)
-            plain = replace(system, branch=None, nonzero=())
+            functions = tuple((name, tuple("t" if x == u else x for x in held)) for name, held in system.functions)
+            plain = replace(system, branch=None, nonzero=(), functions=functions)
             paths = replace(plain, coordinates=others, accelerations=timed)
             yield u, paths, replace(plain, coordinates=(u,), accelerations=(f,))
 
@@ -129,7 +131,7 @@ def _homogeneous(u: str, found: Sequence[Sequence[ex.Expression]]) -> list[ex.Ex
     for tree in found[0]:
         velocities = [node for node in ex.walk(tree) if isinstance(node, ex.Velocity)]
         table: dict[ex.Expression, ex.Expression] = {v: v / rate for v in velocities}
-        lagrangians.append(collecting.merge_powers(rate * ex.substitute(tree, {**table, ex.TIME: ex.Symbol(u)})))
+        lagrangians.append(collected(rate * ex.substitute(tree, {**table, ex.TIME: ex.Symbol(u)})))
     return [one + found[1][0] for one in lagrangians]
 
 
