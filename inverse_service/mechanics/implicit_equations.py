@@ -196,7 +196,8 @@ def solve_lines(equations: Sequence[LinearEquation], coordinates: Sequence[str])
         divisors.update(dict.fromkeys(factor for each in (determinant, *scales) for factor in ring.factors_of(each)))
         for place, column in enumerate(block):
             solved[coordinates[column]] = _solution(ring, inverse[place], rests, places)
-    found = tuple(solved[name] for name in coordinates)
+    written = [tree for equation in equations for tree in (*equation.coefficients.values(), equation.rest)]
+    found = tuple(writing.with_sums_as_in(solved[name], written) for name in coordinates)
     moving = {ex.TIME, *map(ex.Symbol, coordinates), *map(ex.Velocity, coordinates)}
     return Solved(found, unseen([one for one in divisors if not moving.isdisjoint(ex.walk(one))], found))
 

@@ -1,6 +1,7 @@
 """Functions written for people: one term for each product of velocities, tan for sin/cos, sums put together."""
 
 import math
+from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from fractions import Fraction
 from functools import lru_cache
@@ -108,6 +109,33 @@ def with_products_in_order(
         return ex.multiply(*sorted(inner.factors, key=place)) if isinstance(inner, ex.Product) else inner
 
     return ordered(tree)
+
+
+def with_sums_as_in(tree: ex.Expression, models: Sequence[ex.Expression]) -> ex.Expression:
+    """The tree with the terms of each sum that a model has in the order in which the model has them."""
+
+    def key_of(node: ex.Sum) -> frozenset[tuple[ex.Expression, int]]:
+        return frozenset(Counter(node.terms).items())  # u + u is not u
+
+    sums = {key_of(node): node for node in ex.distinct_nodes(models) if isinstance(node, ex.Sum)}
+
+    def ordered(part: ex.Expression) -> ex.Expression:
+        part = ex.rebuild(part, ordered)
+        return sums.get(key_of(part), part) if isinstance(part, ex.Sum) else part
+
+    return ordered(tree) if sums else tree
+
+
+def with_one_coefficient(tree: ex.Expression, letters: Collection[ex.Expression]) -> ex.Expression:
+    """(p^2 + q^2)/(2 m) for p^2/(2 m) + q^2/(2 m): squares with letters in one bracket."""
+    groups = dict[ex.Expression, list[ex.Expression]]()
+    for term in tree.terms if isinstance(tree, ex.Sum) else (tree,):
+        factors = ex.factors_of(term)
+        squares = [f for f in factors if isinstance(f, ex.Power) and f.exponent == ex.TWO and ex.holds(f, *letters)]
+        outside = ex.multiply(*(f for f in factors if f not in squares))
+        plain = len(squares) != 1 or isinstance(outside, ex.Number) or ex.holds(outside, *letters)
+        groups.setdefault(ex.ONE if plain else outside, []).append(term if plain else squares[0])
+    return ex.add(*(coefficient * ex.add(*parts) for coefficient, parts in groups.items()))
 
 
 def _power_of(factor: ex.Expression) -> tuple[ex.Expression, Fraction]:
@@ -259,8 +287,9 @@ def _common_denominator(tree: ex.Expression) -> int:
 
 
 def _is_half_negative(tree: ex.Sum) -> bool:
-    """Whether at least half of its terms have a minus sign."""
-    return 2 * sum(map(is_negative, tree.terms)) >= len(tree.terms)
+    """Whether most of its terms have a minus sign, or half of them and no number is without one, as it is in 1 - mu."""
+    surplus = 2 * sum(map(is_negative, tree.terms)) - len(tree.terms)
+    return surplus > 0 or (surplus == 0 and not any(isinstance(t, ex.Number) and t.value > 0 for t in tree.terms))
 
 
 def is_negative(term: ex.Expression) -> bool:

@@ -86,10 +86,34 @@ def tidied(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
         return tree
     while (shorter := _shortest(tree, system)) != tree:
         tree = shorter
-    tree = _with_squares_inside(system, tree)
-    tree = writing.numbers_outside(writing.minus_inside(_as_written(writing.joined(tree), system)))
-    constants = tuple(map(ex.Symbol, system.parameters))
-    return writing.with_products_in_order(_grouped_alike(kinetic_first(tree)), constants)
+    tree = _with_squares_inside(system, _as_written(writing.joined(tree), system))
+    tree = writing.numbers_outside(writing.minus_inside(ex.negated(tree) if _is_upside_down(tree) else tree))
+    return _in_order(_turns_together(_grouped_alike(kinetic_first(tree)), _parameters(system)), system)
+
+
+def _in_order(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
+    """Constants in the order of the document, sums that f has as they are in f."""
+    written = writing.with_sums_as_in(tree, system.given)
+    return writing.with_products_in_order(written, tuple(map(ex.Symbol, system.parameters)))
+
+
+def _turns_together(tree: ex.Expression, constants: frozenset[ex.Symbol]) -> ex.Expression:
+    """B (x y' - y x')/2 for B x y'/2 - B y x'/2 with constants B."""
+    terms = list(tree.terms) if isinstance(tree, ex.Sum) else []
+    for one, other in combinations(terms, 2):
+        if _degree(one) == _degree(other) == 1:
+            parts = [[f for f in ex.factors_of(term) if _is_moving(f, constants)] for term in (one, other)]
+            outside = ex.multiply(*(f for f in ex.factors_of(one) if f not in parts[0]))
+            both = ex.multiply(*parts[0]) - ex.multiply(*parts[1])
+            if not isinstance(outside, ex.Number) and other == ex.negated(outside * ex.multiply(*parts[1])):
+                terms[terms.index(one)] = outside * both
+                terms.remove(other)
+                return _turns_together(ex.add(*terms), constants)
+    return tree
+
+
+def _is_moving(factor: ex.Expression, constants: frozenset[ex.Symbol]) -> bool:
+    return any(isinstance(node, ex.Symbol | ex.Velocity) and node not in constants for node in ex.walk(factor))
 
 
 def _grouped_alike(tree: ex.Expression) -> ex.Expression:
@@ -193,7 +217,8 @@ def with_written_roots(
     rooted = {letter for _, below, _ in written.values() for letter, _ in below}
     below = _divisor(found, constants)
     sign = prod(real_point.real_sign(letter, point) for letter, e in below if letter in rooted and e % 2)
-    return kinetic_first(tm.tree_of({tm.times(key, below): sign * value for key, value in found.items()}))
+    tree = kinetic_first(tm.tree_of({tm.times(key, below): sign * value for key, value in found.items()}))
+    return _in_order(tree, system)
 
 
 def _divisor(terms: tm.Terms, constants: frozenset[ex.Symbol]) -> tm.Monomial:
@@ -225,6 +250,14 @@ def _place(term: ex.Expression) -> tuple[int, bool]:
     degree = min(_degree(term), 2)
     negative = isinstance(term, ex.Product) and isinstance(term.factors[0], ex.Number) and term.factors[0].value < 0
     return -degree, degree == 2 and negative
+
+
+def _is_upside_down(tree: ex.Expression) -> bool:
+    """Whether it has squares of velocities with numbers before them, all of these negative."""
+    powers = [(term, ex.powers_of(term)) for term in (tree.terms if isinstance(tree, ex.Sum) else (tree,))]
+    squares = [term for term, found in powers if any(isinstance(v, ex.Velocity) and e == 2 for v, e in found)]
+    plain = [term for term in squares if len(ex.factors_of(term)) - isinstance(ex.factors_of(term)[0], ex.Number) == 1]
+    return bool(squares) and plain == squares and all(map(writing.is_negative, squares))
 
 
 def _degree(tree: ex.Expression) -> int:
@@ -316,7 +349,7 @@ def _other_forms(tree: ex.Expression, system: SecondOrderSystem) -> list[ex.Expr
     found = []
     constants = partial(_by_parameters, _parameters(system))
     of_system: tuple[Callable[[SecondOrderSystem, ex.Expression], ex.Expression], ...] = (
-        _grouped, _by_rates, _with_whole_squares, _by_functions, _with_shifted_rates, _with_springs,
+        _grouped, _by_rates, _with_whole_squares, _by_functions, _with_shifted_rates, _with_springs, _by_sines, _by_cosines,
     )  # fmt: skip
     common = partial(_with_common_factor, constants)
     forms: list[Callable[[ex.Expression], ex.Expression]] = [collected_inside, common, constants]
@@ -379,10 +412,13 @@ def collected_inside(tree: ex.Expression) -> ex.Expression:
 
 
 def _with_common_factor(form: Callable[[ex.Expression], ex.Expression], tree: ex.Expression) -> ex.Expression:
-    """An exponential of t that all terms share before a bracket, kinetic terms in that form: e^(ct) (x'^2 - x^2)/2."""
+    """What all terms share before a bracket, kinetic terms in that form: e^(ct) (x'^2 - x^2)/2.
+
+    That are exponentials of t, and what all terms are divided by.
+    """
     terms = tm.terms_of(tree)
     content, shared, _ = tm.split_content(terms) if terms else (Fraction(0), tm.EMPTY, tree)
-    common: tm.Monomial = frozenset((p, e) for p, e in shared if _is_exponential_of_time(p))
+    common: tm.Monomial = frozenset((p, e) for p, e in shared if _is_exponential_of_time(p) or e < 0)
     if not common:
         return tree
     content = content if content == Fraction(1, 2) else Fraction(1)
@@ -563,6 +599,29 @@ def _with_springs(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expressi
                     rest = tm.add_terms(tm.add_terms(terms, square, -1), linear, -1)
                     return tm.tree_of(rest) + c * tm.monomial_tree(stiffness) * (ex.square_root(root) + length) ** 2
     return tree
+
+
+def _by_squares_of(name: str, other: str, system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
+    """k (sin(a) - sin(b))^2 for -k (cos(a)^2 + cos(b)^2 + 2 sin(a) sin(b)) with constant k: another constant in V."""
+    terms, constants = tm.terms_of(tree), _parameters(system)
+    plain = tm.Terms()
+    for key, value in terms.items():
+        square = next((p for p, e in key if isinstance(p, ex.Apply) and p.function == other and e == 2), None)
+        if square is not None and constants.issuperset(p for p, _ in key - {(square, Fraction(2))}):
+            key, value = key - {(square, Fraction(2))} | {(ex.Apply(name, square.argument), Fraction(2))}, -value
+        plain[key] = plain.get(key, Fraction(0)) + value
+    letters = [p for p in dict.fromkeys(p for key in plain for p, _ in key) if isinstance(p, ex.Apply)]
+    groups = _split(plain, lambda letter: letter in constants or tm.has_velocity(letter))
+    found = list[ex.Expression]()
+    for outer, inner in groups.items():
+        whole = tm.tree_of(inner)
+        squares = [one for one in quadratic_forms.short_forms(whole, letters) if _has_one_sign(whole, one)]
+        found.append(tm.monomial_tree(outer) * min([whole, *squares], key=_preference))
+    return ex.add(*found)
+
+
+_by_sines = partial(_by_squares_of, "sin", "cos")
+_by_cosines = partial(_by_squares_of, "cos", "sin")
 
 
 def _by_functions(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:

@@ -74,18 +74,20 @@ def legendre(
     reach = Reach(end=deadline.now() + time_limit)
     names = tuple(coordinates)
     symbols, renamed = momentum_symbols(lagrangian, names)
+    constants = _constants_of(lagrangian, names)
+    # What is found is the same in whatever order the constants were typed.
+    plain = writing.with_products_in_order(lagrangian, sorted(constants, key=lambda symbol: symbol.name))
     # u log u has log u + 1 for a slope, if it is not expanded
-    slopes = euler_lagrange.gradient(lagrangian, map(ex.Velocity, names))
+    slopes = euler_lagrange.gradient(plain, map(ex.Velocity, names))
     given = [slopes.get(ex.Velocity(name), ex.ZERO) for name in names]
     shorter = [
         short_forms.shortest([short_forms.inside(short_forms.related(short_forms.simplified(slope))), slope])
         for slope in given
     ]
-    constants = _constants_of(lagrangian, names)
     functions = tuple(writing.with_products_in_order(slope, constants) for slope in shorter)
-    parts = blocks.split(lagrangian, names, dict(zip(names, symbols, strict=True)))
+    parts = blocks.split(plain, names, dict(zip(names, symbols, strict=True)))
     implicit = LegendreTransform(lagrangian, symbols, _energy(parts), functions, None, True, renamed)
-    points = sampling.sample_points([lagrangian, *functions], positive)
+    points = sampling.sample_points([plain, *functions], positive)
     if not points:
         return _noted(implicit, "No real point of L was found to check a closed form at; H is given in the velocities.")
     if any(sampling.is_singular(euler_lagrange.hessian(block.function, block.names), points) for block in parts.blocks):
@@ -177,7 +179,7 @@ def _best(
     reach: Reach,
     few: Sequence[sampling.Point],
 ) -> _Chosen | None:
-    """The branch that holds at most points, the shortest among those."""
+    """The branch with conditions on constants and coordinates alone, that at most points, the shortest among those."""
     functions = euler_lagrange.momenta(block.function, block.names)
     known = {block.momenta[name]: tree for name, tree in zip(block.names, functions, strict=True)}
     at = dict[ex.Expression, ex.Expression](zip(known, functions, strict=True))
@@ -195,7 +197,12 @@ def _best(
         inside = [*positive, *(ex.substitute(condition, at) for condition in judgment.conditions)]
         if sampling.judge(claim, (), sampling.sample_points([block.function, *functions], inside)) is not None:
             found.append(_Chosen(branch, judgment))
-    return max(found, key=lambda one: (one.judgment.holding, -ex.node_count(one.branch.hamiltonian)), default=None)
+
+    def preference(one: _Chosen) -> tuple[bool, int, int]:
+        moving = any(short_forms.velocities_in(tree, block.names) for tree in one.judgment.conditions)
+        return not moving, one.judgment.holding, -ex.node_count(one.branch.hamiltonian)
+
+    return max(found, key=preference, default=None)
 
 
 def _with_variants(branches: Iterator[blocks.Branch]) -> Iterator[blocks.Branch]:
@@ -229,7 +236,8 @@ def _closed(
     whole = writing.roots_upright(writing.joined(short_forms.without_cancelling(short)))
     whole = writing.plain_quotients(writing.one_square(quadratic_forms.shortest_form(whole, implicit.symbols)))
     constants = _constants_of(implicit.lagrangian, names)
-    whole = writing.with_products_in_order(writing.minus_inside(whole), constants, implicit.symbols)
+    whole = writing.with_one_coefficient(writing.minus_inside(whole), implicit.symbols)
+    whole = writing.with_products_in_order(whole, constants, implicit.symbols)
     terms = whole.terms if isinstance(whole, ex.Sum) else (whole,)
     return replace(
         implicit,
