@@ -349,7 +349,8 @@ def _other_forms(tree: ex.Expression, system: SecondOrderSystem) -> list[ex.Expr
     found = []
     constants = partial(_by_parameters, _parameters(system))
     of_system: tuple[Callable[[SecondOrderSystem, ex.Expression], ex.Expression], ...] = (
-        _grouped, _by_rates, _with_whole_squares, _by_functions, _with_shifted_rates, _with_springs, _by_sines, _by_cosines,
+        _grouped, _by_rates, _with_whole_squares, _by_functions, _with_shifted_rates, _with_springs,
+        _by_sines, _by_cosines,
     )  # fmt: skip
     common = partial(_with_common_factor, constants)
     forms: list[Callable[[ex.Expression], ex.Expression]] = [collected_inside, common, constants]
@@ -418,7 +419,10 @@ def _with_common_factor(form: Callable[[ex.Expression], ex.Expression], tree: ex
     """
     terms = tm.terms_of(tree)
     content, shared, _ = tm.split_content(terms) if terms else (Fraction(0), tm.EMPTY, tree)
-    common: tm.Monomial = frozenset((p, e) for p, e in shared if _is_exponential_of_time(p) or e < 0)
+    below = frozenset.intersection(*terms) if terms else tm.EMPTY  # each term is divided by this
+    common: tm.Monomial = frozenset(
+        (p, e) for p, e in shared if _is_exponential_of_time(p) or (e < 0 and (p, e) in below)
+    )
     if not common:
         return tree
     content = content if content == Fraction(1, 2) else Fraction(1)
