@@ -28,6 +28,7 @@ Source: Mestdag, Bloch, Fernandez (2009), section 4; Kasa (1976) for the start o
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -401,9 +402,12 @@ def _balance(run: Observed, velocities: Array, points: Array, start: float) -> t
     """Power Q v and its work at the recorded points, and how far E - E_0 is from the work."""
     scene, times = run.scene, run.trajectory.times
     table = nf.table_of(scene.coordinates, run.trajectory.positions, velocities, dict(scene.values), times)
-    power = sum(
-        (nf.array_value(force, table) * velocities[:, k] for k, force in enumerate(scene.forces)), np.zeros(len(times))
-    )
+    # What is at rest takes no power, whatever static friction is there: sign(0) has no value.
+    parts = [
+        np.where(v == 0, 0.0, nf.array_value(force, table) * v)
+        for force, v in zip(scene.forces, velocities.T, strict=True)
+    ]
+    power = np.asarray(sum(parts))
     work = _integral(power, times)
     difference = np.abs(points - start - work)
     numbers = {"work": float(work[-1]), "max_balance_error": greatest(difference)}
@@ -522,12 +526,22 @@ def _conserved(run: Observed, velocities: Array) -> tuple[dict[str, Any], dict[s
         cuts = np.flatnonzero(np.any([*turned, np.zeros(len(values) - 1, dtype=bool)], axis=0)) + 1
         pieces = np.split(values, cuts)
         drift = np.concatenate([piece - piece[0] for piece in pieces])
-        size = float(np.nanmax(np.abs(values), initial=0.0)) or 1.0
+        size = float(np.nanmax(_terms_size(one.expression, table), initial=0.0)) or 1.0
         found[one.name] = {
             "text": printing.to_text(one.expression), "max_error": greatest(drift / size), "parts": len(pieces),
         }  # fmt: skip
         series[f"conserved_{k}"] = drift / size
     return ({"conserved": found} if found else {}), series
+
+
+def _terms_size(tree: ex.Expression, table: Mapping[ex.Expression, Any]) -> Array:
+    """The sum of the sizes of its terms, against which round-off is measured: a momentum may be 0 all the time."""
+    match tree:
+        case ex.Sum(terms):
+            return np.asarray(sum(_terms_size(term, table) for term in terms))
+        case ex.Product(factors):
+            return np.asarray(math.prod(_terms_size(factor, table) for factor in factors))
+    return np.abs(nf.array_value(tree, table))
 
 
 def _discrete_energy(run: Observed, start: float) -> tuple[dict[str, Any], dict[str, Array]]:

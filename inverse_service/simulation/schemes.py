@@ -252,7 +252,8 @@ def runge_kutta(f: Formulas, choice: MethodChoice, observation: Observation) -> 
     statements, stages, changes = _explicit(f, choice.order)
     # Stages on both sides of a jump of the force can cancel, so that no step ever ends beyond it.
     names = [symbol(f"{letter}{len(stages) - 1}_{k}") for letter in "xy" for k in range(f.size)]
-    last = dict(zip([*f.symbols("q"), *f.symbols("v"), MOMENT], [*names, moment_at(number(1.0))], strict=True))
+    moment = moment_at(number(round(sum(TABLEAUX[choice.order].rows[-1]), 12)))
+    last = dict(zip([*f.symbols("q"), *f.symbols("v"), MOMENT], [*names, moment], strict=True))
     watches = [*motion_walls(f, point_after(f, changes)), *motion_walls(f, last)] if choice.guard else []
     return _point_program(f, observation, statements, changes, watches, len(stages))
 

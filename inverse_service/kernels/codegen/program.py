@@ -172,6 +172,8 @@ class Program:
 
 
 _LARGEST_GUARDED = 4
+# Characters of an entry that is multiplied out.
+_MOST_EXPANDED = 500
 _PARAMETER = re.compile(r"h|c\d+")
 
 
@@ -268,7 +270,9 @@ def _blocks(equations: Sequence[Formula], unknowns: Sequence[str]) -> list[tuple
 
 def _block(equations: Sequence[Formula], names: Sequence[str], scales: Mapping[str, str], guarded: bool) -> Solve:
     variables = [symbol(name) for name in names]
-    jacobian = tuple(tuple(slope(equation, variable) for variable in variables) for equation in equations)
+    jacobian = tuple(
+        tuple(_free_if_affine(slope(equation, variable), variables) for variable in variables) for equation in equations
+    )
     compared = guarded and len(names) <= _LARGEST_GUARDED
     affine = not any(contains(entry, variable) for row in jacobian for entry in row for variable in variables)
     return Solve(
@@ -279,6 +283,14 @@ def _block(equations: Sequence[Formula], names: Sequence[str], scales: Mapping[s
         scales=tuple(scales.get(name, "") for name in names),
         limit=limit_at_zero_step(jacobian, variables) if compared and not affine else None,
     )
+
+
+def _free_if_affine(entry: Formula, variables: Sequence[Formula]) -> Formula:
+    """The entry multiplied out, where the unknowns cancel in it: a linear equation needs no iteration."""
+    if len(str(entry)) > _MOST_EXPANDED or not any(contains(entry, variable) for variable in variables):
+        return entry
+    plain = entry.expand()
+    return entry if any(contains(plain, variable) for variable in variables) else plain
 
 
 def limit_at_zero_step(jacobian: Sequence[Sequence[Formula]], variables: Sequence[Formula]) -> Formula | None:

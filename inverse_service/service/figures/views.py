@@ -114,7 +114,7 @@ def _energy(name: str) -> Quantity:
         yield label, energy_error(name)
         yield "energy of the L found" if found else "E = T + V", varying
         if name == "energy":
-            yield "conserved H, relative drift", column("conserved_1")
+            yield f"conserved {_conserved_name(result)}, relative drift", column("conserved_1")
 
     return Quantity(f"|{label}|", name.replace("_", " ") + " error", energy_error(name), signed)
 
@@ -203,6 +203,13 @@ def quantity_views(name: str, result: Mapping[str, Any], tables: Tables) -> list
     return [view for view in (_kept_view(result, tables) if name == "energy" else None, *found) if view]
 
 
+def _conserved_name(result: Mapping[str, Any]) -> str:
+    """The name of the first constant of the motion beside an energy that varies."""
+    found = (name for method in result["methods"] for name in method.get("conserved") or ())
+    name = next(found, "H")
+    return name if name == "H" else f"quantity ({name})"
+
+
 def _kept_view(result: Mapping[str, Any], tables: Tables) -> dict[str, Any] | None:
     """T + V with the H that a damped motion keeps, each divided by its start."""
     lines: list[dict[str, Any]] = []
@@ -211,12 +218,12 @@ def _kept_view(result: Mapping[str, Any], tables: Tables) -> dict[str, Any] | No
         if "conserved_1" not in table:
             continue
         mechanical = table.get("mechanical_energy", table["energy"])
-        both = [("H", "dash", 1 + table["conserved_1"])]
+        both = [(_conserved_name(result), "dash", 1 + table["conserved_1"])]
         both += [("T + V", "solid", mechanical / mechanical[0])] * bool(mechanical[0])
         for name, dash, values in both:
             line = _line(place, method, table["t"], values)
             lines.append({**line, "label": f"{name}, {line['label']}", "dash": dash})
-    label = "T + V and the conserved H, from 1 at the start"
+    label = f"T + V and the conserved {_conserved_name(result)}, from 1 at the start"
     return {"label": label, "x": "t", "y": "part of the start", "lines": lines} if lines else None
 
 
