@@ -2,7 +2,7 @@
 
 from typing import Any, Final, Literal
 
-from pydantic import Field
+from pydantic import BaseModel, Field, RootModel
 
 from api_schemas.base import Document, ProblemDocument
 
@@ -63,3 +63,34 @@ class Batch(Document):
     def is_final(self) -> bool:
         """Whether every line has its answer."""
         return self.status in FINAL
+
+
+class StatusEvent(BaseModel):
+    """What the job is now; the last event of a job says how it ended."""
+
+    status: JobStatus
+
+
+class ProgressEvent(BaseModel):
+    """What the job is doing: stage, order, family, counts."""
+
+    elapsed: float = Field(description="seconds of this run")
+
+
+class PartEvent(Document):
+    """A part of the result, as soon as it is finished."""
+
+    part: str
+    value: dict[str, Any]
+
+
+class JobEvent(RootModel[StatusEvent | ProgressEvent | PartEvent]):
+    """The data of an event, by its name: `status`, `progress` or `part`."""
+
+
+class JobOptions(Document):
+    """Bounds of a job, each at most the service's, and the seed of its random choices."""
+
+    time_limit: float = Field(60.0, gt=0)
+    memory_limit: int = 4096
+    seed: int = Field(1, ge=0)

@@ -62,13 +62,13 @@ def check(
 
         whole = file == "-" or file.lower().endswith(".json")
         given, _ = model.split_options(document_of(_read(file) if whole else _document(file)))
-        text = model.write_json({"system": given, "lagrangian": lagrangian})
+        text = plain_data.write_json({"system": given, "lagrangian": lagrangian})
     else:
         result = _read(file)
-        text = model.write_json(result)
+        text = plain_data.write_json(result)
         if document is not None:
             given, _ = model.split_options(_document(document))
-            text = model.write_json({"document": given, "result": result})
+            text = plain_data.write_json({"document": given, "result": result})
     settings = read_settings()
     outcome = workers.run_alone(tasks.check_task, (text,), settings.time_limit, settings.memory_limit)
     found = check_document(outcome)
@@ -118,7 +118,7 @@ def _exception_lines(one: dict[str, Any]) -> Iterator[str]:
 def _read(name: str) -> dict[str, Any]:
     text = plain_data.decode(cli.read_bytes(name, MAX_RESULT_BYTES))
     if name.lower().endswith((".yaml", ".yml", ".toml")):
-        text = model.write_json(plain_data.read_document(text, name))
+        text = plain_data.write_json(plain_data.read_document(text, name))
     found = plain_data.read_json(text)
     if not isinstance(found, dict):
         detail = "The file is not a result: a JSON object with verdict, system and certificate is needed."
@@ -206,7 +206,7 @@ def _claims(name: str, target: Path, others: Counter[str]) -> dict[int, str]:
                 others["without a verdict to check"] += 1
             else:
                 ids[line.number] = json.dumps(line.identifier)
-                stream.write(model.write_json({**result, "id": line.number}) + "\n")
+                stream.write(plain_data.write_json({**result, "id": line.number}) + "\n")
     return ids
 
 

@@ -34,7 +34,7 @@ def create_application(settings: Settings) -> FastAPI:
     app.add_middleware(middleware.HeadAsGet)
     app.add_middleware(middleware.SecurityHeaders, hosts=settings.hosts)
     app.add_middleware(known.KnownFirst, engine=app.state.engine)
-    app.add_middleware(middleware.Measured, counters=app.state.engine.counters)
+    app.add_middleware(middleware.Measured)
     if settings.cors_origins:
         app.add_middleware(
             CORSMiddleware,

@@ -17,8 +17,7 @@ from pydantic import ValidationError
 from api_schemas.system import SystemDocument
 from inverse_service import __version__, errors
 from inverse_service.service.documents import answers
-from inverse_service.service.jobs import model, opening, statements, tasks, workers
-from inverse_service.service.jobs.metrics import Counters
+from inverse_service.service.jobs import metrics, model, opening, statements, tasks, workers
 from inverse_service.service.jobs.outcome import Call, Outcome, value_of
 from inverse_service.service.jobs.store import Cleaner, JobStore
 from inverse_service.service.jobs.supervisor import LIMITS, Supervisor
@@ -64,8 +63,6 @@ class Engine:
     def __init__(self, settings: Settings) -> None:
         self.settings = settings
         self.keys = clients.Keys(settings)
-        self.started = time.time()
-        self.counters = Counters()
         self.known = KnownAnswers()
         self._working = opening.executor(settings.cluster, settings.workers, settings.memory_limit)
         self._quick = workers.Workers(clients.QUICK_PROCESSES, settings.memory_limit, clients.QUICK_SHARE)
@@ -99,8 +96,7 @@ class Engine:
             workers.preload(module)
         self._working.start()
         self._quick.start()
-        bound = self.settings.client_running
-        self.supervisor = Supervisor(self.store, self._working, self.counters, bound, self._quick)
+        self.supervisor = Supervisor(self.store, self._working, self.settings.client_running, self._quick)
         self.store.on_change(self.hub.tell)
         self.store.on_change(self.known.drop)
         self.supervisor.start()
@@ -169,7 +165,7 @@ class Engine:
         except TimeoutError:
             raise model.StoreUnavailable("The database does not answer in time.") from None
         finally:
-            self.counters.observe("inverse_service_store_seconds", "Reads and changes.", time.monotonic() - began)
+            metrics.STORE.observe(time.monotonic() - began)
 
     async def job(self, id: str, viewer: model.Viewer) -> model.Job | None:
         """A job as this viewer may see it, with an answer that is not large; None also for another client's."""
@@ -185,12 +181,8 @@ class Engine:
         with self.hub.waiting(asking.end_of(own.id)) as ended:
             job, is_known = await self.read(self._submit, own, key)
             if is_known:
-                self.count_known(request.kind)
+                metrics.KNOWN.labels(request.kind).inc()
             return await self._until_final(job, viewer, seconds, ended)
-
-    def count_known(self, kind: str) -> None:
-        """One more question was answered without work."""
-        self.counters.add("inverse_service_answers_from_store_total", "Questions that were known already.", kind=kind)
 
     async def rate_limit(self, client: str) -> dict[str, str]:
         """The headers with the remaining quota, if there is a quota."""
@@ -374,21 +366,16 @@ class Engine:
             running = executor.submit(call)
             try:
                 outcome = await asyncio.wrap_future(running.outcome)
-                self._count(call, outcome)
-                return outcome
             except asyncio.CancelledError:
                 executor.withdraw(running)
                 raise
-
-    def _count(self, call: Call, outcome: Outcome) -> None:
-        add, task = self.counters.add, call.task.__name__
-        add("inverse_service_quick_tasks_total", "Tasks that are no jobs.", task=task, outcome=outcome.status)
-        add("inverse_service_quick_cpu_seconds_total", "Their processor time.", outcome.spent.cpu, task=task)
+        metrics.QUICK.labels(call.task.__name__, outcome.status).inc()
+        metrics.QUICK_CPU.labels(call.task.__name__).inc(outcome.spent.cpu)
+        return outcome
 
     async def _measure_lag(self) -> None:
         """How late the loop is: what it did meanwhile that was not moving bytes."""
         while True:
             began = time.monotonic()
             await asyncio.sleep(LAG_EVERY)
-            late = max(0.0, time.monotonic() - began - LAG_EVERY)
-            self.counters.observe("inverse_service_loop_lag_seconds", "How late the event loop was.", late)
+            metrics.LAG.observe(max(0.0, time.monotonic() - began - LAG_EVERY))

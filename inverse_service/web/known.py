@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Final
 from starlette.requests import Request
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from inverse_service.service.jobs import model
+from inverse_service.service.jobs import metrics, model
 from inverse_service.web import clients, middleware, problems
 
 if TYPE_CHECKING:
@@ -132,7 +132,7 @@ class KnownFirst(middleware.Middleware):
         key = b"" if pending[0].get("more_body") else _key_of(scope, pending[0].get("body", b""), read)
         if (known := self._engine.known.get(key)) is not None and self._is_client(scope):
             scope["route"] = SimpleNamespace(path=scope["path"])  # as the counts of requests name it
-            self._engine.count_known(kind)
+            metrics.KNOWN.labels(kind).inc()
             more = await self._engine.rate_limit(scope["state"]["client_name"])
             of_call = [(name.lower().encode(), value.encode()) for name, value in more.items()]
             await send({"type": "http.response.start", "status": 200, "headers": [*known.headers, *of_call]})

@@ -13,7 +13,7 @@ from starlette.responses import Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from inverse_service.service.documents import answers
-from inverse_service.service.jobs.metrics import Counters
+from inverse_service.service.jobs import metrics
 from inverse_service.web import journal
 
 log = logging.getLogger(__name__)
@@ -58,10 +58,6 @@ class Measured(Middleware):
     was stored for it by then, such as a job, stays.
     """
 
-    def __init__(self, app: ASGIApp, counters: Counters) -> None:
-        super().__init__(app)
-        self._counters = counters
-
     async def handle(self, scope: Scope, receive: Receive, send: Send) -> None:
         began, answer = time.monotonic(), _Answer()
         identifier = identifier_of(scope)
@@ -84,16 +80,11 @@ class Measured(Middleware):
                 answer.status = 500
             raise
         finally:
-            self._count(scope, answer.status, answer.seconds or time.monotonic() - began)
+            route = getattr(scope.get("route"), "path", "none")
+            metrics.REQUESTS.labels(route, str(answer.status)).inc()
+            metrics.ANSWERED.labels(route).observe(answer.seconds or time.monotonic() - began)
             _note(scope, answer.status, time.monotonic() - began)
             journal.REQUEST.reset(token)
-
-    def _count(self, scope: Scope, status: int, seconds: float) -> None:
-        route = getattr(scope.get("route"), "path", "none")
-        self._counters.add(
-            "inverse_service_http_requests_total", "Requests by route and status.", route=route, status=str(status)
-        )
-        self._counters.observe("inverse_service_http_seconds", "Time until an answer begins.", seconds, route=route)
 
 
 def identifier_of(scope: Scope) -> str:
@@ -220,14 +211,8 @@ STREAMS = ("/events", "/results")
 
 
 class HeadAsGet(Middleware):
-    """Middleware for all routes that are read with GET."""
+    """Middleware for all routes that are read with GET; the server leaves the body out."""
 
     async def handle(self, scope: Scope, receive: Receive, send: Send) -> None:
-        if scope["method"] != "HEAD" or scope["path"].endswith(STREAMS):
-            await self.app(scope, receive, send)
-            return
-
-        async def send_head(message: Message) -> None:
-            await send({**message, "body": b""} if message["type"] == "http.response.body" else message)
-
-        await self.app({**scope, "method": "GET"}, receive, send_head)
+        is_read = scope["method"] == "HEAD" and not scope["path"].endswith(STREAMS)
+        await self.app({**scope, "method": "GET"} if is_read else scope, receive, send)

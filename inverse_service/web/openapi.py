@@ -2,26 +2,24 @@
 
 import inspect
 import json
-import re
 from collections.abc import Iterator
 from functools import lru_cache
 from importlib import resources
-from typing import Any, get_args
+from typing import Any
 
 from fastapi import FastAPI
 from fastapi.openapi.utils import get_openapi
-from pydantic import BaseModel
 
-from api_schemas.base import CheckAnswer, ParseAnswer, ProblemDocument
+from api_schemas.base import ParseAnswer, ProblemDocument
+from api_schemas.checked import CheckedDocument, JobResult, SolveResult
+from api_schemas.job import JobEvent, JobOptions
 from api_schemas.nonholonomic import NonholonomicDocument, NonholonomicParseAnswer, NonholonomicResult
 from api_schemas.result import ForwardParseAnswer, ForwardResult, LagrangianDocument, ResultDocument
 from api_schemas.scene import SceneDocument
 from api_schemas.simulation import SimulationResult, WorkPrecisionResult
 from api_schemas.system import SystemDocument
 from inverse_service import catalogue
-from inverse_service.certificate.formulas import FORMAT, OLD_FORMAT
 from inverse_service.service.documents.answers import TITLES
-from inverse_service.service.jobs.model import STATUSES
 from inverse_service.web.problems import MEDIA_TYPE
 
 
@@ -39,15 +37,6 @@ def any_of(*names: str) -> dict[str, Any]:
     return references[0] if len(references) == 1 else {"anyOf": references}
 
 
-def one_of(*models: type[BaseModel]) -> dict[str, Any]:
-    """One of these results; its `format` says which."""
-    mapping = {get_args(model.model_fields["format"].annotation)[0]: any_of(model.__name__)["$ref"] for model in models}
-    return {
-        "oneOf": [{"$ref": place} for place in mapping.values()],
-        "discriminator": {"propertyName": "format", "mapping": mapping},
-    }
-
-
 def answer(schema: dict[str, Any]) -> dict[str, Any]:
     """The answer of a route that does not name its model."""
     return {"description": "The answer.", "content": {"application/json": {"schema": schema}}}
@@ -60,8 +49,7 @@ def body_of(*names: str, others: dict[str, Any] | None = None) -> dict[str, Any]
 
 
 DOCUMENTS = ("SystemDocument", "NonholonomicDocument", "LagrangianDocument")
-RESULT = one_of(ResultDocument, ForwardResult)
-SOLVED = answer(RESULT)
+SOLVED = answer(any_of("SolveResult"))
 PARSED = answer(any_of("ForwardParseAnswer", "NonholonomicParseAnswer", "ParseAnswer"))
 KEY_AND_RATE = refusals(401, 429, 503)
 UNKNOWN = refusals(404) | KEY_AND_RATE
@@ -88,48 +76,11 @@ BATCH_PARAMETERS = {"parameters": [TIME_LIMIT, ONCE]}
 
 ASKED = (SystemDocument, NonholonomicDocument, LagrangianDocument)
 ANSWERED = (ResultDocument, ForwardResult, ParseAnswer, NonholonomicParseAnswer, ForwardParseAnswer)
-OF_JOBS = (ResultDocument, ForwardResult, SimulationResult, WorkPrecisionResult, CheckAnswer)
+UNIONS = (SolveResult, JobResult, JobEvent, CheckedDocument, JobOptions)
 OTHERS = (SceneDocument, SimulationResult, WorkPrecisionResult, ProblemDocument)
 
 
-def _object_with(title: str, whole: bool, **properties: Any) -> dict[str, Any]:
-    """An object that has all these keys; with no other ones if they are the `whole` of it."""
-    found = {"type": "object", "title": title, "required": [*properties], "properties": properties}
-    return found | ({"additionalProperties": False} if whole else {})
-
-
-# What the checker reads; of anything else it says itself what is missing.
-CHECKED = {
-    "anyOf": [
-        any_of("ResultDocument"), _object_with("ResultOfDocument", True, document=any_of(*DOCUMENTS), result=RESULT),
-        _object_with("OwnLagrangian", True, system=any_of("SystemDocument", "NonholonomicDocument"),
-                     lagrangian={"type": "string"}),
-        _object_with("Certificate", False, format={"enum": [FORMAT, OLD_FORMAT]}, system={"type": "object"}),
-        _object_with("Identities", False, theorems={
-            "type": "array", "items": {"description": "One theorem."},
-            "description": "The output of `solve --format identities`."}),
-    ]
-}  # fmt: skip
-ID = {"type": ["string", "number", "boolean", "null"]}
-OPTIONS = {
-    "type": "object",
-    "additionalProperties": False,
-    "properties": {
-        "time_limit": {"type": "number", "exclusiveMinimum": 0},
-        "memory_limit": {"type": "integer"},
-        "seed": {"type": "integer", "minimum": 0},
-    },
-}
-# The data of one server-sent event; the description of the call says which is which.
-JOB_EVENT: dict[str, Any] = {
-    "title": "JobEvent",
-    "description": "The data of an event, by its name: `status`, `progress` or `part`.",
-    "anyOf": [
-        _object_with("StatusEvent", False, status={"enum": [*STATUSES]}),
-        _object_with("ProgressEvent", False, elapsed={"type": "number", "description": "seconds of this run"}),
-        _object_with("PartEvent", True, part={"type": "string"}, value={"type": "object"}),
-    ],
-}
+ID, TEXT = {"type": ["string", "number", "boolean", "null"]}, {"type": "string"}
 TAGS = {
     "systems": "Decide whether a system comes from a Lagrangian: parse, solve, check.",
     "simulations": "Scenes: integrate, and measure error against time.",
@@ -138,11 +89,6 @@ TAGS = {
     "catalogue": "Named systems, and the atlas of those that were computed.",
     "operations": "The health and the limits of the service.",
 }
-_TAG_OF = {
-    "parse": "systems", "solve": "systems", "check": "systems", "simulate": "simulations",
-    "work-precision": "simulations", "jobs": "jobs", "batches": "batches", "catalogue": "catalogue",
-    "atlas": "catalogue",
-}  # fmt: skip
 EXAMPLES = {"SystemDocument": "sho", "NonholonomicDocument": "vertically-rolling-disk"}
 
 
@@ -176,17 +122,18 @@ DESCRIPTION = (
 
 def _schemas(known: dict[str, Any]) -> dict[str, Any]:
     """All schemas, with the keys that are taken from every document and a description of every property."""
-    for model in (*ASKED, *ANSWERED, *OTHERS):
+    for model in (*ASKED, *ANSWERED, *OTHERS, *UNIONS):
         # A result about a motion on constraints has all keys that there are.
         whole = NonholonomicResult if model is ResultDocument else model
         schema = whole.model_json_schema(ref_template=REFERENCE)
         schema |= {"title": model.__name__, "description": inspect.getdoc(model)}
-        if model in (*ASKED, SceneDocument):
+        if model in (*ASKED, SceneDocument, JobOptions):
             _without_defaults(schema)
-        known.update(schema.pop("$defs", {}))
+        parts = schema.pop("$defs", {})
+        known.update({name: parts[name] for name in parts if model not in UNIONS or name not in known})
         known[model.__name__] = schema
     for model in ASKED:
-        keys = {"id": ID, "metadata": {}, "time": {"type": "string"}, "options": OPTIONS, "$schema": {"type": "string"}}
+        keys = {"id": ID, "metadata": {}, "options": any_of("JobOptions"), "time": TEXT, "$schema": TEXT}
         known[model.__name__]["properties"] |= json.loads(json.dumps(keys))
         known[model.__name__]["patternProperties"] = {"^_": {}}
     scene = known["SceneDocument"]["properties"]
@@ -198,12 +145,11 @@ def _schemas(known: dict[str, Any]) -> dict[str, Any]:
         known[model.__name__]["properties"] |= {"document_id": dict(ID), "metadata": {}}
         # Its older name `id` is not described, so that an answer with an `id` is a job.
         known[model.__name__].pop("additionalProperties")
-    for name in (model.__name__ for model in OF_JOBS):
-        known[name]["required"] = sorted({*known[name]["required"], "format"})
-    known["JobResult"] = {"title": "JobResult", "description": "What came of a job, by `format`."} | one_of(*OF_JOBS)
+    for place in known["JobResult"]["discriminator"]["mapping"].values():
+        result = known[place.rpartition("/")[2]]
+        result["required"] = sorted({*result["required"], "format"})
     known["Job"]["properties"]["result"] = {"anyOf": [any_of("JobResult"), {"type": "null"}]}
-    known["JobEvent"] = JOB_EVENT
-    for name in ("HTTPValidationError", "ValidationError"):
+    for name in ("HTTPValidationError", "ValidationError", "BranchPart"):
         known.pop(name, None)
     return known
 
@@ -237,8 +183,8 @@ def _descriptions() -> dict[str, str]:
 
 def _finish_operations(paths: dict[str, Any]) -> None:
     """What a call does, tags, and problem documents as the only kind of error."""
-    for path, call in [(path, call) for path, methods in paths.items() for call in methods.values()]:
-        call["tags"] = [_TAG_OF.get(re.split(r"[/.]", path)[2] if path.startswith("/v1/") else "", "operations")]
+    for call in [call for methods in paths.values() for call in methods.values()]:
+        call.setdefault("tags", ["operations"])
         call["summary"] = str(call["description"]).split("\n")[0].removesuffix(".")
         for status, answer in call["responses"].items():
             if status[0] in "45":

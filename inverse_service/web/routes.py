@@ -1,14 +1,10 @@
 """The calls that make no jobs: those under /v1, and what operators ask: does it live, is it ready, what does it do."""
 
 import dataclasses
-import resource
-import sys
 import time
 from importlib import resources
 
 from fastapi import APIRouter, Depends
-from prometheus_client.core import CounterMetricFamily
-from prometheus_client.metrics_core import Metric
 from starlette.requests import Request
 from starlette.responses import JSONResponse, PlainTextResponse, Response
 
@@ -16,18 +12,18 @@ from api_schemas import base
 from inverse_service import __version__, catalogue, errors
 from inverse_service.expressions.refusals import LIMITS
 from inverse_service.service.jobs import batch, model, tasks, workers
-from inverse_service.service.jobs.metrics import gauge
+from inverse_service.service.jobs.metrics import gauge, written
 from inverse_service.web import asking, clients, openapi, routes_jobs
 from inverse_service.web.engine import Engine
 from inverse_service.web.problems import Refusal
 
-CHECK_BODY = {"requestBody": {"required": True, "content": {"application/json": {"schema": openapi.CHECKED}}}}
 router = APIRouter(dependencies=[Depends(clients.require_client)])
 open_router = APIRouter()
 
 
 @router.post(
     "/v1/parse",
+    tags=["systems"],
     responses={200: openapi.PARSED, **openapi.BAD_BODY},
     openapi_extra=openapi.SYSTEM_BODY,
 )
@@ -39,7 +35,12 @@ async def parse(request: Request) -> Response:
     return Response(found, media_type="application/json")
 
 
-@router.post("/v1/check", responses={200: {"model": base.CheckAnswer}, **openapi.BAD_BODY}, openapi_extra=CHECK_BODY)
+@router.post(
+    "/v1/check",
+    tags=["systems"],
+    responses={200: {"model": base.CheckAnswer}, **openapi.BAD_BODY},
+    openapi_extra=openapi.body_of("CheckedDocument"),
+)
 async def check(request: Request) -> Response:
     """The independent checker's verdict on a result or a certificate, or on {"document": …, "result": …}.
 
@@ -51,14 +52,18 @@ async def check(request: Request) -> Response:
         return JSONResponse(await engine.check(clients.client_of(request), body))
 
 
-@router.get("/v1/catalogue", response_model=base.CatalogueList)
+@router.get("/v1/catalogue", tags=["catalogue"], response_model=base.CatalogueList)
 async def list_catalogue() -> Response:
     """The names and titles of all systems of the catalogue."""
     entries = [catalogue.entry(name) for name in catalogue.names()]
     return JSONResponse({"systems": [{key: e.get(key, "") for key in ("name", "title", "group")} for e in entries]})
 
 
-@router.get("/v1/catalogue/{name}", responses={200: {"model": base.CatalogueEntry}, **openapi.refusals(404)})
+@router.get(
+    "/v1/catalogue/{name}",
+    tags=["catalogue"],
+    responses={200: {"model": base.CatalogueEntry}, **openapi.refusals(404)},
+)
 async def catalogue_entry(name: str) -> Response:
     """One system of the catalogue: its document and what is known about it."""
     try:
@@ -98,8 +103,6 @@ async def limits(request: Request) -> Response:
 
 
 PROMETHEUS = "text/plain; version=0.0.4; charset=utf-8"
-# ru_maxrss counts KiB on Linux and bytes on macOS.
-RSS_UNIT = 1 if sys.platform == "darwin" else 1024
 
 
 @open_router.get("/llms.txt", response_class=PlainTextResponse)
@@ -133,31 +136,14 @@ async def metrics(request: Request) -> Response:
     age = 0.0 if oldest is None else max(0.0, time.time() - oldest)
     by_status: dict[tuple[str, ...], float] = {(status,): float(counts.get(status, 0)) for status in model.STATUSES}
     found = [
-        gauge("inverse_service_jobs", "Stored jobs by status.", by_status, ("status",)),
-        gauge("inverse_service_queue_length", "Jobs that wait for a worker.", counts.get("accepted", 0)),
-        gauge("inverse_service_queue_age_seconds", "How long the oldest of them waits.", age),
-        gauge("inverse_service_store_bytes", "Size of the database.", size),
-        gauge("inverse_service_connections", "Open connections.", len(engine.connections)),
-        gauge("inverse_service_quick_waiting", "Requests that are read or wait for that.", len(engine.places)),
-        gauge("inverse_service_workers", "Worker processes.", engine.settings.workers),
-        gauge("inverse_service_jobs_taken", "Jobs that this process has taken.", engine.supervisor.running),
-        *_of_the_process(engine),
+        gauge("jobs", "Stored jobs by status.", by_status, ("status",)),
+        gauge("queue_length", "Jobs that wait for a worker.", counts.get("accepted", 0)),
+        gauge("queue_age_seconds", "How long the oldest of them waits.", age),
+        gauge("store_bytes", "Size of the database.", size),
+        gauge("connections", "Open connections.", len(engine.connections)),
+        gauge("quick_waiting", "Requests that are read or wait for that.", len(engine.places)),
+        gauge("workers", "Worker processes.", engine.settings.workers),
+        gauge("jobs_taken", "Jobs that this process has taken.", engine.supervisor.running),
+        gauge("info", "What runs.", {(model.engine_version(), __version__): 1.0}, ("engine", "version")),
     ]
-    return Response(engine.counters.written(found), media_type=PROMETHEUS)
-
-
-def _of_the_process(engine: Engine) -> list[Metric]:
-    own = resource.getrusage(resource.RUSAGE_SELF)
-    text = "Processor time of the web process; that of its workers is counted with jobs and quick tasks."
-    return [
-        gauge(
-            "inverse_service_info", "What runs.", {(model.engine_version(), __version__): 1.0}, ("engine", "version")
-        ),
-        gauge("inverse_service_uptime_seconds", "Since the start.", time.time() - engine.started),
-        CounterMetricFamily("inverse_service_process_cpu_seconds", text, own.ru_utime + own.ru_stime),
-        gauge(
-            "inverse_service_process_memory_peak_bytes",
-            "Largest resident memory of the service itself.",
-            own.ru_maxrss * RSS_UNIT,
-        ),
-    ]
+    return Response(written(found), media_type=PROMETHEUS)

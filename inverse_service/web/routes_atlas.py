@@ -17,7 +17,7 @@ from inverse_service.web import clients, job_answers, openapi
 from inverse_service.web.engine import Engine
 from inverse_service.web.problems import Refusal
 
-router = APIRouter(dependencies=[Depends(clients.require_client)])
+router = APIRouter(dependencies=[Depends(clients.require_client)], tags=["catalogue"])
 LICENSE = "MIT"
 CITE = "The inverse-service atlas: systems of equations of motion with their Lagrangians, computed and checked."
 LATE = "Reading these equations takes too long for a search."

@@ -19,7 +19,7 @@ from inverse_service.web.journal import StreamCut
 from inverse_service.web.problems import Refusal
 from inverse_service.web.routes_jobs import engine_of
 
-router = APIRouter(dependencies=[Depends(clients.require_client)])
+router = APIRouter(dependencies=[Depends(clients.require_client)], tags=["batches"])
 NDJSON = "application/x-ndjson"
 NDJSON_TYPES = frozenset({NDJSON, "application/ndjson", "application/jsonl", "application/x-jsonlines"})
 KindName = Literal["solve", "check", "simulate", "work-precision"]

@@ -31,12 +31,13 @@ class Asked(APIRoute):
         return handle
 
 
-router, asked = APIRouter(dependencies=[Depends(clients.require_client)]), APIRouter(route_class=Asked)
+router, asked = APIRouter(dependencies=[Depends(clients.require_client)], tags=["jobs"]), APIRouter(route_class=Asked)
 STILL_THERE = b": still there\n\n"
 
 
 @asked.post(
     "/v1/solve",
+    tags=["systems"],
     responses={
         200: openapi.SOLVED,
         202: {"model": JobDocument, "headers": openapi.JOB_HEADERS},
@@ -212,7 +213,10 @@ ANSWERS: dict[int | str, dict[str, Any]] = {
 
 
 @asked.post(
-    "/v1/simulate", responses={200: openapi.answer(openapi.any_of("SimulationResult")), **ANSWERS}, openapi_extra=SCENE
+    "/v1/simulate",
+    tags=["simulations"],
+    responses={200: openapi.answer(openapi.any_of("SimulationResult")), **ANSWERS},
+    openapi_extra=SCENE,
 )
 async def simulate(request: Request) -> Response:
     """Integrate a scene: each method's outcome, the observed quantities, thinned points.
@@ -224,6 +228,7 @@ async def simulate(request: Request) -> Response:
 
 @asked.post(
     "/v1/work-precision",
+    tags=["simulations"],
     responses={200: openapi.answer(openapi.any_of("WorkPrecisionResult")), **ANSWERS},
     openapi_extra=SCENE,
 )

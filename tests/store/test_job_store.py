@@ -207,11 +207,10 @@ def test_what_ran_when_the_service_died_is_accepted_again(stores: Stores) -> Non
     if store.exclusive:
         store.close()
         store = stores()
-    assert store.recover(None, 60.0) == [], "a new claim was taken away"
-    assert store.recover("other", 0.0) == []
-    (job,) = store.recover(None, 0.0)
+    assert store.recover(60.0) == [], "a new claim was taken away"
+    (job,) = store.recover(0.0)
     assert (job.id, job.status, job.restarts) == ("a", "accepted", 1)
-    assert store.recover(None, 0.0) == []
+    assert store.recover(0.0) == []
     assert sorted(ids(store.claim("o", 5))) == ["a", "b"]
 
 

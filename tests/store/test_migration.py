@@ -59,7 +59,7 @@ def test_everything_of_0_1_0_is_there_and_goes_on(old: Callable[[], JobStore]) -
     assert sorted((a.number, a.status) for a in store.batch_answers("batch")) == [
         (1, "successful"), (3, "dismissed"), (4, "failed"),
     ]  # fmt: skip
-    assert [job.id for job in store.recover(None, 0.0)] == ["running"]
+    assert [job.id for job in store.recover(0.0)] == ["running"]
     assert not store.dismiss("waiting", "alice")[1], "bob, who asked in 0.1.0, still waits"
     for job in store.claim("o", 9):
         assert store.finish(job.id, job.attempt, b"{}", Usage())

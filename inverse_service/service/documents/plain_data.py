@@ -49,6 +49,16 @@ def read_json(data: bytes | str) -> Any:
     return value
 
 
+def write_json(value: Any, sort: bool = False) -> str:
+    """Plain data as JSON in ASCII; a Decimal is written as the number it was read from."""
+    if isinstance(value, Mapping):
+        keys = sorted(value) if sort else list(value)
+        return "{" + ",".join(f"{json.dumps(key)}:{write_json(value[key], sort)}" for key in keys) + "}"
+    if isinstance(value, list | tuple):
+        return "[" + ",".join(write_json(part, sort) for part in value) + "]"
+    return str(value) if isinstance(value, Decimal) else json.dumps(value, allow_nan=False)
+
+
 def read_yaml(data: bytes | str) -> Any:
     """The value of a YAML text; scalars other than true, false and null stay text, so 0.1 is exact."""
     import yaml

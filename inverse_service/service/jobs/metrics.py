@@ -1,61 +1,57 @@
-"""What the service counts, in the text format of Prometheus."""
+"""What a process of the service counts, in the text format of Prometheus."""
 
 import threading
 from collections.abc import Iterable, Mapping
+from functools import partial
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, Final
 
 import prometheus_client
 from prometheus_client.core import GaugeMetricFamily
 from prometheus_client.metrics_core import Metric
 
-BUCKETS = (0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 5.0, 10.0, 30.0, 60.0)
 prometheus_client.disable_created_metrics()  # type: ignore[no-untyped-call]
+REGISTRY: Final = prometheus_client.CollectorRegistry()
+BUCKETS: Final = (0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 5.0, 10.0, 30.0, 60.0)
+NAME: Final = "inverse_service"
+_counter = partial(prometheus_client.Counter, namespace=NAME, registry=REGISTRY)
+_times = partial(prometheus_client.Histogram, namespace=NAME, registry=REGISTRY, buckets=BUCKETS)
+
+prometheus_client.ProcessCollector(NAME, registry=REGISTRY)
+REQUESTS: Final = _counter("http_requests", "Requests by route and status.", ("route", "status"))
+ANSWERED: Final = _times("http_seconds", "Time until an answer begins.", ("route",))
+KNOWN: Final = _counter("answers_from_store", "Questions that were known already.", ("kind",))
+STORE: Final = _times("store_seconds", "Reads and changes.")
+LAG: Final = _times("loop_lag_seconds", "How late the event loop was.")
+QUICK: Final = _counter("quick_tasks", "Tasks that are no jobs.", ("task", "outcome"))
+QUICK_CPU: Final = _counter("quick_cpu_seconds", "Their processor time.", ("task",))
+JOBS: Final = _counter("jobs", "Runs of jobs by how they ended.", ("kind", "outcome"))
+JOB_WALL: Final = _times("job_wall_seconds", "Wall clock of a run.", ("kind",))
+JOB_CPU: Final = _counter("job_cpu_seconds", "Processor time of runs.", ("kind",))
+DEATHS: Final = _counter("worker_deaths", "Workers that died.", ("how",))
+for how in ("crash", "killed"):  # an alert on what grows needs a beginning
+    DEATHS.labels(how)
+_largest: dict[str, float] = {}
+_lock = threading.Lock()
 
 
-class Counters:
-    """What was counted since the start; safe to use from any thread."""
+def note_memory(kind: str, mebibytes: float) -> None:
+    """What a run of this kind of job took."""
+    with _lock:
+        _largest[kind] = max(mebibytes, _largest.get(kind, mebibytes))
 
-    def __init__(self) -> None:
-        self._registry = prometheus_client.CollectorRegistry()
-        self._known: dict[str, Any] = {}
-        self._highest: dict[tuple[str, ...], float] = {}
-        self._lock = threading.Lock()
 
-    def add(self, name: str, text: str, amount: float = 1.0, **labels: str) -> None:
-        """Add to a counter."""
-        self._metric(prometheus_client.Counter, name, text, labels).inc(amount)
-
-    def observe(self, name: str, text: str, value: float, **labels: str) -> None:
-        """Add a value to a histogram."""
-        self._metric(prometheus_client.Histogram, name, text, labels).observe(value)
-
-    def highest(self, name: str, text: str, value: float, **labels: str) -> None:
-        """Keep the largest value in a gauge."""
-        gauge, key = self._metric(prometheus_client.Gauge, name, text, labels), (name, *labels.values())
-        with self._lock:
-            self._highest[key] = max(value, self._highest.get(key, value))
-            gauge.set(self._highest[key])
-
-    def written(self, families: Iterable[Metric]) -> bytes:
-        """All of it with these, which are read when they are asked for."""
-        read: Any = SimpleNamespace(collect=lambda: [*self._registry.collect(), *families])
-        return prometheus_client.generate_latest(read)
-
-    def _metric(self, kind: Any, name: str, text: str, labels: Mapping[str, str]) -> Any:
-        found = self._known.get(name)
-        if found is None:
-            with self._lock:
-                found = self._known.get(name)
-                if found is None:
-                    more = {"buckets": BUCKETS} if kind is prometheus_client.Histogram else {}
-                    found = self._known[name] = kind(name, text, tuple(labels), registry=self._registry, **more)
-        return found.labels(*labels.values()) if labels else found
+def written(families: Iterable[Metric]) -> bytes:
+    """All that was counted since the start, with these, which are read when they are asked for."""
+    by_kind: dict[tuple[str, ...], float] = {(kind,): value for kind, value in _largest.items()}
+    memory = gauge("job_memory_peak_mebibytes", "Largest memory of a run.", by_kind, ("kind",))
+    read: Any = SimpleNamespace(collect=lambda: [*REGISTRY.collect(), *families, memory])
+    return prometheus_client.generate_latest(read)
 
 
 def gauge(name: str, text: str, found: Mapping[tuple[str, ...], float] | float, labels: tuple[str, ...] = ()) -> Metric:
     """A metric that is read when it is asked for, with labels or without."""
-    family = GaugeMetricFamily(name, text, labels=labels)
+    family = GaugeMetricFamily(f"{NAME}_{name}", text, labels=labels)
     for values, value in found.items() if isinstance(found, Mapping) else [((), float(found))]:
         family.add_metric(values, value)
     return family

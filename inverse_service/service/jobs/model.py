@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple, TypeVar
 
 from inverse_service import __version__, errors
+from inverse_service.service.documents import plain_data
 
 if TYPE_CHECKING:
     from inverse_service.service.jobs.statements import Batch, BatchLine
@@ -195,17 +196,7 @@ class Viewer:
 
 def canonical(value: Any) -> str:
     """JSON with sorted keys and without spaces."""
-    return write_json(value, sort=True)
-
-
-def write_json(value: Any, sort: bool = False) -> str:
-    """Plain data as JSON in ASCII; a Decimal is written as the number it was read from."""
-    if isinstance(value, Mapping):
-        keys = sorted(value) if sort else list(value)
-        return "{" + ",".join(f"{json.dumps(key)}:{write_json(value[key], sort)}" for key in keys) + "}"
-    if isinstance(value, list | tuple):
-        return "[" + ",".join(write_json(part, sort) for part in value) + "]"
-    return str(value) if isinstance(value, Decimal) else json.dumps(value, allow_nan=False)
+    return plain_data.write_json(value, sort=True)
 
 
 def job_id(kind: str, document: Any, options: str) -> str:

@@ -530,8 +530,8 @@ def dismiss_unwanted(session: Session, ids: list[str], where: str = UNWANTED) ->
     return over
 
 
-def recover(session: Session, owner: str | None = None, lease: float = 0.0) -> list[model.Job]:
-    """Jobs running for `owner` (None: for anybody), without a heartbeat for `lease` s (0: all) -> accepted.
+def recover(session: Session, lease: float = 0.0) -> list[model.Job]:
+    """Jobs running without a heartbeat for `lease` s (0: all) -> accepted.
 
     Each counts a restart. Whoever comes second finds none. A claim from the future is of a clock that was set back.
     """
@@ -539,9 +539,6 @@ def recover(session: Session, owner: str | None = None, lease: float = 0.0) -> l
     if lease > 0:
         where += " AND (heartbeat <= moment() - ? OR heartbeat > moment() + ?)"
         arguments += [lease, lease]
-    if owner is not None:
-        where += " AND owner = ?"
-        arguments.append(owner)
     rows = session.rows(
         "UPDATE jobs SET status = 'accepted', owner = NULL, restarts = restarts + 1 "
         f"WHERE id IN (SELECT id FROM jobs WHERE {where} FOR UPDATE SKIP LOCKED) RETURNING {LISTED}",

@@ -24,8 +24,7 @@ from typing import Any
 
 from inverse_service import errors
 from inverse_service.service.documents import answers, growing
-from inverse_service.service.jobs import model, tasks, workers
-from inverse_service.service.jobs.metrics import Counters
+from inverse_service.service.jobs import metrics, model, tasks, workers
 from inverse_service.service.jobs.outcome import Call, Outcome, Usage
 from inverse_service.service.jobs.store import JobStore
 
@@ -198,7 +197,6 @@ AHEAD = 32
 ENDED = ("done", "refused")
 
 
-DEATHS = ("inverse_service_worker_deaths_total", "Workers that died.")
 FINISHERS = 4
 TICK = 0.1
 # How often the events of jobs are written, s.
@@ -230,13 +228,9 @@ class Supervisor:
         self,
         store: JobStore,
         executor: workers.Executor,
-        counters: Counters | None = None,
         client_running: int | None = None,
         quick: workers.Executor | None = None,
     ) -> None:
-        self.counters = counters or Counters()
-        for how in ("crash", "killed"):  # an alert on what grows needs a beginning
-            self.counters.add(*DEATHS, 0.0, how=how)
         self.events = EventLog(store)
         self._store, self._executor = store, executor
         self._client_running = client_running or model.NO_BOUND
@@ -431,15 +425,13 @@ class Supervisor:
         if label != "again":
             self.events.end(job)
         if outcome.status in ("crash", "killed"):
-            self.counters.add(*DEATHS, how=outcome.status)
+            metrics.DEATHS.labels(outcome.status).inc()
         spent = outcome.spent
         about = {"kind": job.kind, "outcome": label}
-        self.counters.add("inverse_service_jobs_total", "Runs of jobs by how they ended.", kind=job.kind, outcome=label)
-        self.counters.observe("inverse_service_job_wall_seconds", "Wall clock of a run.", spent.wall, kind=job.kind)
-        self.counters.add("inverse_service_job_cpu_seconds_total", "Processor time of runs.", spent.cpu, kind=job.kind)
-        self.counters.highest(
-            "inverse_service_job_memory_peak_mebibytes", "Largest memory of a run.", spent.memory, kind=job.kind
-        )
+        metrics.JOBS.labels(**about).inc()
+        metrics.JOB_WALL.labels(job.kind).observe(spent.wall)
+        metrics.JOB_CPU.labels(job.kind).inc(spent.cpu)
+        metrics.note_memory(job.kind, spent.memory)
         figures = {"wall": round(spent.wall, 4), "cpu": round(spent.cpu, 4), "memory": round(spent.memory, 1)}
         log.info("job ended", extra={"job": job.id, "client": job.client, "attempt": job.attempt, **about, **figures})
 
@@ -477,7 +469,7 @@ class Supervisor:
             self._wake.set()
 
     def _take_back(self, lease: float) -> None:
-        for job in self._store.recover(None, lease):
+        for job in self._store.recover(lease):
             log.warning("job runs again", extra={"job": job.id, "restarts": job.restarts})
 
 

@@ -189,7 +189,7 @@ KINDS: Final[dict[str, Kind]] = {
         Late("inverse_service.service.documents.documents", "look"),
         True,
     ),
-    "check": Kind(lambda d, o, report: check_task(model.write_json(d)), _looked_at),
+    "check": Kind(lambda d, o, report: check_task(plain_data.write_json(d)), _looked_at),
     "simulate": Kind(
         lambda d, o, report: Late("inverse_service.service.scenes.simulating", "simulate")(d, report, o.time_limit),
         _look_at_scene,
@@ -211,5 +211,5 @@ def request_of(
     (look or KINDS[kind].look)(document)
     chosen = options.canonical()
     return model.JobRequest(
-        model.job_id(kind, document, chosen), kind, model.write_json(document), chosen, client, priority, fresh
+        model.job_id(kind, document, chosen), kind, plain_data.write_json(document), chosen, client, priority, fresh
     )

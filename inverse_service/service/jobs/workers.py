@@ -451,14 +451,14 @@ class Running:
                 self._worker = worker
             return not self._cancelled
 
-    def end(self, outcome: Outcome) -> None:
-        """Hand the outcome over, once; what a cancelled task says does not count."""
+    def end(self, outcome: Outcome) -> bool:
+        """Hand the outcome over; False where that was done before. What a cancelled task says does not count."""
         with self._lock:
             self._worker = None
-            if self._ended:
-                return
-            self._ended = True
-        self.outcome.set_result(Outcome("cancelled", spent=outcome.spent) if self._cancelled else outcome)
+            is_first, self._ended = not self._ended, True
+        if is_first:
+            self.outcome.set_result(Outcome("cancelled", spent=outcome.spent) if self._cancelled else outcome)
+        return is_first
 
 
 class Executor(Protocol):
@@ -562,8 +562,10 @@ class Workers:
 
     def _serve(self, number: int) -> None:
         worker: WorkerProcess | None = None
+        found = None
         while not self._stopped:
-            worker = self._noted(number, self._healthy(worker))
+            if worker is None or found is None:  # one that has just answered lives
+                worker = self._noted(number, self._healthy(worker))
             found = self._tasks.get(IDLE_LOOK)
             if found is None:
                 continue

@@ -22,6 +22,7 @@ from inverse_service import errors
 from inverse_service.decision.solutions import SolveOptions
 from inverse_service.expressions import tree as ex
 from inverse_service.reading import reader
+from inverse_service.service.documents import plain_data
 from inverse_service.service.jobs import model, tasks
 from inverse_service.web import clients
 from inverse_service.web.engine import Engine
@@ -89,7 +90,7 @@ def judged_of(document: Mapping[str, Any], own: str, ask: str, names: Any) -> sh
     """The checker's verdict on a student's L, or on the L that belongs to a student's H."""
     try:
         lagrangian = lagrangian_of(own, names) if ask == "hamiltonian" else forms.right_side(own)
-        found = tasks.check_task(model.write_json({"system": document, "lagrangian": lagrangian}))
+        found = tasks.check_task(plain_data.write_json({"system": document, "lagrangian": lagrangian}))
     except errors.InputError as error:
         reasons = [forms.sentence(place) for place in error.places] or [str(error)]
         return sheets.judged_of({"verdict": "unread", "lagrangian": own, "reasons": reasons}, names)

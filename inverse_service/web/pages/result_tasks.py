@@ -17,7 +17,7 @@ from starlette.responses import HTMLResponse
 
 from inverse_service import errors
 from inverse_service.decision.solutions import SolveOptions
-from inverse_service.service.documents import growing, text_page
+from inverse_service.service.documents import growing, plain_data, text_page
 from inverse_service.service.documents.latex_page import latex_page
 from inverse_service.service.figures import views
 from inverse_service.service.jobs import model, opening, tasks
@@ -118,7 +118,7 @@ def own_lagrangian_task(store: str, id: str, text: str) -> dict[str, Any]:
     """The verdict on a visitor's Lagrangian for the equations of a stored result, with the `lagrangian` itself."""
     given = _result(store, id)["system"]["given"]
     try:
-        found = tasks.check_task(model.write_json({"system": given, "lagrangian": forms.right_side(text)}))
+        found = tasks.check_task(plain_data.write_json({"system": given, "lagrangian": forms.right_side(text)}))
     except errors.InputError as error:
         reasons = [forms.sentence(place) for place in error.places]
         found = {"verdict": "unread", "reasons": reasons, "residual": None, "equations": None}
