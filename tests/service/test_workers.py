@@ -16,7 +16,7 @@ import pytest
 
 from inverse_service.service.jobs import tasks, workers as workers_module
 from inverse_service.service.jobs.outcome import Call, Outcome, outcome_of_exit
-from inverse_service.service.jobs.workers import MOST_CROWDED, Workers, run_alone
+from inverse_service.service.jobs.workers import MOST_CROWDED, WorkerProcess, Workers, run_alone
 
 MEMORY = 2048
 
@@ -122,6 +122,14 @@ def test_what_a_task_takes_is_measured(workers: Workers) -> None:
     spent = workers.run(busy, (0.1,), 30.0).spent
     assert 0.09 < spent.cpu <= spent.wall + 0.01  # two clocks, read one after the other
     assert spent.memory > 50
+
+
+def test_a_killed_process_has_used_no_less_than_nothing(workers: Workers) -> None:
+    """The system counts in steps of 10 ms, the process itself exactly; counters and quotas take no negative number."""
+    worker = WorkerProcess(MEMORY)
+    worker._ready = (1e9, 0.0)
+    worker.close()
+    assert worker._used.cpu == 0.0
 
 
 def test_a_task_that_uses_many_threads_is_ended_by_its_processor_time(workers: Workers) -> None:

@@ -61,9 +61,10 @@ def test_the_answer_to_solve_is_json_alone_and_a_format_says_which_result_a_job_
     schemas = description["components"]["schemas"]
     content = description["paths"]["/v1/solve"]["post"]["responses"]["200"]["content"]
     assert list(content) == ["application/json"]
-    assert content["application/json"]["schema"]["discriminator"]["propertyName"] == "format"
+    assert content["application/json"]["schema"] == {"$ref": "#/components/schemas/SolveResult"}
+    assert schemas["SolveResult"]["discriminator"]["propertyName"] == "format"
     mapping = schemas["JobResult"]["discriminator"]["mapping"]
-    assert [option["$ref"] for option in schemas["JobResult"]["oneOf"]] == [*mapping.values()]
+    assert {option["$ref"] for option in schemas["JobResult"]["oneOf"]} == {*mapping.values()}
     for name, place in mapping.items():
         schema = schemas[place.rpartition("/")[2]]
         assert schema["properties"]["format"]["const"] == name

@@ -105,8 +105,8 @@ class WorkerProcess:
     def kill(self) -> None:
         """End the process at once, whatever it does."""
         used, wall = processor_time(self.pid), time.monotonic() - self._began
-        # Where the system does not tell, a task is taken to have used the processor all the time.
-        processor = wall if used is None or self._ready is None else used - self._ready[0]
+        # Where the system does not tell, a task is taken to have used the processor all the time. It counts in steps.
+        processor = wall if used is None or self._ready is None else max(0.0, used - self._ready[0])
         self._used = Usage(wall, processor, peak_memory(self.pid))
         with contextlib.suppress(OSError, AttributeError):
             self._process.kill()
