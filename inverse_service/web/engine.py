@@ -302,18 +302,33 @@ class Engine:
         found: T = value_of(outcome)
         return found
 
-    async def run_quick(self, client: str, task: Callable[..., Any], *arguments: Any, seconds: float) -> Outcome:
-        """Run a task in one of the quick processes, for `seconds` and more where much is given."""
+    async def run_quick(
+        self, client: str, task: Callable[..., Any], *arguments: Any, seconds: float, among_jobs: bool = False
+    ) -> Outcome:
+        """Run a task in one of the quick processes, or `among_jobs`, for `seconds` and more where much is given.
+
+        It is withdrawn when no one waits for it any more.
+        """
         size = sum(len(argument) for argument in arguments if isinstance(argument, bytes))
         call = Call(task, arguments, seconds + SECONDS_FOR_A_BYTE * size, client=client)
-        return await self._run(self._quick, call)
+        executor = self._working if among_jobs else self._quick
+        with self.places.hold(client, 1):
+            running = executor.submit(call)
+            try:
+                outcome = await asyncio.wrap_future(running.outcome)
+            except asyncio.CancelledError:
+                executor.withdraw(running)
+                raise
+        metrics.QUICK.labels(task.__name__, outcome.status).inc()
+        metrics.QUICK_CPU.labels(task.__name__).inc(outcome.spent.cpu)
+        return outcome
 
     async def check(self, client: str, body: bytes) -> dict[str, Any]:
         """The checker's verdict; a long check continues among the jobs, and is incomplete at its limit there."""
-        outcome = await self.run_quick(client, tasks.check_body_task, body, seconds=QUICK_DEADLINE)
+        question = (client, tasks.check_body_task, body)
+        outcome = await self.run_quick(*question, seconds=QUICK_DEADLINE)
         if outcome.status == "deadline":
-            call = Call(tasks.check_body_task, (body,), self.settings.time_limit, client=client)
-            outcome = await self._run(self._working, call)
+            outcome = await self.run_quick(*question, seconds=self.settings.time_limit, among_jobs=True)
         return answers.check_document(outcome)
 
     async def look_ahead(self, client: str, document: str) -> None:
@@ -359,19 +374,6 @@ class Engine:
             return ["The operator has stopped new jobs from starting."]
         waiting = counts.get("accepted", 0) + counts.get("running", 0)
         return ["The queue of jobs is full."] if waiting >= self.settings.queue else []
-
-    async def _run(self, executor: workers.Executor, call: Call) -> Outcome:
-        """The outcome of a call, which is withdrawn when no one waits for it any more."""
-        with self.places.hold(call.client, 1):
-            running = executor.submit(call)
-            try:
-                outcome = await asyncio.wrap_future(running.outcome)
-            except asyncio.CancelledError:
-                executor.withdraw(running)
-                raise
-        metrics.QUICK.labels(call.task.__name__, outcome.status).inc()
-        metrics.QUICK_CPU.labels(call.task.__name__).inc(outcome.spent.cpu)
-        return outcome
 
     async def _measure_lag(self) -> None:
         """How late the loop is: what it did meanwhile that was not moving bytes."""

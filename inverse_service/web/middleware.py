@@ -6,7 +6,6 @@ import re
 import time
 import uuid
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.responses import Response
@@ -43,14 +42,6 @@ QUIET = frozenset({"/livez", "/readyz", "/metrics"})
 CLIENT_LEFT = 499  # as nginx writes it: nothing was answered, since the client had left
 
 
-@dataclass(slots=True)
-class _Answer:
-    """What was answered, and after how many seconds; CLIENT_LEFT and None where nothing was."""
-
-    status: int = CLIENT_LEFT
-    seconds: float | None = None
-
-
 class Measured(Middleware):
     """Middleware; requests are distinguished by route (never by the path, which anyone can make up).
 
@@ -59,14 +50,16 @@ class Measured(Middleware):
     """
 
     async def handle(self, scope: Scope, receive: Receive, send: Send) -> None:
-        began, answer = time.monotonic(), _Answer()
+        began = time.monotonic()
+        status, seconds = CLIENT_LEFT, None  # what was answered, and after how long
         identifier = identifier_of(scope)
         token = journal.REQUEST.set(identifier)
         work = scope["work"] = asyncio.current_task()
 
         async def send_measured(message: Message) -> None:
+            nonlocal status, seconds
             if message["type"] == "http.response.start":
-                answer.status, answer.seconds = message["status"], time.monotonic() - began
+                status, seconds = message["status"], time.monotonic() - began
                 MutableHeaders(scope=message)["X-Request-Id"] = identifier
             await send(message)
 
@@ -76,14 +69,14 @@ class Measured(Middleware):
             if not scope.get("left") or work is None or work.uncancel():
                 raise
         except Exception:
-            if answer.seconds is None:  # what is outside of this one answers with 500
-                answer.status = 500
+            if seconds is None:  # what is outside of this one answers with 500
+                status = 500
             raise
         finally:
             route = getattr(scope.get("route"), "path", "none")
-            metrics.REQUESTS.labels(route, str(answer.status)).inc()
-            metrics.ANSWERED.labels(route).observe(answer.seconds or time.monotonic() - began)
-            _note(scope, answer.status, time.monotonic() - began)
+            metrics.REQUESTS.labels(route, str(status)).inc()
+            metrics.ANSWERED.labels(route).observe(seconds or time.monotonic() - began)
+            _note(scope, status, time.monotonic() - began)
             journal.REQUEST.reset(token)
 
 

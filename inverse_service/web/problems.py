@@ -6,7 +6,7 @@ import logging
 import re
 import sqlite3
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from fastapi.exceptions import RequestValidationError
 
 log = logging.getLogger(__name__)
+Found = TypeVar("Found")
 MEDIA_TYPE = "application/problem+json"
 TYPES = {400: "unreadable", 404: "not-found", 405: "method", 413: "too-large", 415: "content-type", 500: "fault"}
 
@@ -35,6 +36,13 @@ class Refusal(Exception):
     ) -> None:
         super().__init__(detail)
         self.status, self.kind, self.detail, self.places, self.headers = status, kind, detail, places, dict(headers)
+
+
+def known(found: Found | None, what: str) -> Found:
+    """What was found; refuses with 404 where nothing was, also for what is another client's."""
+    if found is None:
+        raise Refusal(404, "not-found", f"There is no {what}")
+    return found
 
 
 def answer_to(request: Request, refusal: Refusal) -> Response:

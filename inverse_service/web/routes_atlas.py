@@ -15,7 +15,7 @@ from inverse_service.service.documents import alike
 from inverse_service.service.jobs import model, tasks
 from inverse_service.web import clients, job_answers, openapi
 from inverse_service.web.engine import Engine
-from inverse_service.web.problems import Refusal
+from inverse_service.web.problems import Refusal, known
 
 router = APIRouter(dependencies=[Depends(clients.require_client)], tags=["catalogue"])
 LICENSE = "MIT"
@@ -79,7 +79,4 @@ def _whole() -> tuple[bytes, str]:
 @router.get("/v1/atlas/{name}", responses={200: {"model": AtlasEntry}, **openapi.refusals(404)})
 async def entry(name: str) -> Response:
     """One system: its document, its answers, L, H and where they hold."""
-    found = atlas.entries().get(name)
-    if found is None:
-        raise Refusal(404, "not-found", "The atlas has no system of this name; GET /v1/atlas searches it.")
-    return JSONResponse(found)
+    return JSONResponse(known(atlas.entries().get(name), "system of this name; GET /v1/atlas searches the atlas."))

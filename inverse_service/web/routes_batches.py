@@ -16,7 +16,7 @@ from inverse_service.service.jobs.tasks import Terms, batch_task
 from inverse_service.web import asking, clients, job_answers, openapi
 from inverse_service.web.engine import KEEP_ALIVE, LONG_DEADLINE, LOOK_AGAIN, Engine
 from inverse_service.web.journal import StreamCut
-from inverse_service.web.problems import Refusal
+from inverse_service.web.problems import Refusal, known
 from inverse_service.web.routes_jobs import engine_of
 
 router = APIRouter(dependencies=[Depends(clients.require_client)], tags=["batches"])
@@ -170,6 +170,4 @@ async def _stream(engine: Engine, batch: statements.Batch) -> AsyncIterator[byte
 
 async def _known(request: Request, id: str) -> statements.Batch:
     found = await engine_of(request).batch(id, clients.viewer_of(request))
-    if found is None:
-        raise Refusal(404, "not-found", "There is no batch of this id; it may have been forgotten.")
-    return found
+    return known(found, "batch of this id; it may have been forgotten.")

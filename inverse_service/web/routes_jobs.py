@@ -16,7 +16,7 @@ from inverse_service.service.jobs import model, supervisor, tasks
 from inverse_service.web import asking, clients, job_answers, openapi
 from inverse_service.web.engine import KEEP_ALIVE, LOOK_AGAIN, Engine
 from inverse_service.web.known import may_be_kept
-from inverse_service.web.problems import Refusal
+from inverse_service.web.problems import Refusal, known
 
 
 class Asked(APIRoute):
@@ -32,6 +32,7 @@ class Asked(APIRoute):
 
 
 router, asked = APIRouter(dependencies=[Depends(clients.require_client)], tags=["jobs"]), APIRouter(route_class=Asked)
+FORGOTTEN = "job of this id; it may have been forgotten. Ask again."
 STILL_THERE = b": still there\n\n"
 
 
@@ -110,7 +111,8 @@ async def list_jobs(
 async def job(request: Request, id: str) -> Response:
     """A job: 202 while it is open, 200 with an ETag when it is done, 304 on If-None-Match."""
     engine = engine_of(request)
-    return await job_answers.job_response(request, _known(await engine.job(id, clients.viewer_of(request))), engine)
+    found = known(await engine.job(id, clients.viewer_of(request)), FORGOTTEN)
+    return await job_answers.job_response(request, found, engine)
 
 
 @router.delete("/v1/jobs/{id}", responses={200: {"model": JobDocument}, **openapi.UNKNOWN})
@@ -120,7 +122,7 @@ async def dismiss_jobs(request: Request, id: str) -> Response:
     It is dismissed for you. The work stops when no other client waits for it; the finished part is its result.
     """
     engine = engine_of(request)
-    found = _known(await engine.dismiss(id, clients.viewer_of(request)))
+    found = known(await engine.dismiss(id, clients.viewer_of(request)), FORGOTTEN)
     return await job_answers.whole_job(found, engine, {})
 
 
@@ -141,7 +143,7 @@ async def events(request: Request, id: str) -> Response:
     """
     engine = engine_of(request)
     viewer = clients.viewer_of(request)
-    _known(await engine.job(id, viewer))
+    known(await engine.job(id, viewer), FORGOTTEN)
     text = request.headers.get("last-event-id", request.query_params.get("last_event_id", "0"))
     after = int(text) if text.isascii() and text.isdigit() and len(text) < 16 else 0
     headers = {"Cache-Control": "no-store", "X-Accel-Buffering": "no"}
@@ -197,12 +199,6 @@ def engine_of(request: Request) -> Engine:
             headers={"Retry-After": "2"},
         )
     return engine
-
-
-def _known(found: model.Job | None) -> model.Job:
-    if found is None:
-        raise Refusal(404, "not-found", "There is no job of this id; it may have been forgotten. Ask again.")
-    return found
 
 
 SCENE = openapi.body_of("SceneDocument") | openapi.TIME_LIMIT_QUERY

@@ -11,6 +11,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
+from typing import Any
 
 import pytest
 
@@ -19,6 +20,10 @@ from inverse_service.service.jobs.outcome import Call, Outcome, outcome_of_exit
 from inverse_service.service.jobs.workers import MOST_CROWDED, WorkerProcess, Workers, run_alone
 
 MEMORY = 2048
+
+
+def run(pool: Workers, task: Any, arguments: tuple[Any, ...], deadline: float) -> Any:
+    return pool.submit(Call(task, arguments, deadline)).outcome.result()
 
 
 def busy(seconds: float) -> Outcome:
@@ -73,20 +78,20 @@ def workers() -> Iterator[Workers]:
 
 def test_processes_that_solve_look_for_garbage_seldom(workers: Workers) -> None:
     # With the 700 objects of Python's default it takes half of a long search, late in the life of a worker.
-    for outcome in (workers.run(gc.get_threshold, (), 30.0), run_alone(gc.get_threshold, (), 30.0, MEMORY)):
+    for outcome in (run(workers, gc.get_threshold, (), 30.0), run_alone(gc.get_threshold, (), 30.0, MEMORY)):
         assert outcome.value[0] >= 100_000
 
 
 def test_a_loop_in_c_that_holds_the_interpreter_is_killed_at_its_deadline(workers: Workers) -> None:
-    workers.run(tasks.load_engine, (), 30.0)
+    run(workers, tasks.load_engine, (), 30.0)
 
     def seconds_late() -> float:
         begin = time.monotonic()
-        assert workers.run(pow, (3, 10**9), 0.3).status == "deadline"
+        assert run(workers, pow, (3, 10**9), 0.3).status == "deadline"
         return time.monotonic() - begin - 0.3
 
     assert quickest(seconds_late) < 0.5 + (MOST_CROWDED - 1) * 0.3  # of which all but 0.5 for others at most
-    assert workers.run(tasks.load_engine, (), 30.0).status == "done"
+    assert run(workers, tasks.load_engine, (), 30.0).status == "done"
 
 
 @pytest.mark.slow
@@ -119,7 +124,7 @@ def test_a_task_may_have_less_memory_and_tells_what_it_does(workers: Workers) ->
 
 
 def test_what_a_task_takes_is_measured(workers: Workers) -> None:
-    spent = workers.run(busy, (0.1,), 30.0).spent
+    spent = run(workers, busy, (0.1,), 30.0).spent
     assert 0.09 < spent.cpu <= spent.wall + 0.01  # two clocks, read one after the other
     assert spent.memory > 50
 
@@ -133,14 +138,14 @@ def test_a_killed_process_has_used_no_less_than_nothing(workers: Workers) -> Non
 
 
 def test_a_task_that_uses_many_threads_is_ended_by_its_processor_time(workers: Workers) -> None:
-    assert workers.run(signal.raise_signal, (signal.SIGXCPU,), 30.0).status == "deadline"
+    assert run(workers, signal.raise_signal, (signal.SIGXCPU,), 30.0).status == "deadline"
 
 
 def test_a_neighbor_is_unharmed_by_five_gigabytes() -> None:
     pool = Workers(2, MEMORY)
     pool.start()
     neighbor = pool.submit(Call(busy, (0.5,), 30.0))
-    assert pool.run(bytearray, (5 * 2**30,), 30.0).status == "memory"
+    assert run(pool, bytearray, (5 * 2**30,), 30.0).status == "memory"
     assert neighbor.outcome.result().status == "done"
     pool.stop()
 
@@ -161,33 +166,33 @@ def test_workers_are_replaced_after_many_tasks(monkeypatch: pytest.MonkeyPatch) 
     pool = Workers(1, MEMORY)
     pool.start()
     # The first task of a pool is its own.
-    pids = [pool.run(os.getpid, (), 30.0).value for _ in range(3)]
+    pids = [run(pool, os.getpid, (), 30.0).value for _ in range(3)]
     pool.stop()
     assert len(set(pids)) == 2
 
 
 def test_memory_is_bounded(workers: Workers) -> None:
-    assert workers.run(bytearray, (MEMORY * 2**20,), 30.0).status == "memory"
-    assert workers.run(tasks.load_engine, (), 30.0).status == "done"
+    assert run(workers, bytearray, (MEMORY * 2**20,), 30.0).status == "memory"
+    assert run(workers, tasks.load_engine, (), 30.0).status == "done"
 
 
 def test_an_abort_counts_as_memory_and_a_segmentation_fault_as_crash(workers: Workers) -> None:
-    assert workers.run(os.abort, (), 30.0).status == "memory"
-    assert workers.run(signal.raise_signal, (signal.SIGKILL,), 30.0).status == "killed"
-    assert workers.run(signal.raise_signal, (signal.SIGSEGV,), 30.0).status == "crash"
-    assert workers.run(os._exit, (7,), 30.0).status == "crash"
-    assert workers.run(tasks.load_engine, (), 30.0).status == "done"
+    assert run(workers, os.abort, (), 30.0).status == "memory"
+    assert run(workers, signal.raise_signal, (signal.SIGKILL,), 30.0).status == "killed"
+    assert run(workers, signal.raise_signal, (signal.SIGSEGV,), 30.0).status == "crash"
+    assert run(workers, os._exit, (7,), 30.0).status == "crash"
+    assert run(workers, tasks.load_engine, (), 30.0).status == "done"
 
 
 def test_an_exception_is_a_fault_that_is_named(workers: Workers) -> None:
-    found = workers.run(int, ("x",), 30.0)
+    found = run(workers, int, ("x",), 30.0)
     assert (found.status, found.value) == ("fault", "ValueError")
 
 
 def test_the_pool_heals_when_an_idle_worker_is_killed(workers: Workers) -> None:
-    pid = workers.run(os.getpid, (), 30.0).value
+    pid = run(workers, os.getpid, (), 30.0).value
     os.kill(pid, signal.SIGKILL)
-    assert workers.run(tasks.load_engine, (), 30.0).status == "done"
+    assert run(workers, tasks.load_engine, (), 30.0).status == "done"
 
 
 def test_without_a_process_a_task_is_not_started_and_later_ones_are(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -196,15 +201,15 @@ def test_without_a_process_a_task_is_not_started_and_later_ones_are(monkeypatch:
     with monkeypatch.context() as patched:
         patched.setattr(workers_module, "WorkerProcess", no_process)
         pool.start()
-        assert pool.run(tasks.load_engine, (), 30.0).status == "unstarted"
-    assert pool.run(tasks.load_engine, (), 30.0).status == "done"
+        assert run(pool, tasks.load_engine, (), 30.0).status == "unstarted"
+    assert run(pool, tasks.load_engine, (), 30.0).status == "done"
     pool.stop()
 
 
 def test_stopped_workers_refuse() -> None:
     pool = Workers(1, MEMORY)
     pool.stop()
-    assert pool.run(tasks.load_engine, (), 1.0).status == "crash"
+    assert run(pool, tasks.load_engine, (), 1.0).status == "crash"
 
 
 @pytest.mark.slow
@@ -227,7 +232,7 @@ def test_a_wait_that_runs_out_takes_nothing_from_the_pool(workers: Workers) -> N
     running = workers.submit(Call(busy, (0.1,), 30.0))
     assert not running.outcome.cancel()
     assert running.outcome.result(30).status == "done"
-    assert workers.run(tasks.load_engine, (), 30.0).status == "done"
+    assert run(workers, tasks.load_engine, (), 30.0).status == "done"
 
 
 def test_a_second_pool_starts_while_the_first_process_of_all_still_loads() -> None:

@@ -539,10 +539,6 @@ class Workers:
             return "No worker process answers yet."
         return "" if self._alive else "No worker process can be started."
 
-    def run(self, task: Callable[..., Outcome], arguments: tuple[Any, ...], deadline: float) -> Outcome:
-        """`submit` and wait."""
-        return self.submit(Call(task, arguments, deadline)).outcome.result()
-
     def stop(self) -> None:
         """End all processes at once; tasks not done end as cancelled."""
         with self._lock:
