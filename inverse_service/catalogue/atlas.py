@@ -1,5 +1,6 @@
 """The atlas: named systems with their computed answers, from atlas.ndjson, which `benchmarks.atlas` writes."""
 
+import hashlib
 import json
 from collections.abc import Mapping
 from functools import lru_cache
@@ -50,3 +51,10 @@ def text_of(name: str) -> str:
 def line_of(entry: Mapping[str, Any]) -> str:
     """A line of the NDJSON."""
     return json.dumps(entry, ensure_ascii=False) + "\n"
+
+
+@lru_cache(maxsize=1)
+def whole() -> tuple[bytes, str]:
+    """All entries as NDJSON, and a digest of that."""
+    data = "".join(map(line_of, entries().values())).encode()
+    return data, hashlib.sha256(data).hexdigest()[:16]

@@ -12,7 +12,6 @@ import ipaddress
 import logging
 import os
 import threading
-import time
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -30,8 +29,6 @@ from inverse_service.web.problems import Refusal
 log = logging.getLogger(__name__)
 LARGEST_KEY = 200
 LARGEST_FILE = 1_000_000
-# How often the file is looked at, s.
-LOOK = 1.0
 PLACE = "The file INVERSE_SERVICE_API_KEYS_FILE"
 
 
@@ -55,7 +52,7 @@ class Keys:
         self._fixed = tuple(Key(client, digest) for client, digest in settings.api_keys)
         self._file = None if settings.api_keys_file is None else Path(settings.api_keys_file)
         self._lock = threading.Lock()
-        self._looked, self._mark = time.monotonic(), self._marked()
+        self._mark = self._marked()
         self._keys = self._fixed + self._of_file()
 
     @property
@@ -72,10 +69,7 @@ class Keys:
 
     def _look(self) -> None:
         """Read the file again if it changed; if it is unreadable, keep the present keys and log a warning."""
-        if self._file is None or time.monotonic() - self._looked < LOOK:
-            return
         with self._lock:
-            self._looked = time.monotonic()
             if (mark := self._marked()) == self._mark:
                 return
             self._mark = mark

@@ -92,7 +92,7 @@ async def result_response(request: Request, job: model.Job, engine: Engine, pref
     if preference.applied:
         headers["Preference-Applied"] = preference.applied
     if job.is_open:
-        return Response(await job_json(job, engine), 202, headers | {"Retry-After": RETRY_AFTER}, JSON)
+        return await job_document(job, engine, headers | {"Retry-After": RETRY_AFTER}, 202)
     if job.status == "successful":
         written = media_type_of(request) if job.kind == "solve" else None
         link = f'</results/{job.id}>; rel="canonical"'
@@ -110,43 +110,39 @@ async def job_response(request: Request, job: model.Job, engine: Engine) -> Resp
     `Prefer: return=minimal` leaves the result out.
     """
     if job.is_open:
-        return Response(await job_json(job, engine), 202, {"Retry-After": RETRY_AFTER}, JSON)
+        return await job_document(job, engine, {"Retry-After": RETRY_AFTER}, 202)
     written = media_type_of(request) if job.kind == "solve" and job.status == "successful" else None
     headers = {"ETag": etag(job, written), "Cache-Control": REVALIDATE} | VARY
     if is_known(request, headers["ETag"]):
         return Response(status_code=304, headers=headers)
     if written:
         return await written_response(request, job, engine, written, headers)
-    if MINIMAL in request.headers.get("prefer", "").lower():
-        return Response(await job_json(job, engine), 200, headers, JSON)
-    return await whole_job(job, engine, headers)
+    is_whole = MINIMAL not in request.headers.get("prefer", "").lower()
+    return await job_document(job, engine, headers, is_whole=is_whole)
 
 
-async def whole_job(job: model.Job, engine: Engine, headers: Mapping[str, str]) -> Response:
-    """The Job document with its result, which is not read and written again.
+async def job_document(
+    job: model.Job, engine: Engine, headers: Mapping[str, str], status: int = 200, is_whole: bool = False
+) -> Response:
+    """The Job document; where it `is_whole` with its result, which is not read and written again.
 
     One that was dismissed has as its result what was finished of it.
     """
-    if job.status not in ("successful", "dismissed"):
-        return Response(await job_json(job, engine), 200, dict(headers), JSON)
-    head = json.dumps(job_fields(job, engine))[:-1].encode()
-    problem = b"null" if job.status == "successful" else await problem_of(job, engine)
-    around = (head + b', "result": ', b', "problem": ' + problem + b"}")
-    return await stored_response(engine, job.id, headers, around, job.body)
+    # The progress of a job that runs elsewhere is in the store.
+    fields = await engine.read(job_fields, job, engine) if job.status == "running" else job_fields(job, engine)
+    has_result = is_whole and job.status in ("successful", "dismissed")
+    ended_badly = job.status == "failed" or (is_whole and job.status == "dismissed")
+    problem = await problem_of(job, engine) if ended_badly else b"null"
+    around = (json.dumps(fields)[:-1].encode() + b', "result": ', b', "problem": ' + problem + b"}")
+    if has_result:
+        return await stored_response(engine, job.id, headers, around, job.body)
+    return Response(b"null".join(around), status, dict(headers), JSON)
 
 
 def is_known(request: Request, tag: str) -> bool:
     """Whether the caller has the answer with this ETag already."""
     known = {mark.strip().removeprefix("W/") for mark in request.headers.get("if-none-match", "").split(",")}
     return bool(known & {tag, "*"})
-
-
-async def job_json(job: model.Job, engine: Engine) -> bytes:
-    """The Job document without a result."""
-    # The progress of a job that runs elsewhere is in the store.
-    fields = await engine.read(job_fields, job, engine)
-    problem = await problem_of(job, engine) if job.status == "failed" else b"null"
-    return json.dumps(fields)[:-1].encode() + b', "result": null, "problem": ' + problem + b"}"
 
 
 async def problem_of(job: model.Job, engine: Engine) -> bytes:

@@ -123,7 +123,7 @@ async def dismiss_jobs(request: Request, id: str) -> Response:
     """
     engine = engine_of(request)
     found = known(await engine.dismiss(id, clients.viewer_of(request)), FORGOTTEN)
-    return await job_answers.whole_job(found, engine, {})
+    return await job_answers.job_document(found, engine, {}, is_whole=True)
 
 
 @router.get(

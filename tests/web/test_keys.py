@@ -9,15 +9,9 @@ import pytest
 
 from inverse_service.errors import InputError
 from inverse_service.settings import Settings, hash_of_key
-from inverse_service.web import clients as keys_module
 from inverse_service.web.clients import Keys
 
 DAY = datetime.timedelta(days=1)
-
-
-@pytest.fixture(autouse=True)
-def _no_pause(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(keys_module, "LOOK", -1.0)
 
 
 def line(client: str, key: str, day: object = "") -> str:
