@@ -391,6 +391,21 @@ class Quotient:
         return result
 
 
+def rationalised(quotient: Quotient) -> Quotient:
+    """The same quotient, each denominator a + b g with g^2 = P times a - b g: cos^2/(1 + sin) is 1 - sin."""
+    owner = quotient.field
+    for index in sorted(owner.relations):
+        for place, power in quotient.exponents:
+            denominator = owner.denominators[place]
+            lowest = denominator.subs({index: 0})
+            if owner.relations[index].degree == 2 and not lowest.is_zero() and lowest != denominator:
+                conjugate = Quotient(owner, 2 * lowest - denominator, ())
+                norm = Quotient(owner, denominator, ()) * conjugate
+                without = tuple(item for item in quotient.exponents if item[0] != place)
+                quotient = Quotient(owner, quotient.numerator, without) * (conjugate / norm) ** power
+    return quotient
+
+
 def combined(left: Exponents, right: Exponents) -> Exponents:
     """The exponents of a product."""
     table = dict(left)
@@ -800,14 +815,20 @@ def exact_ring(
 
 
 def factored(
-    trees: Sequence[ex.Expression], symbols: Sequence[ex.Symbol | ex.Velocity], budget: Budget
+    trees: Sequence[ex.Expression],
+    symbols: Sequence[ex.Symbol | ex.Velocity],
+    budget: Budget,
+    *,
+    without_roots: bool = False,
 ) -> list[ex.Expression]:
     """The trees, each over its common denominator with numerator and denominator factored.
 
+    `without_roots`: the denominators have no square roots and sines, so that equal trees are equal fractions.
     TooLarge where the budget ends, ZeroDivisionError where a denominator vanishes, KeyError for an unknown atom.
     """
     ring = exact_ring(trees, symbols, 0, budget, spare=True, slopes=False)
-    return [quotient_tree(ring, ring.value(tree)) for tree in trees]
+    values = map(ring.value, trees)
+    return [quotient_tree(ring, rationalised(each) if without_roots else each) for each in values]
 
 
 def _build(

@@ -185,11 +185,13 @@ def with_potential(material: Material, combination: Mapping[tm.Monomial, Fractio
         slopes = [tm.derivative_of_terms(combination, q) for q in motion.coordinates]
         return [tm.add_terms(slope, momentum, -1) for slope, momentum in zip(slopes, momenta, strict=True)]
 
-    def over_one_denominator() -> list[tm.Terms]:
-        return list(map(tm.terms_of, factored(list(map(tm.tree_of, residuals())), symbols, Budget.long())))
+    def over_one_denominator(without_roots: bool = False) -> list[tm.Terms]:
+        trees = list(map(tm.tree_of, residuals()))
+        return list(map(tm.terms_of, factored(trees, symbols, Budget.long(), without_roots=without_roots)))
 
-    # Unchanged sums are integrated term by term; over one denominator terms that are not affine cancel.
-    for wanted in (residuals, over_one_denominator):
+    # Unchanged sums are integrated term by term; over one denominator terms that are not affine cancel, and
+    # cos(v)^2/(1 + sin(v)), in which nothing does, is affine in sin(v) without the sine below.
+    for wanted in (residuals, over_one_denominator, lambda: over_one_denominator(without_roots=True)):
         check()
         with suppress(TooLarge, tm.TooManyTerms, ZeroDivisionError, KeyError):
             rest = integrator.linear_terms(wanted())
