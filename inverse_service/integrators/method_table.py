@@ -165,6 +165,13 @@ class Method:
     scipy: str = ""
 
     @property
+    def listed_orders(self) -> str:
+        """`orders` in words."""
+        return ", ".join(
+            f"{order} (default)" if order == self.orders[0] else str(order) for order in sorted(self.orders)
+        )
+
+    @property
     def own_steps(self) -> bool:
         """Whether it chooses its step size."""
         return self.tolerance is not None

@@ -58,21 +58,59 @@ _FORTRAN = """subroutine {name}(out, {arguments})
   double precision, intent(in) :: {arguments}
 {declared}"""
 _C_OPENING = "void {name}(double *out, {arguments})\n{{"
-_C = (_C_OPENING, "    const double {} = {};", "    out[0] = {};", "    out[{place}] = {value};", "}", "double {}")
-_MATLAB = ("function out = {name}({arguments})", "    {} = {};", "    out = {};", "    out({place1}) = {value};", "end")
-_MATHEMATICA = ("{name}[{arguments}] := Module[{{{locals}}},", "  {} = {};", "  {}", "  {{{values}}}", "]", "{}_")
-_MAPLE = ("{name} := proc({arguments})\n  local {locals};", "  {} := {};", "  {};", "  [{values}];", "end proc:")
-_MAXIMA = ("{name}({arguments}) := block([{locals}],", "  {}: {},", "  {}", "  [{values}]", ")$")
-_JULIA = ("function {name}({arguments})", "    {} = {}", "    return {}", "    return [{values}]", "end")
+_C = (
+    _C_OPENING,
+    "    const double {} = {};",
+    "    out[0] = {};",
+    "    out[{place}] = {value};",
+    "}",
+    "// {}",
+    "double {}",
+)
+_MATLAB = (
+    "function out = {name}({arguments})",
+    "    {} = {};",
+    "    out = {};",
+    "    out({place1}) = {value};",
+    "end",
+    "% {}",
+)
+_MATHEMATICA = (
+    "{name}[{arguments}] := Module[{{{locals}}},",
+    "  {} = {};",
+    "  {}",
+    "  {{{values}}}",
+    "]",
+    "(* {} *)",
+    "{}_",
+)
+_MAPLE = (
+    "{name} := proc({arguments})\n  local {locals};",
+    "  {} := {};",
+    "  {};",
+    "  [{values}];",
+    "end proc:",
+    "# {}",
+)
+_MAXIMA = ("{name}({arguments}) := block([{locals}],", "  {}: {},", "  {}", "  [{values}]", ")$", "/* {} */")
+_JULIA = ("function {name}({arguments})", "    {} = {}", "    return {}", "    return [{values}]", "end", "# {}")
 _RUST = (
     "pub fn {name}({arguments}) -> Vec<f64> {{",
     "    let {} = {};",
     "    vec![{}]",
     "    vec![{values}]",
     "}",
+    "// {}",
     "{}: f64",
 )
-_JAVASCRIPT = ("function {name}({arguments}) {{", "  const {} = {};", "  return {};", "  return [{values}];", "}")
+_JAVASCRIPT = (
+    "function {name}({arguments}) {{",
+    "  const {} = {};",
+    "  return {};",
+    "  return [{values}];",
+    "}",
+    "// {}",
+)
 
 _JAX_FUNCTIONS = ("lagrangian", "momenta", "hamiltonian")
 _JAX_HEAD = """import jax
@@ -94,7 +132,7 @@ class Language:
     """How a function is written: its opening with {name} and {arguments}, a line of it, and what it gives back.
 
     `argument` is one argument; `several` is used where more than one value is given back, once for each {value}, or
-    once for all {values}.
+    once for all {values}. `words` are names that no variable may have in this language alone.
     """
 
     printed: Callable[[Any], str]
@@ -104,8 +142,9 @@ class Language:
     scalar: str
     several: str
     closing: str
+    comment: str
     argument: str = "{}"
-    comment: str = "// {}"
+    words: str = ""
 
 
 class _RustPrinter(RustCodePrinter):  # type: ignore[misc]
@@ -173,21 +212,20 @@ def _fortran(expression: Any) -> str:
 LANGUAGES: dict[str, Language] = {
     "python": Language(
         sympy.pycode, "import math\n\n", "def {name}({arguments}):", "    {} = {}", "    return {}",
-        "    return [{values}]", "", comment="# {}",
+        "    return [{values}]", "", "# {}",
     ),
-    "julia": Language(sympy.julia_code, "", *_JULIA, comment="# {}"),
-    "matlab": Language(sympy.octave_code, "", *_MATLAB, comment="% {}"),
-    "octave": Language(sympy.octave_code, "", *_MATLAB, comment="% {}"),
-    "mathematica": Language(sympy.mathematica_code, "", *_MATHEMATICA, comment="(* {} *)"),
-    "maple": Language(sympy.maple_code, "", *_MAPLE, comment="# {}"),
-    "maxima": Language(_maxima, "", *_MAXIMA, comment="/* {} */"),
+    "julia": Language(sympy.julia_code, "", *_JULIA),
+    "matlab": Language(sympy.octave_code, "", *_MATLAB),
+    "octave": Language(sympy.octave_code, "", *_MATLAB),
+    "mathematica": Language(sympy.mathematica_code, "", *_MATHEMATICA),
+    "maple": Language(sympy.maple_code, "", *_MAPLE),
+    "maxima": Language(_maxima, "", *_MAXIMA),
     "c": Language(ccode, "#include <math.h>\n\n", *_C),
     "cpp": Language(cxxcode, "#include <cmath>\n\n", *_C),
     "rust": Language(_rust, "", *_RUST),
     "javascript": Language(sympy.jscode, "", *_JAVASCRIPT),
     "fortran": Language(
-        _fortran, "", _FORTRAN, "  {} = {}", "  out(1) = {}", "  out({place1}) = {value}", "end subroutine",
-        comment="! {}",
+        _fortran, "", _FORTRAN, "  {} = {}", "  out(1) = {}", "  out({place1}) = {value}", "end subroutine", "! {}",
     ),
 }  # fmt: skip
 
@@ -326,9 +364,10 @@ def plain_symbols(
     used: set[str] = set()
     found = {}
     bare = language.printed in (sympy.mathematica_code, sympy.maple_code)
+    own = defined.union(language.words.split())
     for each in given:
         name = words.get(each, str(each))
-        name, end, taken = (name.replace("_", ""), "0", _WORDS | _RESERVED) if bare else (name, "_", _WORDS | defined)
+        name, end, taken = (name.replace("_", ""), "0", _WORDS | _RESERVED) if bare else (name, "_", _WORDS | own)
         while {name, name.lower()} & taken or name.lower() in used:
             name += end
         used.add(name.lower())

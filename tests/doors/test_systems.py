@@ -51,6 +51,16 @@ def test_rows_agree_with_themselves() -> None:
         assert len(coordinates) > 1 or with_time in ("variational", None), row["id"]
 
 
+def test_no_row_has_a_key_that_the_readme_does_not_list() -> None:
+    tables = (rows.CORPUS / "README.md").read_text(encoding="utf-8").split("| key | meaning |")
+    files, keys = (re.findall(r"^\| (.+?) \| (.+) \|$", table, re.MULTILINE) for table in tables)
+    common = set(re.findall(r"`(\w+)`", " ".join(key for key, _ in keys)))
+    for names, meaning in files:
+        for name in re.findall(r"`(\w+)`", names):
+            for row in rows.rows(name):
+                assert row.keys() <= {*common, *re.findall(r"`(\w+)`", meaning)}, (name, row)
+
+
 @pytest.mark.parametrize(("row", "door"), rows.cases(SYSTEMS))
 def test_a_system_is_answered_as_is_known(row: rows.Row, door: str, request: pytest.FixtureRequest) -> None:
     service = request.getfixturevalue("patient") if door == "http" else None

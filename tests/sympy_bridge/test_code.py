@@ -15,9 +15,11 @@ import sympy as sp
 
 import inverse_service
 from inverse_service import catalogue
+from inverse_service.cli.solve_command import PROOFS, Format
 from inverse_service.errors import InputError
 from inverse_service.sympy import Result, from_result, solve
-from inverse_service.sympy.code import LANGUAGES, QUANTITIES
+from inverse_service.sympy.code import LANGUAGES, QUANTITIES, WHOLE
+from inverse_service.web.pages.result_tasks import EXPORTS
 
 t, k = sp.symbols("t k")
 r, phi = sp.Function("r")(t), sp.Function("phi")(t)
@@ -115,6 +117,11 @@ def test_every_language_has_every_quantity(kepler: Result, language: str) -> Non
     text = kepler.to_code(language)
     assert all(what in text for what in QUANTITIES)
     assert "Not supported" not in text
+
+
+def test_every_language_is_on_the_command_line_and_on_the_page() -> None:
+    assert {*Format} - {"json", "text", "latex", *PROOFS} == {*LANGUAGES, *WHOLE}
+    assert {*EXPORTS} - {"latex", "client", "curl", "embed"} == {*LANGUAGES, "sympy"}
 
 
 def test_names_that_a_language_keeps_for_itself_are_changed() -> None:

@@ -510,7 +510,7 @@ def _requested(schema: SceneDocument, given: SceneMethod, pointer: str) -> data.
         raise InputError("alpha must be a number from 0 to 1.", f"{pointer}/alpha")
     allowed = METHODS[method].orders
     if given.order is not None and given.order not in allowed:
-        choice = f"takes the orders {', '.join(map(str, allowed))}" if allowed else "has no order to choose"
+        choice = f"takes the orders {METHODS[method].listed_orders}" if allowed else "has no order to choose"
         raise InputError(f"the method {given.method} {choice}.", f"{pointer}/order")
     if method == "exact":
         return data.Requested(given.label or "exact", method, None, None)
