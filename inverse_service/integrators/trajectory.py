@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -20,6 +20,7 @@ WORDS = {
     "cancelled": "the time was over",
 }
 Array = NDArray[np.float64]
+Row = Sequence[float] | Array
 Rows = NDArray[np.bool_] | NDArray[np.int64] | slice
 
 
@@ -74,12 +75,18 @@ class Trajectory:
     momenta: Array | None
     velocities: Array | None
     outcome: Outcome
-    force_evaluations: int
-    newton_iterations: int
-    compile_seconds: float
-    run_seconds: float
+    force_evaluations: int = 0
+    newton_iterations: int = 0
+    compile_seconds: float = 0.0
+    run_seconds: float = 0.0
     series: Mapping[str, Array] = field(default_factory=dict)
     maxima: Mapping[str, float] = field(default_factory=dict)
+
+    @classmethod
+    def of_start(cls, time: float, positions: Row, velocities: Row | None, outcome: Outcome) -> Trajectory:
+        """A run that contains only its start."""
+        speeds = None if velocities is None else np.array([velocities], dtype=float)
+        return cls(np.array([time]), np.array([positions], dtype=float), None, speeds, outcome)
 
     def part(self, rows: Rows) -> Trajectory:
         """The same run with some of its points."""

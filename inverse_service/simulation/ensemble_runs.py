@@ -119,10 +119,10 @@ def _missed(
     for row in np.flatnonzero(many.completed)[:: max(1, len(many.positions) // LOOKED_AT)]:
         if run.velocities is None or (stop is not None and stop()):
             break
-        own = {name: float(value[row]) if isinstance(value, np.ndarray) else value for name, value in values.items()}
+        own = _of_member(values, row)
         start = members.positions[row], members.velocities[row]
         alone = replace(scene, positions=start[0], velocities=start[1], values=own, ensemble=None)
-        ran = Trajectory(many.times, many.positions[row], None, run.velocities[row], many.outcome(row), 0, 0, 0.0, 0.0)
+        ran = Trajectory(many.times, many.positions[row], None, run.velocities[row], many.outcome(row))
         seen = observing.Observed(alone, run.requested, ran, problem, own, None, in_pieces=True)
         found = truth.with_missed_force(seen, {"estimated_error": estimates[row], "doubt": ""}, derived, stop)
         if found["doubt"]:
@@ -147,11 +147,12 @@ def _momenta(
         return None
     if not members.values:
         return free.start_momenta(members.positions, members.velocities, {k: float(x) for k, x in values.items()})
-    rows = []
-    for k, (q, v) in enumerate(zip(members.positions, members.velocities, strict=True)):
-        own = {name: float(value[k]) if isinstance(value, np.ndarray) else value for name, value in values.items()}
-        rows.append(free.start_momenta(q, v, own))
-    return np.array(rows)
+    starts = enumerate(zip(members.positions, members.velocities, strict=True))
+    return np.array([free.start_momenta(q, v, _of_member(values, k)) for k, (q, v) in starts])
+
+
+def _of_member(values: Mapping[str, float | Array], row: int) -> dict[str, float]:
+    return {name: float(value[row]) if isinstance(value, np.ndarray) else value for name, value in values.items()}
 
 
 def _flat(values: Mapping[str, float | Array], points: int) -> Any:
@@ -168,7 +169,7 @@ def _point_velocities(
     shape = many.positions.shape
     flat = Trajectory(
         np.tile(many.times, shape[0]), many.positions.reshape(-1, shape[2]), many.rates.reshape(-1, shape[2]), None,
-        Outcome("completed"), 0, 0, 0.0, 0.0,
+        Outcome("completed"),
     )  # fmt: skip
     found = observing.point_velocities(scene, problem, requested.method, flat, _flat(values, shape[1]))
     return None if found is None else found.reshape(shape)

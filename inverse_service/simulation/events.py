@@ -42,6 +42,7 @@ from inverse_service.simulation import (
     scene_data as data,
 )
 
+Point = tuple[float, Array, Array]  # a time, position and velocity (n,)
 State = tuple[Array, Array, Array]  # times (m,), positions and velocities (m, n)
 CONTINUED = data.MethodChoice("adaptive", tolerance=1e-14)
 ITERATIONS = 60
@@ -107,7 +108,7 @@ def with_events(
     return ran.ended(kept, outcome), tuple(until(one, end) for one in found)
 
 
-def where_ended(found: tuple[Found, ...], outcome: Outcome) -> tuple[float, Array, Array] | None:
+def where_ended(found: tuple[Found, ...], outcome: Outcome) -> Point | None:
     """(t, q, v) of the event that ended the run; None if no event did."""
     stops = (one for one in found if one.event.stops and len(one.times) and one.times[0] == outcome.time)
     return next(((float(one.times[0]), one.positions[0], one.velocities[0]) for one in stops), None)
@@ -415,7 +416,7 @@ class Pieces:
     trajectory: Trajectory
     events: tuple[Found, ...]
     switches: tuple[Switch, ...]
-    final: tuple[float, Array, Array] | None
+    final: Point | None
 
     def thinned(self, grid: data.Grid) -> Pieces:
         """With the points that the grid records."""
@@ -466,6 +467,11 @@ def _powers(tree: ex.Expression, outer: Fraction) -> Iterator[tuple[ex.Expressio
             yield base, outer * exponent
 
 
+def _size(state: Point) -> float:
+    """The greatest position or velocity, not 0."""
+    return float(np.abs(np.concatenate(state[1:])).max()) + 1e-300
+
+
 def has_pieces(scene: data.Scene, problem: data.Problem) -> bool:
     """Whether a run of this problem consists of pieces. A Lagrangian found for given equations is valid on one side,
     and its run ends there."""
@@ -493,10 +499,14 @@ class _Motion:
     functions: tuple[ex.Expression, ...]
     known: dict[tuple[object, ...], object] = field(default_factory=dict)
 
-    def at(self, trees: Sequence[ex.Expression], state: tuple[float, Array, Array]) -> Array:
+    def at(self, trees: Sequence[ex.Expression], state: Point) -> Array:
         time, q, v = state
         table = nf.table_of(self.scene.coordinates, q[None], v[None], dict(self.values), np.array([time]))
         return np.array([float(nf.array_value(tree, table)[0]) for tree in trees])
+
+    def value(self, u: ex.Expression, sides: Sides, state: Point) -> float:
+        """A switching function there, with those that it contains on their sides."""
+        return float(self.at([on_sides(u, sides)], state)[0])
 
     def rate(self, u: ex.Expression, forces: Sequence[ex.Expression]) -> ex.Expression:
         """u' along q'' = forces."""
@@ -591,14 +601,12 @@ class _Motion:
             self.known[key] = found
         return self.known[key]  # type: ignore[return-value]
 
-    def sides_at(
-        self, state: tuple[float, Array, Array], before: Sides, zero: Sequence[ex.Expression], known: Sides
-    ) -> Sides | None:
+    def sides_at(self, state: Point, before: Sides, zero: Sequence[ex.Expression], known: Sides) -> Sides | None:
         """The sides on which the motion continues if the functions `zero` are zero and others are on `known` sides;
         None if there is no such choice or more than one."""
         found: Sides = {}
         for u in self.functions:
-            value = float(self.at([on_sides(u, before | found)], state)[0])
+            value = self.value(u, before | found, state)
             found[u] = before.get(u, STICKS) if u in zero else known.get(u, 1 if value > 0 else -1)
         if not zero:
             return found
@@ -624,12 +632,12 @@ class _Motion:
                         return sides
         return None
 
-    def _is_continuous(self, passing: Sequence[Sides], state: tuple[float, Array, Array]) -> bool:
+    def _is_continuous(self, passing: Sequence[Sides], state: Point) -> bool:
         """Whether the forces have one value on all sides."""
         values = np.array([self.at(self.forces(sides), state) for sides in passing])
         return bool((np.ptp(values, axis=0) <= 1e-12 * np.abs(values).max(initial=0.0)).all())
 
-    def goes(self, sides: Sides, zero: Sequence[ex.Expression], state: tuple[float, Array, Array]) -> bool:
+    def goes(self, sides: Sides, zero: Sequence[ex.Expression], state: Point) -> bool:
         """Whether the motion on these sides moves away from each zero to its side."""
         for u in zero:
             own, forces = on_sides(u, sides), self.forces(sides)
@@ -672,7 +680,7 @@ class _Run:
 
     def __post_init__(self) -> None:
         self.parts: list[Trajectory] = []
-        self.seen: dict[int, list[tuple[float, Array, Array]]] = {k: [] for k in range(len(self.scene.events))}
+        self.seen: dict[int, list[Point]] = {k: [] for k in range(len(self.scene.events))}
         self.notes: dict[int, str] = {}
         self.switches: list[Switch] = []
         self.acted: list[float] = []
@@ -776,31 +784,26 @@ class _Run:
         have the same force there, and what moves it is of a higher order."""
         for u, side in sides.items():
             rows = range(min(3, len(ran.times)))
-            values = [
-                float(self.motion.at([on_sides(u, sides)], (ran.times[k], ran.positions[k], velocities[k]))[0])
-                for k in rows
-            ]
+            values = [self.motion.value(u, sides, (ran.times[k], ran.positions[k], velocities[k])) for k in rows]
             turns = side and u not in self.settled and values[0] == 0 and all(side * value < 0 for value in values[1:])
             if turns and not self.motion.goes(sides, [u], (float(ran.times[0]), ran.positions[0], velocities[0])):
                 self.settled.add(u)
                 return sides | {u: -side}
         return None
 
-    def _zeros(self, state: tuple[float, Array, Array], sides: Sides) -> list[ex.Expression]:
+    def _zeros(self, state: Point, sides: Sides) -> list[ex.Expression]:
         """The switching functions that are zero at the start."""
-        size = float(np.abs(np.concatenate(state[1:])).max()) + 1e-300
-        return [u for u in self.motion.functions if abs(self.motion.at([on_sides(u, sides)], state)[0]) <= 1e-14 * size]
+        return [u for u in self.motion.functions if abs(self.motion.value(u, sides, state)) <= NOISE * _size(state)]
 
-    def _sides(self, state: tuple[float, Array, Array], before: Sides, zero: Sequence[ex.Expression]) -> Sides | None:
+    def _sides(self, state: Point, before: Sides, zero: Sequence[ex.Expression]) -> Sides | None:
         released = {}
         for u in zero:
             if before.get(u) == STICKS:  # it is released to the side to which its share has come
                 released[u] = 1 if self.motion.at([self.motion.shares(before)[u]], state)[0] > 0 else -1
         self.settled = set(released)
         # What sticks elsewhere is decided with them: its force may not hold any more, and an event may have moved it.
-        size = float(np.abs(np.concatenate(state[1:])).max()) + 1e-300
         stuck = [u for u, side in before.items() if side == STICKS and u not in zero
-                 and abs(self.motion.at([on_sides(u, before)], state)[0]) <= AT_ZERO * size]  # fmt: skip
+                 and abs(self.motion.value(u, before, state)) <= AT_ZERO * _size(state)]  # fmt: skip
         found = self.motion.sides_at(state, before, [u for u in (*zero, *stuck) if u not in released], released)
         if found is not None and before:
             self.switches += [Switch(u, state[0], found[u]) for u in (*zero, *stuck) if found[u] != before[u]]
@@ -808,7 +811,7 @@ class _Run:
 
     def _first(
         self, run: observing.Observed, motion: data.Problem, sides: Sides
-    ) -> tuple[tuple[float, Array, Array], list[int | ex.Expression]] | None:
+    ) -> tuple[Point, list[int | ex.Expression]] | None:
         """The state at the first event of a piece that acts, stops or switches, and all events at that time."""
         shares = self.motion.shares(sides)
         watched: list[tuple[int | ex.Expression, data.Event]] = list(enumerate(self.scene.events))
@@ -817,8 +820,8 @@ class _Run:
             if side != STICKS or u in shares:
                 watched.append((u, data.Event(formula, -side or -1, True)))
         at, least = run.trajectory, SAME * abs(self.scene.grid.step)
-        ends: list[tuple[float, int | ex.Expression, tuple[float, Array, Array]]] = []
-        records: list[tuple[float, int, tuple[float, Array, Array]]] = []
+        ends: list[tuple[float, int | ex.Expression, Point]] = []
+        records: list[tuple[float, int, Point]] = []
         for (kind, event), found in zip(watched, located(run, [e for _, e in watched], motion), strict=True):
             if isinstance(kind, int) and found.note:
                 self.notes[kind] = found.note
@@ -839,9 +842,7 @@ class _Run:
         first = min(ends, key=lambda one: one[0])
         return first[2], [kind for time, kind, _ in ends if time <= end + least]
 
-    def _act(
-        self, state: tuple[float, Array, Array], kinds: Sequence[int | ex.Expression], sides: Sides
-    ) -> tuple[tuple[float, Array, Array], Outcome | None]:
+    def _act(self, state: Point, kinds: Sequence[int | ex.Expression], sides: Sides) -> tuple[Point, Outcome | None]:
         """The state after the events, and the outcome where they end the run."""
         time, q, v = state
         for index in (kind for kind in kinds if isinstance(kind, int)):
@@ -877,17 +878,15 @@ class _Run:
         gap = self.acted[-1] - self.acted[-2] if len(self.acted) > 1 else 0.0
         return Outcome("zeno", place, time, ZENO, gap, ZENO_REMEDY)
 
-    def _sense_held(
-        self, event: data.Event, before: tuple[float, Array, Array], after: tuple[float, Array, Array], sides: Sides
-    ) -> float:
+    def _sense_held(self, event: data.Event, before: Point, after: Point, sides: Sides) -> float:
         """1 or -1: the sense in which the formula reached its zero, if it is still zero and the event has stopped or
         reversed it; 0 elsewhere. The rate is noise where events come ever faster: against the event's own direction it
         shows that this one was not located."""
         own, forces = on_sides(event.formula, sides), self.motion.forces(sides)
-        rate, size = self.motion.rate(own, forces), float(np.abs(np.concatenate(before[1:])).max())
+        rate = self.motion.rate(own, forces)
         (old,), (value, new) = self.motion.at([rate], before), self.motion.at([own, rate], after)
         sense = float(event.direction or np.sign(old))
-        return sense if abs(value) <= AT_ZERO * size and (sense * new <= 0 or sense * old < 0) else 0.0
+        return sense if abs(value) <= AT_ZERO * _size(before) and (sense * new <= 0 or sense * old < 0) else 0.0
 
     def _fell_through(self, ran: Trajectory, velocities: Array, until: float) -> bool:
         """Whether the motion passes in the sense in which an event has just turned it back: the next event, sooner
@@ -912,10 +911,7 @@ class _Run:
     def _joined(self, outcome: Outcome, start: data.Start) -> Trajectory:
         parts = self.parts
         if not parts:
-            begin = np.array([list(start.positions)], dtype=float)
-            return Trajectory(
-                np.array([self.scene.grid.begin]), begin, None, self.scene.velocities[None], outcome, 0, 0, 0.0, 0.0
-            )
+            return Trajectory.of_start(self.scene.grid.begin, start.positions, self.scene.velocities, outcome)
         grid, count = self.scene.grid, sum(len(part.times) for part in parts)
         names = parts[0].series
         series = {name: np.concatenate([part.series[name] for part in parts]) for name in names}

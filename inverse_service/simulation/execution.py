@@ -115,7 +115,7 @@ def prepared(
     parameters = {f"c{place}": float(values[name]) for place, name in enumerate(problem.parameters)}
     begin = initial(formulas, choice, start, grid.step, parameters | {str(MOMENT): grid.begin})
     if begin.missing:
-        return failed_start(start, begin.missing, grid.begin)
+        return Trajectory.of_start(grid.begin, start.positions, None, begin.missing)
     return Prepared(formulas, choice, kernel_of(formulas, choice, observation), begin, parameters)
 
 
@@ -251,12 +251,6 @@ def _determinant(card: Card, place: int, unknown_names: Mapping[str, str]) -> st
         return "the stage equations, whose iteration does not converge"
     names = ", ".join(unknown_names.get(name, name) for name in card.solves[place])
     return f"determinant of the discrete equations for {names}"
-
-
-def failed_start(start: Start, outcome: Outcome, time: float = 0.0) -> Trajectory:
-    """A run that cannot begin: it contains only the start."""
-    begin = np.array([list(start.positions)], dtype=np.float64)
-    return Trajectory(np.array([time]), begin, None, None, outcome, 0, 0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)

@@ -89,7 +89,7 @@ def ended_at_start(scene: Scene) -> Trajectory | None:
     begin = scene.grid.begin
     quantity = f"the Lagrangian at the start, t = {begin:.12g}, which has no value"
     outcome = Outcome("off_domain", 0, begin, quantity, None, "start somewhere else")
-    return Trajectory(np.array([begin]), scene.positions[None], None, scene.velocities[None], outcome, 0, 0, 0.0, 0.0)
+    return Trajectory.of_start(begin, scene.positions, scene.velocities, outcome)
 
 
 def is_degenerate(scene: Scene) -> bool:

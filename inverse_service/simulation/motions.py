@@ -239,7 +239,7 @@ class ClassLagrangian:
     """L~, H~ in Symbol("p_x"), and their free constants, one for each coupled coordinate; `directions` d_i without
     constant factors.
 
-    `kind` is "L~2" where n is constant and "L~1" elsewhere; `decoupled` are the places with q'^2/2.
+    `kind` is "L~2" where n is constant and "L~1" elsewhere.
     """
 
     lagrangian: ex.Expression
@@ -247,7 +247,6 @@ class ClassLagrangian:
     constants: tuple[str | None, ...]
     kind: str
     turning: int
-    decoupled: tuple[int, ...]
     directions: tuple[ex.Expression, ...]
     norm: ex.Expression
 
@@ -286,7 +285,6 @@ def class_lagrangian(motion: ExactMotion, taken: Sequence[str] = ()) -> ClassLag
         constants=tuple(constants.get(i) for i in range(len(names))),
         kind="L~2" if steady else "L~1",
         turning=k,
-        decoupled=decoupled,
         directions=directions,
         norm=norm,
     )

@@ -165,9 +165,7 @@ class Formulas:
     def forces_at(
         self, place: Sequence[se.Formula], velocity: Sequence[se.Formula], moment: se.Formula
     ) -> list[se.Formula]:
-        names = [*self.symbols("q"), *self.symbols("v"), MOMENT]
-        table = dict(zip(names, [*place, *velocity, moment], strict=True))
-        return [force.subs(table) for force in self.forces]
+        return _put(self.forces, [*self.symbols("q"), *self.symbols("v"), MOMENT], [*place, *velocity, moment])
 
     def pushed(self, slope_q: Gradient, moment: se.Formula) -> Gradient:
         """L_q + Q in the place of L_q: the discrete forces of Lagrange and d'Alembert at the same point."""
@@ -214,21 +212,14 @@ class Formulas:
         """The derivatives by the symbols of `letter` at the time `moment`, as a callable of (values of first, values
         of second)."""
         slopes = [formula.diff(variable) for variable in self.symbols(letter)]
-        names = [*self.symbols(first), *self.symbols(second)]
-
-        def at(left: Sequence[se.Formula], right: Sequence[se.Formula]) -> list[se.Formula]:
-            table = dict(zip([*names, MOMENT], [*left, *right, moment], strict=True))
-            return [slope.subs(table) for slope in slopes]
-
-        return at
+        names = [*self.symbols(first), *self.symbols(second), MOMENT]
+        return lambda left, right: _put(slopes, names, [*left, *right, moment])
 
     def forms_at(self, place: Sequence[se.Formula]) -> list[list[se.Formula]]:
-        table = dict(zip(self.symbols("q"), place, strict=True))
-        return [[entry.subs(table) for entry in row] for row in self.forms]
+        return [_put(row, self.symbols("q"), place) for row in self.forms]
 
     def drifts_at(self, place: Sequence[se.Formula]) -> list[se.Formula]:
-        table = dict(zip(self.symbols("q"), place, strict=True))
-        return [drift.subs(table) for drift in self.drifts]
+        return _put(self.drifts, self.symbols("q"), place)
 
     @cached_property
     def dependent(self) -> dict[int, se.Formula]:
@@ -275,8 +266,8 @@ class Formulas:
         slopes = [self.free_lagrangian.diff(v) for v in velocities]
         if not any(slope.diff(v).free_symbols & set(velocities) for slope in slopes for v in velocities):
             return []
-        table = dict(zip(velocities, (self.hamiltonian.diff(p) for p in momenta), strict=True))
-        defects = [p - slope.subs(table) for p, slope in zip(momenta, slopes, strict=True)]
+        inverted = _put(slopes, velocities, [self.hamiltonian.diff(p) for p in momenta])
+        defects = [p - slope for p, slope in zip(momenta, inverted, strict=True)]
         return [defect for defect in defects if defect.expand() != se.ZERO]
 
     def _denominator(self, base: ex.Expression) -> Denominator:
@@ -288,6 +279,12 @@ class Formulas:
 def formulas_of(problem: Problem) -> Formulas:
     """The formulas of a problem, which one run reuses from another."""
     return Formulas(problem)
+
+
+def _put(formulas: Sequence[se.Formula], names: Sequence[se.Formula], values: Sequence[se.Formula]) -> list[se.Formula]:
+    """The formulas with values in the place of names."""
+    table = dict(zip(names, values, strict=True))
+    return [formula.subs(table) for formula in formulas]
 
 
 def _linear(row: Sequence[se.Formula], velocities: Sequence[se.Formula]) -> se.Formula:

@@ -206,7 +206,7 @@ def run_scipy(
         )  # fmt: skip
     except TimeoutError:
         ended = Outcome("cancelled", 0, float(times[0]))
-        return Trajectory(times[:1], begin[None, :size], None, begin[None, size:], ended, 0, 0, 0.0, 0.0)
+        return Trajectory.of_start(float(times[0]), begin[:size], begin[size:], ended)
     passed = time.perf_counter() - first
     kind = "completed" if found.success and len(found.t) == len(times) else "not_finite"
     outcome = Outcome(kind, int(steps[len(found.t) - 1]), float(found.t[-1]), None if found.success else found.message)

@@ -205,25 +205,30 @@ def _program(
     momenta: Sequence[int] | None = None,
 ) -> programs.Program:
     """The program of a method on (q, p); `momenta` are the coordinates whose momentum is a state variable."""
-    known = _assigned(statements)
     watches = [*watches, *rank_watches(f, between(f.symbols("q"), f.symbols("d"), 1))]
     places = range(f.size) if momenta is None else momenta
-    state = (*(f"q{k}" for k in range(f.size)), *(f"p{k}" for k in places))
+    carried = (*(f"q{k}" for k in range(f.size)), *(f"p{k}" for k in places))
     q, d = f.symbols("q"), f.symbols("d")
     observed = tuple(_observed(f, item, choice, q, d) for item in observation)
-    state, changes = with_clock(f, state, changes, observed)
+    forces = 0 if any(not isinstance(statement, programs.Assign) for statement in statements) else 1
+    return _finished(f, carried, statements, changes, watches, observed, forces)
+
+
+def _finished(
+    f: Formulas, carried: tuple[str, ...], statements: tuple[programs.Statement, ...], changes: Sequence[Formula],
+    watches: Sequence[programs.Watch], observed: tuple[tuple[str, Formula], ...], forces: int,
+    further: Sequence[Formula] = (),
+) -> programs.Program:  # fmt: skip
+    """The program with a clock where t matters, and without what nothing needs."""
+    state, changes = with_clock(f, carried, changes, observed)
+    known = _assigned(statements)
     updates = tuple(None if number(0) in (change, known.get(change)) else change for change in changes)
-    needed = [u for u in updates if u is not None]
-    needed += [*(watch.formula for watch in watches), *(formula for _, formula in observed)]
+    needed = [change for change in updates if change is not None]
+    needed += [*further, *(watch.formula for watch in watches), *(formula for _, formula in observed)]
     return programs.Program(
-        state=state,
-        arguments=("h", "a", *f.parameters),
-        statements=programs.used_only(statements, needed),
-        updates=updates,
-        watches=tuple(watches),
-        observed=observed,
-        forces=0 if any(not isinstance(statement, programs.Assign) for statement in statements) else 1,
-    )
+        state=state, arguments=("h", "a", *f.parameters), statements=programs.used_only(statements, needed),
+        updates=updates, watches=tuple(watches), observed=observed, forces=forces,
+    )  # fmt: skip
 
 
 def _assigned(statements: Sequence[programs.Statement]) -> dict[Formula, Formula]:
@@ -417,12 +422,7 @@ def _point_program(
     ends = [q + d for q, d in zip(f.symbols("q"), changes, strict=False)]
     watches = [*watches, *rank_watches(f, ends, bool(further))]
     observed = tuple((item.name, translate(item.expression, f.table)) for item in observation)
-    state, updates = with_clock(f, carried, changes, observed)
-    needed = [*updates, *further, *(watch.formula for watch in watches), *(formula for _, formula in observed)]
-    return programs.Program(
-        state=state, arguments=("h", "a", *f.parameters), statements=programs.used_only(statements, needed),
-        updates=tuple(updates), watches=tuple(watches), observed=observed, forces=forces,
-    )  # fmt: skip
+    return _finished(f, carried, statements, changes, watches, observed, forces, further)
 
 
 SMALLER_STEP = "take a smaller step"

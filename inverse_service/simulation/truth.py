@@ -66,7 +66,7 @@ def exact_trajectory(scene: scene_data.Scene, derived: derivation.Derived) -> Tr
     except ValueError as error:
         return scene_data.Unavailable(f"The exact solution ends: {error}.")
     seconds = time.perf_counter() - begun
-    return Trajectory(times, rows[0], None, np.array(rows[1]), Outcome("completed"), 0, 0, 0.0, seconds)
+    return Trajectory(times, rows[0], None, np.array(rows[1]), Outcome("completed"), run_seconds=seconds)
 
 
 def _references(
