@@ -229,7 +229,9 @@ class _Integrals:
         names = [each.name for each in self.kept]
         same = sum(name == one.name or name.startswith(f"{one.name} (") for name in names)
         name = one.name if not same else f"{one.name} ({same + 1})"
-        self.kept.append(FirstIntegral(name, one.expression, one.symmetry))
+        constants = tuple(map(ex.Symbol, self.motion.parameters))
+        written = writing.with_products_in_order(one.expression, constants)
+        self.kept.append(FirstIntegral(name, written, one.symmetry))
 
     def _moves(self, tree: Expression) -> bool:
         """Whether a function depends on a velocity."""

@@ -93,13 +93,13 @@ def with_products_in_order(
         base, _ = _power_of(factor)
         held = [node for node in ex.walk(base) if isinstance(node, ex.Symbol | ex.Velocity | ex.Arbitrary)]
         moving = any(isinstance(node, ex.Velocity) or node in momenta for node in held)
+        if not held:
+            return 0, 0
         match base:
-            case ex.Number():
-                return 0, 0
             case ex.Apply("exp") if ex.TIME in held:
                 return 1, 0
             case ex.Symbol() | ex.Sum() if all(node in places for node in held):
-                return 2, min((places[node] for node in held if isinstance(node, ex.Symbol)), default=-1)
+                return 2, min(places[node] for node in held if isinstance(node, ex.Symbol))
             case ex.Symbol() | ex.Velocity():
                 return 6 if moving else 3, 0
         return (7 if moving else 5) if isinstance(base, ex.Sum) else 4, 0

@@ -28,6 +28,8 @@ export const PICTURES = {
     drag: (q, x, y) => { const [a, b] = rod(q[0]); return [q[0], Math.atan2(x - a, b - y)]; } },
   polar: { label: "orbit in polar coordinates", fits: (c) => c.length === 2, joints: (q) => [[0, 0], [q[0] * Math.cos(q[1]), q[0] * Math.sin(q[1])]],
     drag: (q, x, y) => [Math.hypot(x, y), Math.atan2(y, x)], centered: true },
+  cart: { label: "pendulum on a slide", fits: (c, angles) => c.length === 2 && angles.includes(c[1]) && !angles.includes(c[0]),
+    joints: (q) => [[q[0], 0], rod(q[1], [q[0], 0])], drag: (q, x, y) => [q[0], Math.atan2(x - q[0], -y)] },
   point: { label: "particle in the plane", fits: (c) => c.length === 2 || !plane(c).includes(-1), axes: true },
   space: { label: "particle in space", fits: (c) => c.length === 3, joints: (q) => [[q[0] - 0.45 * q[1], q[2] - 0.3 * q[1]]] },
   beads: { label: "beads, one for each coordinate", fits: () => true, joints: (q) => q.map((v, k) => [v, -k]), apart: true },
@@ -40,7 +42,7 @@ export function picturesFor(coordinates, angles) {
   if (coordinates.length === 1) likely.push(angles.includes(first) ? "pendulum" : "spring");
   if (coordinates.length === 2) {
     if (angles.length === 2) likely.push("double-pendulum");
-    if (first === "r" || (angles.includes(second) && !angles.includes(first))) likely.push("polar");
+    if (["r", "rho", "R"].includes(first)) likely.push("polar"); // an x with an angle is no radius
     likely.push("point");
   }
   const fitting = Object.keys(PICTURES).filter((name) => PICTURES[name].fits(coordinates, angles));
