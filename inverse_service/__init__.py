@@ -79,12 +79,18 @@ def check(result: Mapping[str, Any] | str, document: Mapping[str, Any] | None = 
 
     `verdict` is `valid`, `invalid` or `incomplete`; `reasons` are sentences. The system of the certificate
     is compared with `document`, or by default with the document in `system.given` of the result.
-    {"system": …, "lagrangian": "…"} asks whether your own Lagrangian yields the equations of a document.
+    {"system": …, "lagrangian": …} asks whether your own Lagrangian yields the equations of a system: whatever `solve`
+    takes, or a result or its `system`. The Lagrangian is a text, or an expression where the system has SymPy objects.
     """
     from inverse_service.service.documents.checking import check_document, check_plain
     from inverse_service.service.jobs.model import split_options
 
     given = None if document is None else split_options(_plain(document))[0]
+    if isinstance(result, Mapping) and result.keys() == {"system", "lagrangian"}:
+        from inverse_service.sympy import asked
+
+        system = dict(asked(result["system"], ansatz=[result["lagrangian"]])[0])
+        result = {"lagrangian": system.pop("ansatz")[0], "system": system}
     text = result if isinstance(result, str) else _written(result)
     return check_document(text) if given is None else check_plain(_read(text), given)
 

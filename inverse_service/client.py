@@ -161,8 +161,8 @@ class AsyncClient(contextlib.AbstractAsyncContextManager["AsyncClient"]):
     async def submit(self, /, document: Any, kind: str = "solve", **options: Any) -> Answer:
         """Submit a document and return its stored job at once; `kind` is solve, check, simulate or work-precision.
 
-        Text and bytes must be JSON. Options: `time_limit` (s) limits the work in the service; `fresh` repeats the
-        computation even if an answer is stored.
+        A text is JSON or equations, bytes are JSON. Options: `time_limit` (s) limits the work in the service; `fresh`
+        repeats the computation even if an answer is stored.
         """
         return await self._asked(document, kind, "respond-async", None, **options)
 
@@ -419,8 +419,12 @@ def _id_in_location(response: httpx.Response) -> str:
 
 
 def _encoded(document: Any) -> bytes:
-    text = document if isinstance(document, str | bytes) else json.dumps(document)
-    return text.encode() if isinstance(text, str) else text
+    """JSON as it is, any other text as equations, and what is no text as JSON."""
+    if isinstance(document, bytes):
+        return document
+    if isinstance(document, str) and not document.lstrip().startswith(("{", "[")):
+        document = {"equations": document, "parameters": "guess"}
+    return (document if isinstance(document, str) else json.dumps(document)).encode()
 
 
 def _path(kind: str, work: Answer | str) -> str:

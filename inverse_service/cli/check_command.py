@@ -35,13 +35,17 @@ NAMES = {"error": ("error line", "error lines"), "fault": ("fault of the program
 @cli.application.command()
 def check(
     file: Annotated[
-        str, typer.Argument(help="A result or certificate (JSON), the .ndjson of a batch, or - for standard input.")
+        str,
+        typer.Argument(
+            help="A result or certificate (JSON), the .ndjson of a batch, or - for standard input; "
+            "with --lagrangian what solve takes."
+        ),
     ],
     document: Annotated[
         str | None, typer.Option("--document", help="Check against this document instead of the one in the result.")
     ] = None,
     lagrangian: Annotated[
-        str | None, typer.Option("--lagrangian", help="Test whether this Lagrangian yields the equations in FILE.")
+        str | None, typer.Option("--lagrangian", help="Test whether this Lagrangian yields the equations of FILE.")
     ] = None,
     form: Annotated[
         Literal["text", "json"] | None, typer.Option("--format", help="Default: text on a terminal, json otherwise.")
@@ -61,7 +65,8 @@ def check(
         from inverse_service.service.documents.own_lagrangian import document_of
 
         whole = file == "-" or file.lower().endswith(".json")
-        given, _ = model.split_options(document_of(_read(file) if whole else _document(file)))
+        found = _read(file) if whole else solve_command.given_document(file, None)
+        given, _ = model.split_options(document_of(found))
         text = plain_data.write_json({"system": given, "lagrangian": lagrangian})
     else:
         result = _read(file)

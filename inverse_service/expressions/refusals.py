@@ -59,8 +59,8 @@ def most_tokens() -> int:
 
 
 _DECLARING = {
-    "parameters": 'add it to the list "parameters"',
-    "coordinates": 'add it to the list "coordinates"',
+    "parameters": 'add it to "parameters"',
+    "coordinates": 'add it to "coordinates"',
     "functions": 'declare a function of your own in "functions" with its arguments',
 }
 _IT_OCCURS = "; it occurs"  # before the column, where what is wrong is a sentence already

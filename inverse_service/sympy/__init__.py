@@ -76,7 +76,7 @@ def asked(
         return plain | given | ({"parameters": "guess"} if guesses else {}), None
     if isinstance(system, Mapping) and all(isinstance(key, str) for key in system):
         texts = all(isinstance(value, str | int) and not isinstance(value, bool) for value in system.values())
-        is_motion = texts and system and not _KEYS & system.keys()
+        is_motion = texts and system and not any(key in _KEYS or _is_misspelt(key) for key in system)
         return ({"equations": system} if is_motion else _with_names(system)) | given, None
     if isinstance(system, list | tuple) and system and all(isinstance(entry, str) for entry in system):
         return {"equations": list(system)} | given, None
@@ -84,6 +84,14 @@ def asked(
 
     found = read(system, coordinates, velocities, time, questions)
     return found.document, found.names
+
+
+def _is_misspelt(key: str) -> bool:
+    """Whether it is a long key of documents nearly, and so no coordinate."""
+    from inverse_service.service.documents.preparing import near_key
+
+    long = ("equations", "lagrangian", "constraints")
+    return key.lower() in long or near_key(key.lower()) in long or key.lower().startswith("lagrang")
 
 
 def _with_names(keys: Mapping[str, Any]) -> dict[str, Any]:

@@ -279,7 +279,11 @@ class Answer(dict[str, Any]):
         return found
 
     def lambdify(self, what: str = "lagrangian", modules: Any = None) -> Callable[..., Any]:
-        """A numerical function of t, coordinates, velocities (momenta for H) and parameters; see `code.QUANTITIES`."""
+        """A numerical function of `what`: "lagrangian", "accelerations", "momenta", "hamiltonian" or "multiplier".
+
+        Its arguments are t, the coordinates, the velocities (for H: the momenta), the parameters, each in the order of
+        `result["system"]`, or by their names (x, x_dot, p_x, k).
+        """
         from inverse_service.sympy import code
 
         return code.lambdified(self, what, modules)

@@ -16,7 +16,7 @@ from inverse_service.service.documents.documents import solve_document
 from inverse_service.service.documents.text_page import text_page
 
 PAGE = (Path(__file__).parent.parent.parent / "docs" / "how-to" / "constrained-systems.md").read_text(encoding="utf-8")
-ROWS = re.findall(r"^\| ([a-z-]+) \| (n?v) \| (n?v) \| (n?v) \| (.+) \|$", PAGE, re.MULTILINE)
+ROWS = re.findall(r"^\| ([a-z-]+) \| (n?v) \| (n?v) \| (n?v) \| `(.+)` \|$", PAGE, re.MULTILINE)
 LONG = ("generic-class-two", "generic-class-three")
 WORDS = {"v": "variational", "nv": "not_variational"}
 

@@ -24,7 +24,7 @@ ROUND_OFF = 2e-12
 
 @pytest.mark.slow
 def test_the_example_runs() -> None:
-    examples = re.findall(r"```json\n(.*?)```", PAGE, re.DOTALL)
+    examples = re.findall(r"```json.*?\n(.*?)```", PAGE, re.DOTALL)
     assert len(examples) == 2
     for example in examples:
         scene = read_json(example)
@@ -33,7 +33,7 @@ def test_the_example_runs() -> None:
 
 
 def test_the_first_example_is_the_scene_in_the_folder() -> None:
-    (first, *_) = re.findall(r"```json\n(.*?)```", PAGE, re.DOTALL)
+    (first, *_) = re.findall(r"```json.*?\n(.*?)```", PAGE, re.DOTALL)
     assert json.loads(first) == json.loads((ROOT / "docs" / "scenes" / "double-pendulum.json").read_text())
 
 

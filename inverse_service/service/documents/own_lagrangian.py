@@ -37,9 +37,11 @@ _ELSEWHERE = "Other parts of this set, which are not connected with this point, 
 
 
 def document_of(found: Any) -> Any:
-    """The document itself, or that of a result."""
-    system = found.get("system") if isinstance(found, Mapping) and "verdict" in found else None
-    if not isinstance(system, Mapping):
+    """The document itself, that of a result or of its `system`, or of a text of equations."""
+    if isinstance(found, str):
+        return {"equations": found, "parameters": "guess"}
+    system = found.get("system") if isinstance(found, Mapping) and "verdict" in found else found
+    if not isinstance(system, Mapping) or (system is found and "latex" not in system):
         return found
     plain = {key: system[key] for key in ("coordinates", "equations", "parameters", "functions") if system.get(key)}
     return system.get("given") or plain
@@ -53,7 +55,13 @@ def check_lagrangian(document: Any, text: str, time_limit: float = 60.0) -> dict
     that L gives instead, where it is regular and wrong. Raises InputError.
     """
     end = now() + time_limit
-    schema = accepting.to_schema(document_of(document))
+    document = document_of(document)
+    if isinstance(document, Mapping) and "constraints" in document:
+        detail = (
+            "A Lagrangian of one's own is judged for equations without constraints: give those of the system meant."
+        )
+        raise InputError(detail, "/system/constraints")
+    schema = accepting.to_schema(document)
     lagrangian, system = _read(schema, accepting.to_solvable(schema), text)
     own, is_singular = _equations_of(lagrangian, system)
 

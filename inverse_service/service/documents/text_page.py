@@ -185,9 +185,11 @@ def _place_of(part: Mapping[str, Any]) -> str:
 
 
 def _both_answers(branch: Mapping[str, Any], result: dict[str, Any], explain: bool) -> Iterator[Line]:
+    is_decided = (result.get("special_cases") or {}).get("complete")  # for every value of the parameters, below
     for place, (answer, with_time) in enumerate(answers_of(branch, result)):
         yield from [EMPTY] * place
-        yield from _answer(answer, with_time, explain, result["system"]["parameters"])
+        shown = {**answer, "exceptions": ["see below"]} if is_decided and answer.get("exceptions") else answer
+        yield from _answer(shown, with_time, explain, result["system"]["parameters"])
     if branch["with_time"] is None and branch["verdict_with_time"] is not None and not asks_for_time(result):
         yield from (EMPTY, _verdict_line(branch["verdict_with_time"], True, branch.get("domain")))
         if branch["verdict"] == branch["verdict_with_time"] == "undetermined" and branch["reason"]:

@@ -225,7 +225,11 @@ def step_part(step: solutions.Step, in_full: bool = True) -> schemas.Explanation
 
 def lagrangian_part(lagrangian: solutions.Lagrangian) -> schemas.LagrangianPart:
     domain = certify.shortest(lagrangian.positive, lagrangian.nonzero)
-    regular = "everywhere" if _is_regular_everywhere(lagrangian) else "at generic points, where det g is not 0"
+    regular = (
+        "everywhere"
+        if _is_regular_everywhere(lagrangian)
+        else "at generic points, where the Hessian of L in the velocities is not singular"
+    )
     written = formula_fields(lagrangian.expression)
     return schemas.LagrangianPart(
         **written, domain=domain, family=lagrangian.family, regular=regular, reason=lagrangian.reason
