@@ -24,11 +24,6 @@ def test_compositions_are_symmetric_and_cancel_odd_powers(order: int) -> None:
         assert sum(w**power for w in weights) == pytest.approx(0, abs=1e-15)
 
 
-def test_an_order_that_there_is_not() -> None:
-    with pytest.raises(KeyError):
-        method_table.composition(10)
-
-
 def test_gauss_legendre_integrates_all_polynomials_of_its_order() -> None:
     matrix, squared, weights, position_weights, nodes = method_table.collocation()
     for power in range(2 * method_table.STAGES):

@@ -27,8 +27,7 @@ def test_the_example_runs() -> None:
     examples = re.findall(r"```json.*?\n(.*?)```", PAGE, re.DOTALL)
     assert len(examples) == 2
     for example in examples:
-        scene = read_json(example)
-        result = simulate(scene)
+        result = simulate(read_json(example))
         assert {method["outcome"] for method in result["methods"]} == {"completed"}
 
 

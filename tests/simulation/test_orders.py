@@ -27,13 +27,9 @@ COARSE = defaultdict(
     lambda: (4, 20, 0.1), {1: (4, 100, 0.1), 2: (4, 48, 0.1), 5: (4, 20, 0.15), 6: (4, 12, 0.1), 8: (40, 80, 0.5)}
 )
 IMPLICIT = [
-    (method, problem)
-    for method, problems in (
-        ("variational", ("disk", "particle", "pendulum")),
-        ("nonholonomic", ("robot", "contact")),
-        ("modified", ("disk", "particle")),
-    )
-    for problem in problems
+    *(("variational", problem) for problem in ("disk", "particle", "pendulum")),
+    *(("nonholonomic", problem) for problem in ("robot", "contact")),
+    *(("modified", problem) for problem in ("disk", "particle")),
 ]
 
 
