@@ -28,9 +28,14 @@ smartquotes = False
 
 
 def name_files(app: Any, page: str, source: list[str]) -> None:
-    """Show the name of the file that a block is, which stands behind the language in its fence."""
+    """Show the name of the file that a block is, which stands behind the language in its fence.
+
+    Links to Markdown outside of the pages are downloads, as those to other files are by themselves.
+    """
     fence = r"^```(json|yaml) (\S+\.\S+)$"
     source[0] = re.sub(fence, r"```{code-block} \1\n:caption: \2\n", source[0], flags=re.MULTILINE)
+    outside = r"\[([^\]]+)\]\((\.\./[^)#]*inverse_service/[^)#]*\.md)(?:#[^)]*)?\)"
+    source[0] = re.sub(outside, r"{download}`\1 <\2>`", source[0])
 
 
 def setup(app: Any) -> None:
