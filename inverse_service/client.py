@@ -418,13 +418,11 @@ def _id_in_location(response: httpx.Response) -> str:
     return str(response.headers.get("location", "").partition("?")[0].rstrip("/").rpartition("/")[2])
 
 
-def _encoded(document: Any) -> bytes:
+def _encoded(document: Any) -> str | bytes:
     """JSON as it is, any other text as equations, and what is no text as JSON."""
-    if isinstance(document, bytes):
-        return document
     if isinstance(document, str) and not document.lstrip().startswith(("{", "[")):
         document = {"equations": document, "parameters": "guess"}
-    return (document if isinstance(document, str) else json.dumps(document)).encode()
+    return document if isinstance(document, str | bytes) else json.dumps(document)
 
 
 def _path(kind: str, work: Answer | str) -> str:
