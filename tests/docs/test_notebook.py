@@ -12,10 +12,6 @@ from tests.docs.notebooks import NOTEBOOKS, execute, texts
 BY_NAME = pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 
 
-def test_there_are_six_and_that_of_the_tutorial() -> None:
-    assert len([path for path in NOTEBOOKS if path.parent.name == "notebooks"]) == 7
-
-
 @BY_NAME
 def test_the_notebook_is_valid_and_executed(path: Path) -> None:
     found = nbformat.read(path, as_version=4)

@@ -74,6 +74,15 @@ def of_cells(
     return found
 
 
+def joined(statements: Sequence[dict[str, Any] | None]) -> dict[str, Any] | None:
+    """The first of them, with the words of those after it, as of a motion on constraints; None if there are none."""
+    found = [one for one in statements if one is not None]
+    if len(found) < 2:
+        return found[0] if found else None
+    texts = {"text": "\n".join(one["text"] for one in found), "latex": " \\\\ ".join(one["latex"] for one in found)}
+    return found[0] | texts
+
+
 def _statement(system: Mapping[str, Any], one: Mapping[str, Any]) -> dict[str, Any]:
     shown = {key: system.get(key) or [] for key in ("coordinates", "equations", "parameters", "functions")}
     keys = ("question", "verdict", "domain", "near", "lagrangian", "lagrangian_domain", "hamiltonian", "momenta",
@@ -87,7 +96,7 @@ def _words(system: Mapping[str, Any], one: Mapping[str, Any]) -> str:
     equations = ", ".join(f"{name}'' = {text}" for name, text in system["equations"].items())
     rates = ", ".join(f"{name}' = {text}" for name, text in (system.get("velocities") or {}).items())
     kind = f" of the kind {one['among']}" if one["among"] is not None else ""
-    says = _SAYS[one["verdict"]].format(one["question"]) + kind
+    says = _SAYS[one["verdict"]].format(one["question"]) + kind + " that has this motion" * bool(rates)
     general = f" {in_general(system['parameters'], one['exceptions'])}" if one["exceptions"] else ""
     near = near_points(system["coordinates"][0], one["timed"]) if one["by_theorem"] else ""
     near = f"{',' * bool(one['domain'])} {near}" if near else ""

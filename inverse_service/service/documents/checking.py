@@ -183,6 +183,7 @@ class Examination:
     compared: dict[str, CheckResult] = field(default_factory=dict)
     cells: list[dict[str, Any]] = field(default_factory=list)
     statement: dict[str, Any] | None = None
+    further: list[dict[str, Any]] = field(default_factory=list)  # about the motion on constraints
     has_document: bool = False
 
     # What was found.
@@ -281,7 +282,7 @@ class Examination:
             self.covered(plain)
         self.named(plain, own)
         if not self.contradictions:
-            self.statement = canonical.of_cells(result, own, self.cells)
+            self.statement = canonical.joined([canonical.of_cells(result, own, self.cells), *self.further])
 
     def differ(self, key: str) -> bool:
         """Whether the cells have different verdicts."""
@@ -644,6 +645,7 @@ class Examination:
                 return
             self.reasons.extend(proof.reasons)
             self.narrow(certificate, self.with_document(certificate, moving=True))
+            self.further.append(canonical.of_certificate(certificate, proof))
         parts = [one["system"].get(key) or {} for one in certificates for key in ("equations", "velocities")]
         texts = [text for formulas in parts for text in formulas.values()]
         timed = timed or any("t" in _tokens(text) for text in texts)
