@@ -2,7 +2,7 @@
 
 import math
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Container, Iterator, Mapping, Sequence
 from fractions import Fraction
 from functools import lru_cache
 from itertools import permutations
@@ -84,9 +84,15 @@ def _in_order(tree: ex.Expression) -> ex.Expression:
 
 
 def with_products_in_order(
-    tree: ex.Expression, constants: Sequence[ex.Symbol], momenta: Collection[ex.Symbol] = ()
+    tree: ex.Expression,
+    constants: Sequence[ex.Symbol],
+    momenta: Collection[ex.Symbol] = (),
+    kept: Container[ex.Expression] = (),
 ) -> ex.Expression:
-    """Products as people write them: exp(c t), constants as given, coordinates, functions, brackets, velocities."""
+    """Products as people write them: exp(c t), constants as given, coordinates, functions, brackets, velocities.
+
+    Functions and brackets that hold velocities, or momenta, come last. Parts that are `kept` stay as they are.
+    """
     places = {symbol: place for place, symbol in enumerate(constants)}
 
     def place(factor: ex.Expression) -> tuple[int, int]:
@@ -102,10 +108,10 @@ def with_products_in_order(
                 return 2, min(places[node] for node in held if isinstance(node, ex.Symbol))
             case ex.Symbol() | ex.Velocity():
                 return 6 if moving else 3, 0
-        return (7 if moving else 5) if isinstance(base, ex.Sum) else 4, 0
+        return 7 if moving else 5 if isinstance(base, ex.Sum) else 4, 0
 
     def ordered(part: ex.Expression) -> ex.Expression:
-        inner = ex.rebuild(part, ordered)
+        inner = part if part in kept else ex.rebuild(part, ordered)
         return ex.multiply(*sorted(inner.factors, key=place)) if isinstance(inner, ex.Product) else inner
 
     return ordered(tree)

@@ -92,9 +92,10 @@ def tidied(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
 
 
 def _in_order(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
-    """Constants in the order of the document, sums that f has as they are in f."""
+    """Constants in the order of the document, sums and roots that f has as they are in f, by which they are known."""
+    kept = {node for node in ex.distinct_nodes(system.given) if not isinstance(node, ex.Product)}
     written = writing.with_sums_as_in(tree, system.given)
-    return writing.with_products_in_order(written, tuple(map(ex.Symbol, system.parameters)))
+    return writing.with_products_in_order(written, tuple(map(ex.Symbol, system.parameters)), kept=kept)
 
 
 def _turns_together(tree: ex.Expression, constants: frozenset[ex.Symbol]) -> ex.Expression:

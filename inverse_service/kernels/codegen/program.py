@@ -173,7 +173,7 @@ class Program:
 
 _LARGEST_GUARDED = 4
 # Characters of an entry that is multiplied out.
-_MOST_EXPANDED = 500
+_MOST_EXPANDED = 300
 _PARAMETER = re.compile(r"h|c\d+")
 
 
@@ -289,6 +289,8 @@ def _free_if_affine(entry: Formula, variables: Sequence[Formula]) -> Formula:
     """The entry multiplied out, where the unknowns cancel in it: a linear equation needs no iteration."""
     if len(str(entry)) > _MOST_EXPANDED or not any(contains(entry, variable) for variable in variables):
         return entry
+    if any(isinstance(power.args[0], symengine.Add) for power in entry.atoms(symengine.Pow)):
+        return entry  # a power of a sum has thousands of terms
     plain = entry.expand()
     return entry if any(contains(plain, variable) for variable in variables) else plain
 
