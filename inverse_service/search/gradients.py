@@ -6,7 +6,7 @@ A gradient is integrated one variable at a time: the derivatives of an integral 
 the other slopes, and the differences no longer depend on that variable (Poincare's lemma). A term is grouped by its
 factors that are not powers of the variable: the integral of c u^e du/dx is c u^(e+1)/(e+1), never multiplied out, so
 that a potential is finite where the force is. A constant field gets W (x y' - y x')/2 where rotations leave the forces
-alone or no coordinate is cyclic; any other is integrated along a coordinate that it depends on, so that cyclic
+alone or mix its coordinates; any other is integrated along a coordinate that it depends on, so that cyclic
 coordinates stay cyclic.
 """
 
@@ -202,9 +202,9 @@ class Integrator:
         """A_i with d_j A_i - d_i A_j = fields[i, j]; `slopes` are the other terms, whose symmetries it is to have."""
         symbols = [ex.Symbol(name) for name in self.system.coordinates]
         ordered = sorted(pair for pair in fields if pair[0] < pair[1])
-        none_cyclic = not any(is_zero(slopes[k]) for pair in ordered for k in pair)
+        coupled = bool(ordered) and all(_holds(slopes[i], symbols[j]) for i, j in ordered)
         turned = all(_is_turned(symbols, slopes, [pair]) for pair in ordered)
-        if none_cyclic or turned or _is_turned(symbols, slopes, ordered):
+        if coupled or turned or _is_turned(symbols, slopes, ordered):
             radial = _along_rays(fields, symbols)
             if radial is not None:
                 return radial
