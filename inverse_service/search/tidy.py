@@ -416,7 +416,7 @@ def collected_inside(tree: ex.Expression) -> ex.Expression:
 def _with_common_factor(form: Callable[[ex.Expression], ex.Expression], tree: ex.Expression) -> ex.Expression:
     """What all terms share before a bracket, kinetic terms in that form: e^(ct) (x'^2 - x^2)/2.
 
-    That are exponentials of t, and what all terms are divided by.
+    It is made of exponentials of t and of what all terms are divided by.
     """
     terms = tm.terms_of(tree)
     content, shared, _ = tm.split_content(terms) if terms else (Fraction(0), tm.EMPTY, tree)

@@ -13,14 +13,13 @@ error^(-1/k), within a factor of 5. The last step before a point of the grid end
 Norsett, G. Wanner, Solving Ordinary Differential Equations I (1993), II.4.
 """
 
-import re
 from collections.abc import Sequence
 
 import symengine
 
 from inverse_service.kernels.codegen import program as programs
 from inverse_service.kernels.codegen.llvm_writer import Emitter, LlvmWriter
-from inverse_service.kernels.codegen.symengine_trees import ALPHA, STEP, WHOLE_STEP, Formula, free_names, symbol
+from inverse_service.kernels.codegen.symengine_trees import ALPHA, STEP, WHOLE_STEP, Formula, symbol
 
 
 def solve_dense(writer: LlvmWriter, matrix: Sequence[Sequence[str]], right: Sequence[str]) -> tuple[list[str], str]:
@@ -86,7 +85,6 @@ ROUND_OFF = 4.5e-16
 NOISE = 1e-6
 EARLIEST_NOISE = 4  # iterations after which quadratic convergence has come to its end
 HUGE = 1.7e308
-_MOMENTUM = re.compile(r"p\d+")
 
 
 class Blocks:
@@ -323,10 +321,7 @@ class Blocks:
             greatest = w.read(programs.size_name(self._iterated, letter))
             sizes = [symbol(name) for name in block.unknowns if name[0] == letter]
             if letter == "m":
-                formulas = block.formulas if isinstance(block, programs.Iterate) else block.residuals
-                momenta = {name for formula in formulas for name in free_names(formula) if _MOMENTUM.fullmatch(name)}
-                momenta |= {f"p{scale[1:]}" for scale in block.scales if scale}
-                sizes += [symbol("h") * symbol(name) for name in sorted(momenta)]
+                sizes += [symbol("h") * symbol(f"p{scale[1:]}") for scale in block.scales if scale]
             for size in map(w.absolute, e.write(sizes)):
                 greatest = w.select(w.compare(">", size, greatest), size, greatest)
             found[letter] = w.binary("*", w.number(NOISE), greatest)

@@ -179,7 +179,7 @@ def _best(
     reach: Reach,
     few: Sequence[sampling.Point],
 ) -> _Chosen | None:
-    """The branch with conditions on constants and coordinates alone, that at most points, the shortest among those."""
+    """A branch with conditions on constants and coordinates alone, then one that holds at most points, then short."""
     functions = euler_lagrange.momenta(block.function, block.names)
     known = {block.momenta[name]: tree for name, tree in zip(block.names, functions, strict=True)}
     at = dict[ex.Expression, ex.Expression](zip(known, functions, strict=True))

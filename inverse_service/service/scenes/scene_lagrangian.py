@@ -75,14 +75,11 @@ def _found(
         known = motions.class_lagrangian(exact, tuple(scene.values))
         if known is not None:
             return _of_class(known, exact, constants)
-    kinds = (wanted,) if wanted is not None else ("second", "first", "third")
-    missing = None
-    for which in kinds[:1] if scene.lagrangian is None else kinds:
-        found = _of_associated(scene, system, catalogue_name, which, constants)
-        if isinstance(found, FreeLagrangian):
-            return found
-        missing = missing or found
-    return missing or Unavailable("")
+    found = _of_associated(scene, system, catalogue_name, wanted or "second", constants)
+    if wanted is not None or scene.lagrangian is None or isinstance(found, FreeLagrangian):
+        return found
+    others = (_of_associated(scene, system, catalogue_name, which, constants) for which in ("first", "third"))
+    return next((other for other in others if isinstance(other, FreeLagrangian)), found)
 
 
 def _first_fitting(
