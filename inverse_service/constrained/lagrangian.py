@@ -23,10 +23,9 @@ from inverse_service.deadline import OutOfTime, check, left, now, until, within
 from inverse_service.decision import deciding
 from inverse_service.decision.solutions import Lagrangian, SolveOptions
 from inverse_service.expressions import collecting, derivative, tree as ex
-from inverse_service.field import exact_field, matrices, modular, null_vectors, tower
+from inverse_service.field import exact_field, matrices, modular, null_vectors, point, tower
 from inverse_service.field.echelon import Words
 from inverse_service.field.modular import Field, compiled, minus, multiply, plus
-from inverse_service.field.point import number_value
 from inverse_service.mechanics import euler_lagrange
 from inverse_service.mechanics.constrained_motion import ConstrainedMotion
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
@@ -353,7 +352,7 @@ def _that_hold(
     place = {k: position for position, k in enumerate(used)}
 
     def holds(vector: dict[int, Fraction]) -> bool:
-        weights = [(place[k], number_value(a, prime)) for k, a in vector.items()]
+        weights = [(place[k], point.number_value(a, prime)) for k, a in vector.items()]
         return all(sum(row[k] * w for k, w in weights) % prime == 0 for row in rows)
 
     return [vector for vector in vectors if holds(vector)]

@@ -11,9 +11,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from inverse_service import bounds
+from inverse_service import bounds, deadline
 from inverse_service.certificate import checker
-from inverse_service.deadline import now
 from inverse_service.decision import certify
 from inverse_service.decision.solutions import Answer, Hamiltonian, Lagrangian, SolutionSpace, Step
 from inverse_service.errors import InputError
@@ -55,7 +54,7 @@ def explain_positive(system: SecondOrderSystem, multiplier: Sequence[Sequence[Ex
     Where an identity was not recognized (too large, or atoms whose relations are not known here), the steps only say
     what must be computed.
     """
-    budget = Budget(bounds.TERMS, now() + TIME_LIMIT)
+    budget = Budget(bounds.TERMS, deadline.now() + TIME_LIMIT)
     try:
         if len(system.coordinates) > LARGEST_N:
             raise TooLarge("too many coordinates to write everything out")

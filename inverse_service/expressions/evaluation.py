@@ -7,8 +7,7 @@ from typing import Any
 from mpmath import mp, mpf
 
 from inverse_service import errors
-from inverse_service.expressions import tree as ex
-from inverse_service.expressions.pieces import STEP
+from inverse_service.expressions import pieces, tree as ex
 
 Real = Any  # mpmath has no types
 
@@ -58,7 +57,7 @@ def _value(expression: ex.Expression, table: dict[ex.Expression, Real]) -> Real:
             return evaluate_once(base, table) ** value.numerator
         case ex.Power(base, exponent):
             return mp.power(evaluate_once(base, table), evaluate_once(exponent, table))
-        case ex.Apply(function, argument) if function == STEP:
+        case ex.Apply(function, argument) if function == pieces.STEP:
             value = evaluate_once(argument, table)
             if value == 0:
                 raise NoRealValue("a step has no value on its boundary")

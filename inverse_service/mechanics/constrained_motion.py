@@ -18,16 +18,14 @@ from itertools import combinations
 
 from inverse_service.deadline import now
 from inverse_service.errors import InputError, LimitError
-from inverse_service.expressions import inequalities, tree as ex
-from inverse_service.expressions.collecting import collect
+from inverse_service.expressions import collecting, inequalities, tree as ex
 from inverse_service.expressions.derivative import differentiate, differentiate_in_time
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import TIME, ZERO, Expression, Symbol, Velocity, add, holds, substitute, walk
 from inverse_service.field import exact_field
 from inverse_service.field.matrices import determinant, dot, reduced_rows, solve_square, weight
-from inverse_service.mechanics import implicit_equations, short_angles
+from inverse_service.mechanics import implicit_equations, short_angles, writing
 from inverse_service.mechanics.second_order_system import Functions
-from inverse_service.mechanics.writing import readable
 from inverse_service.reading.document_names import Declared, Parameters, known_names, parameter_values, with_values
 from inverse_service.reading.names import Names, escaped
 from inverse_service.reading.reader import placed_at, read_equations, read_formula, without_accelerations
@@ -104,7 +102,7 @@ class Geometry:
 
     def tree(self, element: exact_field.Quotient) -> Expression:
         """The element as a formula for people."""
-        return readable(self.ring, element)
+        return writing.readable(self.ring, element)
 
 
 @dataclass(frozen=True, slots=True)
@@ -668,7 +666,7 @@ def _multiplied_out(tree: Expression) -> Expression:
                 isinstance(v, Velocity) for v in walk(base)
             ):
                 below[base**-exponent] = None
-    return collect(ex.multiply(tree, *below)) if below else tree
+    return collecting.collect(ex.multiply(tree, *below)) if below else tree
 
 
 def _by_pointer(constraints: Sequence[str] | str) -> dict[str, str]:

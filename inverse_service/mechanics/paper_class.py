@@ -51,10 +51,9 @@ from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.tree import HALF, ZERO, Expression, Number, Symbol, Velocity, add, number, square_root
 from inverse_service.field.exact_field import Quotient, TooLarge, sum_of
+from inverse_service.mechanics import euler_lagrange, potential
 from inverse_service.mechanics.constrained_motion import EliminatedMotion, Frame, Geometry, frames, open_places
-from inverse_service.mechanics.euler_lagrange import momenta
 from inverse_service.mechanics.legendre.transform import LegendreTransform, momentum_symbols
-from inverse_service.mechanics.potential import potential
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.mechanics.writing import tidied, velocity_parts
 
@@ -109,7 +108,7 @@ class PaperClass:
     def density(self) -> Expression:
         """N up to a constant factor, in its simplest form: 1 where it is constant, cos(phi) for A = tan(phi)."""
         ring, square = self.geometry.ring, self.inverse_square_density
-        found = potential(ring, [1 + self.r1], [-(self.slope_of_density / square)])
+        found = potential.potential(ring, [1 + self.r1], [-(self.slope_of_density / square)])
         return self.geometry.tree(square) ** Fraction(-1, 2) if found is None else found.exponential(ring)
 
     @property
@@ -509,7 +508,7 @@ def _transform(member: PaperClass, lagrangian: Expression, inverse: _Rows, coupl
             velocities[place] = p[i] / masses[i]
             energies.append(HALF * p[i] ** 2 / masses[i])
     found = tuple(velocities[place] for place in range(len(names)))
-    functions = tuple(tidied(momentum) for momentum in momenta(lagrangian, names))
+    functions = tuple(tidied(momentum) for momentum in euler_lagrange.momenta(lagrangian, names))
     return LegendreTransform(lagrangian, symbols, add(*energies), functions, found, False, note, found)
 
 

@@ -11,9 +11,7 @@ from collections.abc import Container, Iterable, Sequence
 from itertools import combinations
 from operator import add, sub
 
-from inverse_service.expressions import tree as ex
-from inverse_service.expressions.collecting import collect
-from inverse_service.expressions.printing import to_text
+from inverse_service.expressions import collecting, printing, tree as ex
 from inverse_service.field import exact_field
 
 Wave = tuple[int, ...]
@@ -39,7 +37,7 @@ def by_short_angles(
     while (best := _shorter(waves, waves) or _shorter(waves, sums)) is not None:
         place, wave = best
         turned = [(one, _sum(one, basis)) for one in (wave, _opposite(wave))]
-        wave, basis[place] = min(turned, key=lambda one: to_text(one[1]).count("-"))
+        wave, basis[place] = min(turned, key=lambda one: printing.to_text(one[1]).count("-"))
         waves, old = _exchanged(waves, place, wave), _exchanged(old, place, wave)
     if basis == angles:
         return None
@@ -85,7 +83,7 @@ def _shorter(waves: Sequence[Wave], choices: Iterable[Wave]) -> tuple[int, Wave]
 
 
 def _sum(wave: Wave, angles: Sequence[ex.Expression]) -> ex.Expression:
-    return collect(ex.add(*(turns * angle for turns, angle in zip(wave, angles, strict=True))))
+    return collecting.collect(ex.add(*(turns * angle for turns, angle in zip(wave, angles, strict=True))))
 
 
 def _opposite(wave: Wave) -> Wave:

@@ -18,6 +18,7 @@ from fractions import Fraction
 from typing import Literal
 
 from inverse_service.errors import InputError, LimitError
+from inverse_service.expressions import refusals
 from inverse_service.expressions.letters import (
     OPERATORS,
     PRIMES,
@@ -26,15 +27,6 @@ from inverse_service.expressions.letters import (
     SUPERSCRIPTS,
     describe,
     letter,
-)
-from inverse_service.expressions.refusals import (
-    LIMITS,
-    at_most,
-    limit_passed,
-    most_characters,
-    most_tokens,
-    refusal,
-    shorten,
 )
 
 Kind = Literal["number", "name", "prime", "operator", "newline", "end", "command", "letter", "digit"]
@@ -190,13 +182,13 @@ def refuse_decimal_commas(tokens: Sequence[Token]) -> None:
             meant = tuple(f"{before.text}{mark}{after.text}" for mark in (".", "")[: 1 + (len(after.text) == 3)])
             instead = "write a decimal point, or a space after a comma"
             span = (before.column, after.column + len(after.text))
-            raise refusal("a comma occurs between digits", comma.column, instead, meant, span)
+            raise refusals.refusal("a comma occurs between digits", comma.column, instead, meant, span)
 
 
 def never_closed(opening: Token) -> InputError:
     """The refusal of a bracket that is never closed."""
     closing = {"(": ")", "[": "]", "{": "}"}.get(opening.text, opening.text)
-    return refusal(f"the '{opening.text}' is never closed", opening.column, f"add the missing '{closing}'")
+    return refusals.refusal(f"the '{opening.text}' is never closed", opening.column, f"add the missing '{closing}'")
 
 
 END = "an operator or the end"
@@ -294,7 +286,9 @@ class TokenStream:
     def nested(self, opening: Token | None = None) -> Iterator[None]:
         """Enter a nested level, which begins at `opening` or ahead; LimitError past `limits.depth`."""
         self._depth += 1
-        at_most(self._depth, LIMITS.depth, "the formula is nested too deeply", (opening or self.ahead).column)
+        refusals.at_most(
+            self._depth, refusals.LIMITS.depth, "the formula is nested too deeply", (opening or self.ahead).column
+        )
         yield
         self._depth -= 1
 
@@ -302,17 +296,19 @@ class TokenStream:
 def unexpected(token: Token, wanted: str) -> InputError:
     """The refusal of a token that cannot follow here."""
     if token.kind == "end":
-        return refusal("the formula ends", token.column, f"{wanted} is missing")
+        return refusals.refusal("the formula ends", token.column, f"{wanted} is missing")
     if token.is_operator(TOTAL):
-        return refusal("a differential occurs", token.column, "write \\frac{dx}{dt} for a derivative")
+        return refusals.refusal("a differential occurs", token.column, "write \\frac{dx}{dt} for a derivative")
     if token.is_operator("!"):
-        return refusal("a factorial occurs", token.column, "only factorials of the integers 0 to 20 are accepted")
+        return refusals.refusal(
+            "a factorial occurs", token.column, "only factorials of the integers 0 to 20 are accepted"
+        )
     if token.is_operator(PARTIAL):
-        return refusal("a partial derivative occurs", token.column, "write diff(A(x, y), x), A declared")
+        return refusals.refusal("a partial derivative occurs", token.column, "write diff(A(x, y), x), A declared")
     if wanted == END and token.is_operator(")"):
-        return refusal("')' is not expected", token.column, "leave it out, or add the '(' before it")
-    shown = "a prime (')" if token.kind == "prime" else f"'{shorten(token.text)}'"
-    return refusal(f"{shown} is not expected", token.column, f"{wanted} is expected")
+        return refusals.refusal("')' is not expected", token.column, "leave it out, or add the '(' before it")
+    shown = "a prime (')" if token.kind == "prime" else f"'{refusals.shorten(token.text)}'"
+    return refusals.refusal(f"{shown} is not expected", token.column, f"{wanted} is expected")
 
 
 NUMBER = re.compile(r"(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
@@ -357,14 +353,14 @@ _OTHERWISE = "use letters, digits, + - * / ^ ( ) , = and '"
 
 def check_length(text: str) -> None:
     """LimitError for too many characters, InputError for an empty text."""
-    most = most_characters()
+    most = refusals.most_characters()
     if len(text) > most:
         raise LimitError(
             f"the formula has {len(text):,} characters: the limit is {most:,}; shorten it.",
             column=most + 1,
         )
     if not text.strip():
-        raise refusal("the formula is empty", 1, "write a formula, 0 if nothing acts")
+        raise refusals.refusal("the formula is empty", 1, "write a formula, 0 if nothing acts")
 
 
 def without_full_stop(text: str) -> str:
@@ -387,7 +383,7 @@ def tokenize(text: str, known: Container[str] = ()) -> Tokens:
             return [], len(text) if end < 0 else end
         if conditions and _EQUALITY.match(text, place) and text.count("(", 0, place) > text.count(")", 0, place):
             instead = "write inequalities such as x > 0, because answers hold on open sets"
-            raise refusal("an equation occurs in a condition", place + 1, instead)
+            raise refusals.refusal("an equation occurs in a condition", place + 1, instead)
         if conditions and (sign := _CONDITION.match(text, place)):
             return [Token("operator", _CONDITION_SIGNS.get(sign[0], sign[0]), place + 1, space)], sign.end()
         return next_tokens(text, place, space, known)
@@ -414,8 +410,8 @@ def scan(text: str, place: int, stop: int, step: Callable[[str, int, bool], tupl
         space = not found or found[-1].kind == "newline"
         # here and not only in the parser: thousands of brackets are not tokenized
         column = tokens[-1].column if tokens else 1
-        at_most(open_brackets, LIMITS.depth, "the formula is nested too deeply", column)
-        at_most(len(tokens), most_tokens(), "the formula has too many parts", column)
+        refusals.at_most(open_brackets, refusals.LIMITS.depth, "the formula is nested too deeply", column)
+        refusals.at_most(len(tokens), refusals.most_tokens(), "the formula has too many parts", column)
     return tokens
 
 
@@ -427,11 +423,11 @@ def next_tokens(text: str, place: int, space: bool, known: Container[str] = ()) 
     if character == "\n":
         return [Token("newline", character, place + 1, space)], place + 1
     if based := _OTHER_BASE.match(text, place):
-        raise refusal(f"{based[0]} occurs", place + 1, "write the number with decimal digits")
+        raise refusals.refusal(f"{based[0]} occurs", place + 1, "write the number with decimal digits")
     if grouped := _GROUPED.match(text, place):
         digits = re.sub(r"\D", "", grouped[0])
         span = (place + 1, grouped.end() + 1)
-        raise refusal(f"the digits of {digits} are grouped", place + 1, f"write {digits}", (digits,), span)
+        raise refusals.refusal(f"the digits of {digits} are grouped", place + 1, f"write {digits}", (digits,), span)
     number = NUMBER.match(text, place)
     if number:
         return [number_token(number.group(), place + 1, space)], number.end()
@@ -453,9 +449,16 @@ def next_tokens(text: str, place: int, space: bool, known: Container[str] = ()) 
 def number_token(text: str, column: int, space: bool) -> Token:
     """An exact decimal (0.1 is 1/10); LimitError for too many digits or too large a power of ten."""
     mantissa, _, exponent = text.lower().partition("e")
-    at_most(sum(character.isdigit() for character in mantissa), LIMITS.digits, "a number has too many digits", column)
-    if len(exponent.lstrip("+-0")) > 6 or abs(int(exponent or 0)) > LIMITS.decimal_exponent:
-        raise limit_passed("the power of ten of a number is too large", column, LIMITS.decimal_exponent)
+    refusals.at_most(
+        sum(character.isdigit() for character in mantissa),
+        refusals.LIMITS.digits,
+        "a number has too many digits",
+        column,
+    )
+    if len(exponent.lstrip("+-0")) > 6 or abs(int(exponent or 0)) > refusals.LIMITS.decimal_exponent:
+        raise refusals.limit_passed(
+            "the power of ten of a number is too large", column, refusals.LIMITS.decimal_exponent
+        )
     value = Fraction(mantissa) * Fraction(10) ** int(exponent or 0)
     return Token("number", text, column, space, value)
 
@@ -467,7 +470,7 @@ def _superscript(text: str, place: int) -> tuple[Tokens, int]:
         place += 1
     digits = "".join(SUPERSCRIPTS[character] for character in text[start:place])
     if not digits:
-        raise refusal("a raised minus has no digits after it", column, "write a power such as ^(-1)")
+        raise refusals.refusal("a raised minus has no digits after it", column, "write a power such as ^(-1)")
     signs = [Token("operator", "-", column)] if sign else []
     number = number_token(digits, start + 1, False)
     opening, closing = Token("operator", "(", column), Token("operator", ")", column)
@@ -488,7 +491,7 @@ def _name(text: str, place: int, space: bool, known: Container[str]) -> tuple[To
         runs, end = _long_name(text, place, known)
     found: Tokens = []
     for name, order, start in runs:
-        at_most(len(name), LIMITS.name_characters, "a name has too many characters", start + 1)
+        refusals.at_most(len(name), refusals.LIMITS.name_characters, "a name has too many characters", start + 1)
         found.append(Token("name", name, start + 1, space and start == place))
         found += [Token("prime", "'" * order, start + 1, False, Fraction(order))] * bool(order)
     return found, end
@@ -503,7 +506,7 @@ def _long_name(text: str, place: int, known: Container[str]) -> tuple[list[tuple
         letters.append((name, order + (at < end) * found[1], at))
         end += 1
     whole = "".join(name for name, _, _ in letters)
-    if whole in known or len(letters) > LIMITS.name_characters:
+    if whole in known or len(letters) > refusals.LIMITS.name_characters:
         return [(whole, sum(order for _, order, _ in letters), place)], end
     runs: list[tuple[str, int, int]] = []
     for name, order, at in letters:
@@ -522,9 +525,9 @@ def _operator(text: str, place: int, space: bool) -> tuple[Tokens, int]:
     if text.startswith(("==", "~"), place):  # ~ in Julia
         return [Token("operator", "=", column, space)], place + 1 + (character == "=")
     if text.startswith("-- ", place):
-        raise refusal("-- occurs", column, "write one sign, and leave remarks out")
+        raise refusals.refusal("-- occurs", column, "write one sign, and leave remarks out")
     if text.startswith(":=", place):
-        raise refusal(":= occurs", column, "write =, and leave out a name that is given to an equation")
+        raise refusals.refusal(":= occurs", column, "write =, and leave out a name that is given to an equation")
     if compared := next((sign for sign in COMPARISONS if text.startswith(sign, place)), ""):
         return [Token("operator", COMPARISONS[compared], column, space)], place + len(compared)
     if other := _OTHER_PROGRAMS.match(text, place):
@@ -532,7 +535,7 @@ def _operator(text: str, place: int, space: bool) -> tuple[Tokens, int]:
     if sign := _ELEMENTWISE.get(text[place : place + 2]):
         return [Token("operator", sign, column, space)], place + 2
     if text.startswith("//", place):
-        raise refusal("// occurs", column, "write / for a quotient, # before a remark")
+        raise refusals.refusal("// occurs", column, "write / for a quotient, # before a remark")
     if text.startswith("**", place):
         return [Token("operator", "^", column, space)], place + 2
     character = OPERATORS.get(character, character)
@@ -540,4 +543,4 @@ def _operator(text: str, place: int, space: bool) -> tuple[Tokens, int]:
         return [Token("operator", character, column, space)], place + 1
     what = f"the character {describe(text[place])} is not accepted"
     meant = (_MEANT[text[place]],) if text[place] in _MEANT else ()
-    raise refusal(what, column, _REASONS.get(text[place], _OTHERWISE), meant, (column, column + 1))
+    raise refusals.refusal(what, column, _REASONS.get(text[place], _OTHERWISE), meant, (column, column + 1))

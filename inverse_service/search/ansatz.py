@@ -26,14 +26,13 @@ from inverse_service.decision.kinds.helmholtz import tensors, written
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.tree import PI, TIME, Apply, Expression, Symbol, Velocity, distinct_nodes, node_count
-from inverse_service.field import modular, null_vectors
+from inverse_service.field import modular, null_vectors, reduction
 from inverse_service.field.dense_series import SeriesProgram, constants_at, run
 from inverse_service.field.echelon import Words
 from inverse_service.field.exact_field import TooLarge
 from inverse_service.field.modular import Field, compiled, minus, multiply, plus, positive_power
 from inverse_service.field.point import Point, evaluate, number_value
 from inverse_service.field.real_point import RealTable, find_real_point, is_defined
-from inverse_service.field.reduction import reduce_atoms
 from inverse_service.field.sample_points import Drawn, Integers, KnownTower, Matrix, SamplePoints
 from inverse_service.field.tower import Tower, atoms_in_order, draw_point, to_kernels
 from inverse_service.search.terms import Monomial
@@ -111,7 +110,7 @@ def _reduced_alone(analysis: Analysis, terms: Sequence[Monomial], table: RealTab
         kernels = [to_kernels(tree) for tree in (letter, letter ** Fraction(1, e.denominator))]
         with suppress(IrreducibleAtoms):
             if table is not None:
-                reduce_atoms([*plain, *kernels], variables_of(analysis.system), table)
+                reduction.reduce_atoms([*plain, *kernels], variables_of(analysis.system), table)
                 fine.add((letter, e))
     return [term for term in terms if term <= fine]
 
@@ -147,7 +146,7 @@ def make_sampler(
     for known in analysis.towers:
         if atoms <= known.atoms and all(known.real_point.get(node) == x for node, x in table.items()):
             return Sampler(analysis, known.tower, table, known.points)
-    shared = KnownTower(atoms, table, reduce_atoms(wanted, variables, table))
+    shared = KnownTower(atoms, table, reduction.reduce_atoms(wanted, variables, table))
     analysis.towers.append(shared)
     return Sampler(analysis, shared.tower, table, shared.points)
 

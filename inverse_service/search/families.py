@@ -23,8 +23,7 @@ from itertools import combinations_with_replacement
 import numpy as np
 from flint import nmod_mat
 
-from inverse_service import bounds
-from inverse_service.deadline import check
+from inverse_service import bounds, deadline
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions import tree as ex
 from inverse_service.field import modular, null_vectors, point as ps
@@ -33,12 +32,11 @@ from inverse_service.field.exact_field import Budget, TooLarge, factored
 from inverse_service.field.modular import Field, compiled, multiply, reconstruct
 from inverse_service.field.point import Expansion, SingularPoint, Variable, variables_in
 from inverse_service.field.sample_points import SamplePoints
-from inverse_service.search import terms as tm
+from inverse_service.search import quadratures, terms as tm
 from inverse_service.search.ansatz import LetterTable, helmholtz_matrix, letters_of, sampler_of, table_at, to_montgomery
 from inverse_service.search.factors import Factors, position_monomials, products
 from inverse_service.search.gradients import Integrator
 from inverse_service.search.material import Material, distinct, moving_letters
-from inverse_service.search.quadratures import quadratic_antiderivatives
 
 _POWERS = tuple(Fraction(e, 2) for e in (1, 3, 4, 5, 6, 8, -2, -4))
 _ROOTS = tuple(Fraction(e, 2) for e in (1, -1, 2, -2, 3, -3, 4))
@@ -139,7 +137,9 @@ def _of_quadratic(material: Material, letter: ex.Sum) -> Iterator[tm.Monomial]:
     held = any(root in map(tm.collected, ex.walk(f)) for f in material.analysis.system.accelerations)
     power = Fraction(-1, 2 if held else 1)
     for v in material.motion.velocities:
-        for shape in quadratic_antiderivatives(frozenset([(letter, power)]), v, material.analysis.real_point):
+        for shape in quadratures.quadratic_antiderivatives(
+            frozenset([(letter, power)]), v, material.analysis.real_point
+        ):
             if any(isinstance(p, ex.Apply) and tm.has_velocity(p) for p, _ in shape):
                 yield shape
 
@@ -192,7 +192,7 @@ def with_potential(material: Material, combination: Mapping[tm.Monomial, Fractio
     # Unchanged sums are integrated term by term; over one denominator terms that are not affine cancel, and
     # cos(v)^2/(1 + sin(v)), in which nothing does, is affine in sin(v) without the sine below.
     for wanted in (residuals, over_one_denominator, lambda: over_one_denominator(without_roots=True)):
-        check()
+        deadline.check()
         with suppress(TooLarge, tm.TooManyTerms, ZeroDivisionError, KeyError):
             rest = integrator.linear_terms(wanted())
             if rest is not None:

@@ -16,8 +16,7 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from itertools import combinations
 
-from inverse_service import errors
-from inverse_service.deadline import check
+from inverse_service import deadline, errors
 from inverse_service.expressions import tree as ex
 from inverse_service.expressions.evaluation import NoRealValue
 from inverse_service.field import exact_field, real_point
@@ -248,7 +247,7 @@ def expressions_without_acceleration(names: Sequence[str], terms: tm.Terms) -> l
     """v_j L_(v_i q_j) + L_(v_i t) - L_(q_i) for each i."""
     found = []
     for name in names:
-        check()
+        deadline.check()
         momentum = tm.derivative_of_terms(terms, ex.Velocity(name))
         total = tm.add_terms(
             tm.derivative_of_terms(momentum, ex.TIME), tm.derivative_of_terms(terms, ex.Symbol(name)), -1

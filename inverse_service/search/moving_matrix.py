@@ -17,8 +17,7 @@ from itertools import combinations
 
 import numpy as np
 
-from inverse_service.expressions import tree as ex
-from inverse_service.expressions.derivative import differentiate
+from inverse_service.expressions import derivative, tree as ex
 from inverse_service.field import modular
 from inverse_service.field.exact_field import Budget
 from inverse_service.field.flow import PRIME, Flow, inverses
@@ -67,7 +66,7 @@ def _root(search: OneMatrix, matrix: Sequence[tm.Terms], factor: tm.Terms) -> tm
         return None
     root = tm.monomial_tree(tm.times(powers, rooted))
     (i, j), wanted = next((pair, terms) for pair, terms in zip(search.pairs, matrix, strict=True) if terms)
-    bend = differentiate(differentiate(root, ex.Velocity(names[i])), ex.Velocity(names[j]))
+    bend = derivative.differentiate(derivative.differentiate(root, ex.Velocity(names[i])), ex.Velocity(names[j]))
     if bend == ex.ZERO:
         return None
     symbols: list[ex.Symbol | ex.Velocity] = [ex.TIME, *map(ex.Symbol, names), *map(ex.Velocity, names)]

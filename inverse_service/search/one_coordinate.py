@@ -28,9 +28,8 @@ from inverse_service.expressions import derivative, evaluation, tree as ex
 from inverse_service.field import null_vectors, real_point
 from inverse_service.field.point import SingularPoint, number_value
 from inverse_service.mechanics import implicit_equations
-from inverse_service.search import angles, ansatz, members, quadratures
+from inverse_service.search import angles, ansatz, families, members, quadratures
 from inverse_service.search.factors import Factors, find_factors
-from inverse_service.search.families import with_potential
 from inverse_service.search.gradients import ONE_TERM, Integrator
 from inverse_service.search.material import Material, antiderivatives
 from inverse_service.search.terms import (
@@ -386,7 +385,7 @@ def lagrangian_of(material: Material, multiplier: LastMultiplier) -> ex.Expressi
         for _ in range(2):
             slope = None if slope is None else integrator.function_of([velocity], [slope])
         # Terms linear in the velocity are left to the potential: they may be total derivatives.
-        found = slope and with_potential(material, {key: c for key, c in slope.items() if not is_linear(key)})
+        found = slope and families.with_potential(material, {key: c for key, c in slope.items() if not is_linear(key)})
         return _positive(found, velocity, point) if found else None
     return None
 

@@ -39,10 +39,9 @@ from inverse_service.deadline import check
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions import tree as ex
 from inverse_service.expressions.evaluation import NoRealValue
+from inverse_service.field import real_point, tower
 from inverse_service.field.exact_field import Budget, TooLarge, factored
 from inverse_service.field.flow import PRIME, Flow, Generator, Numbers, Points, Units, inverses, matrix_product
-from inverse_service.field.real_point import real_sign
-from inverse_service.field.tower import to_kernels
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.search import angles, terms as tm
 from inverse_service.search.gradients import ONE_TERM, Integrator
@@ -116,7 +115,7 @@ class OneMatrix:
 
     @classmethod
     def _at_first(cls, system: SecondOrderSystem, seed: int) -> OneMatrix:
-        forces = tuple(map(to_kernels, system.accelerations))
+        forces = tuple(map(tower.to_kernels, system.accelerations))
         n = len(forces)
         pairs = [(i, j) for i in range(n) for j in range(i, n)]
         return cls(system, forces, Units.of(forces), np.random.default_rng(seed), pairs, tensors=1 if n == 2 else 2)
@@ -212,7 +211,7 @@ class OneMatrix:
         zeros.update((ex.Velocity(name), ex.ZERO) for name in self.system.coordinates)
         for form in (ex.substitute(tree, zeros), tree):
             with suppress(NoRealValue, IrreducibleAtoms, ZeroDivisionError):
-                if integrator.table is not None and (sign := real_sign(form, integrator.table)):
+                if integrator.table is not None and (sign := real_point.real_sign(form, integrator.table)):
                     return [{key: sign * value for key, value in terms.items()} for terms in matrix]
         return list(matrix)
 

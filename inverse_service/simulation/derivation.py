@@ -11,13 +11,11 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 from inverse_service.errors import InputError
-from inverse_service.expressions.collecting import collect
-from inverse_service.expressions.derivative import differentiate
+from inverse_service.expressions import collecting, derivative
 from inverse_service.expressions.tree import ZERO, Expression, Sum, Velocity, add, walk
 from inverse_service.integrators.method_table import USES_ACCELERATIONS, USES_FREE
 from inverse_service.mechanics import constrained_motion
-from inverse_service.simulation import initial, motions
-from inverse_service.simulation.numeric_formulas import switching_functions
+from inverse_service.simulation import initial, motions, numeric_formulas
 from inverse_service.simulation.scene_data import EXACT, FreeLagrangian, Problem, Requested, Scene, Unavailable
 
 KINETIC, POTENTIAL, MAGNETIC, CONSTRAINTS = "kinetic", "potential", "magnetic", "constraints"
@@ -29,7 +27,7 @@ def lagrangian_parts(lagrangian: Expression, coordinates: Sequence[str]) -> dict
     whole and expanded only if it is of several kinds: the terms of (x - 10^6)^2 would lose 12 digits."""
     kinds: dict[str, list[Expression]] = {KINETIC: [], MAGNETIC: [], POTENTIAL: []}
     for term in _terms(lagrangian):
-        parts = _terms(collect(term))
+        parts = _terms(collecting.collect(term))
         found = [_kind(part, coordinates) for part in parts]
         for kind, part in zip(found, parts, strict=True) if len(set(found)) > 1 else ((found[0], term),):
             kinds[kind].append(part)
@@ -44,8 +42,10 @@ def _kind(term: Expression, coordinates: Sequence[str]) -> str:
     rates = [Velocity(name) for name in coordinates if Velocity(name) in set(walk(term))]
     if not rates:
         return POTENTIAL
-    slopes = [differentiate(term, rate) for rate in rates]
-    linear = all(collect(differentiate(slope, rate)) == ZERO for slope in slopes for rate in rates)
+    slopes = [derivative.differentiate(term, rate) for rate in rates]
+    linear = all(
+        collecting.collect(derivative.differentiate(slope, rate)) == ZERO for slope in slopes for rate in rates
+    )
     return MAGNETIC if linear else KINETIC
 
 
@@ -86,7 +86,7 @@ def derive(scene: Scene, find: Find) -> Derived:
         or "lyapunov" in scene.observe
         or (scene.events and used & {EXACT, "modified"})
         or any(event.acts or event.most > 1 for event in scene.events)
-        or switching_functions([scene.lagrangian, *scene.forces], scene.coordinates)
+        or numeric_formulas.switching_functions([scene.lagrangian, *scene.forces], scene.coordinates)
     ):
         with timed(seconds, "accelerations"):
             accelerations = accelerations_of(scene)

@@ -38,7 +38,6 @@ from inverse_service.simulation import (
     truth as truths,
 )
 from inverse_service.simulation.events import Found, Pieces, has_pieces, period_of, run_pieces, until, with_events
-from inverse_service.simulation.numeric_formulas import array_value, table_of
 
 LATE = "The time limit was reached before this method could run. Take fewer methods or steps, or a longer time limit."
 FAULT = "This method failed because of a fault of the program ({}): please report the scene."
@@ -443,8 +442,10 @@ def start_of(
 def with_series(scene: scene_data.Scene, trajectory: Trajectory) -> Trajectory:
     """The exact trajectory with the formulas of the observed quantities at its points."""
     values = dict(scene.values) | {observing.ENERGY_START: observing.start_energy(scene) or 0.0}
-    table = table_of(scene.coordinates, trajectory.positions, trajectory.velocities, values, trajectory.times)
-    series = {one.name: array_value(one.expression, table) for one in observing.observables(scene)}
+    table = numeric_formulas.table_of(
+        scene.coordinates, trajectory.positions, trajectory.velocities, values, trajectory.times
+    )
+    series = {one.name: numeric_formulas.array_value(one.expression, table) for one in observing.observables(scene)}
     maxima = {name: float(np.abs(column).max()) for name, column in series.items()}
     return replace(trajectory, series=series, maxima=maxima)
 
@@ -501,8 +502,8 @@ def _on_constraints(
     """The tangent to motions that keep the constraints, (2 n,): others, which the accelerations have too, may part."""
     if not slopes:
         return tangent
-    table = table_of(scene.coordinates, positions[None], velocities[None], scene.values)
-    rows = np.array([[float(array_value(one, table).ravel()[0]) for one in row] for row in slopes])
+    table = numeric_formulas.table_of(scene.coordinates, positions[None], velocities[None], scene.values)
+    rows = np.array([[float(numeric_formulas.array_value(one, table).ravel()[0]) for one in row] for row in slopes])
     found: Array = tangent - np.linalg.pinv(rows) @ (rows @ tangent)
     return found
 

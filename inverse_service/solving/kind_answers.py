@@ -26,9 +26,8 @@ from inverse_service.field.matrices import kernel
 from inverse_service.linear_pde.involution import Limits
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_residual
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.search import protocol, row_factors
 from inverse_service.search.gradients import Integrator
-from inverse_service.search.protocol import describe
-from inverse_service.search.row_factors import lagrangian_as_given
 from inverse_service.search.terms import EMPTY, TooManyTerms, collected, terms_of, tree_of
 
 _NO_TIME = "the time limit was reached before this question"
@@ -137,7 +136,7 @@ def quick_rayleigh(analysis: Analysis, given: Sequence[Expression], deadline: fl
         even = odd = ()  # what multiplies an acceleration is no force
     system = without_friction(analysis.system)
     for matching in (even, ()):
-        tree = lagrangian_as_given(system, matching)
+        tree = row_factors.lagrangian_as_given(system, matching)
         if tree is not None:
             pushes = [[-part for part in odd], list(odd)] if matching else [_push(analysis, tree)]
             for push in pushes:
@@ -251,7 +250,9 @@ def with_drag(
 ) -> KindAnswer | None:
     found = certify.of_lagrangian(analysis, tree, analysis.system.depends_on_time, kind)
     certificate = found | {"dissipation": to_text(drag)}
-    return confirmed(KindAnswer("variational", "", certificate, describe(analysis, tree, FAMILY), drag), deadline)
+    return confirmed(
+        KindAnswer("variational", "", certificate, protocol.describe(analysis, tree, FAMILY), drag), deadline
+    )
 
 
 def without_friction(system: SecondOrderSystem) -> SecondOrderSystem:

@@ -15,8 +15,7 @@ from starlette.responses import Response
 from inverse_service.errors import InputError, NoWorker, Place, WorkerFailed
 from inverse_service.service.documents import answers
 from inverse_service.service.jobs import model, tasks
-from inverse_service.web import journal
-from inverse_service.web.middleware import HEADERS
+from inverse_service.web import journal, middleware
 
 if TYPE_CHECKING:
     from fastapi import FastAPI
@@ -152,4 +151,4 @@ async def _on_fault(request: Request, error: Exception) -> Response:
         log.error("fault at %s", request.url.path, exc_info=error)
     # This answer is made outside of the middleware that adds them.
     detail = "The service failed on this request; that is a fault of the service."
-    return problem(Refusal(500, "fault", detail, headers=HEADERS))
+    return problem(Refusal(500, "fault", detail, headers=middleware.HEADERS))

@@ -11,9 +11,8 @@ from fractions import Fraction
 
 from inverse_service import bounds, errors
 from inverse_service.expressions import collecting, tree as ex
-from inverse_service.mechanics import implicit_equations
+from inverse_service.mechanics import implicit_equations, second_order_system
 from inverse_service.mechanics.legendre import short_forms
-from inverse_service.mechanics.second_order_system import connected
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +53,7 @@ def split(function: ex.Expression, names: Sequence[str], momenta: Mapping[str, e
             linear.setdefault(only, []).append((without(monomial, [only]), value))
         else:
             coupled.append((found, (monomial, value)))
-    groups = connected(names, [found for found, _ in coupled])
+    groups = second_order_system.connected(names, [found for found, _ in coupled])
     functions = [collecting.terms_tree(term for found, term in coupled if found <= set(g)) for g in groups]
     blocks = tuple(Block(f, g, momenta) for f, g in zip(functions, groups, strict=True))
     return Parts(ex.add(*plain, _short(free)), {name: _short(found) for name, found in linear.items()}, blocks)

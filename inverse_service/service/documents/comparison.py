@@ -15,8 +15,7 @@ from inverse_service import errors
 from inverse_service.certificate import cell, checker, formulas, question as checks
 from inverse_service.deadline import now
 from inverse_service.decision.cells import point_of
-from inverse_service.expressions import derivative, tree as ex
-from inverse_service.expressions.printing import to_text
+from inverse_service.expressions import derivative, printing, tree as ex
 from inverse_service.field import real_point
 from inverse_service.mechanics import second_order_system
 from inverse_service.mechanics.agreement import Canonical, GivenText, equations_agree, motion_agrees
@@ -109,7 +108,7 @@ def compared_claim(document: Any, certificate: Mapping[str, Any], time_limit: fl
     if preparing.is_motion(document):
         return checker.CheckResult("valid", ("The motion is that of the document as given.",))
     whole = first_system(claimed)
-    texts = {name: to_text(f) for name, f in zip(whole.coordinates, whole.accelerations, strict=True)}
+    texts = {name: printing.to_text(f) for name, f in zip(whole.coordinates, whole.accelerations, strict=True)}
     system = {key: certificate["system"].get(key) for key in ("parameters", "functions")}
     # A certificate names the free coordinates first.
     system |= {"coordinates": list(made.coordinates), "equations": texts}
@@ -126,7 +125,7 @@ def _with_velocities(system: Mapping[str, Any], document: Any) -> Mapping[str, A
     given = preparing.is_motion(document)
     motion = read.motion_of(document) if given else motion_report(read.nonholonomic_of(document)).motion
     rates = zip(motion.dependent, motion.dependent_velocities, strict=True)
-    velocities = {name: to_text(rate) for name, rate in rates if name not in system["coordinates"]}
+    velocities = {name: printing.to_text(rate) for name, rate in rates if name not in system["coordinates"]}
     coordinates = [*system["coordinates"], *velocities]
     return {**system, "coordinates": coordinates, "velocities": velocities}
 

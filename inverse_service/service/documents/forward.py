@@ -5,22 +5,18 @@ from typing import Any
 from api_schemas.base import MAX_FORWARD
 from api_schemas.result import ConservedQuantity, ForwardParseAnswer, ForwardResult, LagrangianDocument
 from inverse_service.decision.solutions import Hamiltonian, SolveOptions
-from inverse_service.expressions import tree as trees
-from inverse_service.expressions.collecting import collect
-from inverse_service.mechanics.constrained_motion import read_lagrangian
-from inverse_service.mechanics.euler_lagrange import euler_lagrange_sums, momenta
-from inverse_service.mechanics.implicit_equations import linear_equation, solve_accelerations
+from inverse_service.expressions import collecting, tree as trees
+from inverse_service.mechanics import constrained_motion, euler_lagrange, implicit_equations
 from inverse_service.mechanics.legendre.transform import legendre
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading.document_names import Declared, known_names
-from inverse_service.service.documents import translate
-from inverse_service.service.documents.accepting import validated
+from inverse_service.service.documents import accepting, translate
 from inverse_service.service.documents.growing import Growing
 
 
 def look_forward(document: Any) -> LagrangianDocument:
     """The document in its schema; raises DocumentRefused with every fault found."""
-    return validated(document, LagrangianDocument)
+    return accepting.validated(document, LagrangianDocument)
 
 
 def solve_forward(document: Any, options: SolveOptions, grow: Growing) -> dict[str, Any]:
@@ -28,7 +24,7 @@ def solve_forward(document: Any, options: SolveOptions, grow: Growing) -> dict[s
     schema = look_forward(document)
     lagrangian, system = _motion(schema)
     names = system.coordinates
-    functions = dict(zip(names, momenta(lagrangian, names), strict=True))
+    functions = dict(zip(names, euler_lagrange.momenta(lagrangian, names), strict=True))
     result = ForwardResult(
         system=translate.to_understood(system, schema),
         lagrangian=translate.formula(lagrangian),
@@ -57,10 +53,15 @@ def _motion(schema: LagrangianDocument) -> tuple[trees.Expression, SecondOrderSy
     """L with the system q'' = f of its Euler-Lagrange equations."""
     declared = Declared(schema.coordinates, schema.parameters, schema.functions, schema.where, most=MAX_FORWARD)
     known = known_names(declared, {"/lagrangian": schema.lagrangian}, order=1)
-    lagrangian, names = known.put_in(read_lagrangian(schema.lagrangian, known.names)), known.remaining()
-    sums = euler_lagrange_sums(lagrangian, names.coordinates, [trees.Acceleration(name) for name in names.coordinates])
-    equations = [linear_equation(tree, "/lagrangian") for tree in sums]
-    accelerations = tuple(map(collect, solve_accelerations(equations, names.coordinates)))
+    lagrangian, names = (
+        known.put_in(constrained_motion.read_lagrangian(schema.lagrangian, known.names)),
+        known.remaining(),
+    )
+    sums = euler_lagrange.euler_lagrange_sums(
+        lagrangian, names.coordinates, [trees.Acceleration(name) for name in names.coordinates]
+    )
+    equations = [implicit_equations.linear_equation(tree, "/lagrangian") for tree in sums]
+    accelerations = tuple(map(collecting.collect, implicit_equations.solve_accelerations(equations, names.coordinates)))
     functions = tuple(names.functions.items())
     return lagrangian, SecondOrderSystem(names.coordinates, accelerations, names.parameters, functions, schema.name)
 
@@ -71,5 +72,5 @@ def _conserved(lagrangian: trees.Expression, functions: dict[str, trees.Expressi
     found = {f"momentum of {name}": tree for name, tree in functions.items() if trees.Symbol(name) not in letters}
     if trees.TIME not in letters:
         terms = [trees.multiply(trees.Velocity(name), tree) for name, tree in functions.items()]
-        found["energy"] = collect(trees.add(*terms, trees.negate(lagrangian)))
+        found["energy"] = collecting.collect(trees.add(*terms, trees.negate(lagrangian)))
     return [ConservedQuantity(name=name, **translate.formula_fields(tree)) for name, tree in found.items()]

@@ -14,11 +14,9 @@ from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import Expression, Number, Power, Product, Sum, Symbol, Velocity, walk
 from inverse_service.mechanics.second_order_system import SecondOrderSystem, on_branch
 from inverse_service.reading.names import Names
-from inverse_service.service.documents.accepting import formula_about
-from inverse_service.service.documents.translate import lagrangian_part, part_of
-from inverse_service.solving.definite import answer_definite
+from inverse_service.service.documents import accepting, translate
+from inverse_service.solving import definite, solving
 from inverse_service.solving.kind_answers import KindAnswer, answer_kind, answer_rayleigh
-from inverse_service.solving.solving import solve
 
 # Of the time for a Lagrangian with friction, what the search for one without may take.
 _SHARE_OF_SEARCH = 0.7
@@ -54,7 +52,7 @@ def _field(
         if name not in system.coordinates:
             raise InputError(f"a vector field has components along {', '.join(system.coordinates)}.", pointer)
         place = f"{pointer}/{name}"
-        tree = formula_about(text, names, schema, place)
+        tree = accepting.formula_about(text, names, schema, place)
         if not all(_is_rational(node) for node in walk(tree)):
             raise InputError("a component is a rational formula in coordinates and parameters.", place)
         found[name] = (to_text(tree), tree)
@@ -81,7 +79,7 @@ def with_kinds(
         share = (end - now()) / (len(kinds) - place)
         deadline = now() + share
         if kind.name == "positive_definite":
-            found = answer_definite(solution, kind, to_near(schema, solution.system), asked.seed, deadline)
+            found = definite.answer_definite(solution, kind, to_near(schema, solution.system), asked.seed, deadline)
         else:
             answer = _rayleigh if kind.name == "rayleigh" else answer_kind
             found = answer(solution, kind, asked, deadline)
@@ -107,7 +105,7 @@ def _rayleigh(solution: Solution, _: LagrangianKind, asked: SolveOptions, deadli
     def natural(system: SecondOrderSystem) -> list[Expression]:
         limit = _SHARE_OF_SEARCH * left(deadline)
         options = SolveOptions(time_dependent=False, seed=asked.seed, time_limit=limit, conditions=False)
-        found = solve(system, options).autonomous
+        found = solving.solve(system, options).autonomous
         known = None if found is None else found.lagrangian
         return [] if found is None or known is None else [one.expression for one in (known, *found.other_lagrangians)]
 
@@ -120,11 +118,11 @@ def _rayleigh(solution: Solution, _: LagrangianKind, asked: SolveOptions, deadli
 
 
 def kind_part(found: KindAnswer) -> KindPart:
-    return part_of(
+    return translate.part_of(
         KindPart,
         found,
         checked=None if found.certificate is None else "valid",
-        lagrangian=None if found.lagrangian is None else lagrangian_part(found.lagrangian),
+        lagrangian=None if found.lagrangian is None else translate.lagrangian_part(found.lagrangian),
         near=(found.certificate or {}).get("near") or {},
         exceptions=list(found.exceptions),
     )

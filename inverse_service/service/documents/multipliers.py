@@ -12,8 +12,7 @@ from itertools import combinations
 
 from inverse_service import errors
 from inverse_service.expressions import collecting, derivative, printing, tree as ex
-from inverse_service.mechanics import euler_lagrange
-from inverse_service.mechanics.second_order_system import unsolved_system
+from inverse_service.mechanics import euler_lagrange, second_order_system
 from inverse_service.reading import document_names, reader
 from inverse_service.reading.names import Names
 
@@ -83,7 +82,7 @@ def _lagrangian(
 
     none = dict[ex.Expression, ex.Expression](dict.fromkeys(multipliers, ex.ZERO))
     free = [ex.substitute(line, none) for line in lines]
-    found = lagrangian_as_given(unsolved_system(names, free), free)
+    found = lagrangian_as_given(second_order_system.unsolved_system(names, free), free)
     if found is None:
         return None
     accelerations = [ex.Acceleration(name) for name in names.coordinates]

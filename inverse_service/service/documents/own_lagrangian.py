@@ -9,16 +9,14 @@ import mpmath
 
 from api_schemas.base import CHECK_FORMAT
 from inverse_service.deadline import now
-from inverse_service.decision import cells, certify
-from inverse_service.decision.deciding import analyze, variables_of
+from inverse_service.decision import cells, certify, deciding
 from inverse_service.errors import InputError, IrreducibleAtoms, LimitError
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.evaluation import NoRealValue, evaluate
 from inverse_service.expressions.inequalities import inequality_text
 from inverse_service.expressions.tree import TIME, ZERO, Acceleration, Arbitrary, Expression, Symbol, walk
+from inverse_service.field import reduction, tower
 from inverse_service.field.real_point import RealTable, requirements
-from inverse_service.field.reduction import signed_factors
-from inverse_service.field.tower import to_kernels
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_residual, euler_lagrange_sums
 from inverse_service.mechanics.implicit_equations import linear_equation, solve_accelerations
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
@@ -134,7 +132,7 @@ def _judged(
         return {"domain": domain, "near": near, "verdict": verdict, "reasons": told}
 
     try:
-        analysis = analyze(system)
+        analysis = deciding.analyze(system)
     except IrreducibleAtoms as problem:
         return cell([*map(inequality_text, sides)], {}, "incomplete", (problem.detail,)), sides
     claim = certify.of_lagrangian(analysis, lagrangian, system.depends_on_time or TIME in walk(lagrangian))
@@ -158,8 +156,8 @@ def _judged(
     table = certify.point_of(analysis, lagrangian)
     if table is not None:
         with suppress(IrreducibleAtoms, NoRealValue):
-            formulas = [*map(to_kernels, (*system.given, written))]
-            sides = list(dict.fromkeys([*sides, *signed_factors(requirements(formulas, table), table)]))
+            formulas = [*map(tower.to_kernels, (*system.given, written))]
+            sides = list(dict.fromkeys([*sides, *reduction.signed_factors(requirements(formulas, table), table)]))
     domain = certify.shortest(sides)
     found = cell(domain, near, proof.verdict, proof.reasons)
     if proof.verdict == "invalid" and table is not None:
@@ -172,7 +170,7 @@ def _judged(
 
 def _failing(system: SecondOrderSystem, own: Sequence[Expression] | None, table: RealTable) -> dict[str, Any]:
     """A point, and both accelerations there."""
-    own_names = {*variables_of(system)}  # and not the angle of one radian, which a table may hold
+    own_names = {*deciding.variables_of(system)}  # and not the angle of one radian, which a table may hold
     named = {("t" if key == TIME else translate.name_of(key)): value for key, value in table.items()
              if key in own_names}  # fmt: skip
     shown = {"at": {name: mpmath.nstr(value, _DIGITS) for name, value in named.items()}}
@@ -180,7 +178,7 @@ def _failing(system: SecondOrderSystem, own: Sequence[Expression] | None, table:
         pairs = {"given": system.given, "lagrangian": own or ()}
         numbers = {
             key: {
-                x: mpmath.nstr(evaluate(to_kernels(f), table), _DIGITS)
+                x: mpmath.nstr(evaluate(tower.to_kernels(f), table), _DIGITS)
                 for x, f in zip(system.coordinates, trees, strict=False)
             }
             for key, trees in pairs.items()

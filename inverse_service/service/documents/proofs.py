@@ -6,8 +6,7 @@ from typing import Any
 
 from inverse_service import deadline, errors
 from inverse_service.decision import deciding
-from inverse_service.explanation import hierarchy, negative
-from inverse_service.explanation.coq import coq
+from inverse_service.explanation import coq, hierarchy, negative
 from inverse_service.explanation.theorems import Theorem, determinant_vanishes, euler_lagrange_hold, identities
 from inverse_service.field.exact_field import Budget, TooLarge
 from inverse_service.mechanics import reading
@@ -31,7 +30,7 @@ def proof_document(result: dict[str, Any], form: str, seed: int) -> str:
         found = {"theorems": identities(theorems), "domain": domain, "reason": reason}
         return json.dumps(found, ensure_ascii=False, indent=2) + "\n"
     lines = _about(result) if theorems else [reason]
-    return (coq(theorems) if theorems else "") + "".join(f"(* {line} *)\n" for line in lines)
+    return (coq.coq(theorems) if theorems else "") + "".join(f"(* {line} *)\n" for line in lines)
 
 
 def _about(result: dict[str, Any]) -> list[str]:

@@ -8,8 +8,7 @@ from inverse_service import errors
 from inverse_service.expressions import tree as ex
 from inverse_service.reading import reader
 from inverse_service.reading.names import Names
-from inverse_service.service.documents import canonical
-from inverse_service.service.documents.growing import motions_of
+from inverse_service.service.documents import canonical, growing
 
 LONG = 300
 MOST_OF_CONDITIONS = 5_000
@@ -75,7 +74,7 @@ def outline(result: dict[str, Any], explain: bool) -> Iterator[Line]:
         yield from _forward(result)
         return
     part, parameters = result.get("nonholonomic"), (result["system"] or {}).get("parameters") or ()
-    for each in motions_of(result):
+    for each in growing.motions_of(result):
         yield from _any_associated(each, explain, parameters)
     if part is not None:
         yield from (*_nonholonomic(part), EMPTY)

@@ -29,8 +29,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from inverse_service.errors import InputError, LimitError
-from inverse_service.service.documents import answers
-from inverse_service.service.documents.plain_data import read_json
+from inverse_service.service.documents import answers, plain_data
 from inverse_service.service.jobs import locks, model, opening, statements, tasks, workers
 from inverse_service.service.jobs.sqlite_store import SqliteStore
 from inverse_service.service.jobs.supervisor import Supervisor
@@ -90,7 +89,7 @@ def read_answers(stream: IO[bytes]) -> Iterator[tuple[Line, dict[str, Any]]]:
     for line in read_lines(stream):
         answer = {**line.document, "id": line.identifier} if line.document is not None else None
         if line.fault and line.raw[:1] == b"{":
-            answer = read_json(line.raw)
+            answer = plain_data.read_json(line.raw)
         if not isinstance(answer, dict) or not {"format", "error"} & answer.keys():
             raise InputError(f"Line {line.number} is not an answer of a batch.")
         yield line, answer
@@ -106,7 +105,7 @@ def count_lines(path: Path) -> int | None:
 
 def _read_line(number: int, data: bytes) -> Line:
     try:
-        value = read_json(data.rstrip())  # a fault at its end is on this line
+        value = plain_data.read_json(data.rstrip())  # a fault at its end is on this line
     except InputError as error:
         return Line(number, None, fault=error, raw=data.strip())
     return replace(line_of(number, value), raw=data.strip())

@@ -24,8 +24,7 @@ from inverse_service.mechanics.paper_class import KINDS, AssociatedSystem, assoc
 from inverse_service.reading.names import Names
 from inverse_service.reading.reader import read_condition
 from inverse_service.service.documents import documents, plain_data
-from inverse_service.service.scenes import scene_system
-from inverse_service.service.scenes.scene_reading import number_of
+from inverse_service.service.scenes import scene_reading, scene_system
 from inverse_service.simulation import derivation, motions
 from inverse_service.simulation.numeric_formulas import array_value, switching_functions, table_of, walls
 from inverse_service.simulation.scene_data import FreeLagrangian, Observable, Scene, Unavailable
@@ -305,7 +304,10 @@ def conserved(
 
 
 def _constants(schema: SceneDocument) -> dict[str, float]:
-    return {name: number_of(text, f"/constants/{plain_data.escape(name)}") for name, text in schema.constants.items()}
+    return {
+        name: scene_reading.number_of(text, f"/constants/{plain_data.escape(name)}")
+        for name, text in schema.constants.items()
+    }
 
 
 def _refuse_unknown_constants(schema: SceneDocument, found: FreeLagrangian) -> None:

@@ -28,9 +28,8 @@ from api_schemas.scene import (
 )
 from api_schemas.system import TAGS
 from inverse_service.errors import InputError, LimitError
-from inverse_service.expressions.collecting import collect
+from inverse_service.expressions import collecting, refusals
 from inverse_service.expressions.derivative import Definitions, define_functions, differentiate
-from inverse_service.expressions.refusals import shorten
 from inverse_service.expressions.tree import TIME, ZERO, Expression, Number, Symbol, Velocity, add, holds, walk
 from inverse_service.integrators.method_table import GEOMETRIC, METHODS, OWN_STEPS, TABLEAUX
 from inverse_service.integrators.trajectory import Array
@@ -41,7 +40,6 @@ from inverse_service.service.documents.accepting import FORMULA, Steps, Wording,
 from inverse_service.service.documents.plain_data import escape
 from inverse_service.service.documents.preparing import prepared_scene
 from inverse_service.service.scenes import scene_system
-from inverse_service.service.scenes.scene_system import SYSTEM
 from inverse_service.simulation import scene_data as data
 from inverse_service.simulation.derivation import BUILT_IN, CONSTRAINTS, KINETIC, lagrangian_parts
 from inverse_service.simulation.initial import check_constraints, initial_velocities, velocities_from_momenta
@@ -52,7 +50,7 @@ NUMBER = 'a number, or a text such as "1/2" or "pi/4"'
 EXPECTED: dict[Steps, str] = {
     (): "an object with system, initial, step, steps and methods",
     ("name",): "a text",
-    ("system",): SYSTEM,
+    ("system",): scene_system.SYSTEM,
     ("system", "catalogue"): 'the name of a system, such as "vertically-rolling-disk"',
     ("system", "document"): "a document with coordinates and lagrangian or equations",
     ("system", "result"): "the result that solve gave",
@@ -174,7 +172,7 @@ def read_forces(
         function = _read(schema.rayleigh, system, definitions, "/rayleigh")
         for name in names.coordinates:
             slope = differentiate(function, Velocity(name))
-            found[name] = collect(found.get(name, ZERO) - slope)
+            found[name] = collecting.collect(found.get(name, ZERO) - slope)
     forces = tuple(found.get(name, ZERO) for name in names.coordinates)
     return forces if any(force != ZERO for force in forces) else ()
 
@@ -445,7 +443,7 @@ def number_of(text: str, pointer: str, what: str = "a number") -> float:
     except (InputError, NoValue, OverflowError):
         value = math.nan
     if not math.isfinite(value):
-        raise InputError(f'\'{shorten(text)}\' is not {what}: write it as in 0.25, "1/4" or "pi/4".', pointer)
+        raise InputError(f'\'{refusals.shorten(text)}\' is not {what}: write it as in 0.25, "1/4" or "pi/4".', pointer)
     return value
 
 

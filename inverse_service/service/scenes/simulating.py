@@ -18,8 +18,7 @@ from inverse_service import __version__, deadline
 from inverse_service.errors import InputError
 from inverse_service.expressions.printing import to_text
 from inverse_service.integrators.trajectory import Array, Trajectory
-from inverse_service.service.scenes.scene_lagrangian import conserved, finder
-from inverse_service.service.scenes.scene_reading import read_scene, scene_schema
+from inverse_service.service.scenes import scene_lagrangian, scene_reading
 from inverse_service.simulation.advice import advice, by_itself
 from inverse_service.simulation.derivation import Derived, derive, derived_for_truth
 from inverse_service.simulation.ensemble_runs import EnsembleRun
@@ -110,17 +109,19 @@ def run_document(document: Any, progress: Progress | None, time_limit: float) ->
     # CPU time counts, not wall-clock time, so that the load of the machine has no influence. An ensemble uses threads.
     now = time.monotonic if isinstance(document, Mapping) and document.get("ensemble") else deadline.now
     end = now() + time_limit - after
-    schema = scene_schema(document)
-    scene, system = read_scene(schema)
+    schema = scene_reading.scene_schema(document)
+    scene, system = scene_reading.read_scene(schema)
     read = time.perf_counter()
     if progress is not None:
         progress("deriving")
-    find = finder(schema, system, catalogue_name(schema))
+    find = scene_lagrangian.finder(schema, system, catalogue_name(schema))
     derived = derive(scene, find)
     if not schema.methods and isinstance(derived.accelerations, tuple):
         scene = by_itself(scene, derived.accelerations)
     if "energy" in scene.observe and (scene.accelerations is not None or why_energy_varies(scene)):
-        scene = replace(scene, conserved=conserved(scene, system, derived_for_truth(scene, derived).accelerations))
+        scene = replace(
+            scene, conserved=scene_lagrangian.conserved(scene, system, derived_for_truth(scene, derived).accelerations)
+        )
     done = time.perf_counter()
     half = (now() + end) / 2
     found = run_scene(scene, derived, progress, lambda: now() > end, find, lambda: now() > half)

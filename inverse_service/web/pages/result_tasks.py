@@ -17,8 +17,7 @@ from starlette.responses import HTMLResponse
 
 from inverse_service import errors
 from inverse_service.decision.solutions import SolveOptions
-from inverse_service.service.documents import growing, plain_data, text_page
-from inverse_service.service.documents.latex_page import latex_page
+from inverse_service.service.documents import growing, latex_page, plain_data, text_page
 from inverse_service.service.figures import views
 from inverse_service.service.jobs import model, opening, tasks
 from inverse_service.web.pages import forms, preview, rendering, sheets, simulations, typesetting
@@ -172,7 +171,7 @@ def code_task(store: str, id: str, language: str, address: str) -> str:
     """A result as a text; SymPy is imported by the first program in a worker, never in the web process."""
     found = _result(store, id)
     if language == "latex":
-        return latex_page(dict(found), True, f"{address}/results/{id}")
+        return latex_page.latex_page(dict(found), True, f"{address}/results/{id}")
     if language == "embed":
         return rendering.frame_code(f"{address}/results/{id}/embed", sheets.title_of(found), "640", 320)
     if language in ("client", "curl"):

@@ -25,7 +25,6 @@ from inverse_service.service.jobs.model import Job
 from inverse_service.service.jobs.outcome import Outcome
 from inverse_service.service.jobs.statements import BatchAnswer
 from inverse_service.web import asking, clients, journal, routes_jobs
-from inverse_service.web.clients import client_of, viewer_of
 from inverse_service.web.engine import LONG_DEADLINE, QUICK_DEADLINE, Engine
 from inverse_service.web.job_answers import MINIMAL, REVALIDATE, is_known, stored_response
 from inverse_service.web.pages import forms, result_tasks, sheets, simulations
@@ -86,13 +85,13 @@ async def read_sent(
     async with asking.body_of(request, limit) as body:
         if limit <= SMALL_FORM:
             return task(body, content_type)
-        return await engine.read_body(client_of(request), task, body, content_type, seconds=seconds)
+        return await engine.read_body(clients.client_of(request), task, body, content_type, seconds=seconds)
 
 
 async def quick(request: Request, task: Callable[..., Any], *arguments: Any, seconds: float = LONG_DEADLINE) -> Outcome:
     """The outcome of a task of the quick processes for who asks."""
     engine: Engine = request.app.state.engine
-    return await engine.run_quick(client_of(request), task, *arguments, seconds=seconds)
+    return await engine.run_quick(clients.client_of(request), task, *arguments, seconds=seconds)
 
 
 # A job.
@@ -224,7 +223,7 @@ def kept(answer: httpx.Response, what: str = "result") -> dict[str, str]:
 async def made(request: Request, identifier: str, task: Callable[..., T], *arguments: Any) -> T:
     """What a worker makes of a stored result; raises Refusal where that takes too long."""
     engine: Engine = request.app.state.engine
-    return await engine.made(client_of(request), task, engine.store.address, identifier, *arguments)
+    return await engine.made(clients.client_of(request), task, engine.store.address, identifier, *arguments)
 
 
 async def successful(request: Request, identifier: str) -> httpx.Response | None:
@@ -242,7 +241,7 @@ async def finished(request: Request, identifier: str, patience: float) -> httpx.
         return None
     if answer.json()["status"] not in OPEN or not patience:
         return answer
-    engine, viewer = request.app.state.engine, viewer_of(request)
+    engine, viewer = request.app.state.engine, clients.viewer_of(request)
     job, end = await engine.job(identifier, viewer), time.monotonic() + patience
     while job is not None and job.is_open and (left := end - time.monotonic()) > 0:
         if "so_far" in (engine.supervisor.events.latest(identifier) or {}) and time.time() - job.created > SOON:
@@ -255,7 +254,7 @@ async def stored_job(request: Request, identifier: str) -> Job | None:
     """The job with its document, without its answer; None if there is no such job."""
     engine: Engine = request.app.state.engine
     is_id = IDENTIFIER.fullmatch(identifier) is not None
-    return await engine.job(identifier, viewer_of(request)) if is_id else None
+    return await engine.job(identifier, clients.viewer_of(request)) if is_id else None
 
 
 def result_address(answer: httpx.Response) -> str:
@@ -423,7 +422,7 @@ async def line(request: Request, identifier: str, number: int) -> Response:
 async def _answers(request: Request, identifier: str, most: int = SHOWN_LINES + 1) -> list[BatchAnswer] | None:
     """The answers that are there now; the call under /v1 would wait for all. None if there is no such batch."""
     engine = routes_jobs.engine_of(request)
-    if not IDENTIFIER.fullmatch(identifier) or await engine.batch(identifier, viewer_of(request)) is None:
+    if not IDENTIFIER.fullmatch(identifier) or await engine.batch(identifier, clients.viewer_of(request)) is None:
         return None
     return await engine.in_thread(engine.store.batch_answers, identifier, 0, most, LARGEST_SHOWN)
 

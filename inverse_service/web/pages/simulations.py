@@ -14,9 +14,7 @@ from inverse_service.reading.names import Names
 from inverse_service.service.documents.text_page import notes_of_formulas
 from inverse_service.service.figures import views
 from inverse_service.service.scenes import prices
-from inverse_service.service.scenes.prices import duration, method_name, short_number
-from inverse_service.web.pages import preview, typesetting
-from inverse_service.web.pages.rendering import page
+from inverse_service.web.pages import preview, rendering, typesetting
 
 PICTURES = {"svg": "image/svg+xml", "png": "image/png"}
 TABLES = {"csv": "text/csv", "npz": "application/zip"}
@@ -35,7 +33,7 @@ def simulation_result(address: str, job: Mapping[str, Any], document: str) -> HT
     """The page of a job of kind "simulate"; `address` is that of the service."""
     result = job["result"]
     columns, tables = quantities(result), views.tables_of(result)
-    return page(
+    return rendering.page(
         "simulation.html",
         active="/simulate",
         job=job,
@@ -44,7 +42,7 @@ def simulation_result(address: str, job: Mapping[str, Any], document: str) -> HT
         formulas=typesetting.formulas_of(result["system"]),
         start={name: f"{v or 0:.10g}" for name, v in start_of(result).items()},
         rows=[
-            (m, [short_number(_value(m, key)) for key, _ in columns], _why(m), m["label"] in tables)
+            (m, [prices.short_number(_value(m, key)) for key, _ in columns], _why(m), m["label"] in tables)
             for m in result["methods"]
         ],
         ensembles=[(m["label"], *_members(of)) for m in result["methods"] if (of := m.get("members_columns"))],
@@ -62,7 +60,7 @@ def simulation_result(address: str, job: Mapping[str, Any], document: str) -> HT
 def _members(columns: Mapping[str, Sequence[Any]]) -> tuple[list[str], list[tuple[int, list[str]]]]:
     """The headings and the first rows of the numbers of an ensemble, one row for each run."""
     rows = zip(*columns.values(), strict=True)
-    shown = [(k, list(map(short_number, row))) for k, row in enumerate(itertools.islice(rows, MOST_MEMBERS), 1)]
+    shown = [(k, list(map(prices.short_number, row))) for k, row in enumerate(itertools.islice(rows, MOST_MEMBERS), 1)]
     return list(map(_heading, columns)), shown
 
 
@@ -100,7 +98,7 @@ class Curve:
     @property
     def name(self) -> str:
         """The method in words."""
-        return method_name(self.label)
+        return prices.method_name(self.label)
 
 
 def precision_result(job: Mapping[str, Any], document: str) -> HTMLResponse:
@@ -112,7 +110,7 @@ def precision_result(job: Mapping[str, Any], document: str) -> HTMLResponse:
     for curve in curves:
         if not curve.errors:
             missing.setdefault(curve.reason, []).append(curve.name)
-    return page(
+    return rendering.page(
         "precision.html",
         active="/simulate",
         job=job,
@@ -120,7 +118,7 @@ def precision_result(job: Mapping[str, Any], document: str) -> HTMLResponse:
         curves=measured,
         plots=[plot_of(measured, *size) for size in ((640, 400), (350, 320))] if measured else [],
         played=[{**asdict(curve), "name": curve.name} for curve in measured],
-        sentences=prices.price_sentences(result["targets"], method_name),
+        sentences=prices.price_sentences(result["targets"], prices.method_name),
         errors=[prices.power(target["error"]) for target in result["targets"]],
         prices=[[prices.price_of(target, curve.label) for target in result["targets"]] for curve in measured],
         missing=[(", ".join(names), reason) for reason, names in missing.items()],
@@ -196,7 +194,7 @@ def plot_of(curves: Sequence[Curve], width: int, height: int) -> Plot:
         bottom,
         [(at(10.0**k, 1.0)[0], prices.power(10.0**k)) for k in range(0, math.floor(low), -1)
          if low <= k <= high and k % every == 0],
-        [(at(1.0, 10.0**k)[1], duration(10.0**k)) for k in range(floor, ceiling + 1)],
+        [(at(1.0, 10.0**k)[1], prices.duration(10.0**k)) for k in range(floor, ceiling + 1)],
         ["M" + "L".join(f"{x} {y}" for x, y in line) for line in lines],
         labels,
         leaders,
@@ -262,7 +260,10 @@ def notes_of(result: Mapping[str, Any]) -> list[str]:
         own = [str(method[key]) for key in ("note", "energy_note", "error_note", "phase_note") if method.get(key)]
         for text in (*(typesetting.capitalized(text).replace(FIELD, "") for text in own), *notes_of_formulas(method)):
             found.setdefault(text, []).append(method["label"])
-    return [*result["notes"], *(f"{', '.join(map(method_name, labels))}: {note}" for note, labels in found.items())]
+    return [
+        *result["notes"],
+        *(f"{', '.join(map(prices.method_name, labels))}: {note}" for note, labels in found.items()),
+    ]
 
 
 def free_lagrangians(result: Mapping[str, Any]) -> list[tuple[Markup, str, str]]:
@@ -296,10 +297,11 @@ def costs(result: Mapping[str, Any]) -> dict[str, Any]:
     methods = [method for method in result["methods"] if method.get("seconds")]
     stages = list(dict.fromkeys(stage for method in methods for stage in method["seconds"]))
     rows = [
-        (stage.replace("_", " "), [duration(method["seconds"].get(stage)) for method in methods]) for stage in stages
+        (stage.replace("_", " "), [prices.duration(method["seconds"].get(stage)) for method in methods])
+        for stage in stages
     ]
-    shared = [(stage, duration(value)) for stage, value in result.get("seconds", {}).items()]
-    return {"labels": [method_name(method["label"]) for method in methods], "rows": rows, "shared": shared}
+    shared = [(stage, prices.duration(value)) for stage, value in result.get("seconds", {}).items()]
+    return {"labels": [prices.method_name(method["label"]) for method in methods], "rows": rows, "shared": shared}
 
 
 def part_costs(result: Mapping[str, Any]) -> dict[str, Any]:
@@ -314,7 +316,7 @@ def part_costs(result: Mapping[str, Any]) -> dict[str, Any]:
         title = f"{name} observed" if kind == "observed" else name
         rows.append((title, [_price(part[0]) if part else "\u2013" for part in found]))
     notes = dict.fromkeys(method["cost"]["note"] for method in methods if method["cost"].get("note"))
-    return {"labels": [method_name(method["label"]) for method in methods], "rows": rows, "notes": list(notes)}
+    return {"labels": [prices.method_name(method["label"]) for method in methods], "rows": rows, "notes": list(notes)}
 
 
 def _price(part: Mapping[str, Any]) -> str:
