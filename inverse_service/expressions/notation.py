@@ -93,6 +93,10 @@ def listed(formulas: Sequence[Formula]) -> Formula:
     return row(*pieces)
 
 
+# dL/dx' in a sentence: L, x, an index such as that of v^i, primes.
+SLOPE = re.compile(r"(?<![A-Za-z])d([LHFDTf])/d([A-Za-z][A-Za-z0-9_]*)(?:\^(\w))?('{0,2})")
+
+
 def partial_derivative(of: Formula, by: Expression) -> Formula:
     """dL/dx as a fraction."""
     under = of_tree(by)

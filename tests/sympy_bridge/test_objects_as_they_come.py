@@ -108,6 +108,7 @@ def test_every_object_has_latex_and_a_result_a_picture() -> None:
         assert "arctan" not in str(part)
     assert result.first_integrals._repr_html_().count("<li>energy") == 1
     assert result.proof[0]._repr_html_() == r"These statements hold where $m \neq 0$."
+    assert r"$\frac{\partial L}{\partial \dot{x}} = " in result.proof[1].latex
     assert result.domain._repr_html_() == r"<ol><li>$\displaystyle m \neq 0$</li></ol>"
 
 

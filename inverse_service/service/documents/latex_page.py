@@ -114,7 +114,18 @@ def _side(text: str, names: Names) -> str:
     try:
         return printing.to_latex(reader.read_formula(text, names))
     except errors.InputError:
-        return notation.theory(text).latex.strip()
+        return _theory(text).strip()
+
+
+def _theory(text: str) -> str:
+    """The notation of the theory; dL/dx' is a fraction."""
+    found, place = "", 0
+    for match in notation.SLOPE.finditer(text):
+        above, name, index, primes = match.groups()
+        below = printing.name_latex(name, ("", "dot", "ddot")[len(primes)]) + (f"^{{{index}}}" if index else "")
+        found += notation.theory(text[place : match.start()]).latex + rf"\frac{{\partial {above}}}{{\partial {below}}}"
+        place = match.end()
+    return found + notation.theory(text[place:]).latex
 
 
 def names_of(system: Mapping[str, Any] | None) -> Names:

@@ -22,7 +22,6 @@ RELATIONS = {"!=": "≠", ">": ">", "<": "<", ">=": "≥", "<=": "≤", "=": "="
 _RELATION = re.compile(r" (!=|>=|<=|=|>|<) ")
 # Brackets, and the relations and commas between the sides of a proposition.
 _SIDES = re.compile(r"[()\[\]]| (?:!=|>=|<=|=|>|<) |, ")
-_SLOPE = re.compile(r"(?<![A-Za-z])d([LHFDTf])/d([A-Za-z][A-Za-z0-9_]*)(?:\^(\w))?('{0,2})")
 _BRACKETED = re.compile(r"\(((?:nabla )?Phi)\)(?=[_^])")
 _FENCE = re.compile(r"<mo>[()]</mo>")
 _TALL = re.compile(r"<(?:mfrac|msqrt|mtable)")
@@ -223,7 +222,7 @@ def _theory(text: str) -> str:
     text = _BRACKETED.sub(r"\1", text)
     found: list[str] = []
     place = 0
-    for match in _SLOPE.finditer(text):
+    for match in notation.SLOPE.finditer(text):
         found.append(_between(found, text[place : match.start()]))
         dots = f"<mo>{('', '&#x02D9;', '&#x00A8;')[len(match[4])]}</mo>"
         below = f"<mi>{escape(letters.shown(match[2]))}</mi>"
