@@ -529,10 +529,12 @@ def _solved(part: Mapping[str, Any], names: Names) -> Markup:
 def _general(exceptions: Sequence[str], result: Mapping[str, Any], names: Names) -> Markup:
     """For which parameters the answer was proven, with a link to a form that asks about the others."""
     system, listed = result["system"], Markup(", ").join(_equation_or_words(one, names) for one in exceptions)
+    parameters = _listed(system["parameters"], names)
+    if (result.get("special_cases") or {}).get("complete"):
+        return Markup('For general {}; <a href="#more">special values</a> are decided, too.').format(parameters)
     given = system.get("given")
     address = forms.question_address({**given, "special_cases": True}) if isinstance(given, dict) else ""
     decide = Markup(' <a href="{}">Decide special values</a>.').format(address) if address else Markup("")
-    parameters = _listed(system["parameters"], names)
     left_out = Markup(" (not decided here: {})").format(listed) if canonical.are_found(exceptions) else ""
     return Markup("For general {}{}.{}").format(parameters, left_out, decide)
 
