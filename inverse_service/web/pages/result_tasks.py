@@ -249,8 +249,9 @@ def _words_of_more(sheet: sheets.Sheet) -> str:
 # The texts to take along: label and ending of the file, the most wanted first.
 EXPORTS = {
     "sympy": ("SymPy", "py"), "julia": ("Julia", "jl"), "matlab": ("MATLAB", "m"), "c": ("C", "c"),
-    "latex": ("LaTeX", "tex"), "python": ("Python", "py"), "octave": ("Octave", "m"),
-    "mathematica": ("Mathematica", "wl"), "maple": ("Maple", "mpl"), "maxima": ("Maxima", "mac"), "cpp": ("C++", "cpp"),
+    "latex": ("LaTeX", "tex"), "python": ("Python", "py"), "jax": ("JAX", "py"),
+    "modelingtoolkit": ("ModelingToolkit", "jl"), "octave": ("Octave", "m"), "mathematica": ("Mathematica", "wl"),
+    "maple": ("Maple", "mpl"), "maxima": ("Maxima", "mac"), "cpp": ("C++", "cpp"),
     "fortran": ("Fortran", "f90"), "rust": ("Rust", "rs"), "javascript": ("JavaScript", "js"),
     "client": ("Python client", "py"), "curl": ("curl", "sh"), "embed": ("HTML to embed", "html"),
 }  # fmt: skip
