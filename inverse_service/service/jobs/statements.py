@@ -357,7 +357,7 @@ def submit_and_claim(
 ) -> tuple[list[model.Job], list[model.Job]]:  # fmt: skip
     """`submit`, and in the same transaction `claim`: the jobs of the requests, and those claimed."""
     jobs = submit(session, requests, bounds)
-    claimed = claim(session, owner, limit, client_running)
+    claimed = claim(session, owner, limit, client_running) if limit > 0 else []
     begun = {job.id for job in claimed}
     session.told[:] = [change for change in session.told if change.what != "accepted" or change.id not in begun]
     return jobs, claimed

@@ -250,18 +250,16 @@ class Supervisor:
         """Take back what a dead service left behind, then work."""
         self._take_back(0.0 if self._store.exclusive else LEASE)
         self._store.on_change(self._changed)
-        work = [self._claim_loop, self._tick_loop, *[self._finish_loop] * FINISHERS]
+        work = [self._work_loop, *[self._finish_loop] * FINISHERS]
         self._threads = [threading.Thread(target=w, name=f"jobs-{k}", daemon=True) for k, w in enumerate(work)]
         for thread in self._threads:
             thread.start()
         self._wake.set()
 
     def submit(self, request: model.JobRequest, bounds: model.Bounds) -> model.Job:
-        """Store a question, and begin in the same commit what a worker is free for; its job as it was accepted."""
-        free = 0 if self._stopping.is_set() else self._free()
-        if free <= 0:
-            return self._store.submit([request], bounds)[0]
-        jobs, claimed = self._store.submit_and_claim([request], bounds, self._owner, free, self._client_running)
+        """Store a question, and begin in the same commit what may be claimed; its job as it was accepted."""
+        free, most = self._room(request.client)
+        jobs, claimed = self._store.submit_and_claim([request], bounds, self._owner, free, most)
         for job in claimed:
             self._start(job)
         return jobs[0]
@@ -302,14 +300,26 @@ class Supervisor:
             thread.join(max(0.0, end - time.monotonic()))
         self.events.flush()
 
-    def _claim_loop(self) -> None:
+    def _work_loop(self) -> None:
+        """Claim jobs when woken; write events, try short questions and keep the claims now and then."""
+        written = tried = self._beaten
         while not self._stopping.is_set():
-            self._wake.wait(None if self._store.exclusive else POLL)
+            is_woken = self._wake.wait(TICK)
             self._wake.clear()
+            now = time.monotonic()
             try:
-                self._claim()
+                if is_woken:
+                    self._claim()
+                if now - written > WRITE_EVENTS:
+                    self.events.flush()
+                    written = now
+                if self._quick is not None and now - tried > TICK:
+                    self._try_short(self._quick)
+                    tried = now
+                if now - self._beaten > HEARTBEAT:
+                    self._beat()
             except (sqlite3.Error, errors.InverseServiceError, OSError):
-                log.exception("jobs cannot be claimed; trying again")
+                log.exception("the store does not answer; trying again")
                 self._stopping.wait(POLL)
                 self._wake.set()
 
@@ -317,17 +327,29 @@ class Supervisor:
         """How many jobs may be claimed: as many as run, and as many again, so that no worker waits for the disk."""
         return 2 * self._executor.capacity - len(self._running)
 
+    def _room(self, client: str | None = None) -> tuple[int, int]:
+        """How many jobs may be claimed, and how many of one client may run with them.
+
+        Where none is free, there is room for clients with nothing running, among whom is `client`.
+        """
+        if self._stopping.is_set():
+            return 0, 0
+        if (free := self._free()) > 0 or self._quick is None:
+            return free, self._client_running
+        with self._lock:
+            is_busy = any(claimed.job.client == client for claimed in self._running.values())
+        return 0 if is_busy else free + AHEAD, 1
+
     def _claim(self) -> None:
-        while not self._stopping.is_set():
+        while True:
             self._more = True
-            free, most = self._free(), self._client_running
-            if free <= 0 and self._quick is not None:
-                free, most = free + AHEAD, 1
+            free, most = self._room()
             if free < min(self._executor.capacity, AHEAD):  # no worker waits yet: several are claimed in one commit
                 return
+            self._more = False  # who accepts one from now on sets it again
             if not self._store.is_waiting():
-                self._more = False  # who accepts one from now on wakes this thread
                 return
+            self._more = True
             jobs = self._store.claim(self._owner, free, most)
             for job in jobs:
                 self._start(job)
@@ -435,20 +457,6 @@ class Supervisor:
         figures = {"wall": round(spent.wall, 4), "cpu": round(spent.cpu, 4), "memory": round(spent.memory, 1)}
         log.info("job ended", extra={"job": job.id, "client": job.client, "attempt": job.attempt, **about, **figures})
 
-    def _tick_loop(self) -> None:
-        written = time.monotonic()
-        while not self._stopping.wait(TICK):
-            try:
-                if time.monotonic() - written > WRITE_EVENTS:
-                    self.events.flush()
-                    written = time.monotonic()
-                if self._quick is not None:
-                    self._try_short(self._quick)
-                if time.monotonic() - self._beaten > HEARTBEAT:
-                    self._beat()
-            except (sqlite3.Error, errors.InverseServiceError, OSError):
-                log.exception("the store does not answer")
-
     def _beat(self) -> None:
         """Keep the claims, stop what another front end dismissed or took over, take back those of one that is gone."""
         self._beaten = time.monotonic()
@@ -464,9 +472,11 @@ class Supervisor:
             self._take_back(LEASE)
 
     def _changed(self, change: model.Change) -> None:
-        """Claim what waits now."""
+        """Claim what waits now; one question that had no room as it was accepted, at the end of a run."""
         if change.what == "accepted":
-            self._wake.set()
+            self._more = True
+            if not change.id or self._free() > 0:
+                self._wake.set()
 
     def _take_back(self, lease: float) -> None:
         for job in self._store.recover(lease):
