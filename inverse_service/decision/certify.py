@@ -128,8 +128,8 @@ def where_of(cell: Cell | None, names: Names) -> Where:
 def domain_of(cell: Cell | None, names: Names) -> tuple[list[str], list[str]]:
     """The members of a cell as a person writes them, in text and in LaTeX."""
     where = where_of(cell, names)
-    found = [*(notation.row(tree, " != 0") for tree in where.nonzero), *map(inequalities.inequality, where.positive)]
-    return [one.text for one in found], [one.latex for one in found]
+    trees = (*(tree**2 for tree in where.nonzero), *where.positive)
+    return [*map(inequalities.inequality_text, trees)], [*map(inequalities.inequality_latex, trees)]
 
 
 def shortest(positive: Sequence[ex.Expression], nonzero: Sequence[ex.Expression] = ()) -> list[str]:

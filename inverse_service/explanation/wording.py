@@ -46,7 +46,7 @@ def _formula(piece: Piece, kind: str = "formula") -> Part:
     if isinstance(piece, Expression):
         return Part(kind, printing.to_text(piece))
     formula = notation.formula_of(piece)
-    return Part(kind, formula.text, (*formula.letters, *({"R"} & {*formula.uses})))
+    return Part(kind, formula.text, formula.letters)
 
 
 def enumerated(formulas: Sequence[Piece]) -> list[Piece]:

@@ -15,11 +15,21 @@ _LONGEST = 1.0  # s, of one deduction
 
 
 def inequality(tree: ex.Expression) -> notation.Formula:
-    """The condition that the tree is positive, as a formula in all formats, collected where that is shorter."""
+    """The condition that the tree is positive, collected where that is shorter."""
+    return notation.row(*_relation(tree))
+
+
+def inequality_latex(tree: ex.Expression) -> str:
+    """The same in LaTeX."""
+    left, sign, right = _relation(tree)
+    return f"{printing.to_latex(left)}{notation.to_latex(sign)}{printing.to_latex(right)}"
+
+
+def _relation(tree: ex.Expression) -> tuple[ex.Expression, str, ex.Expression]:
     if isinstance(tree, ex.Power) and isinstance(tree.exponent, ex.Number) and tree.exponent.value % 2 == 0:
-        return notation.row(tree.base, " != 0")
+        return tree.base, " != ", ex.ZERO
     left, right, is_greater = _sides(min(collecting.collect(tree), tree, key=ex.node_count))
-    return notation.row(left, " > " if is_greater else " < ", right)
+    return left, " > " if is_greater else " < ", right
 
 
 def inequality_text(tree: ex.Expression) -> str:

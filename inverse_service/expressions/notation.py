@@ -1,7 +1,7 @@
-"""Formulas in text, LaTeX and MathML together: trees, matrices, and the tensor notation of the theory.
+"""The tensor notation of the theory, written as people type it: "g_ij R^j_kl", "Gamma(g) = g N + (g N)^T".
 
-The theory's notation is a small one of our own, written as people type it: "g_ij R^j_kl", "Gamma(g) = g N + (g N)^T",
-"dg_ij/dv^k". It is used for formulas that this program composes, never for users' text.
+It is used for formulas that this program composes, never for users' text. `Formula` joins such texts and trees;
+`to_latex` and `to_mathml` write them for print.
 """
 
 import re
@@ -17,80 +17,43 @@ from inverse_service.expressions.tree import Expression
 _TOKEN = re.compile(
     r"(?P<rate>d/dt)\b|(?P<name>[A-Za-z]+)(?P<marks>(?:[_^](?:\([^()]*\)|[A-Za-z0-9]+))*)(?P<primes>'*)(?P<power>\^\d)?|\)(?P<above>\^\w)|(?P<digits>\d+)|(?P<space>\s+)|(?P<sign>[!<>]=|.)"
 )
-# Signs between trees that the reader of formulas knows.
-_READS_BACK = re.compile(r" = (?:-?\d+(?:/\d+)?)?| [-+] |-?\d*\*?|\d+")
 _MARK = re.compile(r"[_^](?:\([^()]*\)|[A-Za-z0-9]+)")
 _PARTIAL = re.compile(r"d([a-zA-Z]|Phi)")
 _GREEK = {"alpha": "\u03b1", "Gamma": "Γ", "Phi": "Φ", "nabla": "∇", "lambda": "λ", "mu": "μ", "phi": "φ", "tau": "τ"}
 _WORDS = frozenset(("det", "for", "and"))
 _SIGNS = {"-": "\u2212", "*": "\u2062", "!=": "≠", ">=": "≥", "<=": "≤"}
 _LATEX_SIGNS = {"*": " ", "\u2026": r"\dots", "!=": r"\neq ", ">=": r"\geq ", "<=": r"\leq "}
-# The subjects of formulas: the keys under which a result and the pages explain them.
-_USES = {"Phi": "Phi", "Gamma": "Gamma", "N": "N", "R": "R"}
 
 
 @dataclass(frozen=True, slots=True)
 class Formula:
-    """A formula; `mathml` is the content of <math>, `uses` are the tensors that it names.
-
-    `letters` are the names of the theory in it, with their lower indices. `reads_back` says that the reader of
-    formulas understands its text.
-    """
+    """A formula as text; `letters` are the names of the theory in it, with their lower indices, and R without."""
 
     text: str
-    latex: str
-    mathml: str
-    uses: tuple[str, ...] = ()
-    reads_back: bool = False
     letters: tuple[str, ...] = ()
-
-
-def of_tree(tree: Expression) -> Formula:
-    """The formula of an expression."""
-    mathml = printing.to_mathml(tree).partition(">")[2].removesuffix("</math>")
-    return Formula(printing.to_text(tree), printing.to_latex(tree), mathml, reads_back=True)
 
 
 def row(*pieces: Formula | Expression | str) -> Formula:
     """The concatenated pieces; texts are in the notation of the theory."""
     parts = [formula_of(piece) for piece in pieces]
-    uses = tuple(dict.fromkeys(use for part in parts for use in part.uses))
-    return Formula(
-        "".join(part.text for part in parts),
-        "".join(part.latex for part in parts),
-        f"<mrow>{''.join(part.mathml for part in parts)}</mrow>",
-        uses,
-        all(part.reads_back or _READS_BACK.fullmatch(part.text) for part in parts),
-        tuple(letter for part in parts for letter in part.letters),
-    )
+    return Formula("".join(part.text for part in parts), tuple(letter for part in parts for letter in part.letters))
 
 
 def formula_of(piece: Formula | Expression | str) -> Formula:
     """Any piece as a formula."""
     if isinstance(piece, str):
         return theory(piece)
-    return piece if isinstance(piece, Formula) else of_tree(piece)
+    return piece if isinstance(piece, Formula) else Formula(printing.to_text(piece))
 
 
 def matrix(rows: Sequence[Sequence[Formula | Expression]]) -> Formula:
     """A matrix with its entries."""
-    entries = [[formula_of(entry) for entry in line] for line in rows]
-    text = ", ".join(f"[{', '.join(entry.text for entry in line)}]" for line in entries)
-    latex = r" \\ ".join(" & ".join(entry.latex for entry in line) for line in entries)
-    cells = "".join(f"<mtr>{''.join(f'<mtd>{entry.mathml}</mtd>' for entry in line)}</mtr>" for line in entries)
-    return Formula(
-        f"[{text}]",
-        rf"\begin{{pmatrix}} {latex} \end{{pmatrix}}",
-        f"<mrow><mo>(</mo><mtable>{cells}</mtable><mo>)</mo></mrow>",
-    )
+    return Formula(f"[{', '.join(f'[{listed(line).text}]' for line in rows)}]")
 
 
-def listed(formulas: Sequence[Formula]) -> Formula:
+def listed(formulas: Sequence[Formula | Expression]) -> Formula:
     """Formulas with commas between them."""
-    pieces: list[Formula | str] = []
-    for formula in formulas:
-        pieces += [", ", formula] if pieces else [formula]
-    return row(*pieces)
+    return row(*[piece for formula in formulas for piece in (", ", formula)][1:])
 
 
 # dL/dx' in a sentence: L, x, an index such as that of v^i, primes.
@@ -98,15 +61,8 @@ SLOPE = re.compile(r"(?<![A-Za-z])d([LHFDTf])/d([A-Za-z][A-Za-z0-9_]*)(?:\^(\w))
 
 
 def partial_derivative(of: Formula, by: Expression) -> Formula:
-    """dL/dx as a fraction."""
-    under = of_tree(by)
-    return Formula(
-        f"d{of.text}/d{under.text}",
-        rf"\frac{{\partial {of.latex}}}{{\partial {under.latex}}}",
-        f"<mfrac><mrow><mi>∂</mi>{of.mathml}</mrow><mrow><mi>∂</mi>{under.mathml}</mrow></mfrac>",
-        of.uses,
-        letters=of.letters,
-    )
+    """dL/dx."""
+    return Formula(f"d{of.text}/d{printing.to_text(by)}", of.letters)
 
 
 # The symbol of the multiplier: g, unless the system uses that name.
@@ -129,39 +85,51 @@ def theory(text: str) -> Formula:
     """A formula of the theory from its text."""
     if MULTIPLIER.get() != "g":
         text = _LETTER_G.sub(MULTIPLIER.get(), text)
-    latex, mathml, uses, letters = [], [], [], []
+    letters: list[str] = []
+    for match in filter(lambda match: match["name"], _TOKEN.finditer(text)):
+        below = "".join(mark for mark in _MARK.findall(match["marks"]) if mark[0] == "_")
+        letters += [match["name"] + match["primes"] + below, *["R"] * (match["name"] == "R")]
+    return Formula(text, tuple(letters))
+
+
+def to_latex(text: str) -> str:
+    """The LaTeX of a text in the notation of the theory."""
+    found = ""
     for match in _TOKEN.finditer(text):
         if match["rate"]:
-            latex.append(r"\frac{d}{dt}")
-            mathml.append("<mfrac><mi>d</mi><mrow><mi>d</mi><mi>t</mi></mrow></mfrac>")
+            found += r"\frac{d}{dt}"
         elif match["name"]:
-            name, primes = match["name"], match["primes"]
-            marks = _MARK.findall(match["marks"] + (match["power"] or ""))
-            latex.append(_with_marks_latex(name, marks, primes))
-            mathml.append(_with_marks_mathml(name, marks, primes))
-            letters.append(name + primes + "".join(mark for mark in marks if mark[0] == "_"))
-            if name in _USES:
-                uses.append("nabla_Phi" if name == "Phi" and _is_after_nabla(text, match.start()) else _USES[name])
+            found += _name_latex(match["name"], _marks(match), match["primes"])
         elif match["above"]:
-            latex.append(f"){_mark_latex(match['above'])}")
-            mathml.append(f"<msup><mo>)</mo><mrow>{_mark(match['above'])}</mrow></msup>")
-        elif match["digits"]:
-            latex.append(match["digits"])
-            mathml.append(f"<mn>{match['digits']}</mn>")
-        elif match["space"]:
-            latex.append(" ")
+            found += f"){_mark_latex(match['above'])}"
         else:
-            latex.append(_LATEX_SIGNS.get(match["sign"], match["sign"]))
+            found += match["digits"] or " " * bool(match["space"]) or _LATEX_SIGNS.get(match["sign"], match["sign"])
+    return found
+
+
+def to_mathml(text: str) -> str:
+    """The same as the content of <math>."""
+    found = ""
+    for match in _TOKEN.finditer(text):
+        if match["rate"]:
+            found += "<mfrac><mi>d</mi><mrow><mi>d</mi><mi>t</mi></mrow></mfrac>"
+        elif match["name"]:
+            found += _name_mathml(
+                match["name"], _MARK.findall(match["marks"] + (match["power"] or "")), match["primes"]
+            )
+        elif match["above"]:
+            found += f"<msup><mo>)</mo><mrow>{_mark(match['above'])}</mrow></msup>"
+        elif match["digits"]:
+            found += f"<mn>{match['digits']}</mn>"
+        elif match["sign"]:
             is_first = text[: match.start()].rstrip()[-1:] in ("=", "(", ",", "")
             form = ' form="prefix"' if match["sign"] == "-" and is_first else ""
-            mathml.append(f"<mo{form}>{escape(_SIGNS.get(match['sign'], match['sign']))}</mo>")
-    return Formula(
-        text, "".join(latex), f"<mrow>{''.join(mathml)}</mrow>", tuple(dict.fromkeys(uses)), letters=tuple(letters)
-    )
+            found += f"<mo{form}>{escape(_SIGNS.get(match['sign'], match['sign']))}</mo>"
+    return found
 
 
-def _is_after_nabla(text: str, place: int) -> bool:
-    return re.search(r"nabla(?:\^\d)?\s*$", text[:place]) is not None
+def _marks(match: re.Match[str]) -> list[str]:
+    return _MARK.findall(match["marks"] + (match["power"] or ""))
 
 
 def _body(name: str) -> tuple[str, str]:
@@ -179,7 +147,7 @@ def _body(name: str) -> tuple[str, str]:
     return (name, f"<mi>{name}</mi>") if len(name) == 1 or name == "dt" else (rf"\mathrm{{{name}}}", f"<mi>{name}</mi>")
 
 
-def _with_marks_latex(name: str, marks: Sequence[str], primes: str) -> str:
+def _name_latex(name: str, marks: Sequence[str], primes: str) -> str:
     body = _body(name)[0]
     command = body.startswith("\\") and not body.endswith(("}", " "))
     found = body + "'" * len(primes)
@@ -187,7 +155,7 @@ def _with_marks_latex(name: str, marks: Sequence[str], primes: str) -> str:
     return found + (" " if command and not marks else "")
 
 
-def _with_marks_mathml(name: str, marks: Sequence[str], primes: str) -> str:
+def _name_mathml(name: str, marks: Sequence[str], primes: str) -> str:
     body = _body(name)[1]
     sub = "".join(_mark(mark) for mark in marks if mark[0] == "_")
     sup = "".join(_mark(mark) for mark in marks if mark[0] == "^")

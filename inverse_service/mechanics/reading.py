@@ -220,6 +220,8 @@ def _definitions(texts: Mapping[str, str], declared: document_names.Declared) ->
             is_definition = first.kind == "name" and rest and rest[0].is_operator("=") and not moves
             if not is_definition or document_names.moving_names(rest, 2):  # F = m*x'' moves x
                 continue
+            if document_names.moving_names(rest, 1) and any(_moves(each, first.text, 1) for each in texts.values()):
+                continue  # p = m*x' next to p' = -k*x
             if first.text != "L" and not any(map(_moves, texts.values())):
                 continue  # what is missing is the motion
             what, instead = f"{first.text} = … is a definition, not an equation of motion; it occurs", ""
@@ -266,10 +268,10 @@ _END_OF_TEXT = re.compile(
 )
 
 
-def _moves(text: str, name: str = "") -> bool:
-    """Whether a name of the text has a derivative in time; with `name`, whether this has two."""
+def _moves(text: str, name: str = "", order: int = 2) -> bool:
+    """Whether a name of the text has a derivative in time; with `name`, whether this has so many."""
     try:
-        moving = document_names.moving_names(reader.read_tokens(text), 2 if name else 1)
+        moving = document_names.moving_names(reader.read_tokens(text), order if name else 1)
         return name in moving if name else bool(moving)
     except errors.InputError:
         return not name

@@ -346,6 +346,8 @@ def _coordinates(
     else:
         pointer = "/equations" if order == 2 else "/lagrangian"
         found = tuple(dict.fromkeys(key_name(key, names) for key in keys)) or inferred_coordinates(texts, names, order)
+        if order == 1 and names.guesses and declared.where:
+            found = tuple(dict.fromkeys((*found, *_moved_by_definitions(texts, names))))
         if texts and not found:
             missing = NO_ACCELERATION if order == 2 else _NO_VELOCITY
             raise _nothing_moves(texts, names, order) or errors.InputError(missing, pointer)
@@ -354,6 +356,47 @@ def _coordinates(
             "there are no coordinates: name at least one, or write equations that contain x''.", pointer
         )
     return tuple(bounded(list(found), pointer, "coordinates", declared.most))
+
+
+def _moved_by_definitions(texts: Mapping[str, str], names: nm.Names) -> list[str]:
+    """The theta of x = l sin(theta) and the r of x = r cos(phi) where L has x': angles, and names such as r and x.
+
+    An angle is the argument of a sine or cosine without factors other than numbers: in cos(omega t) none moves.
+    """
+    formulas = {
+        name: text for pointer, text in texts.items() if (name := names.spelling(pointer.removeprefix("/where/")))
+    }
+    others = {pointer: text for pointer, text in texts.items() if not pointer.startswith("/where/")}
+    todo = [
+        names.spelling(name) for name in inferred_coordinates(others, replace(names, parameters=(), functions={}), 1)
+    ]
+    found: dict[str, None] = {}
+    for name in todo:
+        line = reader.tokens_if_any(formulas.get(name, ""), names) if names.role(name) == "parameter" else []
+        for place, token in enumerate(line):
+            each = names.spelling(token.text)
+            if token.kind != "name" or token.text == "t" or token.text in nm.FUNCTIONS | {"pi"}:
+                continue
+            if names.role(each) == "parameter" and each not in todo:
+                todo.append(each)
+            elif names.role(each) is None and (nm.looks_like_a_coordinate(each) or _is_angle(line, place)):
+                found.setdefault(each)
+    return list(found)
+
+
+def _is_angle(line: Sequence[Token], place: int) -> bool:
+    """Whether the name is the argument of a sine or cosine, or a term of it with no factors but numbers."""
+    start = place - 1
+    while (
+        at(line, start).kind == "number"
+        or at(line, start).is_operator("+", "-", "*")
+        or (at(line, start).kind == "name" and at(line, start - 1).is_operator("(", "+", "-"))
+    ):
+        start -= 1
+    bracket = at(line, start).is_operator("(")
+    around = (at(line, place - 1), at(line, place + 1))
+    alone = not any(token.is_operator("*", "/") or token.kind == "name" for token in around[1 - bracket :])
+    return alone and at(line, start - bracket).text in ("sin", "cos", "tan")
 
 
 # Other spellings of a second derivative, with the message for each.
@@ -373,6 +416,12 @@ def _nothing_moves(texts: Mapping[str, str], names: nm.Names, order: int) -> err
     for name in inferred_coordinates(texts, nm.Names(), order):
         known = names.spelling(name)
         derivatives = "two derivatives" if order == 2 else "a derivative"
+        if f"/where/{known}" in texts:
+            return errors.InputError(
+                f"{name} has {derivatives} in time, and its formula contains nothing that clearly moves, such as the "
+                'theta of l*sin(theta): name what moves in "coordinates".',
+                f"/where/{known}",
+            )
         return errors.InputError(
             f"{name} has {derivatives} in time, and {known} is declared as a {names.role(known)}: remove it, or "
             "name the coordinates.",
@@ -443,7 +492,9 @@ def inferred_coordinates(texts: Mapping[str, str], declared: nm.Names, order: in
             tokens = reader.read_tokens(text, declared)
             if not declared.guesses:
                 _refuse_products(tokens, moving_products({pointer: text}, declared, order))
-        names = [name for name in moving_names(tokens, order) if declared.role(declared.spelling(name)) is None]
+        moving = moving_names(tokens, order)
+        moving += reader.moving_in_forms(tokens, declared) if pointer.startswith("/constraints") else []
+        names = [name for name in moving if declared.role(declared.spelling(name)) is None]
         found.update(dict.fromkeys(nm.declared_name(name, pointer, "coordinate") for name in names))
     return tuple(found)
 
@@ -673,7 +724,8 @@ def _guessed(texts: Mapping[str, str], declared: nm.Names, dummies: Collection[s
     _ask_back(called, nm.Names(coordinates, (), {**declared.functions, **found_functions}))
     known_names = nm.Names(coordinates, declared.parameters, {**declared.functions, **found_functions})
     held = [token.text for pointer, line in lines.items() if pointer.startswith("/constraints") for token in line]
-    rolls = "r" in held and nm.GREEK_NAMES & {*coordinates}  # then r is the radius of a wheel
+    angles = nm.GREEK_NAMES & {name.rstrip("_0123456789") for name in coordinates}
+    rolls = "r" in held and angles  # then r is the radius of a wheel
     splits |= _ask_back({name: at for name, at in guessed.items() if name != "r" or not rolls}, known_names, raised)
     return Guess(tuple(name for name in guessed if name not in splits), found_functions, splits)
 

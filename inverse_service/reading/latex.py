@@ -196,6 +196,8 @@ ACCENTS = {"bar": "bar", "tilde": "tilde", "widetilde": "tilde"}  # \bar{x} is t
 MARKED = VECTORS | OTHER_LETTERS
 _WORDS = nm.FUNCTIONS | nm.DERIVATIVE_NAMES | nm.REFUSED.keys()
 
+# Words that are no product of letters: their backslash was left out.
+_COMMANDS = frozenset(("dot", "ddot", "frac", "tfrac", "dfrac", "cdot", "times", "left", "right", "partial", "mathrm"))
 _FRACTIONS = ("frac", "tfrac", "dfrac", "cfrac")
 _SIGNS = {
     "div": "/",
@@ -573,10 +575,14 @@ class LatexTranslator:
         length = next((k for k, piece in enumerate(pieces) if piece.kind == "operator"), len(pieces))
         word = "".join(piece.text for piece in pieces[:length])
         for size in range(length, 1, -1):
-            known = word[:size] in _WORDS and size == length
-            if known or self._names.role(word[:size]) or self._names.derivative(word[:size]):
+            part = word[:size]
+            known = (part in _WORDS and size == length) or (size > 2 and part in LETTER_COMMANDS)  # alpha for \alpha
+            if known or self._names.role(part) or self._names.derivative(part):
                 self._raw.position += size
-                return word[:size]
+                return LETTER_COMMANDS.get(part, part) if self._names.role(part) is None else part
+            if part in _COMMANDS:
+                span = (pieces[0].column, pieces[0].column + size)
+                raise refusal(f"{part} has no backslash", span[0], f"write \\{part}", (f"\\{part}",), span)
         self._raw.position += 1
         return word[0]
 

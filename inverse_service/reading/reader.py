@@ -15,7 +15,7 @@ from inverse_service import errors
 from inverse_service.expressions import tree as ex
 from inverse_service.expressions.refusals import refusal, shorten
 from inverse_service.reading import notations, parser
-from inverse_service.reading.names import FUNCTIONS, MAY_BE_FUNCTIONS, Names, written_product
+from inverse_service.reading.names import FUNCTIONS, GREEK_NAMES, MAY_BE_FUNCTIONS, Names, written_product
 from inverse_service.reading.tokens import (
     COMPARED,
     TOTAL,
@@ -48,6 +48,7 @@ _RAISED_FIRST = re.compile(
     r"(_(?:\{\w+\}|[A-Za-z](?!\w)|\d+(?![\d_']))|[\u2080-\u2089]+)"
 )
 _ACCELERATION = re.compile(r"(?<!')''(?!['(])")
+_LETTER_OF_A_FORM = re.compile(rf"(?:[A-Za-z]|{'|'.join(sorted(GREEK_NAMES))})(?:_?[0-9]+)?")
 _MATHEMATICA = re.compile(r"[A-Za-z']\[|==")
 
 
@@ -134,17 +135,10 @@ def _with_forms(tokens: list[Token], names: Names) -> list[Token]:
     found: list[Token] = []
     place = 0
     _ask_about_displacements(tokens, names)
-    while place < len(tokens):
-        token, following = tokens[place], at(tokens, place + 1)
-        name, length, factor = "", 1, list[Token]()
-        if token.kind == "name" and "d" in token.text and names.role(token.text) is None:
-            before, _, name = token.text.partition("d")  # dx, y dx and ydx
-            known = names.role(names.spelling(before)) is not None or len(before) == 1
-            factor = [replace(token, text=before)] * bool(before)
-            name = name if known or not before else ""
-        if (token.text == "d" and not name and names.role("d") is None) or token.is_operator(TOTAL):
-            name, length = (following.text, 2) if following.kind == "name" else ("", 1)
-        if name == "t" and found and (found[-1].kind in ("name", "prime", "number") or found[-1].is_operator(")")):
+    for place, length, factor, name in differentials(tokens, names):
+        token = tokens[place]
+        before = found[-1] if found else token
+        if name == "t" and found and (before.kind in ("name", "prime", "number") or before.is_operator(")")):
             pass  # x dt is x
         elif name == "t":
             found.append(Token("number", "1", token.column, True, Fraction(1)))
@@ -152,9 +146,46 @@ def _with_forms(tokens: list[Token], names: Names) -> list[Token]:
             prime = Token("prime", _OF_A_FORM, token.column, False, Fraction(1))
             found += [*factor, Token("name", name, token.column, True), prime]
         else:
-            found.append(token)
-            length = 1
+            found += tokens[place : place + length]
+    return found
+
+
+def differentials(tokens: Sequence[Token], names: Names) -> Iterator[tuple[int, int, list[Token], str]]:
+    """(place, number of tokens, factor, name) of each dz, y dx and ydx; the other tokens one by one without a name.
+
+    In d theta' and, next to velocities, in d x with a space, d is a constant.
+    """
+    place = 0
+    moves = any(token.kind == "prime" for token in tokens)
+    while place < len(tokens):
+        token, following = tokens[place], at(tokens, place + 1)
+        name, length, factor = "", 1, list[Token]()
+        if token.kind == "name" and "d" in token.text and names.role(token.text) is None:
+            before, _, name = token.text.partition("d")
+            known = names.role(names.spelling(before)) is not None or len(before) == 1
+            factor = [replace(token, text=before)] * bool(before)
+            name = name if known or not before else ""
+        apart = at(tokens, place + 2).kind == "prime" or (moves and following.space_before)
+        if (token.text == "d" and not name and names.role("d") is None and not apart) or token.is_operator(TOTAL):
+            name, length = (following.text, 2) if following.kind == "name" else ("", 1)
+        yield place, length, factor, name
         place += length
+
+
+def names_in_forms(text: str) -> set[str]:
+    """The letters z and x in dz - y dx."""
+    found = differentials(tokens_if_any(text, Names()), Names())
+    return {name for *_, name in found if _LETTER_OF_A_FORM.fullmatch(name)}
+
+
+def moving_in_forms(tokens: Sequence[Token], names: Names) -> list[str]:
+    """The undeclared names z and x of dz - y dx = 0 and of dz = 0, which are letters."""
+    found: list[str] = []
+    for line, _ in split(tokens, lambda _, token: token.is_operator(";", ",")):
+        each = [name for _, _, _, name in differentials(line, names) if _LETTER_OF_A_FORM.fullmatch(name)]
+        alone = [token.text for token in line[-2:]] == ["=", "0"]
+        if (len(each) > 1 or (each and alone)) and not any(token.kind == "prime" for token in line):
+            found += [name for name in each if name != "t" and names.role(names.spelling(name)) is None]
     return found
 
 
@@ -179,10 +210,11 @@ def _without_names_of_forms(tokens: list[Token], names: Names) -> list[Token]:
     for line, end in split(tokens, lambda _, token: token.is_operator(";", ",")):
         named = len(line) > 2 and line[0].kind == "name" and line[1].is_operator("=")
         last = [token.text for token in line[-2:]] == ["=", "0"] and len(line) > 4
-        form = any(token.text == _OF_A_FORM for token in line)
+        form = any(token.kind == "prime" and token.text == _OF_A_FORM for token in line)
         if named and (last or form) and names.role(names.spelling(line[0].text)) != "coordinate":
             note(f"{line[0].text} =", LEFT_OUT)
-            line = line[2:]
+            zero = [] if last else [Token("number", "0", line[0].column), line[1]]
+            line = [*zero, *line[2:]]
         found += [*line, *([end] if end else [])]
     return found
 

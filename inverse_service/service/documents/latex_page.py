@@ -123,9 +123,9 @@ def _theory(text: str) -> str:
     for match in notation.SLOPE.finditer(text):
         above, name, index, primes = match.groups()
         below = printing.name_latex(name, ("", "dot", "ddot")[len(primes)]) + (f"^{{{index}}}" if index else "")
-        found += notation.theory(text[place : match.start()]).latex + rf"\frac{{\partial {above}}}{{\partial {below}}}"
+        found += notation.to_latex(text[place : match.start()]) + rf"\frac{{\partial {above}}}{{\partial {below}}}"
         place = match.end()
-    return found + notation.theory(text[place:]).latex
+    return found + notation.to_latex(text[place:])
 
 
 def names_of(system: Mapping[str, Any] | None) -> Names:

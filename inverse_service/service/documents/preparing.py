@@ -139,7 +139,7 @@ _DL = r"(?:\u2202|\\partial)\s{0,9}L\b[^;,\n=]{0,120}"
 _LAGRANGES_EQUATION = re.compile(
     rf"(?:\\[dt]?frac\s*\{{\s*d\s*\}}\s*\{{\s*dt\s*\}}|d\s*/\s*dt)[^;,\n=]{{0,120}}?{_DL}=(?:\s*0|\s*\\?[dt]?\w*\{{?{_DL})\s*(?=$|[;,.\n\\])"
 )
-_WRAPPER_ENDS = re.compile(r"(?:\$+|\\\]|\\end\s*\{\w+\*?\}|[\s;,.])*$")
+_WRAPPER_ENDS = re.compile(r"(?:\$+|\\[\],;:! ]|\\end\s*\{\w+\*?\}|[\s;,.])*$")
 # dx and d\theta, in dz = y dx and dz = ydx; \delta x is a virtual displacement, or asked about
 _FORM = re.compile(r"(?<![A-Za-z\\][A-Za-z])(?<!\\)d(?:[A-Za-z]|\s*\\)|(?:\u03b4|\bdelta\s)\s*[\w\\]")
 _OF_A_FORM = re.compile(r"\s*(?:d|\u03b4)")
@@ -195,12 +195,16 @@ def _with_lagrangian(plain: dict[str, Any]) -> tuple[dict[str, Any], dict[str, s
         for named, formula, _ in energies.values():
             sign = ("-" if named["potential"] else "+") + (".5*(" if named["twice"] else "(")
             lagrangian = lagrangian.ljust(named.end() - len(sign)) + sign + formula + ")"
+    moving = {*document_names.moving_names(reader.tokens_if_any(lagrangian, Names()), 1)}
     places, where = {"/lagrangian": next(iter(energies.values()))[2]}, {}
     held = plain.get("constraints") or []
     constraints = [held] if isinstance(held, str) else list(held)
     for pointer, line in others:
         left, equal, right = line.partition("=")
-        if equal and (defined := _DEFINED.fullmatch(left)) and not (_OF_A_FORM.match(left) and _FORM.search(right)):
+        displaced = _OF_A_FORM.match(left) and _FORM.search(right)
+        form = displaced or reader.names_in_forms(left) or moving & reader.names_in_forms(right)
+        defined = _DEFINED.fullmatch(left) if equal and not form else None
+        if defined and not document_names.derived_stem(defined[1]):
             root = ("(", ")^{1/2}" if reader.is_latex(right) else ")^(1/2)") if defined[3] else ("", "")
             name = defined[1] + (defined[2] or "")
             where[name] = root[0].rjust(len(left) + 1) + right + root[1]

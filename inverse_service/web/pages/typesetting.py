@@ -237,7 +237,7 @@ def _between(before: Sequence[str], text: str) -> str:
     """What is between fractions: after one a minus is a difference, and before one d/dt has a little room."""
     if not text.strip():
         return ""
-    found = notation.theory(text).mathml.removeprefix("<mrow>").removesuffix("</mrow>")
+    found = notation.to_mathml(text)
     found = found.replace("<msup><mi>d</mi><mrow><mn>2", "<msup><mi>∂</mi><mrow><mn>2")
     found = found.replace("<mn>1</mn><mo>/</mo><mn>2</mn>", "<mfrac><mn>1</mn><mn>2</mn></mfrac>")
     found = found.replace('<mo form="prefix">', "<mo>", 1) if before and found.startswith("<mo form") else found
