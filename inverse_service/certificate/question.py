@@ -787,14 +787,9 @@ class Question:
             return "Every equation in one coordinate has a Lagrangian (Sonin 1886, Darboux 1894)."
         idle, degrees = set[Row](), range(degree + 1)
         most = order + 1 + max(depth - own for own, depth, _ in self.kinds_of_rows.values())
-        directions: list[list[int]] = []
-        while not directions or fmpz_mat(directions).det() == 0:
-            directions = [
-                [self.generator.randrange(1, 1 << 20) for _ in self.variables]
-                for _ in self.variables
-            ]
+        flag = self.flag(self.generator)
 
-        def work(ring: Expansion) -> Found:
+        def work(ring: Expansion, directions: list[list[int]] = flag) -> Found:
             elimination, found = Elimination(ring.arithmetic, ring.shift), list[list[int]]()
             for step in range(order + 2):
                 ring.extend(elimination, step, idle)
@@ -813,7 +808,7 @@ class Question:
         def real(ring: Expansion) -> None:
             echelon = followed(ring, steps)
             killed = Elimination(ring.arithmetic, ring.shift)
-            names = dict(symbol_rows(echelon, ring, degree, directions))
+            names = dict(symbol_rows(echelon, ring, degree, flag))
             for step in killing:
                 killed.follow(names[step.row], step)
             if first.regular and not ring.arithmetic.regular(ring.matrix(echelon)):
@@ -839,9 +834,21 @@ class Question:
         require(claimed == found, "The symbol has other dimensions.")
         prolonged = sum(k * a for k, a in enumerate(found.characters, 1))
         require(found.prolonged == prolonged, "The symbol is not involutive.")
-        self.generic = Generic(work, most, lambda outcome: bool(sizes(outcome) == sizes(first)))
+        # A flag for each point: divisors that belong to a flag are no exceptions.
+        self.generic = Generic(
+            lambda ring: work(ring, self.flag(random.Random(ring.arithmetic.seed))),
+            most,
+            lambda outcome: bool(sizes(outcome) == sizes(first)),
+        )
         told = "The projected system is involutive and leaves a regular multiplier g(p)."
         return told if document.get("series") is None else told + self.series(document["series"])
+
+    def flag(self, draw: random.Random) -> list[list[int]]:
+        """A random basis of directions, for Cartan's test."""
+        while True:
+            found = [[draw.randrange(1, 1 << 20) for _ in self.variables] for _ in self.variables]
+            if fmpz_mat(found).det() != 0:
+                return found
 
     def is_one_coordinate(self, document: dict[str, Any]) -> bool:
         """Whether it is x'' = f(t, x, x') with the dimensions of Gamma(g) + g df/dv = 0.
