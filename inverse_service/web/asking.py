@@ -4,10 +4,10 @@ import asyncio
 import re
 import uuid
 from collections import defaultdict
-from collections.abc import AsyncIterator, Iterable, Iterator
+from collections.abc import AsyncIterator, Container, Iterable, Iterator
 from contextlib import asynccontextmanager, contextmanager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from starlette.requests import ClientDisconnect, Request
 
@@ -31,14 +31,19 @@ ASYNC = re.compile(r"(?:^|[,;\s])respond-async(?:$|[,;\s])", re.IGNORECASE)
 
 
 @asynccontextmanager
-async def body_of(request: Request, limit: int) -> AsyncIterator[bytes]:
+async def body_of(request: Request, limit: int, types: Container[str] | None = ()) -> AsyncIterator[bytes]:
     """The body, which counts as under way to the end of the context; 413 for more than `limit` bytes, unread.
 
-    415 if it is compressed, because its final size is unknown.
+    415 if it is neither JSON nor of one of the `types` (None: any is taken), and if it is compressed, because its final
+    size is unknown.
     """
+    if types is not None and not is_json(request) and content_type(request) not in types:
+        lines = " or 'application/x-ndjson'" if types else ""
+        raise Refusal(415, "content-type", f"Send JSON with the header 'Content-Type: application/json'{lines}.")
+    too_large = Refusal(413, "too-large", f"The body has more than {limit:,} bytes; send a smaller document.")
     declared = request.headers.get("content-length", "0")
     if declared.isascii() and declared.isdigit() and (len(declared) > 15 or int(declared) > limit):
-        raise too_large(limit)
+        raise too_large
     if request.headers.get("content-encoding", "identity").lower() != "identity":
         raise Refusal(415, "content-type", "Compressed bodies are not accepted; send it without 'Content-Encoding'.")
     engine: Engine = request.app.state.engine
@@ -48,19 +53,10 @@ async def body_of(request: Request, limit: int) -> AsyncIterator[bytes]:
             async for part in request.stream():
                 parts.append(part)
                 if take(len(part)) > limit:
-                    raise too_large(limit)
+                    raise too_large
         except ClientDisconnect:
             raise Refusal(400, "unreadable", "The connection was closed before the whole body had come.") from None
         yield b"".join(parts)
-
-
-@asynccontextmanager
-async def json_body_of(request: Request, limit: int) -> AsyncIterator[bytes]:
-    """The same for a body declared as JSON; 415 for another type."""
-    if not is_json(content_type(request)):
-        raise Refusal(415, "content-type", "Send JSON with the header 'Content-Type: application/json'.")
-    async with body_of(request, limit) as body:
-        yield body
 
 
 def content_type(request: Request) -> str:
@@ -68,14 +64,10 @@ def content_type(request: Request) -> str:
     return request.headers.get("content-type", "").partition(";")[0].strip().lower()
 
 
-def is_json(media_type: str) -> bool:
-    """Whether a body of this type is one JSON value."""
+def is_json(request: Request) -> bool:
+    """Whether the body is declared as one JSON value."""
+    media_type = content_type(request)
     return media_type == "application/json" or media_type.endswith("+json")
-
-
-def too_large(limit: int) -> Refusal:
-    """The body exceeds the limit, which GET /v1/limits reports."""
-    return Refusal(413, "too-large", f"The body has more than {limit:,} bytes; send a smaller document.")
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,6 +177,20 @@ class Hub:
             for event in self._waiting.get(key, ()):
                 event.job = job
                 event.set()
+
+
+class Found(NamedTuple):
+    """What a look at something that grows found: new parts, whether they are the last, or more are there already."""
+
+    parts: AsyncIterator[bytes]
+    is_last: bool
+    is_more: bool
+
+
+async def each(parts: Iterable[bytes] = ()) -> AsyncIterator[bytes]:
+    """The parts, one after another."""
+    for part in parts:
+        yield part
 
 
 async def until_set(event: asyncio.Event, seconds: float) -> bool:

@@ -6,7 +6,7 @@ import gc
 import itertools
 import logging
 import time
-from collections.abc import Callable, Sequence, Sized
+from collections.abc import AsyncIterator, Awaitable, Callable, Sequence, Sized
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import replace
@@ -197,6 +197,33 @@ class Engine:
         """A waiting request polls its job at this interval (s), because other front ends send no events to this one."""
         return KEEP_ALIVE if self.store.exclusive else LOOK_AGAIN
 
+    async def followed(
+        self, what: str, look: Callable[[], Awaitable[asking.Found]], alive: bytes
+    ) -> AsyncIterator[bytes]:
+        """The parts that `look` finds of something that grows, again at each change; `alive` after each silence.
+
+        Where only this process changes the store, each change wakes the stream. It ends with the last part, or early
+        where the service stops.
+        """
+        spoken = time.monotonic()
+        with self.hub.waiting(what) as changed:
+            while not self.hub.closing:
+                changed.clear()
+                try:
+                    found, patience = await look(), self.look_again
+                except model.StoreUnavailable:  # the stream continues when it is back
+                    found, patience = asking.Found(asking.each(), False, False), LOOK_AGAIN
+                async for part in found.parts:
+                    spoken = time.monotonic()
+                    yield part
+                if found.is_last:
+                    return
+                if time.monotonic() - spoken >= KEEP_ALIVE:  # or the reader and proxies take us for dead
+                    spoken = time.monotonic()
+                    yield alive
+                if not found.is_more:
+                    await asking.until_set(changed, patience)
+
     def _submit(self, request: model.JobRequest, key: str) -> tuple[model.Job, bool]:
         self._claim_key(request.client, key, request.id)
         found = self.store.job(request.id, PART)
@@ -307,7 +334,7 @@ class Engine:
     ) -> Outcome:
         """Run a task in one of the quick processes, or `among_jobs`, for `seconds` and more where much is given.
 
-        It is withdrawn when no one waits for it any more.
+        It is cancelled when no one waits for it any more.
         """
         size = sum(len(argument) for argument in arguments if isinstance(argument, bytes))
         call = Call(task, arguments, seconds + SECONDS_FOR_A_BYTE * size, client=client)
@@ -317,7 +344,7 @@ class Engine:
             try:
                 outcome = await asyncio.wrap_future(running.outcome)
             except asyncio.CancelledError:
-                executor.withdraw(running)
+                running.cancel()
                 raise
         metrics.QUICK.labels(task.__name__, outcome.status).inc()
         metrics.QUICK_CPU.labels(task.__name__).inc(outcome.spent.cpu)

@@ -42,10 +42,9 @@ def answer(schema: dict[str, Any]) -> dict[str, Any]:
     return {"description": "The answer.", "content": {"application/json": {"schema": schema}}}
 
 
-def body_of(*names: str, others: dict[str, Any] | None = None) -> dict[str, Any]:
+def body_of(*names: str) -> dict[str, Any]:
     """The body of a route that reads it itself."""
-    content = {"application/json": {"schema": any_of(*names)}} | (others or {})
-    return {"requestBody": {"required": True, "content": content}}
+    return {"requestBody": {"required": True, "content": {"application/json": {"schema": any_of(*names)}}}}
 
 
 DOCUMENTS = ("SystemDocument", "NonholonomicDocument", "LagrangianDocument")

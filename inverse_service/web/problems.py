@@ -61,33 +61,24 @@ def install(app: FastAPI, page_of_refusal: Callable[[Request, Refusal], Response
     from fastapi.exceptions import RequestValidationError  # workers load this module, and never FastAPI
 
     app.state.page_of_refusal = page_of_refusal
-    app.add_exception_handler(Refusal, _on_refusal)
     # A full disk, for one (OperationalError): nothing was stored, and asking again is right.
-    for error in (InputError, WorkerFailed, model.TooManyJobs, model.StoreUnavailable, sqlite3.OperationalError):
+    store = (model.TooManyJobs, model.StoreUnavailable, sqlite3.OperationalError)
+    for error in (Refusal, InputError, WorkerFailed, *store, HTTPException):
         app.add_exception_handler(error, _on_error)
     app.add_exception_handler(RequestValidationError, _on_query)
-    app.add_exception_handler(HTTPException, _on_http_exception)
     app.add_exception_handler(Exception, _on_fault)
 
 
-async def _on_refusal(request: Request, error: Exception) -> Response:
-    assert isinstance(error, Refusal)
-    return answer_to(request, error)
-
-
 async def _on_error(request: Request, error: Exception) -> Response:
-    if isinstance(error, model.StoreUnavailable | sqlite3.OperationalError):
-        log.warning("the store does not answer at %s", request.url.path, exc_info=error)
-    return problem(_refusal_of(error))
+    return answer_to(request, error if isinstance(error, Refusal) else _refusal_of(request, error))
 
 
 async def _on_query(request: Request, error: Exception) -> Response:
     faults = cast("RequestValidationError", error).errors()
     places = tuple(Place(f"{fault['msg']}.", f"/{_plain(fault)}") for fault in faults if fault.get("loc"))
     shown = ", ".join(sorted({_plain(fault) for fault in faults if fault.get("loc")}))
-    return problem(
-        Refusal(422, "bad-input", f"The address or its query is not as described in /docs: {shown}.", places)
-    )
+    detail = f"The address or its query is not as described in /docs: {shown}."
+    return answer_to(request, Refusal(422, "bad-input", detail, places))
 
 
 def _plain(fault: Mapping[str, Any]) -> str:
@@ -101,8 +92,10 @@ def rate_limit(quota: float, left: float, seconds: int) -> dict[str, str]:
     return {"RateLimit-Policy": policy, "RateLimit": f'"day";r={max(0.0, left):.0f};t={seconds}'}
 
 
-def _refusal_of(error: Exception) -> Refusal:
+def _refusal_of(request: Request, error: Exception) -> Refusal:
     match error:
+        case HTTPException():
+            return _of_framework(request, error)
         case InputError():
             status = 400 if error.code == tasks.UNREADABLE else 422
             return Refusal(status, error.code, error.detail, error.places)
@@ -113,12 +106,12 @@ def _refusal_of(error: Exception) -> Refusal:
         case model.TooManyJobs():
             limits = rate_limit(error.quota, 0.0, error.seconds) if error.quota else {}
             return Refusal(429, error.code, error.detail, headers={"Retry-After": str(error.seconds), **limits})
+    log.warning("the store does not answer at %s", request.url.path, exc_info=error)
     detail = "The store of jobs does not answer; try again in some seconds."
     return Refusal(503, model.StoreUnavailable.code, detail, headers={"Retry-After": "5"})
 
 
-async def _on_http_exception(request: Request, error: Exception) -> Response:
-    assert isinstance(error, HTTPException)
+def _of_framework(request: Request, error: HTTPException) -> Refusal:
     detail = {
         404: "There is nothing at this address; GET /docs lists the addresses.",
         405: "This address does not take this method; GET /docs lists the methods.",
@@ -130,7 +123,7 @@ async def _on_http_exception(request: Request, error: Exception) -> Response:
     if error.status_code == 405:
         known = {method.strip() for method in headers.pop("allow", headers.pop("Allow", "GET")).split(",")}
         headers["Allow"] = ", ".join(sorted(known | _methods(request)))
-    return answer_to(request, Refusal(error.status_code, kind, detail, headers=headers))
+    return Refusal(error.status_code, kind, detail, headers=headers)
 
 
 def _methods(request: Request) -> set[str]:

@@ -30,7 +30,7 @@ open_router = APIRouter()
 async def parse(request: Request) -> Response:
     """How a System document is parsed: text, LaTeX and MathML of each acceleration."""
     engine = routes_jobs.engine_of(request)
-    async with asking.json_body_of(request, engine.settings.max_body) as body:
+    async with asking.body_of(request, engine.settings.max_body) as body:
         found = await engine.read_body(clients.client_of(request), tasks.parse_task, body)
     return Response(found, media_type="application/json")
 
@@ -48,7 +48,7 @@ async def check(request: Request) -> Response:
     {"system": …, "lagrangian": "…"} tests whether your Lagrangian yields these equations: verdict and residual.
     """
     engine = routes_jobs.engine_of(request)
-    async with asking.json_body_of(request, asking.FACTORS["check"] * engine.settings.max_body) as body:
+    async with asking.body_of(request, asking.FACTORS["check"] * engine.settings.max_body) as body:
         return JSONResponse(await engine.check(clients.client_of(request), body))
 
 

@@ -11,10 +11,10 @@ from starlette.responses import JSONResponse, Response, StreamingResponse
 
 from api_schemas.job import Batch as BatchDocument
 from inverse_service.errors import InputError
-from inverse_service.service.jobs import model, statements
+from inverse_service.service.jobs import statements
 from inverse_service.service.jobs.tasks import Terms, batch_task
 from inverse_service.web import asking, clients, job_answers, openapi
-from inverse_service.web.engine import KEEP_ALIVE, LONG_DEADLINE, LOOK_AGAIN, Engine
+from inverse_service.web.engine import KEEP_ALIVE, LONG_DEADLINE, Engine
 from inverse_service.web.journal import StreamCut
 from inverse_service.web.problems import Refusal, known
 from inverse_service.web.routes_jobs import engine_of
@@ -60,15 +60,12 @@ async def create(request: Request, kind: KindName = "solve") -> Response:
     asks again, or `Idempotency-Key` is another one. A key that came with other lines before is refused (422).
     """
     engine = engine_of(request)
-    media_type = asking.content_type(request)
-    if media_type not in NDJSON_TYPES and not asking.is_json(media_type):
-        raise Refusal(415, "content-type", f"Send 'Content-Type: {NDJSON}' or 'Content-Type: application/json'.")
     server, client, key = engine.server_options, clients.client_of(request), asking.batch_key_of(request)
     limit, fresh = asking.time_limit_of(request, server), asking.wants_fresh(request)
     terms = Terms(kind, server, limit, client, fresh, engine.settings.max_lines)
     try:
-        async with asking.body_of(request, asking.FACTORS["batch"] * engine.settings.max_body) as body:
-            form = (body, asking.is_json(media_type), terms)
+        async with asking.body_of(request, asking.FACTORS["batch"] * engine.settings.max_body, NDJSON_TYPES) as body:
+            form = (body, asking.is_json(request), terms)
             lines = await engine.read_body(client, batch_task, *form, seconds=LONG_DEADLINE)
             stored = await engine.create_batch(kind, clients.viewer_of(request), lines, key)
     except InputError as error:
@@ -138,32 +135,23 @@ async def as_array(parts: AsyncIterator[bytes]) -> AsyncIterator[bytes]:
 
 
 async def _stream(engine: Engine, batch: statements.Batch) -> AsyncIterator[bytes]:
-    sent, after, spoken, pause = 0, 0, time.monotonic(), SMALLEST_PAUSE
-    with engine.hub.waiting(asking.ANY) as changed:
-        while sent < batch.total and not engine.hub.closing:
-            changed.clear()
-            patience = engine.look_again
-            try:
-                answers = await engine.read(
-                    engine.store.batch_answers, batch.id, after, job_answers.AT_ONCE, job_answers.SMALL
-                )
-                is_silent = not answers and time.monotonic() - spoken > KEEP_ALIVE
-                if is_silent and await engine.read(engine.store.batch, batch.id) is None:
-                    break  # it was forgotten, or erased
-            except model.StoreUnavailable:  # the stream continues when it is back
-                answers, patience = [], LOOK_AGAIN
-            # Readers of batches where nothing happens are woken by all others too.
-            pause = SMALLEST_PAUSE if answers else min(LARGEST_PAUSE, 2 * pause)
-            if answers:
-                after, sent, spoken = answers[-1].order, sent + len(answers), time.monotonic()
-                async for part in job_answers.lines_of(engine, answers):
-                    yield part
-            if time.monotonic() - spoken > KEEP_ALIVE:  # or the reader and proxies take us for dead
-                spoken = time.monotonic()
-                yield b"\n"
-            if len(answers) < job_answers.AT_ONCE and sent < batch.total:
-                await asking.until_set(changed, patience)
-                await asyncio.sleep(pause)
+    sent, after, looked, pause = 0, 0, time.monotonic(), 0.0
+
+    async def look() -> asking.Found:
+        nonlocal sent, after, looked, pause
+        await asyncio.sleep(pause)  # readers of batches where nothing happens are woken by all others too
+        answers = await engine.read(engine.store.batch_answers, batch.id, after, job_answers.AT_ONCE, job_answers.SMALL)
+        pause = SMALLEST_PAUSE if answers else max(SMALLEST_PAUSE, min(LARGEST_PAUSE, 2 * pause))
+        if answers or time.monotonic() - looked > KEEP_ALIVE:
+            looked = time.monotonic()
+            if not answers and await engine.read(engine.store.batch, batch.id) is None:
+                raise StreamCut  # it was forgotten, or erased
+        sent, after = sent + len(answers), answers[-1].order if answers else after
+        is_last, is_more = sent >= batch.total, len(answers) == job_answers.AT_ONCE
+        return asking.Found(job_answers.lines_of(engine, answers), is_last, is_more)
+
+    async for part in engine.followed(asking.ANY, look, b"\n"):
+        yield part
     if sent < batch.total:  # what ends as it should is taken for all answers
         raise StreamCut
 

@@ -1,6 +1,5 @@
 """Questions and scenes as jobs: asked, looked at, followed, cancelled."""
 
-import asyncio
 import json
 from collections.abc import AsyncIterator, Callable, Coroutine
 from typing import Any, Literal
@@ -14,7 +13,7 @@ from api_schemas.job import Job as JobDocument, JobList
 from inverse_service import errors
 from inverse_service.service.jobs import model, supervisor, tasks
 from inverse_service.web import asking, clients, job_answers, openapi
-from inverse_service.web.engine import KEEP_ALIVE, LOOK_AGAIN, Engine
+from inverse_service.web.engine import Engine
 from inverse_service.web.known import may_be_kept
 from inverse_service.web.problems import Refusal, known
 
@@ -65,7 +64,7 @@ async def ask(request: Request, kind: str) -> Response:
     preference = asking.preference_of(request)
     client, server, viewer = clients.client_of(request), engine.server_options, clients.viewer_of(request)
     terms = tasks.Terms(kind, server, asking.time_limit_of(request, server), client, asking.wants_fresh(request))
-    async with asking.json_body_of(request, asking.FACTORS[kind] * engine.settings.max_body) as body:
+    async with asking.body_of(request, asking.FACTORS[kind] * engine.settings.max_body) as body:
         question = await engine.question(body, terms)
     job = await engine.submit(question, viewer, preference.wait, asking.key_of(request))
     if job.is_open and preference.wait <= 0 and kind == "solve":
@@ -151,36 +150,20 @@ async def events(request: Request, id: str) -> Response:
 
 
 async def _stream(engine: Engine, id: str, viewer: model.Viewer, after: int) -> AsyncIterator[bytes]:
+    async def look() -> asking.Found:
+        nonlocal after
+        found = await engine.job(id, viewer)
+        new = await engine.read(engine.store.events, id, after)
+        is_last, is_final = not new and (found is None or found.is_final), found is not None and found.is_final
+        if is_last and found is not None:
+            new = await engine.read(supervisor.last_events, engine.store, found)
+        fresh = [event for event in new if event.number > after]
+        after = max((event.number for event in fresh), default=after)
+        return asking.Found(asking.each(map(written, fresh)), is_last, is_final)
+
     yield b"retry: 1000\n\n"
-    # Where only this process changes the store, each change wakes the stream; it looks by itself to say that it lives.
-    with engine.hub.waiting(id) as changed:
-        silent = 0.0
-        while not engine.hub.closing:
-            changed.clear()
-            try:
-                found = await engine.job(id, viewer)
-                new = await engine.read(engine.store.events, id, after)
-                is_last = not new and (found is None or found.is_final)
-                if is_last and found is not None:
-                    new = await engine.read(supervisor.last_events, engine.store, found)
-            except model.StoreUnavailable:  # the stream continues when it is back
-                yield STILL_THERE
-                await asyncio.sleep(LOOK_AGAIN)
-                continue
-            for event in new:
-                if event.number > after:
-                    yield written(event)
-                    after = event.number
-            if is_last:
-                return
-            if found is not None and found.is_final:
-                continue
-            silent = 0.0 if new else silent
-            if not await asking.until_set(changed, engine.look_again):
-                silent += engine.look_again
-            if silent >= KEEP_ALIVE:
-                silent = 0.0
-                yield STILL_THERE
+    async for part in engine.followed(id, look, STILL_THERE):
+        yield part
 
 
 def written(event: model.Event) -> bytes:

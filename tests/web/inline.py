@@ -29,6 +29,3 @@ class Inline:
         running = Running(call, report)
         running.end(guard(call.task, *call.arguments))
         return running
-
-    def withdraw(self, running: Running) -> None:
-        running.cancel()

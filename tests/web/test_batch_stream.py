@@ -40,7 +40,7 @@ def streamed(store: SlowStore, total: int) -> tuple[Any, AsyncIterator[bytes]]:
 
 
 def test_a_silent_stream_sends_empty_lines(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(routes_batches, "KEEP_ALIVE", 0.0)
+    monkeypatch.setattr("inverse_service.web.engine.KEEP_ALIVE", 0.0)
 
     async def sent() -> list[bytes]:
         return [part async for part in streamed(SlowStore(), 1)[1]]

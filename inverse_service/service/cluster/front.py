@@ -56,7 +56,7 @@ class RemoteRunning(Running):
 
         It counts as if it had had a processor all the time.
         """
-        self._cancelled = True
+        self.is_cancelled = True
         wall = 0.0 if self.heard is None else time.monotonic() - self.heard
         if self.end(Outcome("cancelled", spent=Usage(wall, wall))) and self.cluster is not None:
             self.cluster.abandon(self)
@@ -107,10 +107,6 @@ class Cluster:
             self._open[running.key] = running
             self._on_loop(self._attend(running))
         return running
-
-    def withdraw(self, running: Running) -> None:
-        """Cancel a task."""
-        running.cancel()
 
     def abandon(self, task: RemoteRunning) -> None:
         """Have the cluster stop a cancelled task; who cancels does not wait for that."""

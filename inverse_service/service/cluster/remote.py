@@ -66,7 +66,7 @@ def perform(key: str, call: Call, terms: Terms) -> Outcome | str:
     try:
         return running.outcome.result(workers.MOST_CROWDED * call.deadline + GRACE)
     except WaitedTooLong:
-        pool.withdraw(running)
+        running.cancel()
         return Outcome("crash", detail="the worker processes kept silent past the deadline")
     finally:
         _under_way.pop(key, None)

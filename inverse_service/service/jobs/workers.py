@@ -35,7 +35,7 @@ from concurrent.futures import Future
 from dataclasses import dataclass, field, replace
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Any, Generic, Literal, Protocol, TypeVar
+from typing import Any, Literal, Protocol
 
 from inverse_service.service.jobs import locks, tasks
 from inverse_service.service.jobs.outcome import Call, Outcome, Usage, guard, outcome_of_exit
@@ -96,7 +96,7 @@ class WorkerProcess:
         except (OSError, EOFError):
             raise NotStarted from None
         self.tasks += 1
-        outcome = self._await(Patience(self.pid, call.deadline, self._ready[1]), report)
+        outcome = self._await(call.deadline, self._ready[1], report)
         if outcome.spent.wall:
             return outcome
         wall = time.monotonic() - self._began
@@ -117,11 +117,16 @@ class WorkerProcess:
         self._process.join(5)
         self._connection.close()
 
-    def _await(self, patience: Patience, report: Report | None) -> Outcome:
+    def _await(self, deadline: float, waited: float, report: Report | None) -> Outcome:
+        """The answer within so many seconds by the clock, and as many more as others had the processor."""
+        began = time.monotonic()
+        end = began + deadline
         while True:
-            if not patience.is_answered(self._connection):
-                self.kill()
-                return Outcome("deadline")
+            while not self._connection.poll(max(0.0, end - time.monotonic())):
+                end = began + deadline + min(_waited(self.pid) - waited, (MOST_CROWDED - 1) * deadline)
+                if end <= time.monotonic():
+                    self.kill()
+                    return Outcome("deadline")
             try:
                 said, outcome, ready = self._connection.recv()
             except (OSError, EOFError):
@@ -286,24 +291,6 @@ def silence_standard_error() -> None:
         os.close(silence)
 
 
-class Patience:
-    """How long a process is waited for: so many seconds by the clock, and as long as others had the processor."""
-
-    def __init__(self, pid: int, deadline: float, waited: float) -> None:
-        self._pid, self._deadline, self._waited = pid, deadline, waited
-        self._began = time.monotonic()
-
-    def is_answered(self, connection: Connection) -> bool:
-        """Whether something comes over the connection in time."""
-        left = self._began + self._deadline - time.monotonic()
-        while not connection.poll(max(0.0, left)):
-            crowded = min(_waited(self._pid) - self._waited, (MOST_CROWDED - 1) * self._deadline)
-            left = self._began + self._deadline + crowded - time.monotonic()
-            if left <= 0:
-                return False
-        return True
-
-
 def _waited(pid: int | Literal["self"]) -> float:
     """Seconds in which a process was ready and others ran (Linux; 0 where the system does not tell)."""
     with contextlib.suppress(OSError), open(f"/proc/{pid}/schedstat") as stream:
@@ -332,30 +319,33 @@ def _limit(name: str, soft: int, hard: int | None) -> None:
         resource.setrlimit(which, (soft if present == resource.RLIM_INFINITY else min(soft, present), largest))
 
 
-T = TypeVar("T")
 NO_SHARE = 1_000_000
 
 
-class FairQueue(Generic[T]):
-    """Safe to use from any thread. Of one client at most `share` tasks are out at a time, until they are `done`."""
+class FairQueue:
+    """The tasks of a pool that wait; safe to use from any thread.
+
+    Of one client at most `share` tasks are out at a time, until they are `done`.
+    """
 
     def __init__(self, share: int = NO_SHARE) -> None:
         self._share = share
-        self._waiting: list[tuple[int, int, str, T]] = []
+        self._waiting: list[tuple[int, int, str, Running]] = []
         self._out: Counter[str] = Counter()
         self._numbers = itertools.count()
         self._changed = threading.Condition()
         self._closed = False
 
-    def put(self, client: str, priority: int, task: T) -> bool:
+    def put(self, client: str, priority: int, task: Running) -> bool:
         """Let a task wait; the smaller `priority` goes first. False where the queue is closed."""
         with self._changed:
+            self._waiting = [entry for entry in self._waiting if not entry[3].is_cancelled]
             if not self._closed:
                 self._waiting.append((priority, next(self._numbers), client, task))
                 self._changed.notify()
             return not self._closed
 
-    def get(self, seconds: float) -> tuple[str, T] | None:
+    def get(self, seconds: float) -> tuple[str, Running] | None:
         """The next task and its client; None where none comes in so many seconds."""
         with self._changed:
             self._changed.wait_for(lambda: self._closed or self._next() is not None, seconds)
@@ -375,12 +365,7 @@ class FairQueue(Generic[T]):
             if self._waiting:
                 self._changed.notify()
 
-    def remove(self, task: T) -> None:
-        """Forget a task that waits; nothing happens where it does not."""
-        with self._changed:
-            self._waiting = [entry for entry in self._waiting if entry[3] is not task]
-
-    def close(self) -> list[T]:
+    def close(self) -> list[Running]:
         """Take no more and wake all that wait in `get`; the tasks that nobody gets."""
         with self._changed:
             self._closed = True
@@ -388,7 +373,7 @@ class FairQueue(Generic[T]):
             self._changed.notify_all()
             return left
 
-    def _next(self) -> tuple[int, int, str, T] | None:
+    def _next(self) -> tuple[int, int, str, Running] | None:
         """Of the client with the fewest tasks out; some ten wait at most, so all are looked at."""
         able = [entry for entry in self._waiting if self._out[entry[2]] < self._share]
         return min(able, key=lambda entry: (self._out[entry[2]], entry[:2]), default=None)
@@ -416,7 +401,7 @@ class Running:
     report: Report | None = None
     outcome: Future[Outcome] = field(default_factory=Future)
     _worker: WorkerProcess | None = None
-    _cancelled: bool = False
+    is_cancelled: bool = False
     _ended: bool = False
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
@@ -427,7 +412,7 @@ class Running:
     def cancel(self) -> None:
         """Stop the work: a task that waits ends at once, the process of one that runs is killed."""
         with self._lock:
-            self._cancelled = True
+            self.is_cancelled = True
             worker = self._worker
             if worker is not None:
                 worker.kill()
@@ -439,17 +424,12 @@ class Running:
         """Whether some process works on it, as far as is known here."""
         return self._worker is not None
 
-    @property
-    def is_cancelled(self) -> bool:
-        """Whether `cancel` was called."""
-        return self._cancelled
-
     def begin(self, worker: WorkerProcess) -> bool:
         """Mark it as running in this worker; False where it was cancelled before."""
         with self._lock:
-            if not self._cancelled:
+            if not self.is_cancelled:
                 self._worker = worker
-            return not self._cancelled
+            return not self.is_cancelled
 
     def end(self, outcome: Outcome) -> bool:
         """Hand the outcome over; False where that was done before. What a cancelled task says does not count."""
@@ -457,7 +437,7 @@ class Running:
             self._worker = None
             is_first, self._ended = not self._ended, True
         if is_first:
-            self.outcome.set_result(Outcome("cancelled", spent=outcome.spent) if self._cancelled else outcome)
+            self.outcome.set_result(Outcome("cancelled", spent=outcome.spent) if self.is_cancelled else outcome)
         return is_first
 
 
@@ -474,9 +454,6 @@ class Executor(Protocol):
     def submit(self, call: Call, report: Report | None = None) -> Running:
         """Run the call; returns at once."""
 
-    def withdraw(self, running: Running) -> None:
-        """Cancel a task and forget it where it waits."""
-
     def fault(self) -> str:
         """Why nothing can run now, in a sentence; empty where it can."""
 
@@ -491,7 +468,7 @@ class Workers:
         self._count = count
         self._memory_limit = memory_limit
         self._lock = threading.Lock()
-        self._tasks: FairQueue[Running] = FairQueue(share)
+        self._tasks: FairQueue = FairQueue(share)
         self._threads: list[threading.Thread] = []
         # The threads that have a process, and how the first task of all ended, which no client asked for.
         self._alive: set[int] = set()
@@ -525,11 +502,6 @@ class Workers:
         if not self._threads or not self._tasks.put(call.client, call.priority, running):
             running.end(Outcome("crash", detail="The worker processes are stopped."))
         return running
-
-    def withdraw(self, running: Running) -> None:
-        """Cancel a task and forget it where it waits."""
-        self._tasks.remove(running)
-        running.cancel()
 
     def fault(self) -> str:
         """Says the same whatever clients ask: a process has answered once, and there is one."""
@@ -591,6 +563,7 @@ class Workers:
                 self._stopping.wait(START_PAUSE)
                 continue
             if not task.begin(worker):
+                outcome = Outcome("cancelled")
                 break
             try:
                 outcome = worker.run(task.call, task.report)
@@ -625,7 +598,7 @@ def _kept(worker: WorkerProcess | None, outcome: Outcome) -> WorkerProcess | Non
     """The worker, unless it is dead, spent, or holds much memory."""
     if worker is None:
         return None
-    is_well = outcome.status in ("done", "refused", "fault")
+    is_well = outcome.status in ("done", "refused", "fault", "cancelled")
     if is_well and worker.tasks < TASKS_PER_WORKER and outcome.spent.memory < MEMORY_TO_REPLACE:
         return worker
     worker.close()
@@ -639,7 +612,7 @@ def run_alone(
     memory_limit: int,
     report: Report | None = None,
 ) -> Outcome:
-    """Run `task(*arguments)` in a new process and kill it after `deadline` s (see `Patience`).
+    """Run `task(*arguments)` in a new process and kill it after `deadline` s (see `WorkerProcess`).
 
     The process is forked from this one, which has no threads and has not loaded the engine; it loads what the task
     needs. With `report` the task gets a keyword `report`, a function whose values come out of `report` here.

@@ -82,7 +82,7 @@ async def read_sent(
         raise Refusal(403, "cross-site", "Forms are taken from the pages of this service only.")
     engine: Engine = request.app.state.engine
     limit, content_type = limit or engine.settings.max_body, request.headers.get("content-type", "")
-    async with asking.body_of(request, limit) as body:
+    async with asking.body_of(request, limit, None) as body:
         if limit <= SMALL_FORM:
             return task(body, content_type)
         return await engine.read_body(clients.client_of(request), task, body, content_type, seconds=seconds)

@@ -34,7 +34,7 @@ def test_a_page_at_its_start_does_not_wait_for_workers(
     monkeypatch: pytest.MonkeyPatch, delay: float, patience: float | None, found: Any
 ) -> None:
     engine = Starting(delay)
-    monkeypatch.setattr(results, "client_of", lambda request: "one")
+    monkeypatch.setattr(clients, "client_of", lambda request: "one")
     request: Any = SimpleNamespace(app=SimpleNamespace(state=SimpleNamespace(engine=engine)))
     answer = asyncio.run(solve.understand(request, {}, patience))
     assert answer == (found and {"understood": found})
