@@ -8,7 +8,7 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -241,6 +241,10 @@ def batch(
     """
     if (expect or junit) and str(output) == "-":
         raise errors.InputError("--expect and --junit read the output again: give a file with --output.")
+    # Before the night, not after it.
+    wanted = {} if expect is None else _wanted(expect)
+    if junit is not None:
+        _refuse_report(junit, [file, output, *([expect] if expect else [])])
     settings = read_settings()
     options = model.JobOptions(time_limit or settings.time_limit, settings.memory_limit)
     kinds = frozenset(part.strip() for part in again.split(",") if part.strip())
@@ -266,7 +270,7 @@ def batch(
     code = cli.ExitCode.FAULT if summary.labels["fault"] else cli.ExitCode(min(1, summary.labels["error"]))
     if expect is None and junit is None:
         return code
-    lines = list(judged(output, expect))
+    lines = list(judged(output, wanted))
     if junit is not None:
         write_junit(junit, lines)
     differ = [line for line in lines if line.differences]
@@ -355,12 +359,9 @@ class Judged:
     differences: tuple[str, ...] = field(default=())
 
 
-def judged(output: Path, expected: Path | None) -> Iterator[Judged]:
-    """Each line of a batch's output, then the expected lines that are missing.
-
-    A line of `expected` has an `id` and keys of a result with their values, such as verdict. InputError for others.
-    """
-    wanted = {} if expected is None else _wanted(expected)
+def judged(output: Path, expected: Mapping[str, Mapping[str, Any]]) -> Iterator[Judged]:
+    """Each line of a batch's output, then the lines that are missing of those expected, which are by name."""
+    wanted = dict(expected)
     with batches.open_source(output) as stream:
         for line, answer in batches.read_answers(stream):
             name = _name(answer["id"], line.number)
@@ -369,6 +370,7 @@ def judged(output: Path, expected: Path | None) -> Iterator[Judged]:
 
 
 def _wanted(path: Path) -> dict[str, Mapping[str, Any]]:
+    """By name, an `id` and keys of a result with their values, such as verdict; InputError for other lines."""
     found: dict[str, Mapping[str, Any]] = {}
     with batches.open_source(path) as stream:
         for line in batches.read_lines(stream):
@@ -397,6 +399,14 @@ def _judged(name: str, answer: Mapping[str, Any], wanted: Mapping[str, Any]) -> 
     error = answer.get("error")
     detail = str(error.get("detail") or error.get("title") or "error") if isinstance(error, dict) else ""
     return Judged(name, str(answer.get("verdict") or ""), detail if "error" not in wanted else "", differences)
+
+
+def _refuse_report(path: Path, others: Sequence[Path]) -> None:
+    """InputError where a report would overwrite another file of the batch, or has no folder."""
+    if path.resolve() in {other.resolve() for other in others}:
+        raise errors.InputError(f"The report would overwrite {path}; choose another file for --junit.")
+    if not path.parent.is_dir():
+        raise errors.InputError(f"The report cannot be written: there is no folder {path.parent}.")
 
 
 def write_junit(path: Path, lines: list[Judged]) -> None:

@@ -47,5 +47,6 @@ def test_differences_are_printed_and_reported(tmp_path: Path) -> None:
 
 def test_files_that_cannot_be_used_say_so(tmp_path: Path) -> None:
     assert run(tmp_path, [{"verdict": YES}]).returncode == 2
-    found = run(tmp_path, None, "--junit", str(tmp_path / "absent" / "report.xml"))
-    assert (found.returncode, "report" in found.stderr) == (2, True)
+    for name in ("absent/report.xml", "out.ndjson"):
+        found = run(tmp_path, None, "--junit", str(tmp_path / name))
+        assert (found.returncode, "report" in found.stderr, (tmp_path / "out.ndjson").exists()) == (2, True, False)
