@@ -51,11 +51,10 @@ def simulate(
         from inverse_service.service.figures.drawing import animate
 
         animate(moving, summary, found["tables"])
-    if folder is None:
-        cli.write(cli.in_json(summary))
-    else:
+    if folder is not None:
         write_files(folder, document, found, summary, figures)
-        _show(page(summary), folder)
+    cli.write(cli.in_json(summary) if folder is None else page(summary))
+    _say_written(folder, moving)
     completed = any(method["outcome"] in ("completed", "partly") for method in summary["methods"])
     return cli.ExitCode.DONE if completed else cli.ExitCode.OPEN
 
@@ -241,13 +240,16 @@ def work_precision(
     result["figures"] = [{"files": save(figure, folder, "work-precision", caption), "caption": caption}]
     (folder / "work-precision.json").write_text(cli.in_json(result), encoding="utf-8")
     (folder / "work-precision.csv").write_text(comma_table(result), encoding="utf-8")
-    _show(price_list(result), folder)
+    cli.write(price_list(result))
+    _say_written(folder)
     return cli.ExitCode.DONE
 
 
-def _show(page: str, folder: Path) -> None:
-    cli.write(page)
-    print(f"Written to {folder}: {', '.join(sorted(path.name for path in folder.iterdir()))}", file=sys.stderr)
+def _say_written(folder: Path | None, moving: Path | None = None) -> None:
+    if folder is not None:
+        print(f"Written to {folder}: {', '.join(sorted(path.name for path in folder.iterdir()))}", file=sys.stderr)
+    if moving is not None and (folder is None or moving.parent.resolve() != folder.resolve()):
+        print(f"Written: {moving}", file=sys.stderr)
 
 
 def comma_table(result: Mapping[str, Any]) -> str:

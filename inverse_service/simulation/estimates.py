@@ -113,6 +113,11 @@ def estimated(run: observing.Observed, repeat: Repeat) -> dict[str, Any]:
     again, found = _again(run, repeat)
     if isinstance(found, trajectory.Trajectory):
         count = min(len(found.times), len(at.times))
+        if count < len(at.times) and found.outcome.kind not in GOES_ON and again.how == HALF:
+            end, kind = float(found.times[-1]), found.outcome.kind.replace("_", " ")
+            step = min((count - 1) * run.scene.grid.record_every, run.scene.grid.steps)
+            lost = trajectory.Outcome("unresolved", step, end, ENDS.format(kind), None, SHORTER)
+            return numbers | {"lost": lost, "doubt": ""}
         errors, shares = errors_of(at.positions[:count], found.positions[:count], turns, again.part)
         numbers |= {"estimated_error": observing.greatest(errors), "estimated_error_share": observing.greatest(shares)}
         numbers["lost"] = _lost(run, shares.max(axis=1)) if again.how == HALF else None
@@ -130,18 +135,18 @@ def estimated(run: observing.Observed, repeat: Repeat) -> dict[str, Any]:
     return numbers | {"doubt": " ".join(filter(None, doubts))}
 
 
-def _has_fixed_steps(run: observing.Observed) -> bool:
-    """Whether all steps of a run are recorded, of one length and guarded."""
+def _is_guarded(run: observing.Observed) -> bool:
+    """Whether a guarded run is recorded at every step of its grid, and not made of pieces."""
     choice = run.requested.choice
-    is_fixed = choice is not None and choice.guard and choice.method not in method_table.OWN_STEPS
-    return is_fixed and run.scene.grid.record_every == 1 and not run.in_pieces
+    return choice is not None and choice.guard and run.scene.grid.record_every == 1 and not run.in_pieces
 
 
 def _lost(run: observing.Observed, shares: trajectory.Array) -> trajectory.Outcome | None:
-    """The outcome of a run that one step takes from a thousandth of the range to TOO_LARGE of it: no chaos parts
+    """The outcome of a run that one step takes from SUDDEN of TOO_LARGE of the range to all of it: no chaos parts
     motions so fast, and the step is too long there."""
-    places = np.flatnonzero((shares[1:] > TOO_LARGE) & (shares[:-1] < SUDDEN * TOO_LARGE))
-    if not len(places) or not _has_fixed_steps(run):
+    before = np.maximum.accumulate(shares[:-1])
+    places = np.flatnonzero((shares[1:] > TOO_LARGE) & (before < SUDDEN * TOO_LARGE))
+    if not len(places) or not _is_guarded(run):
         return None
     k = int(places[0])
     return trajectory.Outcome(
@@ -155,7 +160,7 @@ def _with_made_energy(
     """The outcome of a run in which one step changes a constant energy by CREATED of the kinetic energy, the mean one
     and that at its ends, without what the step itself has made: it is too long there, and what follows is another
     motion."""
-    if not _has_fixed_steps(run):
+    if not _is_guarded(run):
         return None
     changes = np.abs(made := np.diff(energies))
     about = np.maximum(kinetic[1:] - np.maximum(made, 0.0), kinetic[:-1])
@@ -202,7 +207,8 @@ TOO_LARGE, NOT_CHOSEN, OVER_TOLERANCE = 0.1, 0.01, 100.0  # the first two of the
 GOLDEN, GOLDEN_STEPS, MOST_MOMENTS, MOST_VALUES = 0.618033988749895, 75, 64, 2**21  # to the last bit of a step
 CREATED = 0.75  # of the kinetic energy: more from nothing in one step is no motion
 NOT_CONSTANT = "the energy, which is constant, changes in one step by {:.3g} of the kinetic energy"
-LOST, SUDDEN = "one step differs from two of half its length by {:.3g} of the range of a coordinate", 0.01
+LOST, SUDDEN = "one step differs from two of half its length by {:.3g} of the range of a coordinate", 0.05
+ENDS = "the end of the run with half the step: {}"
 SHORTER = "take a smaller step, or `adaptive`"
 
 

@@ -400,7 +400,7 @@ def operations(
     """Floating-point instructions and calls in the kernel of a method, each counted once: no load changes them."""
     assert requested.choice is not None
     text = compiled.kernel_text(schemes.program_of(numeric_formulas.Formulas(problem), requested.choice, observation))
-    return len(_OPERATION.findall(text))
+    return len(_OPERATION.findall(text.partition("next_step:")[2]))
 
 
 def _no_free(*_: object) -> scene_data.Unavailable:

@@ -420,7 +420,7 @@ def _point_program(
 ) -> programs.Program:  # fmt: skip
     carried = tuple(str(name) for letter in "qv" for name in f.symbols(letter))
     ends = [q + d for q, d in zip(f.symbols("q"), changes, strict=False)]
-    watches = [*watches, *rank_watches(f, ends, bool(further))]
+    watches = [*watches, *rank_watches(f, ends, divides=True)]
     observed = tuple((item.name, translate(item.expression, f.table)) for item in observation)
     return _finished(f, carried, statements, changes, watches, observed, forces, further)
 
@@ -465,7 +465,7 @@ def discrete_point(f: Formulas, q: Sequence[Formula], d: Sequence[Formula], alph
 
 def sign_watches(walls: Iterable[Denominator], point: Mapping[Formula, Formula], remedy: str) -> list[programs.Watch]:
     """The walls at a point of every step: none may pass 0."""
-    return [programs.Watch("sign", wall.formula.subs(point), wall.text, remedy) for wall in walls]
+    return [programs.Watch("sign", wall.formula.subs(point), wall.text, remedy, begin=wall.formula) for wall in walls]
 
 
 def velocity_watches(f: Formulas, q: list[Formula], d: list[Formula], alpha: Formula) -> list[programs.Watch]:
@@ -496,25 +496,22 @@ def range_watches(f: Formulas, alpha: Formula) -> list[programs.Watch]:
     ]
 
 
-def rank_watches(f: Formulas, place: Sequence[Formula], own_steps: bool = False) -> list[programs.Watch]:
-    """det(w w_next^T) > 0, w = omega(q_k): at a loss of rank in between the span of the constraints turns round. Steps
-    that a method chooses itself may turn with it: there det(w w^T) must not sink to LOST of its first size either."""
+def rank_watches(f: Formulas, place: Sequence[Formula], divides: bool = False) -> list[programs.Watch]:
+    """det(w w_next^T) > 0, w = omega(q_k): at a loss of rank in between the span of the constraints turns round.
+    Methods that integrate accelerations, which divide by det(w w^T), also end where that sinks to LOST of its first
+    size."""
     if not f.forms:
         return []
     before, after = f.forms_at(f.symbols("q")), f.forms_at(place)
     turned, size = (
-        programs.determinant([[sum((a * b for a, b in zip(row, other, strict=True)), number(0)) for other in rows]
-                     for row in before])
-        for rows in (after, before)
+        programs.determinant([[sum((a * b for a, b in zip(row, other, strict=True)), number(0)) for other in after]
+                              for row in rows])
+        for rows in (before, after)
     )  # fmt: skip
     if not turned.free_symbols:
         return []
     found = [programs.Watch("positive", turned, RANK, RANK_REMEDY)]
-    return (
-        [*found, programs.Watch("rank", size, RANK_LOST, RANK_REMEDY, LOST)]
-        if own_steps and size.free_symbols
-        else found
-    )
+    return [*found, programs.Watch("rank", size, RANK_LOST, RANK_REMEDY, LOST)] if divides else found
 
 
 def root_guards(f: Formulas, point: dict[Formula, Formula]) -> list[programs.Watch]:

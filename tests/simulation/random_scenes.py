@@ -104,7 +104,7 @@ def _complaint(pair: list[dict[str, Any]], order: int, finer: int) -> str:
     floor = 10 * fine["error_uncertainty"] + 1e-11 * size
     if finer == 1:
         allowed = max(floor, 1e-4 * size)
-    elif coarse["max_error"] > 0.1 * size:  # before the errors fall with their order
+    elif coarse["max_error"] > 0.01 * size:  # before the errors fall with their order
         allowed = max(floor, 0.9 * coarse["max_error"])
     else:
         allowed = max(floor, 10 * coarse["max_error"] / finer**order)

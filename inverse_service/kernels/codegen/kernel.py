@@ -85,6 +85,7 @@ ROUND_OFF = 4.5e-16
 NOISE = 1e-6
 EARLIEST_NOISE = 4  # iterations after which quadratic convergence has come to its end
 HUGE = 1.7e308
+ROUND_OFF_AT_START = 1e-14  # of what a variable of the start changes in a quantity: below, its sign is not known
 
 
 class Blocks:
@@ -409,6 +410,23 @@ class Kernel:
         w.counter("stage")
         for place in range(len(self.program.observed)):
             w.slot(f"seen_{place}")
+        with self.emitter.inner():
+            self._first_signs()
+
+    def _first_signs(self) -> None:
+        """Those of the quantities that keep their signs, where the start shows them: the first step may pass a zero."""
+        w, e = self.writer, self.emitter
+        self._bind_state()
+        known = set(map(symbol, (*self.program.state, *self.layout.arguments)))
+        for place, watch in enumerate(self.program.watches):
+            if watch.begin is None or not watch.begin.free_symbols <= known:
+                continue
+            noise = [watch.begin.diff(x) * x for x in map(symbol, self.program.state)]
+            value, least = e.write([watch.begin, sum(part**2 for part in noise) * ROUND_OFF_AT_START**2])
+            zero, slot = w.number(0.0), f"watch_{place}"
+            sign = w.select(w.compare("<", value, zero), w.number(-1.0), w.number(1.0))
+            sign = w.select(w.compare(">", w.binary("*", value, value), least), sign, zero)
+            w.write(slot, w.select(w.compare("==", w.read(slot), zero), sign, w.read(slot)))
 
     def _step(self) -> None:
         w = self.writer

@@ -118,7 +118,8 @@ class Watch:
     """A quantity tested after each step.
 
     "sign" must keep its sign, "rank" also the share `limit` of its first size, "positive" and "domain" must be above 0,
-    "bound" must stay below `limit` and have a value, "map" must stay below it where it has one.
+    "bound" must stay below `limit` and have a value, "map" must stay below it where it has one. `begin` is the same
+    quantity over the state, whose sign at the start is the first.
     """
 
     kind: str
@@ -126,6 +127,7 @@ class Watch:
     quantity: str
     remedy: str
     limit: float = 1.0
+    begin: Formula | None = None
 
 
 Statement = Assign | Solve | Iterate

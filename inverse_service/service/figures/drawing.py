@@ -6,14 +6,18 @@ the bodies of a scene with their trails, in real time or within SECONDS.
 
 import io
 import math
-from collections.abc import Mapping, Sequence
+import shutil
+import subprocess
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from inverse_service.errors import InputError
 from inverse_service.integrators.trajectory import Array
@@ -377,7 +381,7 @@ def _thinned(path: Array) -> Array:
 
 
 FRAMES_A_SECOND, SECONDS, TRAIL = 25, 8.0, 1.0  # frames, length at most, length of a trail in seconds of the picture
-ENDINGS = {".gif": "pillow", ".mp4": "ffmpeg"}
+INCHES, DOTS = 4.8, 100
 NO_BODY = (
     'The scene has no body to draw: give "points", as in {"bob": ["l*sin(a)", "-l*cos(a)"]}, or coordinates x and y.'
 )
@@ -385,47 +389,62 @@ NO_BODY = (
 
 def animate(path: Path, result: Mapping[str, Any], tables: Mapping[str, Mapping[str, Array]]) -> None:
     """Write an animation of the first method with a trajectory to a .gif or .mp4 file."""
-    if path.suffix not in ENDINGS:
+    if path.suffix not in (".gif", ".mp4"):
         raise InputError("--animate needs the name of a file that ends with .gif or .mp4.")
+    if path.suffix == ".mp4" and shutil.which("ffmpeg") is None:
+        raise InputError("A .mp4 file needs the program ffmpeg: install it, or write a .gif file.")
     table = next((tables[m["label"]] for m in result["methods"] if m["label"] in tables), None)
     bodies = {name: (table[x], table[y]) for name, (x, y) in result["bodies"].items()} if table is not None else {}
     if not bodies and table is not None and {"x", "y"} <= set(result["system"]["coordinates"]):
         bodies = {"": (table["x"], table["y"])}
     if table is None or not bodies:
         raise InputError(NO_BODY)
-    from matplotlib.animation import FFMpegWriter, FuncAnimation, PillowWriter
+    frames = _frames(table["t"], bodies, with_origin=bool(result["bodies"]))
+    if path.suffix == ".gif":
+        from PIL import Image
 
-    if path.suffix == ".mp4" and not FFMpegWriter.isAvailable():
-        raise InputError("A .mp4 file needs the program ffmpeg: install it, or write a .gif file.")
-    times = table["t"]
+        first = Image.fromarray(next(frames)).quantize(64)
+        rest = (Image.fromarray(frame).quantize(palette=first, dither=Image.Dither.NONE) for frame in frames)
+        first.save(path, save_all=True, append_images=rest, duration=1000 // FRAMES_A_SECOND, loop=0)
+        return
+    size, rate = f"{int(INCHES * DOTS)}x{int(INCHES * DOTS)}", str(FRAMES_A_SECOND)
+    given = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", size, "-r", rate, "-i", "-"]
+    command = ["ffmpeg", "-loglevel", "error", "-y", *given, "-pix_fmt", "yuv420p", str(path)]
+    with subprocess.Popen(command, stdin=subprocess.PIPE) as ffmpeg:
+        assert ffmpeg.stdin is not None
+        for frame in frames:
+            ffmpeg.stdin.write(frame.tobytes())
+
+
+def _frames(times: Array, bodies: Mapping[str, tuple[Array, Array]], with_origin: bool) -> Iterator[NDArray[np.uint8]]:
+    """Pictures (height, width, 3) of the bodies with their trails, in real time or within SECONDS; axes are drawn
+    once."""
     length = min(SECONDS, float(times[-1] - times[0]) or 1.0)
-    frames = max(2, int(FRAMES_A_SECOND * length))
-    moments = np.linspace(times[0], times[-1], frames)
-    ways = {name: [np.interp(moments, times, column) for column in place] for name, place in bodies.items()}
+    moments = np.linspace(times[0], times[-1], max(2, int(FRAMES_A_SECOND * length)))
+    ways = {name: np.array([np.interp(moments, times, column) for column in place]) for name, place in bodies.items()}
+    points = np.concatenate([*ways.values(), *([np.zeros((2, 1))] if with_origin else [])], axis=1)
+    low, high = np.nanmin(points, axis=1), np.nanmax(points, axis=1)
+    middle, half = (low + high) / 2, 0.55 * float((high - low).max()) or 1.0
     with matplotlib.rc_context(styles.SETTINGS):
-        figure = styles.new_figure(4.8, 4.8)
-        axes = figure.subplots()
-        points = np.array([column for way in ways.values() for column in way])
-        low, high = (np.array([pick(points[k::2]) for k in (0, 1)]) for pick in (np.nanmin, np.nanmax))
-        if result["bodies"]:
-            low, high = np.minimum(low, 0.0), np.maximum(high, 0.0)
-        half = 0.55 * float((high - low).max()) or 1.0
-        middle = (low + high) / 2
+        figure = styles.new_figure(INCHES, INCHES)
+        figure.set_dpi(DOTS)
+        axes, canvas = figure.subplots(), cast(Any, FigureCanvasAgg)(figure)  # matplotlib annotates none of it
         axes.set(xlim=(middle[0] - half, middle[0] + half), ylim=(middle[1] - half, middle[1] + half), aspect="equal")
-        dots, trails = [], []
+        clock = axes.text(0.02, 0.98, "", transform=axes.transAxes, va="top", weight="bold", animated=True)
+        pairs = []
         for place, name in enumerate(ways):
-            color = styles.look(place, "").color
-            trails.append(axes.plot([], [], color=color, linewidth=1, alpha=0.5)[0])
-            dots.append(axes.plot([], [], "o", color=color, markersize=8, label=styles.plain(name) or None)[0])
-
-        def draw(frame: int) -> list[Any]:
+            look: Any = {"color": styles.look(place, "").color, "animated": True}
+            (trail,) = axes.plot([], [], linewidth=1, alpha=0.5, **look)
+            pairs.append((trail, axes.plot([], [], "o", markersize=8, label=styles.plain(name) or None, **look)[0]))
+        canvas.draw()
+        background = canvas.copy_from_bbox(figure.bbox)
+        for frame, moment in enumerate(moments):
+            canvas.restore_region(background)
             first = max(0, frame - int(TRAIL * FRAMES_A_SECOND))
-            for dot, trail, (x, y) in zip(dots, trails, ways.values(), strict=True):
-                dot.set_data([x[frame]], [y[frame]])
-                trail.set_data(x[first : frame + 1], y[first : frame + 1])
-            axes.set_title(f"t = {moments[frame]:.2f}")
-            return [*dots, *trails]
-
-        moving = FuncAnimation(figure, draw, frames, blit=False)
-        writer = PillowWriter(FRAMES_A_SECOND) if path.suffix == ".gif" else FFMpegWriter(FRAMES_A_SECOND)
-        moving.save(path, writer=writer, dpi=100)
+            for (trail, dot), way in zip(pairs, ways.values(), strict=True):
+                trail.set_data(way[:, first : frame + 1])
+                dot.set_data(way[:, frame : frame + 1])
+            clock.set_text(f"t = {moment:.2f}")
+            for artist in (*(one for pair in pairs for one in pair), clock):
+                axes.draw_artist(artist)
+            yield np.asarray(canvas.buffer_rgba())[:, :, :3].copy()

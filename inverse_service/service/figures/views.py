@@ -305,7 +305,7 @@ def _line(place: int, method: Method, x: Array, y: Array) -> dict[str, Any]:
         "label": method_name(method["label"]),
         "place": place,
         "color": "ink" if is_true else COLORS[place % len(COLORS)],
-        "dash": "solid" if is_true else DASHES[place % len(DASHES)],
+        "dash": "solid" if is_true else DASHES[(place + place // len(COLORS)) % len(DASHES)],
         "x": shortened(x),
         "y": shortened(y),
     }
