@@ -206,7 +206,20 @@ class _FortranPrinter(FCodePrinter):  # type: ignore[misc]
 
 
 def _fortran(expression: Any) -> str:
-    return str(_FortranPrinter({"source_format": "free", "standard": 95}).doprint(expression))
+    return str(_FortranPrinter({"source_format": "free", "standard": 95}).doprint(_within_integers(expression)))
+
+
+def _within_integers(expression: Any) -> Any:
+    """The expression with integers of more than 32 bits as real numbers: C cuts a longer literal off."""
+    return expression.xreplace({n: sympy.Float(n, 17) for n in expression.atoms(sympy.Integer) if abs(n) >= 1 << 31})
+
+
+def _c(expression: Any) -> str:
+    return str(ccode(_within_integers(expression)))
+
+
+def _cpp(expression: Any) -> str:
+    return str(cxxcode(_within_integers(expression)))
 
 
 LANGUAGES: dict[str, Language] = {
@@ -220,8 +233,8 @@ LANGUAGES: dict[str, Language] = {
     "mathematica": Language(sympy.mathematica_code, "", *_MATHEMATICA),
     "maple": Language(sympy.maple_code, "", *_MAPLE),
     "maxima": Language(_maxima, "", *_MAXIMA),
-    "c": Language(ccode, "#include <math.h>\n\n", *_C),
-    "cpp": Language(cxxcode, "#include <cmath>\n\n", *_C),
+    "c": Language(_c, "#include <math.h>\n\n", *_C),
+    "cpp": Language(_cpp, "#include <cmath>\n\n", *_C),
     "rust": Language(_rust, "", *_RUST),
     "javascript": Language(sympy.jscode, "", *_JAVASCRIPT),
     "fortran": Language(

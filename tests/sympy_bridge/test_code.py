@@ -164,11 +164,12 @@ def test_maxima_reads_what_is_written_for_it() -> None:
 
 @pytest.mark.slow
 def test_fortran_has_short_lines_and_pi_is_a_number_in_it() -> None:
-    equations = [f"spring_number_{k}'' = -pi*stiffness_number_{k}*spring_number_{k}" for k in range(8)]
+    equations = [f"spring_number_{k}'' = -9^30*pi*stiffness_number_{k}*spring_number_{k}" for k in range(8)]
     text = inverse_service.solve({"equations": equations, "parameters": "guess"}).to_code("fortran")
     assert max(map(len, text.splitlines())) <= 132
     assert "parameter" not in text
     assert "3.14159" in text
+    assert "4.2391158275216204d+28" in text, "an integer of more than 32 bits is none of Fortran"
 
 
 @pytest.mark.slow
