@@ -364,7 +364,7 @@ def judged(output: Path, expected: Mapping[str, Mapping[str, Any]]) -> Iterator[
     wanted = dict(expected)
     with batches.open_source(output) as stream:
         for line, answer in batches.read_answers(stream):
-            name = _name(answer["id"], line.number)
+            name = _name(answer["id"], answer.get("line", line.number))
             yield _judged(name, answer, wanted.pop(name, {}))
     yield from (Judged(name, "", differences=("no answer",)) for name in wanted)
 

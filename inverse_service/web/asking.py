@@ -1,6 +1,7 @@
 """The body of a request, bounded and counted, the options in its headers, and the requests that wait for jobs."""
 
 import asyncio
+import math
 import re
 import uuid
 from collections import defaultdict
@@ -11,7 +12,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from starlette.requests import ClientDisconnect, Request
 
-from inverse_service import errors
 from inverse_service.service.jobs import model
 from inverse_service.web import clients
 from inverse_service.web.problems import Refusal
@@ -114,15 +114,9 @@ def time_limit_of(request: Request, server: model.JobOptions) -> float | None:
     text = request.query_params.get("time_limit")
     if text is None:
         return None
-    try:
-        return model.read_time_limit(_number(text), server.time_limit)
-    except errors.InputError as error:
-        raise Refusal(422, "limit", error.detail) from None
-
-
-def _number(text: str) -> float:
-    """A number in JSON notation; NaN for text that only Python accepts, such as 1_0 and non-ASCII digits."""
-    return float(text) if len(text) < 30 and NUMBER.fullmatch(text) else float("nan")
+    # Only Python takes 1_0 and the digits of other scripts for numbers.
+    number = float(text) if len(text) < 30 and NUMBER.fullmatch(text) else math.nan
+    return model.read_time_limit(number, server.time_limit, "/time_limit")
 
 
 # Who waits for the end of any job at all: the streams of batches.

@@ -44,6 +44,7 @@ STORE_PATIENCE = 20.0
 READY_PATIENCE = 10.0
 READY_KEPT = 1.0
 LAG_EVERY = 0.25
+FIRST_CLEANING, BETWEEN_CLEANINGS = 30.0, 600.0
 START_PATIENCE = 10.0
 MANY_WAIT = "Too many requests wait for a worker; try again in some seconds."
 P = ParamSpec("P")
@@ -67,10 +68,9 @@ class Engine:
         self._working = opening.executor(settings.cluster, settings.workers, settings.memory_limit)
         self._quick = workers.Workers(clients.QUICK_PROCESSES, settings.memory_limit, clients.QUICK_SHARE)
         self._threads = ThreadPoolExecutor(STORE_THREADS, thread_name_prefix="store")
-        self._cleaner: Cleaner | None = None
         self._store_check: asyncio.Future[list[str]] | None = None
         self._store_checked = 0.0
-        self._lag: asyncio.Task[None] | None = None
+        self._chores: list[asyncio.Task[None]] = []
         # Those who wait for a quick process, those who get an answer that is not stored, and bytes of bodies.
         self.places = clients.Shares(settings.waiting, max(1, settings.waiting // 2), MANY_WAIT, MANY_WAIT)
         self.glances = clients.Shares(clients.GLANCES, 1, MANY_WAIT)
@@ -100,8 +100,7 @@ class Engine:
         self.store.on_change(self.hub.tell)
         self.store.on_change(self.known.drop)
         self.supervisor.start()
-        self._cleaner = Cleaner(self.store, self.settings.retention_days * 86_400.0, self.settings.store_size * 2**20)
-        self._lag = asyncio.ensure_future(self._measure_lag())
+        self._chores = [asyncio.create_task(chore()) for chore in (self._measure_lag, self._forget)]
         gc.collect()
         gc.freeze()  # what is loaded stays, and is not looked through again and again
         self.is_open = True
@@ -124,10 +123,8 @@ class Engine:
             return
         self.is_open = False
         log.info("the service stops")
-        if self._lag is not None:
-            self._lag.cancel()
-        if self._cleaner is not None:
-            self._cleaner.stop()
+        for chore in self._chores:
+            chore.cancel()
         self.supervisor.stop()
         self._working.stop()
         self._quick.stop()
@@ -408,3 +405,11 @@ class Engine:
             began = time.monotonic()
             await asyncio.sleep(LAG_EVERY)
             metrics.LAG.observe(max(0.0, time.monotonic() - began - LAG_EVERY))
+
+    async def _forget(self) -> None:
+        """Forget old answers now and then."""
+        cleaner = Cleaner(self.store, self.settings.retention_days * 86_400.0, self.settings.store_size * 2**20)
+        await asyncio.sleep(FIRST_CLEANING)
+        while True:
+            await self.in_thread(cleaner.clean)
+            await asyncio.sleep(BETWEEN_CLEANINGS)

@@ -7,13 +7,12 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 
 from api_schemas.atlas_answers import AtlasEntry, AtlasLine, AtlasList
-from inverse_service import errors
 from inverse_service.catalogue import atlas
 from inverse_service.service.documents import alike
 from inverse_service.service.jobs import model, tasks
 from inverse_service.web import clients, job_answers, openapi
 from inverse_service.web.engine import Engine
-from inverse_service.web.problems import Refusal, known
+from inverse_service.web.problems import known
 
 router = APIRouter(dependencies=[Depends(clients.require_client)], tags=["catalogue"])
 LICENSE = "MIT"
@@ -31,10 +30,7 @@ async def found_by(request: Request, words: str, tag: str, equations: str) -> li
     form = None
     if equations.strip():
         engine: Engine = request.app.state.engine
-        try:
-            form = await engine.made(clients.client_of(request), form_task, equations[:4_000], late=LATE)
-        except errors.InputError as error:
-            raise Refusal(422, "bad-input", str(error)) from None
+        form = await engine.made(clients.client_of(request), form_task, equations[:4_000], late=LATE)
     return atlas.search(words[:200], tag[:80], form)
 
 

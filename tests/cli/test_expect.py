@@ -9,10 +9,11 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
-LINES = [
+LINES: list[Any] = [
     {"id": "oscillator", "equations": "x'' = -x"},
     {"id": "none", "equations": {"x": "y", "y": "-x*x'"}},
     {"id": "bad\u0001", "equations": {"x": "omega"}},
+    "no document",
 ]
 YES, NO = "variational", "not_variational"
 
@@ -33,7 +34,8 @@ def test_differences_are_printed_and_reported(tmp_path: Path) -> None:
     found = run(tmp_path, [*right, {"id": "bad\u0001", "verdict": None}], "--junit", str(report))
     assert (found.returncode, found.stdout) == (1, ""), "an error line that was not expected as one"
     suite = ElementTree.parse(report).getroot()
-    assert (suite.get("tests"), suite.get("failures"), suite.get("errors")) == ("3", "0", "1")
+    assert (suite.get("tests"), suite.get("failures"), suite.get("errors")) == ("4", "0", "2")
+    assert {case.get("name") for case in suite if case.find("error") is not None} == {"bad?", "line 4"}
     wrong = [{"id": "oscillator", "verdict": NO}, {"id": "none", "verdict": NO}, {"id": "absent", "verdict": YES}]
     found = run(tmp_path, wrong, "--junit", str(report))
     assert found.returncode == 1
@@ -42,7 +44,7 @@ def test_differences_are_printed_and_reported(tmp_path: Path) -> None:
         "absent: no answer",
     ]
     suite = ElementTree.parse(report).getroot()
-    assert (suite.get("tests"), suite.get("failures"), suite.get("errors")) == ("4", "2", "1")
+    assert (suite.get("tests"), suite.get("failures"), suite.get("errors")) == ("5", "2", "2")
 
 
 def test_files_that_cannot_be_used_say_so(tmp_path: Path) -> None:

@@ -157,7 +157,8 @@ BAD_LIMITS = ("0", "-1", "nan", "inf", "1e9", "x", "9" * 100, "", "1_0", " 2", "
 
 @pytest.mark.parametrize("limit", BAD_LIMITS)
 def test_a_bad_time_limit_is_a_problem(client: httpx.Client, limit: str) -> None:
-    problem(client.post(f"/v1/solve?time_limit={limit}", json=OSCILLATOR), 422)
+    found = problem(client.post(f"/v1/solve?time_limit={limit}", json=OSCILLATOR), 422)
+    assert [place["pointer"] for place in found["errors"]] == ["/time_limit"]
 
 
 @pytest.mark.parametrize("wait", ["respond-async, wait=21", "wait=999999999999"])

@@ -3,14 +3,13 @@
 All methods block, may be called from any thread, and return after their change is durable unless
 they say otherwise. A store is the truth: whatever else dies, an accepted job is in it.
 
-At the end: a thread that forgets old answers.
+At the end: what forgets old answers.
 """
 
 from __future__ import annotations
 
 import functools
 import logging
-import threading
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Sequence
@@ -191,38 +190,25 @@ class JobStore(ABC):
 
 
 log = logging.getLogger(__name__)
-FIRST, INTERVAL = 30.0, 600.0
 # A clock that went forward by more than this since the last look, or since the newest job, is not believed for a day.
 JUMP, DISTRUST = 86_400.0, 86_400.0
 
 
 class Cleaner:
-    """A thread that prunes the store to answers younger than `age` s and at most `size` bytes."""
+    """Prunes the store to answers younger than `age` s and at most `size` bytes, each time it is asked to."""
 
     def __init__(self, store: JobStore, age: float, size: int) -> None:
         self._store, self._age, self._size = store, age, size
         self._offset = time.time() - time.monotonic()
         self._believed = 0.0
-        self._stopping = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="cleaner", daemon=True)
-        self._thread.start()
 
-    def stop(self) -> None:
-        """End the thread."""
-        self._stopping.set()
-        self._thread.join(10)
-
-    def _run(self) -> None:
-        seconds = FIRST
-        while not self._stopping.wait(seconds):
-            seconds = INTERVAL
-            try:
-                forgotten = self._store.prune(self._oldest(), self._size)
-            except Exception:  # the store may be away for a while; the next round tries again
-                log.exception("old jobs could not be forgotten")
-                continue
-            if forgotten:
+    def clean(self) -> None:
+        """Forget what is old or too much; a store that is away may be back the next time."""
+        try:
+            if forgotten := self._store.prune(self._oldest(), self._size):
                 log.info("old jobs forgotten", extra={"jobs": forgotten})
+        except Exception:
+            log.exception("old jobs could not be forgotten")
 
     def _oldest(self) -> float:
         """What ended before is forgotten: nothing by its age while the clock may be wrong."""

@@ -51,9 +51,7 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
 
 def cleaner(newest: float) -> Cleaner:
     store: Any = Store(newest)
-    found = Cleaner(store, 365 * DAY, 1)
-    found.stop()
-    return found
+    return Cleaner(store, 365 * DAY, 1)
 
 
 def test_a_service_in_use_forgets_by_age_from_the_start(clock: Clock) -> None:
