@@ -105,7 +105,7 @@ class Connection(H11Protocol):
         super().connection_made(transport)
         self.address = clients.place_of(self.client[0]) if self.client else ""
         if not self._all.admit(self):
-            self._write(middleware.too_many_connections())
+            self._write(middleware.TOO_MANY_CONNECTIONS)
             transport.close()
 
     def connection_lost(self, exc: Exception | None) -> None:
@@ -134,7 +134,7 @@ class Connection(H11Protocol):
         if self.cycle is not None:
             self.cycle.disconnected = True
         if self.conn.our_state in (h11.IDLE, h11.SEND_RESPONSE):
-            self._write(middleware.headers_too_large() if is_large else middleware.not_http())
+            self._write(middleware.HEADERS_TOO_LARGE if is_large else middleware.NOT_HTTP)
             self.transport.write_eof()
         self.loop.call_later(LINGER, self.transport.close)
 

@@ -18,9 +18,9 @@ from api_schemas.system import SystemDocument
 from inverse_service import __version__, errors
 from inverse_service.service.documents import answers
 from inverse_service.service.jobs import metrics, model, opening, statements, tasks, workers
-from inverse_service.service.jobs.outcome import Call, Outcome, value_of
+from inverse_service.service.jobs.outcome import LIMITS, Call, Outcome, value_of
 from inverse_service.service.jobs.store import Cleaner, JobStore
-from inverse_service.service.jobs.supervisor import LIMITS, Supervisor
+from inverse_service.service.jobs.supervisor import Supervisor
 from inverse_service.settings import Settings
 from inverse_service.web import asking, clients, pages, problems
 from inverse_service.web.known import KnownAnswers
@@ -269,7 +269,8 @@ class Engine:
     def _create_batch(
         self, kind: str, viewer: model.Viewer, lines: Sequence[statements.BatchLine], key: str
     ) -> statements.Batch:
-        client, lines = viewer.name, [viewer.own_line(line) for line in lines]
+        client = viewer.name
+        lines = [replace(line, request=line.request and viewer.own(line.request)) for line in lines]
         self._claim_key(client, key, statements.batch_id(kind, client, lines, key, 0) if key else "")
         latest: statements.Batch | None = None
         for generation in itertools.count():

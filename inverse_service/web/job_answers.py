@@ -61,20 +61,13 @@ async def lines_of(engine: Engine, answers: list[statements.BatchAnswer]) -> Asy
         if answer.body is not None or answer.status != "successful":
             together.append(batch.answer_line(answer))
             continue
-        yield b"".join((*together, batch.line_head(answer)))
-        together = []
-        async for part in _large(engine, answer):
+        # A stored object after the head of its line: a comma replaces its first bracket.
+        yield b"".join((*together, batch.line_head(answer), b", "))
+        together = [b"\n"]
+        async for part in parts_of(engine, answer.job, 1, answer.size):
             yield part
     if together:
         yield b"".join(together)
-
-
-async def _large(engine: Engine, answer: statements.BatchAnswer) -> AsyncIterator[bytes]:
-    """A stored object after the head of its line: a comma replaces its first bracket."""
-    yield b", "
-    async for part in parts_of(engine, answer.job, 1, answer.size):
-        yield part
-    yield b"\n"
 
 
 RETRY_AFTER = "1"

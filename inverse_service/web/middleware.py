@@ -148,7 +148,7 @@ class SecurityHeaders(Middleware):
     def _refusal(self, scope: Scope) -> Response | None:
         heads = scope["headers"]
         if len(heads) > MOST_HEADERS or sum(len(name) + len(value) for name, value in heads) > LARGEST_HEADERS:
-            return headers_too_large()
+            return HEADERS_TOO_LARGE
         if {b"content-length", b"transfer-encoding"} <= {name for name, _ in scope["headers"]}:
             detail = "The request has a Content-Length and a Transfer-Encoding; send only one of them."
             return _refused(400, "unreadable", detail)
@@ -173,31 +173,30 @@ def name_of(address: str) -> str:
     return (name if name and port.isdigit() else address.lower()).removesuffix(".")
 
 
-def headers_too_large() -> Response:
-    return _refused(
-        431,
-        "headers-too-large",
-        f"The headers have more than {LARGEST_HEADERS} bytes or {MOST_HEADERS} lines; send less.",
-    )
-
-
-def not_http() -> Response:
-    """The answer to bytes that cannot be read as HTTP."""
-    detail = "This is no request of HTTP/1.1: a line of its head, or the length of its body, cannot be read; mend it."
-    return _refused(400, "unreadable", detail)
-
-
-def too_many_connections() -> Response:
-    """The answer to a connection for which there is no room; its request is not read."""
-    detail = "Too many connections are open, in all or of this address; close some, or come again in some seconds."
-    return _refused(503, "busy", detail, {"Retry-After": "5"})
-
-
 def _refused(status: int, kind: str, detail: str, more: Mapping[str, str] = {}) -> Response:
     """Ends the connection too: what follows on it may be meant as a part of this request."""
     content = answers.as_bytes(answers.problem_document(status, kind, detail))
     headers = HEADERS | {"Connection": "close"} | dict(more)
     return Response(content, status, headers=headers, media_type="application/problem+json")
+
+
+HEADERS_TOO_LARGE = _refused(
+    431,
+    "headers-too-large",
+    f"The headers have more than {LARGEST_HEADERS} bytes or {MOST_HEADERS} lines; send less.",
+)
+# The answers to bytes that cannot be read as HTTP, and to a connection whose request is not read.
+NOT_HTTP = _refused(
+    400,
+    "unreadable",
+    "This is no request of HTTP/1.1: a line of its head, or the length of its body, cannot be read; mend it.",
+)
+TOO_MANY_CONNECTIONS = _refused(
+    503,
+    "busy",
+    "Too many connections are open, in all or of this address; close some, or come again in some seconds.",
+    {"Retry-After": "5"},
+)
 
 
 STREAMS = ("/events", "/results")

@@ -23,7 +23,7 @@ from inverse_service import __version__, errors
 from inverse_service.service.documents import plain_data
 
 if TYPE_CHECKING:
-    from inverse_service.service.jobs.statements import Batch, BatchLine
+    from inverse_service.service.jobs.statements import Batch
 
 JobStatus = Literal["accepted", "running", "successful", "failed", "dismissed"]
 STATUSES: Final[tuple[JobStatus, ...]] = ("accepted", "running", "successful", "failed", "dismissed")
@@ -188,10 +188,6 @@ class Viewer:
             return request
         id = hashlib.sha256(f"{self.name}\x00{request.id}".encode()).hexdigest()[: len(request.id)]
         return replace(request, id=id)
-
-    def own_line(self, line: BatchLine) -> BatchLine:
-        """The line of a batch as the store takes it."""
-        return line if line.request is None else replace(line, request=self.own(line.request))
 
 
 def canonical(value: Any) -> str:

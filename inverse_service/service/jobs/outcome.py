@@ -6,14 +6,15 @@ Without slots, with which a frozen class takes several times as long to pickle.
 import logging
 import signal
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any, Final, Literal
 
 from inverse_service import errors
 
 log = logging.getLogger(__name__)
 Status = Literal["done", "refused", "deadline", "memory", "killed", "crash", "fault", "cancelled", "unstarted"]
+LIMITS: Final[Mapping[str, str]] = {"deadline": "time", "memory": "memory"}
 KILL = getattr(signal, "SIGKILL", None)
 OVER_CPU = getattr(signal, "SIGXCPU", None)
 
@@ -93,10 +94,8 @@ def value_of(outcome: Outcome) -> Any:
     if outcome.status == "refused":
         raise errors.DocumentRefused(outcome.places)
     log.error("task ended with %s: %s", outcome.status, outcome.detail)
-    if outcome.status == "deadline":
-        raise errors.WorkerFailed("The work was stopped at its time limit.")
-    if outcome.status == "memory":
-        raise errors.WorkerFailed("The work was stopped at its memory limit.")
+    if outcome.status in LIMITS:
+        raise errors.WorkerFailed(f"The work was stopped at its {LIMITS[outcome.status]} limit.")
     if outcome.status == "unstarted":
         raise errors.NoWorker("No worker process can be started; try again in some seconds.")
     kind = f" ({outcome.value})" if outcome.value else ""

@@ -25,7 +25,7 @@ from typing import Any
 from inverse_service import errors
 from inverse_service.service.documents import answers, growing
 from inverse_service.service.jobs import metrics, model, tasks, workers
-from inverse_service.service.jobs.outcome import Call, Outcome, Usage
+from inverse_service.service.jobs.outcome import LIMITS, Call, Outcome, Usage
 from inverse_service.service.jobs.store import JobStore
 
 log = logging.getLogger(__name__)
@@ -483,7 +483,6 @@ class Supervisor:
             log.warning("job runs again", extra={"job": job.id, "restarts": job.restarts})
 
 
-LIMITS = ("deadline", "memory")
 # What is undetermined after this part of its time and more may be so for lack of time.
 CLOCK_SHARE = 0.5
 

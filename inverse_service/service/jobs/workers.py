@@ -72,16 +72,11 @@ class WorkerProcess:
             self._process = context.Process(target=serve, args=(sender, memory_limit, is_alone), daemon=True)
             self._process.start()
         sender.close()
-        self.tasks = 0
+        self.pid, self.tasks = int(self._process.pid or 0), 0
         # What it says before it takes a task: the seconds of processor that it used, and waited for one, until then.
         self._ready: tuple[float, float] | None = None
         # When the task under way began, and what it took, read before the process that could tell is killed.
         self._began, self._used = 0.0, Usage()
-
-    @property
-    def pid(self) -> int:
-        """The number of the process."""
-        return int(self._process.pid or 0)
 
     def is_alive(self) -> bool:
         """Whether the process can take a task."""
