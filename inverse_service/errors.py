@@ -83,11 +83,11 @@ class InputError(InverseServiceError):
 
     def placed(self, pointer: str) -> InputError:
         """The same error at this place."""
-        return self.said(self.detail, self.plain, pointer)
+        return self.said(self.detail, self.plain, pointer, self.instead)
 
-    def said(self, detail: str, plain: str, pointer: str) -> InputError:
-        """The same error at this place with another sentence."""
-        return type(self)(detail, pointer, self.column, self.instead, self.span, plain, self.declare)
+    def said(self, detail: str, plain: str, pointer: str, instead: tuple[str, ...]) -> InputError:
+        """The same error at this place with another sentence, and other texts that may have been meant."""
+        return type(self)(detail, pointer, self.column, instead, self.span, plain, self.declare)
 
 
 class LimitError(InputError):

@@ -44,47 +44,7 @@ def scan(text: str) -> TokenStream:
 
     matrices: list[int] = []
     pieces = plain.with_line_ends(plain.scan(text, start, stop, step), latex=True)
-    pieces = _with_single_braces(_with_fractions(pieces))
     return TokenStream(components.by_components(pieces), stop + 1)
-
-
-def _with_fractions(pieces: Tokens) -> Tokens:
-    """{a \\over b} as \\frac{a}{b}."""
-    openings: list[int] = []
-    found: Tokens = []
-    for piece in pieces:
-        if piece.is_command("over") and openings and not found[openings[-1] - 1].is_command("frac", "over"):
-            start = openings[-1]
-            found.insert(start, replace(found[start], kind="command", text="frac"))
-            openings[-1] += 1
-            found += [replace(piece, kind="operator", text="}"), replace(piece, kind="operator", text="{")]
-            continue
-        if piece.is_operator("{"):
-            openings.append(len(found))
-        elif piece.is_operator("}") and openings:
-            openings.pop()
-        found.append(piece)
-    return found
-
-
-def _with_single_braces(pieces: Tokens) -> Tokens:
-    r"""Output of Maple and Maxima: {\rm d} as \mathrm{d}, _{{1}} as _{1}, \frac{{a}}{{b}} as \frac{a}{b}."""
-    closing: dict[int, int] = {}
-    opened: list[int] = []
-    for place, piece in enumerate(pieces):
-        if piece.is_operator("{"):
-            opened.append(place)
-        elif piece.is_operator("}") and opened:
-            closing[opened.pop()] = place
-    found: dict[int, Token] = dict(enumerate(pieces))
-    for place, end in closing.items():
-        argument = place and (pieces[place - 1].is_operator("_", "}") or pieces[place - 1].is_command("frac"))
-        if argument and closing.get(place + 1) == end - 1 and not pieces[place + 2].is_command("rm"):
-            del found[place + 1], found[end - 1]
-        if pieces[place + 1].is_command("rm"):
-            found[place], found[place + 1] = replace(pieces[place + 1], text="mathrm"), pieces[place]
-            found[place + 2] = replace(pieces[place + 2], space_before=False)
-    return [found[place] for place in sorted(found)]
 
 
 def _inside_wrappers(text: str) -> tuple[int, int]:
@@ -281,6 +241,10 @@ class LatexTranslator:
             raise self._misplaced(raw)
 
     def _group_or_arguments(self, raw: Token) -> None:
+        if self._raw.ahead.is_command("rm"):  # {\rm d} is \mathrm{d}
+            self._raw.position -= 1
+            self._font(raw)
+            return
         start = len(self._tokens)
         called = self._raw.ahead.is_command("left")
         self._group(raw)
@@ -357,7 +321,8 @@ class LatexTranslator:
     def _font(self, raw: Token) -> None:
         start = self._raw.position
         name = self._name_part()
-        inside = (self._raw.look(back) for back in range(start + 2 - self._raw.position, 0))
+        first = 2 + self._raw.look(start + 1 - self._raw.position).is_command("rm")
+        inside = (self._raw.look(back) for back in range(start + first - self._raw.position, 0))
         if any(piece.space_before and not piece.is_operator("}") for piece in inside):
             raise refusal("words occur", raw.column, "write the equations alone, separated by ;")
         if name == "d" and self._names.role("d") is None:
@@ -395,12 +360,22 @@ class LatexTranslator:
     def _group(self, opening: Token, brackets: bool = True) -> None:
         """{ … } as a bracket; { } is empty, and a single name in braces is that name."""
         start = len(self._tokens)
+        over: Token | None = None
         with self._raw.nested(opening):
             while not self._raw.ahead.is_operator("}"):
                 if self._raw.ahead.kind == "end":
                     raise plain.never_closed(opening)
-                self._one()
+                if self._raw.ahead.is_command("over") and over is None:  # {a \over b} is \frac{a}{b}
+                    over = self._raw.take()
+                    above = self._tokens[start:]
+                    self._tokens[start:] = [Token("operator", "(", opening.column, True, FRACTION)]
+                    self._tokens += [Token("operator", "(", opening.column), *above]
+                    self._tokens += [Token("operator", text, over.column) for text in ")/("]
+                else:
+                    self._one()
         closing = self._raw.take()
+        if over is not None:
+            self._tokens += [Token("operator", ")", closing.column)] * 2
         inner = self._tokens[start:]
         after_function = start > 0 and self._tokens[start - 1].text in nm.FUNCTIONS
         if len(inner) == 1 and inner[0].is_operator(","):
@@ -422,7 +397,11 @@ class LatexTranslator:
         raw = self._raw.ahead
         self._emit("(", raw)
         if raw.is_operator("{"):
+            start, doubled = len(self._tokens), self._raw.look(1).is_operator("{")
             self._group(self._raw.take(), False)
+            inner = self._tokens[start:]
+            if doubled and inner and not inner[0].value and plain.closing(inner, 0) == len(inner) - 1 > 0:
+                self._tokens[start:] = inner[1:-1]  # \frac{{a}}{{b}}
         elif raw.kind == "digit":
             self._raw.take()
             self._tokens.append(plain.number_token(raw.text, raw.column, False))
@@ -608,9 +587,12 @@ class LatexTranslator:
             return self._name_part() if is_font else self._plain_piece(raw)
         self._raw.take()
         parts: list[str] = []
+        self._raw.position += self._raw.ahead.is_command("rm")
         while not self._raw.ahead.is_operator("}"):
-            raw = self._raw.take()
-            part = self._name_part() if raw.is_command(*FONTS) and not parts else self._plain_piece(raw)
+            doubled = self._raw.ahead.is_operator("{")  # r_{{1}}
+            raw = self._raw.ahead if doubled else self._raw.take()
+            within = not parts and (doubled or raw.is_command(*FONTS))
+            part = self._name_part() if within else self._plain_piece(raw)
             if not part:
                 return ""
             parts.append(part)

@@ -38,8 +38,6 @@ _CAPITALS = {
     "Ln": "log", "ArcSin": "asin", "ArcCos": "acos", "ArcTan": "atan", "ArcSinh": "asinh", "ArcCosh": "acosh",
     "ArcTanh": "atanh", "Abs": "abs", "Sign": "sign", "HeavisideTheta": "Heaviside", "UnitStep": "Heaviside",
 }  # fmt: skip
-_HEADS = {"Plus": "Add", "Times": "Mul", "Power": "Pow", "pow": "Pow", "Equal": "Eq", "Equality": "Eq", "List": "Tuple"}
-_JOINED = {"Add": "+", "Mul": "*", "Pow": "^", "Eq": "=", "Tuple": ",", "Hold": ","}
 _PIECES = "Piecewise[{"  # a head that differs from every name
 _WORD = re.compile(r"[A-Z]")
 
@@ -51,7 +49,7 @@ def in_our_words(tokens: Tokens, names: Names) -> Tokens:
     if marks & {"[", "{"}:
         tokens = _with_round_brackets(_with_indices(tokens, names), names, mathematica)
     written = tokens
-    if marks & {*_STARTS, ".", "@", "Piecewise"} or _is_primed_call(tokens):
+    if marks & {*_HEADS, ".", "@", "Piecewise"} or _is_primed_call(tokens):
         tokens = _rewritten(tokens, names)
     if "I" in marks and names.role("I") is None and (mathematica or tokens != written or marks & DERIVATIVE_NAMES):
         column = next(token.column for token in tokens if token.text == "I")
@@ -65,7 +63,7 @@ def _with_indices(tokens: Tokens, names: Names) -> Tokens:
     """x[1]'' as x_1'' if x never occurs without an index: in a text with x[t], x[0] is a value."""
     indexed = {place for place in range(len(tokens) - 3) if _is_indexed(tokens, place)}
     alone = {token.text for place, token in enumerate(tokens) if token.kind == "name" and place not in indexed}
-    known = FUNCTIONS | {word for word in _STARTS if word.isalpha()} | set(names.functions) | alone
+    known = FUNCTIONS | {word for word in _HEADS if word.isalpha()} | set(names.functions) | alone
     found: Tokens = []
     place = 0
     while place < len(tokens):
@@ -155,9 +153,9 @@ def _rewritten(tokens: Sequence[Token], names: Names) -> Tokens:
         elif token.is_operator("(") and _is_maple_power(tokens, place):
             place = _derivative_of(tokens, place + 6, int(tokens[place + 4].value), found)
         elif (
-            token.text in _STARTS and token.kind == "name" and not names.role(token.text) and _opens(tokens, place + 1)
+            token.text in _HEADS and token.kind == "name" and not names.role(token.text) and _opens(tokens, place + 1)
         ) and not (token.text == "D" and _is_factor(tokens, place + 1)):
-            place = _STARTS[token.text](tokens, place, found, names)
+            place = _called(tokens, place, found, names)
         else:
             found.append(token)
             place += 1
@@ -234,140 +232,109 @@ def _is_factor(tokens: Sequence[Token], opening: int) -> bool:
     return inside[:1] != [] and len(split_at_commas(inside)) == 1 and len(inside) > 1 and inside[0].text != "D"
 
 
-def _maple_d(tokens: Sequence[Token], place: int, found: Tokens, names: Names) -> int:
-    """D(x)(t) is x'(t); Mathematica's D[u, t] is diff(u, t)."""
-    arguments, _ = _arguments(tokens, place + 1)
-    if len(arguments) > 1:
-        return _call(tokens, place, found, names, "diff")
-    return _derivative_of(tokens, place + 1, 1, found)
+def _called(tokens: Sequence[Token], place: int, found: Tokens, names: Names) -> int:
+    """The call of a head that begins here in our words; the place after it.
 
-
-def _mathematica_derivative(tokens: Sequence[Token], place: int, found: Tokens, names: Names) -> int:
-    """Derivative[2][x][t] is x''(t); SymPy's Derivative(x(t), t) is a call."""
+    D(x)(t) is x'(t), Derivative[2][x][t] is x''(t), and ModelingToolkit's Differential(t)(u) is diff(u, t).
+    """
+    head = tokens[place]
     arguments, after = _arguments(tokens, place + 1)
-    if len(arguments) == 1 and len(arguments[0]) == 1 and arguments[0][0].kind == "number":
+    alone = len(arguments) == 1 and len(arguments[0]) == 1
+    if head.text == "D" and len(arguments) < 2:
+        return _derivative_of(tokens, place + 1, 1, found)
+    if head.text == "Derivative" and alone and arguments[0][0].kind == "number":
         return _derivative_of(tokens, after, int(arguments[0][0].value), found)
-    return _call(tokens, place, found, names, "Derivative")
-
-
-def _call(tokens: Sequence[Token], place: int, found: Tokens, names: Names, name: str, backward: bool = False) -> int:
-    """The same call under our name, its arguments rewritten; Mathematica's Log[b, x] is log(x, b)."""
-    arguments, after = _arguments(tokens, place + 1)
-    found += _written(name, arguments[::-1] if backward else arguments, tokens[place], names)
+    if head.text == "Differential":
+        if len(arguments) != 1 or not _opens(tokens, after):
+            raise refusal("Differential has no operand", head.column, "write Differential(t)(x), or x'")
+        operand, after = _arguments(tokens, after)
+        arguments = [*operand[:1], *arguments]
+    found += _HEADS[head.text](head, [_rewritten(argument, names) for argument in arguments])
     return after
 
 
-def _written(name: str, arguments: Sequence[Sequence[Token]], at: Token, names: Names) -> Tokens:
-    """The call of this name with the arguments rewritten, in the place of the token `at`."""
-    return [replace(at, text=name), _sign("(", at), *_listed(arguments, names), _sign(")", at)]
+def _joined(parts: Sequence[Tokens], sign: str) -> Tokens:
+    """The parts with the sign between them."""
+    return [token for k, part in enumerate(parts) for token in ([_sign(sign, part[0])] * bool(k) + part)]
 
 
-def _listed(arguments: Sequence[Sequence[Token]], names: Names) -> Tokens:
-    """The arguments rewritten, with commas between them."""
-    found: Tokens = []
-    for position, argument in enumerate(arguments):
-        found += ([_sign(",", argument[0])] if position else []) + _rewritten(argument, names)
-    return found
+def _bracketed(inner: Tokens, at: Token) -> Tokens:
+    return [Token("operator", "(", at.column, True, FACTOR), *inner, _sign(")", at)]
 
 
-def _quoted(tokens: Sequence[Token], place: int, found: Tokens, names: Names) -> int:
+def _call(head: Token, parts: Sequence[Tokens], name: str) -> Tokens:
+    return [replace(head, text=name), _sign("(", head), *_joined(parts, ","), _sign(")", head)]
+
+
+def _quoted(head: Token, parts: Sequence[Tokens]) -> Tokens:
     """Symbol('x', positive=True) and Function('x') are x."""
-    arguments, after = _arguments(tokens, place + 1)
-    word = [token for token in arguments[0] if token.kind == "name"] if arguments else []
-    if len(word) != 1 or len(arguments[0]) != 3:
-        raise refusal("a name in quotation marks is missing", tokens[place].column, "write Symbol('x')")
-    found.append(replace(word[0], space_before=tokens[place].space_before))
-    return after
+    word = [token for token in parts[0] if token.kind == "name"] if parts else []
+    if len(word) != 1 or len(parts[0]) != 3:
+        raise refusal("a name in quotation marks is missing", head.column, "write Symbol('x')")
+    return [replace(word[0], space_before=head.space_before)]
 
 
-def _number(tokens: Sequence[Token], place: int, found: Tokens, names: Names) -> int:
+def _number(head: Token, parts: Sequence[Tokens]) -> Tokens:
     """Integer(-1) is -1 in brackets, Integer(2) is 2, Rational(1, 2) is 1/2 in brackets."""
-    arguments, after = _arguments(tokens, place + 1)
-    if [len(argument) for argument in arguments] == [1] and tokens[place].text == "Integer":
-        found.append(arguments[0][0])
-        return after
-    parts = [token for position, part in enumerate(arguments) for token in ([_sign("/", part[0])] * position + [*part])]
-    found += [Token("operator", "(", tokens[place].column, True, FACTOR), *parts, tokens[after - 1]]
-    return after
+    if [len(part) for part in parts] == [1] and head.text == "Integer":
+        return parts[0]
+    return _bracketed(_joined(parts, "/"), head)
 
 
-def _joined(tokens: Sequence[Token], place: int, found: Tokens, names: Names) -> int:
-    """Add(a, b) as (a + b), Eq(a, b) as a = b if it is the whole equation."""
-    head = _HEADS.get(tokens[place].text, tokens[place].text)
-    arguments, after = _arguments(tokens, place + 1)
-    inner: Tokens = []
-    for position, argument in enumerate(arguments):
-        inner += [_sign(_JOINED[head], argument[0])] if position else []
-        part = _rewritten(argument, names)
-        inner += (
-            part if head in ("Tuple", "Eq") or len(part) == 1 else [_sign("(", part[0]), *part, _sign(")", part[0])]
-        )
-    if head == "Eq":
-        if len(arguments) != 2:
-            raise unexpected(tokens[place], "an equation with two sides, Eq(a, b),")
-        found += inner
-    else:
-        found += [Token("operator", "(", tokens[place].column, True, FACTOR), *inner, tokens[after - 1]]
-    return after
+def _operation(head: Token, parts: Sequence[Tokens], sign: str) -> Tokens:
+    """Add(a, b) as (a + b)."""
+    return _bracketed(
+        _joined([p if len(p) == 1 else [_sign("(", p[0]), *p, _sign(")", p[0])] for p in parts], sign), head
+    )
 
 
-def _pieces(tokens: Sequence[Token], place: int, found: Tokens, names: Names) -> int:
+def _equality(head: Token, parts: Sequence[Tokens]) -> Tokens:
+    if len(parts) != 2:
+        raise unexpected(head, "an equation with two sides, Eq(a, b),")
+    return _joined(parts, "=")
+
+
+def _pieces(head: Token, parts: Sequence[Tokens]) -> Tokens:
     """Mathematica's Piecewise[{{a, x > 0}, …}, b] is piecewise((a, x > 0), …, (b, true)); b is 0 if left out."""
-    (listed, *rest), after = _arguments(tokens, place + 1)
-    found += [replace(tokens[place], text="piecewise"), *_rewritten(listed[:-1], names)]
-    found += [_sign(text, tokens[place]) for text in (",", "(")]
-    found += _rewritten(rest[0], names) if rest else [Token("number", "0", tokens[place].column, False, Fraction(0))]
-    found += [*(_sign(text, tokens[place]) for text in (",", "true", ")")), tokens[after - 1]]
-    return after
+    listed, *rest = parts
+    last = rest[0] if rest else [Token("number", "0", head.column)]
+    before, after = ([_sign(text, head) for text in texts] for texts in (",(", (",", "true", ")", ")")))
+    return [replace(head, text="piecewise"), *listed[:-1], *before, *last, *after]
 
 
-def _float(tokens: Sequence[Token], place: int, found: Tokens, names: Names) -> int:
-    raise refusal("a Float occurs", tokens[place].column, "write the exact number, such as Rational(1, 3)")
+def _float(head: Token, parts: Sequence[Tokens]) -> Tokens:
+    raise refusal("a Float occurs", head.column, "write the exact number, such as Rational(1, 3)")
 
 
-def _der(tokens: Sequence[Token], place: int, found: Tokens, names: Names) -> int:
+def _der(head: Token, parts: Sequence[Tokens]) -> Tokens:
     """Modelica's der(u) is diff(u, t)."""
-    arguments, after = _arguments(tokens, place + 1)
-    if len(arguments) != 1:
-        raise refusal("der has one argument", tokens[place].column, "write der(x)")
-    time = Token("name", "t", tokens[place].column)
-    found += _written("diff", [*arguments, [time]], tokens[place], names)
-    return after
+    if len(parts) != 1:
+        raise refusal("der has one argument", head.column, "write der(x)")
+    return _call(head, [*parts, [Token("name", "t", head.column)]], "diff")
 
 
-def _differential(tokens: Sequence[Token], place: int, found: Tokens, names: Names) -> int:
-    """ModelingToolkit's Differential(t)(u) is diff(u, t)."""
-    by, after = _arguments(tokens, place + 1)
-    if len(by) != 1 or not _opens(tokens, after):
-        raise refusal("Differential has no operand", tokens[place].column, "write Differential(t)(x), or x'")
-    operand, end = _arguments(tokens, after)
-    found += _written("diff", [*operand[:1], *by], tokens[place], names)
-    return end
-
-
-def _column(tokens: Sequence[Token], place: int, found: Tokens, names: Names) -> int:
+def _column(head: Token, parts: Sequence[Tokens]) -> Tokens:
     """SymPy's Matrix([[u], [v]]) is u, v: its entries without the brackets of the rows' list."""
-    arguments, after = _arguments(tokens, place + 1)
-    if len(arguments) != 1 or not _opens(arguments[0], 0) or closing(arguments[0], 0) != len(arguments[0]) - 1:
-        raise refusal("a matrix occurs", tokens[place].column, "write its entries, separated by ;")
-    found += _rewritten(arguments[0][1:-1], names)
-    return after
+    if len(parts) != 1 or not _opens(parts[0], 0) or closing(parts[0], 0) != len(parts[0]) - 1:
+        raise refusal("a matrix occurs", head.column, "write its entries, separated by ;")
+    return parts[0][1:-1]
 
 
-_Rewrite = Callable[[Sequence[Token], int, Tokens, Names], int]
-_STARTS: dict[str, _Rewrite] = {
+_HEADS: dict[str, Callable[[Token, list[Tokens]], Tokens]] = {
     **dict.fromkeys(("Symbol", "Dummy", "Function"), _quoted),
     **dict.fromkeys(("Integer", "Rational"), _number),
-    **dict.fromkeys((*_JOINED, *_HEADS), _joined),
+    **dict.fromkeys(("Add", "Plus"), partial(_operation, sign="+")),
+    **dict.fromkeys(("Mul", "Times"), partial(_operation, sign="*")),
+    **dict.fromkeys(("Pow", "Power", "pow"), partial(_operation, sign="^")),
+    **dict.fromkeys(("Eq", "Equal", "Equality"), _equality),
+    **dict.fromkeys(("Tuple", "List", "Hold"), lambda head, parts: _bracketed(_joined(parts, ","), head)),
     **dict.fromkeys(("Float", "RealNumber"), _float),
-    **dict.fromkeys(("Diff", "Dt"), partial(_call, name="diff")),  # Maple's and Mathematica's
+    **dict.fromkeys(("Diff", "Dt", "D", "Differential"), partial(_call, name="diff")),  # Maple's and Mathematica's
     **dict.fromkeys(("Matrix", "ImmutableMatrix", "ImmutableDenseMatrix", "MutableDenseMatrix"), _column),
     "der": _der,
-    "Differential": _differential,
-    "D": _maple_d,
-    "Log": partial(_call, name="log", backward=True),
+    "Log": lambda head, parts: _call(head, parts[::-1], "log"),
     _PIECES: _pieces,
-    "Derivative": _mathematica_derivative,
+    "Derivative": partial(_call, name="Derivative"),
 }
 
 
@@ -418,28 +385,34 @@ def with_derivatives(tokens: Tokens, names: Names, depth: int = 0) -> Tokens:
     return found
 
 
-def second_derivatives(tokens: Tokens) -> Iterator[tuple[str, str]]:
-    """(y, x) for each d^2y/dx^2, d^2/dx^2 y, d/dx(x dy/dx), d/dx(x y') and y''(x), for all names y and x."""
-    for place in range(len(tokens)):
+def second_derivatives(tokens: Sequence[Token]) -> Iterator[tuple[str, str]]:
+    """(y, x) for each y''(x), diff(y, x, 2), diff(y, x, x), and diff(x diff(y, x), x) or diff(x y', x).
+
+    The x of y'' alone is the time t.
+    """
+    for place, token in enumerate(tokens):
         after = after_primes(tokens, place + 1)
         order = sum(int(prime.value) for prime in tokens[place + 1 : after])
-        called = [token.text for token in tokens[after : after + 3]][::2] in (["(", ")"], ["[", "]"])
-        if tokens[place].kind == "name" and order == 2 and called and tokens[after + 1].kind == "name":
-            yield tokens[place].text, tokens[after + 1].text
-        found = _quotient(tokens, place, Names())
-        if found is not None and found.order == 1 and not found.operand and _opens(tokens, found.after):
-            by, end = found.variables[0].text, closing(tokens, found.after)
-            for inside in range(found.after + 1, end - 1):
-                once = _quotient(tokens, inside, Names())
-                if once is not None and once.order == 1 and once.operand and once.variables[0].text == by:
-                    yield once.operand[0].text, by
-                elif tokens[inside].kind == "name" and tokens[inside + 1].kind == "prime":
-                    yield tokens[inside].text, by
-        if found is None or found.order != 2 or len({token.text for token in found.variables}) > 1:
-            continue
-        name = found.operand[0] if found.operand else at(tokens, found.after)
-        if name.kind == "name":
-            yield name.text, found.variables[0].text
+        if token.kind == "name" and order == 2:
+            called = _opens(tokens, after) and at(tokens, after + 2).is_operator(")")
+            if called or not _opens(tokens, after):
+                yield token.text, tokens[after + 1].text if called else "t"
+        operand, by = _differentiation(tokens, place)
+        if len(by) == 2 and by[1] in (by[0], "2"):
+            yield operand[0].text, by[0]
+        for inside in range(len(operand)) if len(by) == 1 else ():
+            inner, times = _differentiation(operand, inside)
+            if times == by or (inside > 1 and operand[inside].kind == "prime"):
+                yield inner[0].text if inner else operand[inside - 1].text, by[0]
+
+
+def _differentiation(tokens: Sequence[Token], place: int) -> tuple[Sequence[Token], list[str]]:
+    """The u of the diff(u, x, ...) that begins here, and the names and numbers after it; both empty elsewhere."""
+    if tokens[place].text not in DERIVATIVE_NAMES or not _opens(tokens, place + 1):
+        return [], []
+    operand, *rest = split_at_commas(tokens[place + 2 : closing(tokens, place + 1)])
+    by = [part.text for part in itertools.chain(*rest) if part.kind in ("name", "number")]
+    return (operand, by) if operand else ([], [])
 
 
 def _derivative(tokens: Tokens, place: int, names: Names, depth: int) -> tuple[Tokens, int] | None:

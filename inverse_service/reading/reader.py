@@ -219,13 +219,6 @@ def _without_names_of_forms(tokens: list[Token], names: Names) -> list[Token]:
     return found
 
 
-def undifferentiated(formula: str) -> list[Token]:
-    """The tokens with quotients of differentials unchanged; empty for a formula that cannot be read."""
-    with suppress(errors.InputError):
-        return _scanned(formula, Names())
-    return []
-
-
 def tokens_if_any(formula: str, names: Names) -> list[Token]:
     """The tokens; empty for a formula that cannot be read, whose error is reported where it is read."""
     with suppress(errors.InputError):

@@ -29,17 +29,11 @@ NAMES = ("coordinates", "parameters", "functions")
 # Not for people, or not ours to change.
 KEPT = frozenset(("certificate", "provenance", "given", "format", "question", "id", "kind", "time", "verdict"))
 _LETTERS = "wzkbcudhgnalsTYZWJKBUDGNCP"
+_TIMED = re.compile(r"(?<![A-Za-z\\])d?t(?![A-Za-z])")
 _PLAIN_WORD = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 _LATEX_WORD = re.compile(r"(_\{?)?(\\?[A-Za-z]+)")
 # A name at the beginning of a word, behind a number; one inside. No long word may take time that grows with its square.
-_FIRST, _NAME = r"\b\d*([A-Za-z\u0391-\u03c9]\w*)", r"([A-Za-z]\w*+)"
-# diff(y(x), x, 2), Derivative(y(x), (x, 2)), diff(y(x), x$2), D[y[x], {x, 2}]; y''(x) and d^2y/dx^2 are read as tokens.
-_NAMED = (
-    re.compile(rf"(?:[dD]iff|Derivative|D)\s*[\[(]\s*{_NAME}\s*[\[(]\s*{_NAME}\s*[\])]\s*,\s*[({{]?\s*\2\b"),
-    re.compile(rf"{_FIRST}\s*\(\s*{_NAME}\s*\)\s*\.diff\(\s*\2\b"),
-    re.compile(rf"[dD]iff\s*\(\s*{_NAME}\s*,\s*{_NAME}\s*(?:,\s*(?:2|\2)|\$\s*2)\s*\)"),
-    re.compile(rf"\(\s*D\s*@@\s*2\s*\)\s*\(\s*{_NAME}\s*\)\s*\(\s*{_NAME}\s*\)"),
-)
+_FIRST = r"\b\d*([A-Za-z\u0391-\u03c9]\w*)"
 _MOVING = re.compile(rf"{_FIRST}(?:\s*['\u2032\u2033]|_?d?dot\b)")
 _MOVES = re.compile(rf"{_MOVING.pattern}|\\dot|[\u0307\u1e8b\u1e8f\u017c]|d[A-Za-z]\w*\s*/\s*dt")
 _BARE = re.compile(rf"{_FIRST}(?:''|\u2033)(?!\s*[\[(])|\\ddot\s*\{{?\\?([A-Za-z]+)|{_FIRST}_?ddot\b")
@@ -117,8 +111,9 @@ class Prepared:
         if self.time == "t" or type(error) not in (errors.InputError, errors.LimitError):
             return error  # the shape of a document is refused in its own words
         names = {"t": self.time, self.other: "t"}
-        detail, plain = (_in_plain_text(text, names, pad=False) for text in (error.detail, error.plain))
-        return error.said(detail, plain, error.pointer)
+        texts = (error.detail, error.plain, *error.instead)
+        detail, plain, *instead = (_in_plain_text(text, names, pad=False) for text in texts)
+        return error.said(detail, plain, error.pointer, tuple(instead))
 
 
 _LETTER_L = re.compile(
@@ -409,7 +404,7 @@ def _free_variable(plain: Mapping[str, Any]) -> str:
     if any([part.text for part in tokens[k : k + 2]] == ["x", "="] for k in starts):
         return ""  # x = l sin(theta) is a definition
     occurs = any(word == "x" or "x" in only_split(word, names) for word in words)
-    timed = any(token.text == "t" for text in texts for token in reader.undifferentiated(text))
+    timed = any(map(_TIMED.search, texts))
     alone = len(moving) == 1 and not moving & {"x", "X", "z"} and not timed
     siblings = {"z"} & words  # then x may be a coordinate too
     return "x" if occurs and alone and not siblings and "\u0307" not in "".join(texts) else ""
@@ -455,13 +450,10 @@ def _found_time(plain: Mapping[str, Any]) -> str:
     """The x of y''(x), d^2y/dx^2, diff(y(x), x, 2), where all second derivatives are by the same name."""
     found, moving = set(), set()
     for text in _texts({key: plain[key] for key in FORMULAS if key in plain}):
-        pairs = [match.groups() for pattern in _NAMED for match in pattern.finditer(text)]
-        pairs += notations.second_derivatives(reader.undifferentiated(text))
+        tokens = reader.tokens_if_any(text, Names(guesses=True))
+        pairs = [*notations.second_derivatives(tokens)]
         found |= {by for name, by in pairs if name not in _declared(plain, ("functions",))}
-        moving |= {name for name, _ in pairs}
-        if _BARE.search(text):
-            return "t"
-    moving |= {match[1] for text in _texts(plain) for match in _MOVING.finditer(text)}
+        moving |= {name for name, _ in pairs} | {*document_names.moving_names(tokens, 1)}
     name = found.pop() if len(found) == 1 else "t"
     if name in _declared(plain) | moving or name in FUNCTIONS | DERIVATIVE_NAMES:
         return "t"
