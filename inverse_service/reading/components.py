@@ -1,41 +1,44 @@
-r"""Split matrices and vectors of LaTeX into components: pieces of LaTeX in, pieces out, one equation for each row.
+r"""Split matrices and vectors of LaTeX into components: tokens in, tokens out, one equation for each row.
 
-\begin{pmatrix} a & b \\ c & d \end{pmatrix} times columns, and \mathbf{r} or \vec{r} where an equation gives its
-components, \mathbf{r} = (x, y, z), with dots, |r|, r^2, \cdot and \times. A scalar before or after multiplies each row.
+\begin{pmatrix} a & b \\ c & d \end{pmatrix} comes as [a & b; c & d], times columns; \mathbf{r} or \vec{r} as a token of
+the kind "vector", where an equation gives its components, \mathbf{r} = (x, y, z), with dots, |r|, r^2, \cdot and
+\times. A scalar before or after multiplies each row.
 """
 
-import itertools
 from collections.abc import Sequence
+from dataclasses import replace
+from fractions import Fraction
 
 from inverse_service.errors import InputError
 from inverse_service.expressions.refusals import refusal
-from inverse_service.reading.tokens import Token, Tokens, TokenStream, closing, split, split_at_commas
+from inverse_service.reading import tokens as tk
+from inverse_service.reading.tokens import Token, Tokens
 
 MATRICES = ("matrix", "pmatrix", "bmatrix")
-ROW, CELL, BEGIN, END = "\\", "&", "begin matrix", "end matrix"
 BOLD = ("mathbf", "boldsymbol", "bm", "pmb", "textbf", "vec", "overrightarrow", "underline")
-_SIDES = ("+", "-", "=", ",", ";", ")", "]", "}")
+_SIDES = ("+", "-", "=", ",", ";", ")", "]", "&")
 Value = list[list[Tokens]]  # rows of cells; a scalar is one cell
 
 
-def by_components(pieces: Tokens) -> Tokens:
-    """The pieces with each matrix or vector equation replaced by its rows; InputError if shapes differ."""
-    if not any(piece.is_command(BEGIN, *BOLD) for piece in pieces):
-        return pieces
-    statements, vectors = _statements(pieces), dict[str, list[Tokens]]()
+def by_components(tokens: Tokens) -> Tokens:
+    """The tokens with each matrix or vector equation replaced by its rows; InputError if shapes differ."""
+    if not any(_is_many(token) for token in tokens):
+        return tokens
+    last = max((place for place, token in enumerate(tokens) if token.is_operator("=")), default=0)
+    parts = tk.split(tokens, lambda at, token: token.is_operator(";") or (token.is_operator(",") and at < last))
+    statements, vectors = [part for part, _ in parts if part], dict[str, list[Tokens]]()
     for statement in tuple(statements):
         if given := _given(statement):
-            vectors[given[0]] = given[1]
+            vectors[statement[0].text] = given
             statements.remove(statement)
-    for given in vectors.items():
-        defined = any([piece.text for piece in statement[:2]] == [given[0], "="] for statement in statements)
-        statements = statements if defined else [_with_length(*given, statement) for statement in statements]
+    for name, given in vectors.items():
+        if not any([token.text for token in statement[:2]] == [name, "="] for statement in statements):
+            statements = [_with_length(name, given, statement) for statement in statements]
     found: Tokens = []
     for statement in statements:
-        plain = not any(_is_vector(statement, k, vectors) or p.is_command(BEGIN) for k, p in enumerate(statement))
-        rows = [statement] if plain else _Reader(statement, vectors).equations()
+        rows = _Reader(statement, vectors).equations() if any(map(_is_many, statement)) else [statement]
         for row in rows:
-            found += ([Token("command", ROW, row[0].column)] if found and row else []) + row
+            found += ([Token("operator", ";", row[0].column)] if found and row else []) + row
     return found
 
 
@@ -44,81 +47,48 @@ def holds_vector(text: str) -> bool:
     return any(f"\\{command}" in text for command in BOLD)
 
 
-def _statements(pieces: Tokens) -> list[Tokens]:
-    """The pieces between separators outside brackets and matrices."""
-    last = max((place for place, piece in enumerate(pieces) if piece.is_operator("=")), default=0)
-    inside = list(itertools.accumulate(piece.is_command(BEGIN) - piece.is_command(END) for piece in pieces))
-
-    def ends(place: int, piece: Token) -> bool:
-        listed = piece.is_operator(",") and place < last
-        return not inside[place] and (piece.is_command(ROW) or piece.is_operator(";") or listed)
-
-    return [statement for statement, _ in split(pieces, ends) if statement]
+def _is_many(token: Token) -> bool:
+    return token.kind == "vector" or token.is_operator("[")
 
 
-def _name(pieces: Sequence[Token], place: int) -> tuple[str, int]:
-    r"""The r of \mathbf{r} or \vec r there, and the number of its pieces; empty elsewhere."""
-    after = [piece.text for piece in pieces[place + 1 : place + 4]]
-    if not pieces[place].is_command(*BOLD) or not after:
-        return "", 0
-    braced = after[0] == "{" and after[2:] == ["}"]
-    return (after[1], 4) if braced else (after[0], 2) if after[0] != "{" else ("", 0)
-
-
-def _is_vector(pieces: Sequence[Token], place: int, vectors: dict[str, list[Tokens]]) -> bool:
-    return _name(pieces, place)[0] in vectors
-
-
-def _given(statement: Tokens) -> tuple[str, list[Tokens]] | None:
-    r"""The name and the components in \mathbf{r} = (x, y, z), none of which holds a vector."""
-    name, length = _name(statement, 0)
-    rest = [piece for piece in statement[length:] if not piece.is_command("left", "right")]
-    listed = (
-        len(rest) > 4 and rest[0].is_operator("=") and rest[1].is_operator("(") and closing(rest, 1) == len(rest) - 1
-    )
-    parts = split_at_commas(rest[2:-1]) if listed and name else []
-    plain = len(parts) > 1 and all(parts) and not any(piece.is_command(*BOLD) for piece in rest)
-    return (name, parts) if plain else None
+def _given(statement: Tokens) -> list[Tokens]:
+    r"""The components in \mathbf{r} = (x, y, z), none of which holds a vector; else nothing."""
+    texts = [token.text for token in statement[1:3]]
+    whole = statement[0].kind == "vector" and texts == ["=", "("] and tk.closing(statement, 2) == len(statement) - 1
+    parts = tk.split_at_commas(statement[3:-1]) if whole and not any(map(_is_many, statement[1:])) else []
+    return parts if len(parts) > 1 and all(parts) else []
 
 
 def _with_length(name: str, parts: list[Tokens], statement: Tokens) -> Tokens:
     """The statement with (x^2 + y^2)^(1/2) for a plain r used together with the bold vector r."""
     found: Tokens = []
-    for place, piece in enumerate(statement):
-        before = [one.text for one in statement[max(place - 2, 0) : place]]
-        bold = any(_name(statement, place - back)[1] for back in (1, 2) if place >= back)
-        if piece.kind != "letter" or piece.text != name or bold or before[-1:] == ["_"] or before == ["_", "{"]:
-            found.append(piece)
+    for token in statement:
+        if token.kind != "name" or token.text != name:
+            found.append(token)
             continue
-
-        def sign(text: str, column: int = piece.column) -> Token:
-            return Token("operator", text, column, True)
-
-        squares = [one for part in parts for one in (sign("+"), *_bracketed(part), sign("^"), _digit("2", piece))][1:]
-        found += [sign("("), Token("command", "sqrt", piece.column), sign("{"), *squares, sign("}"), sign(")")]
+        plus, *power = tk.written("+^2", token)
+        squares = [one for part in parts for one in (plus, *_bracketed(part), *power)][1:]
+        found += [*tk.written("(", token), *tk.written("sqrt(", token), *squares, *tk.written("))", token)]
     return found
-
-
-def _digit(text: str, at: Token) -> Token:
-    return Token("digit", text, at.column)
 
 
 def _bracketed(cell: Tokens) -> Tokens:
     """The cell as a factor."""
-    if len(cell) == 1 or all(piece.is_command("dot", "ddot") for piece in cell[:-1]):
+    if len(cell) == 1 or all(token.kind == "prime" for token in cell[1:]):
         return cell
     return [Token("operator", "(", cell[0].column, True), *cell, Token("operator", ")", cell[-1].column, True)]
+
+
+def _product_sign(scalar: Tokens) -> Fraction:
+    """DOT or CROSS where a sign of LaTeX ends the tokens, else 0."""
+    return scalar[-1].value if scalar and scalar[-1].is_operator("*") else Fraction(0)
 
 
 class _Reader:
     """Reads an equation of matrices and vectors; a value is its rows of cells."""
 
     def __init__(self, statement: Tokens, vectors: dict[str, list[Tokens]]) -> None:
-        sized = itertools.pairwise([*statement, statement[-1]])  # \left( as (
-        plain = [
-            one for one, after in sized if not (one.is_command("left", "right") and after.is_operator("(", ")", "|"))
-        ]
-        self._stream = TokenStream(plain, statement[-1].column)
+        self._stream = tk.TokenStream(statement, statement[-1].column)
         self._vectors = vectors
         self._at = statement[0]
         self._barred = False
@@ -132,8 +102,8 @@ class _Reader:
             raise self._refused()
         if len(sides) == 1 and len(sides[0]) == len(sides[0][0]) == 1:
             return sides[0][0]  # a formula
-        left, right = sides if len(sides) == 2 else (sides[0], [[[_digit("0", self._at)]]])
-        zero = [[piece.text for piece in cell] for row in right for cell in row] == [["0"]]
+        left, right = sides if len(sides) == 2 else (sides[0], [[[self._zero()]]])
+        zero = [[token.text for token in cell] for row in right for cell in row] == [["0"]]
         right = [right[0]] * len(left) if zero else right
         if len(left) != len(right) or {len(row) for row in (*left, *right)} != {1}:
             raise self._refused()
@@ -167,11 +137,12 @@ class _Reader:
             if factor is None:
                 scalar += self._stream.take_group()
             elif value is None:
-                before = scalar[: len(scalar) - bool(scalar and scalar[-1].is_command("cdot"))]
+                before = scalar[: len(scalar) - (_product_sign(scalar) == tk.DOT)]
                 value, scalar = self._scaled(before, factor), []
             else:
-                sign = scalar.pop().text if scalar and scalar[-1].is_command("times", "cdot") else ""
-                value, scalar = self._product(self._scaled(scalar, value), factor, sign), []
+                sign = _product_sign(scalar)
+                before = scalar[: len(scalar) - bool(sign)]
+                value, scalar = self._product(self._scaled(before, value), factor, sign), []
         if value is None and not scalar:
             raise self._refused()
         if value is None:
@@ -183,28 +154,31 @@ class _Reader:
         power = [self._stream.take(), *self._stream.take_group()]
         if len(base) == len(base[0]) == 1:
             return [[[*_bracketed(base[0][0]), *power]]]
-        if [piece.text for piece in power if piece.text not in ("^", "{", "}")] != ["2"]:
+        if [token.text for token in power if token.text not in ("^", "(", ")")] != ["2"]:
             raise self._refused()
-        return self._product(base, base, "cdot")
+        return self._product(base, base, tk.DOT)
 
     def _sign(self, text: str) -> Token:
         return Token("operator", text, self._at.column, True)
 
+    def _zero(self) -> Token:
+        return Token("number", "0", self._at.column)
+
     def _scaled(self, scalar: Tokens, value: Value) -> Value:
         if not scalar:
             return value
-        texts = [piece.text for piece in scalar if piece.text not in ("mathrm", "{", "}")]
-        sign = [] if texts[:1] == ["d"] and texts[1:2] in ([], ["^"]) else [self._sign("*")]  # d^2 r
+        differential = scalar[0].text in ("d", tk.TOTAL) and (len(scalar) == 1 or scalar[1].text == "^")  # d^2 r
+        sign = [] if differential else [self._sign("*")]
         return [[[*scalar, *sign, *_bracketed(cell)] for cell in row] for row in value]
 
-    def _product(self, left: Value, right: Value, sign: str) -> Value:
+    def _product(self, left: Value, right: Value, sign: Fraction) -> Value:
         """The matrix product; \\cdot gives the scalar product, \\times the vector product."""
         minus, times = map(self._sign, "-*")
-        if sign == "times" and len(left) == len(right) == 3:
+        if sign == tk.CROSS and len(left) == len(right) == 3:
             pairs = [(1, 2), (2, 0), (0, 1)]
             a, b = ([_bracketed(row[0]) for row in side] for side in (left, right))
             return [[[*a[i], times, *b[j], minus, *a[j], times, *b[i]]] for i, j in pairs]
-        if sign == "cdot" and len(left) == len(right) > 1 and len(left[0]) == len(right[0]) == 1:
+        if sign == tk.DOT and len(left) == len(right) > 1 and len(left[0]) == len(right[0]) == 1:
             left = [[row[0] for row in left]]
         if len(left) == len(left[0]) == 1 and len(right) > 1:
             return self._scaled(_bracketed(left[0][0]), right)
@@ -215,88 +189,67 @@ class _Reader:
     def _scalar_product(self, left: Sequence[Tokens], right: Sequence[Tokens]) -> Tokens:
         plus, times = map(self._sign, "+*")
         pairs = zip(left, right, strict=True)
-        return [piece for a, b in pairs for piece in (plus, *_bracketed(a), times, *_bracketed(b))]
+        return [token for a, b in pairs for token in (plus, *_bracketed(a), times, *_bracketed(b))]
 
     def _factor(self) -> Value | None:
-        """A matrix, a vector with its dots, or a bracket that contains one; None before any other piece."""
+        """A matrix, a vector with its dots, or a bracket that contains one; None before any other token."""
         stream = self._stream
-        if stream.ahead.is_command(BEGIN):
-            stream.take()
-            rows: Value = [[[]]]
-            while not (piece := stream.take()).is_command(END):
-                if piece.kind == "end":
-                    raise self._refused()
-                if piece.is_command(ROW):
-                    rows.append([[]])
-                elif piece.is_command(CELL):
-                    rows[-1].append([])
-                else:
-                    rows[-1][-1].append(piece)
-            found = [row for row in rows if row != [[]]]
-            if len({len(row) for row in found}) != 1:
+        ahead = stream.ahead
+        if ahead.is_operator("["):
+            rows = [part for part, _ in tk.split(stream.group()[1:], lambda _, token: token.is_operator(";")) if part]
+            found = [[cell for cell, _ in tk.split(row, lambda _, token: token.is_operator("&"))] for row in rows]
+            stream.take_group()
+            if len({len(row) for row in found}) != 1 or stream.look(-1).text != "]":
                 raise self._refused()
             return found
-        if stream.ahead.is_operator("|") and self._holds_vector():
-            opening, self._barred = stream.take(), True
-            value = self._sum()
-            stream.close(opening, "|")
-            self._barred = False
-            (square,) = self._product(value, value, "cdot")[0]
-            return [[[Token("command", "sqrt", opening.column), self._sign("{"), *square, self._sign("}")]]]
-        if stream.ahead.is_operator("(") and self._holds_vector():
-            opening = stream.take()
-            value = self._sum()
+        if ahead.is_operator("|", "(") and any(map(_is_many, self._inside())):
+            return self._of_bracket(stream.take())
+        if ahead.kind != "vector":
+            return None
+        stream.take()
+        primes: Tokens = []
+        while stream.ahead.kind == "prime":
+            primes.append(stream.take())
+        if ahead.text == "0":
+            return [[[self._zero()]]]
+        if ahead.text not in self._vectors:
+            raise refusal("a vector occurs", ahead.column, "write an equation for each component")
+        return [[self._moving(part, primes)] for part in self._vectors[ahead.text]]
+
+    def _inside(self) -> Sequence[Token]:
+        """The tokens in the bracket or bars ahead."""
+        if self._stream.ahead.is_operator("("):
+            return self._stream.group()
+        rest = self._stream.rest()[1:]
+        return rest[: next((place for place, token in enumerate(rest) if token.is_operator("|")), 0)]
+
+    def _of_bracket(self, opening: Token) -> Value:
+        """(a + b), the length |a|, or a fraction ((a)/(b)) of LaTeX."""
+        stream, bars = self._stream, opening.text == "|"
+        self._barred, outer = bars, self._barred
+        fraction = opening.value == tk.FRACTION
+        inner = stream.take() if fraction else opening
+        value = self._sum()
+        stream.close(inner, "|" if bars else ")")
+        self._barred = outer
+        if fraction:
+            slash, lower = stream.take(), stream.take()
+            below = self._sum()
+            stream.close(lower)
             stream.close(opening)
-            return value
-        if stream.ahead.is_command("frac", "tfrac", "dfrac") and self._holds_vector(1):
-            fraction, (above, below) = stream.take(), (self._braced(), self._braced())
             if len(below) != 1 or len(below[0]) != 1:
                 raise self._refused()
-            opened, closed = self._sign("{"), self._sign("}")
-            under = [opened, *below[0][0], closed]
-            return [[[fraction, opened, *cell, closed, *under] for cell in row] for row in above]
-        dotted = stream.ahead.is_command("dot", "ddot")
-        braced = dotted and stream.look(1).is_operator("{")
-        name, length = _name(stream.rest(7), dotted + braced)
-        if name == "0":
-            stream.position += length
-            return [[[_digit("0", self._at)]]]
-        if name not in self._vectors:
-            return None
-        order = 1 + stream.take().is_command("ddot") if dotted else 0
-        stream.position += length + 2 * braced
-        if stream.ahead.is_operator("_"):
-            raise self._refused()  # r_1 is not r
-        return [[self._moving(part, order)] for part in self._vectors[name]]
+            middle, last = [replace(inner, text=")"), slash, lower, *below[0][0]], tk.written("))", lower)
+            return [[[opening, inner, *cell, *middle, *last] for cell in row] for row in value]
+        if not bars:
+            return value
+        (square,) = self._product(value, value, tk.DOT)[0]
+        return [[[*tk.written("sqrt(", opening), *square, self._sign(")")]]]
 
-    def _moving(self, part: Tokens, order: int) -> Tokens:
-        """The component with this number of time derivatives; InputError for a component that is a formula."""
-        if not order:
-            return part
-        if len(part) > 1 and any(piece.kind != "digit" for piece in part):
+    def _moving(self, part: Tokens, primes: Tokens) -> Tokens:
+        """The component with these time derivatives; InputError for a component that is a formula."""
+        if primes and len(part) > 1:
             raise self._refused()
-        return (
-            [_digit("0", self._at)]
-            if part[0].kind == "digit"
-            else [Token("command", "d" * order + "ot", self._at.column), *part]
-        )
-
-    def _braced(self) -> Value:
-        """A group in braces, or a single piece in its place."""
-        if not (opening := self._stream.take_operator("{")):
-            return [[[self._stream.take()]]]
-        value = self._sum()
-        self._stream.close(opening, "}")
-        return value
-
-    def _holds_vector(self, groups: int = 0) -> bool:
-        """Whether the bracket ahead, or a group after the piece ahead, contains a vector or a matrix."""
-        pieces, depth, end = self._stream.rest()[bool(groups) :], 0, 0
-        left = groups + 1
-        for end, piece in enumerate(pieces):
-            depth += piece.is_operator("(", "{") - piece.is_operator(")", "}")
-            left -= depth < 1 and not (pieces[0].text == "|" and (end == 0 or piece.text != "|"))
-            if not left:
-                break
-        group = pieces[: end + 1]
-        return any(_is_vector(group, k, self._vectors) or piece.is_command(BEGIN) for k, piece in enumerate(group))
+        if primes and part[0].kind == "number":
+            return [self._zero()]
+        return [*part, *primes]

@@ -24,6 +24,9 @@ _SIZES = frozenset(size + side for size in ("big", "Big", "bigg", "Bigg") for si
 _WRAPPERS = (("$$", "$$"), ("$", "$"), (r"\[", r"\]"), (r"\(", r"\)"))
 
 
+_BEGIN, _END, _CELL = "begin matrix", "end matrix", "&"
+
+
 def scan(text: str) -> TokenStream:
     """The pieces of LaTeX: commands without backslash, letters, digits, and the signs of plain text."""
     plain.check_length(text)
@@ -34,17 +37,17 @@ def scan(text: str) -> TokenStream:
         if place in cases:
             return cases[place]
         if text[place] == "&" and matrices:
-            return [Token("command", components.CELL, place + 1)], place + 1
+            return [Token("command", _CELL, place + 1)], place + 1
         found, after = _pieces(text, place, space)
-        if found and found[0].is_command(components.BEGIN):
+        if found and found[0].is_command(_BEGIN):
             matrices.append(place)
-        elif found and found[0].is_command(components.END) and matrices:
+        elif found and found[0].is_command(_END) and matrices:
             matrices.pop()
         return found, after
 
     matrices: list[int] = []
     pieces = plain.with_line_ends(plain.scan(text, start, stop, step), latex=True)
-    return TokenStream(components.by_components(pieces), stop + 1)
+    return TokenStream(pieces, stop + 1)
 
 
 def _inside_wrappers(text: str) -> tuple[int, int]:
@@ -157,12 +160,17 @@ MARKED = VECTORS | OTHER_LETTERS
 _WORDS = nm.FUNCTIONS | nm.DERIVATIVE_NAMES | nm.REFUSED.keys()
 
 # Words that are no product of letters: their backslash was left out.
-_COMMANDS = frozenset(("dot", "ddot", "frac", "tfrac", "dfrac", "cdot", "times", "left", "right", "partial", "mathrm"))
+_COMMANDS = frozenset(
+    ("dot", "ddot", "frac", "tfrac", "dfrac", "cdot", "times", "left", "right", "partial", "mathrm", "text", "quad")
+) | {*components.BOLD} - {"bm"}
 _FRACTIONS = ("frac", "tfrac", "dfrac", "cfrac")
 _SIGNS = {
     "div": "/",
     "\\": ";",
     **dict.fromkeys(("cdot", "times", "ast"), "*"),
+    _BEGIN: "[",
+    _END: "]",
+    _CELL: "&",
     **dict.fromkeys(("lbrace", "{"), "("),
     **dict.fromkeys(("rbrace", "}"), ")"),
     **dict.fromkeys(("vert", "lvert", "rvert"), "|"),
@@ -170,6 +178,7 @@ _SIGNS = {
     **dict.fromkeys(("ge", "geq", "geqslant", "gt", "gg"), ">"),
     **dict.fromkeys(("ne", "neq"), "\u2260"),
 }
+_PRODUCTS = {"cdot": plain.DOT, "times": plain.CROSS}
 _OPENING, _CLOSING = "([", ")]"
 _TENSORS = frozenset(("Gamma", "g", "R", "T", "F", "eta", "h", "delta", "epsilon", "varepsilon"))
 _REASONS = {
@@ -294,6 +303,9 @@ class LatexTranslator:
             self._delimiter(raw)
         elif name in _SIGNS:
             self._emit(_SIGNS[name], raw)
+            self._tokens[-1] = replace(self._tokens[-1], value=_PRODUCTS.get(name, Fraction(0)))
+        elif name in components.BOLD:
+            self._emit_name(self._with_subscript(self._name_part()), raw, kind="vector")
         elif name == "partial":
             self._partial(raw)
         else:
@@ -328,9 +340,7 @@ class LatexTranslator:
         if name == "d" and self._names.role("d") is None:
             self._emit(TOTAL, raw)
             return
-        if not name:
-            raise refusal(f"\\{raw.text} contains no name", raw.column, "write letters and digits in it")
-        self._emit_name(self._with_subscript(name), raw)
+        self._emit_name(name and self._with_subscript(name), raw)
 
     def _delimiter(self, raw: Token) -> None:
         delimiter = self._raw.take()
@@ -438,16 +448,19 @@ class LatexTranslator:
         """\\dot{x}, \\dot x, \\dot{r}_1, \\dot{r_1}, \\dot\\theta."""
         braces = self._raw.take() if self._raw.ahead.is_operator("{") else None
         name = ""
+        kind: plain.Kind = "name"
         if self._raw.ahead.kind == "letter":
             name = self._word() if braces else self._raw.take().text
         elif self._raw.ahead.kind == "command":
             command = self._raw.take()
-            name = self._name_part() if command.text in FONTS else self._plain_piece(command)
+            if command.is_command(*components.BOLD):
+                kind, raw = "vector", command
+            name = self._name_part() if command.text in (*FONTS, *components.BOLD) else self._plain_piece(command)
         if braces:
             name = self._with_subscript(name)
         if not name or (braces and not self._raw.take().is_operator("}")):
             raise refusal(f"\\{raw.text} belongs to a name", raw.column, f"write \\{raw.text}{{x}}")
-        self._emit_name(self._with_subscript(name), raw, order)
+        self._emit_name(self._with_subscript(name), raw, order, kind)
 
     def _power(self, caret: Token) -> None:
         raw = self._raw.ahead
@@ -532,9 +545,11 @@ class LatexTranslator:
     def _emit(self, text: str, raw: Token, space: bool | None = None) -> None:
         self._tokens.append(Token("operator", text, raw.column, raw.space_before if space is None else space))
 
-    def _emit_name(self, name: str, raw: Token, order: int = 0) -> None:
+    def _emit_name(self, name: str, raw: Token, order: int = 0, kind: plain.Kind = "name") -> None:
         at_most(len(name), LIMITS.name_characters, "a name has too many characters", raw.column)
-        self._tokens.append(Token("name", name, raw.column, raw.space_before))
+        if not name:
+            raise refusal(f"\\{raw.text} contains no name", raw.column, "write letters and digits in it")
+        self._tokens.append(Token(kind, name, raw.column, raw.space_before))
         if order:
             self._tokens.append(Token("prime", "'" * order, raw.column, False, Fraction(order)))
 
@@ -622,4 +637,4 @@ def _is_prime(raw: Token) -> bool:
 
 def tokenize(text: str, names: nm.Names | None = None) -> Tokens:
     """The tokens of a LaTeX formula; without `names` every letter is a separate name."""
-    return LatexTranslator(scan(text), names or nm.Names()).all()
+    return components.by_components(LatexTranslator(scan(text), names or nm.Names()).all())

@@ -29,8 +29,9 @@ from inverse_service.expressions.letters import (
     letter,
 )
 
-Kind = Literal["number", "name", "prime", "operator", "newline", "end", "command", "letter", "digit"]
+Kind = Literal["number", "name", "prime", "operator", "newline", "end", "vector", "command", "letter", "digit"]
 FACTOR, FRACTION = Fraction(1), Fraction(2)
+DOT, CROSS = Fraction(1), Fraction(2)
 PARTIAL, TOTAL = "\u2202", "\u2146"  # TOTAL: the upright d of a derivative
 
 
@@ -39,7 +40,8 @@ class Token:
     """One token; `column` counts from 1 in the original text.
 
     `value` is that of a number; for a prime it is the order of the derivative; for a ( it is FACTOR where no arguments
-    can stand in it, and FRACTION where ((above)/(below)) of LaTeX begins. Commands, letters and digits are pieces of
+    can stand in it, and FRACTION where ((above)/(below)) of LaTeX begins; for a * DOT or CROSS where LaTeX has
+    \\cdot or \\times. Commands, letters and digits are pieces of
     LaTeX, of which `latex.py` makes the others.
     Operators are + - * / ^ ( ) [ ] , = ; |, and < > & ~ true in conditions of pieces.
     """
