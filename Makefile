@@ -74,7 +74,7 @@ bench: install ## benchmarks of decision, search and integrators
 # The service under load, pool and cluster, the stores; the tables of docs/records/reliability.md and docs/records/scaling.md are replaced.
 bench-service: install ## the service under load
 	.venv/bin/python -m benchmarks service --page docs/records/reliability.md
-	.venv/bin/python -m benchmarks cluster --lines 200 --rounds 3 --page docs/records/scaling.md
+	.venv/bin/python -m benchmarks cluster --lines 200 --rounds 3 $(POSTGRES:%=--postgres %) --page docs/records/scaling.md
 	.venv/bin/python -m tests.store.measure_store docs/records/scaling.md
 
 # 26,000 cases on all cores; interrupted, it goes on where it was.

@@ -207,7 +207,7 @@ def main(arguments: Sequence[str]) -> None:
     parser.add_argument("--output", type=Path, help="folder for cluster.md and cluster.json")
     chosen = parser.parse_args(arguments)
     rows = measure(chosen.lines, chosen.rounds, chosen.workers, chosen.postgres)
-    text = f"{conditions()}, the medians of {chosen.rounds} rounds.\n\n{markdown(rows)}"
+    text = f"{conditions()}, medians over rounds: {chosen.rounds}.\n\n{markdown(rows)}"
     print(text)
     if chosen.page:
         put(chosen.page, "cluster", text)

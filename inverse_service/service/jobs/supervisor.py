@@ -1,7 +1,7 @@
 """Takes accepted jobs from the store, has them run, stores what came of them.
 
-Threads: one claims, a few store answers (so that a worker never waits for the disk), the pool has its
-own. The store is the truth; whatever this process forgets when it dies, is claimed again.
+Threads: one claims and keeps watch, a few store answers (so that a worker never waits for the disk), the pool
+has its own. The store is the truth; whatever this process forgets when it dies, is claimed again.
 
 First the progress of running jobs; at the end what becomes of a job when its task ended: stored, tried again, released.
 """
