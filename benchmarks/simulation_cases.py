@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from benchmarks.hard_cases import disk_start, particle_start
 from benchmarks.problems import DISK, PARTICLE
 from inverse_service.kernels.codegen.program import Program
-from inverse_service.simulation.execution import initial, lane_of
+from inverse_service.simulation.execution import initial, numbers_of
 from inverse_service.simulation.numeric_formulas import Formulas
 from inverse_service.simulation.scene_data import Grid, MethodChoice, Observation, Problem, Start
 from inverse_service.simulation.schemes import program_of
@@ -41,8 +41,8 @@ def program(case: SpeedCase) -> Program:
     return program_of(Formulas(case.problem), case.choice, BARE)
 
 
-def lane(case: SpeedCase, step: float = STEP) -> tuple[dict[str, float], dict[str, float]]:
-    """(state and rates, arguments) at the start."""
+def lane(case: SpeedCase, step: float = STEP) -> dict[str, float]:
+    """State, rates and arguments at the start."""
     formulas, values = Formulas(case.problem), {"c0": CONSTANT}
     begin = initial(formulas, case.choice, case.start, step, values)
-    return lane_of(case.choice, begin, Grid(step, 1), values)
+    return numbers_of(case.choice, begin, Grid(step, 1), values)

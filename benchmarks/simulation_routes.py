@@ -27,7 +27,7 @@ def ours(case: SpeedCase) -> Runner:
 
 def _kernel_runner(case: SpeedCase, kernel: Compiled) -> Runner:
     def go(steps: int) -> float:
-        memory = memory_of(kernel.card, *lane(case))
+        memory = memory_of(kernel.card, lane(case)).ravel()
         found = execute(kernel, memory, (1.0,), Grid(0.01, steps, steps))
         assert found.done == steps
         return found.seconds
@@ -46,9 +46,9 @@ def with_numba(case: SpeedCase, folder: Path) -> Runner:
     assert spec.loader
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
-    state, arguments = lane(case)
-    values = [state.get(name, 0.0) for name in (*made.state, *(f"{u}_rate" for u in made.unknowns))]
-    given = [arguments[name] for name in made.arguments]
+    numbers = lane(case)
+    values = [numbers.get(name, 0.0) for name in (*made.state, *(f"{u}_rate" for u in made.unknowns))]
+    given = [numbers[name] for name in made.arguments]
 
     def go(steps: int) -> float:
         begin = time.perf_counter()
@@ -118,8 +118,8 @@ def lambdify_and_fsolve(case: SpeedCase) -> Runner:
     arguments = [sympy.Symbol(name) for name in ("h", "a", "c0")]
     function = sympy.lambdify([unknowns, state, arguments], residuals, "numpy")
     update = sympy.lambdify([unknowns, state, arguments], steps_of, "numpy")
-    begin, given = lane(case)
-    first = np.array([begin.get(str(name), 0.0) for name in state])
+    given = lane(case)
+    first = np.array([given.get(str(name), 0.0) for name in state])
     values = [given[str(name)] for name in arguments]
 
     def go(steps: int) -> float:

@@ -70,7 +70,7 @@ def _spiral(found: Run, folder: Path) -> Statement:
         pictures.paths(found, folder, "figure-2-disk", caption),
         pictures.paths(
             found.only("variational-0"), folder, "figure-3-circle",
-            "Figure 3: the variational path with its matching circle (dashed) beside the exact one (black).",
+            "Figure 3: the variational path with its matching circle (dashed) beside the exact one (broad).",
         ),
     )  # fmt: skip
     rows = tuple(

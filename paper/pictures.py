@@ -7,17 +7,21 @@ from pathlib import Path
 
 import matplotlib
 
+from inverse_service.service.figures import views
 from inverse_service.service.figures.drawing import path_figure, series_figure
-from inverse_service.service.figures.style import SETTINGS, TRUE_COLOR, look, new_figure, save, spread
+from inverse_service.service.figures.style import SETTINGS, TRUE_COLOR, new_figure, save
 from paper.scenes import Run
 from paper.statement import Figure
 
+MARKERS = "os^D"
 ALPHA = "\N{GREEK SMALL LETTER ALPHA}"
 
 
 def paths(run: Run, folder: Path, name: str, caption: str) -> Figure:
     """Paths in the plane, one panel a method, with the exact curve."""
-    figure, finding = path_figure(run.result, run.tables, run.truth)
+    drawn = path_figure(run.result, run.tables, run.truth)
+    assert drawn is not None
+    figure, finding = drawn
     save(figure, folder, name, caption)
     return Figure(name, caption, finding)
 
@@ -45,10 +49,10 @@ def planes(runs: Sequence[Run], pairs: Sequence[tuple[str, str]], folder: Path, 
                 axes.plot(run.truth[a], run.truth[b], color=TRUE_COLOR, linewidth=1.2, label="exact")
             drawn = [m for m in run.result["methods"] if m["label"] in run.tables and m["method"] != "exact"]
             for place, method in enumerate(drawn):
-                table, style = run.tables[method["label"]], look(place, method["method"])
+                table = run.tables[method["label"]]
                 axes.plot(
-                    table[a], table[b], color=style.color, linestyle=style.line, marker=style.marker, markersize=4,
-                    markevery=spread(len(table[a]), 12, 5 * place), fillstyle="none", label=method["method"],
+                    table[a], table[b], color=views.color_of(place), marker=MARKERS[place % 4], markersize=4,
+                    markevery=(5 * place, max(1, len(table[a]) // 12)), fillstyle="none", label=method["method"],
                 )  # fmt: skip
             axes.set(xlabel=a, ylabel=b, title=f"{ALPHA} = {drawn[0]['alpha']}" if len(runs) > 1 else f"{a}{b}")
         handles, labels = grid[0].get_legend_handles_labels()

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from inverse_service.errors import InputError
 from inverse_service.integrators.method_table import USES_FREE
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
-from inverse_service.kernels.codegen.program import NO_START, STATUS, STOPPED_AT, STOPPED_VALUE
+from inverse_service.kernels.codegen.program import NOT_STARTED, STATUS
 from inverse_service.simulation import initial, observing, scene_data as data, truth
 from inverse_service.simulation.derivation import Derived, problem_of
 from inverse_service.simulation.ensembles import ALL_METHODS, Many, run_ensemble
@@ -64,7 +64,7 @@ def run_members(scene: data.Scene, derived: Derived, requested: data.Requested, 
         return EnsembleRun(requested, Outcome("unavailable", remedy=error.detail), None)
     ran = time.perf_counter()
     lost = initial.without_value(scene) & (many.memory[many.card.layout.place(STATUS)] == 0)
-    for name, value in ((STATUS, NO_START), (STOPPED_AT, 0.0), (STOPPED_VALUE, np.nan)):
+    for name, value in NOT_STARTED.items():
         many.memory[many.card.layout.place(name), lost] = value
     many.positions[lost, 1:] = many.rates[lost, 1:] = np.nan
     velocities = _point_velocities(scene, problem, requested, many, values)

@@ -17,11 +17,11 @@ from inverse_service.integrators.method_table import OWN_STEPS, POINT_METHODS
 from inverse_service.integrators.trajectory import Array, Outcome
 from inverse_service.kernels.codegen.compiled import Card, Compiled
 from inverse_service.kernels.codegen.kernel import CONTROL
-from inverse_service.kernels.codegen.program import NO_START, STATUS, STOPPED_AT, STOPPED_VALUE
+from inverse_service.kernels.codegen.program import STATUS, STOPPED_AT
 from inverse_service.kernels.codegen.symengine_trees import closure
 from inverse_service.kernels.machine_code.loading import processor_features
 from inverse_service.simulation import scene_data as data
-from inverse_service.simulation.execution import check, kernel_of, stopped, unknown_names, weights_of
+from inverse_service.simulation.execution import check, kernel_of, memory_of, stopped, unknown_names, weights_of
 from inverse_service.simulation.numeric_formulas import MOMENT, Formulas
 
 WORTH_THREADS = 2_000  # steps of groups that take as long as starting a thread
@@ -92,7 +92,7 @@ def run_ensemble(
     times = np.full(count, grid.begin) if begins is None else begins
     columns = _columns(f, choice, positions, velocities, momenta, values, times)
     columns["h"] = np.broadcast_to(grid.step if steps is None else steps, count)
-    memory = _memory(kernel.card, columns, count)
+    memory = memory_of(kernel.card, columns, count)
     record, iterations, cancelled = _run_groups(kernel, memory, weights_of(choice), grid, stop)
     flat = np.moveaxis(memory, 1, 0).reshape(memory.shape[1], -1)[:, :count]
     rows = np.moveaxis(record, (1, 2), (0, 1)).reshape(record.shape[1], record.shape[2], -1)[:, :, :count]
@@ -128,24 +128,6 @@ def _start_momenta(f: Formulas, choice: data.MethodChoice, columns: Mapping[str,
     with np.errstate(all="ignore"):
         found = function(np.stack([columns[name] for name in names], axis=1))
     return np.asarray(found, dtype=float).reshape(-1, f.size)
-
-
-def _memory(card: Card, columns: Mapping[str, Array], count: int) -> Array:
-    """(groups, places, lanes); unused lanes repeat the last member."""
-    layout, lanes = card.layout, card.lanes
-    groups = -(-count // lanes)
-    places = np.minimum(np.arange(groups * lanes), count - 1)
-    memory = np.zeros((groups, layout.size, lanes))
-    for name, column in columns.items():
-        for place in [layout.place(name)] if name in layout.persistent else []:
-            memory[:, place] = column[places].reshape(groups, lanes)
-        if name in layout.arguments:
-            memory[:, layout.argument_place(name)] = column[places].reshape(groups, lanes)
-    memory[:, layout.place(STOPPED_AT)] = -1.0
-    lost = ~np.isfinite(memory).all(axis=1)
-    status, at, value = (layout.place(name) for name in (STATUS, STOPPED_AT, STOPPED_VALUE))
-    memory[:, status][lost], memory[:, at][lost], memory[:, value][lost] = NO_START, 0.0, np.nan
-    return memory
 
 
 def _run_groups(

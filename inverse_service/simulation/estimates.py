@@ -1,8 +1,9 @@
 """Estimate the error of a completed run, with a warning if it is large.
 
 The method is run again with half the step h. If the error is C h^p, both differ by (1 - 2^-p) of the error of the run;
-a method that chooses its steps also gets a tenth of its tolerance, if that is above round-off. Errors common to both
-runs are not detected in this way, so the energy, a constant, and the true motion, if known, are compared too.
+a method that chooses its steps also gets a tenth of its tolerance, or ten times it where a tenth is round-off, which
+differs by nine times the error. Errors common to both runs are not detected in this way, so the energy, a constant, and
+the true motion, if known, are compared too.
 
 A force that acts within a step, unnoticed by both runs, is searched for in the formulas between the points. A run
 with a Lagrangian that has another motion there than the given equations is `off_domain`.
@@ -26,7 +27,8 @@ VARIES = (
     "{:.3g}). Take a smaller step or `adaptive`."
 )
 HALF = "half the step"
-STRICTER, LOOSER = f"{HALF} and a tenth of the tolerance", f"{HALF} and ten times the tolerance"
+STRICTER = f"{HALF} and a tenth of the tolerance"
+LOOSER = (1 / TIGHTER, f"{HALF} and ten times the tolerance", 1 / TIGHTER - 1)
 AGAIN, TRUE = "With {}, the trajectory", "The true motion"
 ELSEWHERE = "{} differs: from t = {:.6g} on, {} is off by about {:.3g}. Take a smaller step or tolerance."
 GOES_ON = ("completed", "cancelled")
@@ -52,9 +54,8 @@ def finer(requested: data.Requested, grid: data.Grid) -> Finer:
     half = replace(grid, step=grid.step / 2, steps=2 * steps, record_every=2 * every)
     if choice.method not in method_table.OWN_STEPS:
         return Finer(requested, half, HALF, 1 - 0.5 ** (order_of(requested) or 1))
-    if TIGHTER * choice.tolerance < TIGHTEST:
-        return Finer(requested, half, HALF, 1.0)
-    return Finer(replace(requested, choice=replace(choice, tolerance=TIGHTER * choice.tolerance)), half, STRICTER, 1.0)
+    factor, how, part = (TIGHTER, STRICTER, 1.0) if TIGHTER * choice.tolerance >= TIGHTEST else LOOSER
+    return Finer(replace(requested, choice=replace(choice, tolerance=factor * choice.tolerance)), half, how, part)
 
 
 def order_of(requested: data.Requested) -> int | None:
@@ -83,19 +84,13 @@ Repeat = Callable[[data.Scene, data.Requested], trajectory.Trajectory | data.Una
 
 
 def _again(run: observing.Observed, repeat: Repeat) -> tuple[Finer, trajectory.Trajectory | data.Unavailable]:
-    """The finer run: without the guard if that ends it early, and with ten times the tolerance if it is the same
-    to the last bit, like a Taylor series whose internal steps are shorter than those of both grids."""
+    """The finer run, without the guard if that ends it early."""
     again = finer(run.requested, run.scene.grid)
     scene, choice = replace(run.scene, grid=again.grid), again.requested.choice
     found = repeat(scene, again.requested)
-    if choice is None or isinstance(found, data.Unavailable):
+    if choice is None or isinstance(found, data.Unavailable) or found.outcome.kind in GOES_ON:
         return again, found
-    if found.outcome.kind not in GOES_ON:
-        return again, repeat(scene, replace(again.requested, choice=replace(choice, guard=False)))
-    if choice.method in method_table.OWN_STEPS and np.array_equal(found.positions, run.trajectory.positions):
-        other = replace(again.requested, choice=replace(choice, tolerance=choice.tolerance / TIGHTER))
-        return replace(again, how=LOOSER), repeat(scene, other)
-    return again, found
+    return again, repeat(scene, replace(again.requested, choice=replace(choice, guard=False)))
 
 
 def estimated(run: observing.Observed, repeat: Repeat) -> dict[str, Any]:
@@ -172,7 +167,7 @@ def _with_made_energy(
             break
     if end is None:
         return None
-    part = changes[end] / about[end]
+    part = changes[end] / max(about[end], float(kinetic[: end + 2].mean()))
     return trajectory.Outcome(
         "unresolved", end, float(run.trajectory.times[end]), NOT_CONSTANT.format(part), None, SHORTER
     )

@@ -42,13 +42,11 @@ def check(problem: Problem, choice: MethodChoice) -> None:
         raise InputError("Symmetrised steps require a system without t: take alpha = 1/2, which also has order 2.")
 
 
-def lane_of(
-    choice: MethodChoice, begin: Initial, grid: Grid, parameters: Mapping[str, float]
-) -> tuple[dict[str, float], dict[str, float]]:
-    """(state and rates, arguments) of one trajectory."""
+def numbers_of(choice: MethodChoice, begin: Initial, grid: Grid, parameters: Mapping[str, float]) -> dict[str, float]:
+    """State, rates and arguments of one trajectory by the names of the kernel."""
     rates = {f"{name}_rate": value for name, value in begin.rates.items()}
     setting = choice.tolerance if choice.method in method_table.OWN_STEPS else choice.alpha
-    return {**begin.state, **rates, str(MOMENT): grid.begin}, {"h": grid.step, "a": setting, **parameters}
+    return {**begin.state, **rates, str(MOMENT): grid.begin, "h": grid.step, "a": setting, **parameters}
 
 
 def kernel_of(formulas: Formulas, choice: MethodChoice, observation: Observation, lanes: int = 1) -> Compiled:
@@ -102,8 +100,8 @@ class Prepared:
 
     def go(self, grid: Grid, stop: Stop | None = None) -> Run:
         """All steps of the grid, from the start."""
-        memory = memory_of(self.kernel.card, *lane_of(self.choice, self.begin, grid, self.parameters))
-        return execute(self.kernel, memory, weights_of(self.choice), grid, stop)
+        memory = memory_of(self.kernel.card, numbers_of(self.choice, self.begin, grid, self.parameters))
+        return execute(self.kernel, memory.ravel(), weights_of(self.choice), grid, stop)
 
 
 def prepared(
@@ -145,16 +143,21 @@ class Run:
     done: int
 
 
-def memory_of(card: Card, state: Mapping[str, float], arguments: Mapping[str, float]) -> Array:
-    """(places,): the state with the rates, and the arguments, where the kernel looks for them."""
-    layout = card.layout
-    memory = np.zeros(layout.size)
-    for name, value in state.items():
-        if name in layout.persistent:
-            memory[layout.place(name)] = value
-    for name in layout.arguments:
-        memory[layout.argument_place(name)] = arguments[name]
-    memory[layout.place(programs.STOPPED_AT)] = -1.0
+def memory_of(card: Card, numbers: Mapping[str, float | Array], count: int = 1) -> Array:
+    """(groups, places, lanes): the numbers of `count` runs, each one or (count,), where the kernel looks for them.
+
+    Unused lanes repeat the last run. A run with a number that is not finite does not start.
+    """
+    layout, lanes = card.layout, card.lanes
+    rows = np.minimum(np.arange(-(-count // lanes) * lanes), count - 1)
+    memory = np.zeros((len(rows) // lanes, layout.size, lanes))
+    for place, name in enumerate((*layout.persistent, *layout.arguments)):
+        if name in numbers:
+            memory[:, place] = np.broadcast_to(numbers[name], count)[rows].reshape(-1, lanes)
+    memory[:, layout.place(programs.STOPPED_AT)] = -1.0
+    lost = ~np.isfinite(memory).all(axis=1)
+    for name, value in programs.NOT_STARTED.items():
+        memory[:, layout.place(name)][lost] = value
     return memory
 
 

@@ -266,7 +266,7 @@ def class_lagrangian(motion: ExactMotion, taken: Sequence[str] = ()) -> ClassLag
         return None
     norm = ex.ONE if steady else ex.square_root(_square(motion, raw))
     coupled = [i for i in raw if i not in decoupled]
-    directions = tuple(_stripped(raw[i], names[k]) if i in coupled else ex.ONE for i in range(len(names)))
+    directions = tuple(_split(raw[i], names[k])[0] if i in coupled else ex.ONE for i in range(len(names)))
     constants = {i: _name(names[i], [*taken, *names]) for i in coupled}
     speed, momentum = ex.Velocity(names[k]), ex.Symbol(f"p_{names[k]}")
     quadratic = ex.add(*(
@@ -314,11 +314,11 @@ def _is_constant(expression: ex.Expression, motion: ExactMotion) -> bool:
     return len(values) > 1 and bool(np.ptp(values) <= CONSTANT * np.abs(values).max())
 
 
-def _stripped(expression: ex.Expression, name: str) -> ex.Expression:
-    """The factors that hold the turning coordinate; a constant direction becomes 1."""
-    factors = ex.factors_of(expression)
-    kept = [factor for factor in factors if not isinstance(factor, ex.Number) and ex.holds(factor, ex.Symbol(name))]
-    return ex.multiply(*kept) if kept else ex.number(1)
+def _split(direction: ex.Expression, name: str) -> tuple[ex.Expression, ex.Expression]:
+    """The factors that hold the turning coordinate, and the others, which are constant."""
+    factors = ex.factors_of(direction)
+    moving = [factor for factor in factors if ex.holds(factor, ex.Symbol(name))]
+    return ex.multiply(*moving), ex.multiply(*(factor for factor in factors if factor not in moving))
 
 
 def _name(coordinate: str, taken: Sequence[str]) -> str:
@@ -353,20 +353,11 @@ def _start_momenta(found: ClassLagrangian, motion: ExactMotion, positions: Array
         if name is None:
             continue
         constant = motion.values[name]
-        ratio = _constant_ratio(raw[i], found.directions[i], motion)
+        ratio = numeric_formulas.array_value(_split(raw[i], motion.coordinates[k])[1], table)
         momenta[:, i] = constant * (norm / length) * speed * ratio / rate
         shift += numeric_formulas.array_value(found.directions[i], table) * momenta[:, i] ** 2 / (2 * norm * constant)
     momenta[:, k] = rate - shift
     return momenta
-
-
-def _constant_ratio(raw: ex.Expression, stripped: ex.Expression, motion: ExactMotion) -> float:
-    """raw/stripped, which does not depend on the turning coordinate."""
-    points = np.random.default_rng(2).uniform(-3, 3, SAMPLES)
-    table = turning_table(motion, points)
-    top, bottom = numeric_formulas.array_value(raw, table), numeric_formulas.array_value(stripped, table)
-    best = int(np.nanargmax(np.where(np.isfinite(top) & np.isfinite(bottom), np.abs(bottom), np.nan)))
-    return float(top[best] / bottom[best])
 
 
 POINTS = 24

@@ -27,7 +27,7 @@ _AT_ZERO = frozenset({"log", "coth", "csch"})
 
 
 def walls(tree: ex.Expression, moving: set[ex.Expression]) -> Iterator[ex.Expression]:
-    """The walls of the tree that hold a velocity or one of `moving`."""
+    """The walls of the tree that hold a velocity or one of `moving`, among them t where its poles count too."""
     for found in dict.fromkeys(wall for node in ex.distinct_nodes([tree]) for wall in _walls_of(node)):
         if any(isinstance(leaf, ex.Velocity) or leaf in moving for leaf in ex.walk(found)):
             yield from _without_squares(found)
@@ -247,7 +247,7 @@ class Formulas:
     def walls_of(self, trees: Sequence[ex.Expression | None]) -> list[Denominator]:
         """The walls whose signs must not change for the formulas to stay smooth, without repetition."""
         names = [*self.problem.coordinates, *(f"p_{name}" for name in self.problem.coordinates)]
-        moving: set[ex.Expression] = {ex.Symbol(name) for name in names}
+        moving: set[ex.Expression] = {ex.TIME, *map(ex.Symbol, names)}
         found = dict.fromkeys(wall for tree in trees if tree is not None for wall in walls(tree, moving))
         return [self._denominator(wall) for wall in found]
 

@@ -78,7 +78,15 @@ def _references(
         return problem
 
     def rows(choice: scene_data.MethodChoice, refinement: int = 1) -> Array:
-        return _rows(scene, problem, choice, refinement, times, stop)
+        """Positions and velocities at the recorded times, (m, 2 n); nan where the reference did not arrive."""
+        grid, start = scene.grid, scene_data.Start(tuple(scene.positions), velocities=tuple(scene.velocities))
+        shorter = {"step": grid.step / refinement, "steps": refinement * grid.steps}
+        finer = replace(grid, **shorter, record_every=refinement * grid.record_every)
+        found = np.full((len(times), 2 * len(scene.coordinates)), np.nan)
+        ran = _part(scene, problem, choice, start, finer, stop)
+        if ran.velocities is not None:
+            found[: len(ran.times)] = np.column_stack([ran.positions, ran.velocities])
+        return found
 
     try:
         first, second, by = rows(TAYLOR), rows(EXPLICIT), "heyoka, checked by DOP853"
@@ -100,40 +108,6 @@ def _collocation(rows: Callable[..., Array], other: Array, steps: int, stop: sce
             break
         nearest, refinement = min(apart, nearest), 2 * refinement
     return best
-
-
-def _rows(
-    scene: scene_data.Scene,
-    problem: scene_data.Problem,
-    choice: scene_data.MethodChoice,
-    refinement: int,
-    times: Array,
-    stop: scene_data.Stop | None,
-) -> Array:
-    """Positions and velocities of a reference at the recorded times, (m, 2 n); nan where it did not arrive."""
-    grid = scene.grid
-    start = scene_data.Start(tuple(scene.positions), velocities=tuple(scene.velocities))
-    rows = np.full((len(times), 2 * len(scene.coordinates)), np.nan)
-    rows[0] = [*scene.positions, *scene.velocities]
-    whole, rest = divmod(grid.steps, grid.record_every)
-    pieces = [(grid.record_every, whole)] + ([(rest, 1)] if rest else [])
-    done = 0
-    for every, count in pieces:
-        begin = float(times[done])
-        if choice.method == "reference":
-            part = scene_data.Grid(grid.step / refinement, every * count * refinement, every * refinement, begin)
-        else:
-            part = scene_data.Grid(grid.step * every, count, 1, begin)
-        ran = _part(scene, problem, choice, start, part, stop)
-        if ran.velocities is None:
-            break
-        table = np.column_stack([ran.positions, ran.velocities])[1:]
-        rows[done + 1 : done + 1 + len(table)] = table
-        done += len(table)
-        if not ran.outcome.completed:
-            break
-        start = scene_data.Start(tuple(ran.positions[-1]), velocities=tuple(ran.velocities[-1]))
-    return rows
 
 
 def _part(

@@ -12,6 +12,7 @@ v" (R. Tarjan, SIAM J. Comput. 1 (1972) 146), each after all that it depends on.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -29,6 +30,7 @@ UNOBSERVABLE = 1000
 
 
 STATUS, CLOCK, STOPPED_AT, STOPPED_VALUE = "status", "clock", "stopped_at", "stopped_value"
+NOT_STARTED = {STATUS: float(NO_START), STOPPED_AT: 0.0, STOPPED_VALUE: math.nan}
 TRIAL = "trial"  # the length of the next step where a kernel chooses it
 
 

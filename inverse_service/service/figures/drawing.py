@@ -14,7 +14,6 @@ from typing import Any, cast
 
 import matplotlib
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
@@ -53,8 +52,11 @@ def view_figure(shown: Sequence[Mapping[str, Any] | None], wide: int = 3) -> Fig
                 axes.set_yscale("log")
             elif view.get("signed"):
                 axes.set_ylim(*_limits(view["lines"]))
+            if view.get("limits"):
+                center, half = view["limits"]
+                axes.set(xlim=(center[0] - half, center[0] + half), ylim=(center[1] - half, center[1] + half))
             if view.get("equal"):
-                axes.set_aspect("equal", adjustable="datalim")
+                axes.set_aspect("equal", adjustable="box" if view.get("limits") else "datalim")
     return figure
 
 
@@ -130,9 +132,9 @@ def ensemble_figure(result: Mapping[str, Any], tables: Mapping[str, Mapping[str,
         figure = styles.new_figure(3.6 * len(methods), 2.2 * len(names))
         panels = figure.subplots(len(names), len(methods), squeeze=False, sharex=True)
         for column, (place, method) in enumerate(methods):
-            table, style = tables[method["label"]], styles.look(place, method["method"])
+            table = tables[method["label"]]
             for row, name in enumerate(names):
-                _panel(panels[row][column], table["t"], table[name], style.color)
+                _panel(panels[row][column], table["t"], table[name], views.color_of(place))
                 panels[row][column].set_ylabel(name)
             panels[0][column].set_title(method["label"])
             panels[-1][column].set_xlabel("t")
@@ -247,67 +249,36 @@ def _is_round(result: Mapping[str, Any], tables: Mapping[str, Mapping[str, Array
 
 
 Tables = Mapping[str, Mapping[str, Array]]
-MOST_OF_PATH = 6000
-MOST_MARKERS = 45
-PANEL = 3.1
-ALPHA = "\N{GREEK SMALL LETTER ALPHA}"
-# A path that extends beyond this multiple of the true one leaves the picture, as the title says.
+# A path that extends beyond this multiple of the true one leaves the picture, as its axis says.
 REACH = 1.6
-WIDEST_TURN = 0.8
 
 
-def path_figure(result: Mapping[str, Any], tables: Tables, truth: Mapping[str, Array] | None) -> tuple[Figure, str]:
-    """The figure and its caption."""
-    pair = result["circle_coordinates"]
-    drawn = [m for m in result["methods"] if m["label"] in tables and m["method"] not in ("exact", "reference")]
-    drawn = drawn or [m for m in result["methods"] if m["label"] in tables]
-    true = None if truth is None else np.column_stack([truth[name] for name in pair])
-    paths = {m["label"]: np.column_stack([tables[m["label"]][name] for name in pair]) for m in drawn}
-    box = _box(true, list(paths.values()))
-    columns = 2 if len(drawn) == 4 else min(3, max(1, len(drawn)))
-    rows = math.ceil(len(drawn) / columns)
-    with matplotlib.rc_context(styles.SETTINGS):
-        figure = styles.new_figure(max(5.2, PANEL * columns + 0.4), PANEL * rows + 1.1)
-        grid = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
-        for axes in grid.ravel()[len(drawn) :]:
-            axes.set_visible(False)
-        for place, (axes, method) in enumerate(zip(grid.ravel(), drawn, strict=False)):
-            _path_panel(axes, place, method, paths[method["label"]], true, box, pair)
-    return figure, path_caption(result, drawn, truth is not None)
-
-
-def _path_panel(
-    axes: Axes, place: int, method: Mapping[str, Any], path: Array, true: Array | None, box: tuple[Array, float],
-    pair: Sequence[str],
-) -> None:  # fmt: skip
-    style = styles.look(place, method["method"])
-    if true is not None:
-        thin = _thinned(true)
-        axes.plot(*thin.T, color=styles.TRUE_COLOR, zorder=3, label="true motion", **_stroke(thin, 1.1))
-    thin = _thinned(path)
-    axes.plot(*thin.T, color=style.color, alpha=0.75, zorder=2, **_stroke(thin, 0.7))
-    axes.plot(
-        *thin.T, color=style.color, linestyle="none", marker=style.marker, markersize=4, fillstyle="none",
-        markevery=styles.spread(len(thin), MOST_MARKERS), zorder=4,
-    )  # fmt: skip
-    matching = (method.get("circle") or {}).get("through_three_points")
-    if matching is not None:  # the paper's matching circle, through three points of the first revolution
-        turn = np.linspace(0, 2 * np.pi, 361)
-        x, y = (matching["center"][k] + matching["radius"] * wave(turn) for k, wave in enumerate((np.cos, np.sin)))
-        axes.plot(x, y, color=style.color, linestyle=(0, (4, 3)), linewidth=1, zorder=1, label="matching circle")
-    axes.plot(*path[0], marker="o", color="black", markersize=4, zorder=5)
-    center, half = box
-    axes.set(xlim=(center[0] - half, center[0] + half), ylim=(center[1] - half, center[1] + half))
-    axes.set_aspect("equal", adjustable="box")
-    axes.set_title(styles.plain(_title(method)), fontsize=9.5)
-    axes.set_xlabel(f"{pair[0]}\n{_below(method, path, center, half)}", fontsize=8.5)
-    axes.set_ylabel(pair[1])
-
-
-def _title(method: Mapping[str, Any]) -> str:
-    parts = [method["method"], *([f"{ALPHA} = {method['alpha']}"] if method["alpha"] is not None else [])]
-    order = method["order"]
-    return ", ".join([*parts, *([f"order {order}"] if order not in (None, 1, 2) else [])])
+def path_figure(
+    result: Mapping[str, Any], tables: Tables, truth: Mapping[str, Array] | None
+) -> tuple[Figure, str] | None:
+    """A panel for each method, all of one scale: its path, the true one, and the paper's matching circle, which goes
+    through three points of the first revolution."""
+    result, tables = _with_truth(result, tables, truth)
+    whole = views.path_view(result, tables)
+    if whole is None:
+        return None
+    true = [line for line in whole["lines"] if line["color"] == "ink"][:1]
+    own = [line for line in whole["lines"] if line["color"] != "ink"] or whole["lines"]
+    paths = [np.array([line["x"], line["y"]], dtype=float).T for line in own]
+    center, half = _box(np.array([true[0]["x"], true[0]["y"]], dtype=float).T if true else None, paths)
+    turn, panels = np.linspace(0, 2 * np.pi, 361), []
+    for line, path in zip(own, paths, strict=True):
+        method = result["methods"][line["place"]]
+        lines, found = [*true, {**line, "dash": "solid"}], (method.get("circle") or {}).get("through_three_points")
+        if found is not None:
+            x, y = (found["center"][k] + found["radius"] * wave(turn) for k, wave in enumerate((np.cos, np.sin)))
+            lines.append({**line, "label": "matching circle", "dash": "dash", "x": x, "y": y})
+        below = f"{whole['x']}\n{_below(method, path, center, half)}"
+        panels.append({**whole, "label": line["label"], "x": below, "lines": lines, "limits": (center, half)})
+    methods = [result["methods"][line["place"]] for line in own]
+    return _with_caption(
+        view_figure(panels, 2 if len(panels) == 4 else 3), path_caption(result, methods, truth is not None)
+    )
 
 
 def _below(method: Mapping[str, Any], path: Array, center: Array, half: float) -> str:
@@ -318,12 +289,9 @@ def _below(method: Mapping[str, Any], path: Array, center: Array, half: float) -
         notes.append(f"off the circle by {styles.shown(100 * circle['max_radial_distance'])} %")
     elif circle and (circle["revolutions"] or 0) >= 1:
         notes.append(f"radius {styles.shown(circle['radius_first'])} to {styles.shown(circle['radius_last'])}")
-    if len(path) > 2 * MOST_OF_PATH:
-        notes.append(f"one point of {len(path) // MOST_OF_PATH} is drawn")
     if method["outcome"] != "completed":
         notes.append(f"ends: {method['outcome']}")
-    far = float(np.abs(path - center).max())
-    if far > half:
+    if float(np.abs(path - center).max()) > half:
         notes.append("leaves the picture")
     return "; ".join(notes)
 
@@ -336,11 +304,11 @@ def path_caption(result: Mapping[str, Any], drawn: Sequence[Mapping[str, Any]], 
         if m.get("circle") and (m["circle"]["revolutions"] or 2) >= 2 and math.isfinite(m["circle"]["radius_change"])
     }
     start = f"{result['name'] or 'Path'}: {styles.run_of(result)}."
-    black = " The black curve is the true motion." if compared else ""
+    black = " The broad pale curve is the true motion." if compared else ""
     if any((m.get("circle") or {}).get("through_three_points") for m in drawn):
         black += " Dashed: the matching circles through three points."
     if not sizes:
-        return f"{start}{black} Dots mark the start."
+        return f"{start}{black}"
     best, worst = min(sizes, key=sizes.__getitem__), max(sizes, key=sizes.__getitem__)
     if len(sizes) == 1:
         change = _share(sizes[best])
@@ -366,18 +334,6 @@ def _box(true: Array | None, paths: Sequence[Array]) -> tuple[Array, float]:
     center = (low + high) / 2
     reach = max((float(np.nanmax(np.abs(path - center))) for path in paths), default=half)
     return center, 1.06 * min(max(half, reach), REACH * half)
-
-
-def _stroke(path: Array, width: float) -> dict[str, Any]:
-    """Draw a line through the points, or dots if they are so far apart that a line would hide the path."""
-    turns = np.abs(np.diff(observing.turned(path))) if len(path) > 3 else np.zeros(1)
-    if np.median(turns) < WIDEST_TURN:
-        return {"linewidth": width, "linestyle": "-"}
-    return {"linestyle": "none", "marker": ".", "markersize": 1.2 * width}
-
-
-def _thinned(path: Array) -> Array:
-    return path[:: max(1, len(path) // MOST_OF_PATH)]
 
 
 FRAMES_A_SECOND, SECONDS, TRAIL = 25, 8.0, 1.0  # frames, length at most, length of a trail in seconds of the picture
@@ -433,7 +389,7 @@ def _frames(times: Array, bodies: Mapping[str, tuple[Array, Array]], with_origin
         clock = axes.text(0.02, 0.98, "", transform=axes.transAxes, va="top", weight="bold", animated=True)
         pairs = []
         for place, name in enumerate(ways):
-            look: Any = {"color": styles.look(place, "").color, "animated": True}
+            look: Any = {"color": views.color_of(place), "animated": True}
             (trail,) = axes.plot([], [], linewidth=1, alpha=0.5, **look)
             pairs.append((trail, axes.plot([], [], "o", markersize=8, label=styles.plain(name) or None, **look)[0]))
         canvas.draw()

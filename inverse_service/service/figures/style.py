@@ -1,9 +1,8 @@
-"""The style of figures: colors that everyone can distinguish, with line styles and markers."""
+"""The style of figures: sizes, fonts, panels, captions."""
 
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -11,10 +10,6 @@ import matplotlib
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from inverse_service.service.figures import views
-
-LINES = ("-", "--", "-.", (0, (5, 1, 1, 1, 1, 1)), (0, (8, 2)), (0, (3, 1)), (0, (1, 1)), (0, (6, 1, 1, 1)))
-MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
 TRUE_COLOR = "#222222"
 SETTINGS: Any = {
     "font.size": 9.5,
@@ -33,23 +28,6 @@ SETTINGS: Any = {
 }
 RESOLUTION = 160
 CAPTION_SIZE = 9
-
-
-@dataclass(frozen=True, slots=True)
-class Look:
-    """Color, line and marker of one method."""
-
-    color: str
-    line: Any
-    marker: str
-
-
-def look(place: int, method: str) -> Look:
-    """The style of the method at this position in the scene; true motions are dark and thin."""
-    if method == "exact":
-        return Look(TRUE_COLOR, "-", "")
-    k, turn = place % len(views.COLORS), place // len(views.COLORS)
-    return Look(views.COLORS[k], LINES[(k + turn) % len(LINES)], MARKERS[(k + 3 * turn) % len(MARKERS)])
 
 
 def new_figure(width: float, height: float) -> Figure:
@@ -91,12 +69,6 @@ def run_of(result: Mapping[str, Any]) -> str:
 def plain(text: str) -> str:
     """A text of the user, in which a dollar sign does not begin a matplotlib formula."""
     return text.replace("$", "\\$")
-
-
-def spread(length: int, count: int, shift: int = 0) -> list[int]:
-    """Indices of at most `count` markers on a line of `length` points, shifted so that lines do not hide each other."""
-    every = max(1, length // count)
-    return list(range(shift % every, length, every))
 
 
 def joined(parts: Sequence[str]) -> str:

@@ -304,11 +304,16 @@ def _line(place: int, method: Method, x: Array, y: Array) -> dict[str, Any]:
     return {
         "label": method_name(method["label"]),
         "place": place,
-        "color": "ink" if is_true else COLORS[place % len(COLORS)],
+        "color": "ink" if is_true else color_of(place),
         "dash": "solid" if is_true else DASHES[(place + place // len(COLORS)) % len(DASHES)],
         "x": shortened(x),
         "y": shortened(y),
     }
+
+
+def color_of(place: int) -> str:
+    """The color of the method or body at this place."""
+    return COLORS[place % len(COLORS)]
 
 
 def outline(x: Array, y: Array) -> tuple[Array, Array]:
