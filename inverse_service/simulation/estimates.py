@@ -250,23 +250,17 @@ def moments_between(run: observing.Observed) -> trajectory.Array:
 
     A function is extreme where its argument turns or passes 0; this time is located on the cubic through the positions
     and velocities of the points. A sine or cosine whose argument moves by more than a half turn in a step counts as
-    well. In a long run only the first MOST_VALUES values are examined, and only functions of time if steps are not
-    recorded.
+    well. In a long run only the first MOST_VALUES values are examined.
     """
     problem, choice, at, scene = run.problem, run.requested.choice, run.trajectory, run.scene
     velocities = observing.velocities_at_points(run)
     if problem is None or choice is None or not choice.guard or velocities is None:
         return np.empty(0)
-    nodes = ex.distinct_nodes(tree for tree in problem.formulas if tree is not problem.free_hamiltonian)
-    moving: set[ex.Expression] = {*map(ex.Symbol, scene.coordinates), *map(ex.Velocity, scene.coordinates)}
-    watched: set[ex.Expression] = {ex.TIME} if scene.grid.record_every > 1 else {ex.TIME, *moving}
-    unseen = moving - watched
+    moving: set[ex.Expression] = {ex.TIME, *map(ex.Symbol, scene.coordinates), *map(ex.Velocity, scene.coordinates)}
     pairs = [
         (node, node.argument if isinstance(node, ex.Apply) else node.base)
-        for node in nodes
-        if isinstance(node, ex.Apply | ex.Power)
-        and watched.intersection(ex.walk(node))
-        and not unseen.intersection(ex.walk(node))
+        for node in ex.distinct_nodes(tree for tree in problem.formulas if tree is not problem.free_hamiltonian)
+        if isinstance(node, ex.Apply | ex.Power) and ex.holds(node, *moving)
     ]
     count = min(len(at.times), MOST_VALUES // max(1, len(pairs)))
     times, places, speeds = at.times[:count], at.positions[:count], velocities[:count]
@@ -277,24 +271,18 @@ def moments_between(run: observing.Observed) -> trajectory.Array:
         table = nf.table_of(scene.coordinates, *between_points(times, places, speeds, moments), run.values, moments)
         return nf.array_values(trees, table)
 
-    whole = nf.table_of(scene.coordinates, places, speeds, run.values, times)
-    known = nf.array_values([tree for pair in pairs for tree in pair], whole)
-    found: list[trajectory.Array] = []
+    known = values(times, *(tree for pair in pairs for tree in pair))
+    found: list[trajectory.Array] = [np.empty(0)]
     for (node, inner), shown, along in zip(pairs, known[::2], known[1::2], strict=True):
         turns, zeros = (np.flatnonzero(np.diff(np.sign(one)) != 0) for one in (np.diff(along), along))
         low, high = times[np.concatenate([turns, zeros])], times[np.concatenate([turns + 2, zeros + 1])]
         rises = np.concatenate([np.sign(along[turns + 1] - along[turns]), np.zeros(len(zeros))])
-
-        def height(moments: trajectory.Array, rises: trajectory.Array = rises, inner: ex.Expression = inner) -> Any:
-            (value,) = values(moments, inner)
-            return np.where(rises == 0, -np.abs(value), rises * value)
-
         for _ in range(GOLDEN_STEPS):
             a, b = high - GOLDEN * (high - low), low + GOLDEN * (high - low)
-            left = height(a) > height(b)
-            low, high = np.where(left, low, a), np.where(left, b, high)
-        peaks = (low + high) / 2
-        half = abs(scene.grid.step) / 2
+            left, right = (values(moments, inner)[0] for moments in (a, b))
+            left, right = (np.where(rises == 0, -np.abs(one), rises * one) for one in (left, right))
+            low, high = np.where(left > right, low, a), np.where(left > right, b, high)
+        peaks, half = (low + high) / 2, abs(scene.grid.step) / 2
         begin, end = np.maximum(peaks - half, times[0]), np.minimum(peaks + half, times[-1])
         before, heights, after = (values(moments, node)[0] for moments in (begin, peaks, end))
         above = np.minimum(np.abs(heights - before), np.abs(heights - after))
@@ -308,7 +296,7 @@ def moments_between(run: observing.Observed) -> trajectory.Array:
         if isinstance(node, ex.Apply) and node.function in ("sin", "cos"):
             far = np.flatnonzero(np.abs(np.diff(along)) > np.pi)[:1]
             found.append((times[far] + times[far + 1]) / 2)
-    return np.unique(np.concatenate([np.empty(0), *found]))[:MOST_MOMENTS]
+    return np.unique(np.concatenate(found))[:MOST_MOMENTS]
 
 
 def between_points(

@@ -80,8 +80,8 @@ def _references(
     def rows(choice: scene_data.MethodChoice, refinement: int = 1) -> Array:
         """Positions and velocities at the recorded times, (m, 2 n); nan where the reference did not arrive."""
         grid, start = scene.grid, scene_data.Start(tuple(scene.positions), velocities=tuple(scene.velocities))
-        shorter = {"step": grid.step / refinement, "steps": refinement * grid.steps}
-        finer = replace(grid, **shorter, record_every=refinement * grid.record_every)
+        steps, every = refinement * grid.steps, refinement * grid.record_every
+        finer = replace(grid, step=grid.step / refinement, steps=steps, record_every=every)
         found = np.full((len(times), 2 * len(scene.coordinates)), np.nan)
         ran = _part(scene, problem, choice, start, finer, stop)
         if ran.velocities is not None:
