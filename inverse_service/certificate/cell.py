@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from flint import Ordering, fmpq, fmpq_mpoly_ctx
 
 from .exceptions import has_real_zeros, primitive
-from .formulas import Ended, Reader, read_tokens
+from .formulas import Ended, Reader, read_formulas, read_tokens
 from .numbers import Entry
 
 if TYPE_CHECKING:
@@ -250,8 +250,8 @@ class Letters:
         return Quotient(self.generators[place], self.one)
 
     def integral(self, name: str, orders: list[int], arguments: list[Quotient]) -> Quotient:
-        slope = Reader(self, self.question.integrals[name].slope).value
-        return self.function(name, (), arguments, [slope])
+        slopes = self.question.integrals[name].slopes.values()
+        return self.function(name, (), arguments, read_formulas(self, slopes))
 
     # Helpers of these.
 

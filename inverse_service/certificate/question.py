@@ -12,7 +12,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from fractions import Fraction
-from itertools import accumulate
+from itertools import accumulate, chain, combinations
 from typing import Any, NamedTuple
 
 from flint import ctx, fmpz, fmpz_mat, nmod_mat
@@ -108,11 +108,10 @@ class Root(NamedTuple):
 
 
 class Integral(NamedTuple):
-    """A function of the arguments, known by its derivative `slope` by one of them."""
+    """A function of the arguments, known by its derivatives by some of them."""
 
     arguments: list[str]
-    by: str
-    slope: Tokens
+    slopes: dict[str, Tokens]
 
 
 class Found(NamedTuple):
@@ -573,7 +572,9 @@ class Question:
             lagrangian = Reader(ring, formula).value
             found = self.residuals(ring, lagrangian)
             found = self.against(ring, found, factors) if self.unsolved else found
-            zeros = [Zero(ring.settle(one.value), one.sentence) for one in found]
+            zeros = [
+                Zero(ring.settle(one.value), one.sentence) for one in chain(self.turns(ring), found)
+            ]
             singular = f"The Hessian of the Lagrangian is singular{self.where}."
             return Claims(zeros, [Regular(ring.hessian(lagrangian), singular)])
 
@@ -599,6 +600,18 @@ class Question:
             for i, name in enumerate(names):
                 sentence = f"The Euler-Lagrange equation of {name} does not hold{self.where}."
                 yield Zero(ring.value(ring.terms(kind, i), lagrangian), sentence)
+
+    def turns(self, ring: Expansion) -> Iterator[Zero]:
+        """The differences of the mixed derivatives of each integral."""
+        for name, integral in self.integrals.items():
+            sentence = f"The mixed derivatives of integrals.{name} do not agree."
+            known = [
+                (self.variables.index(by), Reader(ring, slope).value)
+                for by, slope in integral.slopes.items()
+            ]
+            for (a, one), (b, other) in combinations(known, 2):
+                turn = ring.add([ring.derivative(one, b), ring.derivative(other, a)], [1, -1])
+                yield Zero({0: turn.get(0, 0)}, sentence)
 
     def read_factors(self, document: dict[str, Any]) -> list[tuple[str, ...]]:
         """c_i(t, q, q') for each equation that is not solved, 1 where none are given."""
@@ -629,7 +642,7 @@ class Question:
             yield Zero(either, sentence)
 
     def read_integrals(self, listed: dict[str, Any]) -> tuple[str, ...]:
-        """The functions that are known by one derivative, which may hold those before them.
+        """The functions that are known by derivatives, which may hold those before them.
 
         The tokens of all.
         """
@@ -661,23 +674,20 @@ class Question:
                 {*slopes} <= {*arguments},
                 f"integrals.{name} has a derivative by a name that is not an argument.",
             )
-            if len(slopes) != 1:
-                raise Ended("incomplete", f"integrals.{name} has to have one derivative.")
-            ((by, text),) = slopes.items()
-            slope = read_tokens(text, f"integrals.{name}")
-            known = {t for t in slope if t in listed}
+            require(slopes, f"integrals.{name} has to have a derivative.")
+            read = {by: read_tokens(text, f"integrals.{name}") for by, text in slopes.items()}
+            tokens += (*arguments, *chain.from_iterable(read.values()))
+            held = {*chain.from_iterable(read.values())}
             require(
-                known <= {*self.integrals},
+                held & {*listed} <= {*self.integrals},
                 f"integrals.{name} may contain only the integrals listed before it.",
             )
             moving = {"t", *self.coordinates, *(name + "'" for name in self.coordinates)}
-            strange = {*slope} & moving - {*arguments}
             require(
-                not strange,
+                held & moving <= {*arguments},
                 f"integrals.{name} has a derivative that contains a name that is not an argument.",
             )
-            self.integrals[name] = Integral(arguments, by, slope)
-            tokens += (*arguments, *slope)
+            self.integrals[name] = Integral(arguments, read)
         return tokens
 
     def multi_index(self, exponents: list[int], most: int) -> int:

@@ -11,7 +11,7 @@ from heapq import heappop, heappush
 from itertools import accumulate, combinations_with_replacement, pairwise, product
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from .formulas import MAX_POWER, Ended, Reader, require
+from .formulas import MAX_POWER, Ended, Reader, read_formulas, require
 from .numbers import Arithmetic, Number, Root, Series, Unsettled
 
 if TYPE_CHECKING:
@@ -137,7 +137,8 @@ class Count:
         return 1, 0, 1, 0, 0
 
     def integral(self, name: str, orders: list[int], arguments: list[Any]) -> Any:
-        return self.add([(1, 0, 1, 0, 0), Reader(self, self.question.integrals[name].slope).value])
+        slopes = self.question.integrals[name].slopes.values()
+        return self.add([(1, 0, 1, 0, 0), *read_formulas(self, slopes)])
 
 
 class Expansion:
@@ -299,32 +300,30 @@ class Expansion:
         return self.compose(arguments, coefficient)
 
     def integral(self, name: str, orders: list[int], arguments: list[Series]) -> Series:
-        """A function with one given derivative: random where nothing is given.
+        """A function with given derivatives: random where nothing is given.
 
         At equal arguments it is the same.
         """
-        names, known, slope = self.question.integrals[name]
+        names, slopes = self.question.integrals[name]
         written = len(arguments) == len(names) and not any(orders)
         written = written and all(a is self.names[b] for a, b in zip(arguments, names, strict=True))
         require(written, f"{name} must be written with its own arguments.")
-        axes = {self.question.variables.index(argument) for argument in names}
-        axis = self.question.variables.index(known)
-        free = [
-            key
+        places = self.question.variables.index
+        known = {places(by): slope for by, slope in slopes.items()}
+        open_axes = {places(argument) for argument in names} - {*known}
+        series = {
+            key: self.arithmetic.jet(name, 0, (key,))
             for d in range(self.degree + 1)
             for key in self.monomials(d)
-            if not self.exponent(key, axis)
-        ]
-        free = [
-            key
-            for key in free
-            if all(a in axes or not self.exponent(key, a) for a in range(len(self.units)))
-        ]
-        series = {key: self.arithmetic.jet(name, 0, (key,)) for key in free}
-        for key, part in Reader(self, slope).value.items():
-            if key >> self.shift < self.degree:
-                share = self.arithmetic.number(Fraction(1, self.exponent(key, axis) + 1))
-                series[key + self.units[axis]] = part * share
+            if all(a in open_axes or not self.exponent(key, a) for a in range(len(self.units)))
+        }
+        done = list[int]()
+        for axis, slope in known.items():
+            for key, part in Reader(self, slope).value.items():
+                if key >> self.shift < self.degree and not any(self.exponent(key, a) for a in done):
+                    share = self.arithmetic.number(Fraction(1, self.exponent(key, axis) + 1))
+                    series[key + self.units[axis]] = part * share
+            done.append(axis)
         return self.settle(series)
 
     def coefficients(self, degree: int) -> list[int]:

@@ -10,7 +10,7 @@ alone or mix its coordinates; any other is integrated along a coordinate that it
 coordinates stay cyclic.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from fractions import Fraction
@@ -64,17 +64,23 @@ class Integrator:
                         rest[j] = self.in_normal_form(rest[j])
             rest[k] = left
             if left:
-                signed = self._under_signs(variables, rest, k)
-                return None if signed is None else tm.add_terms(total, signed)
+                return tm.add_terms(total, self._under_signs(variables, rest, k))
         return None if any(rest) and not all(is_zero(terms) for terms in rest) else total
 
-    def _under_signs(self, variables: Sequence[Variable], slopes: Sequence[tm.Terms], k: int) -> tm.Terms | None:
-        """Functions with these slopes, constants outside where one variable alone is moving."""
+    def _under_signs(self, variables: Sequence[Variable], slopes: Sequence[tm.Terms], k: int) -> tm.Terms:
+        """Functions with these slopes, which are closed, constants outside where one variable alone is moving."""
         rest = [self.in_normal_form(terms) for terms in slopes]
-        if any(terms for j, terms in enumerate(rest) if j != k):
-            return None  # a function under an integral sign is known by one derivative
+        moving = {q: terms for q, terms in zip(variables, rest, strict=True) if terms}
+        if len(moving) > 1:  # one function of them all, such as G(x - y) with the force F(x - y)
+            parameters = set(map(ex.Symbol, self.system.parameters))
+            common = frozenset.intersection(*(key for terms in moving.values() for key in terms))
+            constants: tm.Monomial = frozenset(item for item in common if item[0] in parameters)
+            inside = {
+                q: tm.tree_of({tm.times(key, constants, -1): a for key, a in u.items()}) for q, u in moving.items()
+            }
+            return {tm.times(constants, tm.monomial(self.under_a_sign(inside))): Fraction(1)}
         return _sum(
-            tm.multiply_terms(beside, {tm.monomial(self.under_a_sign(tm.tree_of(inner), variables[k])): Fraction(1)})
+            tm.multiply_terms(beside, {tm.monomial(self.under_a_sign({variables[k]: tm.tree_of(inner)})): Fraction(1)})
             for beside, inner in _outside(rest[k], variables[k])
         )
 
@@ -130,12 +136,12 @@ class Integrator:
         parts = [tm.multiply_terms({key: Fraction(1)}, self.in_normal_form(inner)) for key, inner in groups.items()]
         return _sum(iter(parts))
 
-    def under_a_sign(self, slope: ex.Expression, variable: Variable) -> ex.Expression:
-        """F with dF/dx = slope, F a function of all variables that the slope holds; its other slopes are left open."""
-        others = [name for name in (ex.TIME, *map(ex.Symbol, self.system.coordinates)) if ex.holds(slope, name)]
-        arguments = tuple(dict.fromkeys([*others, variable]))
-        slopes = tuple(slope if argument == variable else None for argument in arguments)
-        return ex.Integral(next(self.names), arguments, (0,) * len(arguments), slopes)
+    def under_a_sign(self, known: Mapping[Variable, ex.Expression]) -> ex.Expression:
+        """F with these slopes, F a function of all variables that they hold; its other slopes are left open."""
+        names = (ex.TIME, *map(ex.Symbol, self.system.coordinates))
+        others = [name for name in names if any(ex.holds(slope, name) for slope in known.values())]
+        arguments = tuple(dict.fromkeys([*others, *known]))
+        return ex.Integral(next(self.names), arguments, (0,) * len(arguments), tuple(map(known.get, arguments)))
 
     def exponential(self, logarithm: tm.Terms) -> tm.Terms:
         """exp of a sum: c log(u) with constant c gives u^c, -u where u is negative at the real point."""
@@ -226,7 +232,7 @@ class Integrator:
             for i, (part, left) in parts.items():
                 if left:
                     part = tm.add_terms(
-                        part, {tm.monomial(self.under_a_sign(tm.tree_of(left), symbols[k])): Fraction(1)}
+                        part, {tm.monomial(self.under_a_sign({symbols[k]: tm.tree_of(left)})): Fraction(1)}
                     )
                 found[i] = tm.add_terms(found.get(i, {}), part)
                 for m in range(len(symbols)):
