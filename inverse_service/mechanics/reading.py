@@ -326,7 +326,8 @@ def _defines(tokens: Sequence[Token], names: Names) -> bool:
     """Whether the equation is the definition of a name for a formula."""
     equals = tokens[1 + (_is_squared(tokens) or _is_called(tokens)) :][:1]
     defined = tokens[0].kind == "name" and ex.Symbol(names.spelling(tokens[0].text)) in names.definitions
-    return defined and any(token.is_operator("=") for token in equals)
+    whole = any(token.is_operator("=") for token in equals)
+    return defined and whole and not document_names.moving_names(tokens, 2)  # F = m*x'' is an equation beside F = -k*x
 
 
 def _text(value: object) -> str:

@@ -89,6 +89,7 @@ REFUSED_UNLESS_DECLARED: dict[str, Reason] = {
     **{name: (_SPECIAL, _HOW_TO_DECLARE % (name, arguments)) for name, arguments in _SPECIAL_FUNCTIONS.items()},
     **dict.fromkeys(("i", "I", "j"), (_COMPLEX, "write real equations", "parameters")),
     **dict.fromkeys(("gamma", "Gamma", "zeta"), (_SPECIAL + " and not a declared name", _ANOTHER, "parameters")),
+    **dict.fromkeys(("int", "prod", "lim"), (_NOT_DONE, "write its value", "parameters")),
     "lg": ("may mean log10 or log2", "write log10(x)", "parameters"),
     **dict.fromkeys(("lb", "ld"), ("may mean log2", "write log2(x)", "parameters")),
     **dict.fromkeys(("PI", "M_PI"), ("may mean pi", "write pi", "parameters")),

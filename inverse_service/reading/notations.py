@@ -394,9 +394,9 @@ def second_derivatives(tokens: Sequence[Token]) -> Iterator[tuple[str, str]]:
         after = after_primes(tokens, place + 1)
         order = sum(int(prime.value) for prime in tokens[place + 1 : after])
         if token.kind == "name" and order == 2:
-            called = _opens(tokens, after) and at(tokens, after + 2).is_operator(")")
+            called = at(tokens, after + 1).kind == "name" and at(tokens, after + 2).is_operator(")")
             if called or not _opens(tokens, after):
-                yield token.text, tokens[after + 1].text if called else "t"
+                yield token.text, tokens[after + 1].text if _opens(tokens, after) else "t"
         operand, by = _differentiation(tokens, place)
         if len(by) == 2 and by[1] in (by[0], "2"):
             yield operand[0].text, by[0]

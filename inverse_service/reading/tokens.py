@@ -362,7 +362,7 @@ def check_length(text: str) -> None:
             column=most + 1,
         )
     if not text.strip():
-        raise refusals.refusal("the formula is empty", 1, "write a formula, 0 if nothing acts")
+        raise refusals.refusal("the formula is empty", len(text) + 1, "write a formula, 0 if nothing acts")
 
 
 def without_full_stop(text: str) -> str:

@@ -30,7 +30,7 @@ NAMES = ("coordinates", "parameters", "functions")
 KEPT = frozenset(("certificate", "provenance", "given", "format", "question", "id", "kind", "time", "verdict"))
 _LETTERS = "wzkbcudhgnalsTYZWJKBUDGNCP"
 _TIMED = re.compile(r"(?<![A-Za-z\\])d?t(?![A-Za-z])")
-_PLAIN_WORD = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
+_PLAIN_WORD = re.compile(r"[A-Za-z][A-Za-z0-9_\u2080-\u2089]*")
 _LATEX_WORD = re.compile(r"(_\{?)?(\\?[A-Za-z]+)")
 # A name at the beginning of a word, behind a number; one inside. No long word may take time that grows with its square.
 _FIRST = r"\b\d*([A-Za-z\u0391-\u03c9]\w*)"
@@ -406,7 +406,7 @@ def _free_variable(plain: Mapping[str, Any]) -> str:
     occurs = any(word == "x" or "x" in only_split(word, names) for word in words)
     timed = any(map(_TIMED.search, texts))
     alone = len(moving) == 1 and not moving & {"x", "X", "z"} and not timed
-    siblings = {"z"} & words  # then x may be a coordinate too
+    siblings = {"z"} & words or any(re.fullmatch(r"x_?\d+", name) for name in moving)  # x may be a coordinate too
     return "x" if occurs and alone and not siblings and "\u0307" not in "".join(texts) else ""
 
 
