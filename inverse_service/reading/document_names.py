@@ -359,9 +359,9 @@ def _coordinates(
 
 
 def _moved_by_definitions(texts: Mapping[str, str], names: nm.Names) -> list[str]:
-    """The theta of x = l sin(theta) and the r of x = r cos(phi) where L has x': angles, and names such as r and x.
+    """The theta of x = l sin(theta) and the r of x = r cos(phi) where L has x': angles, and names such as r, rho and x.
 
-    An angle is the argument of a sine or cosine without factors other than numbers: in cos(omega t) none moves.
+    An angle is the argument of a sine or cosine without factors other than numbers: in cos(omega t + phi) none moves.
     """
     formulas = {
         name: text for pointer, text in texts.items() if (name := names.spelling(pointer.removeprefix("/where/")))
@@ -379,24 +379,27 @@ def _moved_by_definitions(texts: Mapping[str, str], names: nm.Names) -> list[str
                 continue
             if names.role(each) == "parameter" and each not in todo:
                 todo.append(each)
-            elif names.role(each) is None and (nm.looks_like_a_coordinate(each) or _is_angle(line, place)):
+            elif names.role(each) is None and (
+                each == "rho" or nm.looks_like_a_coordinate(each) or _is_angle(line, place)
+            ):
                 found.setdefault(each)
     return list(found)
 
 
 def _is_angle(line: Sequence[Token], place: int) -> bool:
-    """Whether the name is the argument of a sine or cosine, or a term of it with no factors but numbers."""
+    """Whether the name is the argument of a sine or cosine, or a term of it with no factors but numbers, and no t."""
     start = place - 1
-    while (
-        at(line, start).kind == "number"
-        or at(line, start).is_operator("+", "-", "*")
-        or (at(line, start).kind == "name" and at(line, start - 1).is_operator("(", "+", "-"))
+    while at(line, start).text not in nm.FUNCTIONS and (
+        at(line, start).kind in ("name", "number") or at(line, start).is_operator("+", "-", "*")
     ):
         start -= 1
     bracket = at(line, start).is_operator("(")
-    around = (at(line, place - 1), at(line, place + 1))
-    alone = not any(token.is_operator("*", "/") or token.kind == "name" for token in around[1 - bracket :])
-    return alone and at(line, start - bracket).text in ("sin", "cos", "tan")
+    inside = line[start + 1 : closing(line, start) if bracket else place + 2]
+    beside = (at(line, place - 1 - at(line, place - 1).is_operator("*")), at(line, place + 1))[1 - bracket :]
+    alone = not any(token.kind == "name" or token.is_operator("*", "/") for token in beside)
+    bare = bracket or all(token.kind == "number" for token in line[start + 1 : place])
+    timed = any(token.text == "t" for token in inside)
+    return alone and bare and not timed and at(line, start - bracket).text in ("sin", "cos", "tan")
 
 
 # Other spellings of a second derivative, with the message for each.
