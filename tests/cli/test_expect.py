@@ -1,7 +1,5 @@
 """A batch that was expected to answer so and so: differences, exit codes, and the report of JUnit."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """The special values of the parameters that a verdict leaves out: in the result, the statement, and at the doors."""
 
-from __future__ import annotations
-
 import copy
 import json
 import subprocess

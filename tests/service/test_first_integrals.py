@@ -1,7 +1,5 @@
 """First integrals at the door: SymPy differentiates each along the motion."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest
@@ -62,6 +60,11 @@ def test_first_integrals_are_found_and_are_constant(row: Row) -> None:
 def test_a_first_integral_is_as_short_as_in_a_book(equations: str, place: int, text: str) -> None:
     found = inverse_service.solve(equations)["first_integrals"][place]
     assert len(found["text"].replace(" ", "")) <= 1.15 * len(text.replace(" ", ""))
+
+
+def test_those_of_one_side_are_said_to_be() -> None:
+    sides = inverse_service.solve("x'' = -sign(x)")["branches"]
+    assert [side["first_integrals"][0]["domain"] for side in sides] == [["x > 0"], ["x < 0"]]
 
 
 def test_they_are_left_out_when_asked() -> None:

@@ -82,8 +82,10 @@ def outline(result: dict[str, Any], explain: bool) -> Iterator[Line]:
     yield from (*_system(result["system"]), *_cases(result))
     for place, branch in enumerate(() if asks_motion_alone(result) else branches_of(result)):
         yield from (*[EMPTY] * (place > 0), *_both_answers(branch, result, explain))
-    if part is None and result.get("first_integrals"):
-        yield from (EMPTY, *_first_integrals(result["first_integrals"]))
+    for branch in branches_of(result) if part is None else ():
+        if branch.get("first_integrals"):
+            where = f" on {', '.join(branch['domain'])}" if branch is not result else ""
+            yield from (EMPTY, *_first_integrals(branch["first_integrals"], where))
     if result.get("special_cases") is not None:
         yield from (EMPTY, *_special_cases(result["special_cases"]))
     if part := result.get("instead"):
@@ -539,10 +541,10 @@ def _reduced(part: dict[str, Any]) -> Iterator[Line]:
     yield from (_formula(1, f"{name}'", _brief({"text": text})) for name, text in part["reconstruction"].items())
 
 
-def _first_integrals(found: Sequence[Mapping[str, Any]]) -> Iterator[Line]:
+def _first_integrals(found: Sequence[Mapping[str, Any]], where: str = "") -> Iterator[Line]:
     """What is constant along the motion, each with the symmetry behind it."""
     if found:
-        yield _said(0, "Constant along the motion:")
+        yield _said(0, f"Constant along the motion{where}:")
     for one in found:
         symmetry = f"   [{one['symmetry']}]" if one["symmetry"] else ""
         yield Line(1, (f"{one['name']}: ", _brief(one), symmetry))

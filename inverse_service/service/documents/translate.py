@@ -97,9 +97,9 @@ def to_result(
     return schemas.ResultDocument(
         system=to_understood(solution.system, schema),
         question="L(t, q, q')" if answers_time(solution, schema.time_dependent_lagrangian) else "L(q, q')",
-        **_both_answers(solution, schema),
+        **_both_answers(solution, schema, bool(others or left)),
         conditions=_conditions(solution.conditions),
-        branches=[schemas.BranchPart(**_both_answers(branch, schema)) for branch in branches],
+        branches=[schemas.BranchPart(**_both_answers(branch, schema, True)) for branch in branches],
         not_answered=[_not_answered(one) for one in left],
         advice=_advice(solution, schema.time_dependent_lagrangian),
         guessed=guessed_names(schema, solution.system),
@@ -123,8 +123,8 @@ def _advice(solution: solutions.Solution, time_dependent: bool | None) -> schema
     return schemas.AdvicePart(**method_advice.for_lagrangian(best.expression, solution.system.coordinates, walls))
 
 
-def _both_answers(solution: solutions.Solution, schema: Asking) -> dict[str, Any]:
-    """The fields of the main answer, and what is said of the other question."""
+def _both_answers(solution: solutions.Solution, schema: Asking, is_a_cell: bool) -> dict[str, Any]:
+    """The fields of the main answer, and what is said of the other question; `is_a_cell`: on one cell of several."""
     main, other = main_and_other(solution, schema.time_dependent_lagrangian)
     time = solution.with_time
     proven = _proven(main, time)
@@ -138,14 +138,14 @@ def _both_answers(solution: solutions.Solution, schema: Asking) -> dict[str, Any
         "exceptions": list(proven.exceptions),
         "verdict_with_time": time.verdict if time is not None else None,
         "with_time": None if second is None else schemas.OtherAnswer(**second),
-        "first_integrals": [integral_part(one) for one in solution.first_integrals],
+        "first_integrals": [integral_part(one, main.positive if is_a_cell else ()) for one in solution.first_integrals],
     }
 
 
-def integral_part(found: FirstIntegral) -> schemas.FirstIntegralPart:
-    """A first integral with the conditions under which its formula has a value."""
-    requirements = (rule([found.expression]) for rule in (real_point.own_requirements, real_point.poles))
-    domain = certify.shortest(*requirements)
+def integral_part(found: FirstIntegral, cell: Sequence[ex.Expression] = ()) -> schemas.FirstIntegralPart:
+    """A first integral with the conditions under which its formula has a value, on a cell where these are positive."""
+    positive, nonzero = (rule([found.expression]) for rule in (real_point.own_requirements, real_point.poles))
+    domain = certify.shortest([*cell, *positive], nonzero)
     return schemas.FirstIntegralPart(
         name=found.name, symmetry=found.symmetry, domain=domain, **formula_fields(found.expression)
     )
