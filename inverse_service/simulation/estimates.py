@@ -1,9 +1,9 @@
 """Estimate the error of a completed run, with a warning if it is large.
 
 The method is run again with half the step h. If the error is C h^p, both differ by (1 - 2^-p) of the error of the run;
-a method that chooses its steps also gets a tenth of its tolerance, or ten times it where a tenth is round-off, which
-differs by nine times the error. Errors common to both runs are not detected in this way, so the energy, a constant, and
-the true motion, if known, are compared too.
+a method that chooses its steps also gets a tenth of its tolerance, or ten times it where a tenth is round-off. Errors
+common to both runs are not detected in this way, so the energy, a constant, and the true motion, if known, are compared
+too.
 
 A force that acts within a step, unnoticed by both runs, is searched for in the formulas between the points. A run
 with a Lagrangian that has another motion there than the given equations is `off_domain`.
@@ -27,8 +27,7 @@ VARIES = (
     "{:.3g}). Take a smaller step or `adaptive`."
 )
 HALF = "half the step"
-STRICTER = f"{HALF} and a tenth of the tolerance"
-LOOSER = (1 / TIGHTER, f"{HALF} and ten times the tolerance", 1 / TIGHTER - 1)
+STRICTER, LOOSER = f"{HALF} and a tenth of the tolerance", f"{HALF} and ten times the tolerance"
 AGAIN, TRUE = "With {}, the trajectory", "The true motion"
 ELSEWHERE = "{} differs: from t = {:.6g} on, {} is off by about {:.3g}. Take a smaller step or tolerance."
 GOES_ON = ("completed", "cancelled")
@@ -54,8 +53,8 @@ def finer(requested: data.Requested, grid: data.Grid) -> Finer:
     half = replace(grid, step=grid.step / 2, steps=2 * steps, record_every=2 * every)
     if choice.method not in method_table.OWN_STEPS:
         return Finer(requested, half, HALF, 1 - 0.5 ** (order_of(requested) or 1))
-    factor, how, part = (TIGHTER, STRICTER, 1.0) if TIGHTER * choice.tolerance >= TIGHTEST else LOOSER
-    return Finer(replace(requested, choice=replace(choice, tolerance=factor * choice.tolerance)), half, how, part)
+    factor, how = (TIGHTER, STRICTER) if TIGHTER * choice.tolerance >= TIGHTEST else (1 / TIGHTER, LOOSER)
+    return Finer(replace(requested, choice=replace(choice, tolerance=factor * choice.tolerance)), half, how, 1.0)
 
 
 def order_of(requested: data.Requested) -> int | None:
