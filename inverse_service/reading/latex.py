@@ -161,7 +161,22 @@ _WORDS = nm.FUNCTIONS | nm.DERIVATIVE_NAMES | nm.REFUSED.keys()
 
 # Words that are no product of letters: their backslash was left out.
 _COMMANDS = frozenset(
-    ("dot", "ddot", "frac", "tfrac", "dfrac", "cdot", "times", "left", "right", "partial", "mathrm", "text", "quad")
+    (
+        "dot",
+        "ddot",
+        "frac",
+        "tfrac",
+        "dfrac",
+        "cdot",
+        "times",
+        "left",
+        "right",
+        "partial",
+        "mathrm",
+        "text",
+        "quad",
+        "qquad",
+    )
 ) | {*components.BOLD} - {"bm"}
 _FRACTIONS = ("frac", "tfrac", "dfrac", "cfrac")
 _SIGNS = {
@@ -447,20 +462,20 @@ class LatexTranslator:
     def _dot(self, raw: Token, order: int) -> None:
         """\\dot{x}, \\dot x, \\dot{r}_1, \\dot{r_1}, \\dot\\theta."""
         braces = self._raw.take() if self._raw.ahead.is_operator("{") else None
-        name = ""
+        name, first = "", raw
         kind: plain.Kind = "name"
         if self._raw.ahead.kind == "letter":
             name = self._word() if braces else self._raw.take().text
         elif self._raw.ahead.kind == "command":
             command = self._raw.take()
             if command.is_command(*components.BOLD):
-                kind, raw = "vector", command
+                kind, first = "vector", command
             name = self._name_part() if command.text in (*FONTS, *components.BOLD) else self._plain_piece(command)
         if braces:
             name = self._with_subscript(name)
         if not name or (braces and not self._raw.take().is_operator("}")):
             raise refusal(f"\\{raw.text} belongs to a name", raw.column, f"write \\{raw.text}{{x}}")
-        self._emit_name(self._with_subscript(name), raw, order, kind)
+        self._emit_name(self._with_subscript(name), first, order, kind)
 
     def _power(self, caret: Token) -> None:
         raw = self._raw.ahead

@@ -250,7 +250,7 @@ def _without_remarks(tokens: list[Token], formula: str, names: Names) -> list[To
     marks = {token.text for token in tokens}
     tokens = _with_definitions_apart(tokens) if "=" in marks else tokens
     if not (
-        marks & {*COMPARED, *_JOINS}
+        marks & {*COMPARED, *_JOINS, *_CONSTANT}
         or (("=" in marks or names.energy) and any(token.kind == "number" for token in tokens))
     ):
         return tokens
@@ -303,6 +303,7 @@ def _joins(tokens: Sequence[Token], place: int, names: Names) -> bool:
     return False
 
 
+_CONSTANT = ("const", "constant")
 _BRANCHES = ("else", "then", "otherwise")
 
 
@@ -328,8 +329,9 @@ def _without_condition(group: list[Token], formula: str) -> list[Token]:
 
 
 def _is_initial(group: Sequence[Token]) -> bool:
-    """Whether it is x(0) = 1, x'(t_0) = v, or x = x(t)."""
-    if [token.text for token in group[1:]] == ["=", group[0].text, "(", "t", ")"]:
+    """Whether it is x(0) = 1, x'(t_0) = v, x = x(t), or k = const."""
+    texts = [token.text for token in group]
+    if texts[1:] in (["=", texts[0], "(", "t", ")"], *(["=", word] for word in _CONSTANT)):
         return True
     primes = sum(1 for _ in itertools.takewhile(lambda token: token.kind == "prime", group[1:]))
     opening, instant, closes, equals = (*(token.text for token in group[1 + primes : 5 + primes]), "", "", "", "")[:4]
