@@ -146,17 +146,23 @@ class Integrator:
     def exponential(self, logarithm: tm.Terms) -> tm.Terms:
         """exp of a sum: c log(u) with constant c gives u^c, -u where u is negative at the real point."""
         product: tm.Terms = dict(ONE_TERM)
-        varying = {ex.TIME, *map(ex.Symbol, self.system.coordinates)}
-        exponents: dict[ex.Expression, tm.Terms] = {}
+        varying = [ex.TIME, *map(ex.Symbol, self.system.coordinates)]
+        coefficients: dict[ex.Apply, tm.Terms] = {}
         rest = tm.Terms()
         for key, value in logarithm.items():
             log = next((p for p, e in key if isinstance(p, ex.Apply) and p.function == "log" and e == 1), None)
-            others = key - {(log, Fraction(1))} if log is not None else key
-            if isinstance(log, ex.Apply) and not any(ex.holds(p, *varying) for p, _ in others):
-                sums = exponents.get(log.argument, {})
-                exponents[log.argument] = tm.add_terms(sums, {others: value})
-            else:
+            if log is None:
                 rest[key] = value
+            else:
+                coefficients.setdefault(log, {})[key - {(log, Fraction(1))}] = value
+        exponents: dict[ex.Expression, tm.Terms] = {}
+        for log, coefficient in coefficients.items():
+            if any(_holds(coefficient, name) for name in varying):  # x^2/(x^2 + 1) + 1/(x^2 + 1) is 1
+                coefficient = self.in_normal_form(coefficient)
+            if any(_holds(coefficient, name) for name in varying):
+                rest = tm.add_terms(rest, tm.multiply_terms(coefficient, {tm.monomial(log): Fraction(1)}))
+            else:
+                exponents[log.argument] = coefficient
         for base, exponent in exponents.items():
             product = tm.multiply_terms(product, tm.terms_of(self.positive(base) ** tm.tree_of(exponent)))
         return tm.multiply_terms(product, tm.terms_of(ex.Apply("exp", tm.tree_of(rest)))) if rest else product
