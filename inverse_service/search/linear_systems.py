@@ -20,10 +20,11 @@ with W = (g C - C^T g)/4 antisymmetric its equations are g v' + (g' + 2W) v + (W
 """
 
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from math import factorial
+from typing import Any
 
 import mpmath
 import numpy as np
@@ -37,49 +38,25 @@ from inverse_service.search import members, quadratures
 from inverse_service.search.material import Material
 from inverse_service.search.terms import Monomial, MotionTerms, Terms, collected, monomial_tree, tree_of
 
-Vector = tuple[exact_field.Quotient, ...]
-Matrix = tuple[Vector, ...]
+# Of quotients: numpy's arithmetic of objects is theirs.
+Array = NDArray[Any]
 
 
-def product(left: Matrix, right: Matrix) -> Matrix:
-    """left right."""
-    columns = transpose(right)
-    return tuple(tuple(_dot(row, column) for column in columns) for row in left)
+def _scaled(array: Array, factor: Fraction) -> Array:
+    """factor times the array, factor a rational number."""
+    return _array([entry.scaled(factor) for entry in array.flat], *array.shape)
 
 
-def apply(matrix: Matrix, vector: Vector) -> Vector:
-    """matrix vector."""
-    return tuple(_dot(row, vector) for row in matrix)
+def _array(values: Sequence[object], *shape: int) -> Array:
+    return np.array(values, object).reshape(shape)
 
 
-def _dot(left: Vector, right: Vector) -> exact_field.Quotient:
-    return matrices.dot(left[0].field.constant(0), left, right)
+def identity(owner: exact_field.QuotientField, size: int) -> Array:
+    return _array([owner.constant(int(i == j)) for i in range(size) for j in range(size)], size, size)
 
 
-def transpose(matrix: Matrix) -> Matrix:
-    return tuple(zip(*matrix, strict=True))
-
-
-def plus(left: Matrix, right: Matrix, factor: Fraction | int = 1) -> Matrix:
-    """left + factor right, factor a rational number."""
-    rows = zip(left, right, strict=True)
-    return tuple(tuple(a + b.scaled(factor) for a, b in zip(*pair, strict=True)) for pair in rows)
-
-
-def times(matrix: Matrix, factor: exact_field.Quotient) -> Matrix:
-    return tuple(tuple(entry * factor for entry in row) for row in matrix)
-
-
-def trace(matrix: Matrix) -> exact_field.Quotient:
-    return exact_field.sum_of(matrix[0][0].field.constant(0), [matrix[i][i] for i in range(len(matrix))])
-
-
-def identity(owner: exact_field.QuotientField, size: int) -> Matrix:
-    return tuple(tuple(owner.constant(int(i == j)) for j in range(size)) for i in range(size))
-
-
-def is_zero(matrix: Matrix) -> bool:
-    return all(entry.is_zero for row in matrix for entry in row)
+def is_zero(matrix: Array) -> bool:
+    return all(entry.is_zero for entry in matrix.flat)
 
 
 def places(size: int) -> list[tuple[int, int]]:
@@ -87,48 +64,39 @@ def places(size: int) -> list[tuple[int, int]]:
     return [*itertools.combinations(range(size), 2), *((i, i) for i in range(size))]
 
 
-def symmetric(vector: Vector, size: int) -> Matrix:
+def symmetric(vector: Array, size: int) -> Array:
     """The symmetric matrix with these entries."""
-    table = dict(zip(places(size), vector, strict=True))
-    return tuple(tuple(table[min(i, j), max(i, j)] for j in range(size)) for i in range(size))
+    rows, columns = zip(*places(size), strict=True)
+    found = np.empty((size, size), object)
+    found[rows, columns] = found[columns, rows] = vector
+    return found
 
 
-def entries(matrix: Matrix) -> Vector:
+def entries(matrix: Array) -> Array:
     """The entries of a symmetric matrix."""
-    return tuple(matrix[i][j] for i, j in places(len(matrix)))
+    return _array([matrix[place] for place in places(len(matrix))], -1)
 
 
-def echelon(rows: Sequence[Vector]) -> tuple[list[Vector], list[int]]:
-    """(nonzero rows of the reduced echelon form, their pivots)."""
-    found = matrices.reduced_rows(rows, range(len(rows[0]) if rows else 0))
-    return list(found.rows), list(found.pivots)
-
-
-def kernel(rows: Sequence[Vector], width: int, owner: exact_field.QuotientField) -> tuple[list[Vector], list[int]]:
+def kernel(rows: Iterable[Array], width: int, owner: exact_field.QuotientField) -> tuple[Array, list[int]]:
     """(basis of the vectors that every row annihilates, the unknown that each has to itself)."""
-    found = matrices.null_space(rows, width, owner.constant(1))
-    return [tuple(vector) for vector in found.values()], list(found)
+    found = matrices.null_space([list(row) for row in rows], width, owner.constant(1))
+    return _array(list(found.values()), len(found), width), list(found)
 
 
-def combination(weights: Sequence[exact_field.Quotient], vectors: Sequence[Vector]) -> Vector:
-    """sum_k weights_k vectors_k."""
-    return tuple(_dot(tuple(weights), column) for column in zip(*vectors, strict=True))
-
-
-def characteristic_polynomial(matrix: Matrix) -> list[exact_field.Quotient]:
+def characteristic_polynomial(matrix: Array) -> list[exact_field.Quotient]:
     """The coefficients of det(x - matrix), the constant one first (Faddeev and LeVerrier)."""
-    owner, size = matrix[0][0].field, len(matrix)
-    numbers = [entry.constant_value for row in matrix for entry in row]
+    owner, size = matrix[0, 0].field, len(matrix)
+    numbers = [entry.constant_value for entry in matrix.flat]
     if all(value is not None for value in numbers):
         rational = fmpq_mat(size, size, [fmpq(x.numerator, x.denominator) for x in numbers if x is not None])
         return [owner.constant(exact_field.as_fraction(c)) for c in rational.charpoly().coeffs()]
     found = [owner.constant(1)]
     auxiliary = identity(owner, size)
     for k in range(1, size + 1):
-        moved = product(matrix, auxiliary)
-        coefficient = trace(moved).scaled(Fraction(-1, k))
+        moved = matrix @ auxiliary
+        coefficient = exact_field.sum_of(owner.constant(0), moved.diagonal()).scaled(Fraction(-1, k))
         found.append(coefficient)
-        auxiliary = plus(moved, times(identity(owner, size), coefficient))
+        auxiliary = moved + identity(owner, size) * coefficient
     return found[::-1]
 
 
@@ -150,8 +118,8 @@ class LinearSystem:
     """C, the pairs (phi_j(t), K_j) with phi_0 = 1 first, and b(t); entries exact in the parameters."""
 
     ring: exact_field.ExactRing
-    damping: Matrix
-    stiffness: tuple[tuple[ex.Expression, Matrix], ...]
+    damping: Array
+    stiffness: tuple[tuple[ex.Expression, Array], ...]
     forcing: tuple[ex.Expression, ...]
 
     @property
@@ -207,16 +175,16 @@ def linear_system(material: Material) -> LinearSystem | None:
     return LinearSystem(ring, exact[0], tuple(zip(factors, exact[1:], strict=True)), forcing)
 
 
-def _exact(ring: exact_field.ExactRing, rows: tuple[tuple[Terms, ...], ...]) -> Matrix:
-    return tuple(tuple(ring.value(tree_of(entry)) for entry in row) for row in rows)
+def _exact(ring: exact_field.ExactRing, rows: tuple[tuple[Terms, ...], ...]) -> Array:
+    return _array([ring.value(tree_of(entry)) for row in rows for entry in row], len(rows), len(rows))
 
 
-def factors_of(ring: exact_field.ExactRing, matrix: Matrix) -> list[tuple[list[exact_field.Quotient], int]]:
+def factors_of(ring: exact_field.ExactRing, matrix: Array) -> list[tuple[list[exact_field.Quotient], int]]:
     """(coefficients, the constant one first, and multiplicity) of the factors of det(x - matrix) by degree.
 
     Empty for large matrices with parameters.
     """
-    symbolic = any(entry.constant_value is None for row in matrix for entry in row)
+    symbolic = any(entry.constant_value is None for entry in matrix.flat)
     if symbolic and len(matrix) > bounds.COORDINATES:
         return []
     variable = ring.atoms[EIGENVALUE]
@@ -238,9 +206,8 @@ def _by_power(polynomial: fmpq_mpoly, variable: exact_field.Quotient) -> list[ex
 class Branch:
     """g(t) = sum of phi(t) G over the pairs (phi, G); `start` is g(0)."""
 
-    parts: tuple[tuple[ex.Expression, Matrix], ...]
-
-    start: Matrix
+    parts: tuple[tuple[ex.Expression, Array], ...]
+    start: Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -248,63 +215,51 @@ class Multipliers:
     """The space V: a basis of vectors, and the matrix of T in it."""
 
     system: LinearSystem
-    basis: tuple[Vector, ...]
-    operator: Matrix
+    basis: Array
+    operator: Array
 
-    def matrix(self, coordinates: Vector) -> Matrix:
+    def matrix(self, coordinates: Array) -> Array:
         """The element of V with these coordinates, as a symmetric matrix."""
-        return symmetric(combination(coordinates, self.basis), self.system.size)
+        return symmetric(coordinates @ self.basis, self.system.size)
 
 
 def invariant_multipliers(system: LinearSystem) -> Multipliers:
     """V and T on it; an empty basis where there is no multiplier at all."""
     owner, n = system.ring.field, system.size
-    width = n * (n + 1) // 2
-    half = Fraction(1, 2)
-    connection = plus(system.damping, system.damping, -half)
-    tensors = [plus(k, k) for _, k in system.stiffness]
-    tensors[0] = plus(tensors[0], product(system.damping, system.damping), -half)
-    rows: list[Vector] = []
-    basis, free = kernel(rows, width, owner)
-    while basis:
-        rows = echelon([*rows, *(row for tensor in tensors for row in asymmetry(tensor))])[0]
-        smaller, free = kernel(rows, width, owner)
+    connection = _scaled(system.damping, Fraction(1, 2))
+    tensors = [k + k for _, k in system.stiffness]
+    tensors[0] = tensors[0] - _scaled(system.damping @ system.damping, Fraction(1, 2))
+    rows: list[Array] = []
+    basis, free = kernel(rows, n * (n + 1) // 2, owner)
+    while len(basis):
+        rows += [row for tensor in tensors for row in asymmetry(tensor)]
+        smaller, free = kernel(rows, n * (n + 1) // 2, owner)
         if len(smaller) == len(basis):
             break
         basis = smaller
-        tensors = [_commutator(connection, tensor) for tensor in tensors]
+        tensors = [connection @ tensor - tensor @ connection for tensor in tensors]
         tensors = [tensor for tensor in tensors if not is_zero(tensor)]
-    images = [entries(_moved(symmetric(vector, n), connection)) for vector in basis]
-    columns = [tuple(image[k] for k in free) for image in images]
-    return Multipliers(system, tuple(basis), transpose(tuple(columns)) if columns else ())
+    moved = [symmetric(vector, n) @ connection for vector in basis]
+    images = [entries(one + one.T)[free] for one in moved]
+    return Multipliers(system, basis, _array(images, len(basis), len(basis)).T)
 
 
-def _moved(g: Matrix, connection: Matrix) -> Matrix:
-    """T(g)."""
-    moved = product(g, connection)
-    return plus(moved, transpose(moved))
-
-
-def _commutator(left: Matrix, right: Matrix) -> Matrix:
-    return plus(product(left, right), product(right, left), -1)
-
-
-def asymmetry(tensor: Matrix) -> Iterator[Vector]:
+def asymmetry(tensor: Array) -> Iterator[Array]:
     """The rows of (g A)_ij - (g A)_ji in the entries of g, i < j."""
     n = len(tensor)
-    zero = tensor[0][0].field.constant(0)
+    zero = tensor[0, 0] - tensor[0, 0]
     pairs = places(n)
     for i, j in pairs[: n * (n - 1) // 2]:
         row = dict.fromkeys(pairs, zero)
         for k in range(n):
-            row[min(i, k), max(i, k)] += tensor[k][j]
-            row[min(j, k), max(j, k)] -= tensor[k][i]
-        yield tuple(row.values())
+            row[min(i, k), max(i, k)] += tensor[k, j]
+            row[min(j, k), max(j, k)] -= tensor[k, i]
+        yield _array(list(row.values()), -1)
 
 
 def constant_branches(space: Multipliers) -> list[Branch]:
     """g' = 0."""
-    return _pure(space, space.system.ring.constant(0)) if space.basis else []
+    return _pure(space, space.system.ring.constant(0)) if len(space.basis) else []
 
 
 def _pure(space: Multipliers, rate: exact_field.Quotient) -> list[Branch]:
@@ -314,30 +269,30 @@ def _pure(space: Multipliers, rate: exact_field.Quotient) -> list[Branch]:
     return [Branch(((factor, start),), start) for start in _sparse(space, basis)]
 
 
-def _sparse(space: Multipliers, coordinates: Sequence[Vector]) -> list[Matrix]:
+def _sparse(space: Multipliers, coordinates: Array) -> list[Array]:
     """Spanning matrices: two reduced bases, entries on the diagonal eliminated last and first, simple ones first."""
-    n = space.system.size
-    vectors = [combination(vector, space.basis) for vector in coordinates]
-    turned = [vector[::-1] for vector in echelon([vector[::-1] for vector in vectors])[0]]
-    found = [symmetric(vector, n) for vector in (*turned, *echelon(vectors)[0])]
-    return [g for k, g in enumerate(found) if not any(_equal(g, other) for other in found[:k])]
+    vectors = coordinates @ space.basis
+    turned = _echelon(vectors[:, ::-1])[:, ::-1] if len(vectors) else vectors
+    found = [symmetric(vector, space.system.size) for vector in (*turned, *_echelon(vectors))]
+    return [g for k, g in enumerate(found) if not any(is_zero(g - other) for other in found[:k])]
 
 
-def _equal(left: Matrix, right: Matrix) -> bool:
-    return is_zero(plus(left, right, -1))
+def _echelon(rows: Array) -> Array:
+    """The nonzero rows of the reduced echelon form."""
+    return _array(matrices.reduced_rows([list(row) for row in rows], range(rows.shape[1])).rows, -1, rows.shape[1])
 
 
-def _shifted(space: Multipliers, rate: exact_field.Quotient) -> Matrix:
+def _shifted(space: Multipliers, rate: exact_field.Quotient) -> Array:
     """T - rate."""
-    one = identity(space.system.ring.field, len(space.basis))
-    return plus(space.operator, times(one, rate), -1)
+    shifted: Array = space.operator - identity(space.system.ring.field, len(space.basis)) * rate
+    return shifted
 
 
 def all_branches(space: Multipliers, table: real_point.RealTable) -> list[Branch]:
     """e^(tT) on the parts of V that belong to factors of degree 1 and 2, simple ones first."""
     simple: list[Branch] = []
     nested: list[Branch] = []
-    for coefficients, multiplicity in factors_of(space.system.ring, space.operator) if space.basis else ():
+    for coefficients, multiplicity in factors_of(space.system.ring, space.operator) if len(space.basis) else ():
         if len(coefficients) == 2:
             rate = -(coefficients[0] / coefficients[1])
             simple += _pure(space, rate)
@@ -353,17 +308,17 @@ def _chains(space: Multipliers, rate: exact_field.Quotient, multiplicity: int) -
     shifted = _shifted(space, rate)
     whole = shifted
     for _ in range(multiplicity - 1):
-        whole = product(whole, shifted)
+        whole = whole @ shifted
     factor = _exponential(exact_field.quotient_tree(ring, rate))
     return [_chain(space, shifted, factor, vector) for vector in kernel(whole, len(space.basis), ring.field)[0]]
 
 
-def _chain(space: Multipliers, shifted: Matrix, factor: ex.Expression, vector: Vector) -> Branch:
+def _chain(space: Multipliers, shifted: Array, factor: ex.Expression, vector: Array) -> Branch:
     parts, current, k = [], vector, 0
-    while any(not entry.is_zero for entry in current):
+    while not is_zero(current):
         monomial = Fraction(1, factorial(k)) * ex.TIME**k * factor
         parts.append((monomial, space.matrix(current)))
-        current, k = apply(shifted, current), k + 1
+        current, k = shifted @ current, k + 1
     return Branch(tuple(parts), parts[0][1])
 
 
@@ -376,14 +331,13 @@ def _pairs(
     center = (middle / leading).scaled(Fraction(-1, 2))
     discriminant = center * center - lowest / leading
     shifted = _shifted(space, center)
-    one = identity(ring.field, len(space.basis))
-    square = plus(product(shifted, shifted), times(one, discriminant), -1)
+    square = shifted @ shifted - identity(ring.field, len(space.basis)) * discriminant
     even, odd, outside = _even_and_odd(exact_field.quotient_tree(ring, discriminant), table)
     factor, inverse = _exponential(exact_field.quotient_tree(ring, center)), ring.value(outside).inverse()
     found = []
     for vector in kernel(square, len(space.basis), ring.field)[0]:
-        start, slope = space.matrix(vector), space.matrix(apply(shifted, vector))
-        parts = (factor * even, start), (factor * odd, times(slope, inverse))
+        start, slope = space.matrix(vector), space.matrix(shifted @ vector)
+        parts = (factor * even, start), (factor * odd, slope * inverse)
         found.append(Branch(parts, start))
     return found
 
@@ -427,33 +381,29 @@ def choose(system: LinearSystem, branches: Sequence[Branch], table: real_point.R
     return [_combined(weights, branches) for weights in sorted(found, key=lambda one: found[one])[: bounds.FEW]]
 
 
-def _numeric(system: LinearSystem, matrix: Matrix, table: real_point.RealTable) -> NDArray[np.float64]:
+def _numeric(system: LinearSystem, matrix: Array, table: real_point.RealTable) -> NDArray[np.float64]:
+    trees = (exact_field.quotient_tree(system.ring, entry) for entry in matrix.flat)
     with mpmath.workdps(bounds.DIGITS):
-        rows = [
-            [float(evaluation.evaluate(exact_field.quotient_tree(system.ring, entry), table)) for entry in row]
-            for row in matrix
-        ]
-    return np.array(rows)
+        return np.array([float(evaluation.evaluate(tree, table)) for tree in trees]).reshape(matrix.shape)
 
 
 def _size(branch: Branch) -> int:
     """Terms in all entries."""
-    return sum(len(entry.numerator) + len(entry.exponents) for _, g in branch.parts for row in g for entry in row)
+    return sum(len(entry.numerator) + len(entry.exponents) for _, g in branch.parts for entry in g.flat)
 
 
-def _is_diagonal(g: Matrix) -> bool:
-    return all(entry.is_zero for i, row in enumerate(g) for j, entry in enumerate(row) if i != j)
+def _is_diagonal(g: Array) -> bool:
+    return all(entry.is_zero for (i, j), entry in np.ndenumerate(g) if i != j)
 
 
 def _combined(weights: Sequence[Fraction], branches: Sequence[Branch]) -> Branch:
     """sum of weight * branch, parts with the same function of time put together."""
-    chosen = [(weight, branch) for weight, branch in zip(weights, branches, strict=True) if weight]
-    zero = plus(branches[0].start, branches[0].start, -1)
-    start, table = zero, dict[ex.Expression, Matrix]()
-    for weight, branch in chosen:
-        start = plus(start, branch.start, weight)
-        for phi, g in branch.parts:
-            table[phi] = plus(table.get(phi, zero), g, weight)
+    start = zero = branches[0].start - branches[0].start
+    table = dict[ex.Expression, Array]()
+    for weight, branch in zip(weights, branches, strict=True):
+        start = start + _scaled(branch.start, weight)
+        for phi, g in branch.parts if weight else ():
+            table[phi] = table.get(phi, zero) + _scaled(g, weight)
     return Branch(tuple((phi, g) for phi, g in table.items() if not is_zero(g)), start)
 
 
@@ -463,40 +413,35 @@ def lagrangian(system: LinearSystem, motion: MotionTerms, branch: Branch) -> ex.
     return ex.add(*(phi * ex.add(*_terms(system, motion, g)) for phi, g in scaled))
 
 
-def _primitive(branch: Branch) -> list[tuple[ex.Expression, Matrix]]:
+def _primitive(branch: Branch) -> list[tuple[ex.Expression, Array]]:
     """g over the common factor of its entries; a numerical factor keeps its sign."""
-    factor = exact_field.common_factor(
-        [entry for _, g in branch.parts for row in g for entry in row if not entry.is_zero]
-    )
+    factor = exact_field.common_factor([entry for _, g in branch.parts for entry in g.flat if not entry.is_zero])
     number = factor.constant_value
     inverse = (factor.scaled(-1) if number is not None and number < 0 else factor).inverse()
-    return [(phi, times(g, inverse)) for phi, g in branch.parts]
+    return [(phi, g * inverse) for phi, g in branch.parts]
 
 
-def _terms(system: LinearSystem, motion: MotionTerms, g: Matrix) -> Iterator[ex.Expression]:
+def _terms(system: LinearSystem, motion: MotionTerms, g: Array) -> Iterator[ex.Expression]:
     """The terms of L that are linear in g, without its function of time."""
-    yield from _quadratic_form(system, g, motion.velocities, Fraction(1, 2))
-    damped = product(g, system.damping)
-    skew = plus(damped, transpose(damped), -1)
-    for i, j in itertools.product(range(system.size), repeat=2):
-        yield _term(system, skew[i][j].scaled(Fraction(1, 4)), motion.velocities[i], motion.coordinates[j])
+    yield from _quadratic_form(system, _scaled(g, Fraction(1, 2)), motion.velocities)
+    damped = g @ system.damping
+    skew = _scaled(damped - damped.T, Fraction(1, 4))
+    for (i, j), entry in np.ndenumerate(skew):
+        yield _term(system, entry, motion.velocities[i], motion.coordinates[j])
     for phi, stiffness in system.stiffness:
-        lowered = product(g, stiffness)
-        form = plus(lowered, transpose(lowered))
-        for term in _quadratic_form(system, form, motion.coordinates, Fraction(-1, 4)):
-            yield phi * term
-    for i, j in itertools.product(range(system.size), repeat=2):
-        yield collected(_term(system, g[i][j], motion.coordinates[i]) * system.forcing[j])
+        lowered = g @ stiffness
+        form = _scaled(lowered + lowered.T, Fraction(-1, 4))
+        yield from (phi * term for term in _quadratic_form(system, form, motion.coordinates))
+    for (i, j), entry in np.ndenumerate(g):
+        yield collected(_term(system, entry, motion.coordinates[i]) * system.forcing[j])
 
 
-def _quadratic_form(
-    system: LinearSystem, form: Matrix, letters: Sequence[ex.Expression], factor: Fraction
-) -> Iterator[ex.Expression]:
-    """factor * letters.form letters for a symmetric form."""
+def _quadratic_form(system: LinearSystem, form: Array, letters: Sequence[ex.Expression]) -> Iterator[ex.Expression]:
+    """letters.form letters for a symmetric form."""
     for i, letter in enumerate(letters):
-        yield _term(system, form[i][i].scaled(factor), letter**2)
+        yield _term(system, form[i, i], letter**2)
     for i, j in itertools.combinations(range(len(letters)), 2):
-        yield _term(system, form[i][j].scaled(2 * factor), letters[i], letters[j])
+        yield _term(system, form[i, j].scaled(2), letters[i], letters[j])
 
 
 def _term(system: LinearSystem, coefficient: exact_field.Quotient, *letters: ex.Expression) -> ex.Expression:
