@@ -11,6 +11,8 @@ from functools import lru_cache
 from inverse_service.expressions import tree as ex
 from inverse_service.search import terms as tm
 
+# p^2 = a + b q^2 for the pairs of functions p, q of one argument.
+SQUARES = {"sin": ("cos", 1, -1), "cos": ("sin", 1, -1), "sinh": ("cosh", -1, 1), "cosh": ("sinh", 1, 1)}
 # Powers of one function that are written by multiple angles, and the most waves that one product is written by.
 _POWERS, _WAVES = 4, 256
 
@@ -25,9 +27,9 @@ def shortest(terms: tm.Terms) -> tm.Terms:
     if 2 * len(waves) <= len(terms):
         return waves
     try:
-        for argument in dict.fromkeys(_arguments(terms)):
-            for pair in (("cos", "sin"), ("sin", "cos")):
-                other = _exchanged(best, argument, *pair)
+        for letter in sorted({p for key in terms for p, _ in key if isinstance(p, ex.Apply)}, key=repr):
+            for name in (letter.function, SQUARES.get(letter.function, ("",))[0]):
+                other = _exchanged(best, name, letter.argument)
                 best = other if _length(other) < _length(best) else best
     except tm.TooManyTerms:
         return best
@@ -42,23 +44,21 @@ def _arguments(terms: tm.Terms) -> list[ex.Expression]:
     return [p.argument for key in terms for p, _ in key if isinstance(p, ex.Apply) and p.function in ("sin", "cos")]
 
 
-def _exchanged(terms: tm.Terms, argument: ex.Expression, old: str, new: str) -> tm.Terms:
-    """cos^2 replaced by 1 - sin^2 in one angle, or sin^2 by 1 - cos^2."""
-    cosine, sine = ex.Apply(old, argument), ex.Apply(new, argument)
+def _exchanged(terms: tm.Terms, old: str, argument: ex.Expression) -> tm.Terms:
+    """cos^2 replaced by 1 - sin^2 in one angle, sin^2 by 1 - cos^2, or likewise for hyperbolic functions."""
+    if old not in SQUARES:
+        return terms
+    new, constant, factor = SQUARES[old]
+    letter, square = ex.Apply(old, argument), tm.times(tm.EMPTY, tm.monomial(ex.Apply(new, argument)), 2)
     result: tm.Terms = {}
     for key, value in terms.items():
-        part: tm.Terms = {key: value}
-        e = dict(key).get(cosine, Fraction(0))
-        if e.denominator == 1 and e >= 2:
-            half = int(e) // 2
-            part = {tm.times(key, tm.monomial(cosine), -2 * half): value}
-            for _ in range(half):
-                part = tm.multiply_terms(
-                    part, {frozenset(): Fraction(1), tm.times(frozenset(), tm.monomial(sine), 2): Fraction(-1)}
-                )
-        for other, c in part.items():
-            _add(result, other, c)
-    return {key: value for key, value in result.items() if value}
+        e = dict(key).get(letter, Fraction(0))
+        half = int(e) // 2 if e.denominator == 1 and e >= 2 else 0
+        part: tm.Terms = {tm.times(key, tm.monomial(letter), -2 * half) if half else key: value}
+        for _ in range(half):
+            part = tm.multiply_terms(part, {tm.EMPTY: Fraction(constant), square: Fraction(factor)})
+        result = tm.add_terms(result, part)
+    return result
 
 
 def _halved(waves: tm.Terms) -> tm.Terms:

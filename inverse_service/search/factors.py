@@ -51,10 +51,7 @@ def integrating_factor(material: Material, c: tm.Terms, variable: ex.Symbol) -> 
 def _logarithm(
     system: SecondOrderSystem, c: frozenset[tuple[tm.Monomial, Fraction]], variable: ex.Symbol
 ) -> tm.Terms | None:
-    """int c d variable, which both questions and several rows ask for.
-
-    Without a real point, so that SymPy is not asked: most coefficients have an elementary integral or none.
-    """
+    """int c d variable, which both questions and several rows ask for."""
     return Integrator(system).function_of([variable], [dict(c)])
 
 

@@ -12,24 +12,20 @@ the distance to z/((x^2 + y^2) sqrt(x^2 + y^2 + z^2)).
 """
 
 import math
-import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from dataclasses import replace
 from fractions import Fraction
 from functools import lru_cache
-from itertools import count
 from typing import Any
 
 from inverse_service import bounds, deadline, errors
-from inverse_service.certificate import checker
-from inverse_service.decision import certify, deciding
 from inverse_service.expressions import collecting, derivative, evaluation, tree as ex
 from inverse_service.field import exact_field, matrices, modular, real_point
 from inverse_service.field.point import Variable
 from inverse_service.mechanics import writing
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.search import material, terms as tm
+from inverse_service.search import angles, material, terms as tm
 
 _LARGEST_FACTORED = 10**15
 _HALF = Fraction(1, 2)
@@ -113,10 +109,6 @@ def solution(columns: Sequence[Mapping[Any, Fraction]], right: Mapping[Any, Frac
     return found
 
 
-# p^2 = a + b q^2 for the pairs of functions p, q of one argument.
-_SQUARES = {"sin": ("cos", 1, -1), "cos": ("sin", 1, -1), "sinh": ("cosh", -1, 1), "cosh": ("sinh", 1, 1)}
-
-
 def in_one_square(terms: tm.Terms) -> tm.Terms:
     """sin(u)^2/cos(u)^k as 1/cos(u)^k - 1/cos(u)^(k - 2) and so on, so that equal terms look equal."""
     result: tm.Terms = {}
@@ -128,8 +120,8 @@ def in_one_square(terms: tm.Terms) -> tm.Terms:
 def _of_one_square(key: tm.Monomial) -> tm.Terms:
     powers = dict(key)
     for letter, e in key:
-        if e >= 2 and isinstance(letter, ex.Apply) and letter.function in _SQUARES:
-            name, a, b = _SQUARES[letter.function]
+        if e >= 2 and isinstance(letter, ex.Apply) and letter.function in angles.SQUARES:
+            name, a, b = angles.SQUARES[letter.function]
             partner = ex.Apply(name, letter.argument)
             if powers.get(partner, 0) < 0:
                 less = tm.times(key, tm.monomial(letter), -2)
@@ -138,12 +130,12 @@ def _of_one_square(key: tm.Monomial) -> tm.Terms:
     return {key: Fraction(1)}
 
 
-# SymPy is not called for higher numbers, and no higher powers are divided.
+# No higher powers are divided.
 _HIGHEST = 12
 
 
 def _proper(terms: tm.Terms, x: Variable) -> tm.Terms:
-    """The terms `in_one_square`, and x^3/(x^2 + a) as x - a x/(x^2 + a): no such power of x over its divisor."""
+    """The terms `in_one_square`, and x^3/(x^2 + a) as x - a x/(x^2 + a): no such power of x beside its sum."""
     left, result = in_one_square(terms), tm.Terms()
     while left:
         deadline.check()
@@ -157,16 +149,10 @@ def _proper(terms: tm.Terms, x: Variable) -> tm.Terms:
 
 
 def _divided(key: tm.Monomial, x: Variable) -> tm.Terms | None:
-    """Substitutes x^d = (D - r)/c for a divisor D = c x^d + r with a number c; None where there is no such divisor."""
+    """Substitutes x^d = (D - r)/c for a generator D = c x^d + r with a number c; None where there is no such one."""
     power = dict(key).get(x, Fraction(0))
-    for letter, e in key:
-        if (
-            not 2 <= power <= _HIGHEST
-            or e > -1
-            or e.denominator > 1
-            or not isinstance(letter, ex.Sum)
-            or not ex.holds(letter, x)
-        ):
+    for letter in dict(key):
+        if not 2 <= power <= _HIGHEST or not isinstance(letter, ex.Sum) or not ex.holds(letter, x):
             continue
         rest = tm.terms_of(letter)
         degree = max(dict(part).get(x, Fraction(0)) for part in rest)
@@ -368,7 +354,7 @@ _NAMES = ("F", "G", "H", "K", "P", "Q", "S", "U", "W", "Z")
 def antiderivative(
     system: SecondOrderSystem, slope: ex.Expression, variable: ex.Expression, table: real_point.RealTable | None
 ) -> ex.Expression | None:
-    """An elementary one of a formula in one variable; None where none is found. SymPy is tried last."""
+    """An elementary one of a formula in one variable; None where none is found."""
     names = fresh_names(system, slope)
     letter, inner = ex.Symbol(next(names)), ex.Symbol(next(names))
     plain = writing.joined(ex.substitute(slope if table is None else real_form(slope, table), {variable: letter}))
@@ -378,14 +364,6 @@ def antiderivative(
             found = primitive(name, tm.terms_of(form))
             if found is not None:
                 return ex.substitute(ex.substitute(found, {name: meant}), {letter: variable})
-    if not table or variable not in table:
-        return None
-    place = {**table, letter: table[variable]}
-    for form, name, meant in reversed(forms):
-        with suppress(evaluation.NoRealValue):
-            known = _by_sympy(form, name, {**place, name: evaluation.evaluate(meant, place)})
-            if known is not None:
-                return ex.substitute(ex.substitute(known, {name: meant}), {letter: variable})
     return None
 
 
@@ -442,58 +420,6 @@ def _with_squares(tree: ex.Expression, squares: Mapping[ex.Expression, ex.Expres
     return ex.rebuild(tree, lambda part: _with_squares(part, squares))
 
 
-class _TimeIsUp(BaseException):
-    """No Exception, so that no handler between catches it."""
-
-
-@contextmanager
-def _at_most(seconds: float) -> Iterator[None]:
-    """Ends the calls within by _TimeIsUp, also those of a library that knows no deadlines."""
-    moment, calls = min(deadline.now() + seconds, deadline.end()), count()
-
-    def stop(*_: object) -> None:
-        if next(calls) % _CALLS == 0 and deadline.now() > moment:
-            raise _TimeIsUp
-
-    before = sys.getprofile()
-    sys.setprofile(stop)
-    try:
-        yield
-    finally:
-        sys.setprofile(before if callable(before) else None)  # that of cProfile cannot be set again
-
-
-# For SymPy, in s of processor time: most integrals that it finds take a tenth of that.
-_SECONDS = 2.5
-_CALLS = 500  # between two looks at the time
-# Integrals that used the whole time without success: parts of a potential recur in one search.
-_VAIN: set[tuple[ex.Expression, frozenset[tuple[ex.Symbol, int]]]] = set()
-_MOST_VAIN = 256
-
-
-def _by_sympy(slope: ex.Expression, variable: ex.Symbol, table: real_point.RealTable) -> ex.Expression | None:
-    """SymPy's antiderivative where it is elementary, real at the point, and its derivative is the slope."""
-    nodes = list(ex.walk(slope))
-    high = any(isinstance(node, ex.Number) and abs(node.value) > _HIGHEST for node in nodes)
-    if high or len(nodes) > bounds.NODES or any(isinstance(node, ex.Arbitrary | ex.Velocity) for node in nodes):
-        return None
-    from inverse_service.search.sympy_integrals import elementary_antiderivatives
-
-    signs = {node: 1 if table[node] > 0 else -1 for node in nodes if isinstance(node, ex.Symbol)}
-    question, most = (slope, frozenset(signs.items())), deadline.end() - deadline.now()
-    if question in _VAIN:
-        return None
-    found: list[ex.Expression] = []
-    with suppress(_TimeIsUp), _at_most(_SECONDS):
-        for tree in elementary_antiderivatives(slope, variable, signs):
-            found = [real for real in (real_form(tree, table),) if real_point.is_defined([real], table)]
-            if found:
-                break
-    if not found and most > _SECONDS and len(_VAIN) < _MOST_VAIN:
-        _VAIN.add(question)
-    return next((tree for tree in found if _has_slope(tree, slope, variable, table)), None)
-
-
 def real_form(tree: ex.Expression, table: real_point.RealTable) -> ex.Expression:
     """The tree as it is real at the point: log(-u) for log(u) where u < 0, sqrt(-u)*sqrt(-w) for sqrt(u)*sqrt(w).
 
@@ -523,20 +449,6 @@ def _turned(tree: ex.Expression, table: real_point.RealTable) -> ex.Expression:
     }
     is_real = halves and len(halves) % 2 == 0
     return ex.multiply(*(halves.get(factor, factor) for factor in factors)) if is_real else tree
-
-
-def _has_slope(tree: ex.Expression, slope: ex.Expression, x: ex.Symbol, table: real_point.RealTable) -> bool:
-    """Whether d tree/dx = slope about the point: the checker says that x'^2/2 + tree is a Lagrangian of x'' = slope."""
-    velocity = ex.Velocity(x.name)
-    symbols = dict.fromkeys(node for node in ex.walk(slope) if isinstance(node, ex.Symbol))
-    constants = (node.name for node in symbols if node not in (x, ex.TIME, ex.PI))
-    system = SecondOrderSystem((x.name,), (slope,), tuple(constants))
-    try:
-        analysis = replace(deciding.analyze(system), real_point={ex.TIME: table[x], **table, velocity: table[x]})
-        certificate = certify.of_lagrangian(analysis, ex.HALF * velocity**2 + tree, with_time=True)
-    except errors.IrreducibleAtoms:
-        return False
-    return checker.check_certificate(certificate, time_limit=deadline.left(deadline.end())).verdict == "valid"
 
 
 def fresh_names(system: SecondOrderSystem, *trees: ex.Expression) -> Iterator[str]:

@@ -20,11 +20,11 @@ one C up to a factor, these sums are the lines.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from functools import reduce
+from functools import cache, reduce
 from itertools import combinations, combinations_with_replacement, islice, product
 
 from inverse_service import bounds
@@ -170,70 +170,62 @@ def lines_of(system: SecondOrderSystem, equations: Sequence[ex.Expression]) -> L
 
 def symmetric_lines(lines: Lines) -> Iterator[Lines]:
     """The lines in each order in which factors make the matrix symmetric, times these; denominators cleared."""
-    matrix, size = lines.matrix, len(lines.rest)
-    ratios: dict[tuple[int, int, int, int], Factor | None] = {}
-    steps = 0
+    matrix, constants = lines.matrix, {ex.PI, *map(ex.Symbol, lines.system.parameters)}
 
+    @cache
     def ratio(row: int, j: int, other: int, i: int) -> Factor | None:
         """c with c_other = c c_row from c_row matrix[row][j] = c_other matrix[other][i]."""
-        key = row, j, other, i
-        if key not in ratios:
-            ratios[key] = _factor(matrix[row][j], matrix[other][i])
-        return ratios[key]
+        return _factor(matrix[row][j], matrix[other][i])
 
-    def extended(
-        order: list[int], factors: list[Factor], parts: list[int]
-    ) -> Iterator[tuple[list[int], list[Factor], list[int]]]:
-        """Orders of all lines that begin with `order`; lines in one part have factors relative to each other."""
+    for order in _orders(matrix):
+        pairs = combinations(enumerate(order), 2)
+        ratios = {(i, j): ratio(row, j, other, i) for (i, row), (j, other) in pairs if matrix[row][j]}
+        found = _along_edges(len(order), ratios)
+        if found is not None:
+            chosen = Lines(lines.system, [matrix[row] for row in order], [lines.rest[row] for row in order], order)
+            yield chosen.times([{m: a} for a, m in _cleared(*found, constants)])
+
+
+def _orders(matrix: Sequence[Sequence[tm.Terms]]) -> Iterator[list[int]]:
+    """Orders of the rows in which the nonzero entries are placed symmetrically, the given one first."""
+    places, steps = range(len(matrix)), 0
+
+    def extended(order: list[int]) -> Iterator[list[int]]:
         nonlocal steps
-        i = len(order)
-        if i == size:
-            yield order, factors, parts
+        if len(order) == len(matrix):
+            yield order
             return
-        for row in dict.fromkeys((i, *range(size))):
+        for row in dict.fromkeys((len(order), *places)):
             steps += 1
             if row in order or steps > _STEPS:
                 continue
-            placed = _placed(row, i, order, factors, parts)
-            if placed is not None:
-                yield from extended([*order, row], *placed)
+            if all(bool(matrix[row][j]) == bool(matrix[other][len(order)]) for j, other in enumerate(order)):
+                yield from extended([*order, row])
 
-    def _placed(
-        row: int, i: int, order: list[int], factors: list[Factor], parts: list[int]
-    ) -> tuple[list[Factor], list[int]] | None:
-        own: Factor | None = None
-        part, known, labels = i, list(factors), list(parts)
-        for j, other in enumerate(order):
-            here, there = bool(matrix[row][j]), bool(matrix[other][i])
-            if here != there:
-                return None
-            if not here:
-                continue
-            step = ratio(other, i, row, j)
-            if step is None:
-                return None
-            wanted = known[j][0] * step[0], tm.times(known[j][1], step[1])
-            if own is None or labels[j] == part:
-                if own is not None and own != wanted:
+    yield from extended([])
+
+
+def _along_edges(size: int, ratios: Mapping[tuple[int, int], Factor | None]) -> tuple[list[Factor], list[int]] | None:
+    """(K, the part of each place) with K_j = ratio_ij K_i, one free in each connected part; None where none fit."""
+    edges: dict[int, dict[int, Factor]] = {i: {} for i in range(size)}
+    for (i, j), ratio in ratios.items():
+        if ratio is None:
+            return None
+        edges[i][j], edges[j][i] = ratio, (1 / ratio[0], tm.times(tm.EMPTY, ratio[1], -1))
+    found, parts = dict[int, Factor](), dict[int, int]()
+    for start in range(size):
+        if start in found:
+            continue
+        found[start], parts[start], queue = (Fraction(1), tm.EMPTY), start, [start]
+        for i in queue:
+            for j, (value, key) in edges[i].items():
+                wanted = found[i][0] * value, tm.times(found[i][1], key)
+                if j not in found:
+                    found[j], parts[j] = wanted, start
+                    queue.append(j)
+                elif found[j] != wanted:
                     return None
-                own = wanted
-                if part != labels[j]:
-                    labels = [labels[j] if label == part else label for label in labels]
-                    part = labels[j]
-            else:  # two parts are joined: all of that part is scaled
-                shift = own[0] / wanted[0], tm.times(own[1], wanted[1], -1)
-                for k, label in enumerate(labels):
-                    if label == labels[j] and k != j:
-                        known[k] = known[k][0] * shift[0], tm.times(known[k][1], shift[1])
-                known[j] = known[j][0] * shift[0], tm.times(known[j][1], shift[1])
-                labels = [part if label == parts[j] else label for label in labels]
-        return [*known, own or (Fraction(1), tm.EMPTY)], [*labels, part]
-
-    constants = {ex.PI, *map(ex.Symbol, lines.system.parameters)}
-    for order, factors, parts in extended([], [], []):
-        cleared = _cleared(factors, parts, constants)
-        chosen = Lines(lines.system, [matrix[row] for row in order], [lines.rest[row] for row in order], order)
-        yield chosen.times([{m: a} for a, m in cleared])
+    return [found[i] for i in range(size)], [parts[i] for i in range(size)]
 
 
 def _self_adjoint_sums(lines: Lines) -> Lines | None:
@@ -438,39 +430,24 @@ def _constants(lines: Lines, parts: Sequence[Sequence[int]]) -> dict[int, tm.Ter
     """K for each line, one in each connected part, so that terms between different parts fit; None where none does."""
     own = {i: k for k, part in enumerate(parts) for i in part}
     constants = {ex.PI, *map(ex.Symbol, lines.system.parameters)}
-    edges: dict[int, dict[int, Factor]] = {}
+    ratios: dict[tuple[int, int], Factor | None] = {}
     for i, j in combinations(lines.places, 2):
         a, b = own[i], own[j]
-        if a == b or b in edges.get(a, {}):
+        if a == b or (a, b) in ratios or (b, a) in ratios:
             continue
         left = tm.derivative_of_terms(lines.rest[i], lines.velocities[j])
         right = _scaled(tm.derivative_of_terms(lines.rest[j], lines.velocities[i]), -1)
         if not left and not right:
             left = _at_rest(tm.derivative_of_terms(lines.rest[i], lines.coordinates[j]))
             right = _at_rest(tm.derivative_of_terms(lines.rest[j], lines.coordinates[i]))
-        if not left and not right:
-            continue
-        ratio = _factor(left, right) or _quotient(lines, left, right)  # K_b = ratio K_a
-        if ratio is None or not all(_is_constant(p, constants) or isinstance(p, ex.Number) for p, _ in ratio[1]):
-            return None
-        edges.setdefault(a, {})[b] = ratio
-        edges.setdefault(b, {})[a] = 1 / ratio[0], tm.times(tm.EMPTY, ratio[1], -1)
-    found: dict[int, Factor] = {}
-    roots: dict[int, int] = {}
-    for start in range(len(parts)):
-        if start in found:
-            continue
-        found[start], roots[start], queue = (Fraction(1), tm.EMPTY), start, [start]
-        for a in queue:
-            for b, (value, key) in edges.get(a, {}).items():
-                wanted = found[a][0] * value, tm.times(found[a][1], key)
-                if b not in found:
-                    found[b], roots[b] = wanted, start
-                    queue.append(b)
-                elif found[b] != wanted:
-                    return None
-    order = range(len(parts))
-    cleared = _cleared([found[k] for k in order], [roots[k] for k in order], constants)
+        if left or right:
+            ratio = _factor(left, right) or _quotient(lines, left, right)  # K_b = ratio K_a
+            plain = ratio and all(_is_constant(p, constants) or isinstance(p, ex.Number) for p, _ in ratio[1])
+            ratios[a, b] = ratio if plain else None
+    found = _along_edges(len(parts), ratios)
+    if found is None:
+        return None
+    cleared = _cleared(*found, constants)
     if sum(value < 0 for value, _ in cleared) > len(parts) / 2:
         cleared = [(-value, key) for value, key in cleared]
     return {i: {cleared[k][1]: cleared[k][0]} for k, part in enumerate(parts) for i in part}
