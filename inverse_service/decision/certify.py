@@ -18,7 +18,7 @@ from inverse_service.certificate.cell import Cell
 from inverse_service.decision import deciding
 from inverse_service.expressions import collecting, evaluation, inequalities, notation, printing, tree as ex
 from inverse_service.field import exact_field, real_point, reduction, tower
-from inverse_service.mechanics import euler_lagrange, implicit_equations
+from inverse_service.mechanics import euler_lagrange, implicit_equations, quadratic_forms
 from inverse_service.reading import reader
 from inverse_service.reading.names import Names
 
@@ -155,12 +155,15 @@ def _shortest(positive: tuple[ex.Expression, ...], nonzero: tuple[ex.Expression,
     return [shown.get(text) or domain_of(cells.Cell((text,)), names)[0][0] for text in found]
 
 
-def _members(texts: Sequence[str], ending: str, names: Names) -> Iterator[ex.Expression]:
-    return (
-        collecting.collect(reader.read_formula(text.removesuffix(ending), names))
-        for text in texts
-        if text.endswith(ending)
-    )
+def _members(texts: Sequence[str], ending: str, names: Names) -> list[ex.Expression]:
+    """The conditions with this ending, sums of squares as such, short ones first: the checker has them in no order."""
+    letters = list(map(ex.Symbol, (*names.coordinates, *names.parameters)))
+    found = []
+    for text in texts:
+        if text.endswith(ending):
+            tree = collecting.collect(reader.read_formula(text.removesuffix(ending), names))
+            found.append(min([tree, *quadratic_forms.sums_of_squares(tree, letters)], key=ex.node_count))
+    return sorted(found, key=lambda tree: (ex.node_count(tree), collecting.natural(printing.to_text(tree))))
 
 
 def _unsigned(tree: ex.Expression) -> ex.Expression:

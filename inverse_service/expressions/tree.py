@@ -350,6 +350,18 @@ def holds(tree: Expression, *leaves: Expression) -> bool:
     return any(node in wanted for node in walk(tree))
 
 
+def reading_class(tree: Expression, time: Expression) -> int:
+    """0 for a polynomial in the velocities, 1 where it holds t, 2 for a rational function of them, 3 for all else."""
+    kind = int(holds(tree, time))
+    for node in walk(tree):
+        if isinstance(node, Power | Apply | Arbitrary) and any(isinstance(part, Velocity) for part in walk(node)):
+            exponent = node.exponent if isinstance(node, Power) else None
+            if not isinstance(exponent, Number) or exponent.value.denominator != 1:
+                return 3
+            kind = max(kind, 2 if exponent.value < 0 else 0)
+    return kind
+
+
 def is_exponential(tree: Expression) -> TypeGuard[Apply]:
     return isinstance(tree, Apply) and tree.function == "exp"
 

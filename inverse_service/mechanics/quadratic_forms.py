@@ -44,9 +44,22 @@ def short_forms(tree: Expression, letters: Collection[Expression]) -> Iterator[E
     higher = [_as_power([(key, value) for key, value in part.items() if value]) for part in parts.values()]
     groups = list(_by_exponentials(quadratic).values())
     own = [v for v in letters if any(v in dict(key) for key in quadratic)]
+    yield ex.add(*(part for group in groups for part in _by_pairs(group, own)), *higher, *rest)
     for order in islice(permutations(own), _MOST_ORDERS):
         squares = [square for group in groups for square in _squares(group, order)]
         yield ex.add(*squares, *higher, *rest)
+
+
+def sums_of_squares(tree: Expression, letters: Collection[Expression]) -> Iterator[Expression]:
+    """Those forms in which what takes the place of terms of the tree has one sign: -k (a - b)^2/2, as of springs.
+
+    x^2 + 4 x y + y^2 has no such form: (x + 2 y)^2 - 3 y^2 is a difference.
+    """
+    kept = tree.terms if isinstance(tree, ex.Sum) else (tree,)
+    for form in short_forms(tree, letters):
+        new = [term for term in (form.terms if isinstance(form, ex.Sum) else (form,)) if term not in kept]
+        if len({ex.coefficient(term) < 0 for term in new}) <= 1:
+            yield form
 
 
 def _over_shared_sums(tree: Expression, letters: Collection[Expression]) -> Expression:
@@ -139,6 +152,25 @@ def _squares(terms: Terms, order: Sequence[Expression]) -> list[Expression]:
         left = {k: left.get(k, Fraction(0)) - taken.get(k, Fraction(0)) for k in {**left, **taken}}
         left = {k: c for k, c in left.items() if c}
     return [*found, terms_tree(left.items())]
+
+
+def _by_pairs(terms: Terms, letters: Sequence[Expression]) -> list[Expression]:
+    """Each term in two of the letters as a square of their sum or difference: k ((x - y)^2 + (y - z)^2)/2."""
+    left = {_times(key, ()): value for key, value in terms.items()}
+    squares = dict[tuple[Monomial, Fraction], list[Expression]]()
+    for key, value in list(left.items()):
+        pair = [v for v, _ in key if v in letters]
+        outside = tuple(item for item in key if item[0] not in pair)
+        own = left.get(_times(outside, ((pair[0], Fraction(2)),)), 0)
+        if len(pair) == 2 and own:
+            half = abs(value) / 2 if own > 0 else -abs(value) / 2
+            squares.setdefault((outside, half), []).append((pair[0] + (1 if value == 2 * half else -1) * pair[1]) ** 2)
+            taken = {key: value} | {_times(outside, ((v, Fraction(2)),)): half for v in pair}
+            left = {k: left.get(k, Fraction(0)) - taken.get(k, Fraction(0)) for k in {**left, **taken}}
+    found = [
+        ex.multiply(ex.number(c), terms_tree([(k, Fraction(1))]), ex.add(*some)) for (k, c), some in squares.items()
+    ]
+    return [*found, terms_tree((key, value) for key, value in left.items() if value)]
 
 
 def _split_square(monomial: Monomial) -> tuple[Monomial, Monomial]:

@@ -177,4 +177,4 @@ def _kind(lagrangian: ex.Expression, names: Sequence[str]) -> tuple[int, bool]:
     held = any(
         node in moving for row in euler_lagrange.hessian(lagrangian, names) for entry in row for node in ex.walk(entry)
     )
-    return terms.reading_class(lagrangian), held
+    return ex.reading_class(lagrangian, ex.TIME), held

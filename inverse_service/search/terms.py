@@ -460,17 +460,3 @@ def irreducible_factors(tree: ex.Expression) -> tuple[ex.Expression, ...]:
     found = [terms_of_polynomial(factor, letters) for factor, _ in exact_field.factor_polynomial(polynomial)[1]]
     sums = [{frozenset((p, e / root[p]) for p, e in key): c for key, c in one.items()} for one in found if len(one) > 1]
     return tuple(split_content(one)[2] for one in sums)
-
-
-def reading_class(lagrangian: ex.Expression) -> int:
-    """0 for a polynomial in the velocities, 1 where it holds t, 2 for a rational function of them, 3 for all else."""
-    kind = int(ex.holds(lagrangian, ex.TIME))
-    for node in ex.walk(lagrangian):
-        if isinstance(node, ex.Apply) and has_velocity(node):
-            return 3
-        if isinstance(node, ex.Power) and has_velocity(node):
-            exponent = node.exponent.value if isinstance(node.exponent, ex.Number) else Fraction(1, 2)
-            if exponent.denominator != 1:
-                return 3
-            kind = max(kind, 2 if exponent < 0 else 0)
-    return kind

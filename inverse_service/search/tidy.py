@@ -362,18 +362,8 @@ def _other_forms(tree: ex.Expression, system: SecondOrderSystem) -> list[ex.Expr
         except _FAILED:
             continue
     velocities, positions = ([kind(name) for name in system.coordinates] for kind in (ex.Velocity, ex.Symbol))
-    springs = (form for form in quadratic_forms.short_forms(tree, positions) if _has_one_sign(tree, form))
+    springs = quadratic_forms.sums_of_squares(tree, positions)
     return [*found, *quadratic_forms.short_forms(tree, velocities), *springs]
-
-
-def _has_one_sign(tree: ex.Expression, form: ex.Expression) -> bool:
-    """Whether what the form puts in the place of terms of the tree has one sign: -k (a - b)^2/2, as of springs.
-
-    x^2 + 4 x y + y^2 has no such form: (x + 2 y)^2 - 3 y^2 is a difference.
-    """
-    terms = list(form.terms) if isinstance(form, ex.Sum) else [form]
-    new = [term for term in terms if not isinstance(tree, ex.Sum) or term not in tree.terms]
-    return len({writing.is_negative(term) for term in new}) <= 1
 
 
 @lru_cache(maxsize=1024)
@@ -499,8 +489,7 @@ def _with_squares_inside(system: SecondOrderSystem, tree: ex.Expression) -> ex.E
     letters = [*map(ex.Symbol, system.coordinates), *map(ex.Symbol, system.parameters)]
     match tree:
         case ex.Power(ex.Sum() as inner, ex.Number(e)) if (e < 0 or e.denominator > 1) and not tm.has_velocity(inner):
-            forms = [one for one in quadratic_forms.short_forms(inner, letters) if _has_one_sign(inner, one)]
-            return min([inner, *forms], key=_preference) ** e
+            return min([inner, *quadratic_forms.sums_of_squares(inner, letters)], key=_preference) ** e
     return tree
 
 
@@ -620,7 +609,7 @@ def _by_squares_of(name: str, other: str, system: SecondOrderSystem, tree: ex.Ex
     found = list[ex.Expression]()
     for outer, inner in groups.items():
         whole = tm.tree_of(inner)
-        squares = [one for one in quadratic_forms.short_forms(whole, letters) if _has_one_sign(whole, one)]
+        squares = quadratic_forms.sums_of_squares(whole, letters)
         found.append(tm.monomial_tree(outer) * min([whole, *squares], key=_preference))
     return ex.add(*found)
 

@@ -222,7 +222,7 @@ def _answers(work: Work, given: Answer | None) -> tuple[Answer | None, Answer | 
     if not wants_time:
         return autonomous, None
     if autonomous is not None and autonomous.verdict == "variational":
-        plain = _is_complete(autonomous) and terms.reading_class(_expression(autonomous)) < _RATIONAL
+        plain = _is_complete(autonomous) and _reading_class(autonomous) < _RATIONAL
         with_time = autonomous if plain else _with_time_instead(work, autonomous)
         same = _without_time(work, with_time) if with_time is not autonomous else None
         return (same, same) if same is not None else (autonomous, with_time)
@@ -312,7 +312,7 @@ def _with_time_instead(work: Work, autonomous: Answer) -> Answer:
     answer = _by_lagrangian(work, decision, _highest(autonomous))
     if answer is None or (autonomous.lagrangian is not None and not _is_complete(answer)):
         return autonomous
-    nicer = not complete or terms.reading_class(_expression(answer)) < terms.reading_class(_expression(autonomous))
+    nicer = not complete or _reading_class(answer) < _reading_class(autonomous)
     return answer if nicer else autonomous
 
 
@@ -327,6 +327,10 @@ def _highest(autonomous: Answer) -> float:
 def _expression(answer: Answer) -> ex.Expression:
     assert answer.lagrangian is not None
     return answer.lagrangian.expression
+
+
+def _reading_class(answer: Answer) -> int:
+    return ex.reading_class(_expression(answer), ex.TIME)
 
 
 def _without_time(work: Work, answer: Answer) -> Answer | None:

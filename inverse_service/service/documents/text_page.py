@@ -234,22 +234,17 @@ def answers_of(branch: Mapping[str, Any], result: Mapping[str, Any]) -> list[tup
     if other is None:
         return [main]
     texts = [part["lagrangian"]["text"] for part in (branch, other) if part["lagrangian"]]
-    kinds = [_complexity(text, result["system"]) for text in texts]
+    kinds = [_reading_class(text, result["system"]) for text in texts]
     exists_only = not branch["lagrangian"] and branch["verdict"] == "variational"
     is_better = kinds[1] < kinds[0] if len(kinds) == 2 else exists_only and bool(texts)
     return [(other, True), main] if is_better else [main, (other, True)]
 
 
-def _complexity(lagrangian: str, system: Mapping[str, Any]) -> int:
-    """0 for T + A q' - V, 1 for other polynomials in the velocities, 2 with the time; 3 for quotients; 4 else."""
+def _reading_class(lagrangian: str, system: Mapping[str, Any]) -> int:
     try:
-        tree = reader.read_formula(lagrangian, names_in(system))
+        return ex.reading_class(reader.read_formula(lagrangian, names_in(system)), ex.Symbol(system.get("time", "t")))
     except errors.InputError:
-        return 4
-    degree, is_rational = _degree(tree), _degree(tree, rational=True) is not None
-    if degree is None:
-        return 3 if is_rational else 4
-    return 2 if ex.Symbol(system.get("time", "t")) in ex.walk(tree) else int(degree > 2)
+        return 3
 
 
 def names_in(system: Mapping[str, Any], letters: Iterable[str] = ()) -> Names:
@@ -258,21 +253,6 @@ def names_in(system: Mapping[str, Any], letters: Iterable[str] = ()) -> Names:
     words = dict.fromkeys((*system["parameters"], *letters, system.get("time", "t")))
     taken = {*system["coordinates"], *functions, "t"}
     return Names(tuple(system["coordinates"]), tuple(word for word in words if word not in taken), functions)
-
-
-def _degree(tree: ex.Expression, rational: bool = False) -> int | None:
-    """The degree in the velocities; None where it is no polynomial in them, or with `rational` no quotient of some."""
-    match tree:
-        case ex.Velocity():
-            return 1
-        case ex.Sum(parts) | ex.Product(parts):
-            found = [_degree(part, rational) for part in parts]
-            degrees = [degree for degree in found if degree is not None]
-            return None if len(degrees) < len(found) else max(degrees) if isinstance(tree, ex.Sum) else sum(degrees)
-        case ex.Power(base, ex.Number(exponent)) if exponent.denominator == 1 and (rational or exponent > 0):
-            degree = _degree(base, rational)
-            return None if degree is None else degree * abs(int(exponent))
-    return None if any(isinstance(node, ex.Velocity) for node in ex.walk(tree)) else 0
 
 
 def asks_for_time(result: Mapping[str, Any]) -> bool:
