@@ -28,28 +28,10 @@ from inverse_service.expressions import derivative, evaluation, tree as ex
 from inverse_service.field import null_vectors, real_point
 from inverse_service.field.point import SingularPoint, number_value
 from inverse_service.mechanics import implicit_equations
-from inverse_service.search import angles, ansatz, families, members, quadratures
+from inverse_service.search import angles, ansatz, families, members, quadratures, terms as tm
 from inverse_service.search.factors import Factors, find_factors
 from inverse_service.search.gradients import ONE_TERM, Integrator
 from inverse_service.search.material import Material, antiderivatives
-from inverse_service.search.terms import (
-    EMPTY,
-    Monomial,
-    Terms,
-    TooManyTerms,
-    along,
-    derivative_of_terms,
-    has_velocity,
-    is_linear,
-    monomial,
-    monomial_tree,
-    multiply_terms,
-    rank,
-    split_velocities,
-    terms_of,
-    times,
-    tree_of,
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,13 +46,13 @@ class Samples:
     def prime(self) -> int:
         return self.table.prime
 
-    def along(self, sample: int, key: Monomial) -> int:
+    def along(self, sample: int, key: tm.Monomial) -> int:
         """Gamma(log key)."""
         rates = self.table.derivatives.along[sample]
         return sum(int(rates[self.places[p]]) * number_value(e, self.prime) for p, e in key) % self.prime
 
 
-def sampled(material: Material, terms: Sequence[Monomial], count: int, seed: int) -> Samples:
+def sampled(material: Material, terms: Sequence[tm.Monomial], count: int, seed: int) -> Samples:
     """`count` points for the letters of the terms; IrreducibleAtoms, SingularPoint or ValueError if there are none."""
     letters = ansatz.letters_of(terms)
     sampler = ansatz.make_sampler(material.analysis, dict.fromkeys(item for term in terms for item in term))
@@ -79,13 +61,13 @@ def sampled(material: Material, terms: Sequence[Monomial], count: int, seed: int
     return Samples({p: k for k, p in enumerate(letters)}, table, slopes)
 
 
-def independent(samples: Samples, terms: Sequence[Monomial]) -> list[Monomial]:
+def independent(samples: Samples, terms: Sequence[tm.Monomial]) -> list[tm.Monomial]:
     """The terms without those that are combinations of earlier ones as functions (1 = sin^2 + cos^2)."""
     rows = ansatz.monomial_values(samples.table, list(samples.places), terms)
     return [terms[k] for k in null_vectors.pivots(rows, samples.prime)]
 
 
-def montgomery_values(samples: Samples, terms: Sequence[Monomial]) -> list[list[int]]:
+def montgomery_values(samples: Samples, terms: Sequence[tm.Monomial]) -> list[list[int]]:
     """The value of each term at each sample in Montgomery form (times 2^64)."""
     return [[int(a) for a in row] for row in ansatz.monomial_values(samples.table, list(samples.places), terms)]
 
@@ -103,8 +85,8 @@ _HIGHEST = max(degree for degree, _ in EXPONENTS)
 class DarbouxPower:
     """g = factor * base^exponent; `factor` holds no velocity, `base` is a polynomial in v."""
 
-    factor: Monomial
-    base: tuple[tuple[Monomial, Fraction], ...]
+    factor: tm.Monomial
+    base: tuple[tuple[tm.Monomial, Fraction], ...]
     exponent: Fraction
 
 
@@ -114,12 +96,12 @@ def darboux_powers(material: Material, factors: Factors, seed: int) -> list[Darb
     Where df/dv = 0 they are first integrals, and g = 1 is one: none can spare the integral of f that g = 1 needs.
     """
     found: dict[DarbouxPower, None] = {}
-    if not derivative_of_terms(material.motion.forces[0], material.motion.velocities[0]):
+    if not tm.derivative_of_terms(material.motion.forces[0], material.motion.velocities[0]):
         return []
     for degree, exponents in EXPONENTS:
         try:
             found.update(dict.fromkeys(_of_degree(material, factors, degree, exponents, seed)))
-        except (errors.IrreducibleAtoms, SingularPoint, TooManyTerms, ValueError):
+        except (errors.IrreducibleAtoms, SingularPoint, tm.TooManyTerms, ValueError):
             continue
     return list(found)
 
@@ -153,70 +135,70 @@ def _equations(
     ]
 
 
-def position_factors(factors: Factors, degree: Fraction) -> list[Monomial]:
+def position_factors(factors: Factors, degree: Fraction) -> list[tm.Monomial]:
     """1, and the factors that go with v^degree where f has a term c(x) v^2, times functions of t.
 
     With y' = E x', E = exp(-int c dx), a factor P(x, y')^e of a multiplier for y gives E^(2 + e) for x.
     """
-    own = factors.along.get(0, EMPTY)
-    fitted = [EMPTY, times(EMPTY, own, 2 + degree), times(EMPTY, own, 2)]
-    return list(dict.fromkeys(times(phi, in_time) for phi in fitted for in_time in factors.in_time[:3]))
+    own = factors.along.get(0, tm.EMPTY)
+    fitted = [tm.EMPTY, tm.times(tm.EMPTY, own, 2 + degree), tm.times(tm.EMPTY, own, 2)]
+    return list(dict.fromkeys(tm.times(phi, in_time) for phi in fitted for in_time in factors.in_time[:3]))
 
 
-def candidate_terms(material: Material, degree: int) -> list[Monomial]:
+def candidate_terms(material: Material, degree: int) -> list[tm.Monomial]:
     """v^degree and the terms B(x) v^j that can cancel residuals of terms before, simple ones first."""
     motion = material.motion
     velocity = motion.velocities[0]
-    slope = derivative_of_terms(motion.forces[0], velocity)
-    found: dict[Monomial, None] = {frozenset([(velocity, Fraction(degree))]): None}
+    slope = tm.derivative_of_terms(motion.forces[0], velocity)
+    found: dict[tm.Monomial, None] = {frozenset([(velocity, Fraction(degree))]): None}
     fresh = list(found)
     for _ in range(bounds.FEW):
-        added: dict[Monomial, None] = {}
+        added: dict[tm.Monomial, None] = {}
         for key in fresh:
             added.update(dict.fromkeys(m for m in _cancelling(material, key, slope, degree) if m not in found))
-        fresh = sorted(added, key=rank)[: bounds.COLUMNS - len(found)]
+        fresh = sorted(added, key=tm.rank)[: bounds.COLUMNS - len(found)]
         found.update(dict.fromkeys(fresh))
-    return sorted(found, key=rank)
+    return sorted(found, key=tm.rank)
 
 
-def _cancelling(material: Material, key: Monomial, slope: Terms, degree: int) -> list[Monomial]:
+def _cancelling(material: Material, key: tm.Monomial, slope: tm.Terms, degree: int) -> list[tm.Monomial]:
     """Those of `_raised` that are polynomials of this degree, with t only where L may contain it."""
-    known: dict[Monomial, list[Monomial]] = material.shared.setdefault("cancelling", {})
+    known: dict[tm.Monomial, list[tm.Monomial]] = material.shared.setdefault("cancelling", {})
     if key not in known:
         known[key] = _raised(material, key, slope)
     motion = material.motion
     return [m for m in known[key] if _is_admissible(m, motion.with_time, motion.velocities[0], degree)]
 
 
-def _raised(material: Material, key: Monomial, slope: Terms) -> list[Monomial]:
+def _raised(material: Material, key: tm.Monomial, slope: tm.Terms) -> list[tm.Monomial]:
     """B v^(j-1) with dB/dx = T for a residual T v^j, and T v^j / F for a term F of df/dv."""
     motion = material.motion
     x, velocity = motion.coordinates[0], motion.velocities[0]
-    divisors = [split_velocities(part) for part in slope]
-    found: dict[Monomial, None] = {}
-    for term in {**along(motion, {key: Fraction(1)}), **multiply_terms({key: Fraction(1)}, slope)}:
-        position, moving = split_velocities(term)
-        lowered = times(moving, monomial(velocity), -1)
+    divisors = [tm.split_velocities(part) for part in slope]
+    found: dict[tm.Monomial, None] = {}
+    for term in {**tm.along(motion, {key: Fraction(1)}), **tm.multiply_terms({key: Fraction(1)}, slope)}:
+        position, moving = tm.split_velocities(term)
+        lowered = tm.times(moving, tm.monomial(velocity), -1)
         if _is_polynomial(lowered, velocity, _HIGHEST):
-            found.update(dict.fromkeys([lowered, *(times(m, lowered) for m in antiderivatives(position, x))]))
+            found.update(dict.fromkeys([lowered, *(tm.times(m, lowered) for m in antiderivatives(position, x))]))
         if motion.with_time and _is_polynomial(moving, velocity, _HIGHEST):
-            found.update(dict.fromkeys(times(m, moving) for m in antiderivatives(position, ex.TIME)))
-        quotients = ((part, times(moving, power, -1)) for part, power in divisors)
+            found.update(dict.fromkeys(tm.times(m, moving) for m in antiderivatives(position, ex.TIME)))
+        quotients = ((part, tm.times(moving, power, -1)) for part, power in divisors)
         found.update(
-            (times(position, part, -1) | rest, None)
+            (tm.times(position, part, -1) | rest, None)
             for part, rest in quotients
             if _is_polynomial(rest, velocity, _HIGHEST)
         )
     return list(found)
 
 
-def _is_polynomial(moving: Monomial, velocity: ex.Velocity, degree: int) -> bool:
+def _is_polynomial(moving: tm.Monomial, velocity: ex.Velocity, degree: int) -> bool:
     return all(p == velocity and e.denominator == 1 and 0 <= e <= degree for p, e in moving)
 
 
-def _is_admissible(key: Monomial, with_time: bool, velocity: ex.Velocity, degree: int) -> bool:
+def _is_admissible(key: tm.Monomial, with_time: bool, velocity: ex.Velocity, degree: int) -> bool:
     """A polynomial of this degree in v, with t only where L may contain it."""
-    if not _is_polynomial(split_velocities(key)[1], velocity, degree):
+    if not _is_polynomial(tm.split_velocities(key)[1], velocity, degree):
         return False
     return with_time or not any(ex.holds(p, ex.TIME) for p, _ in key)
 
@@ -225,24 +207,25 @@ def _is_admissible(key: Monomial, with_time: bool, velocity: ex.Velocity, degree
 class LastMultiplier:
     """g = factor * product of base^exponent; only the bases, polynomials in v, hold the velocity."""
 
-    factor: Monomial
+    factor: tm.Monomial
     moving: tuple[tuple[ex.Expression, ex.Expression], ...]
 
 
 def last_multipliers(material: Material, factors: Factors, seed: int) -> list[LastMultiplier]:
     """Multipliers in factors, each once, few factors first; no formula of which much would be integrated in vain."""
     found = dict.fromkeys(LastMultiplier(phi, ()) for phi in position_factors(factors, Fraction(0)) if phi)
-    if not derivative_of_terms(material.motion.forces[0], material.motion.velocities[0]):
-        found[LastMultiplier(EMPTY, ())] = None
+    if not tm.derivative_of_terms(material.motion.forces[0], material.motion.velocities[0]):
+        found[LastMultiplier(tm.EMPTY, ())] = None
     powers = [
-        (power.factor, tree_of(dict(power.base)), power.exponent) for power in darboux_powers(material, factors, seed)
+        (power.factor, tm.tree_of(dict(power.base)), power.exponent)
+        for power in darboux_powers(material, factors, seed)
     ]
     if moving := _moving_factors(material):
-        found[LastMultiplier(EMPTY, tuple((base, ex.negated(e)) for base, e in moving))] = None
+        found[LastMultiplier(tm.EMPTY, tuple((base, ex.negated(e)) for base, e in moving))] = None
     for phi, base, exponent in powers:
         try:
             found[_in_factors(material, phi, base, exponent)] = None
-        except TooManyTerms:
+        except tm.TooManyTerms:
             continue
     fulfilled = (multiplier for multiplier in found if _may_hold(material, multiplier))
     return sorted(fulfilled, key=lambda multiplier: len(multiplier.moving))
@@ -251,7 +234,7 @@ def last_multipliers(material: Material, factors: Factors, seed: int) -> list[La
 def _may_hold(material: Material, multiplier: LastMultiplier) -> bool:
     """Whether Gamma(log g) + df/dv is 0 at the real point, as it is everywhere for a multiplier, of short factors."""
     (x,), (v,), (f,) = material.motion.coordinates, material.motion.velocities, material.analysis.system.accelerations
-    factors = [(monomial_tree(multiplier.factor), ex.ONE), *multiplier.moving]
+    factors = [(tm.monomial_tree(multiplier.factor), ex.ONE), *multiplier.moving]
     if max(ex.node_count(base) for base, _ in factors) > 2 * bounds.NODES:
         return False
     rates = [
@@ -265,24 +248,24 @@ def _may_hold(material: Material, multiplier: LastMultiplier) -> bool:
     return True
 
 
-def _in_factors(material: Material, phi: Monomial, polynomial: ex.Expression, exponent: Fraction) -> LastMultiplier:
+def _in_factors(material: Material, phi: tm.Monomial, polynomial: ex.Expression, exponent: Fraction) -> LastMultiplier:
     """phi P^e with P factored; its factors without velocity go into phi, constants are dropped."""
     x, v = material.motion.coordinates[0], material.motion.velocities[0]
     moving = []
     for base, e in ex.powers_of(quadratures.factored(polynomial, [x, v])):
-        if has_velocity(base):
-            moving.append((tree_of(angles.shortest(terms_of(base))), ex.number(e * exponent)))
+        if tm.has_velocity(base):
+            moving.append((tm.tree_of(angles.shortest(tm.terms_of(base))), ex.number(e * exponent)))
         elif not isinstance(base, ex.Number) and ex.holds(base, x, ex.TIME):
-            phi = times(phi, _letters(base), e * exponent)
+            phi = tm.times(phi, _letters(base), e * exponent)
     return LastMultiplier(phi, tuple(moving))
 
 
-def _letters(base: ex.Expression) -> Monomial:
+def _letters(base: ex.Expression) -> tm.Monomial:
     """A factor as a monomial; exp(u + …) is a product of letters."""
     if ex.is_exponential(base):
-        ((key, _),) = terms_of(base).items()
+        ((key, _),) = tm.terms_of(base).items()
         return key
-    return monomial(base)
+    return tm.monomial(base)
 
 
 def _moving_factors(material: Material) -> list[tuple[ex.Expression, ex.Expression]]:
@@ -290,18 +273,18 @@ def _moving_factors(material: Material) -> list[tuple[ex.Expression, ex.Expressi
     x, v = material.motion.coordinates[0], material.motion.velocities[0]
     try:
         force = quadratures.factored(material.analysis.system.accelerations[0], [x, v])
-    except TooManyTerms:
+    except tm.TooManyTerms:
         return []
     factors = ex.factors_of(force)
     pairs = [(f.base, f.exponent) if isinstance(f, ex.Power) else (f, ex.ONE) for f in factors]
-    return [(base, exponent) for base, exponent in pairs if has_velocity(base)]
+    return [(base, exponent) for base, exponent in pairs if tm.has_velocity(base)]
 
 
 def propose_function_of_velocity(material: Material, seed: int) -> list[ex.Expression]:
     """L with g = phi(t, x)/F(v), for the first F that will do; phi, the two integrals of g and the potential by
     quadratures."""
     for function in _functions_of_velocity(material):
-        with suppress(TooManyTerms):
+        with suppress(tm.TooManyTerms):
             found = _of_function(material, function)
             if found is not None:
                 return [found]
@@ -312,7 +295,7 @@ def _functions_of_velocity(material: Material) -> Iterator[ex.Expression]:
     """Candidates for F: the factors of f that hold v alone, and what each term of f holds of v."""
     x = material.motion.coordinates[0]
     found = [ex.multiply(*(base**e for base, e in _moving_factors(material) if not ex.holds(base, x, ex.TIME)))]
-    found += [monomial_tree(split_velocities(key)[1]) for key in material.motion.forces[0]]
+    found += [tm.monomial_tree(tm.split_velocities(key)[1]) for key in material.motion.forces[0]]
     yield from dict.fromkeys(tree for tree in found if not ex.holds(tree, x, ex.TIME))
 
 
@@ -331,24 +314,28 @@ def _of_function(material: Material, function: ex.Expression) -> ex.Expression |
         return None
     integrator, phi = Integrator(system, material.analysis.real_point, signs=True), ONE_TERM
     for c, q in ((in_time, ex.TIME), (along, x)):
-        logarithm = integrator.function_of([q], [terms_of(c)])
+        logarithm = integrator.function_of([q], [tm.terms_of(c)])
         if logarithm is None:
             return None
-        phi = multiply_terms(phi, integrator.exponential(logarithm))
+        phi = tm.multiply_terms(phi, integrator.exponential(logarithm))
     integrals = []
     for slope, c in ((1 / function, in_time), (v / function, along)):
-        known = quadratures.antiderivative(system, tree_of(terms_of(slope)), v, material.analysis.real_point)
+        known = quadratures.antiderivative(system, tm.tree_of(tm.terms_of(slope)), v, material.analysis.real_point)
         if known is None and c != ex.ZERO:
             return None
-        tree = ex.Integral(next(integrator.names), (v,), (0,), (tree_of(terms_of(slope)),)) if known is None else known
+        tree = (
+            ex.Integral(next(integrator.names), (v,), (0,), (tm.tree_of(tm.terms_of(slope)),))
+            if known is None
+            else known
+        )
         integrals.append(tree)
         rest = rest + c * tree if c != ex.ZERO else rest
-    force = terms_of(tree_of(phi) * quadratures.factored(rest, [x, v]))
-    if any(has_velocity(letter) for key in force for letter, _ in key):
+    force = tm.terms_of(tm.tree_of(phi) * quadratures.factored(rest, [x, v]))
+    if any(tm.has_velocity(letter) for key in force for letter, _ in key):
         return None
     potential_part = integrator.function_of([x], [force])
-    kinetic = terms_of(tree_of(phi) * (v * integrals[0] - integrals[1]))
-    return None if potential_part is None else tree_of(kinetic) + tree_of(potential_part)
+    kinetic = tm.terms_of(tm.tree_of(phi) * (v * integrals[0] - integrals[1]))
+    return None if potential_part is None else tm.tree_of(kinetic) + tm.tree_of(potential_part)
 
 
 # With 60 a force of many terms takes 6 s without success.
@@ -379,19 +366,21 @@ def lagrangian_of(material: Material, multiplier: LastMultiplier) -> ex.Expressi
     if point is None:
         return None
     integrator, (velocity,) = Integrator(material.analysis.system, point), motion.velocities
-    with suppress(evaluation.NoRealValue, errors.IrreducibleAtoms, TooManyTerms):
+    with suppress(evaluation.NoRealValue, errors.IrreducibleAtoms, tm.TooManyTerms):
         bases = [integrator.positive(base) ** e for base, e in multiplier.moving]
-        slope: Terms | None = terms_of(ex.multiply(monomial_tree(multiplier.factor), *bases))
+        slope: tm.Terms | None = tm.terms_of(ex.multiply(tm.monomial_tree(multiplier.factor), *bases))
         for _ in range(2):
             slope = None if slope is None else integrator.function_of([velocity], [slope])
         # Terms linear in the velocity are left to the potential: they may be total derivatives.
-        found = slope and families.with_potential(material, {key: c for key, c in slope.items() if not is_linear(key)})
+        found = slope and families.with_potential(
+            material, {key: c for key, c in slope.items() if not tm.is_linear(key)}
+        )
         return _positive(found, velocity, point) if found else None
     return None
 
 
-def _positive(lagrangian: Terms, velocity: ex.Velocity, point: real_point.RealTable) -> ex.Expression:
+def _positive(lagrangian: tm.Terms, velocity: ex.Velocity, point: real_point.RealTable) -> ex.Expression:
     """The lighter of L and its multiple with simple coefficients, with a positive Hessian at the point."""
-    tree = min(tree_of(lagrangian), tree_of(members.scaled(lagrangian)), key=quadratures.weight)
+    tree = min(tm.tree_of(lagrangian), tm.tree_of(members.scaled(lagrangian)), key=quadratures.weight)
     hessian = derivative.differentiate(derivative.differentiate(tree, velocity), velocity)
     return tree if real_point.real_sign(hessian, point) > 0 else ex.negated(tree)

@@ -38,6 +38,7 @@ import numpy as np
 from inverse_service.deadline import check
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions import tree as ex
+from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.evaluation import NoRealValue
 from inverse_service.field import real_point, tower
 from inverse_service.field.exact_field import Budget, TooLarge, factored
@@ -275,8 +276,6 @@ class OneMatrix:
 
     def _drag(self, phi: tm.Terms, integrator: Integrator) -> tm.Terms:
         """d_t log phi."""
-        from inverse_service.expressions.derivative import differentiate
-
         rate = differentiate(tm.tree_of(phi), ex.TIME)
         return tm.terms_of(rate / tm.tree_of(phi)) if rate != ex.ZERO else {}
 
@@ -326,8 +325,6 @@ class OneMatrix:
         self, matrix: Sequence[tm.Terms], drag: tm.Terms, places: Sequence[tuple[int, int]]
     ) -> list[tm.Terms]:
         """W and F by exact arithmetic, where f has roots."""
-        from inverse_service.expressions.derivative import differentiate
-
         n, names = len(self.forces), [ex.TIME, *map(ex.Symbol, self.system.coordinates)]
         velocities = [ex.Velocity(name) for name in self.system.coordinates]
         still: dict[ex.Expression, ex.Expression] = dict.fromkeys(velocities, ex.ZERO)
