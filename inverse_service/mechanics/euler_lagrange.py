@@ -3,9 +3,12 @@
 Derivatives are collected (like terms added, exact) but not simplified.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 
-from inverse_service.expressions import collecting, derivative, tree as ex
+import mpmath
+
+from inverse_service.expressions import collecting, derivative, evaluation, tree as ex
 
 Matrix = tuple[tuple[ex.Expression, ...], ...]
 
@@ -43,6 +46,18 @@ def hessian(lagrangian: ex.Expression, coordinates: Sequence[str]) -> Matrix:
     rows = [gradient(momentum, rates[: i + 1]) for i, momentum in enumerate(momenta(lagrangian, coordinates))]
     table = [[collecting.collect(row.get(rate, ex.ZERO)) for rate in rates[: i + 1]] for i, row in enumerate(rows)]
     return tuple(tuple(table[max(i, j)][min(i, j)] for j in range(len(rates))) for i in range(len(rates)))
+
+
+def hessian_at(
+    lagrangian: ex.Expression, coordinates: Sequence[str], point: Mapping[ex.Expression, mpmath.mpf] | None
+) -> mpmath.matrix | None:
+    """g at a real point to 30 digits, (n, n); None where it has no value there."""
+    if point is None:
+        return None
+    with mpmath.workdps(30), suppress(evaluation.NoRealValue, ArithmeticError):
+        rows = hessian(lagrangian, coordinates)
+        return mpmath.matrix([[evaluation.evaluate(entry, point) for entry in row] for row in rows])
+    return None
 
 
 def euler_lagrange_residual(

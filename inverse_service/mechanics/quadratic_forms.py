@@ -18,6 +18,8 @@ from inverse_service.expressions.collecting import Monomial, Term, expand, terms
 Expression = ex.Expression
 Terms = dict[Monomial, Fraction]
 Power = tuple[Expression, Fraction]
+# A 1 that makes a polynomial homogeneous, by a name that no formula can hold.
+_UNIT = ex.Symbol("a unit")
 # Orders of the variables that are tried, and terms of a part that is factored.
 _MOST_ORDERS, _MOST_TERMS = 24, 60
 
@@ -53,10 +55,14 @@ def short_forms(tree: Expression, letters: Collection[Expression]) -> Iterator[E
 def sums_of_squares(tree: Expression, letters: Collection[Expression]) -> Iterator[Expression]:
     """Those forms in which what takes the place of terms of the tree has one sign: -k (a - b)^2/2, as of springs.
 
-    x^2 + 4 x y + y^2 has no such form: (x + 2 y)^2 - 3 y^2 is a difference.
+    x^2 + 4 x y + y^2 has no such form: (x + 2 y)^2 - 3 y^2 is a difference. x^2 - 2 x + 1 is (x - 1)^2.
     """
-    kept = tree.terms if isinstance(tree, ex.Sum) else (tree,)
-    for form in short_forms(tree, letters):
+    kept, terms = tree.terms if isinstance(tree, ex.Sum) else (tree,), expand(tree)
+    found, degrees = [*short_forms(tree, letters)], [_degree(monomial, letters) for monomial, _ in terms]
+    if {0, 2} <= set(degrees) <= {0, 1, 2}:
+        parts = (terms_tree([term]) * _UNIT ** (2 - (d or 0)) for term, d in zip(terms, degrees, strict=True))
+        found += [ex.substitute(form, {_UNIT: ex.ONE}) for form in short_forms(ex.add(*parts), [*letters, _UNIT])]
+    for form in found:
         new = [term for term in (form.terms if isinstance(form, ex.Sum) else (form,)) if term not in kept]
         if len({ex.coefficient(term) < 0 for term in new}) <= 1:
             yield form

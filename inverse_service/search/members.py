@@ -20,7 +20,7 @@ from flint import nmod_mat
 from numpy.typing import NDArray
 
 from inverse_service import bounds, deadline
-from inverse_service.expressions import evaluation, tree as ex
+from inverse_service.expressions import tree as ex
 from inverse_service.field import point, real_point
 from inverse_service.mechanics import euler_lagrange
 from inverse_service.search import ansatz, terms as tm
@@ -160,21 +160,14 @@ def scaled(combination: ansatz.Combination) -> ansatz.Combination:
     return {key: a * factor for key, a in combination.items()}
 
 
-def signature(space: ansatz.LagrangianSpace, hessian: Sequence[Sequence[ex.Expression]]) -> tuple[int, int] | None:
-    """`inertia` at the real point of the space."""
-    return inertia(space.sampler.real_point, hessian)
-
-
-def inertia(table: real_point.RealTable | None, hessian: Sequence[Sequence[ex.Expression]]) -> tuple[int, int] | None:
-    """(positive, negative) eigenvalues of a Hessian at a real point; None where it has no value there."""
-    if table is None:
+def inertia(space: ansatz.LagrangianSpace, combination: ansatz.Combination) -> tuple[int, int] | None:
+    """(positive, negative) eigenvalues of its Hessian at the real point of the space; None where it has no value."""
+    names = space.sampler.analysis.system.coordinates
+    form = euler_lagrange.hessian_at(tm.tree_of(combination), names, space.sampler.real_point)
+    if form is None:
         return None
     with mpmath.workdps(30):
-        try:
-            matrix = mpmath.matrix([[evaluation.evaluate(entry, table) for entry in row] for row in hessian])
-            values = mpmath.eigsy(matrix, eigvals_only=True)
-        except (evaluation.NoRealValue, ArithmeticError):
-            return None
+        values = mpmath.eigsy(form, eigvals_only=True)
         size = max(abs(value) for value in values)
         return sum(1 for x in values if x > size * _TINY), sum(1 for x in values if x < -size * _TINY)
 
@@ -332,22 +325,21 @@ def _sum_of(space: ansatz.LagrangianSpace, gauge: Sequence[ansatz.Combination], 
 
     Where that sum is singular the parts get different weights.
     """
-    names = space.sampler.analysis.system.coordinates
+    size = len(space.sampler.analysis.system.coordinates)
     parts = [scaled(reduced(space.combinations[k], gauge)) for k in chosen]
-    found = [signature(space, euler_lagrange.hessian(tm.tree_of(part), names)) for part in parts]
-    signs = [-1 if one is not None and one[1] > one[0] else 1 for one in found]
+    signs = [-1 if found is not None and found[1] > found[0] else 1 for found in (inertia(space, p) for p in parts)]
     total: ansatz.Combination = {}
-    inertia = None
+    found = None
     for spread in range(3):
         total = {}
         for k, (part, sign) in enumerate(zip(parts, signs, strict=True)):
             total = tm.add_terms(total, part, sign * (1 + spread * k))
         total = reduced(total, gauge)
-        inertia = signature(space, euler_lagrange.hessian(tm.tree_of(total), names))
-        if inertia is None or sum(inertia) == len(names):
+        found = inertia(space, total)
+        if found is None or sum(found) == size:
             break
     given = tuple(space.combinations[k] for k in chosen)
-    return Member(total, given, inertia is not None and inertia[0] == len(names))
+    return Member(total, given, found is not None and found[0] == size)
 
 
 def _definite_sums(space: ansatz.LagrangianSpace, gauge: Sequence[ansatz.Combination]) -> list[Member]:
@@ -388,17 +380,9 @@ def _scaled_up(combination: ansatz.Combination) -> ansatz.Combination:
 def _real_hessian(space: ansatz.LagrangianSpace, combination: ansatz.Combination) -> Matrix | None:
     """d2L/dv dv at the real point; None where it vanishes or has no value."""
     deadline.check()
-    table = space.sampler.real_point
-    if table is None or not any(not tm.is_linear(key) for key in combination):
+    if all(map(tm.is_linear, combination)):
         return None
     names = space.sampler.analysis.system.coordinates
-    with mpmath.workdps(20):
-        try:
-            entries = [
-                [float(evaluation.evaluate(e, table)) for e in row]
-                for row in euler_lagrange.hessian(tm.tree_of(combination), names)
-            ]
-        except (evaluation.NoRealValue, ArithmeticError, TypeError):
-            return None
-    matrix = np.array(entries)
-    return matrix if np.isfinite(matrix).all() and np.abs(matrix).max() > 0 else None
+    form = euler_lagrange.hessian_at(tm.tree_of(combination), names, space.sampler.real_point)
+    matrix = np.array([] if form is None else form.tolist(), float)
+    return matrix if matrix.any() and np.isfinite(matrix).all() else None

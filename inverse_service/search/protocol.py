@@ -19,7 +19,7 @@ import mpmath
 from inverse_service import deadline
 from inverse_service.decision import certify, deciding
 from inverse_service.decision.solutions import Lagrangian
-from inverse_service.expressions import evaluation, printing, tree as ex
+from inverse_service.expressions import printing, tree as ex
 from inverse_service.field import exact_field, real_point
 from inverse_service.mechanics import euler_lagrange, writing
 from inverse_service.search import terms
@@ -126,21 +126,15 @@ def is_multiple(
     """Whether the Hessians are constant multiples of each other, judged at the real point and at one near it."""
     if table is None:
         return first == second
-    rows = zip(euler_lagrange.hessian(first, names), euler_lagrange.hessian(second, names), strict=True)
-    entries = [pair for row in rows for pair in zip(*row, strict=True)]
     moving = {*map(ex.Symbol, names), *map(ex.Velocity, names)}
-    try:
-        with mpmath.workdps(30):
-            beside = {leaf: value * _STEP if leaf in moving else value for leaf, value in table.items()}
-            pairs = [
-                (evaluation.evaluate(x, point), evaluation.evaluate(y, point))
-                for point in (table, beside)
-                for x, y in entries
-            ]
-            a, b = max(pairs, key=lambda pair: abs(pair[0]))
-            return all(abs(x * b - y * a) < _TINY * (1 + abs(a * b)) for x, y in pairs)
-    except evaluation.NoRealValue:
-        return False
+    with mpmath.workdps(30):
+        beside = {leaf: value * _STEP if leaf in moving else value for leaf, value in table.items()}
+        forms = [[euler_lagrange.hessian_at(tree, names, at) for tree in (first, second)] for at in (table, beside)]
+        if any(form is None for pair in forms for form in pair):
+            return False
+        pairs = [entries for pair in forms for entries in zip(*pair, strict=True)]
+        a, b = max(pairs, key=lambda pair: abs(pair[0]))
+        return all(abs(x * b - y * a) < _TINY * (1 + abs(a * b)) for x, y in pairs)
 
 
 def why_shown(
@@ -156,19 +150,9 @@ def why_shown(
 
 def is_definite(lagrangian: ex.Expression, names: Sequence[str], table: real_point.RealTable | None) -> bool:
     """Whether the Hessian is positive definite at the real point."""
-    if table is None:
-        return False
-    try:
-        with mpmath.workdps(30):
-            form = mpmath.matrix(
-                [
-                    [evaluation.evaluate(entry, table) for entry in row]
-                    for row in euler_lagrange.hessian(lagrangian, names)
-                ]
-            )
-            return all(mpmath.det(form[:k, :k]) > _TINY for k in range(1, len(names) + 1))
-    except evaluation.NoRealValue:
-        return False
+    form = euler_lagrange.hessian_at(lagrangian, names, table)
+    with mpmath.workdps(30):
+        return form is not None and all(mpmath.det(form[:k, :k]) > _TINY for k in range(1, len(names) + 1))
 
 
 def _kind(lagrangian: ex.Expression, names: Sequence[str]) -> tuple[int, bool]:

@@ -25,7 +25,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cache, reduce
-from itertools import combinations, combinations_with_replacement, islice, product
+from itertools import chain, combinations, combinations_with_replacement, islice, product
 
 from inverse_service import bounds
 from inverse_service.deadline import check, end, now
@@ -34,6 +34,7 @@ from inverse_service.expressions import tree as ex
 from inverse_service.field import exact_field, matrices
 from inverse_service.field.exact_field import Budget, TooLarge, factored
 from inverse_service.field.real_point import RealTable
+from inverse_service.mechanics import euler_lagrange
 from inverse_service.mechanics.implicit_equations import linear_equation
 from inverse_service.mechanics.second_order_system import Branch, SecondOrderSystem, connected
 from inverse_service.search import gradients, terms as tm
@@ -490,7 +491,8 @@ def with_written_masses(
     try:
         lines = lines_of(system, given) if len(given) == len(system.coordinates) <= bounds.COORDINATES else None
         written = None if lines is None else next((one.matrix for one in symmetric_lines(lines)), None)
-        hessian = _hessian(tm.terms_of(lagrangian), system.coordinates)
+        rows = euler_lagrange.hessian(lagrangian, system.coordinates)
+        hessian = None if any(map(tm.has_velocity, chain(*rows))) else [list(map(tm.terms_of, row)) for row in rows]
     except (tm.TooManyTerms, InputError):
         return None
     if written is None or hessian is None or not _is_multiple(hessian, written):
@@ -502,21 +504,6 @@ def with_written_masses(
     return (
         tm.tree_of({tm.times(key, factor): ratio * c for key, c in tm.terms_of(lagrangian).items()}) if factor else None
     )
-
-
-def _hessian(terms: tm.Terms, names: Sequence[str]) -> list[list[tm.Terms]] | None:
-    """d^2 L/dv_i dv_j; None where L is not of degree 2 in the velocities."""
-    places = {ex.Velocity(name): k for k, name in enumerate(names)}
-    found: list[list[tm.Terms]] = [[{} for _ in names] for _ in names]
-    for key, value in terms.items():
-        rest, moving = tm.split_velocities(key)
-        if any(v not in places or e not in (1, 2) for v, e in moving) or sum(e for _, e in moving) > 2:
-            return None
-        rates = [places[v] for v, e in moving if isinstance(v, ex.Velocity) for _ in range(int(e))]
-        if len(rates) == 2:
-            i, j = rates
-            found[i][j][rest] = found[j][i][rest] = value * (2 if i == j else 1)
-    return found
 
 
 def _is_multiple(left: Sequence[Sequence[tm.Terms]], right: Sequence[Sequence[tm.Terms]]) -> bool:

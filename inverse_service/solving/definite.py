@@ -16,7 +16,7 @@ from inverse_service import bounds, errors
 from inverse_service.deadline import now
 from inverse_service.decision import certify, deciding, solutions
 from inverse_service.decision.kinds import helmholtz
-from inverse_service.expressions import collecting, evaluation, tree as ex
+from inverse_service.expressions import collecting, tree as ex
 from inverse_service.field import matrices, modular, null_vectors, real_point
 from inverse_service.field.point import Point, SingularPoint, number_value
 from inverse_service.linear_pde import equations, involution
@@ -162,14 +162,10 @@ def _of_known(
     with_time, names, table = analysis.system.depends_on_time, analysis.system.coordinates, _real(analysis, near)
     hessians = []
     for lagrangian in known:
-        try:
-            rows = [
-                [float(evaluation.evaluate(g, table)) for g in row]
-                for row in euler_lagrange.hessian(lagrangian.expression, names)
-            ]
-        except (evaluation.NoRealValue, OverflowError):
+        form = euler_lagrange.hessian_at(lagrangian.expression, names, table)
+        if form is None:
             return None
-        hessians.append(np.array(rows))
+        hessians.append(np.array(form.tolist(), float))
     for weights in members.definite_weights(hessians[: bounds.COLUMNS]):
         parts = [(w, one) for w, one in zip(weights, known, strict=False) if w]
         alone = parts[0][1] if len(parts) == 1 and parts[0][0] == 1 else None
