@@ -165,17 +165,15 @@ def _by_pairs(terms: Terms, letters: Sequence[Expression]) -> list[Expression]:
     left = {_times(key, ()): value for key, value in terms.items()}
     squares = dict[tuple[Monomial, Fraction], list[Expression]]()
     for key, value in list(left.items()):
-        pair = [v for v, _ in key if v in letters]
+        pair = [v for v in letters if (v, Fraction(1)) in key]
         outside = tuple(item for item in key if item[0] not in pair)
-        own = left.get(_times(outside, ((pair[0], Fraction(2)),)), 0)
-        if len(pair) == 2 and own:
+        own = left.get(_times(outside, ((pair[0], Fraction(2)),)), 0) if len(pair) == 2 else 0
+        if own:
             half = abs(value) / 2 if own > 0 else -abs(value) / 2
             squares.setdefault((outside, half), []).append((pair[0] + (1 if value == 2 * half else -1) * pair[1]) ** 2)
             taken = {key: value} | {_times(outside, ((v, Fraction(2)),)): half for v in pair}
             left = {k: left.get(k, Fraction(0)) - taken.get(k, Fraction(0)) for k in {**left, **taken}}
-    found = [
-        ex.multiply(ex.number(c), terms_tree([(k, Fraction(1))]), ex.add(*some)) for (k, c), some in squares.items()
-    ]
+    found = [terms_tree([term]) * ex.add(*some) for term, some in squares.items()]
     return [*found, terms_tree((key, value) for key, value in left.items() if value)]
 
 
