@@ -396,7 +396,10 @@ def _lines(texts: Iterable[str], names: Names) -> list[Formula]:
 
 def _about(result: Mapping[str, Any]) -> tuple[Markup, ...]:
     """The meaning of the names, stated once."""
-    read = (Markup("{} read as {}").format(one["text"], one["as"]) for one in result.get("readings") or ())
+    read = (
+        Markup("{} {} {}").format(one["text"], "is" if one["as"] == reader.LEFT_OUT else "read as", one["as"])
+        for one in result.get("readings") or ()
+    )
     return (*typesetting.meanings(result["system"] or {}), *read)
 
 
