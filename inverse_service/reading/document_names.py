@@ -730,7 +730,28 @@ def _guessed(texts: Mapping[str, str], declared: nm.Names, dummies: Collection[s
     angles = nm.GREEK_NAMES & {name.rstrip("_0123456789") for name in coordinates}
     rolls = "r" in held and angles  # then r is the radius of a wheel
     splits |= _ask_back({name: at for name, at in guessed.items() if name != "r" or not rolls}, known_names, raised)
-    return Guess(tuple(name for name in guessed if name not in splits), found_functions, splits)
+    return Guess(
+        _as_in_products([name for name in guessed if name not in splits], lines.values()), found_functions, splits
+    )
+
+
+def _as_in_products(names: Sequence[str], lines: Iterable[Sequence[Token]]) -> tuple[str, ...]:
+    """The names as they appear, but m, g, l for m l^2 theta'' = -m g l sin(theta): each product keeps its order."""
+    before: dict[str, set[str]] = {name: set() for name in names}
+    for line in lines:
+        seen: list[str] = []
+        for token in line:
+            if token.text in before:
+                before[token.text].update(name for name in seen if token.text not in before[name])
+                seen.append(token.text)
+            elif token.kind == "operator" and token.text not in ("*", "^", "/"):
+                seen = []
+    left, found = [*names], list[str]()
+    while left:
+        free = (name for name in left if not before[name] & {*left} - {name})
+        found.append(next(free, left[0]))
+        left.remove(found[-1])
+    return tuple(found)
 
 
 def _product_or_function(line: Sequence[Token], place: int, argument: str, text: str) -> errors.InputError:
