@@ -1,7 +1,5 @@
 """The floors of docs/explanation/architecture.md hold: imports point down only."""
 
-from __future__ import annotations
-
 import ast
 from functools import cache
 from pathlib import Path

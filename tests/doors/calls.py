@@ -1,7 +1,5 @@
 """One document through one door: what comes back, in the words of the Python door."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 import json

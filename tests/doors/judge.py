@@ -1,7 +1,5 @@
 """The one judge of Lagrangians, Hamiltonians, and readings: by numbers at random points of the domain."""
 
-from __future__ import annotations
-
 import itertools
 import random
 from collections.abc import Iterator, Mapping, Sequence

@@ -1,7 +1,5 @@
 """The rows of tests/corpus, and those of the catalogue."""
 
-from __future__ import annotations
-
 import json
 import zlib
 from collections.abc import Iterable, Iterator

@@ -1,7 +1,5 @@
 """Where a verdict holds and where the formula of its Lagrangian does: in the result, the statement, text, and page."""
 
-from __future__ import annotations
-
 import copy
 import json
 import random

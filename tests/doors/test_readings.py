@@ -1,7 +1,5 @@
 """Texts of the corpus: each is read as what its writer means, or refused at its place."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 from typing import Any

@@ -1,8 +1,6 @@
 """Scenes of the corpus: what means nothing is refused; each run ends as its row says; no method completes a hard motion
 with a wrong trajectory."""
 
-from __future__ import annotations
-
 import json
 from typing import Any
 

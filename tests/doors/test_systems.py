@@ -4,8 +4,6 @@ What is expected comes from the literature, from the Lagrangian that a system wa
 judge uses nothing of the package.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any

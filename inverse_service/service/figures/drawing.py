@@ -9,6 +9,7 @@ import math
 import shutil
 import subprocess
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, cast
 
@@ -366,10 +367,12 @@ def animate(path: Path, result: Mapping[str, Any], tables: Mapping[str, Mapping[
     size, rate = f"{int(INCHES * DOTS)}x{int(INCHES * DOTS)}", str(FRAMES_A_SECOND)
     given = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", size, "-r", rate, "-i", "-"]
     command = ["ffmpeg", "-loglevel", "error", "-y", *given, "-pix_fmt", "yuv420p", str(path)]
-    with subprocess.Popen(command, stdin=subprocess.PIPE) as ffmpeg:
+    with suppress(BrokenPipeError), subprocess.Popen(command, stdin=subprocess.PIPE) as ffmpeg:
         assert ffmpeg.stdin is not None
         for frame in frames:
             ffmpeg.stdin.write(frame.tobytes())
+    if ffmpeg.returncode:
+        raise InputError("ffmpeg could not make the .mp4 file: write a .gif file.")
 
 
 def _frames(times: Array, bodies: Mapping[str, tuple[Array, Array]], with_origin: bool) -> Iterator[NDArray[np.uint8]]:
