@@ -10,14 +10,17 @@ Monomials of atoms are converted back to trees in a fixed order, with powers and
 
 import math
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from fractions import Fraction
 from functools import lru_cache
+from typing import TypeVar
 
 from flint import fmpz
 
 from inverse_service import deadline
 from inverse_service.expressions import functions, printing, tree as ex
+
+T = TypeVar("T", bound=Hashable)
 
 Monomial = tuple[tuple[ex.Expression, Fraction], ...]
 Term = tuple[Monomial, Fraction]
@@ -393,3 +396,17 @@ def monomial_tree_of(factors: Iterable[ex.Expression]) -> ex.Expression:
 def separate_tree(monomial: Monomial) -> ex.Expression:
     """The product with a separate power of each atom: exp(u)^-1 rather than exp(-u)."""
     return ex.multiply(*(base**exponent for base, exponent in monomial))
+
+
+def in_order_of_products(names: Sequence[T], products: Iterable[Sequence[T]]) -> tuple[T, ...]:
+    """The names in their order, but m, g, l where m l and m g l occur: products keep theirs where they can."""
+    before: dict[T, set[T]] = {name: set() for name in names}
+    for product in products:
+        known = [name for name in product if name in before]
+        for place, name in enumerate(known):
+            before[name].update(other for other in known[:place] if name not in before[other])
+    left, found = [*names], list[T]()
+    while left:
+        found.append(next((name for name in left if not before[name] & {*left} - {name}), left[0]))
+        left.remove(found[-1])
+    return tuple(found)

@@ -11,7 +11,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from inverse_service import errors
-from inverse_service.expressions import derivative, tree as ex
+from inverse_service.expressions import collecting, derivative, tree as ex
 from inverse_service.expressions.refusals import LIMITS, joined, refusal, shorten
 from inverse_service.reading import names as nm, reader
 from inverse_service.reading.tokens import (
@@ -737,21 +737,14 @@ def _guessed(texts: Mapping[str, str], declared: nm.Names, dummies: Collection[s
 
 def _as_in_products(names: Sequence[str], lines: Iterable[Sequence[Token]]) -> tuple[str, ...]:
     """The names as they appear, but m, g, l for m l^2 theta'' = -m g l sin(theta): each product keeps its order."""
-    before: dict[str, set[str]] = {name: set() for name in names}
+    products = list[list[str]]()
     for line in lines:
-        seen: list[str] = []
+        products.append([])
         for token in line:
-            if token.text in before:
-                before[token.text].update(name for name in seen if token.text not in before[name])
-                seen.append(token.text)
-            elif token.kind == "operator" and token.text not in ("*", "^", "/"):
-                seen = []
-    left, found = [*names], list[str]()
-    while left:
-        free = (name for name in left if not before[name] & {*left} - {name})
-        found.append(next(free, left[0]))
-        left.remove(found[-1])
-    return tuple(found)
+            if token.kind == "operator" and token.text not in ("*", "^", "/"):
+                products.append([])
+            products[-1].append(token.text)
+    return collecting.in_order_of_products(names, products)
 
 
 def _product_or_function(line: Sequence[Token], place: int, argument: str, text: str) -> errors.InputError:

@@ -251,9 +251,12 @@ def _closed(
 
 
 def _constants_of(lagrangian: ex.Expression, names: Sequence[str]) -> tuple[ex.Symbol, ...]:
-    """The constants in the order in which L has them."""
-    symbols = dict.fromkeys(node for node in ex.walk(lagrangian) if isinstance(node, ex.Symbol))
-    return tuple(node for node in symbols if node != ex.TIME and node.name not in names)
+    """The constants in the order in which L and its products have them."""
+    terms = lagrangian.terms if isinstance(lagrangian, ex.Sum) else (lagrangian,)
+    products = [[node for node in ex.walk(term) if isinstance(node, ex.Symbol)] for term in terms]
+    symbols = dict.fromkeys(node for product in products for node in product)
+    constants = [node for node in symbols if node != ex.TIME and node.name not in names]
+    return collecting.in_order_of_products(constants, products)
 
 
 def _shifts(
