@@ -1,10 +1,14 @@
-"""Jobs and batches as the service reports them; the client's typed answers."""
+"""Jobs and batches as the service reports them, the answers of the atlas, and unions of documents by `format`."""
 
-from typing import Any, Final, Literal
+from typing import Annotated, Any, Final, Literal
 
 from pydantic import BaseModel, Field, RootModel
 
-from api_schemas.base import Document, ProblemDocument
+from api_schemas.base import CheckAnswer, Document, ProblemDocument
+from api_schemas.nonholonomic import NonholonomicDocument
+from api_schemas.result import ForwardResult, LagrangianDocument, ResultDocument
+from api_schemas.simulation import SimulationResult, WorkPrecisionResult
+from api_schemas.system import SystemDocument
 
 JobStatus = Literal["accepted", "running", "successful", "failed", "dismissed"]
 FINAL: Final[frozenset[str]] = frozenset({"successful", "failed", "dismissed"})
@@ -94,3 +98,86 @@ class JobOptions(Document):
     time_limit: float = Field(60.0, gt=0)
     memory_limit: int = 4096
     seed: int = Field(1, ge=0)
+
+
+ByFormat = Field(discriminator="format")
+Solved = ResultDocument | ForwardResult
+
+
+class SolveResult(RootModel[Annotated[Solved, ByFormat]]):
+    """What came of a system, by `format`."""
+
+
+class JobResult(RootModel[Annotated[Solved | SimulationResult | WorkPrecisionResult | CheckAnswer, ByFormat]]):
+    """What came of a job, by `format`."""
+
+
+class ResultOfDocument(Document):
+    """A result with the document that it is to be of."""
+
+    document: SystemDocument | NonholonomicDocument | LagrangianDocument
+    result: Annotated[Solved, ByFormat]
+
+
+class OwnLagrangian(Document):
+    """A Lagrangian that may yield the equations of a system."""
+
+    system: SystemDocument | NonholonomicDocument
+    lagrangian: str
+
+
+class Certificate(BaseModel):
+    """A certificate alone, as older results had it."""
+
+    format: Literal["inverse-service/certificate/2", "inverse-service/certificate/1"]
+    system: dict[str, Any]
+
+
+class Identities(BaseModel):
+    """The output of `solve --format identities`."""
+
+    theorems: list[Any] = Field(description="The output of `solve --format identities`.")
+
+
+class CheckedDocument(RootModel[ResultDocument | ResultOfDocument | OwnLagrangian | Certificate | Identities]):
+    """What the checker reads; of anything else it says itself what is missing."""
+
+
+def told(words: str) -> Any:
+    """A field with its description."""
+    return Field(description=words)
+
+
+class AtlasLine(BaseModel):
+    """A system of the atlas in a list."""
+
+    name: str = told("the name in addresses")
+    title: str = told("its title")
+    source: str = told("its source as a citation; empty if the system is from this project")
+    tags: list[str] = told("keywords for searches")
+    equations: list[str] = told("the equations, or L and the constraints, as parsed")
+    verdict: str = told("yes, no, open or differs, for both questions together")
+    badge: str = told("the verdict in words")
+
+
+class AtlasList(BaseModel):
+    """The results of a search: at most a hundred systems, and the total number."""
+
+    count: int = told("how many systems were found")
+    systems: list[AtlasLine] = told("the first hundred of them")
+    license: str = told("the license of the atlas")
+    cite: str = told("how to cite the atlas")
+
+
+class AtlasEntry(AtlasLine):
+    """One system with its document and its computed answers to both questions."""
+
+    document: dict[str, Any] = told("the document that was solved")
+    without_time: str | None = told("the verdict for L(q, q')")
+    with_time: str | None = told("the verdict for L(t, q, q')")
+    lagrangian: str | None = told("a Lagrangian; null where there is none or it is too long for a list")
+    hamiltonian: str | None = told("its Hamiltonian")
+    domain: list[str] = told("the conditions under which the formulas hold")
+    checked: str | None = told("the verdict of the independent checker on the proof")
+    form: str = told("a key that systems of the same form share")
+    version: str = told("the version of the program that computed the answers")

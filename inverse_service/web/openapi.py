@@ -11,8 +11,7 @@ from fastapi import FastAPI
 from fastapi.openapi.utils import get_openapi
 
 from api_schemas.base import ParseAnswer, ProblemDocument
-from api_schemas.checked import CheckedDocument, JobResult, SolveResult
-from api_schemas.job import JobEvent, JobOptions
+from api_schemas.job import CheckedDocument, JobEvent, JobOptions, JobResult, SolveResult
 from api_schemas.nonholonomic import NonholonomicDocument, NonholonomicParseAnswer, NonholonomicResult
 from api_schemas.result import ForwardParseAnswer, ForwardResult, LagrangianDocument, ResultDocument
 from api_schemas.scene import SceneDocument

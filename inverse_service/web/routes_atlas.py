@@ -6,7 +6,7 @@ from fastapi import APIRouter, Depends, Query
 from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 
-from api_schemas.atlas_answers import AtlasEntry, AtlasLine, AtlasList
+from api_schemas.job import AtlasEntry, AtlasLine, AtlasList
 from inverse_service.catalogue import atlas
 from inverse_service.service.documents import alike
 from inverse_service.service.jobs import model, tasks

@@ -508,7 +508,7 @@ class Examination:
         listed = self.result.get("kinds")
         if not listed:
             return
-        from inverse_service.service.documents.kinds_part import to_kinds
+        from inverse_service.service.documents.derived import to_kinds
 
         known: dict[str, Any] = {}
         if not moving:

@@ -1,21 +1,27 @@
-"""Answers about systems that follow from the system of a document.
+"""What a document asks beside its main question: kinds of Lagrangians, and systems that follow from its own.
 
-That is the system with another clock, the system with special values of its parameters (`instead`, `special_cases`,
+These are the system with another clock, the system with special values of its parameters (`instead`, `special_cases`,
 and `exceptions`), and what else holds where there is no L(q, q'). The solver's part of each comes first, then that of
-`check`, which makes the derived system again from the document. Clocks, cases, and friction are loaded when they are
-asked for.
+`check`, which makes the derived system again from the document. Clocks, cases, kinds, and friction are loaded when they
+are asked for.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
 from api_schemas import result as schemas
+from api_schemas.result import KindPart, ResultDocument
+from api_schemas.system import InvariantKind, SystemDocument
 from inverse_service import deadline, errors
+from inverse_service.deadline import left
 from inverse_service.decision import certify, deciding
+from inverse_service.decision.kinds.helmholtz import LagrangianKind, invariant, kind_named
 from inverse_service.decision.solutions import Answer, Solution, SolveOptions
+from inverse_service.errors import InputError, IrreducibleAtoms
 from inverse_service.explanation import positive
 from inverse_service.expressions import collecting, derivative, printing, tree as ex
 from inverse_service.field import real_point
@@ -29,6 +35,7 @@ from inverse_service.solving import solving
 if TYPE_CHECKING:
     from api_schemas.nonholonomic import ReducedPart
     from api_schemas.system import SystemDocument
+    from inverse_service.solving.kind_answers import KindAnswer
     from inverse_service.solving.special_cases.case_tree import Node, Progress
 
 SEARCH = "search"
@@ -255,7 +262,6 @@ def _with_friction(solution: Solution, asked: SolveOptions, end: float) -> schem
     found = quick_rayleigh(deciding.analyze(solution.system), given, end)
     if found is None or found.lagrangian is None:
         return None
-    from inverse_service.service.documents.kinds_part import kind_part
 
     names, lagrangian = solution.system.coordinates, found.lagrangian
     hamiltonian = positive.hamiltonian_of(lagrangian.expression, names, lagrangian.positive)
@@ -348,3 +354,119 @@ def is_inside(system: SecondOrderSystem, near: Mapping[str, str]) -> bool:
         )
     except (KeyError, ValueError, TypeError, AttributeError):
         return False
+
+
+# Of the time for a Lagrangian with friction, what the search for one without may take.
+_SHARE_OF_SEARCH = 0.7
+_RATIONAL = (ex.Number, ex.Power, ex.Product, ex.Sum, ex.Symbol)
+
+
+def to_kinds(schema: SystemDocument, system: SecondOrderSystem) -> tuple[LagrangianKind, ...]:
+    """The kinds of a document; raises InputError with the place of what cannot be read."""
+    found = []
+    if to_near(schema, system) and "positive_definite" not in schema.kinds:
+        raise InputError("'near' is the point of the kind positive_definite, which is not asked about.", "/near")
+    for place, kind in enumerate(schema.kinds):
+        pointer = f"/kinds/{place}"
+        if isinstance(kind, InvariantKind):
+            fields = [
+                _field(field, schema, system, f"{pointer}/invariant/{k}") for k, field in enumerate(kind.invariant)
+            ]
+            found.append(invariant(fields, system.coordinates))
+        else:
+            found.append(kind_named(kind, system.coordinates))
+    if len({kind.name for kind in found}) < len(found):
+        raise InputError("a kind is named twice: name each once, all vector fields in one 'invariant'.", "/kinds")
+    return tuple(found)
+
+
+def _field(
+    field: str | Mapping[str, str], schema: SystemDocument, system: SecondOrderSystem, pointer: str
+) -> dict[str, tuple[str, ex.Expression]]:
+    """{coordinate: (text, tree)}; a name is the translation along this coordinate."""
+    texts = {field: "1"} if isinstance(field, str) else field
+    names, found = Names(system.coordinates, system.parameters), {}
+    for name, text in texts.items():
+        if name not in system.coordinates:
+            raise InputError(f"a vector field has components along {', '.join(system.coordinates)}.", pointer)
+        place = f"{pointer}/{name}"
+        tree = accepting.formula_about(text, names, schema, place)
+        if not all(_is_rational(node) for node in ex.walk(tree)):
+            raise InputError("a component is a rational formula in coordinates and parameters.", place)
+        found[name] = (printing.to_text(tree), tree)
+    return found
+
+
+def _is_rational(node: ex.Expression) -> bool:
+    known = isinstance(node, _RATIONAL) and node != ex.Symbol("t")
+    power = not isinstance(node, ex.Power) or (
+        isinstance(node.exponent, ex.Number) and node.exponent.value.denominator == 1
+    )
+    return known and power
+
+
+def with_kinds(
+    result: ResultDocument,
+    solution: Solution,
+    schema: SystemDocument,
+    kinds: Sequence[LagrangianKind],
+    asked: SolveOptions,
+    end: float,
+) -> ResultDocument:
+    """The result with an answer for each kind, which share the time that is left."""
+    from inverse_service.solving import definite, kind_answers
+
+    parts = {}
+    for place, kind in enumerate(kinds):
+        share = (end - deadline.now()) / (len(kinds) - place)
+        until = deadline.now() + share
+        if kind.name == "positive_definite":
+            found = definite.answer_definite(solution, kind, to_near(schema, solution.system), asked.seed, until)
+        else:
+            answer = _rayleigh if kind.name == "rayleigh" else kind_answers.answer_kind
+            found = answer(solution, kind, asked, until)
+        parts[kind.name] = kind_part(found)
+    return result.model_copy(update={"kinds": parts})
+
+
+def to_near(schema: SystemDocument, system: SecondOrderSystem) -> dict[ex.Symbol | ex.Velocity, Fraction]:
+    """The point that a document names; InputError for a name that has no value there, or no number."""
+    names: dict[str, ex.Symbol | ex.Velocity] = {
+        name: ex.Symbol(name) for name in (*system.coordinates, *system.parameters, "t")
+    }
+    names |= {f"{name}'": ex.Velocity(name) for name in system.coordinates}
+    if not {*schema.near} <= {*names}:
+        raise InputError(f"a point has values of {', '.join(names)}.", "/near")
+    try:
+        return {names[name]: Fraction(text) for name, text in schema.near.items()}
+    except (ValueError, ZeroDivisionError):
+        raise InputError('the values at a point must be rational numbers such as "1/2" or 0.3.', "/near") from None
+
+
+def _rayleigh(solution: Solution, _: LagrangianKind, asked: SolveOptions, end: float) -> KindAnswer:
+    from inverse_service.solving import kind_answers
+
+    def natural(system: SecondOrderSystem) -> list[ex.Expression]:
+        limit = _SHARE_OF_SEARCH * left(end)
+        options = SolveOptions(time_dependent=False, seed=asked.seed, time_limit=limit, conditions=False)
+        found = solving.solve(system, options).autonomous
+        known = None if found is None else found.lagrangian
+        return [] if found is None or known is None else [one.expression for one in (known, *found.other_lagrangians)]
+
+    try:
+        analysis = deciding.analyze(solution.system)
+        given = tuple(second_order_system.on_branch(equation, solution.system) for equation in asked.given)
+        return kind_answers.answer_rayleigh(analysis, given, natural, asked.seed, end)
+    except IrreducibleAtoms as problem:
+        return kind_answers.KindAnswer("undetermined", problem.detail)
+
+
+def kind_part(found: KindAnswer) -> KindPart:
+    return translate.part_of(
+        KindPart,
+        found,
+        checked=None if found.certificate is None else "valid",
+        lagrangian=None if found.lagrangian is None else translate.lagrangian_part(found.lagrangian),
+        near=(found.certificate or {}).get("near") or {},
+        exceptions=list(found.exceptions),
+    )

@@ -120,7 +120,7 @@ def use_cases(document: Any) -> UseCases:
 
         return UseCases(held.look_motion, held.parse_motion, held.system_of_motion, held.solve_motion)
     if preparing.is_forward(document):
-        from inverse_service.service.documents import forward as alone
+        from inverse_service.service.documents import own_lagrangian as alone
 
         return UseCases(alone.look_forward, alone.parse, alone.system_of, alone.solve_forward)
     if preparing.is_nonholonomic(document):
@@ -187,7 +187,7 @@ def solve_system(document: Any, options: SolveOptions, grow: Growing | None = No
         grow.begin("kinds")
         result = derived.with_instead(result, solution, asked, min(limit, now() + QUICKLY))
     if kinds:
-        from inverse_service.service.documents.kinds_part import with_kinds
+        from inverse_service.service.documents.derived import with_kinds
 
         grow.begin("kinds")
         result = with_kinds(result, solution, schema, kinds, asked, limit)
@@ -226,7 +226,7 @@ def _wanted(schema: SystemDocument, system: SecondOrderSystem, kinds: bool) -> t
 def _kinds(schema: SystemDocument, system: SecondOrderSystem) -> tuple[LagrangianKind, ...]:
     if not schema.kinds and not schema.near:
         return ()
-    from inverse_service.service.documents.kinds_part import to_kinds
+    from inverse_service.service.documents.derived import to_kinds
 
     return to_kinds(schema, system)
 

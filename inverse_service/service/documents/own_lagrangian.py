@@ -1,4 +1,4 @@
-"""Decide on which cells a Lagrangian of the user gives the equations of a document."""
+"""A Lagrangian of the user: on which cells it gives the equations of a document, and, alone, what follows from it."""
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -7,21 +7,23 @@ from typing import Any
 
 import mpmath
 
-from api_schemas.base import CHECK_FORMAT
+from api_schemas.base import CHECK_FORMAT, MAX_FORWARD
+from api_schemas.result import ConservedQuantity, ForwardParseAnswer, ForwardResult, LagrangianDocument
 from inverse_service.deadline import now
 from inverse_service.decision import cells, certify, deciding
+from inverse_service.decision.solutions import Hamiltonian, SolveOptions
 from inverse_service.errors import InputError, IrreducibleAtoms, LimitError
-from inverse_service.expressions.collecting import collect
+from inverse_service.expressions import collecting, tree as ex
 from inverse_service.expressions.evaluation import NoRealValue, evaluate
 from inverse_service.expressions.inequalities import inequality_text
-from inverse_service.expressions.tree import TIME, ZERO, Acceleration, Arbitrary, Expression, Symbol, walk
 from inverse_service.field import reduction, tower
 from inverse_service.field.real_point import RealTable, requirements
-from inverse_service.mechanics.euler_lagrange import euler_lagrange_residual, euler_lagrange_sums
-from inverse_service.mechanics.implicit_equations import linear_equation, solve_accelerations
+from inverse_service.mechanics import constrained_motion, euler_lagrange, implicit_equations
+from inverse_service.mechanics.legendre.transform import legendre
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading.document_names import Declared, known_names
 from inverse_service.service.documents import accepting, canonical, translate
+from inverse_service.service.documents.growing import Growing
 
 POINTER = "/lagrangian"
 AS_WRITTEN = (
@@ -63,7 +65,7 @@ def check_lagrangian(document: Any, text: str, time_limit: float = 60.0) -> dict
     lagrangian, system = _read(schema, accepting.to_solvable(schema), text)
     own, is_singular = _equations_of(lagrangian, system)
 
-    def answer(one: SecondOrderSystem, _: object) -> tuple[dict[str, Any], Sequence[Expression]]:
+    def answer(one: SecondOrderSystem, _: object) -> tuple[dict[str, Any], Sequence[ex.Expression]]:
         """On a cell of f and L, which is written last."""
         branch = one.branch and replace(one.branch, given=one.branch.given[:-1])
         cell = replace(one, accelerations=one.accelerations[:-1], branch=branch)
@@ -97,14 +99,14 @@ def check_lagrangian(document: Any, text: str, time_limit: float = 60.0) -> dict
     }
 
 
-def _read(schema: Any, system: SecondOrderSystem, text: str) -> tuple[Expression, SecondOrderSystem]:
+def _read(schema: Any, system: SecondOrderSystem, text: str) -> tuple[ex.Expression, SecondOrderSystem]:
     """L, and the system with the constants and functions that occur in L alone, where the document asks to guess."""
     from inverse_service.mechanics.constrained_motion import read_lagrangian
 
     declared = Declared(system.coordinates, schema.parameters, system.names.functions, schema.where)
     known = known_names(declared, {POINTER: text}, order=1)
     found = known.put_in(read_lagrangian(text, known.names))
-    used = {node.name for node in walk(found) if isinstance(node, Symbol | Arbitrary)}
+    used = {node.name for node in ex.walk(found) if isinstance(node, ex.Symbol | ex.Arbitrary)}
     more = [name for name in known.names.parameters if name in used and name not in system.parameters]
     named = known.names.functions.items()
     functions = [function for function in named if function[0] in used and function not in system.functions]
@@ -114,20 +116,20 @@ def _read(schema: Any, system: SecondOrderSystem, text: str) -> tuple[Expression
 
 def _judged(
     system: SecondOrderSystem,
-    lagrangian: Expression,
-    written: Expression,
-    own: Sequence[Expression] | None,
+    lagrangian: ex.Expression,
+    written: ex.Expression,
+    own: Sequence[ex.Expression] | None,
     end: float,
-) -> tuple[dict[str, Any], Sequence[Expression]]:
+) -> tuple[dict[str, Any], Sequence[ex.Expression]]:
     """What the checker finds about L on a cell, as about one that was searched for; the trees that are positive there.
 
     `written` is L before its roots of squares were put as they are on the cell, `own` the accelerations that it has.
     """
-    sides: list[Expression] = [*map(collect, system.positive)]
+    sides: list[ex.Expression] = [*map(collecting.collect, system.positive)]
     limit = max(1.0, (end - now()) / 4)
 
     def cell(domain: list[str], near: Any, verdict: str, reasons: Sequence[str]) -> dict[str, Any]:
-        where = " and ".join(map(inequality_text, map(collect, system.positive)))
+        where = " and ".join(map(inequality_text, map(collecting.collect, system.positive)))
         told = [f"Where {where}: {reason}" if where else reason for reason in reasons]
         return {"domain": domain, "near": near, "verdict": verdict, "reasons": told}
 
@@ -135,7 +137,7 @@ def _judged(
         analysis = deciding.analyze(system)
     except IrreducibleAtoms as problem:
         return cell([*map(inequality_text, sides)], {}, "incomplete", (problem.detail,)), sides
-    claim = certify.of_lagrangian(analysis, lagrangian, system.depends_on_time or TIME in walk(lagrangian))
+    claim = certify.of_lagrangian(analysis, lagrangian, system.depends_on_time or ex.TIME in ex.walk(lagrangian))
     certificate, proof = certify.proved(analysis, claim, limit)
     near = certificate.get("near", {})
     if proof.verdict == "valid":
@@ -168,10 +170,10 @@ def _judged(
     return found, sides
 
 
-def _failing(system: SecondOrderSystem, own: Sequence[Expression] | None, table: RealTable) -> dict[str, Any]:
+def _failing(system: SecondOrderSystem, own: Sequence[ex.Expression] | None, table: RealTable) -> dict[str, Any]:
     """A point, and both accelerations there."""
     own_names = {*deciding.variables_of(system)}  # and not the angle of one radian, which a table may hold
-    named = {("t" if key == TIME else translate.name_of(key)): value for key, value in table.items()
+    named = {("t" if key == ex.TIME else translate.name_of(key)): value for key, value in table.items()
              if key in own_names}  # fmt: skip
     shown = {"at": {name: mpmath.nstr(value, _DIGITS) for name, value in named.items()}}
     try:
@@ -195,28 +197,96 @@ def _where(left: cells.Left) -> str:
     return f"at {', '.join(f'{name} = {mpmath.nstr(value, 5)}' for name, value in names if name)}"
 
 
-def _residual(lagrangian: Expression, system: SecondOrderSystem, is_valid: bool) -> tuple[Expression, ...]:
+def _residual(lagrangian: ex.Expression, system: SecondOrderSystem, is_valid: bool) -> tuple[ex.Expression, ...]:
     """E_i along the motion; of equations that are not solved for the accelerations, what E_i adds to the i-th."""
     if is_valid:
-        return (ZERO,) * len(system.coordinates)
+        return (ex.ZERO,) * len(system.coordinates)
     if not system.is_unsolved:
-        return euler_lagrange_residual(lagrangian, system.coordinates, system.accelerations)
-    sums = euler_lagrange_sums(lagrangian, system.coordinates, [Acceleration(name) for name in system.coordinates])
-    return tuple(collect(e - given) for e, given in zip(sums, system.given, strict=True))
+        return euler_lagrange.euler_lagrange_residual(lagrangian, system.coordinates, system.accelerations)
+    sums = euler_lagrange.euler_lagrange_sums(
+        lagrangian, system.coordinates, [ex.Acceleration(name) for name in system.coordinates]
+    )
+    return tuple(collecting.collect(e - given) for e, given in zip(sums, system.given, strict=True))
 
 
-def _equations_of(lagrangian: Expression, system: SecondOrderSystem) -> tuple[tuple[Expression, ...] | None, bool]:
+def _equations_of(
+    lagrangian: ex.Expression, system: SecondOrderSystem
+) -> tuple[tuple[ex.Expression, ...] | None, bool]:
     """The accelerations that L gives, None where they are not solved for; whether L is not regular."""
     names = system.coordinates
-    sums = euler_lagrange_sums(lagrangian, names, [Acceleration(name) for name in names])
+    sums = euler_lagrange.euler_lagrange_sums(lagrangian, names, [ex.Acceleration(name) for name in names])
     try:
-        equations = [linear_equation(tree, POINTER) for tree in sums]
-        return (None, False) if system.is_unsolved else (solve_accelerations(equations, names), False)
+        equations = [implicit_equations.linear_equation(tree, POINTER) for tree in sums]
+        return (
+            (None, False) if system.is_unsolved else (implicit_equations.solve_accelerations(equations, names), False)
+        )
     except LimitError:
         return None, False
     except InputError:
         return None, True
 
 
-def _formulas(system: SecondOrderSystem, trees: tuple[Expression, ...]) -> dict[str, dict[str, str]]:
+def _formulas(system: SecondOrderSystem, trees: tuple[ex.Expression, ...]) -> dict[str, dict[str, str]]:
     return {name: translate.formula_fields(tree) for name, tree in zip(system.coordinates, trees, strict=True)}
+
+
+def look_forward(document: Any) -> LagrangianDocument:
+    """The document in its schema; raises DocumentRefused with every fault found."""
+    return accepting.validated(document, LagrangianDocument)
+
+
+def solve_forward(document: Any, options: SolveOptions, grow: Growing) -> dict[str, Any]:
+    """The forward result; raises InputError, also where the Hessian of L is singular."""
+    schema = look_forward(document)
+    lagrangian, system = _motion(schema)
+    names = system.coordinates
+    functions = dict(zip(names, euler_lagrange.momenta(lagrangian, names), strict=True))
+    result = ForwardResult(
+        system=translate.to_understood(system, schema),
+        lagrangian=translate.formula(lagrangian),
+        equations=translate.formulas(names, system.accelerations),
+        momenta=translate.formulas(names, functions.values()),
+        hamiltonian=translate.hamiltonian_part(Hamiltonian.of(legendre(lagrangian, names, options.time_limit / 2))),
+        conserved=_conserved(lagrangian, functions),
+        guessed=translate.guessed_names(schema, system),
+    )
+    return result.model_dump(mode="json")
+
+
+def parse(schema: LagrangianDocument) -> ForwardParseAnswer:
+    """The interpretation of the document; raises InputError."""
+    lagrangian, system = _motion(schema)
+    answer = translate.to_parse_answer(system, schema)
+    return ForwardParseAnswer(**dict(answer), lagrangian=translate.parsed(lagrangian))
+
+
+def system_of(schema: LagrangianDocument) -> SecondOrderSystem:
+    """q'' = f of the Euler-Lagrange equations; raises InputError."""
+    return _motion(schema)[1]
+
+
+def _motion(schema: LagrangianDocument) -> tuple[ex.Expression, SecondOrderSystem]:
+    """L with the system q'' = f of its Euler-Lagrange equations."""
+    declared = Declared(schema.coordinates, schema.parameters, schema.functions, schema.where, most=MAX_FORWARD)
+    known = known_names(declared, {"/lagrangian": schema.lagrangian}, order=1)
+    lagrangian, names = (
+        known.put_in(constrained_motion.read_lagrangian(schema.lagrangian, known.names)),
+        known.remaining(),
+    )
+    sums = euler_lagrange.euler_lagrange_sums(
+        lagrangian, names.coordinates, [ex.Acceleration(name) for name in names.coordinates]
+    )
+    equations = [implicit_equations.linear_equation(tree, "/lagrangian") for tree in sums]
+    accelerations = tuple(map(collecting.collect, implicit_equations.solve_accelerations(equations, names.coordinates)))
+    functions = tuple(names.functions.items())
+    return lagrangian, SecondOrderSystem(names.coordinates, accelerations, names.parameters, functions, schema.name)
+
+
+def _conserved(lagrangian: ex.Expression, functions: dict[str, ex.Expression]) -> list[ConservedQuantity]:
+    """The momenta of the coordinates that are not in L, and the energy where t is not (Noether)."""
+    letters = {node for node in ex.walk(lagrangian) if isinstance(node, ex.Symbol)}
+    found = {f"momentum of {name}": tree for name, tree in functions.items() if ex.Symbol(name) not in letters}
+    if ex.TIME not in letters:
+        terms = [ex.multiply(ex.Velocity(name), tree) for name, tree in functions.items()]
+        found["energy"] = collecting.collect(ex.add(*terms, ex.negate(lagrangian)))
+    return [ConservedQuantity(name=name, **translate.formula_fields(tree)) for name, tree in found.items()]

@@ -25,7 +25,7 @@ ENGINE = (
     "service.documents.documents",
     "service.documents.nonholonomic_documents",
     "service.documents.checking",
-    "service.documents.kinds_part",
+    "solving.definite",
     "service.documents.derived",
     "service.jobs.batch",
     "explanation.negative",
