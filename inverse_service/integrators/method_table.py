@@ -1,6 +1,7 @@
 """The table of methods: what each needs, its order, whether its steps are implicit, and what a step costs.
 
-An additional explicit Runge-Kutta method is a file of the folder `explicit`: its order is then one of `runge-kutta`.
+An additional explicit method is a file of the folder `explicit`: the order of one of Runge and Kutta is then one of
+`runge-kutta`, and `adaptive` takes the highest order with an estimate of the error, one of Nystrom without velocities.
 Its coefficients are those of one-step methods: explicit and implicit Runge-Kutta, Rosenbrock, and compositions.
 
 Gauss-Legendre collocation, the implicit methods of order 2 s, our own reference: J. C. Butcher, Math. Comp. 18 (1964)
@@ -27,15 +28,41 @@ from typing import Any
 import numpy as np
 from mpmath import mp
 
+from inverse_service.integrators.trajectory import Array
 
-@dataclass(frozen=True, slots=True)
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Tableau:
-    """Strictly lower triangular `rows` (stage by stage), `weights`, and those of estimates of the error."""
+    """Stages at `nodes`, with `rows` and `weights` for y' = f(t, y); a method of Nystrom has no rows, only zeros.
+
+    For q'' = f(t, q): `places` and `ends` are those of positions, times h^2, `weights` of velocities, times h. `errors`
+    and `end_errors` are the weights of estimates of the error, which fall as h^`falls`.
+    """
 
     name: str
-    rows: tuple[tuple[float, ...], ...]
-    weights: tuple[float, ...]
-    errors: tuple[tuple[float, ...], ...] = ()
+    nodes: Array
+    rows: Array
+    places: Array
+    weights: Array
+    ends: Array
+    errors: Array
+    end_errors: Array
+    falls: int = 0
+
+
+def _read(given: dict[str, Any]) -> Tableau:
+    """One file, with the `rows` of a Runge-Kutta method, whose square is its `places`, or with `nodes` and `places`."""
+    size, weights = len(given["weights"]), np.array(given["weights"])
+    rows, places, errors, end_errors = (
+        np.array([[*row, *[0.0] * (size - len(row))] for row in given.get(key, ())]).reshape(-1, size)
+        for key in ("rows", "places", "errors", "end_errors")
+    )
+    nodes, ends = np.array(given.get("nodes")), np.array(given.get("ends"))
+    if len(rows):
+        nodes, places, ends, end_errors = rows.sum(axis=1), rows @ rows, weights @ rows, errors @ rows
+    else:
+        rows = np.zeros_like(places)
+    return Tableau(given["name"], nodes, rows, places, weights, ends, errors, end_errors, given.get("falls", 0))
 
 
 def _explicit() -> dict[int, Tableau]:
@@ -43,15 +70,14 @@ def _explicit() -> dict[int, Tableau]:
     found = dict[int, Tableau]()
     for path in sorted((Path(__file__).parent / "explicit").glob("*.toml")):
         given = tomllib.loads(path.read_text(encoding="utf-8"))
-        rows, weights, errors = (given.get(key, []) for key in ("rows", "weights", "errors"))
-        parts = tuple(map(tuple, rows)), tuple(weights), tuple(map(tuple, errors))
         if given["order"] in found:
             raise ValueError(f"{path.name} has the order of {found[given['order']].name}: keep one of them.")
-        found[given["order"]] = Tableau(given["name"], *parts)
+        found[given["order"]] = _read(given)
     return dict(sorted(found.items()))
 
 
 TABLEAUX = _explicit()
+RUNGE_KUTTA = tuple(order for order, one in TABLEAUX.items() if one.rows.any())
 
 
 _SUZUKI = 1.0 / (4.0 - 4.0 ** (1.0 / 3.0))
@@ -183,7 +209,7 @@ class Method:
 
 
 _MOTION = "equations of motion"
-_EXPLICIT = tuple(sorted(TABLEAUX, key=lambda order: (order != 4, order)))
+_EXPLICIT = tuple(sorted(RUNGE_KUTTA, key=lambda order: (order != 4, order)))
 METHODS = {
     "variational": Method(
         "geometric",
@@ -202,7 +228,7 @@ METHODS = {
     ),
     "modified": Method("geometric", "free", "L~ and constraints", "Newton's method", ORDERS, implicit=True, alpha=True),
     "runge_kutta": Method("explicit", "accelerations", _MOTION, "a force for each stage", _EXPLICIT),
-    "adaptive": Method("explicit", "accelerations", _MOTION, "12 forces", order=8, tolerance=1e-12),
+    "adaptive": Method("explicit", "accelerations", _MOTION, "12 forces, 17 at order 12", order=8, tolerance=1e-12),
     "stiff": Method(
         "implicit", "accelerations", _MOTION, "6 forces, linear equations", order=4, implicit=True, tolerance=1e-8
     ),

@@ -4,7 +4,7 @@ Between two recorded points a method is continued by its own step of length thet
 = 1 is the whole step. The sign is examined at PIECES such points of each step, and where the formula turns towards 0
 between them at its turning point, so that two zeros within a step are found. Of all crossings at once theta is found by
 regula falsi (Illinois; M. Dowell, P. Jarratt, BIT 11 (1971) 168), in SIMD lanes. Methods that have no such step are
-continued by DOP853 from the point before.
+continued by `adaptive` from the point before.
 
 Motions with events that act on the state, or with switches of sign, abs and pieces, are run in pieces. Between two
 switches every sqrt(u^2) is s u with s = 1 or -1, so that a piece of the motion is smooth, and is run by the method
@@ -276,10 +276,10 @@ def _brackets(way: Way) -> tuple[Brackets, Array, bool]:
     chunks = [slice(k, k + AT_ONCE) for k in range(0, len(places), AT_ONCE)]
     fine[np.arange(len(fine)) % pieces != 0] = np.concatenate([way.value(way.at(places[k], shares[k])) for k in chunks])
     turned, least = _turning_points(way, fine, pieces)
-    shares = np.concatenate([np.arange(len(fine)) / pieces, turned])
-    values = np.concatenate([fine, least])
     size = np.abs(fine).max(initial=0.0, where=np.isfinite(fine))
     touching = (np.abs(least) <= TOUCH * size) & (turned > TOUCH_FROM) & (turned < steps - TOUCH_FROM)
+    shares = np.concatenate([np.arange(len(fine)) / pieces, turned[~touching]])
+    values = np.concatenate([fine, least[~touching]])
     order = np.argsort(shares, kind="stable")
     shares, values = shares[order], values[order]
     k = np.minimum(((shares[:-1] + shares[1:]) / 2).astype(np.int64), steps - 1)

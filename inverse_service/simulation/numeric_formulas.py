@@ -123,6 +123,11 @@ class Formulas:
         return self.problem.depends_on_time
 
     @cached_property
+    def depends_on_velocities(self) -> bool:
+        """Whether an acceleration does."""
+        return any(se.contains(force, v) for force in self.accelerations for v in self.symbols("v"))
+
+    @cached_property
     def table(self) -> dict[ex.Expression, se.Formula]:
         return se.names_of(self.problem.coordinates, self.problem.parameters) | {ex.TIME: MOMENT}
 

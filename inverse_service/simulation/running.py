@@ -4,7 +4,7 @@ The largest Lyapunov exponent of a motion is found from its variational equation
 
     w_i'' = sum_j (df_i/dq_j) w_j + (df_i/dq_j') w_j'
 
-integrated with q'' = f by DOP853; w is brought back to length 1 after each of PARTS parts of the run. The mean
+integrated with q'' = f by `adaptive`; w is brought back to length 1 after each of PARTS parts of the run. The mean
 of log |w| over time is the exponent. G. Benettin, L. Galgani, A. Giorgilli, J.-M. Strelcyn, Meccanica 15 (1980) 9.
 """
 

@@ -8,7 +8,8 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 
 from inverse_service.errors import InputError
-from inverse_service.integrators.method_table import RODAS, TABLEAUX, collocation
+from inverse_service.integrators.method_table import RODAS, TABLEAUX, Tableau, collocation
+from inverse_service.integrators.trajectory import Array
 from inverse_service.integrators.variational import (
     between,
     hamiltonian_step,
@@ -254,28 +255,28 @@ Stages = list[tuple[list[Formula], list[Formula]]]
 
 def runge_kutta(f: Formulas, choice: MethodChoice, observation: Observation) -> programs.Program:
     """Explicit steps of one length."""
-    statements, stages, changes = _explicit(f, choice.order)
+    tableau = TABLEAUX[choice.order]
+    statements, forces, changes, _ = _explicit(f, tableau)
     # Stages on both sides of a jump of the force can cancel, so that no step ever ends beyond it.
-    names = [symbol(f"{letter}{len(stages) - 1}_{k}") for letter in "xy" for k in range(f.size)]
-    moment = moment_at(number(round(sum(TABLEAUX[choice.order].rows[-1]), 12)))
+    names = [symbol(f"x{len(forces) - 1}_{k}") for k in range(2 * f.size)]
+    moment = moment_at(number(round(float(tableau.nodes[-1]), 12)))
     last = dict(zip([*f.symbols("q"), *f.symbols("v"), MOMENT], [*names, moment], strict=True))
     watches = [*motion_walls(f, point_after(f, changes)), *motion_walls(f, last)] if choice.guard else []
-    return _point_program(f, observation, statements, changes, watches, len(stages))
+    return _point_program(f, observation, statements, changes, watches, len(forces))
 
 
 def adaptive(f: Formulas, choice: MethodChoice, observation: Observation) -> programs.Program:
-    """DOP853 with the lengths of its steps chosen by its estimate of the error; the tolerance is the argument `a`."""
-    statements, stages, changes = _explicit(f, 8)
-    origin = [number(0)] * f.size
-    rough, rougher = (
-        [change for which in (0, 1) for change in _stage_point(origin, stages, which, weights)]
-        for weights in TABLEAUX[8].errors
-    )
-    first = [STEP * slope for slope in (*f.symbols("v"), *stages[0][1])]
-    fine, coarse = (_squared_norm(f, changes, first, error) for error in (rough, rougher))
-    error = fine**2 / (fine + coarse / 100 + number(SMALLEST_NORM))
-    program = _point_program(f, observation, statements, changes, [], len(stages), [error])
-    return replace(program, error=error, order=8)
+    """Steps of the highest order that the forces allow, as long as their estimates of the error let them be; the
+    tolerance is the argument `a`. At all errors below 1e-3 the highest order takes the fewest forces."""
+    fitting = (one for one in TABLEAUX.values() if one.rows.any() or not f.depends_on_velocities)
+    tableau = max(fitting, key=lambda one: one.falls)
+    statements, forces, changes, errors = _explicit(f, tableau)
+    first = [STEP * slope for slope in (*f.symbols("v"), *forces[0])]
+    error, *coarse = (_squared_norm(f, changes, first, error) for error in errors)
+    if coarse:
+        error = error**2 / (error + coarse[0] / 100 + number(SMALLEST_NORM))
+    program = _point_program(f, observation, statements, changes, [], len(forces), [error])
+    return replace(program, error=error, order=tableau.falls)
 
 
 def _squared_norm(
@@ -359,29 +360,40 @@ def _linear_stage(
     return equations
 
 
-def _explicit(f: Formulas, order: int) -> tuple[tuple[programs.Statement, ...], Stages, list[Formula]]:
-    """Statements, (velocity, force) of each stage, and the increments of q and v."""
-    tableau = TABLEAUX[order]
+def _explicit(
+    f: Formulas, tableau: Tableau
+) -> tuple[tuple[programs.Statement, ...], list[list[Formula]], list[Formula], list[list[Formula]]]:
+    """Statements, the forces of each stage, the increments of q and v, and estimates of their errors.
+
+    Where forces do not depend on velocities, those of the stages are left out.
+    """
     q, v = f.symbols("q"), f.symbols("v")
     statements: list[programs.Statement] = []
-    stages: Stages = []
-    for stage, row in enumerate(tableau.rows):
-        place, velocity = (_stage_point(start, stages, which, row) for which, start in enumerate((q, v)))
-        place, velocity = _named(statements, place, f"x{stage}_"), _named(statements, velocity, f"y{stage}_")
-        moment = moment_at(number(float(sum(row))))
-        table = dict(zip([*q, *v, MOMENT], [*place, *velocity, moment], strict=True))
-        forces = _named(statements, [a.subs(table) for a in f.accelerations], f"f{stage}_")
-        stages.append((velocity, forces))
-    origin = [number(0)] * f.size
-    changes = [change for which in (0, 1) for change in _stage_point(origin, stages, which, tableau.weights)]
-    return tuple(statements), stages, changes
+    speeds: list[list[Formula]] = []
+    forces: list[list[Formula]] = []
+
+    def moved(drift: float, weights: Array, places: Array) -> list[Formula]:
+        moves = _combined(weights, speeds, f.size)
+        if not f.depends_on_velocities:
+            pulls = _combined(places, forces, f.size)
+            moves = [number(drift) * x + STEP * pull for x, pull in zip(v, pulls, strict=True)]
+        return [STEP * change for change in (*moves, *_combined(weights, forces, f.size))]
+
+    stages = zip(tableau.nodes.tolist(), tableau.rows, tableau.places, strict=True)
+    for stage, (node, row, places) in enumerate(stages):
+        point = _named(statements, between([*q, *v], moved(node, row, places), 1), f"x{stage}_")
+        table = dict(zip([*q, *v, MOMENT], [*point, moment_at(number(node))], strict=True))
+        speeds.append(point[f.size :])
+        forces.append(_named(statements, [a.subs(table) for a in f.accelerations], f"f{stage}_"))
+    changes = moved(1.0, tableau.weights, tableau.ends)
+    errors = [moved(0.0, row, places) for row, places in zip(tableau.errors, tableau.end_errors, strict=True)]
+    return tuple(statements), forces, changes, errors
 
 
-def _stage_point(start: list[Formula], stages: Stages, which: int, row: Sequence[float]) -> list[Formula]:
-    return [
-        x + STEP * sum((number(a) * stage[which][k] for a, stage in zip(row, stages, strict=True) if a), number(0))
-        for k, x in enumerate(start)
-    ]
+def _combined(weights: Array, stages: Sequence[Sequence[Formula]], size: int) -> list[Formula]:
+    """The sums of what the stages so far have, with their weights."""
+    pairs = [(number(a), one) for a, one in zip(weights.tolist(), stages, strict=False) if a]
+    return [sum((a * one[k] for a, one in pairs), number(0)) for k in range(size)]
 
 
 def _named(statements: list[programs.Statement], formulas: Sequence[Formula], prefix: str) -> list[Formula]:

@@ -1,8 +1,8 @@
 """The true motion of a scene: exact where that is known, else a reference that a second one confirms.
 
-heyoka's Taylor series, where that is installed, is checked by DOP853; without it DOP853 is checked by Gauss-Legendre of
-order 12. Four times the distance of the two bounds the error. Runs are also compared with DOP853 where a force acts
-within one of their steps.
+heyoka's Taylor series, where that is installed, is checked by `adaptive`; without it, that is checked by Gauss-Legendre
+of order 12. Four times the distance of the two bounds the error. Runs are also compared with `adaptive` where a force
+acts within one of their steps.
 """
 
 import time
@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from inverse_service.errors import InputError
+from inverse_service.integrators import method_table
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.simulation import (
     derivation,
@@ -89,9 +90,9 @@ def _references(
         return found
 
     try:
-        first, second, by = rows(TAYLOR), rows(EXPLICIT), "heyoka, checked by DOP853"
+        first, second, by = rows(TAYLOR), rows(EXPLICIT), "heyoka, checked by adaptive"
     except InputError:  # heyoka is not installed, or does not know a function
-        first, by = rows(EXPLICIT), "DOP853, checked by Gauss-Legendre of order 12"
+        first, by = rows(EXPLICIT), "adaptive, checked by Gauss-Legendre of order 12"
         second = _collocation(rows, first, scene.grid.steps, stop)
     return _judged(times, first, second, by, begun)
 
@@ -174,7 +175,7 @@ def _judged(
     return scene_data.Truth(times, rows[:, :n], rows[:, n:], "reference", bounds, seconds, reason, by)
 
 
-MISSED, NEGLIGIBLE = 10.0, 1e-6  # times the estimated error, and of the size of the motion
+MISSED, NEGLIGIBLE, NARROW = 10.0, 1e-6, 1e-4  # times the estimated error, and of the size of the motion
 ENDS_ELSEWHERE = (
     "`adaptive`, stopping at the peaks of the forces, ends {:.3g} away: one acts within a step. Take a smaller step."
 )
@@ -184,8 +185,8 @@ TOO_NARROW = "A force acts within a step at t = {:.6g}, and `adaptive` cannot re
 def with_missed_force(
     run: observing.Observed, numbers: dict[str, Any], derived: derivation.Derived, stop: scene_data.Stop | None
 ) -> dict[str, Any]:
-    """The estimate of a completed run. Where a force acts within a step, DOP853 runs too, its steps ending on the peaks
-    of the forces: with a doubt and the true size of the error if that leads elsewhere, or cannot pass a peak."""
+    """The estimate of a completed run. Where a force acts within a step, `adaptive` runs too, its steps ending on the
+    peaks of the forces: with a doubt and the true size of the error if that leads elsewhere, or cannot pass a peak."""
     scene, grid, moments = run.scene, run.scene.grid, estimates.moments_between(run)
     problem = None if not len(moments) else derivation.with_accelerations(
         scene, derivation.derived_for_truth(scene, derived))  # fmt: skip
@@ -207,9 +208,13 @@ def with_missed_force(
         start, begin = scene_data.Start(tuple(ran.positions[-1]), velocities=tuple(ran.velocities[-1])), float(moment)
     apart = float(np.abs(found[-1] - run.trajectory.positions[-1]).max())
     size, expected = float(np.ptp(found, axis=0).max()), numbers.get("estimated_error") or 0.0
-    if not apart > max(expected, NEGLIGIBLE * size):
+    if not apart > NEGLIGIBLE * size:
         return numbers
     share = apart / max(size, schemes.SMALLEST)
-    is_far = apart > MISSED * expected or share > estimates.TOO_LARGE
-    known = {"estimated_error": apart, "estimated_error_share": max(share, numbers.get("estimated_error_share") or 0.0)}
+    limit = NARROW if run.requested.method in method_table.OWN_STEPS else estimates.TOO_LARGE
+    is_far = apart > MISSED * expected or share > limit
+    known = {
+        "estimated_error": max(apart, expected),
+        "estimated_error_share": max(share, numbers.get("estimated_error_share") or 0.0),
+    }
     return numbers | known | {"doubt": ENDS_ELSEWHERE.format(apart) if is_far else numbers["doubt"]}

@@ -53,24 +53,35 @@ def nodes_and_density(tree: Tree) -> tuple[int, int]:
     return size, size * math.prod(density for _, density in parts)
 
 
-def test_there_are_as_many_rooted_trees_as_butcher_counts() -> None:
-    assert [len(trees(size)) for size in range(1, 9)] == [1, 1, 2, 4, 9, 20, 48, 115]
-
-
-@pytest.mark.parametrize("order", method_table.TABLEAUX)
+@pytest.mark.parametrize("order", method_table.RUNGE_KUTTA)
 def test_runge_kutta_methods_satisfy_the_condition_of_every_rooted_tree(order: int) -> None:
     """sum_i b_i Phi_i(t) = 1/gamma(t) for the trees of at most `order` nodes (Hairer, Norsett, Wanner II.2)."""
     tableau = method_table.TABLEAUX[order]
-    assert [len(row) for row in tableau.rows] == list(range(len(tableau.rows)))
-    matrix = np.zeros((len(tableau.rows), len(tableau.rows)))
-    for place, row in enumerate(tableau.rows):
-        matrix[place, : len(row)] = row
 
     def stages(tree: Tree) -> Any:
-        return np.prod([np.ones(len(matrix)), *(matrix @ stages(part) for part in tree)], axis=0)
+        return np.prod([np.ones(len(tableau.rows)), *(tableau.rows @ stages(part) for part in tree)], axis=0)
 
     for tree in itertools.chain.from_iterable(trees(size) for size in range(1, order + 1)):
         assert np.dot(tableau.weights, stages(tree)) == pytest.approx(1 / nodes_and_density(tree)[1], abs=1e-13)
+
+
+@pytest.mark.parametrize("order", method_table.TABLEAUX)
+def test_forces_without_velocities_need_the_conditions_of_nystrom(order: int) -> None:
+    """A force along q = t^m, or along the positions that other such forces make: exact up to t^order (II.14)."""
+    one = method_table.TABLEAUX[order]
+    assert not np.triu(one.places).any()
+    grown = {0: [(np.ones(len(one.nodes)), 1.0)]}  # by the power of t: values at the stages, and the factor
+    for power in range(1, order):
+        grown[power] = [(one.nodes * values, factor) for values, factor in grown[power - 1]]
+        for last in range(power - 1):
+            scale = 1 / ((last + 1) * (last + 2))
+            for (values, factor), (inner, size) in itertools.product(grown[power - 2 - last], grown[last]):
+                grown[power].append((values * (one.places @ inner), factor * size * scale))
+    for power, found in grown.items():
+        for values, factor in found:
+            assert one.weights @ values == pytest.approx(factor / (power + 1), abs=1e-13)
+            if power + 2 <= order:
+                assert one.ends @ values == pytest.approx(factor / ((power + 1) * (power + 2)), abs=1e-13)
 
 
 def test_formulas_hold_for_plain_numbers() -> None:

@@ -111,7 +111,7 @@ def test_an_atom_in_seconds_is_as_accurate(method: Any) -> None:
         "step": "1e-18", "time": "1e-15", "methods": [method], "observe": ["error", "energy"],
     }  # fmt: skip
     result = simulate(scene)
-    assert result["truth"]["by"] == "heyoka, checked by DOP853"
+    assert result["truth"]["by"] == "heyoka, checked by adaptive"
     (found,) = result["methods"]
     assert found["outcome"] == "completed"
     assert found["max_energy_error"] < 1e-13

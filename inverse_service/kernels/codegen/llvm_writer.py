@@ -146,10 +146,10 @@ class LlvmWriter:
         return self.new(f"extractvalue {kind} {pair}, 0"), self.new(f"extractvalue {kind} {pair}, 1")
 
     def rough_root(self, value: str, order: int) -> str:
-        """value^(-1/order) to half a percent, for a power of 2: the bits of a double are nearly its logarithm."""
+        """value^(-1/order) to half a percent: the bits of a double are nearly its logarithm."""
         whole, one = self.wide("i64"), 1023 << 52
         bits = self.new(f"bitcast {self.type} {value} to {whole}")
-        part = self.new(f"lshr {whole} {bits}, {self.whole(order.bit_length() - 1)}")
+        part = self.new(f"udiv {whole} {bits}, {self.whole(order)}")
         found = self.new(f"sub {whole} {self.whole(one + one // order)}, {part}")
         return self.new(f"bitcast {whole} {found} to {self.type}")
 

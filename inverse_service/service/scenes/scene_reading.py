@@ -31,7 +31,7 @@ from inverse_service.errors import InputError, LimitError
 from inverse_service.expressions import collecting, refusals
 from inverse_service.expressions.derivative import Definitions, define_functions, differentiate
 from inverse_service.expressions.tree import TIME, ZERO, Expression, Number, Symbol, Velocity, add, holds, walk
-from inverse_service.integrators.method_table import GEOMETRIC, METHODS, OWN_STEPS, TABLEAUX
+from inverse_service.integrators.method_table import GEOMETRIC, METHODS, OWN_STEPS, RUNGE_KUTTA
 from inverse_service.integrators.trajectory import Array
 from inverse_service.reading.document_names import Declared
 from inverse_service.reading.names import Names, declared_name
@@ -77,7 +77,7 @@ EXPECTED: dict[Steps, str] = {
     ("methods", "*", "method"): "one of " + ", ".join(get_args(MethodName)),
     ("methods", "*", "alpha"): "a number from 0 to 1",
     ("methods", "*", "symmetrised"): "true or false",
-    ("methods", "*", "order"): "2, 4, 6 or 8 ({} for runge-kutta)".format(", ".join(map(str, TABLEAUX))),
+    ("methods", "*", "order"): "2, 4, 6 or 8 ({} for runge-kutta)".format(", ".join(map(str, RUNGE_KUTTA))),
     ("methods", "*", "form"): '"hamiltonian" or "raw"',
     ("methods", "*", "start"): '"momenta" or "discrete_constraint"',
     ("methods", "*", "constants"): "an object with numbers",
