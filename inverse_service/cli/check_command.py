@@ -381,7 +381,10 @@ def _wanted(path: Path) -> dict[str, Mapping[str, Any]]:
             if not isinstance(value, dict) or len(value) < 2 or "id" not in value:
                 detail = f"Line {line.number} of the expected answers has no 'id' and key, such as 'verdict'."
                 raise errors.InputError(detail)
-            found[_name(value["id"], line.number)] = value
+            name = _name(value["id"], line.number)
+            if name in found:
+                raise errors.InputError(f"Line {line.number} of the expected answers repeats the id {name}.")
+            found[name] = value
     return found
 
 

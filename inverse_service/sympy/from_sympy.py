@@ -443,6 +443,8 @@ def _found_time(zeros: Sequence[Any]) -> Any:
         if isinstance(derivative.expr, AppliedUndef) and derivative.expr.args == (by,) and by.is_Symbol:
             orders[by] = max(orders.get(by, 0), len(derivative.variables))
     found = {by for by, order in orders.items() if order >= 2} or set(orders)
+    if not found:
+        raise InputError("there is no second derivative: write equations such as Eq(x(t).diff(t, 2), -x(t)).")
     if len(found) != 1:
         raise InputError("the derivatives do not show which variable is the time: pass time=t.", "/time")
     return found.pop()

@@ -2,7 +2,7 @@
 
 SymPy is imported by the first attribute that is an expression.
 
-`answers_to_many` solves many systems in order; `draw_motion` integrates by Runge-Kutta steps of order 4.
+`answers_to_many` solves many systems in order.
 """
 
 from __future__ import annotations
@@ -42,9 +42,9 @@ _Part = TypeVar("_Part")
 
 COLUMNS = ("id", "line", "verdict", "verdict_with_time", "checked", "question", "reason")
 
-STEPS = 2000
+STEPS = 1000
 START = 0.6  # of the first position; each next one is a third larger, velocities are 0
-LARGE = 1e6
+LONGEST = 10.0  # s
 
 
 @dataclass(frozen=True)
@@ -403,7 +403,7 @@ class Result(Answer):
         """A motion as a picture: (x, x') for one coordinate, the path in the plane of the first two for more.
 
         `start` holds positions, then velocities (0.6, 0.8, … and 0 where left out); parameters are 1 where left out.
-        Needs the extra `figures`.
+        A motion that ends before says why in the title. Needs the extras `figures` and `simulation`.
         """
 
         return draw_motion(self, start, parameters or {}, time, axes)
@@ -621,13 +621,15 @@ def draw_motion(
     except ImportError as error:
         raise errors.missing_extra(error) or error from None
     names = list(result._table.coordinates)
-    states = motion(result, start, parameters, time)
+    states, reason = motion(result, start, parameters, time)
     if axes is None:
         axes = Figure(figsize=(4, 3), layout="constrained").subplots()
     columns, labels = ((0, 1), (names[0], f"{names[0]}'")) if len(names) == 1 else ((0, 1), (names[0], names[1]))
     axes.plot(states[:, columns[0]], states[:, columns[1]], linewidth=1)
     axes.plot(*states[0, list(columns)], "o", markersize=4)
     axes.set(xlabel=labels[0], ylabel=labels[1])
+    if reason:
+        axes.set_title(reason, fontsize="x-small", wrap=True)
     if names[1:]:
         axes.set_aspect("equal", adjustable="datalim")
     return axes
@@ -635,44 +637,41 @@ def draw_motion(
 
 def motion(
     result: Result, start: Sequence[float] | None, parameters: Mapping[str, float], time: float
-) -> np.ndarray[Any, np.dtype[np.float64]]:
-    """The states (q, v) at 0, …, `time`, cut off where they leave every bound; shape (steps + 1, 2 n)."""
+) -> tuple[np.ndarray[Any, np.dtype[np.float64]], str]:
+    """The states (q, v) at 0, …, `time`, shape (steps + 1, 2 n), by `adaptive`; why they end before or are doubtful."""
     import numpy as np
 
-    n, known = len(result._table.coordinates), list(result._table.parameters)
+    try:
+        from inverse_service.service.scenes import simulating
+    except ImportError as error:
+        raise errors.missing_extra(error) or error from None
+    names, known = list(result._table.coordinates), list(result._table.parameters)
     if unknown := [name for name in parameters if name not in known]:
         raise errors.InputError(f"{unknown[0]} is not a parameter of the system: it has {', '.join(known) or 'none'}.")
     if result._table.functions:
         raise errors.InputError("A motion needs a formula for each arbitrary function: give it by 'where'.")
-    usual = [*(START * (1 + k / 3) for k in range(n)), *[0.0] * n]
-    state = np.array(usual if start is None else start, dtype=float)
-    if state.shape != (2 * n,):
+    n = len(names)
+    values = list(map(float, [*(START * (1 + k / 3) for k in range(n)), *[0.0] * n] if start is None else start))
+    if len(values) != 2 * n:
         raise errors.InputError(f"A start has {2 * n} numbers: the positions, then the velocities.")
-    values, force, step = (
-        [float(parameters.get(name, 1)) for name in known],
-        result.lambdify("accelerations"),
-        time / STEPS,
-    )
-
-    def rate(t: float, y: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
-        return np.concatenate([y[n:], np.array(force(t, *y, *values), dtype=float)])
-
-    states = [state]
-    with np.errstate(all="ignore"):
-        for place in range(STEPS):
-            t = place * step
-            try:
-                first = rate(t, state)
-                second = rate(t + step / 2, state + step / 2 * first)
-                third = rate(t + step / 2, state + step / 2 * second)
-                last = rate(t + step, state + step * third)
-            except (ArithmeticError, TypeError, ValueError):
-                break
-            state = state + step / 6 * (first + 2 * second + 2 * third + last)
-            if not (np.abs(state) < LARGE).all():
-                break
-            states.append(state)
-    return np.array(states)
+    initial = {
+        "positions": dict(zip(names, values[:n], strict=True)),
+        "velocities": dict(zip(names, values[n:], strict=True)),
+    }
+    scene = {"system": {"result": dict(result)}, "parameters": {name: float(parameters.get(name, 1)) for name in known}}
+    scene |= {
+        "initial": initial,
+        "step": time / STEPS,
+        "time": time,
+        "methods": ["adaptive"],
+        "observe": ["trajectory"],
+    }
+    found = simulating.simulate_tables(scene, time_limit=LONGEST)
+    (method,), (columns,) = found["result"]["methods"], [*found["tables"].values()] or [None]
+    reason = (method.get("stopped") or {}).get("sentence") or method.get("reason") or method.get("doubt") or ""
+    if columns is None:
+        raise errors.InputError(f"The motion cannot be drawn: {reason}")
+    return np.column_stack([columns[name] for name in (*names, *(f"v_{name}" for name in names))]), reason
 
 
 def as_image(result: Result) -> str | None:

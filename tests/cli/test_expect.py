@@ -46,7 +46,8 @@ def test_differences_are_printed_and_reported(tmp_path: Path) -> None:
 
 
 def test_files_that_cannot_be_used_say_so(tmp_path: Path) -> None:
-    assert run(tmp_path, [{"verdict": YES}]).returncode == 2
+    for bad in ([{"verdict": YES}], [{"id": "none", "verdict": NO}] * 2):
+        assert run(tmp_path, bad).returncode == 2
     for name in ("absent/report.xml", "out.ndjson"):
         found = run(tmp_path, None, "--junit", str(tmp_path / name))
         assert (found.returncode, "report" in found.stderr, (tmp_path / "out.ndjson").exists()) == (2, True, False)
