@@ -1,113 +1,66 @@
 r"""LaTeX to the tokens of the plain-text grammar, each with its column in the original."""
 
-import itertools
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from fractions import Fraction
 
-from inverse_service.errors import InputError
-from inverse_service.expressions.letters import DOTS, GREEK, LETTER_COMMANDS, SCRIPT_L, SPACES, SUBSCRIPTS
+from inverse_service.expressions.letters import (
+    DOTS,
+    GREEK,
+    LETTER_COMMANDS,
+    PRIMES,
+    SCRIPT_L,
+    SPACES,
+    SUBSCRIPTS,
+    SUPERSCRIPTS,
+)
 from inverse_service.expressions.refusals import LIMITS, at_most, refusal, shorten
 from inverse_service.reading import components, names as nm, tokens as plain
-from inverse_service.reading.tokens import FACTOR, FRACTION, PARTIAL, TOTAL, Token, Tokens, TokenStream
+from inverse_service.reading.tokens import FACTOR, FRACTION, PARTIAL, TOTAL, Token, Tokens
 
-_ROW_SPACE = re.compile(r"\s*\[\s*-?[0-9.]+\s*(pt|pc|em|ex|mm|cm|in|jot|\\jot)\s*\]")
-_MARKS = re.compile(r"\\(?:nonumber|notag)(?![A-Za-z])|\\(?:label|tag\*?)\s*\{[^{}]*\}")
-_COMMAND = re.compile(r"\\(operatorname\*|[A-Za-z]+|.)", re.DOTALL)
-_ENVIRONMENT = re.compile(r"\{\s*([a-z]+)\*?\s*\}(\s*\{[lcr| ]*\})?")
-_ENVIRONMENTS = frozenset(
-    ("align", "aligned", "alignat", "array", "cases", "dcases", "equation", "gather", "gathered", "split", "eqnarray")
-)
-_MARKED_LETTER = re.compile(f"[A-Za-z{''.join(GREEK)}][{''.join((*DOTS, *SUBSCRIPTS))}]+")
-_SPACING = frozenset([",", ";", ":", "!", " ", "displaystyle", "textstyle", "limits", "\n"])
-_SIZES = frozenset(size + side for size in ("big", "Big", "bigg", "Bigg") for side in ("", "l", "r"))
 _WRAPPERS = (("$$", "$$"), ("$", "$"), (r"\[", r"\]"), (r"\(", r"\)"))
+_NO_LETTER = "(?![A-Za-z])"
+# Spacing inside an argument, and what is passed over outside one.
+_WIDTHS = f"(?:displaystyle|textstyle|limits|(?:big|Big|bigg|Bigg)[lr]?){_NO_LETTER}"
+_GAP = rf"(?:[{''.join(SPACES)}~\n]|\\(?:[,;:! \n]|{_WIDTHS}))"
+_ENVIRONMENTS = "alignat|aligned|align|array|d?cases|equation|gathered|gather|split|eqnarray"
+_SPACE = re.compile(
+    rf"(?P<line>\n|\\q?quad{_NO_LETTER})|(?P<cell>&)|{_GAP}|\\(?:nonumber|notag){_NO_LETTER}"
+    r"|\\(?:label|tag\*?)\s*\{[^{}]*\}"
+    rf"|\\(?:begin|end)\s*\{{\s*(?:{_ENVIRONMENTS})\*?\s*\}}(?:\s*\{{[lcr| ]*\}})?"
+)
+_MATRIX = re.compile(rf"\\(begin|end)\s*\{{\s*(?:{'|'.join(components.MATRICES)})\*?\s*\}}(?:\s*\{{[lcr| ]*\}})?")
+_ROW_SPACE = r"(?:\s*\[\s*-?[0-9.]+\s*(?:pt|pc|em|ex|mm|cm|in|jot|\\jot)\s*\])?"
+_COMMAND = re.compile(rf"\\(?:(operatorname\*|[A-Za-z]+)|(\\){_ROW_SPACE}|(.))", re.DOTALL)
+_MARKED_LETTER = re.compile(f"[A-Za-z{''.join(GREEK)}][{''.join((*DOTS, *SUBSCRIPTS))}]+")
 
 
-_BEGIN, _END, _CELL = "begin matrix", "end matrix", "&"
+def _after_gap(pattern: str) -> re.Pattern[str]:
+    return re.compile(f"{_GAP}*{pattern}", re.DOTALL)
 
 
-def scan(text: str) -> TokenStream:
-    """The pieces of LaTeX: commands without backslash, letters, digits, and the signs of plain text."""
-    plain.check_length(text)
-    start, stop = _inside_wrappers(text)
-    cases = _conditions(text)
-
-    def step(text: str, place: int, space: bool) -> tuple[Tokens, int]:
-        if place in cases:
-            return cases[place]
-        if text[place] == "&" and matrices:
-            return [Token("command", _CELL, place + 1)], place + 1
-        found, after = _pieces(text, place, space)
-        if found and found[0].is_command(_BEGIN):
-            matrices.append(place)
-        elif found and found[0].is_command(_END) and matrices:
-            matrices.pop()
-        return found, after
-
-    matrices: list[int] = []
-    pieces = plain.with_line_ends(plain.scan(text, start, stop, step), latex=True)
-    return TokenStream(pieces, stop + 1)
-
-
-def _inside_wrappers(text: str) -> tuple[int, int]:
-    """(start, stop) of the formula inside $ $ or \\[ \\]."""
-    start, stop = 0, len(text)
-    for opening, closing in _WRAPPERS:
-        inner = text[start:stop]
-        lead, tail = len(inner) - len(inner.lstrip()), len(inner) - len(inner.rstrip())
-        inner = inner.strip()
-        if inner.startswith(opening) and inner.endswith(closing) and len(inner) >= len(opening + closing):
-            return start + lead + len(opening), stop - tail - len(closing)
-    return start, stop
-
-
-def _pieces(text: str, place: int, space: bool) -> tuple[Tokens, int]:
-    """The pieces that begin at `place`, none for spacing, and the place after them."""
-    character, column = text[place], place + 1
-    if character == "\\":
-        return _command(text, place, space)
-    if character in SPACES or character in "~&":
-        return [], place + 1
-    if marked := _MARKED_LETTER.match(text, place):
-        return plain.next_tokens(text[: marked.end()], place, space)
-    if character in GREEK or character == SCRIPT_L:
-        return [Token("command", GREEK.get(character, "ell"), column, space)], place + 1
-    if character.isascii() and character.isalnum():
-        return [Token("letter" if character.isalpha() else "digit", character, column, space)], place + 1
-    if character in "._":
-        return [Token("operator", character, column, space)], place + 1
-    if character == "$":
-        raise refusal("the character '$' is not accepted", column, "write $ only around the whole formula")
-    return plain.next_tokens(text, place, space)
-
-
-def _command(text: str, place: int, space: bool) -> tuple[Tokens, int]:
-    if mark := _MARKS.match(text, place):
-        return [], mark.end()
-    match = _COMMAND.match(text, place)
-    if match is None:
-        raise refusal("a backslash without a command occurs", place + 1, "write a command such as \\dot{x}")
-    name, end = match.group(1), match.end()
-    if name in _SPACING or name in _SIZES:
-        return [], end
-    if name in ("quad", "qquad"):
-        return [Token("newline", name, place + 1, space)], end
-    if name == "equiv":
-        return [Token("operator", "=", place + 1, space)], end
-    if name in ("begin", "end"):
-        kind, end = _environment(text, place, end)
-        return [Token("command", f"{name} matrix", place + 1, space)] * (kind in components.MATRICES), end
-    if name == "\\" and (height := _ROW_SPACE.match(text, end)):
-        end = height.end()
-    return [Token("command", name, place + 1, space)], end
-
-
-def _environment(text: str, place: int, end: int) -> tuple[str, int]:
-    match = _ENVIRONMENT.match(text, end)
-    if match is None or match.group(1) not in (*_ENVIRONMENTS, *components.MATRICES):
-        raise refusal("this environment is not accepted", place + 1, "write aligned or cases, or the equations alone")
-    return match.group(1), match.end()
+_INNER = r"(?:[^{}]|\{(?:[^{}]|\{[^{}]*\})*\})*"  # of braces, with two levels of others in them
+_FONT = r"\\(?:mathrm|operatorname\*?|textrm|text|mathit|rm)" + _NO_LETTER
+_OPEN, _CLOSE, _BELOW, _RAISED = map(_after_gap, (r"(\{)", r"(\})", "(_)", rf"([{''.join(SUPERSCRIPTS)}^])"))
+_PIECE = _after_gap(
+    rf"((?:(?:{_FONT}|\\(?:bar|tilde|widetilde){_NO_LETTER}){_GAP}*)?(?:\{{{_INNER}\}}|\\[A-Za-z]+|[0-9]+|.))"
+)
+_PRIME = _after_gap(rf"([{''.join(PRIMES)}]|\\prime{_NO_LETTER})")
+_OVER = _after_gap(rf"(\\over{_NO_LETTER})")
+_ROMAN = re.compile(rf"\{{{_GAP}*\\rm{_NO_LETTER}")
+_LEFT = _after_gap(rf"(\\left){_NO_LETTER}")
+_SIDE = re.compile(rf"\\(left|right){_NO_LETTER}{_GAP}*(.)", re.DOTALL)
+_DELIMITER = _after_gap(r"(?:\\([A-Za-z]+|.)|(.))")
+_DEGREE = _after_gap(rf"\[{_GAP}*(?:([0-9]+){_GAP}*\])?")
+_RUN = re.compile("[A-Za-z0-9]+")
+_BRACKET = re.compile(r"\\(?:[A-Za-z]+|.)|[][(){}+\u2212-]", re.DOTALL)
+_INDEX = r"(?:\{[^{}]*\}|\\[A-Za-z]+|.)"
+_INDICES = _after_gap(rf"{_INDEX}(?:{_GAP}*_{_GAP}*{_INDEX})*")
+_INTO, _OUT = rf"(?:{_GAP}|\{{|\\left{_NO_LETTER})*", rf"(?:{_GAP}|\}}|\\right{_NO_LETTER})*"
+_RAISED_BRACKETS = re.compile(rf"\{{{_INTO}[(\[]{_INTO}\\?(\w+){_OUT}[)\]]{_OUT}\}}")
+_RAISED_ONE = _after_gap(rf"(?:\{{{_GAP}*(?=1{_GAP}*\}})|(?=1(?![\w.+-])))")
 
 
 # \begin{cases} -x & x > 0 \\ x & \text{otherwise} \end{cases} is one formula if it contains no equation.
@@ -147,45 +100,29 @@ def _conditions(text: str) -> dict[int, tuple[Tokens, int]]:
     return found
 
 
-FONTS = ("mathrm", "operatorname", "operatorname*", "text", "mathit")
 _COMPONENTS = "a vector is not accepted, write an equation for each component"
 _OTHER_LETTER = "letters in this font are separate names, write another name such as B_1"
 # A bold r is not the r of the next line, nor is a script L the l.
-VECTORS = dict.fromkeys((*components.BOLD, "bf"), _COMPONENTS)
-OTHER_LETTERS = dict.fromkeys(
+_MARKED = dict.fromkeys((*components.BOLD, "bf"), _COMPONENTS) | dict.fromkeys(
     ("mathcal", "mathscr", "mathfrak", "mathbb", "mathsf", "mathtt", "hat", "widehat", "overline"), _OTHER_LETTER
 )
-ACCENTS = {"bar": "bar", "tilde": "tilde", "widetilde": "tilde"}  # \bar{x} is the name x_bar
-MARKED = VECTORS | OTHER_LETTERS
+_ACCENTS = {"bar": "bar", "tilde": "tilde", "widetilde": "tilde"}  # \bar{x} is the name x_bar
+_PART_OF_NAME = re.compile(
+    rf"(?P<none>{_FONT}|[{{}}]|{_GAP})"
+    rf"|\\(?P<accent>bar|tilde|widetilde)\s*(?P<under>\{{[^{{}}]*\}}|\\[A-Za-z]+|.)|\\(?P<command>[A-Za-z]+)|.",
+    re.DOTALL,
+)
 _WORDS = nm.FUNCTIONS | nm.DERIVATIVE_NAMES | nm.REFUSED.keys()
-
+_FRACTIONS = ("frac", "tfrac", "dfrac", "cfrac")
 # Words that are no product of letters: their backslash was left out.
 _COMMANDS = frozenset(
-    (
-        "dot",
-        "ddot",
-        "frac",
-        "tfrac",
-        "dfrac",
-        "cdot",
-        "times",
-        "left",
-        "right",
-        "partial",
-        "mathrm",
-        "text",
-        "quad",
-        "qquad",
-    )
+    ("dot", "ddot", "cdot", "times", "left", "right", "partial", "mathrm", "text", "quad", "qquad", *_FRACTIONS[:3])
 ) | {*components.BOLD} - {"bm"}
-_FRACTIONS = ("frac", "tfrac", "dfrac", "cfrac")
 _SIGNS = {
     "div": "/",
     "\\": ";",
+    "equiv": "=",
     **dict.fromkeys(("cdot", "times", "ast"), "*"),
-    _BEGIN: "[",
-    _END: "]",
-    _CELL: "&",
     **dict.fromkeys(("lbrace", "{"), "("),
     **dict.fromkeys(("rbrace", "}"), ")"),
     **dict.fromkeys(("vert", "lvert", "rvert"), "|"),
@@ -201,455 +138,483 @@ _REASONS = {
     "sum": "sums are not expanded, write the terms",
     "circ": "write 30 \\pi/180 for 30 degrees",
     "infty": "write a finite number",
-    "pm": "write one sign",
-    "mp": "write one sign",
     "prod": "write the factors",
     "nabla": "write an equation for each component",
     "rm": "write \\mathrm{d}",
     "over": "write \\frac{a}{b}",
+    **dict.fromkeys(("pm", "mp"), "write one sign"),
     **dict.fromkeys(("dv", "odv", "derivative"), "write \\frac{d^2 x}{dt^2}"),
     **dict.fromkeys(("approx", "sim", "simeq", "propto", "cong", "coloneqq"), "write ="),
-    "dddot": "write equations of second order",
-    "ddddot": "write equations of second order",
+    **dict.fromkeys(("dddot", "ddddot"), "write equations of second order"),
+    **dict.fromkeys(("begin", "end"), "write aligned or cases, or the equations alone"),
+    **_MARKED,
 }
+_MISPLACED = {"_": "a subscript belongs to a name, as in r_1", "}": "it closes nothing, leave it out"}
 
 
-class LatexTranslator:
-    """Translates raw tokens one by one; every method takes the tokens that it translates."""
+def _formula(text: str) -> tuple[int, str]:
+    """Where the formula inside $ $ or \\[ \\] begins, and the text up to its end."""
+    start, stop = 0, len(text)
+    for opening, closing in _WRAPPERS:
+        inner = text[start:stop]
+        lead, tail = len(inner) - len(inner.lstrip()), len(inner) - len(inner.rstrip())
+        inner = inner.strip()
+        if inner.startswith(opening) and inner.endswith(closing) and len(inner) >= len(opening + closing):
+            return start + lead + len(opening), text[: stop - tail - len(closing)]
+    return start, text
 
-    __slots__ = ("_names", "_raw", "_tokens")
 
-    def __init__(self, raw: TokenStream, names: nm.Names) -> None:
-        self._raw = raw
+class _Translator:
+    """Translates a formula from left to right. A method for a part begins at its place and ends after it."""
+
+    def __init__(self, text: str, names: nm.Names) -> None:
+        self._place, self._text = _formula(text)
         self._names = names
+        self._cases = _conditions(text)
         self._tokens: Tokens = []
+        self._spaced = False
+        self._seen = self._depth = self._matrices = 0
 
     def all(self) -> Tokens:
         """The tokens of the whole formula."""
-        while self._raw.ahead.kind != "end":
+        while self._ahead().kind != "end":
             self._one()
-            at_most(len(self._tokens), LIMITS.tokens, "the formula has too many parts", self._raw.ahead.column)
+            at_most(len(self._tokens), LIMITS.tokens, "the formula has too many parts", self._place + 1)
         return self._tokens
+
+    def _take(self, pattern: re.Pattern[str]) -> re.Match[str] | None:
+        """Pass over what the pattern matches here."""
+        match = pattern.match(self._text, self._place)
+        self._place = match.end() if match else self._place
+        return match
+
+    def _ahead(self) -> Token:
+        """Pass over spacing. The character ahead; a line end is a token of its own outside braces."""
+        start, text = self._place, self._text
+        spaced = self._spaced and start == self._seen
+        while self._place < len(text):
+            written, end = self._cases.get(self._place, (None, 0))
+            space = _SPACE.match(text, self._place)
+            if written or not (space or written == []) or (space and space["cell"] and self._matrices):
+                break
+            if space and space["line"] and not self._depth:
+                self._tokens.append(Token("newline", space[0], self._place + 1))
+            self._place = end or (space.end() if space else self._place)
+        self._seen, self._spaced = self._place, spaced or self._place > start
+        kind: plain.Kind = "operator" if self._place < len(text) else "end"
+        return Token(kind, text[self._place : self._place + 1], self._place + 1, self._spaced)
+
+    @contextmanager
+    def _nested(self, column: int) -> Iterator[None]:
+        self._depth += 1
+        at_most(self._depth, LIMITS.depth, "the formula is nested too deeply", column)
+        yield
+        self._depth -= 1
 
     def _one(self) -> None:
         """Translate the next piece."""
-        raw = self._raw.ahead
-        if raw.kind == "command":
-            self._command(self._raw.take())
-        elif raw.kind == "letter":
-            self._emit_name(self._with_subscript(self._word()), raw)
-        elif raw.is_operator(".") and self._tokens and self._raw.look(1).kind == "end":
-            self._raw.take()
-        elif raw.kind == "digit" or raw.is_operator("."):
-            self._number()
-        elif raw.kind != "operator":
-            self._tokens.append(self._raw.take())
+        here, text = self._ahead(), self._text
+        character = here.text
+        if self._place in self._cases:
+            written, self._place = self._cases[self._place]
+            self._tokens += written
+        elif character == "\\":
+            self._command(here)
+        elif marked := _MARKED_LETTER.match(text, self._place):
+            self._tokens += plain.next_tokens(text[: marked.end()], self._place, here.space_before)[0]
+            self._place = marked.end()
+        elif character in GREEK or character == SCRIPT_L:
+            self._place += 1
+            self._letter(GREEK.get(character, "ell"), here)
+        elif character.isascii() and character.isalpha():
+            self._emit_name(self._with_subscript(self._word()), here)
+        elif number := self._take(plain.NUMBER):
+            self._tokens.append(plain.number_token(number[0], here.column, here.space_before))
+        elif character == ".":
+            self._place += 1
+            if not self._tokens or self._ahead().kind != "end":
+                instead = "a dot belongs to a number such as 0.5"
+                raise refusal("a dot without a number occurs", here.column, instead)
+        elif character in "{^(":
+            self._place += 1
+            (self._bracket if character == "(" else self._power if character == "^" else self._braces)(here)
         else:
-            self._character(self._raw.take())
+            self._sign(here)
 
-    def _character(self, raw: Token) -> None:
-        if raw.is_operator("{"):
-            self._group_or_arguments(raw)
-        elif raw.is_operator("^"):
-            self._power(raw)
-            if self._raw.ahead.is_operator("^") and self._tokens[-1].kind != "prime":
-                raise refusal("a second power occurs", self._raw.ahead.column, "write x^{a^b} or (x^a)^b")
-        elif raw.is_operator("("):
-            called = bool(self._tokens) and self._tokens[-1].text in nm.FUNCTION_LETTERS
-            self._emit("(", raw, space=raw.space_before or (not called and self._holds_a_sum()))
-        elif raw.is_operator(*"+-*/)=,;|&!", *plain.COMPARED, "true"):
-            self._tokens.append(raw)
-        elif raw.is_operator("[", "]"):
-            self._emit("(" if raw.text == "[" else ")", raw)
-        else:
-            raise self._misplaced(raw)
+    def _sign(self, here: Token) -> None:
+        if here.text == "$":
+            raise refusal("the character '$' is not accepted", here.column, "write $ only around the whole formula")
+        if here.text in _MISPLACED:
+            raise refusal(f"'{here.text}' is not expected", here.column, _MISPLACED[here.text])
+        if here.text == "&":
+            self._place += 1
+            self._emit("&", here)
+            return
+        found, self._place = plain.next_tokens(self._text, self._place, here.space_before)
+        for token in found:
+            if token.is_operator(PARTIAL, TOTAL):
+                raise refusal(f"'{token.text}' is not expected", token.column, "something is missing here")
+            brackets = {"[": "(", "]": ")"}
+            self._tokens.append(replace(token, text=brackets.get(token.text, token.text)))
 
-    def _group_or_arguments(self, raw: Token) -> None:
-        if self._raw.ahead.is_command("rm"):  # {\rm d} is \mathrm{d}
-            self._raw.position -= 1
-            self._font(raw)
+    def _bracket(self, here: Token) -> None:
+        """A round bracket; with a sum in it, it is a factor unless the name before it is that of a function."""
+        called = bool(self._tokens) and self._tokens[-1].text in nm.FUNCTION_LETTERS
+        self._emit("(", here, space=here.space_before or (not called and self._holds_a_sum()))
+
+    def _holds_a_sum(self) -> bool:
+        """Whether a + or - is between the ( just read and its ): r(r - 2M) is a product, f(x) may not be one."""
+        depth, found = 1, False
+        for sign in _BRACKET.finditer(self._text, self._place):
+            depth += (sign[0] in "([{") - (sign[0] in ")]}")
+            found |= depth == 1 and sign[0] in "+-\u2212"
+            if depth == 0:
+                return found
+        return False
+
+    def _braces(self, here: Token) -> None:
+        if _ROMAN.match(self._text, here.column - 1):  # {\rm d} is \mathrm{d}
+            self._place -= 1
+            self._font(here)
             return
         start = len(self._tokens)
-        called = self._raw.ahead.is_command("left")
-        self._group(raw)
+        called = _LEFT.match(self._text, self._place)
+        self._group(here)
         if called:  # the arguments in A^{2}{\left(x \right)}, in one pair of brackets
             inner = self._tokens[start + 1 : -1]
             if plain.closing(inner, 0) >= len(inner) - 1:
                 self._tokens[start:] = inner
             self._tokens[start] = replace(self._tokens[start], space_before=False)
 
-    def _misplaced(self, raw: Token) -> InputError:
-        reasons = {
-            "_": "a subscript belongs to a name, as in r_1",
-            "}": "it closes nothing, leave it out",
-        }
-        what = "the formula ends" if raw.kind == "end" else f"'{raw.text}' is not expected"
-        return refusal(what, raw.column, reasons.get(raw.text, "something is missing here"))
-
-    def _number(self) -> None:
-        start = self._raw.ahead
-        digits = "".join(piece.text for piece in self._run(start))
-        match = plain.NUMBER.match(digits)
-        if match is None:
-            raise refusal("a dot without a number occurs", start.column, "a dot belongs to a number such as 0.5")
-        self._raw.position += match.end()
-        self._tokens.append(plain.number_token(match.group(), start.column, start.space_before))
-
-    def _command(self, raw: Token) -> None:
-        name = raw.text
+    def _command(self, here: Token) -> None:
+        if matrix := self._take(_MATRIX):
+            opens = matrix[1] == "begin"
+            self._matrices += 1 if opens else -1
+            self._emit("[" if opens else "]", here)
+            return
+        command = self._take(_COMMAND)
+        if command is None:
+            raise refusal("a backslash without a command occurs", here.column, "write a command such as \\dot{x}")
+        name = command[command.lastindex or 0]
         if name in LETTER_COMMANDS:
-            declared = self._names.role(name) is not None  # then \varphi is not \phi
-            self._emit_name(self._with_subscript(name if declared else LETTER_COMMANDS[name]), raw)
+            self._letter(name, here)
         elif name in _FRACTIONS:
-            self._fraction(raw)
+            self._fraction(here)
         elif name == "sqrt":
-            self._root(raw)
+            self._root(here)
         elif name in ("dot", "ddot"):
-            self._dot(raw, 1 if name == "dot" else 2)
+            self._dot(here)
         elif name in nm.FUNCTIONS:
-            self._function(name, raw)
-        elif name in FONTS:
-            self._font(raw)
-        elif name in ACCENTS:
-            if not (accented := self._plain_piece(raw)):
-                raise refusal(f"\\{name} belongs to a name", raw.column, f"write \\{name}{{x}}")
-            self._emit_name(self._with_subscript(accented), raw)
+            if self._take(_BELOW):
+                raise refusal("a base of a logarithm occurs", here.column, "write \\ln(x)/\\ln(b)")
+            self._tokens.append(Token("name", name, here.column, True))  # g/l\sin x is g/l sin x
+        elif re.fullmatch(_FONT, command[0]) and name != "rm":
+            self._place = command.start()
+            self._font(here)
+        elif name in _ACCENTS:
+            self._place = command.start()
+            if not (accented := self._name_part()):
+                raise refusal(f"\\{name} belongs to a name", here.column, f"write \\{name}{{x}}")
+            self._emit_name(self._with_subscript(accented), here)
         elif name in ("left", "right"):
-            self._delimiter(raw)
+            self._delimiter(name, here)
         elif name in _SIGNS:
-            self._emit(_SIGNS[name], raw)
+            self._emit(_SIGNS[name], here)
             self._tokens[-1] = replace(self._tokens[-1], value=_PRODUCTS.get(name, Fraction(0)))
         elif name in components.BOLD:
-            self._emit_name(self._with_subscript(self._name_part()), raw, kind="vector")
+            self._emit_name(self._with_subscript(self._name_part()), here, kind="vector")
         elif name == "partial":
-            self._partial(raw)
+            self._partial(here)
         else:
-            what, instead = f"the command \\{shorten(name)} is not accepted", MARKED.get(name) or _REASONS.get(name)
+            what, instead = f"the command \\{shorten(name)} is not accepted", _REASONS.get(name)
             if not instead and name in nm.REFUSED:
-                raise nm.refused(what, nm.REFUSED[name], raw.column)
-            raise refusal(what, raw.column, instead or "write the formula without it")
+                raise nm.refused(what, nm.REFUSED[name], here.column)
+            what = "this environment is not accepted" if name in ("begin", "end") else what
+            raise refusal(what, here.column, instead or "write the formula without it")
 
-    def _partial(self, raw: Token) -> None:
+    def _letter(self, name: str, here: Token) -> None:
+        declared = self._names.role(name) is not None  # then \varphi is not \phi
+        self._emit_name(self._with_subscript(name if declared else LETTER_COMMANDS[name]), here)
+
+    def _partial(self, here: Token) -> None:
         r"""\partial, and \partial_x as \frac{\partial}{\partial x}."""
         by = self._with_subscript("")[1:]
         if not by:
-            self._emit(PARTIAL, raw)
+            self._emit(PARTIAL, here)
             return
         if {*by} == {"t"}:
-            raise refusal("a partial derivative occurs", raw.column, "write diff(A(x, y), x), A declared")
-        self._tokens.append(Token("operator", "(", raw.column, True, FRACTION))
-        self._tokens += plain.written(f"({PARTIAL})/({PARTIAL} {by}))", raw)
+            raise refusal("a partial derivative occurs", here.column, "write diff(A(x, y), x), A declared")
+        self._tokens.append(Token("operator", "(", here.column, True, FRACTION))
+        self._tokens += plain.written(f"({PARTIAL})/({PARTIAL} {by}))", here)
 
-    def _function(self, name: str, raw: Token) -> None:
-        if self._raw.ahead.is_operator("_"):
-            raise refusal("a base of a logarithm occurs", raw.column, "write \\ln(x)/\\ln(b)")
-        self._tokens.append(Token("name", name, raw.column, True))  # g/l\sin x is g/l sin x
-
-    def _font(self, raw: Token) -> None:
-        start = self._raw.position
+    def _font(self, here: Token) -> None:
+        start = self._place
         name = self._name_part()
-        first = 2 + self._raw.look(start + 1 - self._raw.position).is_command("rm")
-        inside = (self._raw.look(back) for back in range(start + first - self._raw.position, 0))
-        if any(piece.space_before and not piece.is_operator("}") for piece in inside):
-            raise refusal("words occur", raw.column, "write the equations alone, separated by ;")
+        inside = re.sub(rf"^\{{?{_GAP}*{_FONT}{_GAP}*\{{?|\}}", "", self._text[start : self._place])
+        if re.search(rf"[^\s]{_GAP}", inside.strip()):
+            raise refusal("words occur", here.column, "write the equations alone, separated by ;")
         if name == "d" and self._names.role("d") is None:
-            self._emit(TOTAL, raw)
+            self._emit(TOTAL, here)
             return
-        self._emit_name(name and self._with_subscript(name), raw)
+        self._emit_name(name and self._with_subscript(name), here)
 
-    def _delimiter(self, raw: Token) -> None:
-        delimiter = self._raw.take()
-        text = _SIGNS.get(delimiter.text, delimiter.text)
-        if text and text in (_OPENING if raw.text == "left" else _CLOSING):
-            if delimiter.text in ("{", "lbrace") and not self._closes_later():
+    def _delimiter(self, side: str, here: Token) -> None:
+        match = self._take(_DELIMITER)
+        name = match[match.lastindex or 0] if match else ""
+        text = _SIGNS.get(name, name)
+        if text and text in (_OPENING if side == "left" else _CLOSING):
+            if name in ("{", "lbrace") and not self._closes_later():
                 return  # \left\{ before a list of equations; it is ended by \right.
-            self._emit("(" if raw.text == "left" else ")", raw, space=True)
+            self._emit("(" if side == "left" else ")", here, space=True)
         elif text == "|":
-            self._emit("|", raw)
-        elif not (delimiter.is_operator(".") and raw.text == "right"):
-            raise refusal(f"this delimiter after \\{raw.text} is not accepted", raw.column, "write ( and )")
-
-    def _holds_a_sum(self) -> bool:
-        """Whether a + or - is between the ( just read and its ): r(r - 2M) is a product, f(x) may not be one."""
-        return any(raw.is_operator("+", "-") for _, raw in plain.outside(self._raw.inside()))
+            self._emit("|", here)
+        elif not (text == "." and side == "right"):
+            raise refusal(f"this delimiter after \\{side} is not accepted", here.column, "write ( and )")
 
     def _closes_later(self) -> bool:
         """Whether the \\left just read is ended by a real bracket and not by \\right."""
         depth = 1
-        for raw, following in itertools.pairwise(self._raw.rest()):
-            depth += raw.is_command("left") - raw.is_command("right")
+        for match in _SIDE.finditer(self._text, self._place):
+            depth += 1 if match[1] == "left" else -1
             if depth == 0:
-                return not following.is_operator(".")
+                return match[2] != "."
         return True
 
     def _group(self, opening: Token, brackets: bool = True) -> None:
         """{ … } as a bracket; { } is empty, and a single name in braces is that name."""
         start = len(self._tokens)
-        over: Token | None = None
-        with self._raw.nested(opening):
-            while not self._raw.ahead.is_operator("}"):
-                if self._raw.ahead.kind == "end":
+        over = False
+        with self._nested(opening.column):
+            while (closing := self._ahead()).text != "}":
+                if closing.kind == "end":
                     raise plain.never_closed(opening)
-                if self._raw.ahead.is_command("over") and over is None:  # {a \over b} is \frac{a}{b}
-                    over = self._raw.take()
+                if not over and self._take(_OVER):  # {a \over b} is \frac{a}{b}
+                    over = True
                     above = self._tokens[start:]
                     self._tokens[start:] = [Token("operator", "(", opening.column, True, FRACTION)]
                     self._tokens += [Token("operator", "(", opening.column), *above]
-                    self._tokens += [Token("operator", text, over.column) for text in ")/("]
+                    self._tokens += [Token("operator", text, closing.column) for text in ")/("]
                 else:
                     self._one()
-        closing = self._raw.take()
-        if over is not None:
-            self._tokens += [Token("operator", ")", closing.column)] * 2
+        self._place += 1
+        self._tokens += [Token("operator", ")", closing.column)] * 2 * over
         inner = self._tokens[start:]
         after_function = start > 0 and self._tokens[start - 1].text in nm.FUNCTIONS
         if len(inner) == 1 and inner[0].is_operator(","):
             return  # 0{,}5
         is_name = bool(inner) and inner[0].kind == "name" and all(token.kind == "prime" for token in inner[1:])
-        is_fraction = (
-            bool(inner)
-            and inner[0].is_operator("(")
-            and inner[0].value == FRACTION
-            and plain.closing(inner, 0) == len(inner) - 1
-        )
-        if not brackets or not inner or is_fraction or (is_name and not after_function):
+        whole = bool(inner) and inner[0].is_operator("(") and plain.closing(inner, 0) == len(inner) - 1
+        if not brackets or not inner or (whole and inner[0].value == FRACTION) or (is_name and not after_function):
             return
         self._tokens[start:] = [Token("operator", "(", opening.column, True), *inner]
         self._emit(")", closing)
 
-    def _argument(self, command: Token) -> None:
+    def _argument(self, at: Token) -> None:
         """One argument in brackets: a group, or one piece as in \\frac12."""
-        raw = self._raw.ahead
-        self._emit("(", raw)
-        if raw.is_operator("{"):
-            start, doubled = len(self._tokens), self._raw.look(1).is_operator("{")
-            self._group(self._raw.take(), False)
-            inner = self._tokens[start:]
-            if doubled and inner and not inner[0].value and plain.closing(inner, 0) == len(inner) - 1 > 0:
-                self._tokens[start:] = inner[1:-1]  # \frac{{a}}{{b}}
-        elif raw.kind == "digit":
-            self._raw.take()
-            self._tokens.append(plain.number_token(raw.text, raw.column, False))
-        elif raw.kind == "letter":
-            self._emit_name(self._raw.take().text, raw)
-        elif raw.kind == "command" and raw.text not in ("right", "\\"):
-            with self._raw.nested():
+        with self._nested(self._place + 1):
+            here = self._ahead()
+            self._emit("(", here)
+            self._place += 1
+            if here.text == "{":
+                start, doubled = len(self._tokens), _OPEN.match(self._text, self._place)
+                self._group(here, False)
+                inner = self._tokens[start:]
+                if doubled and inner and not inner[0].value and plain.closing(inner, 0) == len(inner) - 1 > 0:
+                    self._tokens[start:] = inner[1:-1]  # \frac{{a}}{{b}}
+            elif here.text.isascii() and here.text.isdigit():
+                self._tokens.append(plain.number_token(here.text, here.column, False))
+            elif here.text.isascii() and here.text.isalpha():
+                self._emit_name(here.text, here)
+            elif (here.text == "\\" and not self._text.startswith(("\\\\", "\\right"), self._place - 1)) or (
+                here.text in GREEK
+            ):
+                self._place -= 1
                 self._one()
-        else:
-            raise refusal(f"\\{command.text} has no argument", command.column, "write it in braces { }")
-        self._emit(")", raw)
+            else:
+                raise refusal(f"{self._shown(at)} has no argument", at.column, "write it in braces { }")
+            self._emit(")", here)
 
-    def _fraction(self, raw: Token) -> None:
-        self._tokens.append(Token("operator", "(", raw.column, True, FRACTION))
-        self._argument(raw)
-        self._emit("/", raw)
-        self._argument(raw)
-        self._emit(")", raw)
+    def _fraction(self, here: Token) -> None:
+        self._tokens.append(Token("operator", "(", here.column, True, FRACTION))
+        self._argument(here)
+        self._emit("/", here)
+        self._argument(here)
+        self._emit(")", here)
 
-    def _root(self, raw: Token) -> None:
-        if not self._raw.ahead.is_operator("["):
-            self._emit_name("sqrt", raw)
-            self._argument(raw)
+    def _root(self, here: Token) -> None:
+        degree = self._take(_DEGREE)
+        if degree is None:
+            self._emit_name("sqrt", here)
+            self._argument(here)
             return
-        self._raw.take()
-        digits = self._digits()
-        if not digits or not self._raw.take().is_operator("]"):
-            raise refusal("the degree of a root is not an integer", raw.column, "write \\sqrt[3]{x}")
-        self._tokens.append(Token("operator", "(", raw.column, True, FACTOR))  # no argument bracket of a name before it
-        self._argument(raw)
-        self._tokens += plain.written(f"^(1/{digits}))", raw)
+        if not degree[1]:
+            raise refusal("the degree of a root is not an integer", here.column, "write \\sqrt[3]{x}")
+        self._tokens.append(
+            Token("operator", "(", here.column, True, FACTOR)
+        )  # no argument bracket of a name before it
+        self._argument(here)
+        self._tokens += plain.written(f"^(1/{degree[1]}))", here)
 
-    def _dot(self, raw: Token, order: int) -> None:
+    def _dot(self, here: Token) -> None:
         """\\dot{x}, \\dot x, \\dot{r}_1, \\dot{r_1}, \\dot\\theta."""
-        braces = self._raw.take() if self._raw.ahead.is_operator("{") else None
-        name, first = "", raw
-        kind: plain.Kind = "name"
-        if self._raw.ahead.kind == "letter":
-            name = self._word() if braces else self._raw.take().text
-        elif self._raw.ahead.kind == "command":
-            command = self._raw.take()
-            if command.is_command(*components.BOLD):
-                kind, first = "vector", command
-            name = self._name_part() if command.text in (*FONTS, *components.BOLD) else self._plain_piece(command)
-        if braces:
-            name = self._with_subscript(name)
-        if not name or (braces and not self._raw.take().is_operator("}")):
-            raise refusal(f"\\{raw.text} belongs to a name", raw.column, f"write \\{raw.text}{{x}}")
-        self._emit_name(self._with_subscript(name), first, order, kind)
+        braces, shown = self._take(_OPEN), self._shown(here)
+        with self._nested(here.column):
+            inside = self._ahead()
+        bold = re.match(rf"\\(?:{'|'.join(components.BOLD)}){_NO_LETTER}", self._text[self._place :])
+        self._place += bold.end() if bold else 0
+        if inside.text.isascii() and inside.text.isalpha():
+            word = self._word() if braces else inside.text
+            self._place += not braces
+        else:
+            word = "" if inside.text.isdigit() else self._name_part()
+        name = self._with_subscript(word) if braces else word
+        if not name or (braces and not self._take(_CLOSE)):
+            raise refusal(f"{shown} belongs to a name", here.column, f"write {shown}{{x}}")
+        order = 2 if "dd" in shown else 1
+        self._emit_name(self._with_subscript(name), inside if bold else here, order, "vector" if bold else "name")
 
     def _power(self, caret: Token) -> None:
-        raw = self._raw.ahead
         self._refuse_indices(caret)
-        if raw.is_command("prime"):
+        with self._nested(caret.column):
+            here = self._ahead()
+        if _PRIME.match(self._text, self._place):
             self._primes()
-        elif raw.is_operator("{") and _is_prime(self._raw.look(1)):
-            self._raw.take()
-            self._primes()
-            if self._raw.ahead.is_operator("}"):
-                self._raw.take()
-            else:
+        elif here.text == "{":
+            self._place += 1
+            if _PRIME.match(self._text, self._place):
+                self._primes()
+                if self._take(_CLOSE):
+                    return
                 self._emit("^", caret)
-                self._group(raw)
-        elif raw.kind in ("digit", "letter"):
-            self._short_power(caret)
+                self._group(here)
+            else:
+                self._raised_group(caret, here)
+        elif here.text.isascii() and here.text.isalnum():
+            self._short_power(caret, here)
         else:
             self._emit("^", caret)
-            if raw.is_operator("{"):
-                self._refuse_raised_brackets(caret)
-                self._refuse_index(self._raw.rest(3)[1:])
-                self._emit("(", raw)
-                self._group(self._raw.take())
-                self._emit(")", raw)
+        if self._tokens[-1].kind != "prime" and (second := self._take(_RAISED)):
+            raise refusal("a second power occurs", second.start(1) + 1, "write x^{a^b} or (x^a)^b")
+
+    def _raised_group(self, caret: Token, here: Token) -> None:
+        """The power in braces; InputError for q^{1}, and for f^{(2)}, usually a derivative or a component."""
+        self._refuse_raised_one(here.column - 1)
+        raised = _RAISED_BRACKETS.match(self._text, here.column - 1)
+        base = plain.at(self._tokens, len(self._tokens) - 1)
+        if raised and base.kind != "number" and base.text not in ("e", "E"):  # e^{(x)} is exp(x)
+            instead = "write x^{2} for a power, f''(x) for a derivative, q_1 for an index"
+            kind = "number" if raised[1].isdigit() else "name"
+            raise refusal(f"a raised {kind} in brackets occurs", here.column + 1, instead)
+        self._emit("^", caret)
+        self._emit("(", here)
+        self._group(here)
+        self._emit(")", here)
+
+    def _short_power(self, caret: Token, here: Token) -> None:
+        """x^2, e^x: one digit or one name; x^23 is refused, because LaTeX reads x^2 3 and others read x^(23)."""
+        self._emit("^", caret)
+        self._emit("(", here)
+        if here.text.isalpha():
+            self._emit_name(self._with_subscript(self._word()), here)
+        else:
+            self._refuse_raised_one(here.column - 1)
+            digits = self._name_part()
+            if len(digits) > 1:
+                raise refusal("a power of several digits has no braces", here.column, "write x^{23} or x^{2} \\cdot 3")
+            self._tokens.append(plain.number_token(digits, here.column, False))
+        self._emit(")", here)
+
+    def _refuse_raised_one(self, place: int) -> None:
+        """InputError for q^1, which is a component rather than a power."""
+        if one := _RAISED_ONE.match(self._text, place):
+            raise refusal("a raised 1 occurs", one.end() + 1, "an index? write it below, as in q_1 and q_2")
 
     def _refuse_indices(self, caret: Token) -> None:
         r"""InputError for the indices of tensors, \Gamma^x_{xx} and g^{tt}, which are not powers."""
-        run: list[str] = []
-        depth = 0
-        for raw, following in itertools.pairwise(self._raw.rest()):
-            depth += raw.is_operator("{") - raw.is_operator("}")
-            run.append(raw.text if raw.kind in ("letter", "command") else "" if raw.is_operator("{", "}", "_") else "?")
-            if depth == 0 and not following.is_operator("_") and not raw.is_operator("_"):
-                break
-        letters = "".join(run)
         base = self._tokens[-1].text if self._tokens else ""
+        run = _INDICES.match(self._text, self._place)
+        indices = [each.lstrip("\\") for each in re.findall(r"\\[A-Za-z]+|[^\s{}_]", run[0] if run else "")]
         moving = {*self._names.coordinates} or {"x", "y", "z", "r", "t", "theta", "phi"}
-        indices = [text for text in run if text]
-        tensor = base in _TENSORS and all(text in moving | {"t", "mu", "nu", "i", "j", "k"} for text in indices)
-        if tensor and len(indices) > 1 and "?" not in letters:
+        if base in _TENSORS and len(indices) > 1 and {*indices} <= moving | {"t", "mu", "nu", "i", "j", "k"}:
             what = f"raised and lowered indices of {base} occur"
             raise refusal(what, caret.column, "write each component as a formula, or as a name such as G_1")
 
-    def _short_power(self, caret: Token) -> None:
-        """x^2, e^x: one digit or one name; x^23 is refused, because LaTeX reads x^2 3 and others read x^(23)."""
-        raw = self._raw.ahead
-        self._emit("^", caret)
-        self._emit("(", raw)
-        if raw.kind == "letter":
-            self._emit_name(self._with_subscript(self._word()), raw)
-        else:
-            self._refuse_index([raw])
-            digits = self._digits()
-            if len(digits) > 1:
-                raise refusal("a power of several digits has no braces", raw.column, "write x^{23} or x^{2} \\cdot 3")
-            self._tokens.append(plain.number_token(digits, raw.column, False))
-        self._emit(")", raw)
-
-    def _refuse_index(self, raised: Tokens) -> None:
-        """InputError for q^1, which is a component rather than a power."""
-        alone = len(raised) == 1 or raised[1].is_operator("}")
-        digits = self._run(raised[0]) if len(raised) == 1 else raised[:1]
-        if alone and [piece.text for piece in digits] == ["1"] and self._tokens and self._tokens[-1].kind != "number":
-            raise refusal("a raised 1 occurs", raised[0].column, "an index? write it below, as in q_1 and q_2")
-
-    def _refuse_raised_brackets(self, caret: Token) -> None:
-        """InputError for f^{(2)} and x^{\\left(n\\right)}, usually a derivative or a component; e^{(x)} is exp(x)."""
-        pieces = self._raw.group()[: LIMITS.name_characters]
-        inside = "".join(raw.text for raw in pieces if not raw.is_command("left", "right"))
-        raised = re.fullmatch(r"\{*[(\[]\{*(\w+)\}*[)\]]\}*", inside)
-        base = self._tokens[-2] if len(self._tokens) > 1 else caret
-        if raised and base.kind != "number" and base.text not in ("e", "E"):
-            instead = "write x^{2} for a power, f''(x) for a derivative, q_1 for an index"
-            kind = "number" if raised[1].isdigit() else "name"
-            raise refusal(f"a raised {kind} in brackets occurs", self._raw.look(1).column, instead)
-
     def _primes(self) -> None:
-        while _is_prime(self._raw.ahead):
-            raw = self._raw.take()
-            self._tokens.append(raw if raw.kind == "prime" else Token("prime", "'", raw.column, False, Fraction(1)))
+        while prime := self._take(_PRIME):
+            sign = "'" if prime[1][0] == "\\" else prime[1]
+            self._tokens.append(Token("prime", sign, prime.start(1) + 1, False, Fraction(PRIMES[sign])))
 
-    def _emit(self, text: str, raw: Token, space: bool | None = None) -> None:
-        self._tokens.append(Token("operator", text, raw.column, raw.space_before if space is None else space))
+    def _shown(self, at: Token) -> str:
+        """The command at a place."""
+        command = _COMMAND.match(self._text, at.column - 1)
+        return command[0] if command else at.text
 
-    def _emit_name(self, name: str, raw: Token, order: int = 0, kind: plain.Kind = "name") -> None:
-        at_most(len(name), LIMITS.name_characters, "a name has too many characters", raw.column)
+    def _emit(self, text: str, at: Token, space: bool | None = None) -> None:
+        self._tokens.append(Token("operator", text, at.column, at.space_before if space is None else space))
+
+    def _emit_name(self, name: str, at: Token, order: int = 0, kind: plain.Kind = "name") -> None:
+        at_most(len(name), LIMITS.name_characters, "a name has too many characters", at.column)
         if not name:
-            raise refusal(f"\\{raw.text} contains no name", raw.column, "write letters and digits in it")
-        self._tokens.append(Token(kind, name, raw.column, raw.space_before))
+            raise refusal(f"{self._shown(at)} contains no name", at.column, "write letters and digits in it")
+        self._tokens.append(Token(kind, name, at.column, at.space_before))
         if order:
-            self._tokens.append(Token("prime", "'" * order, raw.column, False, Fraction(order)))
-
-    def _run(self, start: Token) -> Tokens:
-        """Pieces of one character that touch each other: a word or a number."""
-        pieces = [start]
-        for raw in self._raw.rest(LIMITS.digits * 4)[1:]:
-            plain = raw.kind in ("letter", "digit") or raw.is_operator(".", "-", "+")
-            if not plain or raw.space_before or raw.column != pieces[-1].column + 1:
-                break
-            pieces.append(raw)
-        return pieces
+            self._tokens.append(Token("prime", "'" * order, at.column, False, Fraction(order)))
 
     def _word(self) -> str:
         """Take a letter, or the whole word if it is declared or a function."""
-        pieces = self._run(self._raw.ahead)[: LIMITS.name_characters]
-        length = next((k for k, piece in enumerate(pieces) if piece.kind == "operator"), len(pieces))
-        word = "".join(piece.text for piece in pieces[:length])
-        for size in range(length, 1, -1):
+        run = _RUN.match(self._text, self._place)
+        word = run[0][: LIMITS.name_characters] if run else ""
+        for size in range(len(word), 1, -1):
             part = word[:size]
-            known = (part in _WORDS and size == length) or (size > 2 and part in LETTER_COMMANDS)  # alpha for \alpha
+            known = (part in _WORDS and size == len(word)) or (size > 2 and part in LETTER_COMMANDS)  # alpha for \alpha
             if known or self._names.role(part) or self._names.derivative(part):
-                self._raw.position += size
+                self._place += size
                 return LETTER_COMMANDS.get(part, part) if self._names.role(part) is None else part
             if part in _COMMANDS:
-                span = (pieces[0].column, pieces[0].column + size)
+                span = (self._place + 1, self._place + 1 + size)
                 raise refusal(f"{part} has no backslash", span[0], f"write \\{part}", (f"\\{part}",), span)
-        self._raw.position += 1
+        self._place += 1
         return word[0]
 
     def _with_subscript(self, name: str) -> str:
-        if not self._raw.ahead.is_operator("_"):
+        underscore = self._take(_BELOW)
+        if underscore is None:
             return name
-        underscore = self._raw.take()
-        comma = self._raw.look(1).is_operator(",")
+        comma = self._text[self._place :].lstrip()[1:].lstrip().startswith(",")
         subscript = self._name_part()
         if not subscript:
             derivative = f"write diff({name}(x), x) for a derivative"
             instead = derivative if comma else "write letters and digits, as in r_{1}"
-            raise refusal("a subscript is not a word", underscore.column, instead)
+            raise refusal("a subscript is not a word", underscore.start(1) + 1, instead)
         return f"{name}_{subscript}"
 
     def _name_part(self) -> str:
         """The letters, digits and Greek names of the next group or piece; '' if it contains anything else."""
-        if not self._raw.ahead.is_operator("{"):
-            raw = self._raw.ahead
-            if raw.kind == "digit":
-                return self._digits()
-            is_font = self._raw.take().is_command(*FONTS) and self._raw.ahead.is_operator("{")
-            return self._name_part() if is_font else self._plain_piece(raw)
-        self._raw.take()
-        parts: list[str] = []
-        self._raw.position += self._raw.ahead.is_command("rm")
-        while not self._raw.ahead.is_operator("}"):
-            doubled = self._raw.ahead.is_operator("{")  # r_{{1}}
-            raw = self._raw.ahead if doubled else self._raw.take()
-            within = not parts and (doubled or raw.is_command(*FONTS))
-            part = self._name_part() if within else self._plain_piece(raw)
-            if not part:
+        piece = self._take(_PIECE)
+        return self._decoded(piece[1], piece.start(1)) if piece else ""
+
+    def _decoded(self, text: str, start: int) -> str:
+        name = ""
+        for part in _PART_OF_NAME.finditer(text):
+            command = GREEK.get(part[0], "ell" if part[0] == SCRIPT_L else part["command"] or "")
+            if part["accent"]:
+                under = self._decoded(part["under"], start + part.start("under"))
+                each = under and f"{under}_{_ACCENTS[part['accent']]}"
+            elif command in _MARKED:
+                raise refusal(f"\\{command} occurs", start + part.start() + 1, _MARKED[command])
+            elif command:
+                each = command if self._names.role(command) else LETTER_COMMANDS.get(command, "")
+            else:
+                each = part[0] if part[0].isascii() and part[0].isalnum() else ""
+            if not each and not part["none"]:
                 return ""
-            parts.append(part)
-        self._raw.take()
-        return "".join(parts)
-
-    def _digits(self) -> str:
-        digits = ""
-        while self._raw.ahead.kind == "digit" and (not digits or not self._raw.ahead.space_before):
-            digits += self._raw.take().text
-        return digits
-
-    def _plain_piece(self, raw: Token) -> str:
-        if raw.is_command(*MARKED):
-            raise refusal(f"\\{raw.text} occurs", raw.column, MARKED[raw.text])
-        if raw.is_command(*ACCENTS):
-            name = self._name_part()
-            return name and f"{name}_{ACCENTS[raw.text]}"
-        if raw.kind == "command":
-            return raw.text if self._names.role(raw.text) else LETTER_COMMANDS.get(raw.text, "")
-        return raw.text if raw.kind in ("letter", "digit") else ""
-
-
-def _is_prime(raw: Token) -> bool:
-    return raw.is_command("prime") or raw.kind == "prime"
+            name += each
+        return name
 
 
 def tokenize(text: str, names: nm.Names | None = None) -> Tokens:
     """The tokens of a LaTeX formula; without `names` every letter is a separate name."""
-    return components.by_components(LatexTranslator(scan(text), names or nm.Names()).all())
+    plain.check_length(text)
+    plain.check_nesting(text)
+    found = _Translator(text, names or nm.Names()).all()
+    return components.by_components(plain.with_line_ends(found, latex=True))

@@ -49,12 +49,12 @@ _RAISED_FIRST = re.compile(
 )
 _ACCELERATION = re.compile(r"(?<!')''(?!['(])")
 _LETTER_OF_A_FORM = re.compile(rf"(?:[A-Za-z]|{'|'.join(sorted(GREEK_NAMES))})(?:_?[0-9]+)?")
-_MATHEMATICA = re.compile(r"[A-Za-z']\[|==")
+_OF_PROGRAMS = re.compile(r"[A-Za-z']\[|==|\.diff\(")
 
 
 def is_latex(formula: str) -> bool:
     """Whether the formula is read as LaTeX."""
-    braces = "{" in formula and not _MATHEMATICA.search(formula)
+    braces = "{" in formula and not _OF_PROGRAMS.search(formula)
     return "\\" in formula or braces or formula.lstrip().startswith("$")
 
 

@@ -4,9 +4,9 @@ Every character is either accepted by a rule below or refused with its column.
 
 Accepted: decimal numbers, read exactly (0.1 is 1/10); + - * / ^ and ** (right associative);
 implicit products that cannot be misread (2x, 2 sin x, m g); functions of
-`vocabulary.py`, sin x and sin^2(x); x', x_dot, xdot, diff(x, t), Derivative(x, t) and the same
+`names.py`, sin x and sin^2(x); x', x_dot, xdot, diff(x, t), Derivative(x, t) and the same
 with two; declared functions A(r1), A'(r1), diff(A(r1), r1), B[1,0](x, y); Greek letters, raised
-digits and typographic signs. See `grammar.py`.
+digits and typographic signs. See `parser.py`.
 """
 
 import itertools
@@ -29,7 +29,7 @@ from inverse_service.expressions.letters import (
     letter,
 )
 
-Kind = Literal["number", "name", "prime", "operator", "newline", "end", "vector", "command", "letter", "digit"]
+Kind = Literal["number", "name", "prime", "operator", "newline", "end", "vector"]
 FACTOR, FRACTION = Fraction(1), Fraction(2)
 DOT, CROSS = Fraction(1), Fraction(2)
 PARTIAL, TOTAL = "\u2202", "\u2146"  # TOTAL: the upright d of a derivative
@@ -41,8 +41,7 @@ class Token:
 
     `value` is that of a number; for a prime it is the order of the derivative; for a ( it is FACTOR where no arguments
     can stand in it, and FRACTION where ((above)/(below)) of LaTeX begins; for a * DOT or CROSS where LaTeX has
-    \\cdot or \\times. Commands, letters and digits are pieces of
-    LaTeX, of which `latex.py` makes the others.
+    \\cdot or \\times.
     Operators are + - * / ^ ( ) [ ] , = ; |, and < > & ~ true in conditions of pieces.
     """
 
@@ -54,9 +53,6 @@ class Token:
 
     def is_operator(self, *texts: str) -> bool:
         return self.kind == "operator" and self.text in texts
-
-    def is_command(self, *texts: str) -> bool:
-        return self.kind == "command" and self.text in texts
 
 
 Tokens = list[Token]
@@ -131,12 +127,7 @@ def split_at_commas(tokens: Sequence[Token]) -> list[Tokens]:
 
 _EXPECTS_MORE = ("+", "-", "*", "/", "^", "_", "=", ",", "&", "(", "[", "{")
 _GOES_ON = ("+", "*", "/", "^", "_", "=", ",", "&", ")", "]", "}")
-_UPRIGHT = ("text", "textrm", "mathrm", "mbox")
-
-
-def ends_equation(token: Token) -> bool:
-    """Whether it is the ; or the double backslash between two equations."""
-    return token.is_operator(";") or token.is_command("\\")
+_JOINING = ("where", "with", "given", "and", "for", "if", "when")  # words that join what follows them
 
 
 def with_line_ends(tokens: Sequence[Token], latex: bool = False) -> Tokens:
@@ -151,7 +142,7 @@ def with_line_ends(tokens: Sequence[Token], latex: bool = False) -> Tokens:
     for place, token in enumerate(tokens):
         if token.kind != "newline":
             found.append(token)
-            equals = not ends_equation(token) and (equals or token.is_operator("="))
+            equals = not token.is_operator(";") and (equals or token.is_operator("="))
             continue
         begins = place in outer and at(tokens, place - 1).kind != "newline" and (equals or not latex)
         if begins and _is_between(found, tokens[place:], latex):
@@ -163,13 +154,13 @@ def with_line_ends(tokens: Sequence[Token], latex: bool = False) -> Tokens:
 def _is_between(before: Sequence[Token], after: Sequence[Token], latex: bool) -> bool:
     """Whether an equation is complete before a line end, and the line after it begins another one."""
     text = itertools.dropwhile(lambda token: token.kind == "newline", after)
-    line = list(itertools.takewhile(lambda token: token.kind != "newline" and not ends_equation(token), text))
+    line = list(itertools.takewhile(lambda token: token.kind != "newline" and not token.is_operator(";"), text))
     if not before or not line or before[-1].is_operator(*_EXPECTS_MORE) or line[0].is_operator(*_GOES_ON):
         return False
     equals = any(token.is_operator("=") for token in line)
-    if latex:  # a word such as \\text{and} joins what follows it
-        return equals and not at(before, opening(before, len(before) - 1) - 1).is_command(*_UPRIGHT)
-    return not ends_equation(before[-1]) and (equals or not line[0].is_operator("-"))
+    if latex:
+        return equals and before[-1].text not in _JOINING
+    return not before[-1].is_operator(";") and (equals or not line[0].is_operator("-"))
 
 
 def refuse_decimal_commas(tokens: Sequence[Token]) -> None:
@@ -234,9 +225,9 @@ class TokenStream:
         place = self.position + distance
         return self._tokens[place] if 0 <= place < len(self._tokens) else self._tokens[-1]
 
-    def rest(self, most: int | None = None) -> Tokens:
-        """At most so many of the tokens ahead, including the end token."""
-        return self._tokens[self.position :][:most]
+    def rest(self) -> Tokens:
+        """The tokens ahead, including the end token."""
+        return self._tokens[self.position :]
 
     def source(self, start: int, end: int) -> str:
         """The tokens from one position up to another as they may be written."""
@@ -274,23 +265,16 @@ class TokenStream:
         """The tokens of the bracket ahead, up to its end or that of the formula."""
         return self._tokens[self.position : closing(self._tokens, self.position)]
 
-    def inside(self) -> Sequence[Token]:
-        """The tokens in the bracket that was taken last; empty if it is not closed."""
-        end = closing(self._tokens, self.position - 1)
-        return self._tokens[self.position : end] if end < len(self._tokens) else ()
-
     def take_group(self) -> Tokens:
         """The next token and, if it opens a bracket, everything in that bracket."""
         opens = self.ahead.is_operator("(", "[", "{")
         return [self.take() for _ in range(min(len(self.group()) + 1, self.left) if opens else 1)]
 
     @contextmanager
-    def nested(self, opening: Token | None = None) -> Iterator[None]:
-        """Enter a nested level, which begins at `opening` or ahead; LimitError past `limits.depth`."""
+    def nested(self) -> Iterator[None]:
+        """Enter a nested level, which begins ahead; LimitError past `limits.depth`."""
         self._depth += 1
-        refusals.at_most(
-            self._depth, refusals.LIMITS.depth, "the formula is nested too deeply", (opening or self.ahead).column
-        )
+        refusals.at_most(self._depth, refusals.LIMITS.depth, "the formula is nested too deeply", self.ahead.column)
         yield
         self._depth -= 1
 
@@ -365,6 +349,14 @@ def check_length(text: str) -> None:
         raise refusals.refusal("the formula is empty", len(text) + 1, "write a formula, 0 if nothing acts")
 
 
+def check_nesting(text: str) -> None:
+    """LimitError for too many open brackets, before thousands of them are tokenized."""
+    depth = 0
+    for place, character in enumerate(text):
+        depth += (character in "([") - (character in ")]")
+        refusals.at_most(depth, refusals.LIMITS.depth, "the formula is nested too deeply", place + 1)
+
+
 def without_full_stop(text: str) -> str:
     """The text without the dot that ends a sentence; the dot of a number (2.) is kept."""
     plain = text.rstrip()
@@ -374,6 +366,7 @@ def without_full_stop(text: str) -> str:
 def tokenize(text: str, known: Container[str] = ()) -> Tokens:
     """The tokens of a plain-text formula; InputError or LimitError with the column of the first fault."""
     check_length(text)
+    check_nesting(text)
     text = without_full_stop(text)
     conditions = _PIECEWISE.search(text) is not None
 
@@ -404,15 +397,12 @@ def scan(text: str, place: int, stop: int, step: Callable[[str, int, bool], tupl
     `step` returns the tokens there, none for a space, and the place after them.
     """
     tokens: Tokens = []
-    space, open_brackets = False, 0
+    space = False
     while place < stop:
-        open_brackets += (text[place] in "([") - (text[place] in ")]")
         found, place = step(text, place, space)
         tokens += found
         space = not found or found[-1].kind == "newline"
-        # here and not only in the parser: thousands of brackets are not tokenized
         column = tokens[-1].column if tokens else 1
-        refusals.at_most(open_brackets, refusals.LIMITS.depth, "the formula is nested too deeply", column)
         refusals.at_most(len(tokens), refusals.most_tokens(), "the formula has too many parts", column)
     return tokens
 
