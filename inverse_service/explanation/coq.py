@@ -23,112 +23,6 @@ from inverse_service.expressions import tree as ex
 from inverse_service.field import exact_field
 from inverse_service.mechanics.conditions import Motion
 
-HEAD = """(* What is proven: the theorems at the end, for all real numbers that fulfil their hypotheses. The
-   accelerations f, the derivation along the motion, and the tensors are defined below and computed by Coq. *)
-Require Import Reals Lra QArith Qreals List.
-Import ListNotations.
-Module Motion.
-
-(* Polynomials in generators numbered 0, 1, 2, ...: sorted lists of exponents with their coefficients. *)
-Definition poly := list (list nat * Q).
-Declare Scope poly_scope.
-Delimit Scope poly_scope with poly.
-Bind Scope poly_scope with poly.
-Fixpoint order (a b : list nat) : comparison :=
-  match a, b with
-  | [], [] => Eq
-  | [], _ => Lt
-  | _, [] => Gt
-  | d :: a', e :: b' => match Nat.compare d e with Eq => order a' b' | c => c end
-  end.
-Fixpoint plus_term (m : list nat) (c : Q) (p : poly) : poly :=
-  match p with
-  | [] => if Qeq_bool c 0 then [] else [(m, c)]
-  | (n, d) :: p' =>
-      match order m n with
-      | Eq => if Qeq_bool (c + d) 0 then p' else (n, Qred (c + d)) :: p'
-      | Gt => (m, c) :: p
-      | Lt => (n, d) :: plus_term m c p'
-      end
-  end.
-Definition add (p q : poly) : poly := fold_right (fun t => plus_term (fst t) (snd t)) q p.
-Definition scale (c : Q) (p : poly) : poly := map (fun t => (fst t, Qred (c * snd t))) p.
-Definition sub (p q : poly) : poly := add p (scale (-1) q).
-Fixpoint product (a b : list nat) : list nat :=
-  match a, b with [], _ => b | _, [] => a | d :: a', e :: b' => (d + e)%nat :: product a' b' end.
-Definition mul (p q : poly) : poly :=
-  fold_right (fun t => add (map (fun u => (product (fst t) (fst u), Qred (snd t * snd u))) q)) [] p.
-Definition num (c : Q) : poly := plus_term [] c [].
-Definition var (k : nat) : poly := [(repeat 0%nat k ++ [1%nat], 1)].
-Fixpoint power (p : poly) (e : nat) : poly := match e with O => num 1 | S d => mul p (power p d) end.
-Fixpoint sum (n : nat) (h : nat -> poly) : poly := match n with O => [] | S m => add (sum m h) (h m) end.
-(* The generators of a product of powers, each with its exponent and the product with this exponent lowered by one. *)
-Definition before (e : nat) (m : list nat) := match e, m with O, [] => [] | _, _ => e :: m end.
-Fixpoint lowered (k : nat) (m : list nat) : list (nat * nat * list nat) :=
-  match m with
-  | [] => []
-  | e :: m' =>
-      match e with O => [] | S d => [(k, e, before d m')] end ++
-      map (fun t => (fst t, before e (snd t))) (lowered (S k) m')
-  end.
-(* The derivation that takes generator k to s(k): the sum over k of (dp/dk) s(k). *)
-Definition derive (s : nat -> poly) (p : poly) : poly :=
-  fold_right (fun t => add (fold_right (fun u =>
-    add (mul [(snd u, Qred (snd t * inject_Z (Z.of_nat (snd (fst u)))))] (s (fst (fst u)))))
-    [] (lowered 0 (fst t)))) [] p.
-Infix "+" := add : poly_scope.
-Infix "-" := sub : poly_scope.
-Infix "*" := mul : poly_scope.
-Infix "^" := power : poly_scope.
-Close Scope Q_scope.
-Open Scope R_scope.
-(* The value where the generators have the values r. *)
-Fixpoint monomial (r : nat -> R) (k : nat) (m : list nat) : R :=
-  match m with [] => 1 | e :: m' => r k ^ e * monomial r (S k) m' end.
-Definition value (r : nat -> R) (p : poly) : R :=
-  fold_right (fun t => Rplus (Q2R (snd t) * monomial r 0%nat (fst t))) 0 p.
-"""
-TENSORS = """
-(* Variable 0 is the time, then come `size` coordinates and as many velocities. *)
-Definition partial (v : nat) : poly -> poly := derive (slope v).
-(* Along the motion: d/dt + v^i d/dq^i + f^i d/dv^i. *)
-Definition along (p : poly) : poly :=
-  (partial 0 p + sum size (fun i => velocity i * partial (1 + i) p) +
-   sum size (fun i => f i * partial (1 + size + i) p))%poly.
-Definition by_velocity (i j : nat) : poly := partial (1 + size + j) (f i).
-(* N = -1/2 df/dv, Phi = Gamma(df/dv) - 2 df/dq - 1/2 (df/dv)(df/dv), nabla T = Gamma(T) + N T - T N. *)
-Definition N (i j : nat) : poly := scale (-1 # 2) (by_velocity i j).
-Definition Phi (i j : nat) : poly :=
-  (along (by_velocity i j) - (scale (2 # 1) (partial (1 + j) (f i)) +
-   scale (1 # 2) (sum size (fun m => by_velocity i m * by_velocity m j))))%poly.
-Definition nabla (T : nat -> nat -> poly) (i j : nat) : poly :=
-  (along (T i j) + sum size (fun m => N i m * T m j) - sum size (fun m => T i m * N m j))%poly.
-(* R[T]^i_kl = dT^i_k/dv^l - dT^i_l/dv^k, and nabla of such a tensor. *)
-Definition curvature (T : nat -> nat -> poly) (i k l : nat) : poly :=
-  (partial (1 + size + l) (T i k) - partial (1 + size + k) (T i l))%poly.
-Definition nabla_R (T : nat -> nat -> nat -> poly) (i k l : nat) : poly :=
-  (along (T i k l) + sum size (fun m => N i m * T m k l) -
-   sum size (fun m => T i m l * N m k) - sum size (fun m => T i k m * N m l))%poly.
-"""
-CONDITIONS = """(* (T)_ik: g T is symmetric. (T)_ikl: the cyclic sum of g_ij T^j_kl. *)
-Definition symmetric (T : nat -> nat -> poly) (i k : nat) : poly :=
-  (sum size (fun j => g i j * T j k) - sum size (fun j => g k j * T j i))%poly.
-Definition cyclic (T : nat -> nat -> nat -> poly) (i k l : nat) : poly :=
-  sum size (fun j => g i j * T j k l + g l j * T j i k + g k j * T j l i)%poly.
-"""
-TACTICS = """Ltac computed H := match type of H with value _ ?p = _ =>
-  let q := eval vm_compute in p in replace p with q in H by (vm_compute; reflexivity) end;
-  cbv [value monomial fold_right fst snd point Q2R Qnum Qden] in H.
-Ltac compute_goal := match goal with |- value _ ?p = _ =>
-  let q := eval vm_compute in p in replace p with q by (vm_compute; reflexivity) end;
-  cbv [value monomial fold_right fst snd point Q2R Qnum Qden].
-End Motion.
-Open Scope R_scope.
-"""
-EULER_LAGRANGE = """(* d/dt (dL/dv^i) - dL/dq^i along the motion. *)
-Definition euler_lagrange (i : nat) : poly := (along (partial (1 + size + i) L) - partial (1 + i) L)%poly.
-"""
-
 
 class System:
     """The formulas of theorems over one ring, as Coq has them: generators, their slopes, f, and L if there is one.
@@ -251,7 +145,7 @@ class System:
         for i, acceleration in enumerate(self.accelerations):
             yield f"  | {i}%nat => {self.polynomial(acceleration)}"
         yield "  | _ => []\n  end."
-        yield TENSORS
+        yield th.prelude("tensors")
         values = [f"  | {number}%nat => {name[k]}" for k, number in self.numbers.items()]
         values += [f"  | {len(self.numbers) + place}%nat => / ({self.text(k)})" for place, k in enumerate(self.below)]
         binders = f"({' '.join(name[k] for k in self.numbers)} : R) "
@@ -283,7 +177,7 @@ def coq(theorems: Sequence[th.Theorem]) -> str:
     """A file that Coq 8.16 compiles; without the definition of f if its long factors are separate generators."""
     try:
         system = System(theorems)
-        further = [CONDITIONS] if system.entries else [EULER_LAGRANGE]
+        further = th.prelude("conditions" if system.entries else "euler_lagrange")
         proofs = (
             [_of_lagrangian(system, k) for k in range(len(theorems))]
             if system.lagrangian is not None
@@ -296,7 +190,16 @@ def coq(theorems: Sequence[th.Theorem]) -> str:
                 f"Definition L : poly := {system.polynomial(system.element(system.lagrangian))}."  # type: ignore[arg-type]
             ]
         )
-        return "\n".join([HEAD, *system.definitions(), *given, *further, TACTICS + th.LEMMAS, *proofs])
+        return "\n".join(
+            [
+                th.prelude("polynomials"),
+                *system.definitions(),
+                *given,
+                further,
+                th.prelude("tactics") + th.prelude("lemmas"),
+                *proofs,
+            ]
+        )
     except exact_field.TooLarge as error:
         return f"(* f is not defined in this file: {error}. *)\n" + th.coq_of_identities(theorems[0])
 

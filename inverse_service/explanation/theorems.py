@@ -12,6 +12,7 @@ import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 from flint import fmpq, fmpq_mpoly, fmpq_mpoly_ctx
@@ -45,21 +46,6 @@ TERMS_WITHOUT_LETTERS = 20_000
 
 HEAD = """What is proven: the statements below, for all real numbers that fulfil the hypotheses. What is not: that the
 hypotheses are what the comments say, that is the derivatives that were taken to form them."""
-LEMMAS = """Lemma cancel (f a : R) : f <> 0 -> f * a = 0 -> a = 0.
-Proof. intros H P; destruct (Rmult_integral _ _ P); [contradiction | assumption]. Qed.
-Lemma plus_zero (a b : R) : a = 0 -> b = 0 -> a + b = 0.
-Proof. intros -> ->; ring. Qed.
-Lemma times_zero (a b : R) : b = 0 -> a * b = 0.
-Proof. intros ->; ring. Qed.
-Ltac nonzero := repeat split; repeat (assumption || apply Rmult_integral_contrapositive_currified ||
-  apply pow_nonzero || lra).
-Ltac zero := repeat (reflexivity || assumption || apply times_zero || apply plus_zero).
-"""
-COQ_HEAD = f"""(* {HEAD} *)
-Require Import Reals Lra.
-Open Scope R_scope.
-
-{LEMMAS}"""
 # Words that name no variable in Coq, and the names that proofs use themselves.
 _TAKEN = re.compile(
     r"(eq|row|rel|nz|val|ker)\d+|Motion|whole|which|cancel|plus_zero|times_zero|nonzero|zero|det_g|residual|R|as|at|by|"
@@ -588,13 +574,19 @@ def coq_of_identities(theorem: Theorem) -> str:
     """A file for Coq whose hypotheses are the equations, not where they come from."""
     letters = letters_of(theorem)
     binders = f" ({' '.join(letters.names.values())} : R)" if letters.names else ""
-    lines = [COQ_HEAD, *(f"(* {name} is {text} *)" for name, text in letters.meanings.items())]
+    opening = [f"(* {HEAD} *)", "Require Import Reals Lra.", "Open Scope R_scope.", "", prelude("lemmas")]
+    lines = [*opening, *(f"(* {name} is {text} *)" for name, text in letters.meanings.items())]
     for fact, text in theorem.equations:
         lines.append(f"(* {fact.name} is {text}, without denominators and common factors *)")
     facts = (*theorem.relations, *(fact for fact, _ in theorem.equations))
     lines += [f"Theorem {theorem.name}{binders}", *hypotheses(letters, facts, theorem.nonzero)]
     lines += [f"  : {polynomial_text(letters, theorem.steps[-1].gives.polynomial)} = 0.", "Proof."]
     return "\n".join([*lines, *coq_steps(theorem, letters), "Qed.", ""])
+
+
+def prelude(name: str) -> str:
+    """A part of Coq's own text that every file with such theorems has, of the folder `prelude`."""
+    return (Path(__file__).parent / "prelude" / f"{name}.v").read_text(encoding="utf-8")
 
 
 def coq_steps(theorem: Theorem, letters: Letters) -> Iterator[str]:
