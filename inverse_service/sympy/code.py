@@ -10,8 +10,10 @@ from __future__ import annotations
 
 import keyword
 import textwrap
+import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import sympy
@@ -52,66 +54,6 @@ _WORDS = frozenset(
 ) | {*_CALLED.split(), *QUANTITIES}
 
 
-_FORTRAN = """subroutine {name}(out, {arguments})
-  implicit none
-  double precision, intent(out) :: out({size})
-  double precision, intent(in) :: {arguments}
-{declared}"""
-_C_OPENING = "void {name}(double *out, {arguments})\n{{"
-_C = (
-    _C_OPENING,
-    "    const double {} = {};",
-    "    out[0] = {};",
-    "    out[{place}] = {value};",
-    "}",
-    "// {}",
-    "double {}",
-)
-_MATLAB = (
-    "function out = {name}({arguments})",
-    "    {} = {};",
-    "    out = {};",
-    "    out({place1}) = {value};",
-    "end",
-    "% {}",
-)
-_MATHEMATICA = (
-    "{name}[{arguments}] := Module[{{{locals}}},",
-    "  {} = {};",
-    "  {}",
-    "  {{{values}}}",
-    "]",
-    "(* {} *)",
-    "{}_",
-)
-_MAPLE = (
-    "{name} := proc({arguments})\n  local {locals};",
-    "  {} := {};",
-    "  {};",
-    "  [{values}];",
-    "end proc:",
-    "# {}",
-)
-_MAXIMA = ("{name}({arguments}) := block([{locals}],", "  {}: {},", "  {}", "  [{values}]", ")$", "/* {} */")
-_JULIA = ("function {name}({arguments})", "    {} = {}", "    return {}", "    return [{values}]", "end", "# {}")
-_RUST = (
-    "pub fn {name}({arguments}) -> Vec<f64> {{",
-    "    let {} = {};",
-    "    vec![{}]",
-    "    vec![{values}]",
-    "}",
-    "// {}",
-    "{}: f64",
-)
-_JAVASCRIPT = (
-    "function {name}({arguments}) {{",
-    "  const {} = {};",
-    "  return {};",
-    "  return [{values}];",
-    "}",
-    "// {}",
-)
-
 _JAX_FUNCTIONS = ("lagrangian", "momenta", "hamiltonian")
 _JAX_HEAD = """import jax
 import jax.numpy as jnp
@@ -129,20 +71,16 @@ _MODELINGTOOLKIT_WORDS = frozenset(["D", "equations", "motion", "System"])
 
 @dataclass(frozen=True)
 class Language:
-    """How a function is written: its opening with {name} and {arguments}, a line of it, and what it gives back.
-
-    `argument` is one argument; `several` is used where more than one value is given back, once for each {value}, or
-    once for all {values}. `words` are names that no variable may have in this language alone.
-    """
+    """How a function is written: a row of languages.toml, which says what each key is."""
 
     printed: Callable[[Any], str]
-    start: str
     opening: str
     assignment: str
     scalar: str
     several: str
-    closing: str
     comment: str
+    start: str = ""
+    closing: str = ""
     argument: str = "{}"
     words: str = ""
 
@@ -222,25 +160,19 @@ def _cpp(expression: Any) -> str:
     return str(cxxcode(_within_integers(expression)))
 
 
-LANGUAGES: dict[str, Language] = {
-    "python": Language(
-        sympy.pycode, "import math\n\n", "def {name}({arguments}):", "    {} = {}", "    return {}",
-        "    return [{values}]", "", "# {}",
-    ),
-    "julia": Language(sympy.julia_code, "", *_JULIA),
-    "matlab": Language(sympy.octave_code, "", *_MATLAB),
-    "octave": Language(sympy.octave_code, "", *_MATLAB),
-    "mathematica": Language(sympy.mathematica_code, "", *_MATHEMATICA),
-    "maple": Language(sympy.maple_code, "", *_MAPLE),
-    "maxima": Language(_maxima, "", *_MAXIMA),
-    "c": Language(_c, "#include <math.h>\n\n", *_C),
-    "cpp": Language(_cpp, "#include <cmath>\n\n", *_C),
-    "rust": Language(_rust, "", *_RUST),
-    "javascript": Language(sympy.jscode, "", *_JAVASCRIPT),
-    "fortran": Language(
-        _fortran, "", _FORTRAN, "  {} = {}", "  out(1) = {}", "  out({place1}) = {value}", "end subroutine", "! {}",
-    ),
+_PRINTERS: dict[str, Callable[[Any], str]] = {
+    "rust": _rust, "maxima": _maxima, "fortran": _fortran, "c": _c, "cpp": _cpp,
 }  # fmt: skip
+
+
+def _languages() -> Iterator[tuple[str, Language]]:
+    """The languages of languages.toml."""
+    for name, row in tomllib.loads((Path(__file__).parent / "languages.toml").read_text(encoding="utf-8")).items():
+        printer = row.pop("printer")
+        yield name, Language(_PRINTERS.get(printer) or getattr(sympy, printer), **row)
+
+
+LANGUAGES: dict[str, Language] = dict(_languages())
 
 
 def program(answer: Answer, language: str) -> str:
