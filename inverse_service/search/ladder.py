@@ -64,12 +64,12 @@ LEAVES = (
         "`phi`. Integrating `phi G` twice over the velocities, then `A` and `V`, gives `L`.",
     ),
     protocol.Leaf(
-        "linear systems, multipliers in t alone",
+        "linear systems, a constant multiplier times exp(c*t)",
         1.5,
         linear_systems.is_linear,
-        linear_systems.linear_lagrangians,
-        "The system is linear. A multiplier `g` that depends only on `t` must satisfy `g' = g N + (g N)^T`, and "
-        "`g Phi` must be symmetric; integration gives `L`.",
+        linear_systems.propose,
+        "The system is linear. The equations times `exp(c*t)`, with the trace `n c` of the damping, have sums with "
+        "constant factors that are self-adjoint; integration gives `L`.",
     ),
     protocol.Leaf(
         "one coordinate, products of Darboux factors",
@@ -90,14 +90,6 @@ LEAVES = (
     ),
 )
 REDUCTIONS = (
-    protocol.Reduction(
-        "other coordinates",
-        3.5,
-        reductions.applies,
-        reductions.in_shorter_coordinates,
-        "A change of coordinates simplifies `f`. The Lagrangian found there is transformed back.",
-        exact=True,
-    ),
     protocol.Reduction(
         BLOCKS,
         3.55,

@@ -20,12 +20,13 @@ one C up to a factor, these sums are the lines.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from functools import cache, reduce
+from functools import cache
 from itertools import chain, combinations, combinations_with_replacement, islice, product
+from typing import Any
 
 from inverse_service import bounds
 from inverse_service.deadline import check, end, now
@@ -53,6 +54,8 @@ _VAIN: dict[tuple[tuple[str, ...], tuple[ex.Expression, ...]], None] = {}
 _MOST_VAIN = 64
 
 Factor = tuple[Fraction, tm.Monomial]
+Vector = Sequence[exact_field.Quotient]
+Table = list[list[tm.Terms]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,6 +86,27 @@ class Lines:
             self, matrix=matrix, rest=[tm.multiply_terms(*pair) for pair in zip(factors, self.rest, strict=True)]
         )
 
+    def sums(self, factors: Sequence[tm.Terms]) -> Lines:
+        """C times the lines, C_ik in the order of (k, i)."""
+        rows = [factors[i :: len(self.rest)] for i in self.places]
+        matrix = [[_dot(row, column) for column in zip(*self.matrix, strict=True)] for row in rows]
+        return replace(self, matrix=matrix, rest=[_dot(row, self.rest) for row in rows])
+
+    def conditions(self) -> list[tuple[Table, int]]:
+        """(Y, sign) with Y_ij = sign Y_ji for self-adjoint lines.
+
+        G_ij = G_ji; d_j H_i - d_i H_j = d_t (d_vj H_i - d_vi H_j)/2 at v = 0; d_vj H_i + d_vi H_j = D (G_ij + G_ji).
+        """
+        still, damping = [], []
+        for row, rest in zip(self.matrix, self.rest, strict=True):
+            slopes = [tm.derivative_of_terms(rest, v) for v in self.velocities]
+            rates = [tm.derivative_of_terms(_at_rest(slope), ex.TIME) for slope in slopes]
+            forces = [tm.derivative_of_terms(_at_rest(rest), q) for q in self.coordinates]
+            pairs = zip(forces, rates, strict=True)
+            still.append([tm.add_terms(force, rate, Fraction(-1, 2)) for force, rate in pairs])
+            damping.append([tm.add_terms(b, _along(self, entry), -1) for b, entry in zip(slopes, row, strict=True)])
+        return [(self.matrix, 1), (still, 1), (damping, -1)]
+
 
 def lagrangians_of_lines(
     system: SecondOrderSystem, given: Sequence[ex.Expression], table: RealTable | None = None, signs: bool = False
@@ -91,12 +115,7 @@ def lagrangians_of_lines(
 
     `signs`: integrals that are not elementary may stay.
     """
-    solved = (
-        []
-        if system.is_unsolved
-        else [ex.Acceleration(q) - f for q, f in zip(system.coordinates, system.accelerations, strict=True)]
-    )
-    for equations in dict.fromkeys((tuple(given), tuple(solved))):
+    for equations in dict.fromkeys((tuple(given), () if system.is_unsolved else solved(system))):
         question = (*system.coordinates, *system.parameters), equations
         if len(equations) != len(system.coordinates) or question in _VAIN:
             continue
@@ -109,7 +128,7 @@ def lagrangians_of_lines(
             check()
             integrator = gradients.Integrator(system, table, signs)
             try:
-                found = _lagrangian(scaled, integrator)
+                found = lagrangian_of(scaled, integrator)
             except _FAILED:
                 is_open = True
                 continue
@@ -123,16 +142,16 @@ def lagrangians_of_lines(
 
 
 def _proposed_lines(lines: Lines) -> Iterator[Lines]:
-    """The lines in some orders, times factors that make the matrix symmetric; if none do, sums of the lines."""
-    is_symmetric = False
-    for scaled in islice(symmetric_lines(lines), _ORDERS):
-        is_symmetric = True
-        yield scaled
-    if not is_symmetric:
+    """The lines times factors that make the matrix symmetric; before other orders than theirs, sums of the lines."""
+    orders = islice(symmetric_lines(lines), _ORDERS)
+    first = next(orders, None)
+    if first is None or list(first.order) != list(lines.places):
         with suppress(*_FAILED):
             sums = _self_adjoint_sums(lines)
             if sums is not None:
                 yield sums
+    if first is not None:
+        yield from (first, *orders)
 
 
 def propose(material: Material, seed: int) -> Sequence[ex.Expression]:
@@ -156,7 +175,7 @@ def in_own_order(system: SecondOrderSystem) -> SecondOrderSystem | None:
         for scaled in islice(symmetric_lines(lines_of(system, system.given)), _ORDERS):
             check()
             with suppress(*_FAILED):
-                if _lagrangian(scaled, gradients.Integrator(system)) is not None:
+                if lagrangian_of(scaled, gradients.Integrator(system)) is not None:
                     return replace(system, branch=Branch(tuple(system.given[k] for k in scaled.order), unsolved=True))
     return None
 
@@ -167,6 +186,11 @@ def lines_of(system: SecondOrderSystem, equations: Sequence[ex.Expression]) -> L
     names = system.coordinates
     matrix = [[tm.terms_of(part.coefficients[q]) if q in part.coefficients else {} for q in names] for part in parts]
     return Lines(system, matrix, [tm.terms_of(part.rest) for part in parts])
+
+
+def solved(system: SecondOrderSystem) -> tuple[ex.Expression, ...]:
+    """q'' - f."""
+    return tuple(ex.Acceleration(q) - f for q, f in zip(system.coordinates, system.accelerations, strict=True))
 
 
 def symmetric_lines(lines: Lines) -> Iterator[Lines]:
@@ -232,23 +256,36 @@ def _along_edges(size: int, ratios: Mapping[tuple[int, int], Factor | None]) -> 
 def _self_adjoint_sums(lines: Lines) -> Lines | None:
     """G q'' + H = C (M q'' + B) with constants C, as many of them 0 as can be; None where there is none, or too many.
 
-    They are G_ij = G_ji and, where these leave more than one, d_j H_i = d_i H_j at v = 0 if t does not occur, and
-    d_vj H_i + d_vi H_j = D (G_ij + G_ji). Each says (C Y)_ij = sign (C Y)_ji for a known matrix Y.
+    Of several C that of a line that is added to another or taken from it, else with a zero.
     """
-    found = _constant_sums(lines, [(lines.matrix, 1)], 1)
-    if found is None:
-        still, damping = [], []
-        for row, rest in zip(lines.matrix, lines.rest, strict=True):
-            still.append([tm.derivative_of_terms(_at_rest(rest), q) for q in lines.coordinates])
-            slopes = [tm.derivative_of_terms(rest, v) for v in lines.velocities]
-            damping.append([tm.add_terms(b, _along(lines, entry), -1) for b, entry in zip(slopes, row, strict=True)])
-        known = [] if ex.holds(ex.add(*lines.system.given), ex.TIME) else [(still, 1)]
-        found = _constant_sums(lines, [(lines.matrix, 1), *known, (damping, -1)], _MOST_FREE)
-    if not found:
+    conditions = lines.conditions()
+    for some in (conditions[:1], conditions):  # the others are long
+        ring, tables = exact(lines, [table for table, _ in some])
+        sums = constant_sums(ring, [(table, sign) for table, (_, sign) in zip(tables, some, strict=True)])
+        if len(sums.basis) <= 1:
+            break
+    n, one = len(lines.rest), sums.ring.constant(1)
+    for sign, k, i in product((-1, 1), lines.places, lines.places):  # most often lines were added
+        unit = [one if a == b else one.scaled(sign) if (a, b) == (k, i) else one - one
+                for a, b in product(lines.places, lines.places)]  # fmt: skip
+        if k != i and len(sums.basis) > 1 and sums.contain(unit):
+            return lines.sums(_terms(sums.ring, unit))
+    if len(sums.basis) > _MOST_FREE:
         return None
-    rows = [found[i :: len(lines.rest)] for i in lines.places]
-    matrix = [[_dot(row, column) for column in zip(*lines.matrix, strict=True)] for row in rows]
-    return replace(lines, matrix=matrix, rest=[_dot(row, lines.rest) for row in rows])
+    found = list[Vector]()
+    for chosen in combinations(range(n * n), len(sums.basis) - 1) if sums.basis else ():
+        rows = [[vector[k] for vector in sums.basis] for k in chosen]
+        weights = list(matrices.null_space(rows, len(sums.basis), one).values())
+        if len(weights) == 1:
+            vector = [matrices.dot(one - one, weights[0], entries) for entries in zip(*sums.basis, strict=True)]
+            if not matrices.determinant([vector[i::n] for i in lines.places], one).is_zero:
+                inverse = exact_field.common_factor([c for c in vector if not c.is_zero]).inverse()
+                found.append([c * inverse for c in vector])
+    return lines.sums(_terms(sums.ring, min(found, key=size))) if found else None
+
+
+def _terms(ring: exact_field.ExactRing, vector: Vector) -> list[tm.Terms]:
+    return [tm.terms_of(exact_field.quotient_tree(ring, entry)) for entry in vector]
 
 
 def _dot(left: Sequence[tm.Terms], right: Sequence[tm.Terms]) -> tm.Terms:
@@ -258,48 +295,45 @@ def _dot(left: Sequence[tm.Terms], right: Sequence[tm.Terms]) -> tm.Terms:
     return total
 
 
-def _constant_sums(
-    lines: Lines, tables: Sequence[tuple[list[list[tm.Terms]], int]], most: int
-) -> list[tm.Terms] | None:
-    """Constants C_ik, in the order of (k, i), with (C Y)_ij = sign (C Y)_ji for each (Y, sign), det C != 0.
+@dataclass(frozen=True, slots=True)
+class Sums:
+    """Constants C, each in the order of (k, i) for C_ik, that solve the conditions: a basis, and the conditions."""
 
-    Empty where there are none, None where more than `most` numbers are free. Of more than one, those of a line that
-    is added to another or taken from it, else with a zero.
-    """
+    ring: exact_field.ExactRing
+    columns: list[list[exact_field.Quotient]]
+    basis: list[list[exact_field.Quotient]]
+
+    def contain(self, vector: Vector) -> bool:
+        zero = self.ring.constant(0)
+        return all(matrices.dot(zero, vector, entries).is_zero for entries in zip(*self.columns, strict=True))
+
+
+def exact(
+    lines: Lines, tables: Sequence[Table], others: Sequence[ex.Expression] = ()
+) -> tuple[exact_field.ExactRing, list[list[list[exact_field.Quotient]]]]:
+    """A ring for the tables and the others, and the tables in it."""
     symbols: list[ex.Symbol | ex.Velocity] = [ex.TIME, *lines.coordinates, *lines.velocities]
-    trees = [[[tm.tree_of(entry) for entry in row] for row in table] for table, _ in tables]
-    ring = exact_field.exact_ring([e for table in trees for row in table for e in row], symbols, 1, Budget.long())
-    zero, columns = ring.constant(0), list[list[exact_field.Quotient]]()
-    values = [[list(map(ring.value, row)) for row in table] for table in trees]
-    for k, a in product(lines.places, lines.places):
+    trees = [[[tm.tree_of(entry) for entry in row] for row in table] for table in tables]
+    every = [entry for table in trees for row in table for entry in row]
+    ring = exact_field.exact_ring([*every, *others], symbols, 1, Budget.long())
+    return ring, [[list(map(ring.value, row)) for row in table] for table in trees]
+
+
+def constant_sums(ring: exact_field.ExactRing, conditions: Sequence[tuple[Any, int]]) -> Sums:
+    """Constants C with (C Y)_ij = sign (C Y)_ji for each (Y, sign)."""
+    zero, columns, places = ring.constant(0), list[list[exact_field.Quotient]](), range(len(conditions[0][0]))
+    for k, a in product(places, places):
         column = []
-        for table, (_, sign) in zip(values, tables, strict=True):
-            for i, j in combinations_with_replacement(lines.places, 2):
+        for table, sign in conditions:
+            for i, j in combinations_with_replacement(places, 2):
                 column.append((table[k][j] if a == i else zero) - (table[k][i].scaled(sign) if a == j else zero))
         columns.append(column)
-    basis, n = matrices.null_vectors(ring, columns), len(lines.rest)
-    if len(basis) > 1 and most > 1:
-        diagonal = [exact_field.sum_of(zero, entries) for entries in zip(*columns[:: n + 1], strict=True)]
-        for k, i, sign in ((k, i, s) for k, i in product(lines.places, lines.places) for s in (-1, 1) if k != i):
-            if all((d + c.scaled(sign)).is_zero for d, c in zip(diagonal, columns[k * n + i], strict=True)):
-                return [{tm.EMPTY: Fraction(1)} if a == b else {tm.EMPTY: Fraction(sign)} if (a, b) == (k, i) else {}
-                        for a, b in product(lines.places, lines.places)]  # fmt: skip
-    if len(basis) > most:
-        return None
-    found = list[list[exact_field.Quotient]]()
-    for chosen in combinations(range(n * n), len(basis) - 1) if basis else ():
-        rows = [[vector[k] for vector in basis] for k in chosen]
-        weights = list(matrices.null_space(rows, len(basis), ring.constant(1)).values())
-        if len(weights) == 1:
-            vector = [matrices.dot(zero, weights[0], entries) for entries in zip(*basis, strict=True)]
-            if not matrices.determinant([vector[i::n] for i in lines.places], ring.constant(1)).is_zero:
-                whole = matrices.numerators(ring, vector)
-                common = reduce(lambda left, right: left.gcd(right), whole)
-                found.append([exact_field.Quotient(ring.field, entry // common, ()) for entry in whole])
-    if not found:
-        return []
-    trees_of = [[exact_field.quotient_tree(ring, c) for c in one] for one in found]
-    return list(map(tm.terms_of, min(trees_of, key=lambda one: sum(map(ex.node_count, one)))))
+    return Sums(ring, columns, matrices.null_vectors(ring, columns))
+
+
+def size(vector: Iterable[exact_field.Quotient]) -> int:
+    """Terms in all entries."""
+    return sum(len(entry.numerator) + len(entry.exponents) for entry in vector)
 
 
 def _factor(left: tm.Terms, right: tm.Terms) -> Factor | None:
@@ -329,7 +363,7 @@ def _is_constant(letter: ex.Expression, constants: set[ex.Symbol]) -> bool:
     return bool(leaves) and all(leaf in constants for leaf in leaves)
 
 
-def _lagrangian(lines: Lines, integrator: gradients.Integrator) -> ex.Expression | None:
+def lagrangian_of(lines: Lines, integrator: gradients.Integrator) -> ex.Expression | None:
     """L of lines with a symmetric matrix, each connected part of them times its function and its constant."""
     parts = connected(list(lines.places), [{i, j} for i in lines.places for j in lines.places if lines.matrix[i][j]])
     for part in parts:
