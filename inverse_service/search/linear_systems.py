@@ -4,15 +4,16 @@ With N = C/2 and Phi = 2 K - C^2/2 such a multiplier fulfils
     g' = T(g) = g N + (g N)^T,        g Phi symmetric,
 hence g [N, Phi], g [N, [N, Phi]], … symmetric. The symmetric matrices with all these properties are the greatest
 T-invariant space V on which g Phi is symmetric, and g(t) = e^(tT) g(0) with g(0) in V (Sarlet, Engels and Bahar 1982).
-The real rates of e^(tT) are the means of two eigenvalues of C; for one of them, r,
-    g(t) = e^(rt) sum_k t^k (T - r)^k g(0)/k!,        (T - r)^m g(0) = 0.
+The rates of e^(tT) are the means of two eigenvalues of C, such as a or the pair a +- sqrt(d):
+    g(t) = e^(at) sum_k t^k (T - a)^k g(0)/k!,                                    (T - a)^m g(0) = 0,
+    g(t) = e^(at) (cosh(sqrt(d) t) + sinh(sqrt(d) t)/sqrt(d) (T - a)) g(0),       ((T - a)^2 - d) g(0) = 0.
 The equations times g are self-adjoint lines. All of V is exact in the field of the parameters.
 """
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from itertools import combinations_with_replacement
+from itertools import combinations_with_replacement, count
 from math import factorial, isqrt
 from typing import Any
 
@@ -23,7 +24,7 @@ from numpy.typing import NDArray
 from inverse_service import bounds
 from inverse_service.expressions import evaluation, tree as ex
 from inverse_service.field import exact_field, matrices, real_point
-from inverse_service.search import members, row_factors, terms as tm
+from inverse_service.search import members, quadratures, row_factors, terms as tm
 from inverse_service.search.gradients import Integrator
 from inverse_service.search.material import Material
 
@@ -33,6 +34,7 @@ _TINY = 1e-9
 _EIGENVALUE = ex.Symbol("an eigenvalue")
 # Of quotients: numpy's arithmetic of objects is theirs.
 Array = NDArray[Any]
+Rate = tuple[ex.Expression, ex.Expression]
 
 
 def is_linear(material: Material) -> bool:
@@ -56,9 +58,9 @@ def propose(material: Material, seed: int) -> list[ex.Expression]:
     lines = row_factors.lines_of(system, row_factors.solved(system))
     try:
         (one, _), (stiffness, _), (damping, _) = lines.conditions()
-        rates = list(_rates(damping, table)) if material.motion.with_time else [ex.ZERO]
-        ring, values = row_factors.exact(lines, [one, stiffness, damping], rates)
-        branches = [one for rate in rates for one in _branches(ring, [np.array(table) for table in values], rate)]
+        rates = list(_rates(damping)) if material.motion.with_time else [(ex.ZERO, ex.ZERO)]
+        ring, values = row_factors.exact(lines, [one, stiffness, damping], [tree for rate in rates for tree in rate])
+        branches = [one for rate in rates for one in _branches(ring, [np.array(v) for v in values], rate, table)]
         found = [
             row_factors.lagrangian_of(lines.sums(g), Integrator(system, table)) for g in _chosen(ring, branches, table)
         ]
@@ -67,25 +69,31 @@ def propose(material: Material, seed: int) -> list[ex.Expression]:
     return [tree for tree in found if tree is not None]
 
 
-def _rates(damping: row_factors.Table, table: real_point.RealTable) -> Iterator[ex.Expression]:
-    """The real means of two eigenvalues of C, from the factors of degree 1 and 2 of its characteristic polynomial."""
+def _rates(damping: row_factors.Table) -> Iterator[Rate]:
+    """(a, d) with a +- sqrt(d) the means of two eigenvalues of C, from the factors of degree 1 and 2 of det(C - x)."""
     trees = [[tm.tree_of(entry) for entry in row] for row in damping]
     constants = [entry for row in trees for entry in row]
     ring = exact_field.exact_ring(constants, (), 0, exact_field.Budget.long(), further=(_EIGENVALUE,))
     x, one = ring.atoms[_EIGENVALUE], ring.constant(1)
     matrix = [[ring.value(c) - (x if i == j else one - one) for j, c in enumerate(row)] for i, row in enumerate(trees)]
     (place,) = (k for k, degree in enumerate(x.numerator.degrees()) if degree)
-    eigenvalues = list[ex.Expression]()
+    eigenvalues = list[Rate]()
     for factor, _ in exact_field.factor_polynomial(matrices.determinant(matrix, one).numerator)[1]:
         parts = exact_field.coefficients_of(factor, [place])
         quotients = (ring.field.quotient(parts.get((k,), factor * 0), ()) for k in range(3))
         c, b, a = (exact_field.quotient_tree(ring, part) for part in quotients)
         if max(parts) == (1,):
-            eigenvalues.append(-c / b)
-        elif max(parts) == (2,) and real_point.real_sign(square := b**2 - 4 * a * c, table) > 0:
-            eigenvalues += [(-b + sign * ex.square_root(square)) / (2 * a) for sign in (1, -1)]
-    pairs = combinations_with_replacement(eigenvalues, 2)
-    yield from dict.fromkeys(tm.collected((left + right) / 2) for left, right in pairs)
+            eigenvalues.append((-c / b, ex.ZERO))
+        elif max(parts) == (2,):
+            eigenvalues.append((-b / (2 * a), tm.collected(b**2 / (4 * a**2) - c / a)))
+    found = dict[Rate, None]()
+    for (a, d), (b, e) in combinations_with_replacement(eigenvalues, 2):
+        mean = tm.collected((a + b) / 2)
+        if (a, d) == (b, e):
+            found |= {(mean, ex.ZERO): None, (mean, d): None}
+        elif ex.ZERO in (d, e):
+            found[mean, tm.collected((d + e) / 4)] = None
+    yield from found
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,9 +109,12 @@ class Branch:
         return row_factors.size(self.row) + sum(row_factors.size(g.flat) for _, g in self.parts[1:])
 
 
-def _branches(ring: exact_field.ExactRing, tables: Sequence[Array], rate: ex.Expression) -> Iterator[Branch]:
+def _branches(
+    ring: exact_field.ExactRing, tables: Sequence[Array], rate: Rate, table: real_point.RealTable
+) -> Iterator[Branch]:
     """Those of one rate, by g(0) with many zeros, in itself or in g(0) K; `tables` are 1, K, and C."""
     one, stiffness, damping = tables
+    a, d = map(ring.value, rate)
     n, connection = len(one), _scaled(damping, Fraction(1, 2))
     tensor = stiffness + stiffness - _scaled(damping @ damping, Fraction(1, 2))
     conditions, basis, before = [(one, 1)], list[list[exact_field.Quotient]](), n * n + 1
@@ -116,14 +127,15 @@ def _branches(ring: exact_field.ExactRing, tables: Sequence[Array], rate: ex.Exp
             return
 
     def moved(g: Array) -> Array:
-        """(T - r) g."""
+        """(T - a) g."""
         product: Array = g @ connection
-        whole: Array = product + product.T - g * ring.value(rate)
+        whole: Array = product + product.T - g * a
         return whole
 
     space = images = [np.array(vector).reshape(n, n) for vector in basis]
-    for _ in space:
+    for _ in space if d.is_zero else ():
         images = [moved(g) for g in images]
+    images = images if d.is_zero else [moved(moved(g)) - g * d for g in images]
     weights = matrices.null_vectors(ring, [list(g.flat) for g in images])
     starts = [
         sum((g * w for g, w in zip(space, vector, strict=True)), start=one * ring.constant(0)) for vector in weights
@@ -134,12 +146,24 @@ def _branches(ring: exact_field.ExactRing, tables: Sequence[Array], rate: ex.Exp
     for row in [row for order in orders for row in matrices.reduced_rows(rows, order).rows]:
         inverse = exact_field.common_factor([c for c in row[: n * n] if not c.is_zero]).inverse()
         primitive = tuple(entry * inverse for entry in row)
-        parts, g = list[tuple[ex.Expression, Array]](), np.array(primitive[: n * n]).reshape(n, n)
-        while not all(entry.is_zero for entry in g.flat):
-            k = len(parts)
-            parts.append((Fraction(1, factorial(k)) * ex.TIME**k * ex.apply("exp", rate * ex.TIME), g))
+        g, parts = np.array(primitive[: n * n]).reshape(n, n), list[tuple[ex.Expression, Array]]()
+        for phi in _functions_of_time(*rate, table):
+            if all(entry.is_zero for entry in g.flat):
+                break
+            parts.append((phi, g))
             g = moved(g)
         yield Branch(tuple(parts), primitive)
+
+
+def _functions_of_time(a: ex.Expression, d: ex.Expression, table: real_point.RealTable) -> Iterator[ex.Expression]:
+    """e^(at) t^k/k! or, for the pair of rates, e^(at) cosh(sqrt(d) t) and e^(at) sinh(sqrt(d) t)/sqrt(d)."""
+    growth = ex.apply("exp", a * ex.TIME)
+    if d == ex.ZERO:
+        yield from (Fraction(1, factorial(k)) * ex.TIME**k * growth for k in count())
+    rises = real_point.real_sign(d, table) > 0
+    root = quadratures.extracted_root(d if rises else ex.negated(d))
+    yield growth * ex.apply("cosh" if rises else "cos", root * ex.TIME)
+    yield growth * ex.apply("sinh" if rises else "sin", root * ex.TIME) / root
 
 
 def _scaled(array: Array, factor: Fraction) -> Array:
@@ -167,7 +191,8 @@ def _chosen(
                 for place, entry in enumerate(g.flat):
                     tree = phi * exact_field.quotient_tree(ring, entry)
                     total[place] = tm.add_terms(total[place], tm.terms_of(tree), w if values[-1] > 0 else -w)
-            rank = bool(values[0] < 0 < values[-1]), sum(ordered[k].size for _, k in used)
+            changes = any(len(ordered[k].parts) > 1 for _, k in used)  # its sign may, too
+            rank = changes or bool(values[0] < 0 < values[-1]), sum(ordered[k].size for _, k in used)
             found.append((rank, total))
     return [g for _, g in sorted(found, key=lambda one: one[0])[: bounds.FEW]]
 
