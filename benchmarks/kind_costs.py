@@ -28,8 +28,7 @@ from inverse_service.expressions.tree import number
 from inverse_service.mechanics.reading import read_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.solving import kind_answers
-from inverse_service.solving.definite import answer_definite
-from inverse_service.solving.kind_answers import answer_kind, answer_rayleigh
+from inverse_service.solving.kind_answers import answer_definite, answer_kind, answer_rayleigh
 
 PAGE = Path(__file__).parents[1] / "docs" / "records" / "kinds.md"
 KINDS = ("natural", "riemannian", "finsler", "invariant", "rayleigh", "positive_definite")

@@ -1,5 +1,10 @@
 """The answers about kinds of Lagrangians, each with a certificate that the checker confirms.
 
+Is there a Lagrangian whose Hessian is definite at a real point? Among the Lagrangians found, a combination with a
+definite Hessian there is a yes. Else, for rational f, the values W that g = d2L/dv dv can take at the point follow from
+the prolonged Helmholtz conditions with this very point put in: a definite matrix in W is a yes where the system is
+involutive there, Y >= 0 with tr(Y w) = 0 on W a no.
+
 Natural Lagrangians with friction, the lower half: E_i = dD/dv_i along f for L = T + A v - V, D = D_ij(q) v_i v_j/2.
 
 E_i is g_ij f^j and terms of degree 2, 1, 0 in v, so f is quadratic in v. With f = f_e + f_o, even and odd in v, T - V
@@ -11,22 +16,28 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import chain, combinations, combinations_with_replacement, product
-from typing import Any
+from typing import Any, cast
 
-from inverse_service import errors
+import mpmath
+import numpy as np
+
+from inverse_service import bounds, errors
 from inverse_service.certificate import checker
 from inverse_service.deadline import left, now
 from inverse_service.decision import certify, deciding, solutions
 from inverse_service.decision.deciding import Analysis, Decision
-from inverse_service.decision.kinds.helmholtz import ANY_FRICTION, LagrangianKind, kind_named
+from inverse_service.decision.kinds import helmholtz
+from inverse_service.decision.kinds.helmholtz import ANY_FRICTION, LagrangianKind
+from inverse_service.expressions import collecting, tree as ex
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.tree import Acceleration, Expression, Symbol, Velocity, add, substitute, walk
-from inverse_service.field.matrices import kernel
+from inverse_service.field import matrices, modular, null_vectors, real_point
+from inverse_service.field.point import Point, SingularPoint, number_value
+from inverse_service.linear_pde import equations, involution
 from inverse_service.linear_pde.involution import Limits
-from inverse_service.mechanics.euler_lagrange import euler_lagrange_residual
+from inverse_service.mechanics import euler_lagrange
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.search import protocol, row_factors
+from inverse_service.search import members, protocol, row_factors
 from inverse_service.search.gradients import Integrator
 from inverse_service.search.terms import EMPTY, TooManyTerms, collected, terms_of, tree_of
 
@@ -46,7 +57,7 @@ class KindAnswer:
     reason: str = ""
     certificate: Mapping[str, Any] | None = None
     lagrangian: solutions.Lagrangian | None = None
-    dissipation: Expression | None = None
+    dissipation: ex.Expression | None = None
     exceptions: Sequence[str] = ()
 
 
@@ -125,14 +136,14 @@ def confirmed(answer: KindAnswer, deadline: float) -> KindAnswer | None:
 FAMILY = "natural, with friction"
 HALF = Fraction(1, 2)
 # Natural Lagrangians of a system without friction; a search for them takes its time.
-Search = Callable[[SecondOrderSystem], Sequence[Expression]]
+Search = Callable[[SecondOrderSystem], Sequence[ex.Expression]]
 
 
-def quick_rayleigh(analysis: Analysis, given: Sequence[Expression], deadline: float) -> KindAnswer | None:
+def quick_rayleigh(analysis: Analysis, given: Sequence[ex.Expression], deadline: float) -> KindAnswer | None:
     """By the equations as they were written: E = M q'' + b with M the Hessian of T; None where that gives none."""
     names = analysis.system.coordinates
     even, odd = zip(*(parts_of_parity(equation, names) for equation in given), strict=True) if given else ((), ())
-    if any(isinstance(node, Acceleration) for part in odd for node in walk(part)):
+    if any(isinstance(node, ex.Acceleration) for part in odd for node in ex.walk(part)):
         even = odd = ()  # what multiplies an acceleration is no force
     system = without_friction(analysis.system)
     for matching in (even, ()):
@@ -147,7 +158,7 @@ def quick_rayleigh(analysis: Analysis, given: Sequence[Expression], deadline: fl
 
 
 def answer_rayleigh(
-    analysis: Analysis, given: Sequence[Expression], search: Search, seed: int, deadline: float
+    analysis: Analysis, given: Sequence[ex.Expression], search: Search, seed: int, deadline: float
 ) -> KindAnswer:
     """Yes with L and D, or no: f is not quadratic in v, or no natural L belongs to its even part."""
     found = quick_rayleigh(analysis, given, deadline) or _refuted(analysis, seed, deadline)
@@ -155,7 +166,7 @@ def answer_rayleigh(
 
 
 def _kind(analysis: Analysis) -> LagrangianKind:
-    return kind_named("rayleigh", analysis.system.coordinates)
+    return helmholtz.kind_named("rayleigh", analysis.system.coordinates)
 
 
 def _refuted(analysis: Analysis, seed: int, deadline: float) -> KindAnswer | None:
@@ -184,7 +195,7 @@ def _searched(analysis: Analysis, search: Search, deadline: float) -> KindAnswer
 
 
 def _with_friction(
-    analysis: Analysis, tree: Expression, push: Sequence[Expression], deadline: float
+    analysis: Analysis, tree: ex.Expression, push: Sequence[ex.Expression], deadline: float
 ) -> KindAnswer | None:
     """L and D for T - V = `tree` and E_i(T - V) = push_i along f, if the checker confirms them."""
     try:
@@ -197,33 +208,33 @@ def _with_friction(
     return with_drag(analysis, _kind(analysis), tree + linear, drag, deadline)
 
 
-def _split(system: SecondOrderSystem, push: Sequence[Expression]) -> tuple[Expression, Expression] | None:
+def _split(system: SecondOrderSystem, push: Sequence[ex.Expression]) -> tuple[ex.Expression, ex.Expression] | None:
     """D and A v for C v = push; None where the antisymmetric part of C is not closed."""
-    v = [Velocity(name) for name in system.coordinates]
+    v = [ex.Velocity(name) for name in system.coordinates]
     slopes = [[differentiate(part, w) for w in v] for part in push]
     pairs = [(i, j) for i in range(len(v)) for j in range(len(v))]
-    drag = tree_of(terms_of(add(*(HALF * slopes[i][j] * v[i] * v[j] for i, j in pairs))))
+    drag = tree_of(terms_of(ex.add(*(HALF * slopes[i][j] * v[i] * v[j] for i, j in pairs))))
     rest = [differentiate(drag, w) - part for w, part in zip(v, push, strict=True)]
     terms = [terms_of(part) for part in rest]
     linear = Integrator(system).linear_terms(terms)
     return None if linear is None else (drag, tree_of(linear))
 
 
-def _push(analysis: Analysis, tree: Expression) -> list[Expression]:
+def _push(analysis: Analysis, tree: ex.Expression) -> list[ex.Expression]:
     """E_i of a natural Lagrangian of the even part of f; what E has of degree 0 and 2 in v vanishes."""
     names = analysis.system.coordinates
-    found = euler_lagrange_residual(tree, names, analysis.system.accelerations)
+    found = euler_lagrange.euler_lagrange_residual(tree, names, analysis.system.accelerations)
     return [parts_of_parity(each, names)[1] for each in found]
 
 
-def constant_metrics(system: SecondOrderSystem) -> Iterator[Expression]:
+def constant_metrics(system: SecondOrderSystem) -> Iterator[ex.Expression]:
     """L = G_ij v_i v_j/2 + b_ij q_j v_i with rational numbers: g df/dv + 2 b - 2 b^T is symmetric."""
     names, n = system.coordinates, len(system.coordinates)
     pairs = [*combinations_with_replacement(range(n), 2)]
     metric, width = {pair: place for place, pair in enumerate(pairs)}, len(pairs) + n * n
     rows: dict[object, list[Fraction]] = {}
     try:
-        slopes = [[terms_of(differentiate(f, Velocity(name))) for name in names] for f in system.accelerations]
+        slopes = [[terms_of(differentiate(f, ex.Velocity(name))) for name in names] for f in system.accelerations]
     except TooManyTerms:
         return
     for i, j in combinations(range(n), 2):
@@ -232,8 +243,8 @@ def constant_metrics(system: SecondOrderSystem) -> Iterator[Expression]:
             for key, value in slopes[k][b].items():
                 row = rows.setdefault((i, j, key), [Fraction(0)] * width)
                 row[metric[min(a, k), max(a, k)]] += sign * value
-    v, q = [Velocity(name) for name in names], [Symbol(name) for name in names]
-    basis = kernel([*rows.values()] or [[Fraction(0)] * width], width)
+    v, q = [ex.Velocity(name) for name in names], [ex.Symbol(name) for name in names]
+    basis = matrices.kernel([*rows.values()] or [[Fraction(0)] * width], width)
     for weights in ([1] * len(basis), [k + 1 for k in range(len(basis))]):
         whole = [
             sum((w * x for w, x in zip(weights, column, strict=True)), Fraction(0))
@@ -242,11 +253,11 @@ def constant_metrics(system: SecondOrderSystem) -> Iterator[Expression]:
         parts = [whole[k] / (1 + (i == j)) * v[i] * v[j] for k, (i, j) in enumerate(pairs)]
         turns = [whole[len(pairs) + i * n + j] * sign * q[b] * v[a]
                  for i, j in combinations(range(n), 2) for a, b, sign in ((i, j, 1), (j, i, -1))]  # fmt: skip
-        yield add(*parts, *turns)
+        yield ex.add(*parts, *turns)
 
 
 def with_drag(
-    analysis: Analysis, kind: LagrangianKind, tree: Expression, drag: Expression, deadline: float
+    analysis: Analysis, kind: LagrangianKind, tree: ex.Expression, drag: ex.Expression, deadline: float
 ) -> KindAnswer | None:
     found = certify.of_lagrangian(analysis, tree, analysis.system.depends_on_time, kind)
     certificate = found | {"dissipation": to_text(drag)}
@@ -260,9 +271,163 @@ def without_friction(system: SecondOrderSystem) -> SecondOrderSystem:
     return replace(system, accelerations=even, branch=None)
 
 
-def parts_of_parity(formula: Expression, names: Sequence[str]) -> tuple[Expression, Expression]:
+def parts_of_parity(formula: ex.Expression, names: Sequence[str]) -> tuple[ex.Expression, ex.Expression]:
     """Its parts that are even and odd in the velocities."""
-    turned = substitute(formula, {Velocity(name): -Velocity(name) for name in names})
-    found: Iterator[Expression] = (HALF * (formula + other) for other in (turned, -turned))
+    turned = ex.substitute(formula, {ex.Velocity(name): -ex.Velocity(name) for name in names})
+    found: Iterator[ex.Expression] = (HALF * (formula + other) for other in (turned, -turned))
     even, odd = (collected(part) for part in found)
     return even, odd
+
+
+Near = Mapping[ex.Symbol | ex.Velocity, Fraction]
+
+
+def values_at(
+    analysis: deciding.Analysis, near: Near, with_time: bool, order: int
+) -> tuple[list[matrices.Matrix] | None, tuple[deciding.RowName, ...]]:
+    """A basis of the g that the rows to this order leave at the point, and the rows that say so."""
+    rows: list[tuple[deciding.RowName, ...]] = []
+
+    def residues(seed: int) -> tuple[int, dict[tuple[int, int], int] | None]:
+        prime = modular.safe_prime(seed)
+        values = {name: number_value(value, prime) for name, value in near.items()}
+        prolongation = deciding.prolonged(analysis, Point(prime, seed, variables=values), with_time, order)
+        within = involution.consequences(prolongation, 0)
+        used = sorted({row for basis in within for row in prolongation.echelon.trace({basis: 1})})
+        rows.append(tuple(cast(deciding.RowName, prolongation.row_name(row)) for row in used))
+        reduced, rank = null_vectors.table_of(within.values(), prolongation.width(0), prime).rref()
+        width = reduced.ncols()
+        return prime, {(i, j): int(reduced[i, j]) for i in range(rank) for j in range(width)} | {(-1, 0): rank}
+
+    try:
+        found = deciding.reconstructed(residues)
+    except SingularPoint:
+        return None, ()
+    if found is None:
+        return None, ()
+    n, size = len(analysis.system.coordinates), 2 * len(analysis.system.coordinates) + with_time
+    unknowns = helmholtz.unknowns_of(n, size)
+    places = [[equations.column_of(unknowns, entry) for entry in row] for row in helmholtz.matrix_of(n, size).entries]
+    width = n * (n + 1) // 2
+    table = [[found[i, j] for j in range(width)] for i in range(int(found[-1, 0]))]
+    basis = (
+        matrices.kernel(table, width)
+        if table
+        else [[Fraction(int(i == j)) for j in range(width)] for i in range(width)]
+    )
+    return [tuple(tuple(v[column] * factor for column, factor in row) for row in places) for v in basis], rows[0]
+
+
+DEFINITE_SUM = "a sum with a definite Hessian"
+IRRATIONAL = "f is not rational, and none of the Lagrangians found has a definite Hessian at this point"
+_OPEN = (
+    "no matrix of rational numbers was found that decides this; matrices of algebraic numbers may, but are not tried"
+)
+OUTSIDE = "f has no value at this point, or the point belongs to another branch of signs"
+_SPECIAL = "the check could not confirm that g takes the same values at this point as at a generic one"
+_DIGITS = 2
+
+
+def answer_definite(
+    solution: solutions.Solution, kind: helmholtz.LagrangianKind, given: Near, seed: int, deadline: float
+) -> KindAnswer:
+    """Yes, with L where one was found, or no, at the point `given`, which is ours where it says nothing.
+
+    Definite is positive definite for L or for -L.
+    """
+    main = solution.main
+    if main is not None and main.verdict == "not_variational" and main.checked == "valid":
+        return of_no(main)
+    try:
+        analysis = deciding.analyze(solution.system)
+    except errors.IrreducibleAtoms as problem:
+        return KindAnswer("undetermined", problem.detail)
+    near, known = point_near(analysis, given), lagrangians_of(main)
+    there = _real(analysis, near)
+    if not real_point.is_defined(analysis.accelerations, there) or not real_point.are_positive(
+        analysis.system.positive, there
+    ):
+        return KindAnswer("undetermined", OUTSIDE)
+    found = _definite_of_known(analysis, kind, known, near, deadline)
+    if found is not None:
+        return found
+    if len(analysis.system.coordinates) > matrices.MOST:
+        return KindAnswer("undetermined", f"this is decided for at most {matrices.MOST} coordinates")
+    if not deciding.is_rational(analysis) or ex.PI in deciding.symbols_of(analysis):
+        return KindAnswer("undetermined", IRRATIONAL)
+    with_time, decision, member, order = analysis.system.depends_on_time, None, None, 1
+    while now() < deadline:  # first what two orders say, which mostly refutes
+        space, rows = values_at(analysis, near, with_time, order)
+        member, orthogonal = (
+            (None, None) if space is None else matrices.definite_or_orthogonal(space, len(analysis.system.coordinates))
+        )
+        if orthogonal is not None:
+            refuted = deciding.Decision("not_variational", with_time, order, rows=rows)
+            certificate = certify.of_decision(analysis, refuted, kind=kind) | _claim(near, "orthogonal", orthogonal)
+            return _confirmed(certificate, "not_variational", deadline)
+        if decision is not None:
+            break
+        decision = deciding.decide(
+            analysis.system, with_time, seed, involution.Limits(deadline=deadline), analysis=analysis
+        )
+        order = decision.order
+        if order <= 1 or decision.history[1][:1] == decision.history[order][:1]:  # the values are those of two orders
+            break
+    if member is not None and decision is not None and decision.verdict == "variational":
+        certificate = certify.of_decision(analysis, decision, kind=kind) | _claim(near, "multiplier", member)
+        return _confirmed(certificate, "variational", deadline)
+    return KindAnswer("undetermined", _OPEN if decision is None else decision.reason or _OPEN)
+
+
+def point_near(analysis: deciding.Analysis, given: Near) -> Near:
+    """The given point, completed by values of our choice, with few digits where f is defined there."""
+    table = analysis.real_point or {}
+    found: dict[ex.Symbol | ex.Velocity, Fraction] = {}
+    for digits in (_DIGITS, 20):
+        ours = ((name, table.get(name, mpmath.mpf(1))) for name in deciding.variables_of(analysis.system))
+        found = {name: Fraction(mpmath.nstr(value, digits)) for name, value in ours} | dict(given)
+        if real_point.is_defined(analysis.accelerations, _real(analysis, found)):
+            break
+    return found
+
+
+def _real(analysis: deciding.Analysis, near: Near) -> real_point.RealTable:
+    """The point in floating numbers, with our values of arbitrary functions."""
+    return dict(analysis.real_point or {}) | {s: mpmath.mpf(x.numerator) / x.denominator for s, x in near.items()}
+
+
+def _claim(near: Near, key: str, matrix: matrices.Matrix | None = None) -> dict[str, Any]:
+    point = {s.name if isinstance(s, ex.Symbol) else f"{s.coordinate}'": str(value) for s, value in near.items()}
+    return {"near": point} | ({key: [[str(x) for x in row] for row in matrix]} if matrix else {})
+
+
+def _confirmed(certificate: dict[str, Any], verdict: solutions.Verdict, deadline: float) -> KindAnswer:
+    found = confirmed(KindAnswer(verdict, "", certificate), deadline)
+    return found or KindAnswer("undetermined", _SPECIAL)
+
+
+def _definite_of_known(
+    analysis: deciding.Analysis,
+    kind: helmholtz.LagrangianKind,
+    known: Sequence[solutions.Lagrangian],
+    near: Near,
+    deadline: float,
+) -> KindAnswer | None:
+    """The first Lagrangian with a definite Hessian at the point, or a sum of them."""
+    with_time, names, table = analysis.system.depends_on_time, analysis.system.coordinates, _real(analysis, near)
+    hessians = []
+    for lagrangian in known:
+        form = euler_lagrange.hessian_at(lagrangian.expression, names, table)
+        if form is None:
+            return None
+        hessians.append(np.array(form.tolist(), float))
+    for weights in members.definite_weights(hessians[: bounds.COLUMNS]):
+        parts = [(w, one) for w, one in zip(weights, known, strict=False) if w]
+        alone = parts[0][1] if len(parts) == 1 and parts[0][0] == 1 else None
+        whole = alone.expression if alone else collecting.collect(ex.add(*(w * one.expression for w, one in parts)))
+        certificate = certify.of_lagrangian(analysis, whole, with_time, kind) | _claim(near, "")
+        shown = alone or protocol.describe(analysis, whole, DEFINITE_SUM)
+        answer = KindAnswer("variational", "", certificate, shown)
+        if (found := confirmed(answer, deadline)) is not None:
+            return found
+    return None

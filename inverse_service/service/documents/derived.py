@@ -414,14 +414,14 @@ def with_kinds(
     end: float,
 ) -> ResultDocument:
     """The result with an answer for each kind, which share the time that is left."""
-    from inverse_service.solving import definite, kind_answers
+    from inverse_service.solving import kind_answers
 
     parts = {}
     for place, kind in enumerate(kinds):
         share = (end - deadline.now()) / (len(kinds) - place)
         until = deadline.now() + share
         if kind.name == "positive_definite":
-            found = definite.answer_definite(solution, kind, to_near(schema, solution.system), asked.seed, until)
+            found = kind_answers.answer_definite(solution, kind, to_near(schema, solution.system), asked.seed, until)
         else:
             answer = _rayleigh if kind.name == "rayleigh" else kind_answers.answer_kind
             found = answer(solution, kind, asked, until)

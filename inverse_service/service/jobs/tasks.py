@@ -25,7 +25,7 @@ ENGINE = (
     "service.documents.documents",
     "service.documents.nonholonomic_documents",
     "service.documents.checking",
-    "solving.definite",
+    "solving.kind_answers",
     "service.documents.derived",
     "service.jobs.batch",
     "explanation.negative",
