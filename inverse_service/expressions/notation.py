@@ -94,42 +94,33 @@ def theory(text: str) -> Formula:
 
 def to_latex(text: str) -> str:
     """The LaTeX of a text in the notation of the theory."""
-    found = ""
-    for match in _TOKEN.finditer(text):
-        if match["rate"]:
-            found += r"\frac{d}{dt}"
-        elif match["name"]:
-            found += _name_latex(match["name"], _marks(match), match["primes"])
-        elif match["above"]:
-            found += f"){_mark_latex(match['above'])}"
-        else:
-            found += match["digits"] or " " * bool(match["space"]) or _LATEX_SIGNS.get(match["sign"], match["sign"])
-    return found
+    return "".join(latex for latex, _ in _written(text))
 
 
 def to_mathml(text: str) -> str:
     """The same as the content of <math>."""
-    found = ""
+    return "".join(mathml for _, mathml in _written(text))
+
+
+def _written(text: str) -> Iterator[tuple[str, str]]:
+    """The LaTeX and the MathML of each token."""
     for match in _TOKEN.finditer(text):
         if match["rate"]:
-            found += "<mfrac><mi>d</mi><mrow><mi>d</mi><mi>t</mi></mrow></mfrac>"
-        elif match["name"]:
-            found += _name_mathml(
-                match["name"], _MARK.findall(match["marks"] + (match["power"] or "")), match["primes"]
-            )
-        elif match["above"]:
-            found += f"<msup><mo>)</mo><mrow>{_mark(match['above'])}</mrow></msup>"
-        elif match["digits"]:
-            found += f"<mn>{match['digits']}</mn>"
-        elif match["sign"]:
+            yield r"\frac{d}{dt}", "<mfrac><mi>d</mi><mrow><mi>d</mi><mi>t</mi></mrow></mfrac>"
+        elif name := match["name"]:
+            marks, primes = _MARK.findall(match["marks"] + (match["power"] or "")), match["primes"]
+            yield _name_latex(name, marks, primes), _name_mathml(name, marks, primes)
+        elif above := match["above"]:
+            yield f"){_mark_latex(above)}", f"<msup><mo>)</mo><mrow>{_mark(above)}</mrow></msup>"
+        elif digits := match["digits"]:
+            yield digits, f"<mn>{digits}</mn>"
+        elif match["space"]:
+            yield " ", ""
+        else:
+            sign = match["sign"]
             is_first = text[: match.start()].rstrip()[-1:] in ("=", "(", ",", "")
-            form = ' form="prefix"' if match["sign"] == "-" and is_first else ""
-            found += f"<mo{form}>{escape(_SIGNS.get(match['sign'], match['sign']))}</mo>"
-    return found
-
-
-def _marks(match: re.Match[str]) -> list[str]:
-    return _MARK.findall(match["marks"] + (match["power"] or ""))
+            form = ' form="prefix"' if sign == "-" and is_first else ""
+            yield _LATEX_SIGNS.get(sign, sign), f"<mo{form}>{escape(_SIGNS.get(sign, sign))}</mo>"
 
 
 def _body(name: str) -> tuple[str, str]:

@@ -479,7 +479,7 @@ def _refuse_products(tokens: Sequence[Token], products: Mapping[str, tuple[str, 
     """InputError for mx'', by which the writer means m*x''."""
     for place, token in enumerate(tokens):
         if token.text in products and is_primed(tokens, place):
-            meant, primes = "*".join(products[token.text]), "'" * _primes(tokens[place + 1 :])[0]
+            meant, primes = "*".join(products[token.text]), "'" * _order(tokens, place + 1)
             instead = f"did you mean {meant}{primes}?"
             raise refusal(f"{token.text}{primes} occurs", token.column, instead, (meant,), declare="coordinates")
 
@@ -532,28 +532,49 @@ def key_name(key: str, names: nm.Names) -> str:
 
 def moving_names(tokens: Sequence[Token], order: int) -> list[str]:
     """The names with at least this many time derivatives, in order of appearance; V''(x) does not count."""
-    return [name for name, times in _motions(tokens) if times >= order]
+    return [name for name, by, times in derivatives(tokens) if by == "t" and times >= order]
 
 
-def _motions(tokens: Sequence[Token]) -> list[tuple[str, int]]:
-    """Names with the number of their time derivatives, those of diff(diff(x, t), t) together."""
-    found: list[tuple[str, int]] = []
+def derivatives(tokens: Sequence[Token]) -> list[tuple[str, str, int]]:
+    """(y, x, k) for each y with k derivatives by x, those of diff(x diff(y, x), x) together; y'' is by the time t."""
+    found: list[tuple[str, str, int]] = []
     place = 0
     while place < len(tokens):
-        token = tokens[place]
-        place += 1
+        token, start = tokens[place], place + 1
+        place = start
         if token.kind != "name":
             continue
-        primes, after = _primes(tokens[place:])
         if token.text in nm.DERIVATIVE_NAMES:
-            inner, length = _differentiated(tokens[place : place + _LONGEST_ARGUMENTS])
-            found += inner
-            place += length
-        elif primes and (after[:1] != ["("] or after == ["(", "t", ")"] or _multiplies_a_sum(token, tokens[place:])):
-            found.append((token.text, primes))
-        elif stem := derived_stem(token.text, 2) or derived_stem(token.text):
-            found.append((stem, 2 if derived_stem(token.text, 2) else 1))
+            end = closing(tokens, start)
+            if start < end < min(len(tokens), start + _LONGEST_ARGUMENTS):
+                operand, *variables = split_at_commas(tokens[start + 1 : end])
+                found += _differentiated(operand, [word.text for part in variables for word in part])
+                place = end + 1
+        elif order := _order(tokens, start):
+            by = _variable(tokens, after_primes(tokens, start))
+            found += [(token.text, by or "t", order)] if by or _multiplies_a_sum(token, tokens[start:]) else []
+        elif stem := derived_stem(token.text):
+            found.append((stem, "t", 2 if derived_stem(token.text, 2) else 1))
     return found
+
+
+def _differentiated(operand: Sequence[Token], words: Sequence[str]) -> list[tuple[str, str, int]]:
+    """The derivatives in diff(operand, x, x), (x, 2) or ((x, 2)); those with primes in the operand are by x too."""
+    variable, *more = [word for word in words if word not in ("(", ")", ",")] or [""]
+    if {*more} - {variable} and not (len(more) == 1 and more[0].isdigit()):
+        return []
+    times = int(more[0]) if more and more[0] != variable else 1 + len(more)
+    alone = operand[:1] and operand[0].kind == "name" and (len(operand) == 1 or len(operand) == 4)
+    if alone and (len(operand) == 1 or _variable(operand, 1)):
+        return [(operand[0].text, variable, times)]
+    return [(name, variable, order + times) for name, by, order in derivatives(operand) if by in (variable, "t")]
+
+
+def _variable(tokens: Sequence[Token], place: int) -> str:
+    """The x of the (x) here, t where there is no bracket, nothing before another bracket."""
+    if not at(tokens, place).is_operator("("):
+        return "t"
+    return tokens[place + 1].text if at(tokens, place + 1).kind == "name" and at(tokens, place + 2).text == ")" else ""
 
 
 def _multiplies_a_sum(name: Token, after: Sequence[Token]) -> bool:
@@ -570,34 +591,9 @@ def derived_stem(word: str, order: int = 1) -> str:
     return next((word.removesuffix(ending) for ending in endings), "").rstrip("_")
 
 
-def _primes(tokens: Sequence[Token]) -> tuple[int, list[str]]:
-    """The order of the primes at the beginning, and the three texts after them."""
-    primes = list(itertools.takewhile(lambda token: token.kind == "prime", tokens[:4]))
-    after = [token.text for token in tokens[len(primes) : len(primes) + 3]]
-    return sum(int(prime.value) for prime in primes), after
-
-
-def _differentiated(tokens: Sequence[Token]) -> tuple[list[tuple[str, int]], int]:
-    """The names that diff differentiates, and the length of its bracket: (x, t, 2), (x(t), (t, 2)), (m*x', t)."""
-    end = closing(tokens, 0)
-    if not 0 < end < len(tokens):
-        return [], 0
-    parts = split_at_commas(tokens[1:end])
-    times = _times([token.text for part in parts[1:] for token in part])
-    if not times:
-        return [], end + 1
-    first = parts[0]
-    alone = [token.text for token in first[1:]] in ([], ["(", "t", ")"])
-    inner = [(first[0].text, 0)] if alone and first and first[0].kind == "name" else _motions(first)
-    return [(name, order + times) for name, order in inner], end + 1
-
-
-def _times(words: Sequence[str]) -> int:
-    """The order of a derivative by t, t or by t, 2 or by (t, 2); 0 for other derivatives."""
-    plain = [word for word in words if word not in ("(", ")", ",")]
-    if len(plain) == 2 and plain[0] == "t" and plain[1].isdigit():
-        return int(plain[1])
-    return len(plain) if all(word == "t" for word in plain) else 0
+def _order(tokens: Sequence[Token], place: int) -> int:
+    """The number of derivatives that the primes here stand for."""
+    return sum(int(prime.value) for prime in tokens[place : after_primes(tokens, place)])
 
 
 def is_primed(line: Sequence[Token], place: int) -> bool:
@@ -683,6 +679,7 @@ def _guessed(texts: Mapping[str, str], declared: nm.Names, dummies: Collection[s
         for place, token in enumerate(line)
         if (arguments := _call_arguments(line, place + 1, (*coordinates, "t"))) and not _is_apart(line, place)
     }
+    alone = {token.text for line in lines.values() for place, token in enumerate(line) if _is_constant(line, place)}
     for pointer, line in lines.items():
         for place, token in enumerate(line):
             names = {token.text, declared.spelling(token.text), derived_stem(token.text)}
@@ -698,7 +695,7 @@ def _guessed(texts: Mapping[str, str], declared: nm.Names, dummies: Collection[s
                     raise error.at(pointer)
             timed = (*coordinates, "t") if _may_depend_on_time(token.text) else coordinates
             arguments = _call_arguments(line, _after_power_of_time(line, place + 1), timed)
-            if not arguments and (count := _called_with(line, place, declared)):
+            if not arguments and token.text not in alone and (count := _called_with(line, place, declared)):
                 arguments = tuple(f"u{number}" for number in range(1, count + 1))
                 arguments = found_functions.get(token.text, arguments)
             if len(arguments) == 1 and _is_apart(line, place):
@@ -799,6 +796,13 @@ def _takes_argument(line: Sequence[Token], place: int) -> bool:
     return after.is_operator("(") or (after.kind in ("name", "number") and touches)
 
 
+def _is_constant(line: Sequence[Token], place: int) -> bool:
+    """Whether the g here has no bracket after it and is not differentiated, so that g( is a product everywhere."""
+    after = at(line, after_power(line, after_primes(line, place + 1)))
+    differentiated = at(line, place - 2).text in nm.DERIVATIVE_NAMES
+    return line[place].text in ("g", "G") and not differentiated and not after.is_operator("(", "[")
+
+
 _COMPONENTS = frozenset("ABEFJPVpv")  # Fx and Fy are usually two components
 
 
@@ -814,8 +818,10 @@ def _called_with(line: Sequence[Token], place: int, declared: nm.Names) -> int:
         return 0
     moves = any(token.text == "t" or declared.role(declared.spelling(token.text)) == "coordinate" for token in inside)
     summed = split(inside, lambda _, token: token.is_operator("+", "-"))
-    weight = line[place].text in ("g", "G") and any(len(term) == 1 and term[0].kind == "number" for term, _ in summed)
-    if line[opening].space_before or end == len(line) or not moves or weight:  # g(1 - x/l) is usually a product
+    heavy = at(line, place - 1).text in ("m", "M")
+    weight = heavy or any(len(term) == 1 and term[0].kind == "number" for term, _ in summed)
+    product = weight and line[place].text in ("g", "G")  # g(1 - x/l), mg(l - x)
+    if line[opening].space_before or end == len(line) or not moves or product:
         return 0
     return count
 

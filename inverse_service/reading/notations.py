@@ -9,7 +9,7 @@ marked FRACTION, so that one reader knows them all.
 
 import itertools
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import partial
@@ -383,36 +383,6 @@ def with_derivatives(tokens: Tokens, names: Names, depth: int = 0) -> Tokens:
         written, place = read if read else ([tokens[place]], place + 1)
         found += written
     return found
-
-
-def second_derivatives(tokens: Sequence[Token]) -> Iterator[tuple[str, str]]:
-    """(y, x) for each y''(x), diff(y, x, 2), diff(y, x, x), and diff(x diff(y, x), x) or diff(x y', x).
-
-    The x of y'' alone is the time t.
-    """
-    for place, token in enumerate(tokens):
-        after = after_primes(tokens, place + 1)
-        order = sum(int(prime.value) for prime in tokens[place + 1 : after])
-        if token.kind == "name" and order == 2:
-            called = at(tokens, after + 1).kind == "name" and at(tokens, after + 2).is_operator(")")
-            if called or not _opens(tokens, after):
-                yield token.text, tokens[after + 1].text if _opens(tokens, after) else "t"
-        operand, by = _differentiation(tokens, place)
-        if len(by) == 2 and by[1] in (by[0], "2"):
-            yield operand[0].text, by[0]
-        for inside in range(len(operand)) if len(by) == 1 else ():
-            inner, times = _differentiation(operand, inside)
-            if times == by or (inside > 1 and operand[inside].kind == "prime"):
-                yield inner[0].text if inner else operand[inside - 1].text, by[0]
-
-
-def _differentiation(tokens: Sequence[Token], place: int) -> tuple[Sequence[Token], list[str]]:
-    """The u of the diff(u, x, ...) that begins here, and the names and numbers after it; both empty elsewhere."""
-    if tokens[place].text not in DERIVATIVE_NAMES or not _opens(tokens, place + 1):
-        return [], []
-    operand, *rest = split_at_commas(tokens[place + 2 : closing(tokens, place + 1)])
-    by = [part.text for part in itertools.chain(*rest) if part.kind in ("name", "number")]
-    return (operand, by) if operand else ([], [])
 
 
 def _derivative(tokens: Tokens, place: int, names: Names, depth: int) -> tuple[Tokens, int] | None:

@@ -25,7 +25,7 @@ from inverse_service.expressions import derivative, tree as ex
 from inverse_service.expressions.pieces import either, piecewise, step
 from inverse_service.expressions.refusals import LIMITS, at_most, limit_passed, refusal, shorten
 from inverse_service.reading import names as nm
-from inverse_service.reading.tokens import END, Token, TokenStream, outside, split_at_commas, unexpected
+from inverse_service.reading.tokens import END, Token, TokenStream, at, closing, outside, split_at_commas, unexpected
 
 _BITS_PER_DIGIT = 3.3219280948873626
 _LARGEST_FACTORIAL = 20
@@ -256,7 +256,9 @@ class FormulaParser:
             return token.text
         if not self._continues(self._stream.ahead):
             return None
-        self._check_adjacent(after_division=previous == "/" and not self._ends_quotient(start, slash))
+        self._check_adjacent()
+        if previous == "/" and not self._ends_quotient(start, slash):
+            raise self._unclear_quotient(start, slash)
         return ""
 
     def _continues(self, token: Token) -> bool:
@@ -296,7 +298,7 @@ class FormulaParser:
         apart = ahead.kind == "name" and ahead.space_before
         return under == "2" and (bracket or moves or apart or (over == "1" and factor))
 
-    def _check_adjacent(self, after_division: bool) -> None:
+    def _check_adjacent(self) -> None:
         ahead, column = self._stream.ahead, self._stream.ahead.column
         if ahead.is_operator("(") and self._stream.look(3).kind == "end" and self._stream.look(1).kind == "number":
             shown = f"({shorten(self._stream.look(1).text)})"
@@ -305,8 +307,6 @@ class FormulaParser:
             raise refusal("a number follows a factor", column, "write * before a factor or ^ before a power")
         if self._time_in_brackets():
             raise refusal("(t) could be an argument or a factor", column, "write *t for a product")
-        if after_division:
-            raise self._unclear_quotient(column)
         last, before = self._stream.look(-1), self._stream.look(-2)
         if before.is_operator("-"):
             before = self._stream.look(-3)
@@ -341,28 +341,16 @@ class FormulaParser:
         euler = base.text in ("e", "E") and self._names.role(base.text) is None
         return moves and base.kind != "number" and not euler and number.column == caret.column - distance - 1
 
-    def _unclear_quotient(self, column: int) -> errors.InputError:
+    def _unclear_quotient(self, start: int, slash: int) -> errors.InputError:
         """The refusal of a/b c, with both interpretations if the following factors can be parsed."""
         stream, place = self._stream, self._stream.position
-        said = ("the quotient is not clear", column, "write (a/b)*c or a/(b*c)")
-        start, bar = self._quotient_before()
+        said = ("the quotient is not clear", stream.ahead.column, "write (a/b)*c or a/(b*c)")
         rest = self._source_of_factors(place)
-        over, under = stream.source(start, bar), stream.source(bar + 1, place)
+        over, under = stream.source(start, slash - 1), stream.source(slash, place)
         if rest is None or "|" in over + under:
             return refusal(*said)
         span = (stream.look(start - stream.position).column, stream.ahead.column)
         return refusal(*said, (f"({over}/{under})*{rest}", f"{over}/({under}*{rest})"), span)
-
-    def _quotient_before(self) -> tuple[int, int]:
-        """The positions of the beginning of the term and of its last /."""
-        distance = depth = slash = 0
-        while (before := self._stream.look(distance - 1)).kind != "end":
-            depth += before.is_operator(")") - before.is_operator("(")
-            if depth < 0 or (depth == 0 and before.is_operator("+", "-", ",", "=")):
-                break
-            distance -= 1
-            slash = slash or distance * (depth == 0 and before.is_operator("/"))
-        return self._stream.position + distance, self._stream.position + slash
 
     def _factor(self) -> ex.Expression:
         base = self._base()
@@ -443,17 +431,15 @@ class FormulaParser:
         self._bars = outer
         return found
 
-    def _condition(self) -> ex.Expression:
+    def _condition(self, signs: str = "|&") -> ex.Expression:
+        """Conditions joined by | and &, which binds tighter."""
+        if not signs:
+            return self._one_condition()
         with self._stream.nested():
-            found = self._both()
-            while self._stream.take_operator("|"):
-                found = either(found, self._both())
-        return found
-
-    def _both(self) -> ex.Expression:
-        found = self._one_condition()
-        while self._stream.take_operator("&"):
-            found = found * self._one_condition()
+            found = self._condition(signs[1:])
+            while sign := self._stream.take_operator(signs[0]):
+                other = self._condition(signs[1:])
+                found = either(found, other) if sign.text == "|" else found * other
         return found
 
     def _one_condition(self) -> ex.Expression:
@@ -663,16 +649,12 @@ class FormulaParser:
 
     def _number_alone(self) -> bool:
         """Whether the exponent after the ^ ahead is one number, with signs or brackets about it."""
-        distance, depth, numbers = 1, 0, 0
-        while True:
-            token = self._stream.look(distance)
-            depth += token.is_operator("(") - token.is_operator(")")
-            numbers += token.kind == "number"
-            if token.kind != "number" and not token.is_operator("(", ")", "-", "+"):
-                return False
-            if depth == 0 and not token.is_operator("-", "+"):
-                return numbers == 1
-            distance += 1
+        rest = self._stream.rest()
+        start = next(place for place in itertools.count(1) if not rest[place].is_operator("+", "-"))
+        raised = [
+            token for token in rest[start : closing(rest, start) + 1] if not token.is_operator("(", ")", "+", "-")
+        ]
+        return [token.kind for token in raised] == ["number"]
 
     def _single(self, node: ex.Expression, token: Token) -> ex.Expression:
         """A name by itself; InputError if a bracket makes it look like a function."""
@@ -711,11 +693,13 @@ class FormulaParser:
         sums = self._stream.look(1).text in nm.FUNCTIONS or any(
             part.is_operator("+", "-") or part.kind == "prime" for part in parts
         )
-        if any(part.is_operator(",") or part.text == "t" != token.text for part in group):
+        moving = any(part.kind == "prime" for part in group)  # epsilon(cos t - x') is a product
+        if any(part.is_operator(",") or (part.text == "t" != token.text and not moving) for part in group):
             return False
         closed = len(group) < self._stream.left
         moves = self._names.role(self._names.spelling(token.text)) == "coordinate"
-        return closed and sums and (moves or token.text not in nm.MAY_BE_FUNCTIONS)
+        weight = token.text in ("g", "G") and self._stream.look(-2).text in ("m", "M")
+        return closed and sums and (moves or weight or token.text not in nm.MAY_BE_FUNCTIONS)
 
     def _coordinate(self, name: str, order: int, token: Token) -> ex.Expression:
         order += self._primes()
@@ -755,19 +739,12 @@ class FormulaParser:
 
     def _group_has_time(self) -> bool:
         """Whether the bracket ahead holds t and no coordinate: x(t - tau) is a delay, x' (t - y) a product."""
-        open_groups = 0
-        spelled = {self._names.spelling(token.text) for token in self._stream.group() if token.kind == "name"}
-        moves = spelled & {*self._names.coordinates}
-        for distance, token in enumerate(self._stream.group()):
-            open_groups += token.is_operator("(") - token.is_operator(")")
-            if token.kind == "name" and token.text == "t" and not self._only_names_time(distance, open_groups):
-                return not moves
+        inside = self._stream.group()[1:]
+        for place, token in enumerate(inside):
+            before, after = at(inside, place - 1).text, at(inside, place + 1).text
+            if token.text == "t" and before != "," and (before, after) != ("(", ")"):  # diff(y, t), y(t)
+                return not {self._names.spelling(each.text) for each in inside} & {*self._names.coordinates}
         return False
-
-    def _only_names_time(self, distance: int, open_groups: int) -> bool:
-        """Whether the t is that of diff(y, t), or of y(t) inside the bracket."""
-        before, after = self._stream.look(distance - 1), self._stream.look(distance + 1)
-        return before.is_operator(",") or (open_groups > 1 and before.is_operator("(") and after.is_operator(")"))
 
     def _arbitrary(self, name: str, token: Token) -> ex.Expression:
         declared = self._names.functions[name]

@@ -11,6 +11,7 @@ digits and typographic signs. See `parser.py`.
 
 import itertools
 import re
+import unicodedata
 from collections.abc import Callable, Container, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -301,8 +302,8 @@ NUMBER = re.compile(r"(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 _GROUPED = re.compile(r"[0-9]+(?:_[0-9]+)+|[0-9]{1,3}(?:['\u2019][0-9]{3})+(?![0-9])")  # 1_000, 1'000
 _OTHER_BASE = re.compile(r"0[xX][0-9A-Fa-f]+\b|0[bB][01]+\b|0[oO][0-7]+\b")
 _ASCII_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
-_HALVES = {"\u00bd": Fraction(1, 2), "\u2153": Fraction(1, 3), "\u2154": Fraction(2, 3), "\u00bc": Fraction(1, 4),
-           "\u00be": Fraction(3, 4)}  # fmt: skip
+_SUPERSCRIPTS = SUPERSCRIPTS | {SUPERSCRIPT_MINUS: "-", "\u207f": "n"}
+_RAISED = re.compile(rf"\u207f|{SUPERSCRIPT_MINUS}?[{''.join(SUPERSCRIPTS)}]+")
 _ROOTS = {"\u221a": "sqrt", "\u221b": "cbrt"}
 _ELEMENTWISE = {".*": "*", "./": "/", ".^": "^"}  # MATLAB's, the same for numbers
 # Comparison signs, each as the one of <, > and \u2260 that is equivalent to it on an open set.
@@ -410,8 +411,9 @@ def scan(text: str, place: int, stop: int, step: Callable[[str, int, bool], tupl
 def next_tokens(text: str, place: int, space: bool, known: Container[str] = ()) -> tuple[Tokens, int]:
     """The tokens that begin at `place`, which is not a space, and the place after them."""
     character = text[place]
-    if character in _HALVES:
-        return [Token("number", character, place + 1, space, _HALVES[character])], place + 1
+    above, slash, below = unicodedata.normalize("NFKC", character).partition("\u2044")
+    if slash and below:  # \u00bd is 1\u20442
+        return [Token("number", character, place + 1, space, Fraction(int(above), int(below)))], place + 1
     if character == "\n":
         return [Token("newline", character, place + 1, space)], place + 1
     if based := _OTHER_BASE.match(text, place):
@@ -425,11 +427,8 @@ def next_tokens(text: str, place: int, space: bool, known: Container[str] = ()) 
         return [number_token(number.group(), place + 1, space)], number.end()
     if character in PRIMES:
         return [Token("prime", character, place + 1, space, Fraction(PRIMES[character]))], place + 1
-    if character in SUPERSCRIPTS or character == SUPERSCRIPT_MINUS:
+    if character in _SUPERSCRIPTS:
         return _superscript(text, place)
-    if character == "\u207f":
-        raised = (Token("operator", "(", place + 1), Token("name", "n", place + 1), Token("operator", ")", place + 1))
-        return [Token("operator", "^", place + 1), *raised], place + 1
     if character in _ROOTS:
         return [Token("name", _ROOTS[character], place + 1, space)], place + 1
     found = letter(character)
@@ -456,17 +455,13 @@ def number_token(text: str, column: int, space: bool) -> Token:
 
 
 def _superscript(text: str, place: int) -> tuple[Tokens, int]:
-    column, sign = place + 1, text[place] == SUPERSCRIPT_MINUS
-    start = place = place + sign
-    while place < len(text) and text[place] in SUPERSCRIPTS:
-        place += 1
-    digits = "".join(SUPERSCRIPTS[character] for character in text[start:place])
-    if not digits:
-        raise refusals.refusal("a raised minus has no digits after it", column, "write a power such as ^(-1)")
-    signs = [Token("operator", "-", column)] if sign else []
-    number = number_token(digits, start + 1, False)
-    opening, closing = Token("operator", "(", column), Token("operator", ")", column)
-    return [Token("operator", "^", column), opening, *signs, number, closing], place
+    """x\u00b2 as x^(2)."""
+    raised = _RAISED.match(text, place)
+    if raised is None:
+        raise refusals.refusal("a raised minus has no digits after it", place + 1, "write a power such as ^(-1)")
+    return written(
+        f"^({''.join(map(_SUPERSCRIPTS.__getitem__, raised[0]))})", Token("name", "", place + 1)
+    ), raised.end()
 
 
 def _name(text: str, place: int, space: bool, known: Container[str]) -> tuple[Tokens, int]:

@@ -13,7 +13,7 @@ from typing import Any
 from inverse_service import errors
 from inverse_service.expressions import collecting, derivative, letters, printing, refusals, tree as ex
 from inverse_service.mechanics import euler_lagrange, second_order_system
-from inverse_service.reading import components, document_names, notations, reader
+from inverse_service.reading import components, document_names, reader
 from inverse_service.reading.names import (
     DERIVATIVE_NAMES,
     FUNCTIONS,
@@ -452,9 +452,9 @@ def _found_time(plain: Mapping[str, Any]) -> str:
     found, moving = set(), set()
     for text in _texts({key: plain[key] for key in FORMULAS if key in plain}):
         tokens = reader.tokens_if_any(text, Names(guesses=True))
-        pairs = [*notations.second_derivatives(tokens)]
-        found |= {by for name, by in pairs if name not in _declared(plain, ("functions",))}
-        moving |= {name for name, _ in pairs} | {*document_names.moving_names(tokens, 1)}
+        orders = document_names.derivatives(tokens)
+        found |= {by for name, by, order in orders if order == 2 and name not in _declared(plain, ("functions",))}
+        moving |= {name for name, by, order in orders if order == 2 or by == "t"}
     name = found.pop() if len(found) == 1 else "t"
     if name in _declared(plain) | moving or name in FUNCTIONS | DERIVATIVE_NAMES:
         return "t"
