@@ -75,10 +75,8 @@ def _derivative(expression: ex.Expression, rate: functions.Rule) -> ex.Expressio
         case ex.Apply(function, argument):
             inner = rate(argument)
             return ex.ZERO if inner == ex.ZERO else _rule(function)(argument) * inner
-        case ex.Integral():
-            return _of_integral(expression, rate)
         case ex.Arbitrary():
-            return _of_arbitrary(expression, rate)
+            return _of_function(expression, rate)
     raise TypeError(f"{type(expression).__name__} has no derivative")
 
 
@@ -107,26 +105,15 @@ def _lowered(base: ex.Expression, exponent: ex.Expression) -> ex.Expression:
     return base ** Fraction(-1, 2) if exponent == ex.HALF else base ** (exponent - 1)
 
 
-def _of_integral(integral: ex.Integral, rate: functions.Rule) -> ex.Expression:
-    """The derivative by way of its slopes; an unknown slope is that of an arbitrary function of the same name."""
+def _of_function(function: ex.Arbitrary, rate: functions.Rule) -> ex.Expression:
+    """By the partial derivatives, which are arbitrary functions too, unless an integral knows them as its slopes."""
+    slopes = function.slopes if isinstance(function, ex.Integral) else (None,) * len(function.arguments)
     terms = []
-    for place, (slope, argument) in enumerate(zip(integral.slopes, integral.arguments, strict=True)):
-        inner = rate(argument)
-        if inner != ex.ZERO:
-            if slope is None:
-                orders = tuple(int(k == place) for k in range(len(integral.arguments)))
-                slope = ex.Arbitrary(integral.name, integral.arguments, orders)
-            terms.append(slope * inner)
-    return ex.add(*terms)
-
-
-def _of_arbitrary(function: ex.Arbitrary, rate: functions.Rule) -> ex.Expression:
-    terms = []
-    for place, argument in enumerate(function.arguments):
+    for place, (slope, argument) in enumerate(zip(slopes, function.arguments, strict=True)):
         inner = rate(argument)
         if inner != ex.ZERO:
             orders = tuple(order + (place == k) for k, order in enumerate(function.orders))
-            terms.append(ex.Arbitrary(function.name, function.arguments, orders) * inner)
+            terms.append((slope or ex.Arbitrary(function.name, function.arguments, orders)) * inner)
     return ex.add(*terms)
 
 

@@ -4,12 +4,9 @@ import re
 import unicodedata
 from dataclasses import dataclass
 
-_LETTERS = [
-    "alpha", "beta", "gamma", "delta", "epsilon", "zeta", "eta", "theta", "iota", "kappa", "lambda", "mu", "nu", "xi",
-    "omicron", "pi", "rho", "sigma", "tau", "upsilon", "phi", "chi", "psi", "omega",
-]  # fmt: skip
 _SMALL = "\u03b1\u03b2\u03b3\u03b4\u03b5\u03b6\u03b7\u03b8\u03b9\u03ba\u03bb\u03bc\u03bd\u03be\u03bf\u03c0\u03c1"
 _SMALL += "\u03c3\u03c4\u03c5\u03c6\u03c7\u03c8\u03c9"
+_LETTERS = [unicodedata.name(small).split()[-1].lower().replace("lamda", "lambda") for small in _SMALL]
 # Letters of another shape are separate names; the micro sign is the letter mu.
 _VARIANTS = {
     "\u03d5": "varphi", "\u03d1": "vartheta", "\u03f5": "varepsilon", "\u03f1": "varrho", "\u03d6": "varpi",

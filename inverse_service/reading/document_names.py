@@ -318,11 +318,8 @@ def _checked_functions(names: nm.Names, texts: Mapping[str, str]) -> dict[str, t
 
 def _always_called(function: str, text: str, names: nm.Names) -> bool | None:
     """Whether brackets with arguments follow the function wherever it occurs in a text; None where it does not."""
-    try:
-        tokens = reader.read_tokens(text, names)
-    except errors.InputError:
-        return True if function in text else None
-    called: bool | None = None
+    tokens = reader.tokens_if_any(text, names)
+    called: bool | None = (not tokens and function in text) or None
     for place, token in enumerate(tokens):
         if token.kind == "name" and names.spelling(token.text) == function:
             after = place + 1
@@ -564,10 +561,15 @@ def _differentiated(operand: Sequence[Token], words: Sequence[str]) -> list[tupl
     if {*more} - {variable} and not (len(more) == 1 and more[0].isdigit()):
         return []
     times = int(more[0]) if more and more[0] != variable else 1 + len(more)
-    alone = operand[:1] and operand[0].kind == "name" and (len(operand) == 1 or len(operand) == 4)
-    if alone and (len(operand) == 1 or _variable(operand, 1)):
+    by = (variable, "t")
+    if (
+        operand
+        and operand[0].kind == "name"
+        and "".join(token.text for token in operand[1:]) in ("", *map("({})".format, by))
+    ):
         return [(operand[0].text, variable, times)]
-    return [(name, variable, order + times) for name, by, order in derivatives(operand) if by in (variable, "t")]
+    by = by[: 1 + (at(operand, 1).kind != "prime")]  # the prime of diff(x y', x) is by x, that of diff(y', x) is not
+    return [(name, variable, order + times) for name, inner, order in derivatives(operand) if inner in by]
 
 
 def _variable(tokens: Sequence[Token], place: int) -> str:
@@ -858,10 +860,8 @@ def _ask_back(
                 raise nm.undeclared(name, column, ("*".join(parts),)).at(pointer)
             splits[name] = parts  # ml^2 is m*l^2
             continue
-        if meant := nm.readings(name, together):
+        if meant := nm.readings(name, together) or _lost_power(name, names.coordinates):
             raise nm.undeclared(name, column, meant, (column, end) if end else None).at(pointer)
-        if meant := _lost_power(name, names.coordinates):
-            raise nm.undeclared(name, column, meant).at(pointer)
         if name == "x" or _is_one_of_many(name, names.coordinates):
             raise nm.ask_for_the_time(name, column, names.coordinates).at(pointer)
         if name == "r" and {"x", "y"} <= {*names.coordinates}:

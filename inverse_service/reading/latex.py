@@ -18,6 +18,7 @@ from inverse_service.expressions.letters import (
 )
 from inverse_service.expressions.refusals import LIMITS, at_most, refusal, shorten
 from inverse_service.reading import components, names as nm, tokens as plain
+from inverse_service.reading.reasons import reasons
 from inverse_service.reading.tokens import FACTOR, FRACTION, PARTIAL, TOTAL, Token, Tokens
 
 _WRAPPERS = (("$$", "$$"), ("$", "$"), (r"\[", r"\]"), (r"\(", r"\)"))
@@ -100,12 +101,6 @@ def _conditions(text: str) -> dict[int, tuple[Tokens, int]]:
     return found
 
 
-_COMPONENTS = "a vector is not accepted, write an equation for each component"
-_OTHER_LETTER = "letters in this font are separate names, write another name such as B_1"
-# A bold r is not the r of the next line, nor is a script L the l.
-_MARKED = dict.fromkeys((*components.BOLD, "bf"), _COMPONENTS) | dict.fromkeys(
-    ("mathcal", "mathscr", "mathfrak", "mathbb", "mathsf", "mathtt", "hat", "widehat", "overline"), _OTHER_LETTER
-)
 _ACCENTS = {"bar": "bar", "tilde": "tilde", "widetilde": "tilde"}  # \bar{x} is the name x_bar
 _PART_OF_NAME = re.compile(
     rf"(?P<none>{_FONT}|[{{}}]|{_GAP})"
@@ -133,22 +128,7 @@ _SIGNS = {
 _PRODUCTS = {"cdot": plain.DOT, "times": plain.CROSS}
 _OPENING, _CLOSING = "([", ")]"
 _TENSORS = frozenset(("Gamma", "g", "R", "T", "F", "eta", "h", "delta", "epsilon", "varepsilon"))
-_REASONS = {
-    "int": "integrals are not evaluated, write the evaluated integral",
-    "sum": "sums are not expanded, write the terms",
-    "circ": "write 30 \\pi/180 for 30 degrees",
-    "infty": "write a finite number",
-    "prod": "write the factors",
-    "nabla": "write an equation for each component",
-    "rm": "write \\mathrm{d}",
-    "over": "write \\frac{a}{b}",
-    **dict.fromkeys(("pm", "mp"), "write one sign"),
-    **dict.fromkeys(("dv", "odv", "derivative"), "write \\frac{d^2 x}{dt^2}"),
-    **dict.fromkeys(("approx", "sim", "simeq", "propto", "cong", "coloneqq"), "write ="),
-    **dict.fromkeys(("dddot", "ddddot"), "write equations of second order"),
-    **dict.fromkeys(("begin", "end"), "write aligned or cases, or the equations alone"),
-    **_MARKED,
-}
+_REASONS = reasons("commands")
 _MISPLACED = {"_": "a subscript belongs to a name, as in r_1", "}": "it closes nothing, leave it out"}
 
 
@@ -326,11 +306,11 @@ class _Translator:
         elif name == "partial":
             self._partial(here)
         else:
-            what, instead = f"the command \\{shorten(name)} is not accepted", _REASONS.get(name)
-            if not instead and name in nm.REFUSED:
+            what, reason = f"the command \\{shorten(name)} is not accepted", _REASONS.get(name)
+            if not reason and name in nm.REFUSED:
                 raise nm.refused(what, nm.REFUSED[name], here.column)
             what = "this environment is not accepted" if name in ("begin", "end") else what
-            raise refusal(what, here.column, instead or "write the formula without it")
+            raise refusal(what, here.column, reason.instead if reason else "write the formula without it")
 
     def _letter(self, name: str, here: Token) -> None:
         declared = self._names.role(name) is not None  # then \varphi is not \phi
@@ -600,8 +580,8 @@ class _Translator:
             if part["accent"]:
                 under = self._decoded(part["under"], start + part.start("under"))
                 each = under and f"{under}_{_ACCENTS[part['accent']]}"
-            elif command in _MARKED:
-                raise refusal(f"\\{command} occurs", start + part.start() + 1, _MARKED[command])
+            elif command in _REASONS:
+                raise refusal(f"\\{command} occurs", start + part.start() + 1, _REASONS[command].instead)
             elif command:
                 each = command if self._names.role(command) else LETTER_COMMANDS.get(command, "")
             else:

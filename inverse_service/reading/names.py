@@ -14,6 +14,7 @@ from inverse_service.expressions.letters import ALIKE, GREEK, LETTER_COMMANDS, S
 from inverse_service.expressions.pieces import STEP, step
 from inverse_service.expressions.refusals import LIMITS, joined, refusal, shorten
 from inverse_service.expressions.tree import Expression, Number, apply, number, square_root
+from inverse_service.reading.reasons import Reason, reasons
 
 ALIASES = {
     "ln": "log", "arcsin": "asin", "arccos": "acos", "arctan": "atan", "tg": "tan", "ctg": "cot", "sh": "sinh",
@@ -43,69 +44,12 @@ DERIVATIVE_NAMES = frozenset(("diff", "Derivative"))
 PIECEWISE = frozenset(("piecewise", "Piecewise"))
 FUNCTIONS = FUNCTION.keys() | ALIASES.keys() | _COMPOSED.keys() | _EXTREMES.keys() | PIECEWISE | {STEP}
 
-_KINK = "is not differentiable everywhere"
-_SPECIAL, _NOT_DONE = "is not an elementary function", "is not evaluated here"
-_COMPLEX, _OF_PARTS = (
-    "is not declared and complex numbers are not accepted",
-    "write the equations of the real and imaginary parts",
-)
-_NO_NUMBER, _ANOTHER = ("is not a number", "write a finite number"), "rename a function of your own"
-_COMMAND = ("is a command of another program", "write the equations alone")
 ELLIPTIC = ("sn", "cn", "dn")
 # Names of special functions that denote constants where no argument follows.
 MAY_BE_CONSTANTS = frozenset(("J0", "J1", "Y0", "Y1", "Ai", "Bi", "Si", "Ci", "Ei", "Li", *ELLIPTIC))
-# The arguments that each special function is declared with.
-_SPECIAL_FUNCTIONS = {
-    **dict.fromkeys(("erf", "erfc", "airyai", "airybi", "LambertW", "lambertw", "ellipk", "ellipe"), '["u"]'),
-    **dict.fromkeys(("besselj", "bessely", "besseli", "besselk"), '["n", "u"]'),
-    **dict.fromkeys(sorted(MAY_BE_CONSTANTS), '["u"]'),
-}
-_HOW_TO_DECLARE = (
-    'declare it as an arbitrary function, "functions": {"%s": %s}: a Lagrangian found this way also holds for it, '
-    'while "not variational" may not'
-)
-_VECTORS = ("belongs to vectors", "write an equation for each component")
-_WORDS = ("where", "if", "then", "else", "for", "all", "forall", "with", "let", "given", "equation", "equations",
-          "model", "system", "when", "const", "constant", "begin", "end", "is", "the", "and", "or", "not", "xor",
-          "double", "float", "Real", "None", "True", "False", "true", "false", "null", "Null", "nil")  # fmt: skip
-_OTHER_TONGUES = (("sen", "sin"), ("seno", "sin"), ("sinus", "sin"), ("sine", "sin"), ("cosinus", "cos"),
-                  ("cosine", "cos"), ("tangent", "tan"), ("senh", "sinh"))  # fmt: skip
-_DEGREES, _RADIANS = ("deg", "degs", "degree", "degrees"), ("rad", "rads", "radian", "radians")
-# The problem with a name, what to write instead, and the member of a document that could declare a name.
-Reason = tuple[str, str] | tuple[str, str, str]
-REFUSED: dict[str, Reason] = {
-    **dict.fromkeys(("floor", "ceil", "round"), (_KINK, "write the integer for the interval that you study")),
-    "mod": (_KINK, "write the formula of one interval"),
-    "DiracDelta": ("is not a function", "leave it out and study the motion between the impulses"),
-    "atan2": ("has a jump", "write atan(y/x) on the branch that you study"),
-    "factorial": (_SPECIAL, "write the number", "functions"),
-    **dict.fromkeys(("integrate", "Integral"), (_NOT_DONE, "write the evaluated integral", "functions")),
-    "sum": (_NOT_DONE, "write the terms"),
-    "limit": (_NOT_DONE, "write its value"),
-    **dict.fromkeys(("re", "im", "conjugate"), ("belongs to complex numbers", _OF_PARTS)),
-}  # fmt: skip
+REFUSED = reasons("names")
 # Documents may declare these names; undeclared ones are refused with a better reason than "unknown".
-REFUSED_UNLESS_DECLARED: dict[str, Reason] = {
-    **{name: (_SPECIAL, _HOW_TO_DECLARE % (name, arguments)) for name, arguments in _SPECIAL_FUNCTIONS.items()},
-    **dict.fromkeys(("i", "I", "j"), (_COMPLEX, "write real equations", "parameters")),
-    **dict.fromkeys(("gamma", "Gamma", "zeta"), (_SPECIAL + " and not a declared name", _ANOTHER, "parameters")),
-    **dict.fromkeys(("int", "prod", "lim"), (_NOT_DONE, "write its value", "parameters")),
-    "lg": ("may mean log10 or log2", "write log10(x)", "parameters"),
-    **dict.fromkeys(("lb", "ld"), ("may mean log2", "write log2(x)", "parameters")),
-    **dict.fromkeys(("PI", "M_PI"), ("may mean pi", "write pi", "parameters")),
-    "sqr": ("may mean a square or a square root", "write x^2 or sqrt(x)", "parameters"),
-    **{word: (f"may mean {plain}", f"write {plain}(x)", "parameters") for word, plain in _OTHER_TONGUES},
-    **dict.fromkeys(("acot", "arccot", "arcctg"), ("has two meanings", "write atan(1/x) or pi/2 - atan(x)")),
-    **dict.fromkeys(("asec", "arcsec"), ("is not accepted", "write acos(1/x)")),
-    **dict.fromkeys(("acsc", "arccsc"), ("is not accepted", "write asin(1/x)")),
-    **dict.fromkeys(("inf", "infinity", "Infinity", "oo", "zoo", "nan", "NaN"), _NO_NUMBER),
-    **dict.fromkeys(("solve", "dsolve", "desolve", "ode2", "Solve", "DSolve", "NDSolve", "NDSolveValue"), _COMMAND),
-    **dict.fromkeys(_WORDS, ("is a word", "write the equations alone, separated by ;")),
-    **dict.fromkeys(("grad", "div", "curl", "rot", "nabla", "laplacian"), _VECTORS),
-    **dict.fromkeys(_DEGREES, ("usually means a degree", "write 30*pi/180 for 30 degrees", "parameters")),
-    **dict.fromkeys(("dot", "ddot", "prime"), ("usually means a derivative", "write x' or x''", "parameters")),
-    **dict.fromkeys(_RADIANS, ("usually means the unit of angles", "leave it out", "parameters")),
-}
+REFUSED_UNLESS_DECLARED = reasons("undeclared names")
 # Short names of functions that are also used for coordinates: th for theta.
 MAY_BE_DECLARED = frozenset(("th", "ch", "sh", "tg", "tgh", "cotan", "cotg", "arch", "arsh", "arth", "arctg"))
 RESERVED = (FUNCTIONS | DERIVATIVE_NAMES | REFUSED.keys() | {"t", "pi"}) - MAY_BE_DECLARED
@@ -156,17 +100,16 @@ def reason_against(name: str, column: int, arguments: str = '["u"]') -> InputErr
     if name.startswith("log_"):
         return refusal("a base of a logarithm occurs", column, "write log(x)/log(2) or log(x, 2)")
     plain = name.replace("_", "")  # J_0
-    entry = REFUSED.get(name) or REFUSED_UNLESS_DECLARED.get(plain if plain in MAY_BE_CONSTANTS else name)
-    meant = ("(pi/180)",) if name in _DEGREES else (f"{name[0]}_1",) if entry and entry[1] == _ANOTHER else ()
-    if not entry:
+    reason = REFUSED.get(name) or REFUSED_UNLESS_DECLARED.get(plain if plain in MAY_BE_CONSTANTS else name)
+    if not reason:
         return None
-    problem, instead, *declare = entry
-    return refused(f"{name} {problem}", (problem, instead.replace('["u"]', arguments), *declare), column, meant)
+    instead = reason.instead.replace('["u"]', arguments)
+    return refused(f"{name} {reason.problem}", reason._replace(instead=instead), column)
 
 
-def refused(what: str, reason: Sequence[str], column: int, meant: tuple[str, ...] = ()) -> InputError:
+def refused(what: str, reason: Reason, column: int) -> InputError:
     """The refusal for this reason."""
-    return refusal(f"{what}; it occurs", column, reason[1], meant, declare="".join(reason[2:]))
+    return refusal(f"{what}; it occurs", column, reason.instead, reason.offers, declare=reason.declare)
 
 
 Role = Literal["coordinate", "parameter", "function"]

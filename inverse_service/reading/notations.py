@@ -258,10 +258,6 @@ def _joined(parts: Sequence[Tokens], sign: str) -> Tokens:
     return [token for k, part in enumerate(parts) for token in ([_sign(sign, part[0])] * bool(k) + part)]
 
 
-def _bracketed(inner: Tokens, at: Token) -> Tokens:
-    return [Token("operator", "(", at.column, True, FACTOR), *inner, _sign(")", at)]
-
-
 def _call(head: Token, parts: Sequence[Tokens], name: str) -> Tokens:
     return [replace(head, text=name), _sign("(", head), *_joined(parts, ","), _sign(")", head)]
 
@@ -274,18 +270,13 @@ def _quoted(head: Token, parts: Sequence[Tokens]) -> Tokens:
     return [replace(word[0], space_before=head.space_before)]
 
 
-def _number(head: Token, parts: Sequence[Tokens]) -> Tokens:
-    """Integer(-1) is -1 in brackets, Integer(2) is 2, Rational(1, 2) is 1/2 in brackets."""
-    if [len(part) for part in parts] == [1] and head.text == "Integer":
-        return parts[0]
-    return _bracketed(_joined(parts, "/"), head)
-
-
 def _operation(head: Token, parts: Sequence[Tokens], sign: str) -> Tokens:
-    """Add(a, b) as (a + b)."""
-    return _bracketed(
-        _joined([p if len(p) == 1 else [_sign("(", p[0]), *p, _sign(")", p[0])] for p in parts], sign), head
-    )
+    """Add(a, b) as (a + b), Rational(1, 2) as (1/2), Integer(2) as 2, List(a, b) as (a, b)."""
+    if head.text == "Integer" and [len(part) for part in parts] == [1]:
+        return parts[0]
+    if sign in "+*^":
+        parts = [p if len(p) == 1 else [_sign("(", p[0]), *p, _sign(")", p[0])] for p in parts]
+    return [Token("operator", "(", head.column, True, FACTOR), *_joined(parts, sign), _sign(")", head)]
 
 
 def _equality(head: Token, parts: Sequence[Tokens]) -> Tokens:
@@ -322,12 +313,18 @@ def _column(head: Token, parts: Sequence[Tokens]) -> Tokens:
 
 _HEADS: dict[str, Callable[[Token, list[Tokens]], Tokens]] = {
     **dict.fromkeys(("Symbol", "Dummy", "Function"), _quoted),
-    **dict.fromkeys(("Integer", "Rational"), _number),
-    **dict.fromkeys(("Add", "Plus"), partial(_operation, sign="+")),
-    **dict.fromkeys(("Mul", "Times"), partial(_operation, sign="*")),
-    **dict.fromkeys(("Pow", "Power", "pow"), partial(_operation, sign="^")),
+    **{
+        head: partial(_operation, sign=sign)
+        for sign, heads in (
+            ("+", "Add Plus"),
+            ("*", "Mul Times"),
+            ("^", "Pow Power pow"),
+            ("/", "Integer Rational"),
+            (",", "Tuple List Hold"),
+        )
+        for head in heads.split()
+    },
     **dict.fromkeys(("Eq", "Equal", "Equality"), _equality),
-    **dict.fromkeys(("Tuple", "List", "Hold"), lambda head, parts: _bracketed(_joined(parts, ","), head)),
     **dict.fromkeys(("Float", "RealNumber"), _float),
     **dict.fromkeys(("Diff", "Dt", "D", "Differential"), partial(_call, name="diff")),  # Maple's and Mathematica's
     **dict.fromkeys(("Matrix", "ImmutableMatrix", "ImmutableDenseMatrix", "MutableDenseMatrix"), _column),

@@ -13,6 +13,7 @@ from inverse_service import errors
 from inverse_service.expressions import functions, tree as ex
 from inverse_service.expressions.pieces import either, piecewise, step
 from inverse_service.reading import parser
+from inverse_service.reading.names import call
 
 _REFUSED = ((sympy.Integral, "an integral occurs: evaluate it, or declare a function of your own"),)
 
@@ -71,7 +72,7 @@ def from_sympy(expression: Any, leaves: Leaves) -> ex.Expression:
         case AppliedUndef():
             return _arbitrary(expression, [0] * len(expression.args), expression.args, leaves)
         case sympy.Abs() | sympy.sign():
-            return _with_branches(expression, leaves)
+            return call(type(expression).__name__.lower(), [from_sympy(expression.args[0], leaves)], 1)
         case sympy.Piecewise():
             pieces = [(from_sympy(value, leaves), _condition(held, leaves)) for value, held in expression.args]
             return piecewise(pieces, 1)
@@ -114,13 +115,6 @@ def _elementary(expression: Any, leaves: Leaves) -> ex.Expression:
     if name not in functions.FUNCTION or len(expression.args) != 1:
         raise _refused(f"the function {name} occurs", "write elementary functions, or a function of your own")
     return ex.Apply(name, from_sympy(expression.args[0], leaves))
-
-
-def _with_branches(expression: Any, leaves: Leaves) -> ex.Expression:
-    """|u| as the root of u^2, sign(u) as u/|u|; the solver splits them into branches."""
-    argument = from_sympy(expression.args[0], leaves)
-    magnitude = ex.square_root(argument**2)
-    return magnitude if isinstance(expression, sympy.Abs) else argument / magnitude
 
 
 def _derivative(expression: Any, leaves: Leaves) -> ex.Expression:

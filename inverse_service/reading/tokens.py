@@ -29,6 +29,7 @@ from inverse_service.expressions.letters import (
     describe,
     letter,
 )
+from inverse_service.reading.reasons import Reason, reasons
 
 Kind = Literal["number", "name", "prime", "operator", "newline", "end", "vector"]
 FACTOR, FRACTION = Fraction(1), Fraction(2)
@@ -316,26 +317,13 @@ _CONDITION = re.compile(r"<=|>=|&&|\|\|(?=\s)|[<>&~\u2264\u2265]|\b(?:and|or|not
 _EQUALITY = re.compile(r"!?={1,2}|\u2260")
 _CONDITION_SIGNS = {"<=": "<", "\u2264": "<", ">=": ">", "\u2265": ">", "and": "&", "or": "|", "not": "~",
                     "&&": "&", "||": "|", "True": "true", "otherwise": "true"}  # fmt: skip
-_REASONS = {
-    "%": "write the formula of one interval, 0.5 for 50 %, and # before a remark",
-    ":": "write the formula alone",
-    ".": "a dot belongs to a number such as 0.5",
-    "_": "a name begins with a letter, and a number has no _ in it",
-    '"': "write two primes '' for a second derivative, and the formula without quotation marks",
-    "\u00b0": "write 30*pi/180 for 30 degrees",
-    "`": "leave it out",
-    "\u2014": "write - for a minus",
-    "&": "write equations one after the other, separated by ;",
-    "\u221e": "write a finite number",
-    "\u222b": "write the evaluated integral",
-}
-_MEANT = {'"': "''", "\u00b0": "*pi/180", "\u2014": "-"}
+_REASONS = reasons("characters")
 # Maple's t$2 and Maxima's $ at the end, %pi, %e; x.diff(t) and sp.sin; Maple's D@@2.
 _OTHER_PROGRAMS = re.compile(
     r"(?P<times>\$(?=\s*\d))|(?P<end>\$\s*(?=\n|\Z))|(?P<nothing>%(?=(?:e|pi)\b))|(?P<dot>(?<=[\w)'])\.(?=[A-Za-z]))|(?P<power>@(?=@)|(?<=@)@)"
 )
 _SIGNS = {"times": ",", "end": ";", "nothing": "", "dot": ".", "power": "@", None: ""}
-_OTHERWISE = "use letters, digits, + - * / ^ ( ) , = and '"
+_OTHERWISE = Reason("", "use letters, digits, + - * / ^ ( ) , = and '")
 
 
 def check_length(text: str) -> None:
@@ -529,5 +517,5 @@ def _operator(text: str, place: int, space: bool) -> tuple[Tokens, int]:
     if character in "+-*/^()[]{},=;|!" + PARTIAL + TOTAL:
         return [Token("operator", character, column, space)], place + 1
     what = f"the character {describe(text[place])} is not accepted"
-    meant = (_MEANT[text[place]],) if text[place] in _MEANT else ()
-    raise refusals.refusal(what, column, _REASONS.get(text[place], _OTHERWISE), meant, (column, column + 1))
+    reason = _REASONS.get(text[place], _OTHERWISE)
+    raise refusals.refusal(what, column, reason.instead, reason.offers, (column, column + 1))
