@@ -561,7 +561,7 @@ def _differentiated(operand: Sequence[Token], words: Sequence[str]) -> list[tupl
     if {*more} - {variable} and not (len(more) == 1 and more[0].isdigit()):
         return []
     times = int(more[0]) if more and more[0] != variable else 1 + len(more)
-    by = (variable, "t")
+    by: tuple[str, ...] = (variable, "t")
     if (
         operand
         and operand[0].kind == "name"
