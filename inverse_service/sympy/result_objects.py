@@ -174,8 +174,10 @@ class Answer(dict[str, Any]):
 
     def __repr__(self) -> str:
         found, where = self._shown.get("lagrangian"), f" where {', '.join(self._where)}" if self._where else ""
-        verdict = self.verdict or "equations of motion"
-        return f"{type(self).__name__}({verdict}{', L = ' + found['text'] if found else ''}{where})"
+        verdict, words = self.verdict or "equations of motion", []
+        if found:
+            words = [f", L = {found['text']}", *_pages().integral_words(self._shown.get("integrals") or {})]
+        return f"{type(self).__name__}({verdict}{' '.join(words)}{where})"
 
     @cached_property
     def _where(self) -> tuple[str, ...]:

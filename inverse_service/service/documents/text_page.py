@@ -329,6 +329,11 @@ def _integrals(integrals: dict[str, Any]) -> Iterator[Line]:
             yield Line(3, ("with ", sides))
 
 
+def integral_words(integrals: dict[str, Any]) -> list[str]:
+    """ "with F(x) = ∫ f(x) dx" for each integral in a formula."""
+    return ["".join(map(_plain, line.parts)) for line in _integrals(integrals)]
+
+
 def _hamiltonian(hamiltonian: dict[str, Any]) -> Iterator[Line]:
     if hamiltonian["implicit"] and len(hamiltonian["text"]) > LONGEST_IMPLICIT:
         yield Line(1, ("energy in the velocities: ", "p v - L"))
