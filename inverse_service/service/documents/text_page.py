@@ -324,9 +324,14 @@ def _integrals(integrals: dict[str, Any]) -> Iterator[Line]:
     for name, known in integrals.items():
         whole, slopes = f"{name}({', '.join(known['arguments'])})", known["derivatives"]
         for variable, slope in slopes.items():
-            integrand = f"({slope})" if " " in slope else slope
+            integrand = f"({slope})" if is_sum(slope) else slope
             sides = (whole, f"∫ {integrand} d{variable}") if len(slopes) == 1 else (f"d{whole}/d{variable}", slope)
             yield Line(3, ("with ", sides))
+
+
+def is_sum(formula: str) -> bool:
+    """Whether a formula needs brackets before dx; one with a sum inside has them too."""
+    return " + " in formula or " - " in formula
 
 
 def integral_words(integrals: dict[str, Any]) -> list[str]:

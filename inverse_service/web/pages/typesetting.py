@@ -13,6 +13,7 @@ from inverse_service import errors
 from inverse_service.expressions import letters, notation, printing
 from inverse_service.reading import reader
 from inverse_service.reading.names import Names
+from inverse_service.service.documents import text_page
 
 # Beyond this a formula is read as text, in a box that scrolls.
 MAX_CHARACTERS = 4_000
@@ -94,7 +95,7 @@ def integrals(found: Mapping[str, Any], names: Names) -> list[Markup]:
         for by, slope in known["derivatives"].items():
             within, variable = formula(slope, names), formula(by, names)
             alone = len(known["derivatives"]) == 1
-            shape = "{} = \u222b ({}) d{}" if " " in slope else "{} = \u222b {} d{}"
+            shape = "{} = \u222b ({}) d{}" if text_page.is_sum(slope) else "{} = \u222b {} d{}"
             pair = (whole, within, variable) if alone else (whole, variable, within)
             lines.append(Markup(shape if alone else "\u2202{}/\u2202{} = {}").format(*pair))
     return lines
