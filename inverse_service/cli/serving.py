@@ -95,7 +95,6 @@ def _server(application: Any, settings: Settings) -> Any:
     import uvicorn
 
     from inverse_service.web.connections import KEEP_ALIVE, Connections
-    from inverse_service.web.middleware import LARGEST_HEADERS
 
     connections = Connections(_most_connections(settings.connections), settings.client_connections, settings.proxies)
     application.state.engine.connections = connections
@@ -103,6 +102,7 @@ def _server(application: Any, settings: Settings) -> Any:
         uvicorn.Config(
             application,
             http=cast(Any, connections.protocol),
+            ws="none",
             backlog=BACKLOG,
             proxy_headers=bool(settings.proxies),
             forwarded_allow_ips=list(settings.proxies),
@@ -111,7 +111,6 @@ def _server(application: Any, settings: Settings) -> Any:
             server_header=False,
             timeout_graceful_shutdown=1,
             timeout_keep_alive=int(KEEP_ALIVE),
-            h11_max_incomplete_event_size=LARGEST_HEADERS,
         )
     )
     _tell_of_the_end(server, application.state.engine.close_streams)

@@ -8,16 +8,15 @@ from __future__ import annotations
 
 import asyncio
 import ipaddress
-import sys
 import time
 from collections import Counter
 from dataclasses import dataclass, field
 from http import HTTPStatus
 from typing import Any
 
-import h11
+import httptools
 from starlette.responses import Response
-from uvicorn.protocols.http.h11_impl import H11Protocol
+from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
 
 from inverse_service.web import clients, middleware
 
@@ -28,6 +27,8 @@ BODY_GRACE, BYTES_A_SECOND = 15.0, 10_000
 LOOK_EVERY = 1.0
 # So long what comes after a refused head is dropped before the connection is closed, s.
 LINGER = 2.0
+# What says how long a body is.
+LENGTHS = (b"content-length", b"transfer-encoding")
 
 
 @dataclass(slots=True)
@@ -89,7 +90,14 @@ class Connections:
             loop.call_later(LOOK_EVERY, self._look, loop)
 
 
-class Connection(H11Protocol):
+@dataclass(slots=True)
+class Head:
+    """The head of a request that has not come to its end: how many bytes came after those it began with."""
+
+    size: int = 0
+
+
+class Connection(HttpToolsProtocol):
     """uvicorn's connection, which has no time for heads and bodies and no bounds."""
 
     def __init__(self, all_of_them: Connections, **settings: Any) -> None:
@@ -97,9 +105,9 @@ class Connection(H11Protocol):
         self._all = all_of_them
         self.address = ""
         self.since = time.monotonic()
-        self._request: object = None
+        self._head: Head | None = None
         self._received = 0
-        self._is_refused = False
+        self._is_refused = self._is_repeated = False
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         super().connection_made(transport)
@@ -110,7 +118,7 @@ class Connection(H11Protocol):
 
     def connection_lost(self, exc: Exception | None) -> None:
         self._all.forget(self)
-        scope: Any = {} if self.is_waiting else self.scope
+        scope: Any = {} if self.is_waiting else self.cycle.scope
         super().connection_lost(exc)
         if work := scope.get("work"):  # nobody waits for it
             scope["left"] = True
@@ -119,27 +127,69 @@ class Connection(H11Protocol):
     def data_received(self, data: bytes) -> None:
         if self._is_refused:
             return
-        super().data_received(data)
-        if self.cycle is not self._request:
-            self._request, self.since, self._received = self.cycle, time.monotonic(), 0
-        self._received += len(data)
+        head, self._received = self._head, self._received + len(data)
+        self._unset_keepalive_if_required()
+        rest = memoryview(data)
+        try:
+            while rest:
+                rest = self._read(rest)
+        except httptools.HttpParserError:
+            self._refuse(middleware.NOT_HTTP)
+        if head is not None and head is self._head:
+            head.size += len(data)
+            if head.size > middleware.LARGEST_HEADERS:
+                self._refuse(middleware.HEADERS_TOO_LARGE)
 
-    def send_400_response(self, msg: str) -> None:
-        """431 where the head is larger than h11 keeps, else 400; then the end, as what follows may be meant as a part.
+    def _read(self, data: memoryview) -> memoryview:
+        """Have the parser read this; what it left.
+
+        It stops after the head of a request that offers another protocol (h2c, as Java's client does with each first
+        request), which is not taken. Another parser goes on, and is told how long the body is that follows.
+        """
+        try:
+            self.parser.feed_data(data)
+        except httptools.HttpParserUpgrade as stopped:
+            lengths = [b": ".join(pair) for pair in self.cycle.scope["headers"] if pair[0] in LENGTHS]
+            self.cycle.more_body = True
+            self.parser, self._is_repeated = httptools.HttpRequestParser(self), True
+            self.parser.feed_data(b"\r\n".join([b"POST / HTTP/1.1", *lengths, b"", b""]))
+            self._is_repeated = False
+            return data[stopped.args[0] :]
+        return data[:0]
+
+    def on_message_begin(self) -> None:
+        super().on_message_begin()
+        self._head = Head()
+
+    def on_header(self, name: bytes, value: bytes) -> None:
+        """A header of the head; what comes after a body in chunks is none."""
+        if self._head is not None:
+            super().on_header(name, value)
+
+    def on_headers_complete(self) -> None:
+        self._head, self.since, self._received = None, time.monotonic(), 0
+        if not self._is_repeated:
+            super().on_headers_complete()
+
+    def _refuse(self, answer: Response) -> None:
+        """Take nothing more of this connection, as what follows may be meant as a part; whole requests are answered.
 
         What the client still sends is read and dropped: to close before would reset the connection and lose the answer.
         """
-        is_large = getattr(sys.exc_info()[1], "error_status_hint", 400) == 431
         self._is_refused = True
-        if self.cycle is not None:
-            self.cycle.disconnected = True
-        if self.conn.our_state in (h11.IDLE, h11.SEND_RESPONSE):
-            self._write(middleware.HEADERS_TOO_LARGE if is_large else middleware.NOT_HTTP)
+        if not self.is_waiting and not self.cycle.more_body:
+            self.cycle.keep_alive = False
+            return
+        if self.is_waiting or not (self.pipeline or self.cycle.response_started):
+            self._write(answer)
             self.transport.write_eof()
+        if not self.is_waiting:
+            self.cycle.disconnected = True
+            self.cycle.message_event.set()
         self.loop.call_later(LINGER, self.transport.close)
 
     def _write(self, answer: Response) -> None:
-        """An answer past h11, which takes no more of this connection."""
+        """An answer to what the application does not see."""
         first = f"HTTP/1.1 {answer.status_code} {HTTPStatus(answer.status_code).phrase}".encode()
         lines = [first, *(b": ".join(pair) for pair in answer.raw_headers)]
         self.transport.write(b"\r\n".join([*lines, b"", bytes(answer.body)]))
@@ -156,5 +206,5 @@ class Connection(H11Protocol):
     def is_late(self, now: float) -> bool:
         """Whether the client takes longer than it may for its next head, or for its body."""
         if self.is_waiting:
-            return now - self.since > (HEADERS if self._request is None else KEEP_ALIVE)
+            return now - self.since > (HEADERS if self.cycle is None else KEEP_ALIVE)
         return self.cycle.more_body and now - self.since > BODY_GRACE + self._received / BYTES_A_SECOND

@@ -392,9 +392,10 @@ class Engine:
                 counts = await self.in_thread(self.store.counts)
                 is_drained = await self.in_thread(self.store.is_drained)
                 await self.in_thread(self.store.try_to_write)
-        except Exception:  # any error of the database, such as a full disk: it is not ready
+        except Exception as error:  # any error of the database, such as a full disk: it is not ready
             log.warning("the store is not ready", exc_info=True)
-            return ["The store of jobs does not answer, or cannot be written."]
+            said = error.detail if isinstance(error, model.StoreUnavailable) else ""
+            return [said or "The store of jobs does not answer, or cannot be written."]
         if is_drained:
             return ["The operator has stopped new jobs from starting."]
         waiting = counts.get("accepted", 0) + counts.get("running", 0)

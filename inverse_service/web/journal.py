@@ -8,6 +8,7 @@ from collections import Counter
 from contextvars import ContextVar
 
 STANDARD = frozenset(vars(logging.makeLogRecord({}))) | {"message", "asctime", "color_message", "taskName"}
+AS_JSON = json.JSONEncoder(default=str).encode
 BETWEEN = 10.0
 # The id of the request that is worked on; every line of the log that comes of it has it.
 REQUEST: ContextVar[str] = ContextVar("request", default="")
@@ -33,7 +34,7 @@ class JsonLines(logging.Formatter):
         line |= {key: value for key, value in vars(record).items() if key not in STANDARD}
         if record.exc_info:
             line["trace"] = self.formatException(record.exc_info)
-        return json.dumps(line, default=str)
+        return AS_JSON(line)
 
 
 class Seldom(logging.Filter):
@@ -66,3 +67,5 @@ def begin(level: str) -> None:
     for name in ("asyncio", "uvicorn.error"):
         logging.getLogger(name).addFilter(Seldom())
     logging.captureWarnings(True)
+    for fact in ("_srcfile", "logThreads", "logProcesses", "logMultiprocessing"):  # which no line shows
+        setattr(logging, fact, None)

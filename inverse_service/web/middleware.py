@@ -60,7 +60,7 @@ class Measured(Middleware):
             nonlocal status, seconds
             if message["type"] == "http.response.start":
                 status, seconds = message["status"], time.monotonic() - began
-                MutableHeaders(scope=message)["X-Request-Id"] = identifier
+                message["headers"] = [*message["headers"], (b"x-request-id", identifier.encode())]
             await send(message)
 
         try:
@@ -113,6 +113,7 @@ HEADERS = {
     "Cache-Control": "no-store",
 }
 
+RAW_HEADERS = [(name.lower().encode(), value.encode()) for name, value in HEADERS.items()]
 LARGEST_HEADERS = 32_768
 MOST_HEADERS = 500
 
@@ -136,10 +137,10 @@ class SecurityHeaders(Middleware):
 
         async def send_with_headers(message: Message) -> None:
             if message["type"] == "http.response.start":
-                headers = MutableHeaders(scope=message)
-                for name, value in HEADERS.items():
-                    headers.setdefault(name, value)
-                if "://" in headers.get("location", ""):  # by the framework, after a slash too many
+                given = {name for name, _ in message["headers"]}
+                message["headers"] = [*message["headers"], *(pair for pair in RAW_HEADERS if pair[0] not in given)]
+                if message["status"] == 307:  # by the framework, after a slash too many
+                    headers = MutableHeaders(scope=message)
                     headers["location"] = "/" + headers["location"].split("/", 3)[3].lstrip("/")
             await send(message)
 
@@ -149,9 +150,16 @@ class SecurityHeaders(Middleware):
         heads = scope["headers"]
         if len(heads) > MOST_HEADERS or sum(len(name) + len(value) for name, value in heads) > LARGEST_HEADERS:
             return HEADERS_TOO_LARGE
-        if {b"content-length", b"transfer-encoding"} <= {name for name, _ in scope["headers"]}:
-            detail = "The request has a Content-Length and a Transfer-Encoding; send only one of them."
+        names = [name for name, _ in heads]
+        if b"transfer-encoding" in names and (
+            b"content-length" in names or any(n == b"transfer-encoding" and v.lower() != b"chunked" for n, v in heads)
+        ):
+            detail = (
+                "A body has a Content-Length, or comes in chunks (Transfer-Encoding: chunked); send only one of them."
+            )
             return _refused(400, "unreadable", detail)
+        if names.count(b"host") != 1 and (names.count(b"host") or scope["http_version"] != "1.0"):
+            return _refused(400, "unreadable", "A request of HTTP/1.1 has one header 'Host'.")
         if b"%00" in scope["query_string"]:
             return _refused(422, "bad-input", "The query has a NUL character (%00), which no value has; leave it out.")
         if "\x00" in scope["path"]:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import contextlib
+import json
+import shutil
 import sqlite3
 import threading
 import time
@@ -15,9 +17,12 @@ from inverse_service.service.jobs.locks import SupervisorLock
 from inverse_service.service.jobs.store import JobStore, writing
 
 T = TypeVar("T")
+sqlite3.register_adapter(list, json.dumps)  # as AMONG reads it, see `statements`
 # Each time another value, or nothing would be written.
 PROBE = "INSERT INTO counters VALUES ('probe', 1) ON CONFLICT (name) DO UPDATE SET value = value + 1"
 PAGES_AT_ONCE, PAGES_KEPT = 256, 2048
+# Bytes of the disk without which a question and its answer may not find room.
+LEAST_FREE = 256 * 1024
 # Larger files are not rewritten at the start to give space back later; see docs/how-to/operate.md.
 REWRITTEN = 256 * 2**20
 OWN_TABLES = {"jobs", "bodies", "events", "batches", "lines", "counters"}
@@ -132,6 +137,8 @@ class SqliteStore(JobStore):
         return self._used_bytes()
 
     def try_to_write(self) -> None:
+        if shutil.disk_usage(Path(self.address).parent).free < LEAST_FREE:
+            raise model.StoreUnavailable("The disk of the database is nearly full, so that no question can be stored.")
         self._reader().execute(f"{statements.SELECT} FROM jobs LIMIT 0")
         self._write(lambda session: session.run(PROBE))
 

@@ -19,7 +19,7 @@ import hashlib
 import itertools
 import json
 import secrets
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any, Final
 
@@ -106,7 +106,6 @@ class Dialect:
 
     words: Mapping[str, str]
     instead: Mapping[str, str]
-    adapted: Callable[[Any], Any] = lambda argument: argument
     lock: str = ""
 
     @functools.cache  # noqa: B019 - there are two, for all time
@@ -127,7 +126,6 @@ SQLITE: Final = Dialect(
         "answers = (SELECT coalesce(max(order_number), 0) FROM lines WHERE lines.batch = batches.id);",
     },
     {"AMONG (?)": "IN (SELECT value FROM json_each(?))", " FOR UPDATE": "", " SKIP LOCKED": ""},
-    lambda argument: json.dumps(argument) if isinstance(argument, list) else argument,
 )  # fmt: skip
 POSTGRES: Final = Dialect(
     {
@@ -217,7 +215,7 @@ class Session:
             self.run(self.dialect.lock, name)
 
     def _execute(self, query: str, arguments: Sequence[Any]) -> Any:
-        return self.connection.execute(self.dialect.translated(query), [*map(self.dialect.adapted, arguments)])
+        return self.connection.execute(self.dialect.translated(query), arguments)
 
 
 def first(session: Session, query: str, *arguments: Any) -> Any:
@@ -254,6 +252,12 @@ def submit(
     is answered, or it was dismissed: then it is accepted again. `of_batch`: its lines wait for the jobs. The jobs stay
     locked until the commit.
     """
+    _accept(session, requests, bounds, of_batch)
+    found = _read(session, [request.id for request in requests])
+    return [found[request.id] for request in requests]
+
+
+def _accept(session: Session, requests: Sequence[model.JobRequest], bounds: model.Bounds, of_batch: bool) -> None:
     wanted = {request.id: request for request in reversed(requests)}
     known = lock_jobs(session, list(wanted))
     if new := _to_be_asked(session, wanted, known)[::-1]:
@@ -262,12 +266,11 @@ def submit(
         session.many(ACCEPT, asked)  # two front ends that insert the same job at once make one
         if again := [request.id for request in new if request.id in known]:
             session.run("DELETE FROM events WHERE id AMONG (?)", again)
-    found = _read(session, list(wanted))
     if not of_batch:
-        waiting = [(request.id, request.client) for request in requests if found[request.id].is_open]
+        answered = wanted.keys() - {request.id for request in new} - {id for id, job in known.items() if job.is_open}
+        waiting = [(request.id, request.client) for request in requests if request.id not in answered]
         session.many("INSERT INTO askers VALUES (?, ?, 0) ON CONFLICT (job, client) DO UPDATE SET gone = 0", waiting)
         session.told.extend(model.Change(request.id, "accepted") for request in new)
-    return [found[request.id] for request in requests]
 
 
 def refuse_without_room(session: Session, requests: Sequence[model.JobRequest], bounds: model.Bounds) -> None:
@@ -352,15 +355,15 @@ def claim(session: Session, owner: str, limit: int, client_running: int = model.
 
 
 def submit_and_claim(
-    session: Session, requests: Sequence[model.JobRequest], bounds: model.Bounds, owner: str, limit: int,
-    client_running: int,
-) -> tuple[list[model.Job], list[model.Job]]:  # fmt: skip
-    """`submit`, and in the same transaction `claim`: the jobs of the requests, and those claimed."""
-    jobs = submit(session, requests, bounds)
-    claimed = claim(session, owner, limit, client_running) if limit > 0 else []
-    begun = {job.id for job in claimed}
-    session.told[:] = [change for change in session.told if change.what != "accepted" or change.id not in begun]
-    return jobs, claimed
+    session: Session, request: model.JobRequest, bounds: model.Bounds, owner: str, limit: int, client_running: int
+) -> tuple[model.Job, list[model.Job]]:
+    """`submit` of one question, and in the same transaction `claim`: its job as it was accepted, and those claimed."""
+    _accept(session, [request], bounds, of_batch=False)
+    claimed = {job.id: job for job in claim(session, owner, limit, client_running)} if limit > 0 else {}
+    session.told[:] = [change for change in session.told if change.what != "accepted" or change.id not in claimed]
+    begun = claimed.get(request.id)
+    job = replace(begun, status="accepted") if begun else _read(session, [request.id])[request.id]
+    return job, [*claimed.values()]
 
 
 def heartbeat(session: Session, owner: str, running: Sequence[tuple[str, int]]) -> list[str]:

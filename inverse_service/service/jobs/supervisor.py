@@ -259,10 +259,10 @@ class Supervisor:
     def submit(self, request: model.JobRequest, bounds: model.Bounds) -> model.Job:
         """Store a question, and begin in the same commit what may be claimed; its job as it was accepted."""
         free, most = self._room(request.client)
-        jobs, claimed = self._store.submit_and_claim([request], bounds, self._owner, free, most)
+        accepted, claimed = self._store.submit_and_claim(request, bounds, self._owner, free, most)
         for job in claimed:
             self._start(job)
-        return jobs[0]
+        return accepted
 
     def cancel(self, id: str) -> None:
         """Stop the work on a job at once, if it runs here; the caller updates the store."""
