@@ -17,7 +17,7 @@ FINAL: Final[frozenset[str]] = frozenset({"successful", "failed", "dismissed"})
 class Job(Document):
     """One piece of work. `id` is a hash of engine version, canonical document and options.
 
-    `progress` holds what is known while the job runs: stage, order, family, counts; as `so_far` the result as far as
+    `progress` holds what is known while the job runs: stage, order, family; as `so_far` the result as far as
     it is finished and checked. `result` is there when it is successful, and with what was finished when it was
     dismissed; `problem` when it failed. Times are seconds since 1970, and as RFC 3339 writes them; `usage`: seconds of
     wall clock and processor, peak memory in MiB, of the run that gave the answer.
@@ -76,7 +76,7 @@ class StatusEvent(BaseModel):
 
 
 class ProgressEvent(BaseModel):
-    """What the job is doing: stage, order, family, counts."""
+    """What the job is doing: stage, order, family."""
 
     elapsed: float = Field(description="seconds of this run")
 

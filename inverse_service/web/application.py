@@ -31,7 +31,6 @@ def create_application(settings: Settings) -> FastAPI:
     )  # fmt: skip
     app.state.engine = Engine(settings)
     problems.install(app, routing.page_of_refusal)
-    app.add_middleware(middleware.HeadAsGet)
     app.add_middleware(middleware.SecurityHeaders, hosts=settings.hosts)
     app.add_middleware(known.KnownFirst, engine=app.state.engine)
     app.add_middleware(middleware.Measured)

@@ -90,13 +90,6 @@ class Connections:
             loop.call_later(LOOK_EVERY, self._look, loop)
 
 
-@dataclass(slots=True)
-class Head:
-    """The head of a request that has not come to its end: how many bytes came after those it began with."""
-
-    size: int = 0
-
-
 class Connection(HttpToolsProtocol):
     """uvicorn's connection, which has no time for heads and bodies and no bounds."""
 
@@ -105,7 +98,8 @@ class Connection(HttpToolsProtocol):
         self._all = all_of_them
         self.address = ""
         self.since = time.monotonic()
-        self._head: Head | None = None
+        # The headers of a head that has not come to its end; how many bytes of it, or of the body, came later.
+        self._head: list[tuple[bytes, bytes]] | None = None
         self._received = 0
         self._is_refused = self._is_repeated = False
 
@@ -127,7 +121,7 @@ class Connection(HttpToolsProtocol):
     def data_received(self, data: bytes) -> None:
         if self._is_refused:
             return
-        head, self._received = self._head, self._received + len(data)
+        head = self._head
         self._unset_keepalive_if_required()
         rest = memoryview(data)
         try:
@@ -135,10 +129,9 @@ class Connection(HttpToolsProtocol):
                 rest = self._read(rest)
         except httptools.HttpParserError:
             self._refuse(middleware.NOT_HTTP)
-        if head is not None and head is self._head:
-            head.size += len(data)
-            if head.size > middleware.LARGEST_HEADERS:
-                self._refuse(middleware.HEADERS_TOO_LARGE)
+        self._received = self._received + len(data) if head is self._head else 0
+        if self._head is not None and self._received > middleware.LARGEST_HEADERS:
+            self._refuse(middleware.HEADERS_TOO_LARGE)
 
     def _read(self, data: memoryview) -> memoryview:
         """Have the parser read this; what it left.
@@ -159,7 +152,7 @@ class Connection(HttpToolsProtocol):
 
     def on_message_begin(self) -> None:
         super().on_message_begin()
-        self._head = Head()
+        self._head = self.headers
 
     def on_header(self, name: bytes, value: bytes) -> None:
         """A header of the head; what comes after a body in chunks is none."""
@@ -167,7 +160,7 @@ class Connection(HttpToolsProtocol):
             super().on_header(name, value)
 
     def on_headers_complete(self) -> None:
-        self._head, self.since, self._received = None, time.monotonic(), 0
+        self._head, self.since = None, time.monotonic()
         if not self._is_repeated:
             super().on_headers_complete()
 

@@ -358,12 +358,10 @@ class Engine:
 
     async def look_ahead(self, client: str, document: str) -> None:
         """Raise DocumentRefused at once if a document cannot be read, so that the client need not wait for a job."""
-        try:
+        with suppress(problems.Refusal):  # where too many wait, the job will tell
             outcome = await self.run_quick(client, tasks.parse_task, document.encode(), seconds=QUICK_DEADLINE)
-        except problems.Refusal:  # too many wait: the job will tell
-            return
-        if outcome.status == "refused":
-            raise errors.DocumentRefused(outcome.places)
+            if outcome.status == "refused":
+                raise errors.DocumentRefused(outcome.places)
 
     async def faults(self) -> list[str]:
         """Why the service is not ready; empty if it is."""

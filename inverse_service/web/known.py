@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import threading
 import time
-from collections import OrderedDict
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from types import SimpleNamespace
@@ -29,58 +28,45 @@ MOST_BYTES, LARGEST = 64 * 2**20, 256 * 2**10
 
 @dataclass(frozen=True, slots=True)
 class KnownAnswer:
-    """The answer to a question: the job it is of, its headers, its body, and until when it is given."""
+    """The answer to a question: its headers, its body, and until when it is given."""
 
-    job: str
     headers: Sequence[tuple[bytes, bytes]]
     body: bytes
     until: float
 
 
 class KnownAnswers:
-    """The latest answers, those asked for longest ago forgotten first; safe to use from any thread."""
+    """The latest answers, all forgotten together where they become too many; safe to use from any thread."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._answers: OrderedDict[bytes, KnownAnswer] = OrderedDict()
+        self._answers: dict[bytes, KnownAnswer] = {}
         self._keys: dict[str, set[bytes]] = {}
         self._bytes = 0
 
     def get(self, key: bytes) -> KnownAnswer | None:
         """The answer to a question, if it was given a moment ago and its job has not changed."""
-        with self._lock:
-            found = self._answers.get(key)
-            if found is None or found.until < time.monotonic():
-                return None
-            self._answers.move_to_end(key)
-            return found
+        found = self._answers.get(key)
+        return None if found is None or found.until < time.monotonic() else found
 
     def keep(self, key: bytes, job: str, headers: Sequence[tuple[bytes, bytes]], body: bytes) -> None:
         """Note an answer that holds until its job changes."""
         if len(body) > LARGEST:
             return
         with self._lock:
-            self._forget(key)
-            self._answers[key] = KnownAnswer(job, headers, body, time.monotonic() + KEPT)
+            before = self._answers.get(key)
+            self._bytes += len(body) - (len(before.body) if before else 0)
+            if self._bytes > MOST_BYTES:
+                self._answers, self._keys, self._bytes = {}, {}, len(body)
+            self._answers[key] = KnownAnswer(headers, body, time.monotonic() + KEPT)
             self._keys.setdefault(job, set()).add(key)
-            self._bytes += len(body)
-            while self._bytes > MOST_BYTES:
-                self._forget(next(iter(self._answers)))
 
     def drop(self, change: model.Change) -> None:
         """A job changed."""
-        job = change.id
-        if job in self._keys:
+        if change.id in self._keys:
             with self._lock:
-                for key in tuple(self._keys.get(job, ())):
-                    self._forget(key)
-
-    def _forget(self, key: bytes) -> None:
-        if (found := self._answers.pop(key, None)) is not None:
-            self._bytes -= len(found.body)
-            self._keys[found.job].discard(key)
-            if not self._keys[found.job]:
-                del self._keys[found.job]
+                for key in self._keys.pop(change.id, ()):
+                    self._bytes -= len(self._answers.pop(key).body)
 
 
 def digest(*parts: bytes) -> bytes:

@@ -114,6 +114,7 @@ HEADERS = {
 }
 
 RAW_HEADERS = [(name.lower().encode(), value.encode()) for name, value in HEADERS.items()]
+STREAMS = ("/events", "/results")
 LARGEST_HEADERS = 32_768
 MOST_HEADERS = 500
 
@@ -144,7 +145,9 @@ class SecurityHeaders(Middleware):
                     headers["location"] = "/" + headers["location"].split("/", 3)[3].lstrip("/")
             await send(message)
 
-        await self.app(scope, receive, send_with_headers)
+        # Routes that are read with GET are read with HEAD too; the server leaves the body out.
+        is_head = scope["method"] == "HEAD" and not scope["path"].endswith(STREAMS)
+        await self.app({**scope, "method": "GET"} if is_head else scope, receive, send_with_headers)
 
     def _refusal(self, scope: Scope) -> Response | None:
         heads = scope["headers"]
@@ -205,14 +208,3 @@ TOO_MANY_CONNECTIONS = _refused(
     "Too many connections are open, in all or of this address; close some, or come again in some seconds.",
     {"Retry-After": "5"},
 )
-
-
-STREAMS = ("/events", "/results")
-
-
-class HeadAsGet(Middleware):
-    """Middleware for all routes that are read with GET; the server leaves the body out."""
-
-    async def handle(self, scope: Scope, receive: Receive, send: Send) -> None:
-        is_read = scope["method"] == "HEAD" and not scope["path"].endswith(STREAMS)
-        await self.app({**scope, "method": "GET"} if is_read else scope, receive, send)

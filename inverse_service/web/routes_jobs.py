@@ -137,7 +137,7 @@ async def events(request: Request, id: str) -> Response:
     """Server-sent events of a job, to the end. Resumable with Last-Event-ID.
 
     Each has an `id`, an `event` and as `data` a JSON object (JobEvent): `status` {status}; `progress` {elapsed, stage,
-    order, family, counts}; `part` {part, value}, the fields of the result that are known with a part of it, as it is
+    order, family}; `part` {part, value}, the fields of the result that are known with a part of it, as it is
     finished. The values merged in their order are the result.
     """
     engine = engine_of(request)

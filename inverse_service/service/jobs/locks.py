@@ -23,26 +23,21 @@ CONTENTS = (HOLDER, DATABASE, "listener-")
 YOUNG = 60.0
 
 
-class SupervisorLock:
-    """One supervisor for a database: a flock on `path` + ".lock", which the kernel gives back however its holder dies.
+@contextlib.contextmanager
+def alone(path: Path) -> Iterator[None]:
+    """Be the one supervisor of a database, by a flock on `path` + ".lock"; raises DatabaseTaken.
 
-    Raises DatabaseTaken where another process has it.
+    The file stays, as removing it would let two in.
     """
-
-    def __init__(self, path: Path) -> None:
-        self._descriptor: int | None = os.open(f"{path}.lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
-        try:
-            lock(self._descriptor)
-        except OSError:
-            self.release()
-            detail = "Another service works on this database; stop it, or set INVERSE_SERVICE_DATABASE to another file."
-            raise DatabaseTaken(detail) from None
-
-    def release(self) -> None:
-        """Let the next one in; the file stays, as removing it would let two in."""
-        if self._descriptor is not None:
-            os.close(self._descriptor)
-            self._descriptor = None
+    descriptor = os.open(f"{path}.lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+    try:
+        lock(descriptor)
+        yield
+    except BlockingIOError:
+        detail = "Another service works on this database; stop it, or set INVERSE_SERVICE_DATABASE to another file."
+        raise DatabaseTaken(detail) from None
+    finally:
+        os.close(descriptor)
 
 
 def lock(descriptor: int) -> None:
@@ -59,19 +54,20 @@ def temporary_folder() -> Iterator[Path]:
     """A new folder that is removed at the end; so is what killed processes left."""
     remove_abandoned()
     folder = Path(tempfile.mkdtemp(prefix=PREFIX))
-    held = SupervisorLock(folder / HOLDER)
-    try:
-        yield folder
-    finally:
-        shutil.rmtree(folder, ignore_errors=True)
-        held.release()
+    with alone(folder / HOLDER):
+        try:
+            yield folder
+        finally:
+            shutil.rmtree(folder, ignore_errors=True)
 
 
 @functools.cache
-def hold(folder: Path) -> SupervisorLock:
+def hold(folder: Path) -> contextlib.ExitStack:
     """Have a folder that somebody else made and removes: it is abandoned when this process is gone."""
     remove_abandoned()
-    return SupervisorLock(folder / HOLDER)
+    held = contextlib.ExitStack()
+    held.enter_context(alone(folder / HOLDER))
+    return held
 
 
 def remove_abandoned() -> None:
@@ -97,8 +93,6 @@ def _is_ours(folder: Path) -> bool:
 def _is_abandoned(held: Path) -> bool:
     if os.name != "posix" or not held.with_name(f"{held.name}.lock").exists():
         return False  # without flock nobody can tell
-    try:
-        SupervisorLock(held).release()
-    except (OSError, DatabaseTaken):
-        return False
-    return True
+    with contextlib.suppress(OSError, DatabaseTaken), alone(held):
+        return True
+    return False

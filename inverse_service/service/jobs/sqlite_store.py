@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from inverse_service.service.jobs import model, statements
-from inverse_service.service.jobs.locks import SupervisorLock
+from inverse_service.service.jobs.locks import alone
 from inverse_service.service.jobs.store import JobStore, writing
 
 T = TypeVar("T")
@@ -106,24 +106,18 @@ class SqliteStore(JobStore):
     def __init__(self, path: Path, durable: bool = True, guest: bool = False) -> None:
         super().__init__()
         self.address = str(path)
-        self._lock = None if guest else SupervisorLock(path)
-        try:
-            connection = connect(self.address)
-            try:
-                (_refuse_other_version if guest else prepare)(connection)
-                if guest:
-                    connection.execute("PRAGMA secure_delete = ON")
-            except BaseException:
-                connection.close()
-                raise
-        except BaseException:
-            self._let_in()
-            raise
-        self._connection, self._durable = connection, durable
-        self._turn, self._writing = threading.Lock(), threading.Lock()
+        self._durable, self._is_guest = durable, guest
+        self._turn, self._writing, self._guard = threading.Lock(), threading.Lock(), threading.Lock()
         self._local = threading.local()
-        self._readers: list[sqlite3.Connection] = []
-        self._guard = threading.Lock()
+        with contextlib.ExitStack() as opened:
+            if not guest:
+                opened.enter_context(alone(path))
+            self._connection = opened.enter_context(contextlib.closing(connect(self.address)))
+            (_refuse_other_version if guest else prepare)(self._connection)
+            if guest:
+                self._connection.execute("PRAGMA secure_delete = ON")
+            # All that is closed with the store.
+            self._opened = opened.pop_all()
 
     def part(self, id: str, offset: int, size: int) -> tuple[int, bytes]:
         row = self._reader().execute("SELECT rowid FROM bodies WHERE id = ?", (id,)).fetchone()
@@ -151,26 +145,15 @@ class SqliteStore(JobStore):
     def erase_client(self, client: str) -> int:
         """Also what SQLite would leave in its files: pages that are free already are wiped where no service runs."""
         forgotten = super().erase_client(client)
-        connection = connect(self.address)
-        with contextlib.closing(connection), contextlib.suppress(model.DatabaseTaken):
+        with contextlib.closing(connect(self.address)) as connection, contextlib.suppress(model.DatabaseTaken):
             connection.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchall()
-            lock = SupervisorLock(Path(self.address)) if self._lock is None else None
-            connection.execute("VACUUM")
-            if lock is not None:
-                lock.release()
+            with alone(Path(self.address)) if self._is_guest else contextlib.nullcontext():
+                connection.execute("VACUUM")
         return forgotten
 
     def close(self) -> None:
         with self._writing, self._guard:
-            self._connection.close()
-            for reader in self._readers:
-                reader.close()
-            self._readers.clear()
-        self._let_in()
-
-    def _let_in(self) -> None:
-        if self._lock is not None:
-            self._lock.release()
+            self._opened.close()
 
     def _read(self, function: Callable[[statements.Session], T]) -> T:
         return function(statements.Session(self._reader(), [], statements.SQLITE))
@@ -201,7 +184,7 @@ class SqliteStore(JobStore):
         if found is None:
             found = self._local.connection = connect(self.address, read_only=True)
             with self._guard:
-                self._readers.append(found)
+                self._opened.callback(found.close)
         return found
 
 

@@ -33,14 +33,12 @@ log = logging.getLogger(__name__)
 PART = "part"
 ORDER = re.compile(r"^prolongation to order (\d+)$")
 FAMILY = re.compile(r"^(ansatz|method): (.+)$")
+KEPT = ("question", "so_far", "seconds")
 DECISION = {"decision": "L(q, q')", "decision with time": "L(t, q, q')"}
 
 
 def described(report: Any, before: Mapping[str, Any]) -> dict[str, Any]:
-    """The progress after a report; counts of prolongations and families go on from `before`.
-
-    Parts of a result (see `growing`) are merged into `so_far`.
-    """
+    """The progress after a report; parts of a result (see `growing`) are merged into `so_far`."""
     if isinstance(report, Mapping) and "parts" in report:
         so_far = growing.merged((before.get("so_far", {}), report["value"]))
         return {**before, "so_far": so_far, "seconds": report["seconds"]}
@@ -49,21 +47,12 @@ def described(report: Any, before: Mapping[str, Any]) -> dict[str, Any]:
     text = str(report)
     kept = {key: before[key] for key in KEPT if key in before}
     if order := ORDER.match(text):
-        return {**kept, "stage": "prolongation", "order": int(order[1]), "counts": _counted(before, "prolongations")}
+        return {**kept, "stage": "prolongation", "order": int(order[1])}
     if family := FAMILY.match(text):
-        return {**kept, "stage": family[1], "family": family[2], "counts": _counted(before, "families")}
+        return {**kept, "stage": family[1], "family": family[2]}
     if text in DECISION:
         return {**kept, "stage": "decision", "question": DECISION[text]}
     return {**kept, "stage": text}
-
-
-KEPT = ("question", "counts", "so_far", "seconds")
-
-
-def _counted(before: Mapping[str, Any], name: str) -> dict[str, int]:
-    counts = dict(before.get("counts", {}))
-    counts[name] = counts.get(name, 0) + 1
-    return counts
 
 
 # Numbers of a later attempt are greater than those of any earlier one.
@@ -119,18 +108,18 @@ class EventLog:
 
     def begin(self, job: model.Job) -> None:
         """The first event of an attempt; what an earlier one finished before it died is kept until this one has it."""
-        earlier = self.so_far(job.id) or self._stored(job)
+        stored = self._stored(job)
         with self._lock:
-            unwritten = self._runs[job.id].pending if job.id in self._runs else []
-            run = self._runs[job.id] = _Run(job.attempt * NUMBERS_PER_ATTEMPT, earlier, pending=unwritten)
+            before = self._runs.get(job.id, _Run())
+            run = _Run(job.attempt * NUMBERS_PER_ATTEMPT, before.furthest or stored, pending=before.pending)
+            self._runs[job.id] = run
             self._append(job, run, "status", {"status": "running"})
 
     def _stored(self, job: model.Job) -> dict[str, Any]:
-        if job.restarts == 0 or job.priority >= model.BULK:
-            return {}
         so_far: dict[str, Any] = {}
         with contextlib.suppress(*AWAY):  # the job is claimed, and begins in any case
-            so_far = growing.merged(e.data["value"] for e in self._store.events(job.id) if e.kind == PART)
+            if job.restarts and job.priority < model.BULK:
+                so_far = growing.merged(e.data["value"] for e in self._store.events(job.id) if e.kind == PART)
         return {"so_far": so_far, "seconds": {}} if so_far else {}
 
     def report(self, job: model.Job, began: float, value: Any) -> None:

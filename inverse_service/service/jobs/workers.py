@@ -460,7 +460,7 @@ class Workers:
     """A pool that heals itself; safe to use from any thread. Of one client at most `share` tasks run at a time."""
 
     def __init__(self, count: int, memory_limit: int, share: int = NO_SHARE) -> None:
-        self._count = count
+        self.capacity = count
         self._memory_limit = memory_limit
         self._lock = threading.Lock()
         self._tasks: FairQueue = FairQueue(share)
@@ -469,23 +469,17 @@ class Workers:
         self._alive: set[int] = set()
         self.first: Future[Outcome] = Future()
         self._running: set[Running] = set()
-        self._stopped = False
         self._stopping = threading.Event()
-
-    @property
-    def capacity(self) -> int:
-        """The number of processes."""
-        return self._count
 
     def start(self) -> None:
         """Start the processes; they load the engine while the caller goes on."""
         with self._lock:
-            if self._threads or self._stopped:
+            if self._threads or self._stopping.is_set():
                 return
             start_server()
             self._threads = [
                 threading.Thread(target=self._serve, args=(k,), name=f"worker-{k}", daemon=True)
-                for k in range(self._count)
+                for k in range(self.capacity)
             ]
         for thread in self._threads:
             thread.start()
@@ -500,7 +494,7 @@ class Workers:
 
     def fault(self) -> str:
         """Says the same whatever clients ask: a process has answered once, and there is one."""
-        if not self._threads or self._stopped:
+        if not self._threads or self._stopping.is_set():
             return "The worker processes are stopped."
         if not self.first.done() or self.first.result().status != "done":
             return "No worker process answers yet."
@@ -509,7 +503,6 @@ class Workers:
     def stop(self) -> None:
         """End all processes at once; tasks not done end as cancelled."""
         with self._lock:
-            self._stopped = True
             self._stopping.set()
             running = list(self._running)
         for task in (*self._tasks.close(), *running):
@@ -526,7 +519,7 @@ class Workers:
     def _serve(self, number: int) -> None:
         worker: WorkerProcess | None = None
         found = None
-        while not self._stopped:
+        while not self._stopping.is_set():
             if worker is None or found is None:  # one that has just answered lives
                 worker = self._noted(number, self._healthy(worker))
             found = self._tasks.get(IDLE_LOOK)
@@ -548,7 +541,7 @@ class Workers:
         """Run one task; the process to go on with."""
         with self._lock:
             self._running.add(task)
-            if self._stopped:
+            if self._stopping.is_set():
                 task.cancel()
         outcome = Outcome("unstarted", detail="no worker process can be started")
         has_waited = worker is not None
