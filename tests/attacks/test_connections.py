@@ -92,6 +92,19 @@ def test_a_document_in_chunks_of_one_byte_is_read(service: Attacked) -> None:
     assert answer.startswith(b"HTTP/1.1 200 "), answer
 
 
+def test_a_client_that_offers_http_2_is_answered_in_http_1(service: Attacked) -> None:
+    """As Java's client does with its first request, also with a body."""
+    offer = b"\r\nConnection: Upgrade, HTTP2-Settings\r\nUpgrade: h2c\r\nHTTP2-Settings: AAMAAABkAAQAAP__\r\n\r\n"
+    head = HEAD.replace(b"500000\r\n\r\n", b"%d" % len(DOCUMENT) + offer)
+    with socket.create_connection(("127.0.0.1", service.port)) as connection:
+        connection.settimeout(30)
+        for parts in ((head + DOCUMENT,), (head, DOCUMENT)):
+            for part in parts:
+                connection.sendall(part)
+                time.sleep(0.1)
+            assert connection.recv(65_536).startswith(b"HTTP/1.1 200 ")
+
+
 @pytest.mark.slow
 def test_a_request_of_two_lengths_is_refused_with_all_that_follows_it(service: Attacked) -> None:
     hidden = b"GET /livez HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n"

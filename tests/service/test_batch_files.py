@@ -23,6 +23,8 @@ def lines(*texts: str) -> list[tuple[object, ...]]:
 
 def test_empty_lines_are_skipped_but_counted() -> None:
     assert lines("", '{"id": "a"}', "  ", '{"id": 7}') == [(2, "a", False, None), (4, 7, False, None)]
+    with pytest.raises(errors.InputError, match="1,000,000 blank lines"):
+        lines(*[""] * 1_000_002)
 
 
 def test_a_missing_id_is_the_line_number() -> None:

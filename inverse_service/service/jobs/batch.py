@@ -35,6 +35,7 @@ from inverse_service.service.jobs.sqlite_store import SqliteStore
 from inverse_service.service.jobs.supervisor import Supervisor
 
 MAX_LINE_BYTES = 1_000_000
+MOST_BLANK = 1_000_000  # in a row: a megabyte of .gz may hold a thousand times as many
 STANDARD = "-"
 Identifier = str | int
 
@@ -135,8 +136,12 @@ def marked(line: Line, first_with: dict[Identifier, int]) -> Line:
 
 
 def _bounded_lines(stream: IO[bytes]) -> Iterator[bytes | None]:
+    blank = 0
     try:
         while data := stream.readline(MAX_LINE_BYTES + 1):
+            blank = 0 if data.strip() else blank + 1
+            if blank > MOST_BLANK:
+                raise InputError(f"The input has more than {MOST_BLANK:,} blank lines in a row; leave them out.")
             if len(data) <= MAX_LINE_BYTES or data.endswith(b"\n"):
                 yield data
                 continue

@@ -23,19 +23,27 @@ CONTENTS = (HOLDER, DATABASE, "listener-")
 YOUNG = 60.0
 
 
-@contextlib.contextmanager
-def alone(path: Path) -> Iterator[None]:
-    """Be the one supervisor of a database, by a flock on `path` + ".lock"; raises DatabaseTaken.
+def take(path: Path) -> int:
+    """Be the one supervisor of a database, by a flock on `path` + ".lock"; its descriptor, or DatabaseTaken.
 
-    The file stays, as removing it would let two in.
+    The kernel gives it back however its holder dies. The file stays, as removing it would let two in.
     """
     descriptor = os.open(f"{path}.lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
     try:
         lock(descriptor)
-        yield
-    except BlockingIOError:
+    except OSError:
+        os.close(descriptor)
         detail = "Another service works on this database; stop it, or set INVERSE_SERVICE_DATABASE to another file."
         raise DatabaseTaken(detail) from None
+    return descriptor
+
+
+@contextlib.contextmanager
+def alone(path: Path) -> Iterator[None]:
+    """Be the one supervisor to the end of the context."""
+    descriptor = take(path)
+    try:
+        yield
     finally:
         os.close(descriptor)
 
@@ -62,12 +70,10 @@ def temporary_folder() -> Iterator[Path]:
 
 
 @functools.cache
-def hold(folder: Path) -> contextlib.ExitStack:
+def hold(folder: Path) -> int:
     """Have a folder that somebody else made and removes: it is abandoned when this process is gone."""
     remove_abandoned()
-    held = contextlib.ExitStack()
-    held.enter_context(alone(folder / HOLDER))
-    return held
+    return take(folder / HOLDER)
 
 
 def remove_abandoned() -> None:
