@@ -54,6 +54,11 @@ class SecondOrderSystem:
         return Names(self.coordinates, self.parameters, dict(self.functions))
 
     @property
+    def variables(self) -> list[Variable]:
+        """t, the coordinates, and the velocities."""
+        return [ex.TIME, *map(ex.Symbol, self.coordinates), *map(ex.Velocity, self.coordinates)]
+
+    @property
     def depends_on_time(self) -> bool:
         """Whether t occurs in f, also where it only says which formula holds."""
         return ex.TIME in ex.distinct_nodes((*self.accelerations, *self.given))

@@ -154,12 +154,8 @@ def with_sums_of_angles(tree: ex.Expression) -> ex.Expression:
 
 def _by_letters(terms: tm.Terms) -> ex.Expression:
     """The sum over products of functions and velocities; the common factors of each coefficient are factored out."""
-    groups: dict[tm.Monomial, tm.Terms] = {}
-    for key, value in terms.items():
-        outer: tm.Monomial = frozenset(item for item in key if not isinstance(item[0], ex.Symbol))
-        groups.setdefault(outer, {})[key - outer] = value
     parts = []
-    for outer, inner in groups.items():
+    for outer, inner in tm.grouped(terms, lambda letter: not isinstance(letter, ex.Symbol)).items():
         content, common, rest = tm.split_content(inner)
         if len(inner) > 1 and all(value < 0 for value in inner.values()):
             content, rest = -content, ex.negated(rest)

@@ -25,7 +25,7 @@ from inverse_service.decision.deciding import Analysis, variables_of
 from inverse_service.decision.kinds.helmholtz import tensors, written
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.derivative import differentiate
-from inverse_service.expressions.tree import PI, TIME, Apply, Expression, Symbol, Velocity, distinct_nodes, node_count
+from inverse_service.expressions.tree import PI, Apply, Expression, Symbol, Velocity, distinct_nodes, node_count
 from inverse_service.field import modular, null_vectors, reduction
 from inverse_service.field.dense_series import SeriesProgram, constants_at, run
 from inverse_service.field.echelon import Words
@@ -49,15 +49,19 @@ class Sampler:
 
     @property
     def variables(self) -> list[Symbol | Velocity]:
-        names = self.analysis.system.coordinates
-        return [TIME, *(Symbol(name) for name in names), *(Velocity(name) for name in names)]
+        return self.analysis.system.variables
 
     def points(self, seed: int) -> SamplePoints:
         """The points that follow from a seed; what is known of them is kept."""
         if (seed, ()) not in self.known:
             prime = draw_point(self.tower, seed).prime
             self.known[seed, ()] = SamplePoints(
-                self.analysis.accelerations, self.variables, self.tower, seed, prime, self.analysis.constrained
+                self.analysis.accelerations,
+                self.variables,
+                self.tower,
+                seed,
+                prime,
+                self.analysis.constrained,
             )
         return self.known[seed, ()]
 
@@ -386,17 +390,23 @@ def helmholtz_matrix(
 
     Shapes (samples n^2, terms) and (samples, terms, n, n).
     """
-    prime, n = table.prime, table.derivatives.size
-    values = monomial_values(table, letters, terms)
+    prime, n, field = table.prime, table.derivatives.size, modular.field_of(table.prime)
     tensors = tensors_of(sampler, table)
     geometry = Geometry(*(to_montgomery(np.array([pair[k] for pair in tensors], np.uint64), prime) for k in (0, 1)))
-    derivatives = Derivatives(*(to_montgomery(array, prime) for array in table.derivatives))
-    result = np.zeros((len(values) * n * n, len(terms)), np.uint64)
-    hessians, rates = (np.zeros((len(values), len(terms), n, n), np.uint64) for _ in range(2))
-    field = modular.field_of(prime)
-    _differentiate(values, exponents_of(letters, terms, prime), derivatives, field, hessians, rates)
+    hessians, rates = hessians_of(table, letters, terms)
+    result = np.zeros((len(hessians) * n * n, len(terms)), np.uint64)
     _write_conditions(hessians, rates, geometry, field, result)
     return result, hessians
+
+
+def hessians_of(table: LetterTable, letters: Sequence[Expression], terms: Sequence[Monomial]) -> tuple[Words, Words]:
+    """The Hessian of each term at each sample, and Gamma of it; Montgomery form, (samples, terms, n, n)."""
+    prime, n = table.prime, table.derivatives.size
+    values = monomial_values(table, letters, terms)
+    derivatives = Derivatives(*(to_montgomery(array, prime) for array in table.derivatives))
+    hessians, rates = (np.zeros((*values.shape, n, n), np.uint64) for _ in range(2))
+    _differentiate(values, exponents_of(letters, terms, prime), derivatives, modular.field_of(prime), hessians, rates)
+    return hessians, rates
 
 
 def tensors_of(sampler: Sampler, table: LetterTable) -> list[tuple[Matrix, Matrix]]:

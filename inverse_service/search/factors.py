@@ -1,10 +1,7 @@
 """Integrating factors, and the functions of t and position that an ansatz multiplies with.
 
-The factor e^(ct) follows from the divergence of f. (H2) gives Gamma(log det g) = 2 tr N = -div_v f. For g = e^(ct) g_0
-with det g_0 a product of letters,
-    -div_v f = n c + sum_j e_j Gamma(log p_j),
-which is solved for the rational e_j, and for c as a rational multiple of a parameter monomial; the constants come last,
-so that they are used only where they are needed.
+The factor e^(ct) follows from the divergence of f. (H2) gives Gamma(log det g) = 2 tr N = -div_v f, so that n c is its
+constant part.
 
 Functions of position and time that multiply the velocity shapes of an ansatz.
 """
@@ -17,17 +14,14 @@ from functools import lru_cache
 from math import inf, lcm
 
 from inverse_service import bounds, errors
-from inverse_service.decision.deciding import Analysis
-from inverse_service.expressions import tree as ex
-from inverse_service.field import null_vectors, tower
-from inverse_service.field.point import SingularPoint, evaluate
+from inverse_service.expressions import derivative, tree as ex
+from inverse_service.mechanics import implicit_equations
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.search import ansatz, terms as tm
+from inverse_service.search import terms as tm
 from inverse_service.search.gradients import Integrator
 from inverse_service.search.material import (
     Material,
     integrating_candidates,
-    moving_letters,
 )
 
 
@@ -55,63 +49,28 @@ def _logarithm(
     return Integrator(system).function_of([variable], [dict(c)])
 
 
-def divergence_factor(material: Material, seed: int) -> tm.Monomial | None:
-    """exp(ct) with c not 0, or None where the divergence asks for none or is no such combination."""
-    letters: list[ex.Expression] = [
-        *material.motion.velocities,
-        *material.position_letters,
-        *dict.fromkeys([*material.velocity_letters, *moving_letters(material)]),
-    ]
-    constants = [tm.monomial_tree(key) for key in material.parameter_monomials[: bounds.CANDIDATES]]
-    try:
-        solution = _constants_of_divergence(material, letters, constants, seed)
-    except (errors.IrreducibleAtoms, SingularPoint, ValueError):
-        return None
-    if solution is None:
-        return None
-    found = [(k, c / material.motion.size) for k, c in enumerate(solution[len(letters) :]) if c]
-    if len(found) != 1:
-        return None
-    k, c = found[0]
-    rate = tm.times(material.parameter_monomials[k], tm.monomial(ex.TIME))
-    return frozenset([(ex.Apply("exp", tm.monomial_tree(rate)), c)])
+def divergence_factor(material: Material) -> tm.Monomial | None:
+    """exp(ct) with n c the constant terms of -div_v f; None where there are none."""
+    motion, rate = material.motion, tm.Terms()
+    for force, velocity in zip(motion.forces, motion.velocities, strict=True):
+        rate = tm.add_terms(rate, tm.derivative_of_terms(force, velocity), Fraction(-1, motion.size))
+    moving = material.analysis.system.variables
+    constant = {key: c for key, c in rate.items() if not any(ex.holds(letter, *moving) for letter, _ in key)}
+    return next(iter(tm.terms_of(ex.Apply("exp", tm.tree_of(constant) * ex.TIME))), None) if constant else None
 
 
-def asks_for_no_time(analysis: Analysis, seed: int) -> bool:
-    """Whether div_v f = 0, or f is homogeneous of degree 2 in v, at a random point: no factor e^(ct) follows then.
+def asks_for_no_time(system: SecondOrderSystem) -> bool:
+    """Whether div_v f = 0, or f is homogeneous of degree 2 in v: no factor e^(ct) follows then.
 
     With the degree 2, q(at) is a motion where q(t) is one, so that no rate c differs from another.
     """
-    try:
-        point = tower.draw_point(analysis.tower, seed)
-        connection, _ = ansatz.connection_and_endomorphism(
-            ansatz.Sampler(analysis, analysis.tower, analysis.real_point), point
-        )
-        forces = [evaluate(tower.to_kernels(f), point) for f in analysis.system.accelerations]
-    except (errors.IrreducibleAtoms, SingularPoint, ValueError):
-        return False
-    velocities = [point.variable(ex.Velocity(name)) for name in analysis.system.coordinates]
-    # N = -f_v/2, and f_v v = 2 f
-    turned = [
-        sum(a * v for a, v in zip(row, velocities, strict=True)) + f for row, f in zip(connection, forces, strict=True)
-    ]
-    return sum(row[i] for i, row in enumerate(connection)) % point.prime == 0 or not any(
-        x % point.prime for x in turned
-    )
-
-
-def _constants_of_divergence(
-    material: Material, letters: list[ex.Expression], constants: list[ex.Expression], seed: int
-) -> list[Fraction] | None:
-    sampler = ansatz.make_sampler(material.analysis, [(p, Fraction(1)) for p in (*letters, *constants)])
-    width = len(letters) + len(constants)
-    table = ansatz.letter_table(sampler, letters, width + 6, seed)
-    rows = []
-    places = zip(table.points, table.derivatives.along.tolist(), ansatz.tensors_of(sampler, table), strict=True)
-    for point, along, (connection, _) in places:
-        trace = 2 * sum(connection[i][i] for i in range(material.motion.size))
-        rows.append([*along, *(evaluate(tower.to_kernels(c), point) for c in constants), trace % table.prime])
-    return null_vectors.small_solution(rows, table.prime)
+    velocities = [ex.Velocity(name) for name in system.coordinates]
+    slopes = [[derivative.differentiate(f, v) for v in velocities] for f in system.accelerations]
+    turned = [ex.dot(row, velocities) - 2 * f for row, f in zip(slopes, system.accelerations, strict=True)]
+    with suppress(errors.InputError):
+        divergence = ex.add(ex.ZERO, *(row[i] for i, row in enumerate(slopes)))
+        return implicit_equations.vanishes(divergence) or all(map(implicit_equations.vanishes, turned))
+    return False
 
 
 HALF = Fraction(1, 2)
@@ -142,7 +101,7 @@ class Factors:
 NO_FACTORS = Factors({}, {}, (tm.EMPTY,), (tm.EMPTY,))
 
 
-def find_factors(material: Material, seed: int) -> Factors:
+def find_factors(material: Material) -> Factors:
     """Integrating factors of all coefficients for which they are products of letters."""
     along: dict[int, tm.Monomial] = {}
     across: dict[int, tm.Monomial] = {}
@@ -161,7 +120,7 @@ def find_factors(material: Material, seed: int) -> Factors:
         else:
             across[i] = tm.times(across.get(i, tm.EMPTY), factor)
             single[factor] = None
-    whole = divergence_factor(material, seed) if material.motion.with_time else None
+    whole = divergence_factor(material) if material.motion.with_time else None
     if whole:
         in_time[whole] = None
     for i in range(material.motion.size):

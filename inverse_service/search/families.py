@@ -176,7 +176,6 @@ def with_potential(material: Material, combination: Mapping[tm.Monomial, Fractio
     Its Euler-Lagrange expressions are affine in the velocities then. Empty where no A and V are found.
     """
     system, motion = material.analysis.system, material.motion
-    symbols: list[ex.Symbol | ex.Velocity] = [ex.TIME, *motion.coordinates, *motion.velocities]
     integrator = Integrator(system, material.analysis.real_point)
 
     def residuals() -> list[tm.Terms]:
@@ -187,7 +186,7 @@ def with_potential(material: Material, combination: Mapping[tm.Monomial, Fractio
 
     def over_one_denominator(without_roots: bool = False) -> list[tm.Terms]:
         trees = list(map(tm.tree_of, residuals()))
-        return list(map(tm.terms_of, factored(trees, symbols, Budget.long(), without_roots=without_roots)))
+        return list(map(tm.terms_of, factored(trees, system.variables, Budget.long(), without_roots=without_roots)))
 
     # Unchanged sums are integrated term by term; over one denominator terms that are not affine cancel, and
     # cos(v)^2/(1 + sin(v)), in which nothing does, is affine in sin(v) without the sine below.

@@ -90,18 +90,13 @@ class Integrator:
             return terms
         if is_zero(terms):
             return {}
-        names = self.system.coordinates
-        symbols: list[ex.Symbol | ex.Velocity] = [ex.TIME, *map(ex.Symbol, names), *map(ex.Velocity, names)]
         with suppress(tm.TooManyTerms):
-            return tm.terms_of(writing.quotient(tm.tree_of(terms), exact_field.Budget.short(), symbols))
+            return tm.terms_of(writing.quotient(tm.tree_of(terms), exact_field.Budget.short(), self.system.variables))
         return terms
 
     def integral(self, slope: tm.Terms, variable: Variable, is_cancelled: bool = False) -> tuple[tm.Terms, tm.Terms]:
         """(an integral of a part of the slope over one variable, the remaining slope)."""
-        groups: dict[tm.Monomial, tm.Terms] = {}
-        for key, value in slope.items():
-            own = frozenset(item for item in key if item[0] != variable and ex.holds(item[0], variable))
-            groups.setdefault(own, {})[tm.times(key, own, -1)] = value
+        groups = tm.grouped(slope, lambda letter: letter != variable and ex.holds(letter, variable))
         total, other = tm.Terms(), tm.Terms()
         for own, beside in groups.items():
             part = power_rule(own, beside, variable)
@@ -129,10 +124,8 @@ class Integrator:
 
     def _cancelled(self, terms: tm.Terms) -> tm.Terms:
         """The factor of each product of parameters over its own denominator: a x (x - 1)/(x^2 (x - 1)) is a/x."""
-        parameters, groups = set(map(ex.Symbol, self.system.parameters)), dict[tm.Monomial, tm.Terms]()
-        for key, value in terms.items():
-            constants = frozenset(item for item in key if item[0] in parameters)
-            groups.setdefault(constants, {})[key - constants] = value
+        parameters = set(map(ex.Symbol, self.system.parameters))
+        groups = tm.grouped(terms, lambda letter: letter in parameters)
         parts = [tm.multiply_terms({key: Fraction(1)}, self.in_normal_form(inner)) for key, inner in groups.items()]
         return _sum(iter(parts))
 
@@ -316,12 +309,8 @@ def _sum(parts: Iterator[tm.Terms]) -> tm.Terms:
 
 def _outside(slope: tm.Terms, variable: Variable) -> list[tuple[tm.Terms, tm.Terms]]:
     """(c, g) with slope = sum of c g, c free of the variable, g without other factors; c are no multiples."""
-    found: dict[tm.Monomial, tm.Terms] = {}
-    for key, value in slope.items():
-        own: tm.Monomial = frozenset(item for item in key if ex.holds(item[0], variable))
-        found.setdefault(own, {})[tm.times(key, own, -1)] = value
     pairs: list[tuple[tm.Terms, tm.Terms]] = []
-    for key, beside in found.items():
+    for key, beside in tm.grouped(slope, lambda letter: ex.holds(letter, variable)).items():
         for known, inner in pairs:
             ratios = {beside[one] / known[one] for one in known} if known.keys() == beside.keys() else set()
             if len(ratios) == 1:

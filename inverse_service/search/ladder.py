@@ -285,7 +285,7 @@ def _of_smaller(smaller: protocol.Smaller, seed: int) -> list[tuple[ex.Expressio
 def _by_ansatz(state: _Search, family: families.Family) -> protocol.Found | None:
     state.progress(f"ansatz: {family.name}")
     if state.factors is None and family.cost > 1:
-        state.factors = find_factors(state.material, state.seed)
+        state.factors = find_factors(state.material)
     for terms in families.kinetic_terms(state.material, family, state.factors or NO_FACTORS, state.seed):
         if terms and set(terms) <= state.known:
             continue

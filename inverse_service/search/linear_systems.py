@@ -60,7 +60,7 @@ def propose(material: Material, seed: int) -> list[ex.Expression]:
         (one, _), (stiffness, _), (damping, _) = lines.conditions()
         rates = list(_rates(damping)) if material.motion.with_time else [(ex.ZERO, ex.ZERO)]
         ring, values = row_factors.exact(lines, [one, stiffness, damping], [tree for rate in rates for tree in rate])
-        branches = [one for rate in rates for one in _branches(ring, [np.array(v) for v in values], rate, table)]
+        branches = [one for rate in rates for one in _branches(material, ring, [np.array(v) for v in values], rate)]
         found = [
             row_factors.lagrangian_of(lines.sums(g), Integrator(system, table)) for g in _chosen(ring, branches, table)
         ]
@@ -109,9 +109,7 @@ class Branch:
         return row_factors.size(self.row) + sum(row_factors.size(g.flat) for _, g in self.parts[1:])
 
 
-def _branches(
-    ring: exact_field.ExactRing, tables: Sequence[Array], rate: Rate, table: real_point.RealTable
-) -> Iterator[Branch]:
+def _branches(material: Material, ring: exact_field.ExactRing, tables: Sequence[Array], rate: Rate) -> Iterator[Branch]:
     """Those of one rate, by g(0) with many zeros, in itself or in g(0) K; `tables` are 1, K, and C."""
     one, stiffness, damping = tables
     a, d = map(ring.value, rate)
@@ -133,7 +131,7 @@ def _branches(
         return whole
 
     space = images = [np.array(vector).reshape(n, n) for vector in basis]
-    for _ in space if d.is_zero else ():
+    for _ in space[: len(space) if material.motion.with_time else 1] if d.is_zero else ():
         images = [moved(g) for g in images]
     images = images if d.is_zero else [moved(moved(g)) - g * d for g in images]
     weights = matrices.null_vectors(ring, [list(g.flat) for g in images])
@@ -147,7 +145,7 @@ def _branches(
         inverse = exact_field.common_factor([c for c in row[: n * n] if not c.is_zero]).inverse()
         primitive = tuple(entry * inverse for entry in row)
         g, parts = np.array(primitive[: n * n]).reshape(n, n), list[tuple[ex.Expression, Array]]()
-        for phi in _functions_of_time(*rate, table):
+        for phi in _functions_of_time(*rate, material.analysis.real_point or {}):
             if all(entry.is_zero for entry in g.flat):
                 break
             parts.append((phi, g))

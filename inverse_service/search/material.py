@@ -79,8 +79,7 @@ def _shorter(factored: ex.Expression, given: ex.Expression) -> tm.Terms:
 
 def simplified(material: Material, terms: tm.Terms) -> tm.Terms:
     """The sum over its common denominator with common factors cancelled, if that is shorter."""
-    tree = tm.tree_of(terms)
-    symbols: list[ex.Symbol | ex.Velocity] = [ex.TIME, *material.motion.coordinates, *material.motion.velocities]
+    tree, symbols = tm.tree_of(terms), material.analysis.system.variables
     try:
         other = tm.terms_of(exact_field.factored([tree], symbols, exact_field.Budget.long())[0])
     except (exact_field.TooLarge, ZeroDivisionError, tm.TooManyTerms):
@@ -287,7 +286,7 @@ def _alone(material: Material, i: int) -> list[tm.Terms]:
     motion, force = material.motion, material.analysis.system.accelerations[i]
     if not any(isinstance(p, ex.Sum) and tm.has_velocity(p) and e < 0 for key in motion.forces[i] for p, e in key):
         return []
-    symbols: list[ex.Symbol | ex.Velocity] = [ex.TIME, *motion.coordinates, *motion.velocities]
+    symbols = material.analysis.system.variables
     own, held = motion.velocities[i], set(ex.walk(force))
     for v in (w for w in motion.velocities if w in held and w != own):
         with suppress(exact_field.TooLarge, ZeroDivisionError, tm.TooManyTerms, KeyError, ValueError):

@@ -25,51 +25,27 @@ from inverse_service.field import point, real_point
 from inverse_service.mechanics import euler_lagrange
 from inverse_service.search import ansatz, terms as tm
 
-IntegerMatrix = list[list[int]]
+Residues = NDArray[np.object_]
 # Eigenvalues below this part of the largest are zero.
 _TINY = mpmath.mpf(10) ** -20
 
 
-def hessians(space: ansatz.LagrangianSpace, seed: int) -> tuple[int, list[IntegerMatrix]]:
+def hessians(space: ansatz.LagrangianSpace, seed: int) -> tuple[int, list[Residues]]:
     """(prime, d2L/dv dv of each combination at one random point)."""
     every = dict.fromkeys(key for c in space.combinations for key in c)
     candidates = [key for key in every if not tm.is_linear(key)]
     letters = ansatz.letters_of(candidates)
     table = ansatz.letter_table(space.sampler, letters, 1, seed)
-    index = {letter: k for k, letter in enumerate(letters)}
-    inverse = pow(1 << 64, -1, table.prime)
-    values = [int(x) * inverse % table.prime for x in ansatz.monomial_values(table, letters, candidates)[0]]
-    single = {
-        key: _hessian(table, [(index[p], e) for p, e in key], value)
-        for key, value in zip(candidates, values, strict=True)
-    }
-    if not single:
-        size = table.derivatives.size
-        return table.prime, [[[0] * size for _ in range(size)] for _ in space.combinations]
-    return table.prime, [_combined(single, c, table.prime) for c in space.combinations]
+    inverse, n = pow(1 << 64, -1, table.prime), table.derivatives.size
+    values = ansatz.hessians_of(table, letters, candidates)[0][0].astype(object) * inverse % table.prime
+    single = dict(zip(candidates, values, strict=True))
+    zero = np.zeros((n, n), object)
 
+    def combined(combination: ansatz.Combination) -> Residues:
+        weighted = (point.number_value(a, table.prime) * single[key] for key, a in combination.items() if key in single)
+        return sum(weighted, start=zero) % table.prime
 
-def _hessian(table: ansatz.LetterTable, letters: Sequence[tuple[int, Fraction]], value: int) -> IntegerMatrix:
-    """m (V_i V_j + sum e d2 log p)."""
-    prime, n = table.prime, table.derivatives.size
-    weights = [(k, point.number_value(e, prime)) for k, e in letters]
-    slope = [sum(w * int(table.derivatives.by_velocity[0, k, i]) for k, w in weights) % prime for i in range(n)]
-    return [
-        [value * (slope[i] * slope[j] + sum(w * int(table.derivatives.hessian[0, k, i, j]) for k, w in weights)) % prime
-         for j in range(n)]
-        for i in range(n)
-    ]  # fmt: skip
-
-
-def _combined(single: dict[tm.Monomial, IntegerMatrix], combination: ansatz.Combination, prime: int) -> IntegerMatrix:
-    n = len(next(iter(single.values())))
-    total = [[0] * n for _ in range(n)]
-    for key in combination.keys() & single.keys():
-        weight = point.number_value(combination[key], prime)
-        for i in range(n):
-            for j in range(n):
-                total[i][j] = (total[i][j] + weight * single[key][i][j]) % prime
-    return total
+    return table.prime, list(map(combined, space.combinations))
 
 
 def regular_members(space: ansatz.LagrangianSpace, seed: int, most: int = 4) -> list[tuple[int, ...]]:
@@ -80,7 +56,7 @@ def regular_members(space: ansatz.LagrangianSpace, seed: int, most: int = 4) -> 
     if not space.combinations:
         return []
     prime, matrices = hessians(space, seed)
-    useful = [k for k, matrix in enumerate(matrices) if any(map(any, matrix))]
+    useful = [k for k, matrix in enumerate(matrices) if matrix.any()]
     order = sorted(useful, key=lambda k: complexity(space.combinations[k]))
     squares_first = sorted(order, key=lambda k: not _is_diagonal(matrices[k]))
     generator = random.Random(seed)
@@ -95,12 +71,12 @@ def regular_members(space: ansatz.LagrangianSpace, seed: int, most: int = 4) -> 
     return found[:most]
 
 
-def _is_diagonal(matrix: IntegerMatrix) -> bool:
-    return not any(x for i, row in enumerate(matrix) for j, x in enumerate(row) if i != j)
+def _is_diagonal(matrix: Residues) -> bool:
+    return not (matrix - np.diag(np.diagonal(matrix))).any()
 
 
 def _pruned(
-    order: Sequence[int], matrices: Sequence[IntegerMatrix], weights: dict[int, int], prime: int
+    order: Sequence[int], matrices: Sequence[Residues], weights: dict[int, int], prime: int
 ) -> tuple[int, ...] | None:
     """The combinations without which the generic sum is singular, the last in order left out first."""
     chosen = list(order)
@@ -113,17 +89,14 @@ def _pruned(
     return tuple(chosen)
 
 
-def _is_regular(chosen: Sequence[int], matrices: Sequence[IntegerMatrix], weights: dict[int, int], prime: int) -> bool:
+def _is_regular(chosen: Sequence[int], matrices: Sequence[Residues], weights: dict[int, int], prime: int) -> bool:
     found = _rank([matrices[k] for k in chosen], [weights[k] for k in chosen], prime)
     return found == len(matrices[chosen[0]])
 
 
-def _rank(matrices: Sequence[IntegerMatrix], weights: Sequence[int], prime: int) -> int:
-    n = len(matrices[0])
-    total = [
-        sum(w * m[i][j] for m, w in zip(matrices, weights, strict=True)) % prime for i in range(n) for j in range(n)
-    ]
-    return int(nmod_mat(n, n, total, prime).rank())
+def _rank(matrices: Sequence[Residues], weights: Sequence[int], prime: int) -> int:
+    total = sum((w * m for m, w in zip(matrices, weights, strict=True)), start=0 * matrices[0]) % prime
+    return int(nmod_mat(total.tolist(), prime).rank())
 
 
 def complexity(combination: ansatz.Combination) -> tuple[Fraction | int, int]:
@@ -134,7 +107,7 @@ def complexity(combination: ansatz.Combination) -> tuple[Fraction | int, int]:
 def gauge_of(space: ansatz.LagrangianSpace, seed: int) -> list[ansatz.Combination]:
     """The combinations without Hessian."""
     _, matrices = hessians(space, seed)
-    return [c for c, m in zip(space.combinations, matrices, strict=True) if not any(map(any, m))]
+    return [c for c, m in zip(space.combinations, matrices, strict=True) if not m.any()]
 
 
 def reduced(total: ansatz.Combination, gauge: Sequence[ansatz.Combination]) -> ansatz.Combination:
@@ -348,7 +321,7 @@ def _definite_sums(space: ansatz.LagrangianSpace, gauge: Sequence[ansatz.Combina
         return []  # a Hessian that holds velocities is definite at some places only
     _, matrices = hessians(space, _SEED)
     # A combination that vanishes as a function has small numbers for a Hessian at a real point.
-    moving = [c for c, matrix in zip(space.combinations, matrices, strict=True) if any(map(any, matrix))]
+    moving = [c for c, matrix in zip(space.combinations, matrices, strict=True) if matrix.any()]
     simplest = sorted(moving, key=complexity)[: bounds.COLUMNS]
     with_hessian = [(c, matrix) for c in simplest if (matrix := _real_hessian(space, c)) is not None]
     found = []

@@ -69,8 +69,7 @@ def _root(search: OneMatrix, matrix: Sequence[tm.Terms], factor: tm.Terms) -> tm
     bend = derivative.differentiate(derivative.differentiate(root, ex.Velocity(names[i])), ex.Velocity(names[j]))
     if bend == ex.ZERO:
         return None
-    symbols: list[ex.Symbol | ex.Velocity] = [ex.TIME, *map(ex.Symbol, names), *map(ex.Velocity, names)]
-    ratio = writing.quotient(tm.tree_of(wanted) / bend, Budget.long(), symbols)
+    ratio = writing.quotient(tm.tree_of(wanted) / bend, Budget.long(), search.system.variables)
     return None if tm.has_velocity(ratio) else tm.multiply_terms(tm.terms_of(ratio), tm.terms_of(root))
 
 

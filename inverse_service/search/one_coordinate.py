@@ -352,7 +352,7 @@ def applies(material: Material) -> bool:
 def propose(material: Material, seed: int) -> Sequence[ex.Expression]:
     """Lagrangians whose multiplier is a product of Darboux factors, the simplest first; each is a candidate only."""
     found: dict[ex.Expression, None] = {}
-    for multiplier in last_multipliers(material, find_factors(material, seed), seed)[: bounds.CANDIDATES]:
+    for multiplier in last_multipliers(material, find_factors(material), seed)[: bounds.CANDIDATES]:
         deadline.check()
         lagrangian = lagrangian_of(material, multiplier)
         if lagrangian is not None:

@@ -288,12 +288,7 @@ def _with_constants(x: Variable, columns: Iterable[tm.Monomial], wanted: tm.Term
     plain = {m: _proper(tm.derivative_of_terms({m: Fraction(1)}, x), x) for m in varying if m}
     if not plain or len(varying) > bounds.COLUMNS:
         return None
-    sides: list[dict[tm.Monomial, tm.Terms]] = [{} for _ in range(len(plain) + 1)]
-    for side, terms in zip(sides, (*plain.values(), wanted), strict=True):
-        for key, value in terms.items():
-            own: tm.Monomial = frozenset(item for item in key if ex.holds(item[0], x))
-            side.setdefault(own, {})[key - own] = value
-    found = _combination(sides)
+    found = _combination([tm.grouped(terms, lambda letter: ex.holds(letter, x)) for terms in (*plain.values(), wanted)])
     return None if found is None else ex.add(*(c * tm.monomial_tree(list(plain)[k]) for k, c in found))
 
 
@@ -330,12 +325,8 @@ def _by_partial_fractions(x: Variable, wanted: tm.Terms) -> ex.Expression | None
 
     def by_generators(terms: tm.Terms) -> dict[tm.Monomial, tm.Terms]:
         """The terms over the common denominator, by what depends on x."""
-        found = dict[tm.Monomial, tm.Terms]()
         numerator = ex.add(*(value * tm.monomial_tree(tm.times(key, whole)) for key, value in terms.items()))
-        for key, value in tm.terms_of(numerator).items():
-            own: tm.Monomial = frozenset(item for item in key if ex.holds(item[0], x))
-            found.setdefault(own, {})[key - own] = value
-        return found
+        return tm.grouped(tm.terms_of(numerator), lambda letter: ex.holds(letter, x))
 
     right = by_generators(wanted)
     highest = max(int(dict(own).get(x, 0)) for own in right) - sum(poles.values())

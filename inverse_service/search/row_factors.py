@@ -312,10 +312,9 @@ def exact(
     lines: Lines, tables: Sequence[Table], others: Sequence[ex.Expression] = ()
 ) -> tuple[exact_field.ExactRing, list[list[list[exact_field.Quotient]]]]:
     """A ring for the tables and the others, and the tables in it."""
-    symbols: list[ex.Symbol | ex.Velocity] = [ex.TIME, *lines.coordinates, *lines.velocities]
     trees = [[[tm.tree_of(entry) for entry in row] for row in table] for table in tables]
     every = [entry for table in trees for row in table for entry in row]
-    ring = exact_field.exact_ring([*every, *others], symbols, 1, Budget.long())
+    ring = exact_field.exact_ring([*every, *others], lines.system.variables, 1, Budget.long())
     return ring, [[list(map(ring.value, row)) for row in table] for table in trees]
 
 
@@ -456,9 +455,8 @@ def _divided(left: tm.Terms, right: tm.Terms, integrator: gradients.Integrator) 
     found = tm.monomial_factor(left, right)
     if found is not None:
         return found
-    names = integrator.system.coordinates
-    symbols: list[ex.Symbol | ex.Velocity] = [ex.TIME, *map(ex.Symbol, names), *map(ex.Velocity, names)]
-    return tm.terms_of(factored([tm.tree_of(left) / tm.tree_of(right)], symbols, Budget.short())[0])
+    quotient = tm.tree_of(left) / tm.tree_of(right)
+    return tm.terms_of(factored([quotient], integrator.system.variables, Budget.short())[0])
 
 
 def _constants(lines: Lines, parts: Sequence[Sequence[int]]) -> dict[int, tm.Terms] | None:

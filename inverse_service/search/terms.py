@@ -9,7 +9,7 @@ relations among generators: an identity found here holds, but one not found may 
 The equations of motion as terms, and the Euler-Lagrange expressions of monomials along them.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
@@ -433,6 +433,15 @@ def along(motion: MotionTerms, terms: Mapping[Monomial, Fraction]) -> Terms:
 @lru_cache(maxsize=4096)
 def has_velocity(letter: ex.Expression) -> bool:
     return any(isinstance(node, ex.Velocity) for node in ex.walk(letter))
+
+
+def grouped(terms: Mapping[Monomial, Fraction], is_outside: Callable[[ex.Expression], bool]) -> dict[Monomial, Terms]:
+    """The sum by products of the generators that are outside: the coefficient of each product."""
+    groups: dict[Monomial, Terms] = {}
+    for key, value in terms.items():
+        outer: Monomial = frozenset(item for item in key if is_outside(item[0]))
+        groups.setdefault(outer, {})[key - outer] = value
+    return groups
 
 
 def split_velocities(key: Monomial) -> tuple[Monomial, Monomial]:

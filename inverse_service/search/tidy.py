@@ -1,7 +1,4 @@
-"""A Lagrangian written shorter: terms with the same velocities and parameters over one denominator; f made plain.
-
-Trigonometric functions of arctangents become algebraic: cos(k atan u) + i sin(k atan u) = ((1 + i u)/sqrt(1 + u^2))^k.
-"""
+"""A Lagrangian written shorter: terms with the same velocities and parameters over one denominator; f made plain."""
 
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
@@ -9,13 +6,11 @@ from dataclasses import replace
 from fractions import Fraction
 from functools import lru_cache, partial
 from itertools import combinations
-from math import comb, isqrt, prod
-
-import mpmath
+from math import isqrt, prod
 
 from inverse_service import bounds, errors
 from inverse_service.decision import deciding
-from inverse_service.expressions import collecting, evaluation, tree as ex
+from inverse_service.expressions import collecting, tree as ex
 from inverse_service.field import exact_field, real_point
 from inverse_service.field.point import variables_in
 from inverse_service.field.tower import AngleRule, Tower, to_kernels
@@ -23,40 +18,7 @@ from inverse_service.mechanics import quadratic_forms, writing
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.search import angles, gradients, terms as tm
 
-_LARGEST = 4
 _HALF = Fraction(1, 2)
-
-
-def without_arctangents(tree: ex.Expression) -> ex.Expression:
-    """The tree with every sin and cos of a small multiple of an arctangent replaced by its algebraic form."""
-    while table := {node: form for node in ex.distinct_nodes((tree,)) if (form := _algebraic(node)) is not None}:
-        tree = ex.substitute(tree, table)
-    return tree
-
-
-def _algebraic(node: ex.Expression) -> ex.Expression | None:
-    if not (isinstance(node, ex.Apply) and node.function in ("sin", "cos")):
-        return None
-    turns, arctangent = _multiple(node.argument)
-    if arctangent is None or turns.denominator != 1 or not 1 <= abs(turns) <= _LARGEST:
-        return None
-    u, k = arctangent.argument, abs(int(turns))
-    # The real or the imaginary part of (1 + i u)^k.
-    terms = [((-1) ** (e // 2) * comb(k, e), e) for e in range(node.function == "sin", k + 1, 2)]
-    sign = -1 if turns < 0 and node.function == "sin" else 1
-    above = ex.add(*(sign * a * u**e for a, e in terms))
-    norm = 1 + u**2
-    return above / (norm ** (k // 2) if k % 2 == 0 else norm ** (k // 2) * ex.square_root(norm))
-
-
-def _multiple(argument: ex.Expression) -> tuple[Fraction, ex.Apply | None]:
-    """(k, atan u) of k atan u; (1, None) of anything else."""
-    match argument:
-        case ex.Apply("atan", _):
-            return Fraction(1), argument
-        case ex.Product((ex.Number(value), ex.Apply("atan", _) as inner)):
-            return value, inner
-    return Fraction(1), None
 
 
 _BEFORE_A_BRACKET, _FRACTION_IN_FRACTION = 12, 4
@@ -76,10 +38,9 @@ _FAILED = (
 def tidied(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
     """A tree with fewer nodes, equal up to a constant factor, or the same one; to be verified like any other.
 
-    Circular functions of arctangents are algebraic in it, even where that is longer.
     Sums of velocities to higher powers than squares and in functions are kept: the momenta are solved in them.
     """
-    tree = _merged(without_arctangents(tree))
+    tree = _merged(tree)
     with suppress(*_FAILED):
         tree = _finite(_regular_gauge(tree, system), system)
     if _size(tree) > bounds.TERMS:
@@ -438,12 +399,12 @@ def _with_whole_squares(system: SecondOrderSystem, tree: ex.Expression) -> ex.Ex
         else:
             parts.append(part)
     plain = dict[ex.Expression, list[ex.Expression]]()
-    for constants, inner in _split(quadratic, lambda letter: letter in parameters).items():
+    for constants, inner in tm.grouped(quadratic, lambda letter: letter in parameters).items():
         square = _whole_square(inner, velocities)
         if square is not None:
             parts.append(tm.monomial_tree(constants) * square)
             continue
-        for moving, beside in _split(inner, tm.has_velocity).items():
+        for moving, beside in tm.grouped(inner, tm.has_velocity).items():
             coefficient = tm.monomial_tree(constants) * tm.tree_of(angles.shortest(beside))
             plain.setdefault(coefficient, []).append(tm.monomial_tree(moving))
     for coefficient, products in plain.items():
@@ -497,18 +458,9 @@ def _is_exponential_of_time(letter: ex.Expression) -> bool:
     return ex.is_exponential(letter) and ex.holds(letter, ex.TIME)
 
 
-def _split(terms: tm.Terms, is_outside: Callable[[ex.Expression], bool]) -> dict[tm.Monomial, tm.Terms]:
-    """The sum grouped by products of the generators that are outside: the coefficient of each product."""
-    groups: dict[tm.Monomial, tm.Terms] = {}
-    for key, value in terms.items():
-        outer: tm.Monomial = frozenset(item for item in key if is_outside(item[0]))
-        groups.setdefault(outer, {})[key - outer] = value
-    return groups
-
-
 def _by_parameters(parameters: frozenset[ex.Symbol], tree: ex.Expression) -> ex.Expression:
     """The sum over what varies of its coefficients, factored: n^2 + 2 m n is n (n + 2 m)."""
-    groups = _split(tm.terms_of(tree), lambda letter: letter not in parameters)
+    groups = tm.grouped(tm.terms_of(tree), lambda letter: letter not in parameters)
     coefficients = exact_field.factored(
         [tm.tree_of(inner) for inner in groups.values()], sorted(parameters, key=repr), exact_field.Budget.short()
     )
@@ -521,7 +473,7 @@ def _by_rates(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
     The terms without velocities stay apart where one bracket is not much shorter.
     """
     parts = []
-    for rates, inner in _split(_without_squares(tm.terms_of(tree), _parameters(system)), tm.has_velocity).items():
+    for rates, inner in tm.grouped(_without_squares(tm.terms_of(tree), _parameters(system)), tm.has_velocity).items():
         terms = {key | rates: value for key, value in inner.items()}
         forms = [tm.tree_of(terms), *([_by_both(system, terms)] if len(terms) > 1 else [])]
         whole = _part(rates, inner, system)
@@ -534,7 +486,7 @@ def _by_rates(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
 def _by_both(system: SecondOrderSystem, terms: tm.Terms) -> ex.Expression:
     """By parameters where several belong to the same product of other generators; else by these generators."""
     parameters = _parameters(system)
-    groups = _split(terms, lambda letter: letter not in parameters)
+    groups = tm.grouped(terms, lambda letter: letter not in parameters)
     several = {key | c: value for key, inner in groups.items() for c, value in inner.items() if len(inner) > 1}
     rest = {key: value for key, value in terms.items() if key not in several}
     return _by_parameters(parameters, tm.tree_of(several)) + _by_letters(system, rest)
@@ -547,7 +499,7 @@ def _grouped(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
 
 def _by_letters(system: SecondOrderSystem, terms: tm.Terms) -> ex.Expression:
     parameters = _parameters(system)
-    groups = _split(terms, lambda letter: letter in parameters or tm.has_velocity(letter))
+    groups = tm.grouped(terms, lambda letter: letter in parameters or tm.has_velocity(letter))
     return ex.add(*(_part(outer, inner, system) for outer, inner in groups.items()))
 
 
@@ -605,7 +557,7 @@ def _by_squares_of(name: str, other: str, system: SecondOrderSystem, tree: ex.Ex
             key, value = key - {(square, Fraction(2))} | {(ex.Apply(name, square.argument), Fraction(2))}, -value
         plain[key] = plain.get(key, Fraction(0)) + value
     letters = [p for p in dict.fromkeys(p for key in plain for p, _ in key) if isinstance(p, ex.Apply)]
-    groups = _split(plain, lambda letter: letter in constants or tm.has_velocity(letter))
+    groups = tm.grouped(plain, lambda letter: letter in constants or tm.has_velocity(letter))
     found = list[ex.Expression]()
     for outer, inner in groups.items():
         whole = tm.tree_of(inner)
@@ -622,7 +574,7 @@ def _by_functions(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expressi
     """The sum over functions of the velocities, each with one coefficient in factors: (x + 2 x') atan(x'/x)."""
     if not any((isinstance(node, ex.Apply) and tm.has_velocity(node)) or _is_symbolic(node) for node in ex.walk(tree)):
         return tree
-    groups = _split(tm.terms_of(tree), lambda p: tm.has_velocity(p) and isinstance(p, ex.Apply | ex.Power))
+    groups = tm.grouped(tm.terms_of(tree), lambda p: tm.has_velocity(p) and isinstance(p, ex.Apply | ex.Power))
     parts = []
     for outer, inner in groups.items():
         if not outer:
@@ -669,8 +621,12 @@ def _part(outer: tm.Monomial, inner: tm.Terms, system: SecondOrderSystem) -> ex.
 @lru_cache(maxsize=256)
 def _quotient(tree: ex.Expression, parameters: tuple[str, ...], names: tuple[str, ...]) -> ex.Expression:
     """The sum as one quotient in factors, itself where it is too large; several forms ask for the same ones."""
-    constants = map(ex.Symbol, parameters)
-    symbols: list[ex.Symbol | ex.Velocity] = [*constants, ex.TIME, *map(ex.Symbol, names), *map(ex.Velocity, names)]
+    symbols: list[ex.Symbol | ex.Velocity] = [
+        *map(ex.Symbol, parameters),
+        ex.TIME,
+        *map(ex.Symbol, names),
+        *map(ex.Velocity, names),
+    ]
     return writing.quotient(tree, exact_field.Budget.short(), symbols)
 
 
@@ -693,7 +649,7 @@ def with_plain_forces(analysis: deciding.Analysis) -> deciding.Analysis:
 
     Lagrangians that hold for it are checked with f as it was given.
     """
-    forces = with_few_constants(tuple(map(partial(_plainer, analysis.tower), analysis.system.accelerations)))
+    forces = tuple(map(partial(_plainer, analysis.tower), analysis.system.accelerations))
     if forces != analysis.system.accelerations:
         with suppress(errors.IrreducibleAtoms):
             return deciding.analyze(replace(analysis.system, accelerations=forces))
@@ -701,55 +657,11 @@ def with_plain_forces(analysis: deciding.Analysis) -> deciding.Analysis:
 
 
 def _plainer(tower: Tower, force: ex.Expression) -> ex.Expression:
-    """Nested roots denested; atoms that follow from others, such as e^(log x), written by these if that is shorter."""
-    force = denested(force)
-    plain = to_kernels(without_arctangents(force))
+    """Atoms that follow from others, such as e^(log x), written by these if that is shorter."""
+    plain = to_kernels(force)
     for rule in reversed(tower.rules):
         if not isinstance(rule, AngleRule) and not rule.free:
             plain = ex.substitute(plain, {rule.atom: rule.tree})
     with suppress(errors.InputError):
         plain = plain if plain == force else collected_inside(plain)
     return min(force, plain, key=ex.node_count)
-
-
-@lru_cache(maxsize=256)
-def denested(tree: ex.Expression) -> ex.Expression:
-    """The tree with each root of a constant sum of roots as a short sum of these, where it is one to 60 digits."""
-    match tree:
-        case ex.Power(ex.Sum() as base, ex.Number(exponent)) if exponent.denominator > 1 and _is_constant(base):
-            with suppress(evaluation.NoRealValue):
-                return _short_sum(tree, base) or tree
-            return tree
-        case _:
-            return ex.rebuild(tree, denested)
-
-
-def _is_constant(tree: ex.Expression) -> bool:
-    return all(isinstance(node, ex.Number | ex.Power | ex.Sum | ex.Product) for node in ex.walk(tree))
-
-
-def _short_sum(tree: ex.Expression, base: ex.Expression) -> ex.Expression | None:
-    """Rationals times 1 and the roots in the base that add up to the tree."""
-    basis: list[ex.Expression] = [ex.ONE]
-    basis += dict.fromkeys(node for node in ex.walk(base) if isinstance(node, ex.Power))
-    basis = basis[: 1 + bounds.FEW]
-    with mpmath.workdps(bounds.DIGITS):
-        values = [evaluation.evaluate(part, {}) for part in (tree, *basis)]
-        relation = mpmath.pslq(values, maxcoeff=bounds.RATIO, maxsteps=bounds.RATIO)
-    if not relation or not relation[0]:
-        return None
-    weights = (ex.number(Fraction(-c, relation[0])) for c in relation[1:])
-    return ex.dot(weights, basis)
-
-
-def with_few_constants(forces: tuple[ex.Expression, ...]) -> tuple[ex.Expression, ...]:
-    """The trees with cos(pi/5) and the like as short sums of the roots in them, where they are to 60 digits."""
-    nodes = [node for node in ex.distinct_nodes(forces) if not real_point.varies(node)]
-    roots = dict.fromkeys(node for node in nodes if isinstance(node, ex.Power) and _is_constant(node))
-    table: dict[ex.Expression, ex.Expression] = {}
-    for node in nodes if roots else ():
-        if isinstance(node, ex.Apply):
-            with suppress(evaluation.NoRealValue):
-                found = _short_sum(node, ex.add(*roots))
-                table |= {} if found is None else {node: found}
-    return tuple(ex.substitute(force, table) for force in forces) if table else forces

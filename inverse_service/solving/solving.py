@@ -303,7 +303,7 @@ def _with_time_instead(work: Work, autonomous: Answer) -> Answer:
     """Where L(q, v) was not found, has no closed H or is hard to read: a better L(t, q, v), if there is one."""
     from inverse_service.search.factors import asks_for_no_time
 
-    if asks_for_no_time(work.analysis, work.options.seed):
+    if asks_for_no_time(work.analysis.system):
         return autonomous  # no factor e^(ct) is asked for, so the search would go the same way
     decision = _decide(work, with_time=True)
     if decision.verdict != "variational":
