@@ -11,7 +11,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from inverse_service import errors
-from inverse_service.expressions import collecting, derivative, tree as ex
+from inverse_service.expressions import collecting, derivative, graphs, tree as ex
 from inverse_service.expressions.refusals import LIMITS, joined, refusal, shorten
 from inverse_service.reading import names as nm, reader
 from inverse_service.reading.tokens import (
@@ -209,17 +209,11 @@ def _of_its_arguments(tree: ex.Expression, name: str, arguments: Sequence[str], 
 
 def _ordered(used: Mapping[str, set[str]]) -> list[str]:
     """The names sorted so that each follows those that its formula uses; InputError for circular definitions."""
-    done: dict[str, None] = {}
-    while len(done) < len(used):
-        ready = [name for name in used if name not in done and used[name] <= done.keys()]
-        if not ready:
-            path = [next(name for name in used if name not in done)]
-            while path[-1] not in path[:-1]:
-                path.append(min(used[path[-1]] - done.keys()))
-            detail = f"the formula of {path[-1]} leads back to {path[-1]}: define it by other names."
-            raise errors.InputError(detail, f"/where/{path[-1]}")
-        done |= dict.fromkeys(ready)
-    return list(done)
+    for name, *others in (groups := graphs.components(used)):
+        if others or name in used[name]:
+            detail = f"the formula of {name} leads back to {name}: define it by other names."
+            raise errors.InputError(detail, f"/where/{name}")
+    return [name for (name,) in groups]
 
 
 def _names_in(text: str, names: nm.Names) -> set[str]:

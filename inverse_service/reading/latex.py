@@ -103,8 +103,8 @@ def _conditions(text: str) -> dict[int, tuple[Tokens, int]]:
 
 _ACCENTS = {"bar": "bar", "tilde": "tilde", "widetilde": "tilde"}  # \bar{x} is the name x_bar
 _PART_OF_NAME = re.compile(
-    rf"(?P<none>{_FONT}|[{{}}]|{_GAP})"
-    rf"|\\(?P<accent>bar|tilde|widetilde)\s*(?P<under>\{{[^{{}}]*\}}|\\[A-Za-z]+|.)|\\(?P<command>[A-Za-z]+)|.",
+    rf"(?P<none>(?P<opens>{_FONT}|\{{)|\}}|{_GAP})"
+    rf"|\\(?P<accent>bar|tilde|widetilde){_NO_LETTER}\s*(?P<under>\{{[^{{}}]*\}}|\\[A-Za-z]+|.)|\\(?P<command>[A-Za-z]+)|.",
     re.DOTALL,
 )
 _WORDS = nm.FUNCTIONS | nm.DERIVATIVE_NAMES | nm.REFUSED.keys()
@@ -586,7 +586,7 @@ class _Translator:
                 each = command if self._names.role(command) else LETTER_COMMANDS.get(command, "")
             else:
                 each = part[0] if part[0].isascii() and part[0].isalnum() else ""
-            if not each and not part["none"]:
+            if (part["opens"] and name) or not (each or part["none"]):  # x_{mathrm{max}} is no name
                 return ""
             name += each
         return name
