@@ -7,6 +7,7 @@ from typing import Any
 
 from fastapi import FastAPI
 from starlette.middleware.cors import CORSMiddleware
+from starlette.routing import Route
 
 from inverse_service import __version__, errors
 from inverse_service.settings import Settings
@@ -43,6 +44,8 @@ def create_application(settings: Settings) -> FastAPI:
             expose_headers=["ETag", "Link", "Location", "Preference-Applied", "Retry-After", "X-Request-ID"],
             max_age=600,
         )
+    for path, answer in routes_jobs.ASKED.items():  # before all others, and without the resolving of the framework
+        app.router.routes.append(Route(path, answer, methods=["POST"], include_in_schema=False))
     app.include_router(routes_jobs.asked)
     for part in (routes_jobs, routes, routes_batches, routes_atlas):
         app.include_router(part.router)

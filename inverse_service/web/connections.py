@@ -98,7 +98,7 @@ class Connection(HttpToolsProtocol):
         self._all = all_of_them
         self.address = ""
         self.since = time.monotonic()
-        # The headers of a head that has not come to its end; how many bytes of it, or of the body, came later.
+        # The headers of a head that has not come to its end; bytes of it, or of the body, in pieces that came whole.
         self._head: list[tuple[bytes, bytes]] | None = None
         self._received = 0
         self._is_refused = self._is_repeated = False
@@ -129,7 +129,7 @@ class Connection(HttpToolsProtocol):
                 rest = self._read(rest)
         except httptools.HttpParserError:
             self._refuse(middleware.NOT_HTTP)
-        self._received = self._received + len(data) if head is self._head else 0
+        self._received = (self._received if head is self._head else 0) + len(data)
         if self._head is not None and self._received > middleware.LARGEST_HEADERS:
             self._refuse(middleware.HEADERS_TOO_LARGE)
 

@@ -1,11 +1,10 @@
 """Questions and scenes as jobs: asked, looked at, followed, cancelled."""
 
 import json
-from collections.abc import AsyncIterator, Callable, Coroutine
+from collections.abc import AsyncIterator
 from typing import Any, Literal
 
 from fastapi import APIRouter, Depends, Query
-from fastapi.routing import APIRoute
 from starlette.requests import Request
 from starlette.responses import JSONResponse, Response, StreamingResponse
 
@@ -17,20 +16,9 @@ from inverse_service.web.engine import Engine
 from inverse_service.web.known import may_be_kept
 from inverse_service.web.problems import Refusal, known
 
-
-class Asked(APIRoute):
-    """A call that reads all of its request itself, so that the framework has nothing to resolve for it."""
-
-    def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
-        async def handle(request: Request) -> Response:
-            clients.note_client(request)
-            answer: Response = await self.endpoint(request)
-            return answer
-
-        return handle
-
-
-router, asked = APIRouter(dependencies=[Depends(clients.require_client)], tags=["jobs"]), APIRouter(route_class=Asked)
+router = APIRouter(dependencies=[Depends(clients.require_client)], tags=["jobs"])
+# Calls that read all of their requests themselves, so that the framework has nothing to resolve for them.
+asked = APIRouter()
 FORGOTTEN = "job of this id; it may have been forgotten. Ask again."
 STILL_THERE = b": still there\n\n"
 
@@ -60,6 +48,7 @@ async def solve(request: Request) -> Response:
 
 async def ask(request: Request, kind: str) -> Response:
     """The common path of all questions: store the job, wait briefly, answer."""
+    clients.note_client(request)
     engine = engine_of(request)
     preference = asking.preference_of(request)
     client, server, viewer = clients.client_of(request), engine.server_options, clients.viewer_of(request)
@@ -214,3 +203,6 @@ async def simulate(request: Request) -> Response:
 async def work_precision(request: Request) -> Response:
     """Measure error against time for every method of a scene, at many step sizes."""
     return await ask(request, "work-precision")
+
+
+ASKED = {"/v1/solve": solve, "/v1/simulate": simulate, "/v1/work-precision": work_precision}

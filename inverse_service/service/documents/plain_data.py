@@ -14,6 +14,7 @@ from typing import Any, NoReturn
 from inverse_service import errors
 
 MAX_DEPTH = 64
+_WRITER = json.JSONEncoder(allow_nan=False)
 MAX_NUMBER_CHARACTERS = 400
 # Possessive: the match never backtracks, so that a string of megabytes takes no extra memory.
 _JSON_STRING = re.compile(rb'"(?:[^"\\]++|\\.)*+(?:"|\Z)', re.DOTALL)
@@ -56,7 +57,7 @@ def write_json(value: Any, sort: bool = False) -> str:
         return "{" + ",".join(f"{json.dumps(key)}:{write_json(value[key], sort)}" for key in keys) + "}"
     if isinstance(value, list | tuple):
         return "[" + ",".join(write_json(part, sort) for part in value) + "]"
-    return str(value) if isinstance(value, Decimal) else json.dumps(value, allow_nan=False)
+    return str(value) if isinstance(value, Decimal) else _WRITER.encode(value)
 
 
 def read_yaml(data: bytes | str) -> Any:
