@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 
 from inverse_service import errors
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import letters, tree as ex
 from inverse_service.expressions.refusals import refusal, shorten
 from inverse_service.reading import notations, parser
 from inverse_service.reading.names import FUNCTIONS, GREEK_NAMES, MAY_BE_FUNCTIONS, Names, written_product
@@ -31,15 +31,20 @@ from inverse_service.reading.tokens import (
 )
 
 _GREEK_OF_MATHEMATICA = re.compile(r"\\\[(?:Curly)?(?:Capital)?([A-Z][a-z]+)\]")
+SHORTEST_REMARK = 4  # letters of a word that no constant needs
 _TO = r"subject\s+to|s\.\s?t\."
 _WORDS = rf"(?:(?:{_TO}|with|under)\s+(?:the\s+)?constraints?|{_TO}|constraints?(?=\s*:))"
 # The words between a Lagrangian and its constraints, in LaTeX in an upright font.
 _SUBJECT_TO = re.compile(
     rf"\\(?:text|textrm|mathrm|mbox)\s*\{{\s*(?:and\s+)?{_WORDS}\s*:?\s*\}}\s*:?|(?:\.\s+)?\b{_WORDS}\s*:?", re.I
 )
-# Van der Pol: x'' = …, Eq. (3.2): x'' = …
+# Van der Pol: x'' = …, Eq. (3.2): x'' = …, and x'' = … (eq. 3.2)
+_NUMBER = r"\(?[\d.]*\d[a-z]?\)?"
+_NUMBERED = rf"[Ee]q(?:uation|n)?(?:\.\s*|\s+|\s*(?=\()){_NUMBER}"
 _LABEL = re.compile(
-    r"(?:^|(?<=[;\n]))[ \t]*(?:[A-Z][\w -]{2,40}[\w]|[Ee]q(?:uation|\.)?\s*\(?[\d.]+[a-z]?\)?)\s*:(?![=:])"
+    rf"(?:^|(?<=[;\n]))[ \t]*(?:[A-Z][\w -]{{2,40}}[\w]|{_NUMBERED})\s*:(?![=:])"
+    rf"|[ \t](?:,?[ \t]*(?:\({_NUMBERED}\)|\[{_NUMBERED}\]|{_NUMBERED})|(?:\.{{3,}}|\u2026)[ \t]*{_NUMBER})"
+    r"(?=[ \t]*(?:[.;\n]|$))"
 )
 # q''_1, \omega^2_0 and \u03c9\u00b2\u2080, whose order TeX does not show; \Gamma^x_{xx} is a tensor.
 _RAISED_FIRST = re.compile(
@@ -491,7 +496,10 @@ def read_equation(equation: EquationTokens, names: Names) -> tuple[ex.Expression
 
 
 def remark(line: Sequence[Token], place: int) -> errors.InputError | None:
-    """The refusal of names in brackets, (spring) after an equation and (a) before one, not meant as factors."""
+    """The refusal of names not meant as factors: a word after an equation, (spring) there, and (a) before one."""
+    if _is_word_at_the_end(line, place):
+        shown = shorten(line[place].text)
+        return refusal(f"{shown} could be a remark", line[place].column, "leave it out, or write * before a factor")
     start = end = place
     while start and line[start - 1].kind == "name":
         start -= 1
@@ -508,6 +516,22 @@ def remark(line: Sequence[Token], place: int) -> errors.InputError | None:
         return None
     shown = shorten(f"({' '.join(token.text for token in line[start:end])})")
     return refusal(f"{shown} could be a remark", line[start - 1].column, "leave it out, or write * next to a factor")
+
+
+def _is_word_at_the_end(line: Sequence[Token], place: int) -> bool:
+    """Whether a word such as damping, and no letter such as omega, comes after a gap and ends the equation."""
+    word = line[place]
+    return (
+        len(word.text) >= SHORTEST_REMARK
+        and sum(token.text == word.text for token in line) == 1
+        and word.text.isalpha()
+        and word.text.islower()
+        and word.text not in letters.LETTER_COMMANDS
+        and word.space_before
+        and _ends_factor(at(line, place - 1))
+        and at(line, place - 1).kind != "number"
+        and _is_edge(at(line, place + 1))
+    )
 
 
 def _is_power(line: Sequence[Token], end: int) -> bool:
