@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import AsyncIterator
+from types import SimpleNamespace
 from typing import Any, Literal
 
 from fastapi import APIRouter, Depends, Query
@@ -48,6 +49,7 @@ async def solve(request: Request) -> Response:
 
 async def ask(request: Request, kind: str) -> Response:
     """The common path of all questions: store the job, wait briefly, answer."""
+    request.scope["route"] = SimpleNamespace(path=f"/v1/{kind}")  # as the counts of requests name it
     clients.note_client(request)
     engine = engine_of(request)
     preference = asking.preference_of(request)
