@@ -60,19 +60,6 @@ def leading_columns(reduced: nmod_mat, rank: int) -> list[int]:
     return found
 
 
-def small_solution(rows: Sequence[Sequence[int]], prime: int) -> list[Fraction] | None:
-    """Small rationals e with row[:-1] . e = row[-1], columns that depend on earlier ones left out; None without one."""
-    width = len(rows[0]) - 1
-    reduced, order = nmod_mat(len(rows), width + 1, [a % prime for row in rows for a in row], prime).rref()
-    solution = [Fraction(0)] * width
-    for i, pivot in enumerate(leading_columns(reduced, order)):
-        value = modular.reconstruct(int(reduced[i, width]), prime, bounds.RATIO)
-        if pivot == width or value is None:
-            return None
-        solution[pivot] = value
-    return solution
-
-
 def kernel(matrix: Words | Numbers, prime: int) -> Kernel:
     """The kernel of a matrix, (equations, unknowns)."""
     return kernel_of(_over_field(matrix, prime))

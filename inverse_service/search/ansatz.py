@@ -11,7 +11,6 @@ contains a regular Lagrangian before its potentials are searched for.
 
 import itertools
 from collections.abc import Callable, Iterable, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import lru_cache
@@ -32,7 +31,7 @@ from inverse_service.field.echelon import Words
 from inverse_service.field.exact_field import TooLarge
 from inverse_service.field.modular import Field, compiled, minus, multiply, plus, positive_power
 from inverse_service.field.point import Point, evaluate, number_value
-from inverse_service.field.real_point import RealTable, find_real_point, is_defined
+from inverse_service.field.real_point import RealTable, find_real_point
 from inverse_service.field.sample_points import Drawn, Integers, KnownTower, Matrix, SamplePoints
 from inverse_service.field.tower import Tower, atoms_in_order, draw_point, to_kernels
 from inverse_service.search.terms import Monomial
@@ -86,56 +85,12 @@ class Sampler:
         return self.points(seed).prime
 
 
-def sampler_of(analysis: Analysis, terms: Sequence[Monomial]) -> tuple[Sampler, list[Monomial]]:
-    """A sampler for the terms, without those that have no value at a point where f and most others have one.
-
-    Terms with generators that cannot be reduced together with f, such as (w + sqrt(w^2 + 1))^(3/2), are dropped, too.
-    Raises IrreducibleAtoms where there is no such point, or no generator can be reduced.
-    """
-    try:
-        return make_sampler(analysis, dict.fromkeys(item for term in terms for item in term)), list(terms)
-    except IrreducibleAtoms:
-        table, kept = _defined_together(analysis, terms)
-        if not kept:
-            raise
-    try:
-        return make_sampler(analysis, dict.fromkeys(item for term in kept for item in term), table), kept
-    except IrreducibleAtoms:
-        kept = _reduced_alone(analysis, kept, table)
-        if not kept:
-            raise
-        return make_sampler(analysis, dict.fromkeys(item for term in kept for item in term), table), kept
+def sampler_of(analysis: Analysis, terms: Sequence[Monomial]) -> Sampler:
+    """A sampler for the terms; raises IrreducibleAtoms where they have no values at a point of f."""
+    return make_sampler(analysis, dict.fromkeys(item for term in terms for item in term))
 
 
-def _reduced_alone(analysis: Analysis, terms: Sequence[Monomial], table: RealTable | None) -> list[Monomial]:
-    """The terms all of whose generators can be reduced together with f."""
-    plain, fine = [*analysis.accelerations, *analysis.constrained.values()], set[tuple[Expression, Fraction]]()
-    for letter, e in dict.fromkeys(item for term in terms for item in term):
-        kernels = [to_kernels(tree) for tree in (letter, letter ** Fraction(1, e.denominator))]
-        with suppress(IrreducibleAtoms):
-            if table is not None:
-                reduction.reduce_atoms([*plain, *kernels], variables_of(analysis.system), table)
-                fine.add((letter, e))
-    return [term for term in terms if term <= fine]
-
-
-def _defined_together(analysis: Analysis, terms: Sequence[Monomial]) -> tuple[RealTable | None, list[Monomial]]:
-    """Of a few points of f the one at which the most terms have values, and these."""
-    best: tuple[RealTable | None, list[Monomial]] = (None, [])
-    items = dict.fromkeys(item for term in terms for item in term)
-    kernels = {(p, e): to_kernels(p ** Fraction(1, e.denominator)) for p, e in items}
-    wanted = [*analysis.accelerations, *analysis.constrained.values()]
-    for seed in range(2, 2 + bounds.ATTEMPTS):
-        table = find_real_point(wanted, variables_of(analysis.system), seed, analysis.system.positive)
-        if table is not None:
-            valued = {item for item, kernel in kernels.items() if is_defined([kernel], table)}
-            best = max(best, (table, [term for term in terms if term <= valued]), key=lambda found: len(found[1]))
-    return best
-
-
-def make_sampler(
-    analysis: Analysis, letters: Iterable[tuple[Expression, Fraction]], table: RealTable | None = None
-) -> Sampler:
+def make_sampler(analysis: Analysis, letters: Iterable[tuple[Expression, Fraction]]) -> Sampler:
     """Raises IrreducibleAtoms where `letters` and f have no common real point or cannot be reduced.
 
     Ansätze whose generators add no atoms share their points.
@@ -143,7 +98,7 @@ def make_sampler(
     extra = [to_kernels(tree) for letter, e in letters for tree in (letter, letter ** Fraction(1, e.denominator))]
     wanted = [*analysis.accelerations, *analysis.constrained.values(), *dict.fromkeys(extra)]
     variables = variables_of(analysis.system)
-    table = table or find_real_point(wanted, variables, seed=2, positive=analysis.system.positive)
+    table = find_real_point(wanted, variables, seed=2, positive=analysis.system.positive)
     if table is None:
         raise IrreducibleAtoms("the ansatz has no real point in common with f")
     atoms = _atoms(wanted)

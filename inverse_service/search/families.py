@@ -26,13 +26,12 @@ from flint import nmod_mat
 from inverse_service import bounds, deadline
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions import tree as ex
-from inverse_service.field import modular, null_vectors, point as ps
+from inverse_service.field import modular, null_vectors
 from inverse_service.field.echelon import Words
 from inverse_service.field.exact_field import Budget, TooLarge, factored
 from inverse_service.field.modular import Field, compiled, multiply, reconstruct
-from inverse_service.field.point import Expansion, SingularPoint, Variable, variables_in
-from inverse_service.field.sample_points import SamplePoints
-from inverse_service.search import quadratures, terms as tm
+from inverse_service.field.point import SingularPoint, Variable, variables_in
+from inverse_service.search import terms as tm
 from inverse_service.search.ansatz import LetterTable, helmholtz_matrix, letters_of, sampler_of, table_at, to_montgomery
 from inverse_service.search.factors import Factors, position_monomials, products
 from inverse_service.search.gradients import Integrator
@@ -92,14 +91,14 @@ def powers(material: Material, degree: int) -> list[tm.Monomial]:
 
 
 def quotients(material: Material) -> list[tm.Monomial]:
-    """v_i v_j / w, w another velocity or a sum of them in f.
+    """v_i v_j / w, w another velocity.
 
     Where some velocities are constant along the motion, only these are divided by.
     """
     return [
         tm.times(product, tm.monomial(w), -1)
         for product in quadratic(material)
-        for w in (*divisors(material), *material.linear_sums)
+        for w in divisors(material)
         if all(w != letter for letter, _ in product)
     ]
 
@@ -124,24 +123,11 @@ def of_letters(material: Material) -> list[tm.Monomial]:
         if isinstance(letter, ex.Sum):
             # Its integer powers are sums of products that are in the list themselves.
             shapes += [frozenset([(letter, e)]) for e in _ROOTS if e < 0 or e.denominator > 1]
-            shapes += [tm.monomial(ex.Apply("log", letter)), *_of_quadratic(material, letter)]
+            shapes.append(tm.monomial(ex.Apply("log", letter)))
         else:
             shapes += [frozenset([(letter, Fraction(e))]) for e in (1, -1, 2)]
     plain = [tm.EMPTY, *(tm.monomial(v) for v in material.motion.velocities)]
     return distinct([tm.times(a, b) for a in shapes for b in plain])
-
-
-def _of_quadratic(material: Material, letter: ex.Sum) -> Iterator[tm.Monomial]:
-    """atan(v) for a letter v^2 + 1, log(v + sqrt(v^2 + 1)) where f holds its root."""
-    root = letter ** Fraction(1, 2)
-    held = any(root in map(tm.collected, ex.walk(f)) for f in material.analysis.system.accelerations)
-    power = Fraction(-1, 2 if held else 1)
-    for v in material.motion.velocities:
-        for shape in quadratures.quadratic_antiderivatives(
-            frozenset([(letter, power)]), v, material.analysis.real_point
-        ):
-            if any(isinstance(p, ex.Apply) and tm.has_velocity(p) for p, _ in shape):
-                yield shape
 
 
 def exponentials(material: Material) -> list[tm.Monomial]:
@@ -237,7 +223,8 @@ def _possible_shapes(material: Material, shapes: Sequence[tm.Monomial], seed: in
     if not shapes:
         return Possible([])
     unknowns = material.motion.size + 1 + material.motion.with_time
-    sampler, chosen = sampler_of(material.analysis, list(shapes[: bounds.SMALL]))
+    chosen = list(shapes[: bounds.SMALL])
+    sampler = sampler_of(material.analysis, chosen)
     points, letters = sampler.at_one_place(seed), letters_of(chosen)
     count = (len(chosen) * unknowns + null_vectors.SPARE) // material.motion.size**2 + 2
     table = table_at(points, letters, count, with_third=True)
@@ -251,9 +238,6 @@ def _possible_shapes(material: Material, shapes: Sequence[tm.Monomial], seed: in
     weights = found[: len(chosen)]
     fixed = dict(zip(chosen, _fixed(material, found, len(chosen)), strict=True))
     used = _used(chosen, weights, hessians[0], table.prime)
-    squares = used == [tm.monomial(v, v) for v in material.motion.velocities]
-    if squares and not _has_function_of_position(points):
-        return Possible([])
     if not used or not material.motion.with_time or material.analysis.system.depends_on_time:
         return Possible(used, fixed)
     again = solution([k for k, c in enumerate(weights) if c])
@@ -277,20 +261,6 @@ def _growth(weights: Sequence[int], rates: Sequence[int], prime: int) -> tuple[F
     most = max(known, key=known.count)
     is_seen = most is not None and 2 * known.count(most) > len(known)
     return (most, set(known) == {most}) if is_seen else (None, False)
-
-
-def _has_function_of_position(points: SamplePoints) -> bool:
-    """Whether one coordinate has a multiplier phi(t, x): Gamma(log phi) = -df/dv, so df/dv = b + 2 c v, b_x = 2 c_t."""
-    if len(points.forces) > 1:
-        return True
-    time, position, velocity = range(3)
-    expansion = Expansion(points.point(0), points.variables, 3)
-    slope = ps.derivative(expansion.expand(points.forces[0]), velocity)
-    second = ps.derivative(slope, velocity)
-    v = expansion.expand(points.variables[velocity])[: len(second)]
-    rest = ps.subtract(slope[: len(second)], ps.multiply(v, second))
-    wanted = ps.subtract(ps.derivative(rest, position), ps.derivative(second, time))
-    return not ps.value_at_point(ps.derivative(second, velocity)) and not ps.value_at_point(wanted)
 
 
 def _random_solution(
@@ -355,7 +325,7 @@ def kinetic_terms(material: Material, family: Family, factors: Factors, seed: in
         yield [key for key in shapes if is_admissible(material, key)]
         return
     possible = possible_shapes(material, shapes, seed)
-    chosen = _with_roots_of_numbers(material, possible.shapes)
+    chosen = possible.shapes
     if not chosen:
         yield chosen
         return
@@ -383,20 +353,6 @@ def _with_functions(
         pairs += [(tm.monomial(ex.TIME), shape) for shape in chosen if possible.may_have(tm.monomial(ex.TIME), shape)]
     found = distinct([tm.times(m, shape) for m, shape in pairs])
     return [key for key in found if is_admissible(material, key) and not tm.is_linear(key)]
-
-
-def _with_roots_of_numbers(material: Material, shapes: Sequence[tm.Monomial]) -> list[tm.Monomial]:
-    """Roots of sums also times the roots of numbers in f: sqrt(x'^2 + y'^2/2) is sqrt(1/2) sqrt(2 x'^2 + y'^2)."""
-    letters = (item for terms in material.motion.forces for key in terms for item in key)
-    nodes = (ex.Power(p, ex.number(e)) if isinstance(p, ex.Number) else p for p, e in letters)
-    constants = dict.fromkeys(
-        frozenset([(node.base, node.exponent.value % 1)])
-        for tree in dict.fromkeys(nodes)
-        for node in ex.walk(tree)
-        if isinstance(node, ex.Power) and isinstance(node.base, ex.Number) and isinstance(node.exponent, ex.Number)
-    )
-    rooted = [s for s in shapes if any(isinstance(p, ex.Sum) and e.denominator > 1 for p, e in s)]
-    return [*shapes, *products(constants, rooted)]
 
 
 def _functions(material: Material, factors: Factors, room: int) -> list[tm.Monomial]:

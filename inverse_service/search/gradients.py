@@ -39,7 +39,6 @@ class Integrator:
     table: real_point.RealTable | None = None
     signs: bool = False
     names: Iterator[str] = field(init=False)
-    missed: bool = False  # whether an integral was not found
 
     def __post_init__(self) -> None:
         self.names = quadratures.fresh_names(self.system)
@@ -53,7 +52,6 @@ class Integrator:
             if not rest[k]:
                 continue
             part, left = self.integral(rest[k], variable)
-            self.missed = self.missed or bool(left)
             if left and not self.signs:
                 return None
             total = tm.add_terms(total, part)
@@ -223,7 +221,6 @@ class Integrator:
                 if not any(left for _, left in parts.values()):
                     break
             else:
-                self.missed = True
                 if not self.signs:
                     return None
                 k = max(held, key=lambda k: held[k])

@@ -302,7 +302,7 @@ def _solve(material: Material, family: families.Family, terms: Sequence[Monomial
     if not terms:
         return None
     try:
-        sampler, terms = ansatz.sampler_of(material.analysis, terms)
+        sampler = ansatz.sampler_of(material.analysis, terms)
         # Of short rows: more terms than these have, times monomials of parameters, are too many unknowns.
         if material.analysis.system.parameters and not family.given and len(terms) <= 2 * bounds.SMALL:
             terms = families.with_parameters(material, ansatz.occurring_terms(sampler, terms, seed), family.terms)

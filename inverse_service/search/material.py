@@ -29,7 +29,6 @@ class Material:
     motion: tm.MotionTerms
     position_letters: tuple[ex.Expression, ...]
     velocity_letters: tuple[ex.Expression, ...]
-    linear_sums: tuple[ex.Expression, ...]
     parameter_monomials: tuple[tm.Monomial, ...]
     shared: dict[str, Any] = field(default_factory=dict, compare=False, repr=False)
 
@@ -51,7 +50,7 @@ def gather(analysis: Analysis, with_time: bool) -> Material:
     position = [p for p in letters if not tm.has_velocity(p) and ex.holds(p, ex.TIME, *motion.coordinates)]
     moving = [p for p in letters if tm.has_velocity(p) and not isinstance(p, ex.Velocity)]
     constants = _parameter_monomials(forces, parameters)
-    return Material(analysis, motion, tuple(position), tuple(moving), _linear_sums(trees), constants)
+    return Material(analysis, motion, tuple(position), tuple(moving), constants)
 
 
 def _factored(analysis: Analysis) -> list[ex.Expression]:
@@ -133,22 +132,6 @@ def companions(letter: ex.Expression) -> list[ex.Expression]:
             below = ex.Arbitrary(name, arguments, lower)
             return [below, *companions(below)]
     return []
-
-
-def _linear_sums(trees: Iterable[ex.Expression]) -> tuple[ex.Expression, ...]:
-    """Factors of f such as 2 u' + 3 w': sums of velocities with constant coefficients."""
-    found: dict[ex.Expression, None] = {}
-    for tree in trees:
-        for node in ex.walk(tree):
-            if isinstance(node, ex.Sum):
-                try:
-                    terms = tm.terms_of(node)
-                except tm.TooManyTerms:
-                    continue
-                keys = [[(p, e) for p, e in key if not isinstance(p, ex.Number)] for key in terms]
-                if keys and all(len(k) == 1 and isinstance(k[0][0], ex.Velocity) and k[0][1] == 1 for k in keys):
-                    found[tm.split_content(terms)[2]] = None
-    return tuple(found)
 
 
 def moving_letters(material: Material) -> list[ex.Expression]:
@@ -272,28 +255,11 @@ def integrating_candidates(material: Material) -> list[tuple[int, tm.Terms, ex.S
             c = simplified(material, coefficient(f, tm.monomial(v, w)))
             if c:
                 found.append((i, c, q))
-        own = any(place == i and variable == motion.coordinates[i] for place, _, variable in found)
-        found += [] if own else [(i, c, motion.coordinates[i]) for c in _alone(material, i)]
         drag = simplified(material, coefficient(f, tm.monomial(v))) if motion.with_time else {}
         still = {key: c for key, c in drag.items() if not any(ex.holds(p, *motion.coordinates) for p, _ in key)}
         if still and (len(still) == len(drag) or motion.size == 1):
             found.append((i, still, ex.TIME))
     return found
-
-
-def _alone(material: Material, i: int) -> list[tm.Terms]:
-    """c with c v_i^2 in f_i where another velocity is 0, for f_i with sums of velocities in denominators."""
-    motion, force = material.motion, material.analysis.system.accelerations[i]
-    if not any(isinstance(p, ex.Sum) and tm.has_velocity(p) and e < 0 for key in motion.forces[i] for p, e in key):
-        return []
-    symbols = material.analysis.system.variables
-    own, held = motion.velocities[i], set(ex.walk(force))
-    for v in (w for w in motion.velocities if w in held and w != own):
-        with suppress(exact_field.TooLarge, ZeroDivisionError, tm.TooManyTerms, KeyError, ValueError):
-            (rest,) = exact_field.factored([ex.substitute(force, {v: ex.ZERO})], symbols, exact_field.Budget.long())
-            if c := coefficient(tm.terms_of(rest), tm.monomial(own, own)):
-                return [c]
-    return []
 
 
 def distinct(parts: Sequence[tm.Monomial]) -> list[tm.Monomial]:

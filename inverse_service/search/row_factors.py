@@ -29,7 +29,7 @@ from itertools import chain, combinations, combinations_with_replacement, islice
 from typing import Any
 
 from inverse_service import bounds
-from inverse_service.deadline import check, end, now
+from inverse_service.deadline import check
 from inverse_service.errors import InputError, IrreducibleAtoms
 from inverse_service.expressions import tree as ex
 from inverse_service.field import exact_field, matrices
@@ -48,10 +48,6 @@ _STEPS = 4_000
 # Free numbers in constants C: with a third one, zeros no longer lead to the lines of a book.
 _MOST_FREE = 2
 _FAILED = (ValueError, tm.TooManyTerms, TooLarge, InputError, ZeroDivisionError, IrreducibleAtoms, KeyError)
-
-# Lines that are self-adjoint with no factors: the search asks again for those that were tried before the decision.
-_VAIN: dict[tuple[tuple[str, ...], tuple[ex.Expression, ...]], None] = {}
-_MOST_VAIN = 64
 
 Factor = tuple[Fraction, tm.Monomial]
 Vector = Sequence[exact_field.Quotient]
@@ -116,29 +112,21 @@ def lagrangians_of_lines(
     `signs`: integrals that are not elementary may stay.
     """
     for equations in dict.fromkeys((tuple(given), () if system.is_unsolved else solved(system))):
-        question = (*system.coordinates, *system.parameters), equations
-        if len(equations) != len(system.coordinates) or question in _VAIN:
+        if len(equations) != len(system.coordinates):
             continue
         try:
             lines = lines_of(system, equations)
         except _FAILED:
             continue
-        is_open = False
         for scaled in _proposed_lines(lines):
             check()
             integrator = gradients.Integrator(system, table, signs)
             try:
                 found = lagrangian_of(scaled, integrator)
             except _FAILED:
-                is_open = True
                 continue
-            is_open = is_open or integrator.missed or found is not None
             if found is not None:
                 yield found
-        if not is_open and now() < end():
-            _VAIN[question] = None
-            while len(_VAIN) > _MOST_VAIN:
-                del _VAIN[next(iter(_VAIN))]
 
 
 def _proposed_lines(lines: Lines) -> Iterator[Lines]:

@@ -47,7 +47,7 @@ def tidied(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
         return tree
     while (shorter := _shortest(tree, system)) != tree:
         tree = shorter
-    tree = _with_squares_inside(system, _as_written(writing.joined(tree), system))
+    tree = _with_squares_inside(system, writing.joined(tree))
     tree = writing.numbers_outside(writing.minus_inside(ex.negated(tree) if _is_upside_down(tree) else tree))
     return _in_order(_turns_together(_grouped_alike(kinetic_first(tree)), _parameters(system)), system)
 
@@ -235,24 +235,8 @@ def _degree(tree: ex.Expression) -> int:
             return 2 if tm.has_velocity(tree) else 0
 
 
-def _as_written(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
-    """Replaces expansions with the shorter sums written in f, such as (x + m)^2 + y^2."""
-    table: dict[ex.Expression, ex.Expression] = {}
-    for node in ex.distinct_nodes(system.accelerations):
-        if isinstance(node, ex.Sum):
-            with suppress(tm.TooManyTerms):
-                terms = tm.terms_of(node)
-                content, common, expansion = tm.split_content(terms) if terms else (Fraction(0), tm.EMPTY, node)
-                if not common and content == 1 and _size(node) < _size(expansion):
-                    table[expansion] = node
-    return ex.substitute(tree, table)
-
-
 def _merged(tree: ex.Expression) -> ex.Expression:
-    """Products with each base once: t^c/t is t^(c - 1), (1 - t^2)^m/((1 - t)(1 + t)) is (1 - t^2)^(m - 1).
-
-    (u^(1/2))^2 is u.
-    """
+    """Products with each base once: t^c/t is t^(c - 1). (u^(1/2))^2 is u."""
     tree = ex.rebuild(tree, _merged)
     match tree:
         case ex.Power(ex.Power(base, ex.Number(inner)), ex.Number(outer)) if outer.denominator == 1:
@@ -266,29 +250,11 @@ def _merged(tree: ex.Expression) -> ex.Expression:
         base, e = (factor.base, factor.exponent) if isinstance(factor, ex.Power) else (factor, ex.ONE)
         table[base] = table.get(base, ex.ZERO) + e
     numbers = [base ** table.pop(base) for base in list(table) if isinstance(base, ex.Number)]
-    for base in [base for base, e in table.items() if isinstance(base, ex.Sum) and not isinstance(e, ex.Number)]:
-        numbers += _absorbed(base, table)
     return ex.multiply(*numbers, *(base ** _ordered(e) for base, e in table.items()))
 
 
 def _ordered(exponent: ex.Expression) -> ex.Expression:
     return tm.tree_of(tm.terms_of(exponent))
-
-
-def _absorbed(base: ex.Expression, table: dict[ex.Expression, ex.Expression]) -> list[ex.Expression]:
-    """What is left of sums to one power whose product is a multiple of the base: they are counted in there."""
-    whole = tm.terms_of(base)
-    sums = [
-        p for p, e in table.items() if isinstance(p, ex.Sum) and isinstance(e, ex.Number) and e.value.denominator == 1
-    ]
-    for chosen in (some for k in (1, 2) for some in combinations(sums, k)):
-        found = tm.terms_of(ex.multiply(*chosen))
-        ratio = next((found.get(key, Fraction(0)) / a for key, a in whole.items()), Fraction(0))
-        if ratio and found == {key: ratio * a for key, a in whole.items()} and len({table[p] for p in chosen}) == 1:
-            exponents = [table.pop(p) for p in chosen]
-            table[base] = table[base] + exponents[0]
-            return [ex.number(ratio) ** exponents[0]]
-    return []
 
 
 def _velocity_sums(tree: ex.Expression) -> int:
@@ -311,7 +277,7 @@ def _other_forms(tree: ex.Expression, system: SecondOrderSystem) -> list[ex.Expr
     found = []
     constants = partial(_by_parameters, _parameters(system))
     of_system: tuple[Callable[[SecondOrderSystem, ex.Expression], ex.Expression], ...] = (
-        _grouped, _by_rates, _with_whole_squares, _by_functions, _with_shifted_rates, _with_springs,
+        _by_rates, _with_whole_squares, _by_functions, _with_shifted_rates, _with_springs,
         _by_sines, _by_cosines,
     )  # fmt: skip
     common = partial(_with_common_factor, constants)
@@ -490,11 +456,6 @@ def _by_both(system: SecondOrderSystem, terms: tm.Terms) -> ex.Expression:
     several = {key | c: value for key, inner in groups.items() for c, value in inner.items() if len(inner) > 1}
     rest = {key: value for key, value in terms.items() if key not in several}
     return _by_parameters(parameters, tm.tree_of(several)) + _by_letters(system, rest)
-
-
-def _grouped(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
-    """The sum over velocities and parameters of their coefficients, each in its shortest form."""
-    return _by_letters(system, _without_squares(tm.terms_of(tree), _parameters(system)))
 
 
 def _by_letters(system: SecondOrderSystem, terms: tm.Terms) -> ex.Expression:
