@@ -77,7 +77,7 @@ class Integrator:
                 q: tm.tree_of({tm.times(key, constants, -1): a for key, a in u.items()}) for q, u in moving.items()
             }
             return {tm.times(constants, tm.monomial(self.under_a_sign(inside))): Fraction(1)}
-        return _sum(
+        return tm.sum_of(
             tm.multiply_terms(beside, {tm.monomial(self.under_a_sign({variables[k]: tm.tree_of(inner)})): Fraction(1)})
             for beside, inner in _outside(rest[k], variables[k])
         )
@@ -125,7 +125,7 @@ class Integrator:
         parameters = set(map(ex.Symbol, self.system.parameters))
         groups = tm.grouped(terms, lambda letter: letter in parameters)
         parts = [tm.multiply_terms({key: Fraction(1)}, self.in_normal_form(inner)) for key, inner in groups.items()]
-        return _sum(iter(parts))
+        return tm.sum_of(parts)
 
     def under_a_sign(self, known: Mapping[Variable, ex.Expression]) -> ex.Expression:
         """F with these slopes, F a function of all variables that they hold; its other slopes are left open."""
@@ -295,13 +295,6 @@ def _beside(terms: tm.Terms, velocity: ex.Velocity) -> tm.Terms:
         for key, a in terms.items()
         if tm.split_velocities(key)[1] == tm.monomial(velocity)
     }
-
-
-def _sum(parts: Iterator[tm.Terms]) -> tm.Terms:
-    total = tm.Terms()
-    for part in parts:
-        total = tm.add_terms(total, part)
-    return total
 
 
 def _outside(slope: tm.Terms, variable: Variable) -> list[tuple[tm.Terms, tm.Terms]]:

@@ -17,9 +17,11 @@ from itertools import combinations
 
 import numpy as np
 
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import derivative, tree as ex
 from inverse_service.field import modular
+from inverse_service.field.exact_field import Budget
 from inverse_service.field.flow import PRIME, Flow, inverses
+from inverse_service.mechanics import writing
 from inverse_service.search import families, terms as tm
 from inverse_service.search.gradients import Integrator
 from inverse_service.search.interpolation import Interpolation, kernel_of, whole_numbers
@@ -48,11 +50,27 @@ def _lagrangian(search: OneMatrix, material: Material) -> ex.Expression | None:
     integrator = Integrator(search.system, material.analysis.real_point)
     shaped = search.oriented([tm.multiply_terms(terms, factor) for terms in matrix], integrator)
     scale = search.scale(shaped, [v for v in variables if not tm.has_velocity(v[1])], integrator)
-    kinetic = None if scale is None else _twice_integrated(search, shaped, integrator)
+    kinetic = None if scale is None else _root(search, shaped, factor) or _twice_integrated(search, shaped, integrator)
     if scale is None or kinetic is None:
         return None
     found = families.with_potential(material, tm.multiply_terms(scale[0], kinetic))
     return tm.tree_of(found) if found else None
+
+
+def _root(search: OneMatrix, matrix: Sequence[tm.Terms], factor: tm.Terms) -> tm.Terms | None:
+    """c(t, q) sqrt(P) for phi = P^(-3/2), where one entry of its Hessian is that of g; as an integral it is long."""
+    names = search.system.coordinates
+    ((powers, _),) = factor.items()
+    rooted: tm.Monomial = frozenset((p, Fraction(2)) for p, e in powers if isinstance(p, ex.Sum) and e.denominator > 1)
+    if not rooted:
+        return None
+    root = tm.monomial_tree(tm.times(powers, rooted))
+    (i, j), wanted = next((pair, terms) for pair, terms in zip(search.pairs, matrix, strict=True) if terms)
+    bend = derivative.differentiate(derivative.differentiate(root, ex.Velocity(names[i])), ex.Velocity(names[j]))
+    if bend == ex.ZERO:
+        return None
+    ratio = writing.quotient(tm.tree_of(wanted) / bend, Budget.long(), search.system.variables)
+    return None if tm.has_velocity(ratio) else tm.multiply_terms(tm.terms_of(ratio), tm.terms_of(root))
 
 
 def _twice_integrated(search: OneMatrix, matrix: Sequence[tm.Terms], integrator: Integrator) -> tm.Terms | None:

@@ -277,10 +277,7 @@ def _terms(ring: exact_field.ExactRing, vector: Vector) -> list[tm.Terms]:
 
 
 def _dot(left: Sequence[tm.Terms], right: Sequence[tm.Terms]) -> tm.Terms:
-    total = tm.Terms()
-    for a, b in zip(left, right, strict=True):
-        total = tm.add_terms(total, tm.multiply_terms(a, b))
-    return total
+    return tm.sum_of(tm.multiply_terms(a, b) for a, b in zip(left, right, strict=True))
 
 
 @dataclass(frozen=True, slots=True)
@@ -421,10 +418,9 @@ def _common_function(lines: Lines, part: Sequence[int], integrator: gradients.In
 
 def _along(lines: Lines, entry: tm.Terms) -> tm.Terms:
     """D entry."""
-    total = tm.derivative_of_terms(entry, ex.TIME)
-    for q, v in zip(lines.coordinates, lines.velocities, strict=True):
-        total = tm.add_terms(total, tm.multiply_terms(tm.derivative_of_terms(entry, q), {tm.monomial(v): Fraction(1)}))
-    return total
+    slopes = [tm.derivative_of_terms(entry, q) for q in lines.coordinates]
+    rates: list[tm.Terms] = [{tm.monomial(v): Fraction(1)} for v in lines.velocities]
+    return tm.sum_of([tm.derivative_of_terms(entry, ex.TIME), _dot(slopes, rates)])
 
 
 def _rate(lines: Lines, i: int, j: int) -> tm.Terms:

@@ -9,7 +9,7 @@ relations among generators: an identity found here holds, but one not found may 
 The equations of motion as terms, and the Euler-Lagrange expressions of monomials along them.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
@@ -89,6 +89,14 @@ def add_terms(left: Terms, right: Mapping[Monomial, Fraction], factor: Fraction 
     return result
 
 
+def sum_of(parts: Iterable[Mapping[Monomial, Fraction]]) -> Terms:
+    """The sum of sums."""
+    total: Terms = {}
+    for part in parts:
+        total = add_terms(total, part)
+    return total
+
+
 def _bounded(terms: Terms) -> Terms:
     if len(terms) > bounds.EXPANSION:
         raise TooManyTerms
@@ -104,10 +112,7 @@ def terms_of(expression: ex.Expression) -> Terms:
         case ex.Number(value):
             return {EMPTY: value} if value else {}
         case ex.Sum(parts):
-            total: Terms = {}
-            for part in parts:
-                total = add_terms(total, terms_of(part))
-            return _bounded(total)
+            return _bounded(sum_of(map(terms_of, parts)))
         case ex.Product(factors):
             return _product(list(map(terms_of, factors)))
         case ex.Power(base, ex.Number(exponent)):

@@ -277,7 +277,7 @@ def _other_forms(tree: ex.Expression, system: SecondOrderSystem) -> list[ex.Expr
     found = []
     constants = partial(_by_parameters, _parameters(system))
     of_system: tuple[Callable[[SecondOrderSystem, ex.Expression], ex.Expression], ...] = (
-        _by_rates, _with_whole_squares, _by_functions, _with_shifted_rates, _with_springs,
+        _grouped, _by_rates, _with_whole_squares, _by_functions, _with_shifted_rates, _with_springs,
         _by_sines, _by_cosines,
     )  # fmt: skip
     common = partial(_with_common_factor, constants)
@@ -456,6 +456,11 @@ def _by_both(system: SecondOrderSystem, terms: tm.Terms) -> ex.Expression:
     several = {key | c: value for key, inner in groups.items() for c, value in inner.items() if len(inner) > 1}
     rest = {key: value for key, value in terms.items() if key not in several}
     return _by_parameters(parameters, tm.tree_of(several)) + _by_letters(system, rest)
+
+
+def _grouped(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
+    """The sum over velocities and parameters of their coefficients, each in its shortest form."""
+    return _by_letters(system, _without_squares(tm.terms_of(tree), _parameters(system)))
 
 
 def _by_letters(system: SecondOrderSystem, terms: tm.Terms) -> ex.Expression:
