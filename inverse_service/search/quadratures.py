@@ -415,6 +415,7 @@ def real_form(tree: ex.Expression, table: real_point.RealTable) -> ex.Expression
     """The tree as it is real at the point: log(-u) for log(u) where u < 0, sqrt(-u)*sqrt(-w) for sqrt(u)*sqrt(w).
 
     The first changes it by a constant. In the second, sqrt(u)*sqrt(w) represents sqrt(u*w) next to integer powers of u.
+    Odd roots of u < 0 are those of -u with their sign.
     """
     if real_point.is_defined([tree], table):
         return tree
@@ -429,6 +430,11 @@ def _turned(tree: ex.Expression, table: real_point.RealTable) -> ex.Expression:
         return replace(tree, slopes=tuple(slope and _turned(slope, table) for slope in tree.slopes))
     if isinstance(tree, ex.Apply) and tree.function == "log" and real_point.real_sign(tree.argument, table) < 0:
         return ex.Apply("log", ex.negated(tree.argument))
+    match tree:
+        case ex.Power(base, ex.Number(e)) if (
+            e.denominator % 2 and e.denominator > 1 and real_point.real_sign(base, table) < 0
+        ):
+            return ex.number((-1) ** (e.numerator % 2)) * ex.negated(base) ** e
     factors = tree.factors if isinstance(tree, ex.Product) else ()
     halves: dict[ex.Expression, ex.Expression] = {
         factor: ex.negated(factor.base) ** factor.exponent * (-1) ** (math.floor(factor.exponent.value) % 2)

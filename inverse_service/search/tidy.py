@@ -241,6 +241,8 @@ def _merged(tree: ex.Expression) -> ex.Expression:
     match tree:
         case ex.Power(ex.Power(base, ex.Number(inner)), ex.Number(outer)) if outer.denominator == 1:
             return base ** (inner * outer)
+        case ex.Power(ex.Apply("exp", argument), ex.Number(power)):
+            return ex.Apply("exp", power * argument)
     if not isinstance(tree, ex.Product) or not any(
         isinstance(f, ex.Power) and not isinstance(f.exponent, ex.Number) for f in tree.factors
     ):
