@@ -178,7 +178,7 @@ def _chosen(
     starts = [_numeric(ring, branch.parts[0][1], table) for branch in ordered]
     alone = [[Fraction(int(j == k)) for j in range(k + 1)] for k in range(len(ordered))]
     first = [[Fraction(1)] * k for k in range(2, len(ordered) + 1)]
-    found = list[tuple[tuple[bool, int], list[tm.Terms]]]()
+    found = list[tuple[tuple[bool, bool, int], list[tm.Terms]]]()
     for weights in [*members.definite_weights(starts[: bounds.COLUMNS]), *alone, *first]:
         used = [(w, k) for k, w in enumerate(weights) if w]
         values = np.linalg.eigvalsh(sum(float(w) * starts[k] for w, k in used))
@@ -190,7 +190,8 @@ def _chosen(
                     tree = phi * exact_field.quotient_tree(ring, entry)
                     total[place] = tm.add_terms(total[place], tm.terms_of(tree), w if values[-1] > 0 else -w)
             changes = any(len(ordered[k].parts) > 1 for _, k in used)  # its sign may, too
-            rank = changes or bool(values[0] < 0 < values[-1]), sum(ordered[k].size for _, k in used)
+            mixed = not all(_is_diagonal(ordered[k]) for _, k in used)
+            rank = changes or bool(values[0] < 0 < values[-1]), mixed, sum(ordered[k].size for _, k in used)
             found.append((rank, total))
     return [g for _, g in sorted(found, key=lambda one: one[0])[: bounds.FEW]]
 
