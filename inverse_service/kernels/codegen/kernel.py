@@ -577,7 +577,7 @@ class Kernel:
 
 SAFETY, MOST, LEAST = 0.9, 5.0, 0.2
 FIRST = 1e-2  # of the grid's step: the first trial
-SHORTEST = 1e-18  # of the grid's step
+SHORTEST = 1e-15  # of the grid's step
 MOST_TRIES = 4_000_000  # between two points of the grid
 
 
