@@ -652,7 +652,7 @@ class _Motion:
         return True
 
 
-def run_pieces(
+def run_motion(
     scene: data.Scene,
     requested: data.Requested,
     problem: data.Problem,
@@ -661,13 +661,17 @@ def run_pieces(
     values: Mapping[str, float],
     integrate: Integrate,
     stop: data.Stop | None = None,
-) -> Pieces | data.Unavailable:
-    """The run of a method, piece by piece; `motion` has the accelerations, `integrate` runs a piece."""
+) -> Trajectory | Pieces | data.Unavailable:
+    """The run of a method by `integrate`, in pieces where it has some; `motion` has the accelerations."""
+    if requested.choice is None or not has_pieces(scene, problem):
+        return integrate(problem, requested.choice or CONTINUED, start, scene.grid)
     if isinstance(motion, data.Unavailable) or motion.accelerations is None:
         return motion if isinstance(motion, data.Unavailable) else data.Unavailable("The accelerations are not known.")
     functions = switches_of(problem, scene)
     formulas = _Motion(scene, values, problem, motion.accelerations, functions)
-    return _Run(scene, requested, formulas, integrate, stop).go(start)
+    every_point = replace(scene, grid=replace(scene.grid, record_every=1))
+    found = _Run(every_point, requested, formulas, integrate, stop).go(start)
+    return found.thinned(scene.grid) if isinstance(found, Pieces) else found
 
 
 @dataclass

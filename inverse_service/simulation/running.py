@@ -37,7 +37,7 @@ from inverse_service.simulation import (
     schemes,
     truth as truths,
 )
-from inverse_service.simulation.events import Found, Pieces, has_pieces, period_of, run_pieces, until, with_events
+from inverse_service.simulation.events import Found, Pieces, period_of, run_motion, until, with_events
 
 LATE = "The time limit was reached before this method could run. Take fewer methods or steps, or a longer time limit."
 FAULT = "This method failed because of a fault of the program ({}): please report the scene."
@@ -217,8 +217,7 @@ def _motion(
 
 def _integrated(
     scene: scene_data.Scene, requested: scene_data.Requested, problem: scene_data.Problem,
-    free: scene_data.FreeLagrangian | None, stop: scene_data.Stop | None,
-    derived: derivation.Derived | None = None,
+    free: scene_data.FreeLagrangian | None, stop: scene_data.Stop | None, derived: derivation.Derived,
 ) -> Trajectory | Pieces | scene_data.Unavailable:  # fmt: skip
     assert requested.choice is not None
     values = start_values(scene, requested, free)
@@ -231,16 +230,9 @@ def _integrated(
         own, observation = observed_problem(scene, what)
         return execution.run(own, choice, start, grid, values, observation, stop)
 
-    in_pieces = derived is not None and has_pieces(scene, problem)
     try:
-        start = start_of(scene, requested, free, values)
-        if not in_pieces or derived is None:
-            return piece(problem, requested.choice, start, scene.grid)
-        every, whole = scene.grid.record_every, replace(scene, grid=replace(scene.grid, record_every=1))
-        found = run_pieces(
-            whole, requested, problem, derivation.with_accelerations(scene, derived), start, values, piece, stop
-        )
-        return found if every == 1 or isinstance(found, scene_data.Unavailable) else found.thinned(scene.grid)
+        start, motion = start_of(scene, requested, free, values), derivation.with_accelerations(scene, derived)
+        return run_motion(scene, requested, problem, motion, start, values, piece, stop)
     except InputError as error:
         return scene_data.Unavailable(error.detail)
 

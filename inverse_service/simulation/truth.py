@@ -25,7 +25,7 @@ from inverse_service.simulation import (
     scene_data,
     schemes,
 )
-from inverse_service.simulation.events import has_pieces, run_pieces
+from inverse_service.simulation.events import run_motion
 
 ENOUGH = 1e-12  # two solutions agree if their distance over the size of the motion is less
 USELESS = 1e-3  # if they differ by more than this share of the motion, the true motion is unknown
@@ -127,16 +127,11 @@ def _part(
         return execution.run(what, by, begin, over, dict(scene.values), (), stop)
 
     acting = tuple(event for event in scene.events if event.acts)
-    own = replace(scene, grid=replace(grid, record_every=1), events=acting)
-    in_pieces = has_pieces(own, problem)
-    if not in_pieces:
-        return piece(problem, choice, start, grid)
-    found = run_pieces(
-        own, scene_data.Requested("", choice.method, None, choice), problem, problem, start, scene.values, piece, stop
-    )
+    requested, own = scene_data.Requested("", choice.method, None, choice), replace(scene, grid=grid, events=acting)
+    found = run_motion(own, requested, problem, problem, start, scene.values, piece, stop)
     if isinstance(found, scene_data.Unavailable):
         raise InputError(found.reason)
-    return found.thinned(grid).trajectory
+    return found if isinstance(found, Trajectory) else found.trajectory
 
 
 def _size(rows: Array) -> float:
