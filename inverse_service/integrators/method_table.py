@@ -1,7 +1,8 @@
 """The table of methods: what each needs, its order, whether its steps are implicit, and what a step costs.
 
 An additional explicit method is a file of the folder `explicit`: the order of one of Runge and Kutta is then one of
-`runge-kutta`, and `adaptive` takes the highest order with an estimate of the error, one of Nystrom without velocities.
+`runge-kutta`. Of those with an estimate of the error `adaptive` takes the lowest order, or the highest one where forces
+do not depend on velocities and a step of the grid is too long for the lowest: it then takes the fewest forces.
 Its coefficients are those of one-step methods: explicit and implicit Runge-Kutta, Rosenbrock, and compositions.
 
 Gauss-Legendre collocation, the implicit methods of order 2 s, our own reference: J. C. Butcher, Math. Comp. 18 (1964)
@@ -78,6 +79,7 @@ def _explicit() -> dict[int, Tableau]:
 
 TABLEAUX = _explicit()
 RUNGE_KUTTA = tuple(order for order, one in TABLEAUX.items() if one.rows.any())
+PAIRS = tuple(order for order, one in TABLEAUX.items() if len(one.errors))  # with an estimate of the error
 
 
 _SUZUKI = 1.0 / (4.0 - 4.0 ** (1.0 / 3.0))

@@ -51,7 +51,7 @@ def numbers_of(choice: MethodChoice, begin: Initial, grid: Grid, parameters: Map
 
 def kernel_of(formulas: Formulas, choice: MethodChoice, observation: Observation, lanes: int = 1) -> Compiled:
     """The compiled step of the method, made only once for all values of h, alpha, parameters and weights."""
-    order = choice.order if choice.method == "runge_kutta" else 0
+    order = choice.order if choice.method in ("runge_kutta", "adaptive") else 0
     identity = (
         formulas.problem, choice.method, choice.form, order, tuple(map(str, schemes.parts_of(choice))),
         str(schemes.alpha_of(choice)), choice.guard, observation,
@@ -114,10 +114,22 @@ def prepared(
     begin = initial(formulas, choice, start, grid.step, parameters | {str(MOMENT): grid.begin})
     if begin.missing:
         return Trajectory.of_start(grid.begin, start.positions, None, begin.missing)
-    return Prepared(formulas, choice, kernel_of(formulas, choice, observation), begin, parameters)
+    found = Prepared(formulas, choice, kernel_of(formulas, choice, observation), begin, parameters)
+    if choice.method != "adaptive" or formulas.depends_on_velocities or not _takes_many(found, grid):
+        return found
+    highest = replace(choice, order=method_table.PAIRS[-1])
+    return replace(found, choice=highest, kernel=kernel_of(formulas, highest, observation))
+
+
+def _takes_many(ready: Prepared, grid: Grid) -> bool:
+    """Whether a method that chooses its steps tries more than MANY of them from one point of the grid to the next; the
+    first ones show it, where they are a small part of all."""
+    steps = min(_FIRST_OWN, grid.steps // FEW)
+    return not steps or ready.go(replace(grid, steps=steps)).iterations > BEGINNING + MANY * steps
 
 
 _FIRST_PIECE = 4096
+FEW, MANY, BEGINNING = 16, 1.3, 4  # points of a grid; steps for each of them; steps that grow to a usual length
 _FIRST_OWN = 8  # of a method that takes any number of steps between two points
 _SECONDS_PER_PIECE = 0.1
 _REMEDY = "take a smaller step"

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 
 from inverse_service.errors import InputError
-from inverse_service.integrators.method_table import RODAS, TABLEAUX, Tableau, collocation
+from inverse_service.integrators.method_table import PAIRS, RODAS, TABLEAUX, Tableau, collocation
 from inverse_service.integrators.trajectory import Array
 from inverse_service.integrators.variational import (
     between,
@@ -266,10 +266,8 @@ def runge_kutta(f: Formulas, choice: MethodChoice, observation: Observation) -> 
 
 
 def adaptive(f: Formulas, choice: MethodChoice, observation: Observation) -> programs.Program:
-    """Steps of the highest order that the forces allow, as long as their estimates of the error let them be; the
-    tolerance is the argument `a`. At all errors below 1e-3 the highest order takes the fewest forces."""
-    fitting = (one for one in TABLEAUX.values() if one.rows.any() or not f.depends_on_velocities)
-    tableau = max(fitting, key=lambda one: one.falls)
+    """Steps as long as the estimate of their error allows; the tolerance is the argument `a`."""
+    tableau = TABLEAUX[choice.order if choice.order in PAIRS else PAIRS[0]]
     statements, forces, changes, errors = _explicit(f, tableau)
     first = [STEP * slope for slope in (*f.symbols("v"), *forces[0])]
     error, *coarse = (_squared_norm(f, changes, first, error) for error in errors)
