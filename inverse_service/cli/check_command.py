@@ -237,7 +237,7 @@ def batch(
     """Solve many systems, one per line; run the same command again to resume.
 
     Exit 0 all answered (and as expected), 1 some error lines or other answers than expected, 2 bad files or nothing
-    but errors, 3 our fault, 130 interrupted.
+    but errors, 3 a fault of the program, 130 interrupted.
     """
     if (expect or junit) and str(output) == "-":
         raise errors.InputError("--expect and --junit read the output again: give a file with --output.")

@@ -594,7 +594,7 @@ def table_of(results: Iterable[Mapping[str, Any]]) -> Any:
 def row_of(result: Mapping[str, Any]) -> dict[str, Any]:
     """The columns that are compared first: verdicts, L, H, where they hold, how many multipliers, seconds, size.
 
-    All of them are of the first of the `branches`, but the verdicts: "mixed" where the branches differ.
+    All of them are of the first of the `branches`, but the verdicts: "differs" where the branches differ.
     """
     pages = _pages()
     if not isinstance(result, Mapping):

@@ -200,7 +200,7 @@ HEADERS_TOO_LARGE = _refused(
 NOT_HTTP = _refused(
     400,
     "unreadable",
-    "This is no request of HTTP/1.1: a line of its head, or the length of its body, cannot be read; mend it.",
+    "This is no request of HTTP/1.1: a line of its head, or the length of its body, cannot be read.",
 )
 TOO_MANY_CONNECTIONS = _refused(
     503,

@@ -126,9 +126,9 @@ def notes_of_formulas(method: Mapping[str, Any]) -> list[str]:
 
 
 def common_verdict(answers: Iterable[Mapping[str, Any]], key: str = "verdict") -> Any:
-    """The verdict where all of the answers have it, else "mixed"."""
+    """The verdict where all of the answers have it, else "differs"."""
     verdicts = {one.get(key) for one in answers}
-    return verdicts.pop() if len(verdicts) == 1 else "mixed"
+    return verdicts.pop() if len(verdicts) == 1 else "differs"
 
 
 _YES_OR_NO = {"variational": "yes", "not_variational": "no", "undetermined": "undetermined"}
@@ -173,7 +173,7 @@ DEFINITE = "positive_definite"
 def _cases(result: dict[str, Any]) -> Iterator[Line]:
     branches, left = branches_of(result), result.get("not_answered") or []
     if len(branches) > 1 or left:
-        yield _said(0, f"{len(branches)} cases{', which differ' * (common_verdict(branches) == 'mixed')}:")
+        yield _said(0, f"{len(branches)} cases{', which differ' * (common_verdict(branches) == 'differs')}:")
         for each in branches:
             yield Line(1, ("", ", ".join(each["domain"]), f": {_spaced(each['verdict'])}"))
         yield from (Line(1, ("", _place_of(each), f": not answered, {each['reason']}")) for each in left)
