@@ -230,7 +230,7 @@ METHODS = {
     ),
     "modified": Method("geometric", "free", "L~ and constraints", "Newton's method", ORDERS, implicit=True, alpha=True),
     "runge_kutta": Method("explicit", "accelerations", _MOTION, "a force for each stage", _EXPLICIT),
-    "adaptive": Method("explicit", "accelerations", _MOTION, "12 forces, 17 at order 12", order=8, tolerance=1e-12),
+    "adaptive": Method("explicit", "accelerations", _MOTION, "12 forces at order 8, 17 at order 12", tolerance=1e-12),
     "stiff": Method(
         "implicit", "accelerations", _MOTION, "6 forces, linear equations", order=4, implicit=True, tolerance=1e-8
     ),

@@ -225,7 +225,7 @@ METHODS = (
     ("variational", "Variational", "discrete Euler-Lagrange equations of a free Lagrangian", True),
     ("nonholonomic", "Nonholonomic", "discrete constraint forces, the constraint holds exactly", True),
     ("modified", "Modified", "variational in the base, discrete constraints for the other coordinates", True),
-    ("adaptive", "Adaptive", "order 8, for a tolerance", False),
+    ("adaptive", "Adaptive", "order 8 or 12, for a tolerance", False),
     ("runge-kutta", "Runge\u2013Kutta", "order 4, for comparison", False),
     ("reference", "Reference", "to high accuracy, step by step", False),
     ("exact", "Exact", "the formula, where there is one", False),
