@@ -139,3 +139,17 @@ class Watch:
         if "PYTEST_XDIST_WORKER" not in os.environ:  # other tests beside it would be measured, too
             assert self.longest < FREEZE, f"/livez took {self.longest:.3f} s"
         assert self.memory < MEMORY, f"the web process had {self.memory:.0f} MiB"
+
+
+def is_open(connection: socket.socket) -> bool:
+    """Whether the service did not close it; what it said before is read."""
+    connection.setblocking(False)
+    try:
+        while connection.recv(65_536):
+            pass
+    except BlockingIOError:
+        return True
+    except OSError:
+        pass
+    connection.close()
+    return False

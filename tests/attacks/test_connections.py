@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from inverse_service.web import connections as timing
-from tests.attacks.harness import Attacked, Watch, attacked
+from tests.attacks.harness import Attacked, Watch, attacked, is_open
 
 HEAD = b"POST /v1/parse HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Type: application/json\r\nContent-Length: 500000\r\n\r\n"
 
@@ -30,21 +30,6 @@ def opened(service: Attacked, count: int, first: bytes = b"", source: str = "127
     return found
 
 
-def still_open(connections: list[socket.socket]) -> int:
-    """Those that the service did not close; what it said before is read."""
-    count = 0
-    for connection in connections:
-        connection.setblocking(False)
-        try:
-            while connection.recv(65_536):
-                pass
-        except BlockingIOError:
-            count += 1
-        except OSError:
-            pass
-    return count
-
-
 def close(connections: list[socket.socket]) -> None:
     for connection in connections:
         connection.close()
@@ -59,7 +44,7 @@ def test_one_address_has_so_many_connections_and_others_have_theirs(service: Att
         assert head.startswith(b"HTTP/1.1 503")
         assert b"retry-after: 5" in head.lower()
         assert json.loads(body)["type"] == "urn:inverse-service:problem:busy"
-        assert still_open(mine) == 60
+        assert sum(map(is_open, mine)) == 60
     close(mine)
     watch.hold()
 
@@ -70,7 +55,7 @@ def test_where_all_places_are_taken_the_longest_silent_one_is_closed(service: At
     time.sleep(0.3)
     with service.client() as client:
         assert client.get("/livez").status_code == 200
-    assert 60 <= still_open(found) <= 80
+    assert 60 <= sum(map(is_open, found)) <= 80
     close(found)
 
 
@@ -124,7 +109,7 @@ def test_heads_and_bodies_that_do_not_come_are_not_waited_for(service: Attacked)
     ends = {}
     while len(ends) < 2 and time.monotonic() - began < 60:
         for name, found in (("heads", heads), ("bodies", bodies)):
-            if name not in ends and not still_open(found):
+            if name not in ends and not any(map(is_open, found)):
                 ends[name] = time.monotonic() - began
         time.sleep(0.2)
     close([*heads, *bodies])

@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 import csv
-import io
 import json
-import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-
-from inverse_service.cli.command_line import run
 
 SCENES = Path(__file__).parents[2] / "docs" / "scenes"
 
@@ -21,19 +17,6 @@ SCENES = Path(__file__).parents[2] / "docs" / "scenes"
 def engine() -> None:
     """Processes are forked from this one: load the engine once, not in each of them."""
     import inverse_service.service.scenes.work_precision  # noqa: F401
-
-
-@pytest.fixture
-def call(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Any:
-    def run_command(*arguments: str, given: bytes = b"") -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["inverse-service", *arguments])
-        monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(given)))
-        with pytest.raises(SystemExit) as ended:
-            run()
-        out, err = capfd.readouterr()
-        return int(ended.value.code or 0), out, err
-
-    return run_command
 
 
 def short(name: str, **changes: Any) -> bytes:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import io
 import json
-import sys
 import time
 from pathlib import Path
 from typing import Any
@@ -13,7 +11,6 @@ import pytest
 import yaml
 
 from inverse_service import __version__
-from inverse_service.cli.command_line import run
 from inverse_service.cli.solve_command import given_document
 from inverse_service.service.documents.documents import parse_document
 from inverse_service.service.jobs import tasks
@@ -32,26 +29,6 @@ DISK = {
 def engine() -> None:
     """Processes are forked from this one: load the engine once, not in each of them."""
     tasks.load_engine()
-
-
-class Call:
-    """How a call of the command ended."""
-
-    def __init__(self, code: int, out: str, err: str) -> None:
-        self.code, self.out, self.err = code, out, err
-
-
-@pytest.fixture
-def call(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Any:
-    def run_command(*arguments: str, given: bytes = b"") -> Call:
-        monkeypatch.setattr(sys, "argv", ["inverse-service", *arguments])
-        monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(given)))
-        with pytest.raises(SystemExit) as ended:
-            run()
-        out, err = capfd.readouterr()
-        return Call(int(ended.value.code or 0), out, err)
-
-    return run_command
 
 
 def written(tmp_path: Path, document: Any, name: str = "system.json") -> str:

@@ -17,7 +17,7 @@ from pathlib import Path
 import httpx
 import pytest
 
-from tests.attacks.harness import Attacked, Watch, attacked
+from tests.attacks.harness import Attacked, Watch, attacked, is_open
 
 NGINX = shutil.which("nginx") or ("/usr/sbin/nginx" if Path("/usr/sbin/nginx").exists() else "")
 OPENSSL = shutil.which("openssl")
@@ -170,19 +170,6 @@ def test_handshakes_that_do_not_end_are_not_waited_for_and_hold_up_nobody(proxie
     assert time.monotonic() - began < 25
     assert max(seconds) < 2
     assert not is_open(dripping), "a handshake of a byte at a time goes on"
-
-
-def is_open(connection: socket.socket) -> bool:
-    connection.setblocking(False)
-    try:
-        while connection.recv(65_536):
-            pass
-    except BlockingIOError:
-        return True
-    except OSError:
-        pass
-    connection.close()
-    return False
 
 
 @pytest.mark.nightly
