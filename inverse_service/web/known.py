@@ -65,8 +65,9 @@ class KnownAnswers:
         """A job changed."""
         if change.id in self._keys:
             with self._lock:
-                for key in self._keys.pop(change.id, ()):
-                    self._bytes -= len(self._answers.pop(key).body)
+                # A question may be one of another job since, whose change took its answer.
+                gone = [self._answers.pop(key, None) for key in self._keys.pop(change.id, ())]
+                self._bytes -= sum(len(answer.body) for answer in gone if answer)
 
 
 def digest(*parts: bytes) -> bytes:
