@@ -57,6 +57,7 @@ def save(figure: Figure, folder: Path, name: str, caption: str) -> list[str]:
     names = [f"{name}.svg", f"{name}.png"]
     with matplotlib.rc_context(SETTINGS):
         figure.savefig(folder / names[0], metadata={"Date": None, "Title": name})
+        figure.set_layout_engine("none")  # the places found for the first file are those of the second
         figure.savefig(folder / names[1], dpi=RESOLUTION, metadata={"Title": name})
     return names
 
