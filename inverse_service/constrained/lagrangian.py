@@ -278,7 +278,7 @@ def _first_found(
 ) -> list[Lagrangian]:
     squares = _squares(motion)
     for candidates in _families(motion, material):
-        sampler = ansatz.make_sampler(analysis, [item for key in candidates for item in key])
+        sampler = ansatz.sampler_of(analysis, candidates)
         space = _solve_ansatz(sampler, candidates, seed)
         members = best_members(replace(space, combinations=(*space.combinations, *squares)), seed)
         if members:
@@ -295,7 +295,7 @@ def _solve_ansatz(sampler: ansatz.Sampler, candidates: Sequence[Monomial], seed:
     letters, n = ansatz.letters_of(candidates), len(sampler.analysis.accelerations)
 
     def equations(begin: int, end: int) -> Words:
-        table = ansatz.letter_table(sampler, letters, end, seed, first=begin)
+        table = ansatz.table_at(sampler.points(seed), letters, end, first=begin)
         return _euler_lagrange_matrix(table, letters, candidates)
 
     # Equations of cyclic coordinates can be trivial, so the first samples need not suffice.
@@ -309,7 +309,7 @@ def _euler_lagrange_matrix(
 ) -> Words:
     """EL_i of each candidate at each sample, (samples * n, candidates)."""
     prime = table.prime
-    values = ansatz.monomial_values(table, letters, candidates)
+    values = ansatz.monomial_values(table.values, letters, candidates, prime)
     result = np.zeros((len(values) * table.derivatives.size, len(candidates)), np.uint64)
     derivatives = ansatz.Derivatives(*(ansatz.to_montgomery(array, prime) for array in table.derivatives))
     _fill(values, ansatz.exponents_of(letters, candidates, prime), derivatives, modular.field_of(prime), result)
@@ -346,7 +346,7 @@ def _that_hold(
         return []
     chosen = [candidates[k] for k in used]
     letters = ansatz.letters_of(chosen)
-    table = ansatz.letter_table(sampler, letters, bounds.FEW, seed)
+    table = ansatz.table_at(sampler.points(seed), letters, bounds.FEW)
     prime = table.prime
     rows = _euler_lagrange_matrix(table, letters, chosen).tolist()
     place = {k: position for position, k in enumerate(used)}

@@ -50,33 +50,13 @@ class Sampler:
     def variables(self) -> list[Symbol | Velocity]:
         return self.analysis.system.variables
 
-    def points(self, seed: int) -> SamplePoints:
-        """The points that follow from a seed; what is known of them is kept."""
-        if (seed, ()) not in self.known:
-            prime = draw_point(self.tower, seed).prime
-            self.known[seed, ()] = SamplePoints(
-                self.analysis.accelerations,
-                self.variables,
-                self.tower,
-                seed,
-                prime,
-                self.analysis.constrained,
-            )
-        return self.known[seed, ()]
-
-    def at_one_place(self, seed: int) -> SamplePoints:
-        """Points that share t and the coordinates."""
-        return self._near_one(seed, tuple(v for v in self.variables if isinstance(v, Velocity)))
-
-    def with_fixed_parameters(self, seed: int) -> SamplePoints:
-        """Points that share the values of the parameters."""
-        return self._near_one(seed, tuple(self.variables))
-
-    def _near_one(self, seed: int, moving: tuple[Symbol | Velocity, ...]) -> SamplePoints:
+    def points(self, seed: int, moving: tuple[Symbol | Velocity, ...] = ()) -> SamplePoints:
+        """The points that follow from a seed, or those that differ from the first in what is `moving`; each is kept."""
         if (seed, moving) not in self.known:
             base, forces = draw_point(self.tower, seed), self.analysis.accelerations
+            near, constrained = base if moving else None, self.analysis.constrained
             self.known[seed, moving] = SamplePoints(
-                forces, self.variables, self.tower, seed, base.prime, base=base, moving=moving
+                forces, self.variables, self.tower, seed, base.prime, constrained, near, moving
             )
         return self.known[seed, moving]
 
@@ -85,16 +65,12 @@ class Sampler:
         return self.points(seed).prime
 
 
-def sampler_of(analysis: Analysis, terms: Sequence[Monomial]) -> Sampler:
-    """A sampler for the terms; raises IrreducibleAtoms where they have no values at a point of f."""
-    return make_sampler(analysis, dict.fromkeys(item for term in terms for item in term))
-
-
-def make_sampler(analysis: Analysis, letters: Iterable[tuple[Expression, Fraction]]) -> Sampler:
-    """Raises IrreducibleAtoms where `letters` and f have no common real point or cannot be reduced.
+def sampler_of(analysis: Analysis, terms: Iterable[Monomial]) -> Sampler:
+    """Raises IrreducibleAtoms where the terms and f have no common real point or cannot be reduced.
 
     Ansätze whose generators add no atoms share their points.
     """
+    letters = dict.fromkeys(item for term in terms for item in term)
     extra = [to_kernels(tree) for letter, e in letters for tree in (letter, letter ** Fraction(1, e.denominator))]
     wanted = [*analysis.accelerations, *analysis.constrained.values(), *dict.fromkeys(extra)]
     variables = variables_of(analysis.system)
@@ -159,17 +135,10 @@ class LetterTable:
         return [self.known.point(k) for k in self.numbers]
 
 
-def letter_table(
-    sampler: Sampler, letters: Sequence[Expression], count: int, seed: int, with_third: bool = False, first: int = 0
-) -> LetterTable:
-    """The table at `count` random points without the `first`; points at which one of `letters` vanishes are skipped."""
-    return table_at(sampler.points(seed), letters, count, with_third, first)
-
-
 def table_at(
     known: SamplePoints, letters: Sequence[Expression], count: int, with_third: bool = False, first: int = 0
 ) -> LetterTable:
-    """The same for given points."""
+    """The table at `count` points without the `first`; points at which one of `letters` vanishes are skipped."""
     kernels, order = tuple(to_kernels(letter) for letter in letters), 3 if with_third else 2
     found = _first(lambda k: known.letters(k, kernels, order), count)
     numbers, rows = [k for k, _ in found], [row for _, row in found]
@@ -206,15 +175,10 @@ def _first(at: Callable[[int], _T | None], count: int) -> list[tuple[int, _T]]:
     return found
 
 
-def monomial_values(table: LetterTable, letters: Sequence[Expression], candidates: Sequence[Monomial]) -> Words:
-    """The value of each candidate at each sample, (samples, candidates), in Montgomery form."""
-    return products_of_values(table.values, letters, candidates, table.prime)
-
-
-def products_of_values(
+def monomial_values(
     rows: Sequence[Sequence[int]], letters: Sequence[Expression], candidates: Sequence[Monomial], prime: int
 ) -> Words:
-    """The same from the values of `letters` at each sample."""
+    """Each candidate from the values of `letters` at each sample, (samples, candidates), in Montgomery form."""
     index = {letter: k for k, letter in enumerate(letters)}
     pairs: dict[tuple[Expression, Fraction], int] = {}
     starts, places = [0], []
@@ -302,7 +266,7 @@ def solve_multiplier(sampler: Sampler, terms: Sequence[Monomial], seed: int) -> 
     letters, n = letters_of(terms), len(sampler.analysis.accelerations)
 
     def equations(begin: int, end: int) -> Words:
-        table = letter_table(sampler, letters, end, seed, with_third=True, first=begin)
+        table = table_at(sampler.points(seed), letters, end, with_third=True, first=begin)
         return helmholtz_matrix(sampler, table, letters, terms)[0]
 
     # Many of the n^2 conditions can be trivial, so the first samples need not suffice.
@@ -315,8 +279,9 @@ def occurring_terms(sampler: Sampler, terms: Sequence[Monomial], seed: int) -> l
 
     Terms that are combinations of simpler ones there, as k - r is of 1 and r, are left out.
     """
-    points = sampler.with_fixed_parameters(seed)
-    terms = _independent(points, terms)
+    points, letters = sampler.points(seed, tuple(sampler.variables)), letters_of(terms)
+    rows = values_at(points, letters, len(terms) + null_vectors.SPARE)
+    terms = [terms[k] for k in null_vectors.pivots(monomial_values(rows, letters, terms, points.prime), points.prime)]
     letters, n = letters_of(terms), len(sampler.analysis.accelerations)
 
     def equations(begin: int, end: int) -> Words:
@@ -331,13 +296,6 @@ def occurring_terms(sampler: Sampler, terms: Sequence[Monomial], seed: int) -> l
     return [terms[k] for k in sorted(used)]
 
 
-def _independent(points: SamplePoints, terms: Sequence[Monomial]) -> list[Monomial]:
-    """The terms without those that are combinations of earlier ones at these points."""
-    letters = letters_of(terms)
-    rows = values_at(points, letters, len(terms) + null_vectors.SPARE)
-    return [terms[k] for k in null_vectors.pivots(products_of_values(rows, letters, terms, points.prime), points.prime)]
-
-
 def helmholtz_matrix(
     sampler: Sampler, table: LetterTable, letters: Sequence[Expression], terms: Sequence[Monomial]
 ) -> tuple[Words, Words]:
@@ -347,17 +305,17 @@ def helmholtz_matrix(
     """
     prime, n, field = table.prime, table.derivatives.size, modular.field_of(table.prime)
     tensors = tensors_of(sampler, table)
-    geometry = Geometry(*(to_montgomery(np.array([pair[k] for pair in tensors], np.uint64), prime) for k in (0, 1)))
+    connection, endomorphism = (to_montgomery(np.array(part, np.uint64), prime) for part in zip(*tensors, strict=True))
     hessians, rates = hessians_of(table, letters, terms)
     result = np.zeros((len(hessians) * n * n, len(terms)), np.uint64)
-    _write_conditions(hessians, rates, geometry, field, result)
+    _write_conditions(hessians, rates, connection, endomorphism, field, result)
     return result, hessians
 
 
 def hessians_of(table: LetterTable, letters: Sequence[Expression], terms: Sequence[Monomial]) -> tuple[Words, Words]:
     """The Hessian of each term at each sample, and Gamma of it; Montgomery form, (samples, terms, n, n)."""
     prime, n = table.prime, table.derivatives.size
-    values = monomial_values(table, letters, terms)
+    values = monomial_values(table.values, letters, terms, prime)
     derivatives = Derivatives(*(to_montgomery(array, prime) for array in table.derivatives))
     hessians, rates = (np.zeros((*values.shape, n, n), np.uint64) for _ in range(2))
     _differentiate(values, exponents_of(letters, terms, prime), derivatives, modular.field_of(prime), hessians, rates)
@@ -394,13 +352,6 @@ def _written(
         return written(variables, variables[1 + len(forces) :], forces, order=2)
     except TooLarge as problem:
         raise IrreducibleAtoms("the forces are too long for their series") from problem
-
-
-class Geometry(NamedTuple):
-    """The connection N and Phi, twice the Jacobi endomorphism, at each sample, (samples, n, n)."""
-
-    connection: Words
-    endomorphism: Words
 
 
 @compiled
@@ -444,7 +395,9 @@ def _sum_of(terms: Exponents, numbers: Words, s: int, first: int, last: int, fie
 
 
 @compiled
-def _write_conditions(hessians: Words, rates: Words, geometry: Geometry, field: Field, result: Words) -> None:
+def _write_conditions(
+    hessians: Words, rates: Words, connection: Words, endomorphism: Words, field: Field, result: Words
+) -> None:
     """Gamma(g_ij) - g_ik N_kj - g_jk N_ki for i <= j, then g_ik Phi_kj - g_jk Phi_ki for i < j, for each sample."""
     samples, count, n, _ = hessians.shape
     for s in range(samples):
@@ -454,15 +407,15 @@ def _write_conditions(hessians: Words, rates: Words, geometry: Geometry, field: 
                 for j in range(i, n):
                     rate = rates[s, c, i, j]
                     for k in range(n):
-                        rate = minus(rate, multiply(hessians[s, c, i, k], geometry.connection[s, k, j], field), field)
-                        rate = minus(rate, multiply(hessians[s, c, j, k], geometry.connection[s, k, i], field), field)
+                        rate = minus(rate, multiply(hessians[s, c, i, k], connection[s, k, j], field), field)
+                        rate = minus(rate, multiply(hessians[s, c, j, k], connection[s, k, i], field), field)
                     result[row, c] = rate
                     row += 1
             for i in range(n):
                 for j in range(i + 1, n):
                     skew = np.uint64(0)
                     for k in range(n):
-                        skew = plus(skew, multiply(hessians[s, c, i, k], geometry.endomorphism[s, k, j], field), field)
-                        skew = minus(skew, multiply(hessians[s, c, j, k], geometry.endomorphism[s, k, i], field), field)
+                        skew = plus(skew, multiply(hessians[s, c, i, k], endomorphism[s, k, j], field), field)
+                        skew = minus(skew, multiply(hessians[s, c, j, k], endomorphism[s, k, i], field), field)
                     result[row, c] = skew
                     row += 1

@@ -225,7 +225,7 @@ def _possible_shapes(material: Material, shapes: Sequence[tm.Monomial], seed: in
     unknowns = material.motion.size + 1 + material.motion.with_time
     chosen = list(shapes[: bounds.SMALL])
     sampler = sampler_of(material.analysis, chosen)
-    points, letters = sampler.at_one_place(seed), letters_of(chosen)
+    points, letters = sampler.points(seed, material.motion.velocities), letters_of(chosen)
     count = (len(chosen) * unknowns + null_vectors.SPARE) // material.motion.size**2 + 2
     table = table_at(points, letters, count, with_third=True)
     matrix, hessians = helmholtz_matrix(sampler, table, letters, chosen)

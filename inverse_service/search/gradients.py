@@ -170,7 +170,8 @@ class Integrator:
         names = self.system.coordinates
         symbols = [ex.Symbol(name) for name in names]
         # Relations among generators may make an expression affine in the velocities that is not so as written.
-        rest = [self.in_normal_form(w) if _by_velocity(w, names) is None else w for w in wanted]
+        velocities = list(map(ex.Velocity, names))
+        rest = [self.in_normal_form(w) if tm.affine_parts(w, velocities) is None else w for w in wanted]
         total = tm.Terms()
         for i, j in combinations(range(len(names)), 2):
             magnetic = _round_potential(names, rest, i, j)
@@ -181,11 +182,11 @@ class Integrator:
         fields: dict[tuple[int, int], tm.Terms] = {}
         slopes = list[tm.Terms]()
         for i, terms in enumerate(rest):
-            parts = _by_velocity(terms, names)
+            parts = tm.affine_parts(terms, velocities)
             if parts is None:
                 return None
-            slopes.append({key: value for key, value in terms.items() if not tm.split_velocities(key)[1]})
-            fields |= {(i, j): part for j, part in enumerate(parts) if part}
+            slopes.append(parts[0])
+            fields |= {(i, j): part for j, part in enumerate(parts[1]) if part}
         if not all(is_zero(tm.add_terms(field, fields.get((j, i), {}))) for (i, j), field in fields.items()):
             return None
         potential = self._vector_potential(fields, slopes)
@@ -267,8 +268,8 @@ def _round_potential(names: Sequence[str], wanted: Sequence[tm.Terms], i: int, j
     It is regular where B is, but for the axis: B = -2 (s A)', and s A is the integral of -x B by x at y = 0.
     """
     x, y, v, w = ex.Symbol(names[i]), ex.Symbol(names[j]), ex.Velocity(names[i]), ex.Velocity(names[j])
-    field = _beside(wanted[i], w)
-    if not field or not _is_round(field, x, y) or tm.add_terms(field, _beside(wanted[j], v)):
+    field = tm.coefficient(wanted[i], tm.monomial(w))
+    if not field or not _is_round(field, x, y) or tm.add_terms(field, tm.coefficient(wanted[j], tm.monomial(v))):
         return None
     radial = tm.multiply_terms(
         tm.terms_of(ex.substitute(tm.tree_of(field), {y: ex.ZERO})), {tm.monomial(x): Fraction(1)}
@@ -286,15 +287,6 @@ def _is_round(field: tm.Terms, x: ex.Symbol, y: ex.Symbol) -> bool:
     slopes = [tm.derivative_of_terms(field, variable) for variable in (x, y)]
     turned = [tm.multiply_terms(slope, {tm.monomial(q): Fraction(1)}) for slope, q in zip(slopes, (y, x), strict=True)]
     return bool(slopes[0]) and turned[0] == turned[1]
-
-
-def _beside(terms: tm.Terms, velocity: ex.Velocity) -> tm.Terms:
-    """The coefficient of a velocity."""
-    return {
-        key - tm.monomial(velocity): a
-        for key, a in terms.items()
-        if tm.split_velocities(key)[1] == tm.monomial(velocity)
-    }
 
 
 def _outside(slope: tm.Terms, variable: Variable) -> list[tuple[tm.Terms, tm.Terms]]:
@@ -359,21 +351,6 @@ def power_rule(own: tm.Monomial, beside: tm.Terms, x: Variable) -> tm.Terms | No
         {frozenset([(u, e + 1)]): 1 / (e + 1)} if e != -1 else {tm.monomial(ex.Apply("log", u)): Fraction(1)}
     )
     return tm.multiply_terms(factor, power)
-
-
-def _by_velocity(terms: tm.Terms, names: Sequence[str]) -> list[tm.Terms] | None:
-    """The coefficient of each velocity; None where the terms are not affine in these."""
-    found: list[tm.Terms] = [{} for _ in names]
-    places = {ex.Velocity(name): k for k, name in enumerate(names)}
-    for key, value in terms.items():
-        rest, moving = tm.split_velocities(key)
-        if not moving:
-            continue
-        ((letter, e), *more) = moving
-        if more or e != 1 or letter not in places:
-            return None
-        found[places[letter]][rest] = value
-    return found
 
 
 def _is_turned(symbols: Sequence[ex.Symbol], slopes: Sequence[tm.Terms], pairs: Sequence[tuple[int, int]]) -> bool:

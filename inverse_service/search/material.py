@@ -178,15 +178,10 @@ def _is_plain(node: ex.Expression) -> bool:
 
 def _parameter_monomials(forces: Iterable[tm.Terms], parameters: frozenset[ex.Symbol]) -> tuple[tm.Monomial, ...]:
     """Parameter parts of the terms of f, their inverses and quotients, simple ones first."""
-
-    def is_constant(letter: ex.Expression) -> bool:
-        nodes = [node for node in ex.walk(letter) if isinstance(node, ex.Symbol | ex.Velocity)]
-        return bool(nodes) and all(node in parameters for node in nodes)
-
     parts: dict[tm.Monomial, None] = {tm.EMPTY: None}
     for terms in forces:
         for key in terms:
-            part: tm.Monomial = frozenset(item for item in key if is_constant(item[0]))
+            part: tm.Monomial = frozenset(item for item in key if tm.is_constant(item[0], parameters))
             for letter, e in part:
                 parts[frozenset([(letter, e)])] = None
                 parts[frozenset([(letter, -e)])] = None
@@ -241,21 +236,16 @@ def _raised_powers(key: tm.Monomial, variable: ex.Expression) -> list[tm.Monomia
     return found
 
 
-def coefficient(terms: tm.Terms, moving: tm.Monomial) -> tm.Terms:
-    """The terms with exactly these velocity letters, these taken out."""
-    return {tm.split_velocities(key)[0]: value for key, value in terms.items() if tm.split_velocities(key)[1] == moving}
-
-
 def integrating_candidates(material: Material) -> list[tuple[int, tm.Terms, ex.Symbol]]:
     """(i, c, variable) with wanted factors exp(-int c d variable): from c v_i v_l, c v_i^2, c v_i in f_i."""
     motion = material.motion
     found: list[tuple[int, tm.Terms, ex.Symbol]] = []
     for i, (v, f) in enumerate(zip(motion.velocities, motion.forces, strict=True)):
         for q, w in zip(motion.coordinates, motion.velocities, strict=True):
-            c = simplified(material, coefficient(f, tm.monomial(v, w)))
+            c = simplified(material, tm.coefficient(f, tm.monomial(v, w)))
             if c:
                 found.append((i, c, q))
-        drag = simplified(material, coefficient(f, tm.monomial(v))) if motion.with_time else {}
+        drag = simplified(material, tm.coefficient(f, tm.monomial(v))) if motion.with_time else {}
         still = {key: c for key, c in drag.items() if not any(ex.holds(p, *motion.coordinates) for p, _ in key)}
         if still and (len(still) == len(drag) or motion.size == 1):
             found.append((i, still, ex.TIME))

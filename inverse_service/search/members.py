@@ -35,7 +35,7 @@ def hessians(space: ansatz.LagrangianSpace, seed: int) -> tuple[int, list[Residu
     every = dict.fromkeys(key for c in space.combinations for key in c)
     candidates = [key for key in every if not tm.is_linear(key)]
     letters = ansatz.letters_of(candidates)
-    table = ansatz.letter_table(space.sampler, letters, 1, seed)
+    table = ansatz.table_at(space.sampler.points(seed), letters, 1)
     inverse, n = pow(1 << 64, -1, table.prime), table.derivatives.size
     values = ansatz.hessians_of(table, letters, candidates)[0][0].astype(object) * inverse % table.prime
     single = dict(zip(candidates, values, strict=True))
@@ -275,12 +275,7 @@ def _divided(member: Member, parameters: frozenset[ex.Symbol], table: real_point
 def _constants(terms: ansatz.Combination, parameters: frozenset[ex.Symbol]) -> list[tm.Monomial]:
     """The letters of each kinetic term that hold nothing but parameters."""
     kinetic = [key for key in terms if not tm.is_linear(key)]
-    return [frozenset(item for item in key if _is_constant(item[0], parameters)) for key in kinetic]
-
-
-def _is_constant(letter: ex.Expression, parameters: frozenset[ex.Symbol]) -> bool:
-    names = {node for node in ex.walk(letter) if isinstance(node, ex.Symbol | ex.Velocity)}
-    return bool(names) and names <= parameters
+    return [frozenset(item for item in key if tm.is_constant(item[0], parameters)) for key in kinetic]
 
 
 def needed_combinations(space: ansatz.LagrangianSpace, seed: int) -> list[int]:

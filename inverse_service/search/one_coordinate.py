@@ -33,45 +33,6 @@ from inverse_service.search.factors import Factors, find_factors
 from inverse_service.search.gradients import ONE_TERM, Integrator
 from inverse_service.search.material import Material, antiderivatives
 
-
-@dataclass(frozen=True, slots=True)
-class Samples:
-    """Letters, their values and logarithmic derivatives along the motion, and df/dv, at points of one prime."""
-
-    places: dict[ex.Expression, int]
-    table: ansatz.LetterTable
-    slopes: tuple[int, ...]
-
-    @property
-    def prime(self) -> int:
-        return self.table.prime
-
-    def along(self, sample: int, key: tm.Monomial) -> int:
-        """Gamma(log key)."""
-        rates = self.table.derivatives.along[sample]
-        return sum(int(rates[self.places[p]]) * number_value(e, self.prime) for p, e in key) % self.prime
-
-
-def sampled(material: Material, terms: Sequence[tm.Monomial], count: int, seed: int) -> Samples:
-    """`count` points for the letters of the terms; IrreducibleAtoms, SingularPoint or ValueError if there are none."""
-    letters = ansatz.letters_of(terms)
-    sampler = ansatz.make_sampler(material.analysis, dict.fromkeys(item for term in terms for item in term))
-    table = ansatz.letter_table(sampler, letters, count, seed)
-    slopes = tuple(-2 * connection[0][0] % table.prime for connection, _ in ansatz.tensors_of(sampler, table))
-    return Samples({p: k for k, p in enumerate(letters)}, table, slopes)
-
-
-def independent(samples: Samples, terms: Sequence[tm.Monomial]) -> list[tm.Monomial]:
-    """The terms without those that are combinations of earlier ones as functions (1 = sin^2 + cos^2)."""
-    rows = ansatz.monomial_values(samples.table, list(samples.places), terms)
-    return [terms[k] for k in null_vectors.pivots(rows, samples.prime)]
-
-
-def montgomery_values(samples: Samples, terms: Sequence[tm.Monomial]) -> list[list[int]]:
-    """The value of each term at each sample in Montgomery form (times 2^64)."""
-    return [[int(a) for a in row] for row in ansatz.monomial_values(samples.table, list(samples.places), terms)]
-
-
 _LINEAR = ("-3", "-2", "-1", "-4", "-3/2", "-1/2", "-5", "-5/2", "-4/3", "-5/3", "1", "2")
 _QUADRATIC = ("-1", "-3/2", "-1/2", "-2", "-5/2", "1", "1/2")
 EXPONENTS = (
@@ -112,16 +73,25 @@ def _of_degree(
     phis = {e: position_factors(factors, degree * e) for e in exponents}
     candidates = candidate_terms(material, degree)
     every = [*candidates, *(phi for group in phis.values() for phi in group)]
-    samples = sampled(material, every, len(candidates) + null_vectors.SPARE, seed)
-    candidates = independent(samples, candidates)
-    values = montgomery_values(samples, candidates)
-    rates = [[samples.along(k, key) for key in candidates] for k in range(len(values))]
+    letters, sampler = ansatz.letters_of(every), ansatz.sampler_of(material.analysis, every)
+    table = ansatz.table_at(sampler.points(seed), letters, len(candidates) + null_vectors.SPARE)
+    prime, places = table.prime, {p: k for k, p in enumerate(letters)}
+    slopes = [-2 * connection[0][0] for connection, _ in ansatz.tensors_of(sampler, table)]  # df/dv
+
+    def along(key: tm.Monomial) -> list[int]:
+        """Gamma(log key) at each sample."""
+        powers = [(places[p], number_value(e, prime)) for p, e in key]
+        return [sum(int(rates[k]) * e for k, e in powers) for rates in table.derivatives.along]
+
+    products = ansatz.monomial_values(table.values, letters, candidates, prime)
+    independent = null_vectors.pivots(products, prime)  # without 1 where it is sin^2 + cos^2
+    candidates, values = [candidates[k] for k in independent], products[:, independent].tolist()
+    rates = list(zip(*map(along, candidates), strict=True))
     for e, group in phis.items():
         for phi in group:
-            weight = number_value(e, samples.prime)
-            wanted = [slope + samples.along(k, phi) for k, slope in enumerate(samples.slopes)]
-            rows = _equations(values, rates, weight, wanted, samples.prime)
-            for terms in ansatz.null_combinations(np.array(rows, np.uint64), candidates, samples.prime):
+            wanted = [slope + rate for slope, rate in zip(slopes, along(phi), strict=True)]
+            rows = _equations(values, rates, number_value(e, prime), wanted, prime)
+            for terms in ansatz.null_combinations(np.array(rows, np.uint64), candidates, prime):
                 yield DarbouxPower(phi, tuple(terms.items()), e)
 
 

@@ -96,8 +96,8 @@ class Lines:
         still, damping = [], []
         for row, rest in zip(self.matrix, self.rest, strict=True):
             slopes = [tm.derivative_of_terms(rest, v) for v in self.velocities]
-            rates = [tm.derivative_of_terms(_at_rest(slope), ex.TIME) for slope in slopes]
-            forces = [tm.derivative_of_terms(_at_rest(rest), q) for q in self.coordinates]
+            rates = [tm.derivative_of_terms(tm.coefficient(slope, tm.EMPTY), ex.TIME) for slope in slopes]
+            forces = [tm.derivative_of_terms(tm.coefficient(rest, tm.EMPTY), q) for q in self.coordinates]
             pairs = zip(forces, rates, strict=True)
             still.append([tm.add_terms(force, rate, Fraction(-1, 2)) for force, rate in pairs])
             damping.append([tm.add_terms(b, _along(self, entry), -1) for b, entry in zip(slopes, row, strict=True)])
@@ -335,16 +335,11 @@ def _cleared(factors: Sequence[Factor], parts: Sequence[int], constants: set[ex.
     for part in dict.fromkeys(parts):
         members = [k for k, label in enumerate(parts) if label == part]
         tables = [dict(found[k][1]) for k in members]
-        letters = dict.fromkeys(p for table in tables for p in table if _is_constant(p, constants))
+        letters = dict.fromkeys(p for table in tables for p in table if tm.is_constant(p, constants))
         least = frozenset((p, e) for p in letters if (e := min(table.get(p, Fraction(0)) for table in tables)))
         for k in members:
             found[k] = found[k][0], tm.times(found[k][1], least, -1)
     return found
-
-
-def _is_constant(letter: ex.Expression, constants: set[ex.Symbol]) -> bool:
-    leaves = [node for node in ex.walk(letter) if isinstance(node, ex.Symbol | ex.Velocity | ex.Arbitrary)]
-    return bool(leaves) and all(leaf in constants for leaf in leaves)
 
 
 def lagrangian_of(lines: Lines, integrator: gradients.Integrator) -> ex.Expression | None:
@@ -380,11 +375,7 @@ def lagrangian_of(lines: Lines, integrator: gradients.Integrator) -> ex.Expressi
         return None
     sign = -1 if all(value < 0 for value in kinetic.values()) else 1
     total = tm.add_terms(kinetic, rest)
-    return ex.add(tm.tree_of(_scaled(kinetic, sign)), tm.tree_of(_scaled(rest, sign))) if total else None
-
-
-def _scaled(terms: tm.Terms, factor: int) -> tm.Terms:
-    return {key: value * factor for key, value in terms.items()}
+    return ex.add(tm.tree_of(tm.scaled(kinetic, sign)), tm.tree_of(tm.scaled(rest, sign))) if total else None
 
 
 def _common_function(lines: Lines, part: Sequence[int], integrator: gradients.Integrator) -> tm.Terms | None:
@@ -400,18 +391,10 @@ def _common_function(lines: Lines, part: Sequence[int], integrator: gradients.In
         if not gradients.is_zero(tm.add_terms(crossed, tm.multiply_terms(rate, lines.matrix[k][m]), -1)):
             return None  # (H2) asks for one slope of log psi for all entries, also those that are 0
     slope = _divided(rate, entry, integrator)
-    form: list[tm.Terms] = [{} for _ in range(1 + len(lines.rest))]
-    places = {v: 1 + k for k, v in enumerate(lines.velocities)}
-    for key, value in slope.items():
-        outside, moving = tm.split_velocities(key)
-        if not moving:
-            form[0] = tm.add_terms(form[0], {outside: value})
-            continue
-        ((letter, e), *more) = moving
-        if more or e != 1 or letter not in places:
-            return None
-        form[places[letter]] = tm.add_terms(form[places[letter]], {outside: value})
-    form = [integrator.in_normal_form(terms) for terms in form]
+    parts = tm.affine_parts(slope, lines.velocities)
+    if parts is None:
+        return None
+    form = [integrator.in_normal_form(terms) for terms in (parts[0], *parts[1])]
     logarithm = integrator.function_of([ex.TIME, *lines.coordinates], form)
     return None if logarithm is None else integrator.exponential(logarithm)
 
@@ -426,7 +409,7 @@ def _along(lines: Lines, entry: tm.Terms) -> tm.Terms:
 def _rate(lines: Lines, i: int, j: int) -> tm.Terms:
     """(d_vj B_i + d_vi B_j)/2 - D G_ij."""
     velocities, half = lines.velocities, Fraction(1, 2)
-    total = _scaled(_along(lines, lines.matrix[i][j]), -1)
+    total = tm.scaled(_along(lines, lines.matrix[i][j]), -1)
     total = tm.add_terms(total, tm.derivative_of_terms(lines.rest[i], velocities[j]), half)
     return tm.add_terms(total, tm.derivative_of_terms(lines.rest[j], velocities[i]), half)
 
@@ -453,13 +436,13 @@ def _constants(lines: Lines, parts: Sequence[Sequence[int]]) -> dict[int, tm.Ter
         if a == b or (a, b) in ratios or (b, a) in ratios:
             continue
         left = tm.derivative_of_terms(lines.rest[i], lines.velocities[j])
-        right = _scaled(tm.derivative_of_terms(lines.rest[j], lines.velocities[i]), -1)
+        right = tm.scaled(tm.derivative_of_terms(lines.rest[j], lines.velocities[i]), -1)
         if not left and not right:
-            left = _at_rest(tm.derivative_of_terms(lines.rest[i], lines.coordinates[j]))
-            right = _at_rest(tm.derivative_of_terms(lines.rest[j], lines.coordinates[i]))
+            left = tm.coefficient(tm.derivative_of_terms(lines.rest[i], lines.coordinates[j]), tm.EMPTY)
+            right = tm.coefficient(tm.derivative_of_terms(lines.rest[j], lines.coordinates[i]), tm.EMPTY)
         if left or right:
             ratio = _factor(left, right) or _quotient(lines, left, right)  # K_b = ratio K_a
-            plain = ratio and all(_is_constant(p, constants) or isinstance(p, ex.Number) for p, _ in ratio[1])
+            plain = ratio and all(tm.is_constant(p, constants) or isinstance(p, ex.Number) for p, _ in ratio[1])
             ratios[a, b] = ratio if plain else None
     found = _along_edges(len(parts), ratios)
     if found is None:
@@ -476,10 +459,6 @@ def _quotient(lines: Lines, left: tm.Terms, right: tm.Terms) -> Factor | None:
         return None
     found = _divided(left, right, gradients.Integrator(lines.system))
     return next(((value, key) for key, value in found.items()), None) if len(found) == 1 else None
-
-
-def _at_rest(terms: tm.Terms) -> tm.Terms:
-    return {key: value for key, value in terms.items() if not tm.split_velocities(key)[1]}
 
 
 def _kinetic(lines: Lines) -> tm.Terms | None:

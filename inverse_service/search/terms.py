@@ -9,7 +9,7 @@ relations among generators: an identity found here holds, but one not found may 
 The equations of motion as terms, and the Euler-Lagrange expressions of monomials along them.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
@@ -453,6 +453,30 @@ def split_velocities(key: Monomial) -> tuple[Monomial, Monomial]:
     """(generators without velocities, generators with velocities)."""
     moving = frozenset(item for item in key if has_velocity(item[0]))
     return key - moving, moving
+
+
+def coefficient(terms: Mapping[Monomial, Fraction], moving: Monomial) -> Terms:
+    """The terms with exactly these generators that hold velocities, these taken out; without any: the terms at rest."""
+    return {key - moving: value for key, value in terms.items() if split_velocities(key)[1] == moving}
+
+
+def affine_parts(
+    terms: Mapping[Monomial, Fraction], velocities: Sequence[ex.Expression]
+) -> tuple[Terms, list[Terms]] | None:
+    """(a, [b_i]) with terms = a + b_i v_i; None where they are not affine in the velocities."""
+    groups = grouped(terms, has_velocity)
+    parts = [groups.pop(moving, {}) for moving in (EMPTY, *map(monomial, velocities))]
+    return None if groups else (parts[0], parts[1:])
+
+
+def scaled(terms: Mapping[Monomial, Fraction], factor: Fraction | int) -> Terms:
+    return {key: value * factor for key, value in terms.items()}
+
+
+def is_constant(letter: ex.Expression, constants: Container[ex.Expression]) -> bool:
+    """Whether a generator is a function of these constants alone; a number is none."""
+    leaves = [node for node in ex.walk(letter) if isinstance(node, ex.Symbol | ex.Velocity | ex.Arbitrary)]
+    return bool(leaves) and all(leaf in constants for leaf in leaves)
 
 
 def is_linear(key: Monomial) -> bool:
