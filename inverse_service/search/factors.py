@@ -22,18 +22,20 @@ from inverse_service.search.gradients import Integrator
 from inverse_service.search.material import (
     Material,
     integrating_candidates,
+    positive,
 )
 
 
 def integrating_factor(material: Material, c: tm.Terms, variable: ex.Symbol) -> tm.Monomial | None:
     """exp(-int c d variable), a product of powers of letters and exponentials; None where it is none."""
-    integrator, phi, rest = Integrator(material.analysis.system, material.analysis.real_point), tm.EMPTY, tm.Terms()
+    table, phi, rest = material.analysis.real_point, tm.EMPTY, tm.Terms()
+    integrator = Integrator(material.analysis.system, table)
     with suppress(tm.TooManyTerms):
         logarithm = _logarithm(material.analysis.system, frozenset(c.items()), variable)
         for key, value in logarithm.items() if logarithm is not None else ():
             match [*key]:
                 case [(ex.Apply("log", ex.Sum() as base), power)] if power == 1:
-                    phi = tm.times(phi, tm.monomial(integrator.positive(base)), value)  # not multiplied out
+                    phi = tm.times(phi, tm.monomial(positive(base, table)), value)  # not multiplied out
                 case _:
                     rest[key] = value
         found = None if logarithm is None else integrator.exponential(rest)

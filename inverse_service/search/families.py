@@ -156,13 +156,15 @@ def is_admissible(material: Material, key: tm.Monomial) -> bool:
     return material.motion.with_time or not any(ex.holds(letter, ex.TIME) for letter, _ in key)
 
 
-def with_potential(material: Material, combination: Mapping[tm.Monomial, Fraction]) -> tm.Terms:
+def with_potential(
+    material: Material, combination: Mapping[tm.Monomial, Fraction], integrator: Integrator | None = None
+) -> tm.Terms:
     """The combination, whose Hessian is a multiplier, with A_i(t, q) v_i - V(t, q) that make it a Lagrangian.
 
     Its Euler-Lagrange expressions are affine in the velocities then. Empty where no A and V are found.
     """
     system, motion = material.analysis.system, material.motion
-    integrator = Integrator(system, material.analysis.real_point)
+    integrator = integrator or Integrator(system, material.analysis.real_point)
 
     def residuals() -> list[tm.Terms]:
         written = replace(motion, forces=tuple(map(tm.terms_of, system.accelerations)))

@@ -18,12 +18,12 @@ from itertools import combinations
 
 from inverse_service import deadline, errors
 from inverse_service.expressions import tree as ex
-from inverse_service.expressions.evaluation import NoRealValue
 from inverse_service.field import exact_field, real_point
 from inverse_service.field.point import Variable
 from inverse_service.mechanics import implicit_equations, writing
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.search import quadratures, terms as tm
+from inverse_service.search.material import positive
 
 ONE_TERM: tm.Terms = {tm.EMPTY: Fraction(1)}
 
@@ -155,15 +155,8 @@ class Integrator:
             else:
                 exponents[log.argument] = coefficient
         for base, exponent in exponents.items():
-            product = tm.multiply_terms(product, tm.terms_of(self.positive(base) ** tm.tree_of(exponent)))
+            product = tm.multiply_terms(product, tm.terms_of(positive(base, self.table) ** tm.tree_of(exponent)))
         return tm.multiply_terms(product, tm.terms_of(ex.Apply("exp", tm.tree_of(rest)))) if rest else product
-
-    def positive(self, base: ex.Expression) -> ex.Expression:
-        """The tree, or its opposite where that is positive at the real point."""
-        with suppress(NoRealValue, errors.IrreducibleAtoms):
-            if self.table is not None and real_point.real_sign(base, self.table) < 0:
-                return ex.negated(base)
-        return base
 
     def linear_terms(self, wanted: Sequence[tm.Terms]) -> tm.Terms | None:
         """A_i v_i - V with these Euler-Lagrange expressions, one for each coordinate; None where none is found."""

@@ -92,15 +92,9 @@ def oriented(terms: tm.Terms, table: real_point.RealTable | None) -> tm.Terms:
     for key, value in terms.items():
         product = tm.EMPTY
         for letter, e in key:
-            if (
-                table is not None
-                and isinstance(letter, ex.Sum)
-                and e.denominator == 1
-                and real_point.real_sign(letter, table) < 0
-            ):
-                value = value if e % 2 == 0 else -value
-                letter = tm.tree_of({k: -v for k, v in tm.terms_of(letter).items()})
-            product = tm.times(product, frozenset([(letter, e)]))
+            turned = positive(letter, table) if isinstance(letter, ex.Sum) and e.denominator == 1 else letter
+            value = -value if turned != letter and e % 2 else value
+            product = tm.times(product, frozenset([(turned, e)]))
         result = tm.add_terms(result, {product: value})
     return result
 
@@ -137,9 +131,8 @@ def companions(letter: ex.Expression) -> list[ex.Expression]:
 def moving_letters(material: Material) -> list[ex.Expression]:
     """Sums that are factors or radicands in f, and functions other than exponentials, that hold velocities."""
     if "moving letters" not in material.shared:
-        table = material.analysis.real_point
-        found = _moving_letters(material)
-        shown = (_positive(letter, table) for letter in found) if table else found
+        table, found = material.analysis.real_point, _moving_letters(material)
+        shown = (positive(letter, table) if isinstance(letter, ex.Sum) else letter for letter in found)
         material.shared["moving letters"] = list(dict.fromkeys(shown))
     return list(material.shared["moving letters"])
 
@@ -152,21 +145,16 @@ def _moving_letters(material: Material) -> Iterator[ex.Expression]:
         if isinstance(node, ex.Sum) and tm.has_velocity(node):
             with suppress(tm.TooManyTerms, exact_field.TooLarge):
                 whole = tm.split_content(terms)[2] if (terms := tm.terms_of(node)) else node  # a sum may be 0
-                parts = (
-                    ()
-                    if whole in known or tm.tree_of({key: -value for key, value in tm.terms_of(whole).items()}) in known
-                    else tm.irreducible_factors(node)
-                )
+                parts = () if whole in known or ex.negated(whole) in known else tm.irreducible_factors(node)
                 yield from (p for p in parts if tm.has_velocity(p) and _is_plain(p))
 
 
-def _positive(letter: ex.Expression, table: real_point.RealTable) -> ex.Expression:
-    """The letter, or its opposite where that is positive at the real point, so that its roots exist."""
-    try:
-        negative = isinstance(letter, ex.Sum) and real_point.real_sign(letter, table) < 0
-    except (errors.IrreducibleAtoms, NoRealValue):
-        return letter
-    return tm.tree_of({key: -value for key, value in tm.terms_of(letter).items()}) if negative else letter
+def positive(tree: ex.Expression, table: real_point.RealTable | None) -> ex.Expression:
+    """The tree, or its opposite where that is positive at the real point, so that its roots exist."""
+    with suppress(errors.IrreducibleAtoms, NoRealValue):
+        if table is not None and real_point.real_sign(tree, table) < 0:
+            return ex.negated(tree)
+    return tree
 
 
 def _is_plain(node: ex.Expression) -> bool:

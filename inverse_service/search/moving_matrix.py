@@ -25,7 +25,7 @@ from inverse_service.mechanics import writing
 from inverse_service.search import families, terms as tm
 from inverse_service.search.gradients import Integrator
 from inverse_service.search.interpolation import Interpolation, kernel_of, whole_numbers
-from inverse_service.search.material import Material, moving_letters
+from inverse_service.search.material import Material, moving_letters, positive
 from inverse_service.search.one_matrix import FAILED, OneMatrix
 
 _POINTS = 8
@@ -53,7 +53,7 @@ def _lagrangian(search: OneMatrix, material: Material) -> ex.Expression | None:
     kinetic = None if scale is None else _root(search, shaped, factor) or _twice_integrated(search, shaped, integrator)
     if scale is None or kinetic is None:
         return None
-    found = families.with_potential(material, tm.multiply_terms(scale[0], kinetic))
+    found = families.with_potential(material, tm.multiply_terms(scale, kinetic))
     return tm.tree_of(found) if found else None
 
 
@@ -89,9 +89,9 @@ def _twice_integrated(search: OneMatrix, matrix: Sequence[tm.Terms], integrator:
 def _moving_factor(search: OneMatrix, material: Material, matrix: Sequence[tm.Terms]) -> tm.Terms | None:
     """prod P_a^(e_a)."""
     trees = [tm.tree_of(terms) for terms in matrix]
-    integrator = Integrator(search.system, material.analysis.real_point)
+    real_point = material.analysis.real_point
     sums = [p for tree in trees if tree != ex.ZERO for p in tm.irreducible_factors(tree) if tm.has_velocity(p)]
-    letters = [*material.motion.velocities, *moving_letters(material), *map(integrator.positive, sums)]
+    letters = [*material.motion.velocities, *moving_letters(material), *(positive(p, real_point) for p in sums)]
     factors = list(dict.fromkeys([*letters, *filter(ex.is_exponential, material.velocity_letters)]))
     points = search.points({}, 4 * _POINTS)
     flow, n = Flow(points, search.forces, 1), len(search.forces)

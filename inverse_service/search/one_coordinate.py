@@ -31,7 +31,7 @@ from inverse_service.mechanics import implicit_equations
 from inverse_service.search import angles, ansatz, families, members, quadratures, terms as tm
 from inverse_service.search.factors import Factors, find_factors
 from inverse_service.search.gradients import ONE_TERM, Integrator
-from inverse_service.search.material import Material, antiderivatives
+from inverse_service.search.material import Material, antiderivatives, positive
 
 _LINEAR = ("-3", "-2", "-1", "-4", "-3/2", "-1/2", "-5", "-5/2", "-4/3", "-5/3", "1", "2")
 _QUADRATIC = ("-1", "-3/2", "-1/2", "-2", "-5/2", "1", "1/2")
@@ -337,7 +337,7 @@ def lagrangian_of(material: Material, multiplier: LastMultiplier) -> ex.Expressi
         return None
     integrator, (velocity,) = Integrator(material.analysis.system, point), motion.velocities
     with suppress(evaluation.NoRealValue, errors.IrreducibleAtoms, tm.TooManyTerms):
-        bases = [integrator.positive(base) ** e for base, e in multiplier.moving]
+        bases = [positive(base, point) ** e for base, e in multiplier.moving]
         slope: tm.Terms | None = tm.terms_of(ex.multiply(tm.monomial_tree(multiplier.factor), *bases))
         for _ in range(2):
             slope = None if slope is None else integrator.function_of([velocity], [slope])

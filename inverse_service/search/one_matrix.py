@@ -44,7 +44,7 @@ from inverse_service.field import real_point, tower
 from inverse_service.field.exact_field import Budget, TooLarge, factored
 from inverse_service.field.flow import PRIME, Flow, Generator, Numbers, Points, Units, inverses, matrix_product
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.search import angles, terms as tm
+from inverse_service.search import angles, families, terms as tm
 from inverse_service.search.gradients import ONE_TERM, Integrator
 from inverse_service.search.interpolation import Given, Interpolation, NoFit, kernel_of, letters_of, whole_numbers
 from inverse_service.search.material import Material
@@ -67,9 +67,10 @@ def propose(material: Material, seed: int) -> list[ex.Expression]:
         if search is None:
             return []
         entries = search.matrix()
-        found = search.lagrangian(Integrator(system, table), entries)
-        if found is None:
-            found = search.lagrangian(Integrator(system, table, signs=True), entries)
+        for integrator in (Integrator(system, table), Integrator(system, table, signs=True)):
+            found = search.lagrangian(material, integrator, entries)
+            if found is not None:
+                break
     except FAILED:
         return []
     return [] if found is None or (ex.holds(found, ex.TIME) and not material.motion.with_time) else [found]
@@ -187,22 +188,27 @@ class OneMatrix:
             return lowest_matrix(self)
         return Interpolation(self.matrix_values, self.variables(), self.units).terms()
 
-    def lagrangian(self, integrator: Integrator, entries: Sequence[tm.Terms]) -> ex.Expression | None:
+    def lagrangian(
+        self, material: Material, integrator: Integrator, entries: Sequence[tm.Terms]
+    ) -> ex.Expression | None:
         """The one with this matrix, up to a factor that is found."""
         variables = self.variables()
         matrix = self.oriented(whole_numbers(entries), integrator)
-        scale = self.scale(matrix, variables, integrator)
-        if scale is None:
+        phi = self.scale(matrix, variables, integrator)
+        if phi is None:
             return None
-        phi, drag = scale
         shown = [angles.shortest(terms) for terms in matrix]
         kinetic = tm.Terms()
         for (i, j), terms in zip(self.pairs, shown, strict=True):
             v, w = (ex.Velocity(self.system.coordinates[k]) for k in (i, j))
             square = {tm.monomial(v, w): Fraction(1, 2) if i == j else Fraction(1)}
             kinetic = tm.add_terms(kinetic, tm.multiply_terms(terms, square))
-        wanted = self._wanted(matrix, variables, drag)
-        rest = None if wanted is None else integrator.linear_terms([tm.multiply_terms(phi, w) for w in wanted])
+        try:
+            wanted = self._wanted(matrix, variables, phi)
+        except NoFit:  # where f has roots
+            found = families.with_potential(material, tm.multiply_terms(phi, kinetic), integrator)
+            return tm.tree_of(found) if found else None
+        rest = integrator.linear_terms([tm.multiply_terms(phi, w) for w in wanted])
         return None if rest is None else ex.add(tm.tree_of(phi) * tm.tree_of(kinetic), tm.tree_of(rest))
 
     def oriented(self, matrix: Sequence[tm.Terms], integrator: Integrator) -> list[tm.Terms]:
@@ -234,18 +240,17 @@ class OneMatrix:
 
     def scale(
         self, matrix: Sequence[tm.Terms], variables: Sequence[Generator], integrator: Integrator
-    ) -> tuple[tm.Terms, tm.Terms] | None:
-        """(phi, T): the factor, and the part of Gamma(log phi) without velocities."""
+    ) -> tm.Terms | None:
+        """The factor phi(t, q)."""
         points = self.points({}, 12)
         _, along, turned = self._rates(points, matrix)
         good = points.good
         defect = (turned - along) % PRIME
         if not defect[good].any():
-            return dict(ONE_TERM), {}
+            return dict(ONE_TERM)
         for (i, j), terms in zip(self.pairs, matrix, strict=True):
             if terms and not turned[good][:, i, j].any() and integrator.system:
-                inverse = tm.terms_of(ex.power(tm.tree_of(angles.shortest(terms)), -1))
-                return inverse, self._drag(inverse, integrator)
+                return tm.terms_of(ex.power(tm.tree_of(angles.shortest(terms)), -1))
         e = next(pair for pair, terms in zip(self.pairs, matrix, strict=True) if terms)
         n = len(self.forces)
 
@@ -272,19 +277,13 @@ class OneMatrix:
         logarithm = integrator.function_of(
             names, [tm.terms_of(tree) for tree in factored(slopes, names, Budget.long())]
         )
-        return None if logarithm is None else (integrator.exponential(logarithm), tm.terms_of(slopes[0]))
+        return None if logarithm is None else integrator.exponential(logarithm)
 
-    def _drag(self, phi: tm.Terms, integrator: Integrator) -> tm.Terms:
-        """d_t log phi."""
-        rate = differentiate(tm.tree_of(phi), ex.TIME)
-        return tm.terms_of(rate / tm.tree_of(phi)) if rate != ex.ZERO else {}
-
-    def _wanted(
-        self, matrix: Sequence[tm.Terms], variables: Sequence[Generator], drag: tm.Terms
-    ) -> list[tm.Terms] | None:
+    def _wanted(self, matrix: Sequence[tm.Terms], variables: Sequence[Generator], phi: tm.Terms) -> list[tm.Terms]:
         """-(W_i + F_ij v_j): the Euler-Lagrange expressions that A_i v_i - V has over phi."""
         n = len(self.forces)
         places = list(combinations(range(n), 2))
+        drag = differentiate(tm.tree_of(phi), ex.TIME) / tm.tree_of(phi)  # d_t log phi
 
         def form(fixed: Given, count: int) -> tuple[Numbers, Points]:
             points = self.points(fixed, count).again([np.zeros(count, np.int64)] * n)
@@ -293,50 +292,29 @@ class OneMatrix:
             forces = np.array([force.data[0, 0] for force in flow.forces]).T
             pushes = sum(values[0][:, :, m] * forces[:, m, None] % PRIME for m in range(n)) % PRIME
             fields = (matrix_product(values[0], by_velocity[0]) + values[1]) % PRIME
-            if drag:
-                factor = flow.tree(tm.tree_of(drag)).data[0, 0]
+            if drag != ex.ZERO:
+                factor = flow.tree(drag).data[0, 0]
                 fields = (fields + values[0] * factor[:, None, None]) % PRIME
             if ((fields + fields.transpose(0, 2, 1)) % PRIME)[points.good].any():
                 raise NoFit("f is not that of a multiplier without velocities")
             found = [np.ones(count, np.int64), *pushes.T, *(fields[:, i, j] for i, j in places)]
             return np.array(found)[:, points.good], points
 
-        try:
-            below, *above = Interpolation(form, variables, self.units).terms()
-            names = [ex.TIME, *map(ex.Symbol, self.system.coordinates)]
-            constant = below.keys() == {tm.EMPTY}
-            if constant:
-                above = [{key: value / below[tm.EMPTY] for key, value in terms.items()} for terms in above]
-            else:
-                trees = factored([tm.tree_of(terms) / tm.tree_of(below) for terms in above], names, Budget.long())
-                above = [tm.terms_of(tree) for tree in trees]
-        except NoFit:
-            above = self._in_symbols(matrix, drag, places)
+        below, *above = Interpolation(form, variables, self.units).terms()
+        names = [ex.TIME, *map(ex.Symbol, self.system.coordinates)]
+        if below.keys() == {tm.EMPTY}:
+            above = [tm.scaled(terms, 1 / below[tm.EMPTY]) for terms in above]
+        else:
+            trees = factored([tm.tree_of(terms) / tm.tree_of(below) for terms in above], names, Budget.long())
+            above = [tm.terms_of(tree) for tree in trees]
         above = [angles.shortest(terms) for terms in above]
-        wanted = [{key: -value for key, value in terms.items()} for terms in above[:n]]
+        wanted = [tm.scaled(terms, -1) for terms in above[:n]]
         for (i, j), terms in zip(places, above[n:], strict=True):
             check()
             v, w = ({tm.monomial(ex.Velocity(self.system.coordinates[k])): Fraction(1)} for k in (i, j))
             wanted[i] = tm.add_terms(wanted[i], tm.multiply_terms(terms, w), -1)
             wanted[j] = tm.add_terms(wanted[j], tm.multiply_terms(terms, v))
         return wanted
-
-    def _in_symbols(
-        self, matrix: Sequence[tm.Terms], drag: tm.Terms, places: Sequence[tuple[int, int]]
-    ) -> list[tm.Terms]:
-        """W and F by exact arithmetic, where f has roots."""
-        n, names = len(self.forces), [ex.TIME, *map(ex.Symbol, self.system.coordinates)]
-        velocities = [ex.Velocity(name) for name in self.system.coordinates]
-        still: dict[ex.Expression, ex.Expression] = dict.fromkeys(velocities, ex.ZERO)
-        table = {pair: tm.tree_of(terms) for pair, terms in zip(self.pairs, matrix, strict=True)}
-        entry = [[table[min(i, j), max(i, j)] for j in range(n)] for i in range(n)]
-        forces = [ex.substitute(f, still) for f in self.system.accelerations]
-        slopes = [[ex.substitute(differentiate(f, v), still) for v in velocities] for f in self.system.accelerations]
-        trees = [ex.add(*(entry[i][m] * forces[m] for m in range(n))) for i in range(n)]
-        for i, j in places:
-            moving = differentiate(entry[i][j], ex.TIME) + tm.tree_of(drag) * entry[i][j]
-            trees.append(ex.add(*(entry[i][m] * slopes[m][j] for m in range(n)), moving))
-        return [tm.terms_of(tree) for tree in factored(trees, names, Budget.long())]
 
 
 # The highest degree, and unknown coefficients.

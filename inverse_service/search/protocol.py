@@ -100,21 +100,10 @@ def describe(analysis: deciding.Analysis, lagrangian: ex.Expression, family: str
 
 
 def _compact(analysis: deciding.Analysis, entry: ex.Expression) -> ex.Expression:
-    """The entry as a sum of products or, where that is shorter, as one quotient."""
-    try:
-        plain = terms.tree_of(terms.terms_of(entry))
-    except (terms.TooManyTerms, exact_field.TooLarge):
-        return entry
-    return min(plain, _factored(analysis, plain), key=ex.node_count)
-
-
-def _factored(analysis: deciding.Analysis, tree: ex.Expression) -> ex.Expression:
-    if len(ex.factors_of(tree)) == 1 and not any(isinstance(node, ex.Sum) for node in ex.walk(tree)):
-        return tree
-    held, count = set(ex.walk(tree)), 1 + 2 * len(analysis.system.coordinates)
-    # Parameters are printed first.
+    """The entry as a sum of products or, where that is shorter, as one quotient; parameters are printed first."""
+    held, count = set(ex.walk(entry)), 1 + 2 * len(analysis.system.coordinates)
     moving = [variable for variable in deciding.variables_of(analysis.system)[:count] if variable in held]
-    return writing.quotient(tree, exact_field.Budget.short(), moving)
+    return writing.shorten(terms.collected(entry), exact_field.Budget.short(), moving)
 
 
 _TINY, _STEP = mpmath.mpf(10) ** -20, mpmath.mpf(129) / 128
