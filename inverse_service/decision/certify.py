@@ -162,7 +162,7 @@ def _members(texts: Sequence[str], ending: str, names: Names) -> list[ex.Express
     for text in texts:
         if text.endswith(ending):
             tree = collecting.collect(reader.read_formula(text.removesuffix(ending), names))
-            found.append(min([tree, *quadratic_forms.sums_of_squares(tree, letters)], key=ex.node_count))
+            found.append(min([tree, *quadratic_forms.sums_of_squares(tree, tuple(letters))], key=ex.node_count))
     return sorted(found, key=lambda tree: (ex.node_count(tree), collecting.natural(printing.to_text(tree))))
 
 

@@ -7,6 +7,7 @@ A part that is homogeneous of a degree above two is factored: (x'^2 + y'^2)^2.
 
 from collections.abc import Callable, Collection, Iterator, Sequence
 from fractions import Fraction
+from functools import lru_cache
 from itertools import islice, permutations
 
 from flint import fmpq, fmpq_mpoly_ctx
@@ -52,7 +53,8 @@ def short_forms(tree: Expression, letters: Collection[Expression]) -> Iterator[E
         yield ex.add(*squares, *higher, *rest)
 
 
-def sums_of_squares(tree: Expression, letters: Collection[Expression]) -> Iterator[Expression]:
+@lru_cache(maxsize=1024)
+def sums_of_squares(tree: Expression, letters: tuple[Expression, ...]) -> tuple[Expression, ...]:
     """Those forms in which what takes the place of terms of the tree has one sign: -k (a - b)^2/2, as of springs.
 
     x^2 + 4 x y + y^2 has no such form: (x + 2 y)^2 - 3 y^2 is a difference. x^2 - 2 x + 1 is (x - 1)^2.
@@ -62,10 +64,12 @@ def sums_of_squares(tree: Expression, letters: Collection[Expression]) -> Iterat
     if {0, 2} <= set(degrees) <= {0, 1, 2}:
         parts = (terms_tree([term]) * _UNIT ** (2 - (d or 0)) for term, d in zip(terms, degrees, strict=True))
         found += [ex.substitute(form, {_UNIT: ex.ONE}) for form in short_forms(ex.add(*parts), [*letters, _UNIT])]
-    for form in found:
+
+    def has_one_sign(form: Expression) -> bool:
         new = [term for term in (form.terms if isinstance(form, ex.Sum) else (form,)) if term not in kept]
-        if len({ex.coefficient(term) < 0 for term in new}) <= 1:
-            yield form
+        return len({ex.coefficient(term) < 0 for term in new}) <= 1
+
+    return tuple(filter(has_one_sign, found))
 
 
 def _over_shared_sums(tree: Expression, letters: Collection[Expression]) -> Expression:

@@ -291,7 +291,7 @@ def _other_forms(tree: ex.Expression, system: SecondOrderSystem) -> list[ex.Expr
         except _FAILED:
             continue
     velocities, positions = ([kind(name) for name in system.coordinates] for kind in (ex.Velocity, ex.Symbol))
-    springs = quadratic_forms.sums_of_squares(tree, positions)
+    springs = quadratic_forms.sums_of_squares(tree, tuple(positions))
     return [*found, *quadratic_forms.short_forms(tree, velocities), *springs]
 
 
@@ -415,7 +415,7 @@ def _whole_square(terms: tm.Terms, velocities: Sequence[ex.Velocity]) -> ex.Expr
 def _with_squares_inside(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
     """Sums in roots, denominators, and functions as sums of squares where they are: (x - a)^2 + y^2."""
     tree = ex.rebuild(tree, partial(_with_squares_inside, system))
-    letters = [*map(ex.Symbol, system.coordinates), *map(ex.Symbol, system.parameters)]
+    letters = tuple(map(ex.Symbol, (*system.coordinates, *system.parameters)))
     match tree:
         case ex.Power(ex.Sum() as inner, ex.Number(e)) if (e < 0 or e.denominator > 1) and not tm.has_velocity(inner):
             return min([inner, *quadratic_forms.sums_of_squares(inner, letters)], key=_preference) ** e
@@ -524,7 +524,9 @@ def _by_squares_of(name: str, other: str, system: SecondOrderSystem, tree: ex.Ex
         if square is not None and constants.issuperset(p for p, _ in key - {(square, Fraction(2))}):
             key, value = key - {(square, Fraction(2))} | {(ex.Apply(name, square.argument), Fraction(2))}, -value
         plain[key] = plain.get(key, Fraction(0)) + value
-    letters = [p for p in dict.fromkeys(p for key in plain for p, _ in key) if isinstance(p, ex.Apply)]
+    letters = tuple(p for p in dict.fromkeys(p for key in plain for p, _ in key) if isinstance(p, ex.Apply))
+    if not letters:
+        return tree
     groups = tm.grouped(plain, lambda letter: letter in constants or tm.has_velocity(letter))
     found = list[ex.Expression]()
     for outer, inner in groups.items():
