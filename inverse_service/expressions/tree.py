@@ -258,6 +258,11 @@ def split_exponent(exponent: Expression) -> tuple[Expression, int]:
     return add(exponent, Number(Fraction(-whole))), whole
 
 
+def summands(tree: Expression) -> tuple[Expression, ...]:
+    """The terms of a sum; the tree itself otherwise."""
+    return tree.terms if isinstance(tree, Sum) else (tree,)
+
+
 def negate(expression: Expression) -> Expression:
     return multiply(MINUS_ONE, expression)
 

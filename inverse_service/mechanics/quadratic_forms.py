@@ -5,6 +5,7 @@ a (v + b/(2 a))^2 + r - b^2/(4 a). Where a = c s^2 with a monomial s, c (s v + b
 A part that is homogeneous of a degree above two is factored: (x'^2 + y'^2)^2.
 """
 
+import math
 from collections.abc import Callable, Collection, Iterator, Sequence
 from fractions import Fraction
 from functools import lru_cache
@@ -33,7 +34,7 @@ def short_forms(tree: Expression, letters: Collection[Expression]) -> Iterator[E
     yield _over_shared_sums(tree, letters)
     parts: dict[int, Terms] = {}
     rest: list[Expression] = []
-    for term in tree.terms if isinstance(tree, ex.Sum) else (tree,):
+    for term in ex.summands(tree):
         found = {_degree(monomial, letters) for monomial, _ in expand(term)}
         if None in found or found <= {0, 1}:
             rest.append(term)
@@ -44,10 +45,14 @@ def short_forms(tree: Expression, letters: Collection[Expression]) -> Iterator[E
     quadratic = {key: value for key, value in parts.pop(2, {}).items() if value}
     if len(quadratic) > bounds.SMALL:
         return
-    higher = [_as_power([(key, value) for key, value in part.items() if value]) for part in parts.values()]
+    higher = [
+        min(_as_power([*part.items()]), ex.add(*_by_pairs(part, list(letters), d)), key=ex.node_count)
+        for d, some in parts.items()
+        if (part := {key: value for key, value in some.items() if value})
+    ]
     groups = list(_by_exponentials(quadratic).values())
     own = [v for v in letters if any(v in dict(key) for key in quadratic)]
-    yield ex.add(*(part for group in groups for part in _by_pairs(group, own)), *higher, *rest)
+    yield ex.add(*(part for group in groups for part in _by_pairs(group, own, 2)), *higher, *rest)
     for order in islice(permutations(own), _MOST_ORDERS):
         squares = [square for group in groups for square in _squares(group, order)]
         yield ex.add(*squares, *higher, *rest)
@@ -59,15 +64,16 @@ def sums_of_squares(tree: Expression, letters: tuple[Expression, ...]) -> tuple[
 
     x^2 + 4 x y + y^2 has no such form: (x + 2 y)^2 - 3 y^2 is a difference. x^2 - 2 x + 1 is (x - 1)^2.
     """
-    kept, terms = tree.terms if isinstance(tree, ex.Sum) else (tree,), expand(tree)
+    kept, terms = ex.summands(tree), expand(tree)
     found, degrees = [*short_forms(tree, letters)], [_degree(monomial, letters) for monomial, _ in terms]
     if {0, 2} <= set(degrees) <= {0, 1, 2}:
         parts = (terms_tree([term]) * _UNIT ** (2 - (d or 0)) for term, d in zip(terms, degrees, strict=True))
         found += [ex.substitute(form, {_UNIT: ex.ONE}) for form in short_forms(ex.add(*parts), [*letters, _UNIT])]
 
     def has_one_sign(form: Expression) -> bool:
-        new = [term for term in (form.terms if isinstance(form, ex.Sum) else (form,)) if term not in kept]
-        return len({ex.coefficient(term) < 0 for term in new}) <= 1
+        new = [term for term in ex.summands(form) if term not in kept]
+        even = [term for term in new if all(e % 2 == 0 for p, e in ex.powers_of(term) if isinstance(p, ex.Sum))]
+        return len({ex.coefficient(term) < 0 for term in even}) <= 1
 
     return tuple(filter(has_one_sign, found))
 
@@ -75,7 +81,7 @@ def sums_of_squares(tree: Expression, letters: tuple[Expression, ...]) -> tuple[
 def _over_shared_sums(tree: Expression, letters: Collection[Expression]) -> Expression:
     """Terms with `letters`, and sums that they share taken out where these vary: (x^2 + y^2) (x'^2 + y'^2)/2."""
     groups: dict[frozenset[Power], list[list[Power]]] = {}
-    for term in tree.terms if isinstance(tree, ex.Sum) else (tree,):
+    for term in ex.summands(tree):
         powers = ex.powers_of(term)
         shared: list[Power] = [
             (p, e) for p, e in powers if isinstance(p, ex.Sum | ex.Apply) and not ex.holds(p, *letters)
@@ -164,21 +170,35 @@ def _squares(terms: Terms, order: Sequence[Expression]) -> list[Expression]:
     return [*found, terms_tree(left.items())]
 
 
-def _by_pairs(terms: Terms, letters: Sequence[Expression]) -> list[Expression]:
-    """Each term in two of the letters as a square of their sum or difference: k ((x - y)^2 + (y - z)^2)/2."""
+def _by_pairs(terms: Terms, letters: Sequence[Expression], degree: int) -> list[Expression]:
+    """All mixed terms in two of the letters as a power of their sum or difference: k ((x - y)^4 + (y - z)^4)/4."""
     left = {_times(key, ()): value for key, value in terms.items()}
-    squares = dict[tuple[Monomial, Fraction], list[Expression]]()
+    powers = dict[tuple[Monomial, Fraction], list[Expression]]()
     for key, value in list(left.items()):
-        pair = [v for v in letters if (v, Fraction(1)) in key]
+        pair = [v for v in letters if v in dict(key)]
+        if not 2 <= degree <= bounds.POWER or len(pair) != 2 or dict(key)[pair[1]] != 1 or key not in left:
+            continue
+        v, w = pair
         outside = tuple(item for item in key if item[0] not in pair)
-        own = left.get(_times(outside, ((pair[0], Fraction(2)),)), 0) if len(pair) == 2 else 0
-        if own:
-            half = abs(value) / 2 if own > 0 else -abs(value) / 2
-            squares.setdefault((outside, half), []).append((pair[0] + (1 if value == 2 * half else -1) * pair[1]) ** 2)
-            taken = {key: value} | {_times(outside, ((v, Fraction(2)),)): half for v in pair}
-            left = {k: left.get(k, Fraction(0)) - taken.get(k, Fraction(0)) for k in {**left, **taken}}
-    found = [terms_tree([term]) * ex.add(*some) for term, some in squares.items()]
-    return [*found, terms_tree((key, value) for key, value in left.items() if value)]
+        for sign in (1, -1):
+            c = sign * value / degree
+            binomial = {
+                _times(outside, ((v, Fraction(degree - k)), (w, Fraction(k)))): c * math.comb(degree, k) * sign**k
+                for k in range(degree + 1)
+            }
+            own = left.get(_times(outside, ((v, Fraction(degree)),)), Fraction(0))
+            if (degree > 2 or own * c > 0) and all(left.get(one) == binomial[one] for one in [*binomial][1:-1]):
+                powers.setdefault((outside, c), []).append((v + sign * w) ** degree)
+                left = {k: left.get(k, Fraction(0)) - binomial.get(k, Fraction(0)) for k in {**left, **binomial}}
+                left = {k: value for k, value in left.items() if value}
+                break
+    for (outside, c), some in powers.items():
+        for v in letters:
+            if left.get(key := _times(outside, ((v, Fraction(degree)),))) == c:
+                some.append(v**degree)
+                del left[key]
+    found = [c * terms_tree([(outside, Fraction(1))]) * ex.add(*some) for (outside, c), some in powers.items()]
+    return [*found, terms_tree(left.items())]
 
 
 def _split_square(monomial: Monomial) -> tuple[Monomial, Monomial]:

@@ -61,7 +61,7 @@ def _in_order(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
 
 def _turns_together(tree: ex.Expression, constants: frozenset[ex.Symbol]) -> ex.Expression:
     """B (x y' - y x')/2 for B x y'/2 - B y x'/2 with constants B."""
-    terms = list(tree.terms) if isinstance(tree, ex.Sum) else []
+    terms = [*ex.summands(tree)]
     for one, other in combinations(terms, 2):
         if _degree(one) == _degree(other) == 1:
             parts = [[f for f in ex.factors_of(term) if _is_moving(f, constants)] for term in (one, other)]
@@ -80,7 +80,7 @@ def _is_moving(factor: ex.Expression, constants: frozenset[ex.Symbol]) -> bool:
 
 def _grouped_alike(tree: ex.Expression) -> ex.Expression:
     """(x'^2 + y'^2)/2 beside k (x^2 + y^2)/2: squares of velocities together where those of their coordinates are."""
-    terms = list(tree.terms) if isinstance(tree, ex.Sum) else []
+    terms = [*ex.summands(tree)]
     for group in (factor for term in terms for factor in ex.factors_of(term) if isinstance(factor, ex.Sum)):
         bases = [part.base for part in group.terms if isinstance(part, ex.Power) and part.exponent == ex.TWO]
         names = [base.name for base in bases if isinstance(base, ex.Symbol)]
@@ -96,7 +96,7 @@ def _finite(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
 
     a^2/(2 k (1 + k x^2)) less a^2/(2 k) is -a^2 x^2/(2 (1 + k x^2)), which has a value for k = 0.
     """
-    terms = tree.terms if isinstance(tree, ex.Sum) else (tree,)
+    terms = ex.summands(tree)
     rest = [term for term in terms if not tm.has_velocity(term)]
     parameters = _parameters(system)
     divisors = _constant_divisors(rest, parameters) - _constant_divisors(system.accelerations, parameters)
@@ -115,7 +115,7 @@ def _regular_gauge(tree: ex.Expression, system: SecondOrderSystem) -> ex.Express
 
     The difference is the total derivative of c q.
     """
-    terms: list[ex.Expression] = list(tree.terms) if isinstance(tree, ex.Sum) else [tree]
+    terms = [*ex.summands(tree)]
     constants = _parameters(system)
     for velocity in map(ex.Velocity, system.coordinates):
         powers = [dict(ex.powers_of(term)) for term in terms]
@@ -204,7 +204,7 @@ def kinetic_first(tree: ex.Expression) -> ex.Expression:
     """T before the terms linear in velocities, these before the potential, otherwise in their order: T + A v - V."""
     if isinstance(tree, ex.Product):
         return ex.multiply(*map(kinetic_first, tree.factors))
-    return ex.add(*sorted(tree.terms, key=_place)) if isinstance(tree, ex.Sum) else tree
+    return ex.add(*sorted(ex.summands(tree), key=_place))
 
 
 def _place(term: ex.Expression) -> tuple[int, bool]:
@@ -216,7 +216,7 @@ def _place(term: ex.Expression) -> tuple[int, bool]:
 
 def _is_upside_down(tree: ex.Expression) -> bool:
     """Whether it has squares of velocities with numbers before them, all of these negative."""
-    powers = [(term, ex.powers_of(term)) for term in (tree.terms if isinstance(tree, ex.Sum) else (tree,))]
+    powers = [(term, ex.powers_of(term)) for term in ex.summands(tree)]
     squares = [term for term, found in powers if any(isinstance(v, ex.Velocity) and e == 2 for v, e in found)]
     plain = [term for term in squares if len(ex.factors_of(term)) - isinstance(ex.factors_of(term)[0], ex.Number) == 1]
     return bool(squares) and plain == squares and all(map(writing.is_negative, squares))
@@ -360,7 +360,7 @@ def _with_whole_squares(system: SecondOrderSystem, tree: ex.Expression) -> ex.Ex
     """
     parameters, quadratic, parts = _parameters(system), tm.Terms(), list[ex.Expression]()
     velocities = [ex.Velocity(name) for name in system.coordinates]
-    for part in tree.terms if isinstance(tree, ex.Sum) else (tree,):
+    for part in ex.summands(tree):
         terms = tm.terms_of(part)
         if all(_is_quadratic(tm.split_velocities(key)[1]) for key in terms):
             quadratic = tm.add_terms(quadratic, terms)
@@ -476,22 +476,35 @@ def _is_symbolic(node: ex.Expression) -> bool:
 
 
 def _with_shifted_rates(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
-    """c (v + w)^2/2 for c v^2/2 + c w v with a constant w, as in a turning frame; the potential changes by c w^2/2."""
-    terms, constants = tm.terms_of(tree), _parameters(system)
-    for v in map(ex.Velocity, system.coordinates):
+    """c ((x' - w y)^2 + (y' + w x)^2)/2 for c (x'^2 + y'^2)/2 + 2 c w x y', as in a turning frame with constant w.
+
+    The potential changes; c (v + w)^2/2 for c v^2/2 + c w v, which makes it shorter by a constant.
+    """
+    below = [node for node in ex.walk(tree) if _is_divisor(node) and not tm.has_velocity(node)]
+    aside = [term for term in ex.summands(tree) if not tm.has_velocity(term) and ex.holds(term, *below)]
+    terms, constants = tm.terms_of(tree - ex.add(*aside)), _parameters(system)
+    symbols, velocities = ([kind(name) for name in system.coordinates] for kind in (ex.Symbol, ex.Velocity))
+    for (x, v), (y, w) in combinations(zip(symbols, velocities, strict=True), 2):  # less a multiple of d(x y)/dt
+        pair = tm.monomial(x, w), tm.monomial(y, v)
+        for other in {key - one for key in terms for one in pair if one <= key}:
+            if constants.issuperset(p for p, _ in other):
+                mean = sum((terms.get(other | one, Fraction(0)) for one in pair), Fraction(0)) / 2
+                terms = tm.add_terms(terms, {other | one: -mean for one in pair if mean})
+    groups = dict[ex.Expression, list[ex.Expression]]()
+    for v in velocities:
         squares, linear = (
             {key - {(v, e)}: value for key, value in terms.items() if (v, e) in key} for e in (Fraction(2), Fraction(1))
         )
         ((key, twice),) = (tm.monomial_factor(linear, squares) or {tm.monomial(v): Fraction(0)}).items()
-        if constants.issuperset(p for p, _ in key):
-            rate = twice / 2 * tm.monomial_tree(key)
-            rest = tm.add_terms(terms, tm.terms_of(tm.tree_of(squares) * (v + rate) ** 2), -1)
-            potential = angles.shortest({k: c for k, c in rest.items() if not any(tm.has_velocity(p) for p, _ in k)})
-            kept = {k: c for k, c in rest.items() if any(tm.has_velocity(p) for p, _ in k)} | {
-                k: c for k, c in potential.items() if not constants.issuperset(p for p, _ in k)
-            }
-            return tm.tree_of(squares) * (v + rate) ** 2 + tm.tree_of(kept)
-    return tree
+        if not any(tm.has_velocity(p) for p, _ in key) and len(key - {(p, e) for p, e in key if p in constants}) <= 1:
+            square = (v + twice / 2 * tm.monomial_tree(key)) ** 2
+            groups.setdefault(tm.tree_of(squares), []).append(square)
+            terms = tm.add_terms(terms, tm.terms_of(tm.tree_of(squares) * square), -1)
+    potential = angles.shortest(tm.coefficient(terms, tm.EMPTY))
+    kept = {key: c for key, c in terms.items() if any(tm.has_velocity(p) for p, _ in key)} | {
+        key: c for key, c in potential.items() if not constants.issuperset(p for p, _ in key)
+    }
+    return ex.add(*(c * ex.add(*some) for c, some in groups.items()), tm.tree_of(kept), *aside) if groups else tree
 
 
 def _with_springs(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
