@@ -6,6 +6,7 @@ import random
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import mpmath
 
@@ -31,7 +32,7 @@ from inverse_service.search import (
 )
 from inverse_service.search.factors import NO_FACTORS, Factors, find_factors
 from inverse_service.search.material import Material, gather
-from inverse_service.search.members import best_members, needed_combinations
+from inverse_service.search.members import best_members, independent
 from inverse_service.search.terms import Monomial, TooManyTerms, tree_of
 
 Rung = protocol.Leaf | protocol.Reduction | families.Family
@@ -306,15 +307,13 @@ def _solve(material: Material, family: families.Family, terms: Sequence[Monomial
         # Of short rows: more terms than these have, times monomials of parameters, are too many unknowns.
         if material.analysis.system.parameters and not family.given and len(terms) <= 2 * bounds.SMALL:
             terms = families.with_parameters(material, ansatz.occurring_terms(sampler, terms, seed), family.terms)
-        space = ansatz.solve_multiplier(sampler, terms, seed)
-        members = needed_combinations(space, seed)
-        chosen = list(dict.fromkeys(key for k in members for key in space.combinations[k]))
-        found = [families.with_potential(material, space.combinations[k]) for k in members]
-        space = ansatz.LagrangianSpace(sampler, tuple(one for one in found if one))
-        best = best_members(space, seed)
+        space = independent(ansatz.solve_multiplier(sampler, terms, seed), seed)
+        best = best_members(space, seed, partial(families.with_potential, material))
+        parts = [families.with_potential(material, part) for member in best[:1] for part in member.parts]
     except _NO_POINTS:
         return None
     if not best:
         return None
     trees = dict.fromkeys(tree_of(member.terms) for member in best)
-    return protocol.Found(tuple(trees), families.label(family, chosen), tuple(map(tree_of, best[0].parts)))
+    kinetic = [key for member in best for part in member.parts for key in part]
+    return protocol.Found(tuple(trees), families.label(family, kinetic), tuple(map(tree_of, parts)))

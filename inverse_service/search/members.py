@@ -10,7 +10,7 @@ least `_FLOOR`. Then the weights are made few and short.
 """
 
 import random
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
@@ -21,7 +21,8 @@ from numpy.typing import NDArray
 
 from inverse_service import bounds, deadline
 from inverse_service.expressions import tree as ex
-from inverse_service.field import point, real_point
+from inverse_service.field import null_vectors, point, real_point
+from inverse_service.field.sample_points import SamplePoints
 from inverse_service.mechanics import euler_lagrange
 from inverse_service.search import ansatz, terms as tm
 
@@ -30,12 +31,12 @@ Residues = NDArray[np.object_]
 _TINY = mpmath.mpf(10) ** -20
 
 
-def hessians(space: ansatz.LagrangianSpace, seed: int) -> tuple[int, list[Residues]]:
-    """(prime, d2L/dv dv of each combination at one random point)."""
+def hessians(space: ansatz.LagrangianSpace, points: SamplePoints, first: int = 0) -> tuple[int, list[Residues]]:
+    """(prime, d2L/dv dv of each combination at one of the points)."""
     every = dict.fromkeys(key for c in space.combinations for key in c)
     candidates = [key for key in every if not tm.is_linear(key)]
     letters = ansatz.letters_of(candidates)
-    table = ansatz.table_at(space.sampler.points(seed), letters, 1)
+    table = ansatz.table_at(points, letters, first + 1, first=first)
     inverse, n = pow(1 << 64, -1, table.prime), table.derivatives.size
     values = ansatz.hessians_of(table, letters, candidates)[0][0].astype(object) * inverse % table.prime
     single = dict(zip(candidates, values, strict=True))
@@ -48,6 +49,20 @@ def hessians(space: ansatz.LagrangianSpace, seed: int) -> tuple[int, list[Residu
     return table.prime, list(map(combined, space.combinations))
 
 
+def independent(space: ansatz.LagrangianSpace, seed: int) -> ansatz.LagrangianSpace:
+    """The space without combinations that are simpler ones times functions of the parameters, or sums of such."""
+    system = space.sampler.analysis.system
+    if not system.parameters or not space.combinations:
+        return space
+    ordered = replace(space, combinations=tuple(sorted(space.combinations, key=complexity)))
+    points = space.sampler.points(seed, tuple(system.variables))
+    count = (len(ordered.combinations) + null_vectors.SPARE) // len(system.coordinates) + 1
+    values = [[m.ravel() for m in hessians(ordered, points, k)[1]] for k in range(count)]
+    table = np.array(values).transpose(0, 2, 1).reshape(-1, len(ordered.combinations))
+    chosen = null_vectors.pivots(table.astype(np.uint64), points.prime)
+    return replace(space, combinations=tuple(ordered.combinations[k] for k in chosen))
+
+
 def regular_members(space: ansatz.LagrangianSpace, seed: int, most: int = 4) -> list[tuple[int, ...]]:
     """Index sets of combinations whose generic sum is regular, simplest first.
 
@@ -55,7 +70,7 @@ def regular_members(space: ansatz.LagrangianSpace, seed: int, most: int = 4) -> 
     """
     if not space.combinations:
         return []
-    prime, matrices = hessians(space, seed)
+    prime, matrices = hessians(space, space.sampler.points(seed))
     useful = [k for k, matrix in enumerate(matrices) if matrix.any()]
     order = sorted(useful, key=lambda k: complexity(space.combinations[k]))
     squares_first = sorted(order, key=lambda k: not _is_diagonal(matrices[k]))
@@ -106,7 +121,7 @@ def complexity(combination: ansatz.Combination) -> tuple[Fraction | int, int]:
 
 def gauge_of(space: ansatz.LagrangianSpace, seed: int) -> list[ansatz.Combination]:
     """The combinations without Hessian."""
-    _, matrices = hessians(space, seed)
+    _, matrices = hessians(space, space.sampler.points(seed))
     return [c for c, m in zip(space.combinations, matrices, strict=True) if not m.any()]
 
 
@@ -124,12 +139,15 @@ def reduced(total: ansatz.Combination, gauge: Sequence[ansatz.Combination]) -> a
     return total
 
 
-def scaled(combination: ansatz.Combination) -> ansatz.Combination:
-    """The simplest term that is not linear in the velocities gets coefficient 1/2 if quadratic, else 1."""
+def scaled(combination: ansatz.Combination, sign: int = 0) -> ansatz.Combination:
+    """The simplest term that is not linear in the velocities gets coefficient 1/2 if quadratic, else 1.
+
+    A positive `sign` means a positive factor.
+    """
     moving = [key for key in combination if not tm.is_linear(key)] or list(combination)
     leading = min(moving, key=tm.rank)
     target = Fraction(1, 2) if any(e == 2 and tm.has_velocity(letter) for letter, e in leading) else Fraction(1)
-    factor = target / combination[leading]
+    factor = target / (abs(combination[leading]) if sign > 0 else combination[leading])
     return {key: a * factor for key, a in combination.items()}
 
 
@@ -238,8 +256,10 @@ class Member:
     definite: bool
 
 
-def best_members(space: ansatz.LagrangianSpace, seed: int) -> list[Member]:
-    """The simplest regular members, definite ones first, short kinetic terms before others."""
+def best_members(
+    space: ansatz.LagrangianSpace, seed: int, completed: Callable[[ansatz.Combination], ansatz.Combination] = dict
+) -> list[Member]:
+    """The simplest regular members that can be `completed` by potentials: definite ones first, then short ones."""
     sets = regular_members(space, seed)
     if not sets:
         return []
@@ -247,6 +267,7 @@ def best_members(space: ansatz.LagrangianSpace, seed: int) -> list[Member]:
     found = [_sum_of(space, gauge, chosen) for chosen in sets]
     if not any(member.definite for member in found):
         found += _definite_sums(space, gauge)
+    found = [replace(member, terms=whole) for member in found if (whole := completed(member.terms))]
     parameters = frozenset(ex.Symbol(name) for name in space.sampler.analysis.system.parameters)
     table = space.sampler.real_point
     plain = [_divided(member, parameters, table) for member in found] if table and parameters else found
@@ -278,16 +299,6 @@ def _constants(terms: ansatz.Combination, parameters: frozenset[ex.Symbol]) -> l
     return [frozenset(item for item in key if tm.is_constant(item[0], parameters)) for key in kinetic]
 
 
-def needed_combinations(space: ansatz.LagrangianSpace, seed: int) -> list[int]:
-    """The numbers of the combinations that the simplest regular members and a definite one are made of."""
-    sets = regular_members(space, seed)
-    chosen = dict.fromkeys(k for members in sets for k in members)
-    if sets and not any(_sum_of(space, [], members).definite for members in sets):
-        for member in _definite_sums(space, []):
-            chosen |= dict.fromkeys(k for k, c in enumerate(space.combinations) if c in member.parts)
-    return list(chosen)
-
-
 def _sum_of(space: ansatz.LagrangianSpace, gauge: Sequence[ansatz.Combination], chosen: Sequence[int]) -> Member:
     """The sum of the chosen combinations, each with the sign that makes its Hessian positive.
 
@@ -314,7 +325,7 @@ def _definite_sums(space: ansatz.LagrangianSpace, gauge: Sequence[ansatz.Combina
     """Sums with a positive definite Hessian at the real point, from the simplest combinations."""
     if not all(map(_is_quadratic, space.combinations)):
         return []  # a Hessian that holds velocities is definite at some places only
-    _, matrices = hessians(space, _SEED)
+    _, matrices = hessians(space, space.sampler.points(_SEED))
     # A combination that vanishes as a function has small numbers for a Hessian at a real point.
     moving = [c for c, matrix in zip(space.combinations, matrices, strict=True) if matrix.any()]
     simplest = sorted(moving, key=complexity)[: bounds.COLUMNS]
@@ -325,7 +336,7 @@ def _definite_sums(space: ansatz.LagrangianSpace, gauge: Sequence[ansatz.Combina
         for weight, (c, _) in zip(weights, with_hessian, strict=True):
             total = tm.add_terms(total, c, weight)
         parts = tuple(c for weight, (c, _) in zip(weights, with_hessian, strict=True) if weight)
-        found.append(Member(_scaled_up(reduced(total, gauge)), parts, definite=True))
+        found.append(Member(scaled(reduced(total, gauge), sign=1), parts, definite=True))
     return found
 
 
@@ -336,13 +347,6 @@ def _is_quadratic(combination: ansatz.Combination) -> bool:
     return plain and all(
         sum(e for _, e in part) in (0, 1, 2) and min((e for _, e in part), default=1) > 0 for part in moving
     )
-
-
-def _scaled_up(combination: ansatz.Combination) -> ansatz.Combination:
-    """`scaled`, by a positive factor."""
-    result = scaled(combination)
-    key = next(iter(result))
-    return result if result[key] * combination[key] > 0 else {key: -value for key, value in result.items()}
 
 
 def _real_hessian(space: ansatz.LagrangianSpace, combination: ansatz.Combination) -> Matrix | None:
