@@ -245,12 +245,8 @@ def expressions_without_acceleration(names: Sequence[str], terms: tm.Terms) -> l
     for name in names:
         deadline.check()
         momentum = tm.derivative_of_terms(terms, ex.Velocity(name))
-        total = tm.add_terms(
-            tm.derivative_of_terms(momentum, ex.TIME), tm.derivative_of_terms(terms, ex.Symbol(name)), -1
-        )
-        for other in names:
-            slope = tm.derivative_of_terms(momentum, ex.Symbol(other))
-            total = tm.add_terms(total, tm.multiply_terms(slope, {tm.monomial(ex.Velocity(other)): Fraction(1)}))
+        rate = tm.at_constant_velocity(momentum, map(ex.Symbol, names))
+        total = tm.add_terms(rate, tm.derivative_of_terms(terms, ex.Symbol(name)), -1)
         found.append(quadratures.in_one_square(total))
     return found
 

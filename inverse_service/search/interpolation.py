@@ -88,7 +88,7 @@ class Interpolation:
 
     def _degrees(self, entries: Sequence[int], fixed: Mapping[Generator, int]) -> dict[Generator, int]:
         """The least degree in each variable, the others fixed: all of them from one batch of points."""
-        block, generator = _BLOCK, np.random.default_rng(block_seed(fixed))
+        block, generator = _BLOCK, np.random.default_rng(sum(fixed.values()) % PRIME)
         total = block * len(self.variables)
         given: dict[Generator, int | Numbers] = {}
         for place, variable in enumerate(self.variables):
@@ -174,11 +174,6 @@ class Interpolation:
 
 def _without(fixed: Mapping[Generator, int], done: Sequence[Generator]) -> dict[Generator, int]:
     return {key: value for key, value in fixed.items() if key not in done}
-
-
-def block_seed(fixed: Mapping[Generator, int]) -> int:
-    """A seed that follows from the anchor."""
-    return sum(fixed.values()) % PRIME
 
 
 def _needed(candidates: Sequence[Sequence[tuple[Power, ...]]]) -> int:

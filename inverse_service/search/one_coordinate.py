@@ -226,16 +226,8 @@ def _in_factors(material: Material, phi: tm.Monomial, polynomial: ex.Expression,
         if tm.has_velocity(base):
             moving.append((tm.tree_of(angles.shortest(tm.terms_of(base))), ex.number(e * exponent)))
         elif not isinstance(base, ex.Number) and ex.holds(base, x, ex.TIME):
-            phi = tm.times(phi, _letters(base), e * exponent)
+            phi = tm.times(phi, quadratures.monomial_of(base), e * exponent)
     return LastMultiplier(phi, tuple(moving))
-
-
-def _letters(base: ex.Expression) -> tm.Monomial:
-    """A factor as a monomial; exp(u + …) is a product of letters."""
-    if ex.is_exponential(base):
-        ((key, _),) = tm.terms_of(base).items()
-        return key
-    return tm.monomial(base)
 
 
 def _moving_factors(material: Material) -> list[tuple[ex.Expression, ex.Expression]]:

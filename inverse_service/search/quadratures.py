@@ -185,7 +185,7 @@ def _of_letter(
         return
     rest = tm.times(key, frozenset([(letter, e)]), -1)
     for exponent, power_of_d in _steps(e):
-        outer = tm.times(tm.times(rest, frozenset([(letter, exponent)])), _monomial(D**power_of_d))
+        outer = tm.times(tm.times(rest, frozenset([(letter, exponent)])), monomial_of(D**power_of_d))
         yield from (tm.times(outer, part) for part in slope)
     if e == Fraction(-3, 2):
         return  # 1 + 2 e is zero on the way up: nothing is left
@@ -194,12 +194,12 @@ def _of_letter(
     if e.denominator == 1:
         root = extracted_root(ex.negated(D) if falling else D)
         inner = ex.Apply("atanh" if falling else "atan", shortest(p / root, ()))
-        function = tm.times(_monomial(1 / root), tm.monomial(inner))
+        function = tm.times(monomial_of(1 / root), tm.monomial(inner))
     elif falling:
         function = tm.monomial(ex.Apply("asin", shortest(p / extracted_root(ex.negated(D)), ())))
     else:
         function = tm.monomial(ex.Apply("log", _primitive_part(p + extracted_root(2 * bend) * ex.square_root(letter))))
-    last = tm.times(rest, _monomial(D ** math.floor(e + 1)))
+    last = tm.times(rest, monomial_of(D ** math.floor(e + 1)))
     for k in range(3 if e in (-1, -_HALF) else 1):  # the variable itself may occur in the monomial: v/p, v^2/p
         yield tm.times(tm.times(last, tm.monomial(x), -k), function)
 
@@ -228,7 +228,7 @@ def _is_negative(tree: ex.Expression, table: real_point.RealTable | None) -> boo
     return all(value < 0 for value in tm.terms_of(tree).values())
 
 
-def _monomial(tree: ex.Expression) -> tm.Monomial:
+def monomial_of(tree: ex.Expression) -> tm.Monomial:
     """A product as one monomial, its number left out; its sums stay whole."""
     found = tm.EMPTY
     for base, e in ex.powers_of(tree):

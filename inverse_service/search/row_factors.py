@@ -100,7 +100,12 @@ class Lines:
             forces = [tm.derivative_of_terms(tm.coefficient(rest, tm.EMPTY), q) for q in self.coordinates]
             pairs = zip(forces, rates, strict=True)
             still.append([tm.add_terms(force, rate, Fraction(-1, 2)) for force, rate in pairs])
-            damping.append([tm.add_terms(b, _along(self, entry), -1) for b, entry in zip(slopes, row, strict=True)])
+            damping.append(
+                [
+                    tm.add_terms(b, tm.at_constant_velocity(entry, self.coordinates), -1)
+                    for b, entry in zip(slopes, row, strict=True)
+                ]
+            )
         return [(self.matrix, 1), (still, 1), (damping, -1)]
 
 
@@ -390,7 +395,7 @@ def _common_function(lines: Lines, part: Sequence[int], integrator: gradients.In
         crossed = tm.multiply_terms(_rate(lines, k, m), entry)
         if not gradients.is_zero(tm.add_terms(crossed, tm.multiply_terms(rate, lines.matrix[k][m]), -1)):
             return None  # (H2) asks for one slope of log psi for all entries, also those that are 0
-    slope = _divided(rate, entry, integrator)
+    slope = _divided(rate, entry, lines.system)
     parts = tm.affine_parts(slope, lines.velocities)
     if parts is None:
         return None
@@ -399,22 +404,15 @@ def _common_function(lines: Lines, part: Sequence[int], integrator: gradients.In
     return None if logarithm is None else integrator.exponential(logarithm)
 
 
-def _along(lines: Lines, entry: tm.Terms) -> tm.Terms:
-    """D entry."""
-    slopes = [tm.derivative_of_terms(entry, q) for q in lines.coordinates]
-    rates: list[tm.Terms] = [{tm.monomial(v): Fraction(1)} for v in lines.velocities]
-    return tm.sum_of([tm.derivative_of_terms(entry, ex.TIME), _dot(slopes, rates)])
-
-
 def _rate(lines: Lines, i: int, j: int) -> tm.Terms:
     """(d_vj B_i + d_vi B_j)/2 - D G_ij."""
     velocities, half = lines.velocities, Fraction(1, 2)
-    total = tm.scaled(_along(lines, lines.matrix[i][j]), -1)
+    total = tm.scaled(tm.at_constant_velocity(lines.matrix[i][j], lines.coordinates), -1)
     total = tm.add_terms(total, tm.derivative_of_terms(lines.rest[i], velocities[j]), half)
     return tm.add_terms(total, tm.derivative_of_terms(lines.rest[j], velocities[i]), half)
 
 
-def _divided(left: tm.Terms, right: tm.Terms, integrator: gradients.Integrator) -> tm.Terms:
+def _divided(left: tm.Terms, right: tm.Terms, system: SecondOrderSystem) -> tm.Terms:
     """left/right as a sum, common factors cancelled."""
     if len(right) == 1:
         ((key, value),) = right.items()
@@ -423,7 +421,7 @@ def _divided(left: tm.Terms, right: tm.Terms, integrator: gradients.Integrator) 
     if found is not None:
         return found
     quotient = tm.tree_of(left) / tm.tree_of(right)
-    return tm.terms_of(factored([quotient], integrator.system.variables, Budget.short())[0])
+    return tm.terms_of(factored([quotient], system.variables, Budget.short())[0])
 
 
 def _constants(lines: Lines, parts: Sequence[Sequence[int]]) -> dict[int, tm.Terms] | None:
@@ -457,7 +455,7 @@ def _quotient(lines: Lines, left: tm.Terms, right: tm.Terms) -> Factor | None:
     """left/right where relations among their generators make it one monomial."""
     if gradients.is_zero(left) or gradients.is_zero(right):
         return None
-    found = _divided(left, right, gradients.Integrator(lines.system))
+    found = _divided(left, right, lines.system)
     return next(((value, key) for key, value in found.items()), None) if len(found) == 1 else None
 
 

@@ -428,10 +428,18 @@ class MotionTerms:
 
 def along(motion: MotionTerms, terms: Mapping[Monomial, Fraction]) -> Terms:
     """Gamma(terms)."""
-    total = derivative_of_terms(terms, ex.TIME)
-    for q, v, f in zip(motion.coordinates, motion.velocities, motion.forces, strict=True):
+    total = at_constant_velocity(terms, motion.coordinates)
+    for v, f in zip(motion.velocities, motion.forces, strict=True):
         total = add_terms(total, multiply_terms(derivative_of_terms(terms, v), f))
-        total = add_terms(total, multiply_terms(derivative_of_terms(terms, q), {monomial(v): Fraction(1)}))
+    return total
+
+
+def at_constant_velocity(terms: Mapping[Monomial, Fraction], coordinates: Iterable[ex.Symbol]) -> Terms:
+    """d_t + v_k d_k of the terms."""
+    total = derivative_of_terms(terms, ex.TIME)
+    for q in coordinates:
+        slope = derivative_of_terms(terms, q)
+        total = add_terms(total, multiply_terms(slope, {monomial(ex.Velocity(q.name)): Fraction(1)}))
     return total
 
 
