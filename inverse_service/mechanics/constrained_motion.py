@@ -24,6 +24,7 @@ from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import TIME, ZERO, Expression, Symbol, Velocity, add, holds, substitute, walk
 from inverse_service.field import exact_field
 from inverse_service.field.matrices import determinant, dot, reduced_rows, solve_square, weight
+from inverse_service.field.real_point import RealTable, find_real_point
 from inverse_service.mechanics import implicit_equations, short_angles, writing
 from inverse_service.mechanics.second_order_system import Functions
 from inverse_service.reading.document_names import Declared, Parameters, known_names, parameter_values, with_values
@@ -103,6 +104,14 @@ class Geometry:
     def tree(self, element: exact_field.Quotient) -> Expression:
         """The element as a formula for people."""
         return writing.readable(self.ring, element)
+
+    def real_point(self, trees: Sequence[Expression]) -> RealTable | None:
+        """A point at which these have real values, with positive parameters where there is one."""
+        parameters = [*map(Symbol, self.system.parameters)]
+        names = self.system.coordinates
+        variables: list[Symbol | Velocity] = [TIME, *map(Symbol, names), *map(Velocity, names), *parameters]
+        points = (find_real_point(trees, variables, 1, positive) for positive in (parameters, ()))
+        return next((point for point in points if point is not None), None)
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,10 +16,9 @@ from itertools import combinations
 from typing import Literal
 
 from inverse_service import bounds
-from inverse_service.expressions.tree import ONE, TIME, Expression, Symbol, Velocity
-from inverse_service.field.exact_field import Quotient, quotient_tree, sum_of
+from inverse_service.expressions.tree import ONE, Expression, Velocity
+from inverse_service.field.exact_field import Quotient, sum_of
 from inverse_service.field.matrices import determinant, dot, reduced_rows
-from inverse_service.field.real_point import RealTable, find_real_point
 from inverse_service.mechanics.constrained_motion import EliminatedMotion, Frame, Geometry
 from inverse_service.mechanics.first_integrals import FirstIntegral
 from inverse_service.mechanics.potential import Potential, factors_of, potential
@@ -204,22 +203,11 @@ def measure_density(motion: EliminatedMotion) -> MeasureDensity:
         return MeasureDensity("does_not_exist" if found == "contradiction" else "not_found")
     inertia = determinant(motion.inertia, parts.ring.constant(1))
     less = [(-exponent, element) for exponent, element in factors_of(parts.ring, inertia)]
-    table = _real_point(motion)
+    table = parts.real_point([parts.tree(element) for element in (*motion.accelerations, *motion.velocities)])
     momenta, velocities = found.plus_logarithm(less).made_positive(parts.ring, table), found
     return MeasureDensity(
         "found", momenta.exponential(parts.ring), velocities.made_positive(parts.ring, table).exponential(parts.ring)
     )
-
-
-def _real_point(motion: EliminatedMotion) -> RealTable | None:
-    """A point at which the motion has real values, with positive parameters where there is one."""
-    parts = motion.geometry
-    trees = [quotient_tree(parts.ring, element) for element in (*motion.accelerations, *motion.velocities)]
-    parameters = [*map(Symbol, parts.system.parameters)]
-    names = parts.system.coordinates
-    variables: list[Symbol | Velocity] = [TIME, *map(Symbol, names), *map(Velocity, names), *parameters]
-    points = (find_real_point(trees, variables, 1, positive) for positive in (parameters, ()))
-    return next((point for point in points if point is not None), None)
 
 
 def _divergence(motion: EliminatedMotion) -> Quotient:

@@ -109,7 +109,10 @@ class PaperClass:
         """N up to a constant factor, in its simplest form: 1 where it is constant, cos(phi) for A = tan(phi)."""
         ring, square = self.geometry.ring, self.inverse_square_density
         found = potential.potential(ring, [1 + self.r1], [-(self.slope_of_density / square)])
-        return self.geometry.tree(square) ** Fraction(-1, 2) if found is None else found.exponential(ring)
+        whole = self.geometry.tree(square) ** Fraction(-1, 2)
+        if found is None:
+            return whole
+        return found.made_positive(ring, self.geometry.real_point([whole])).exponential(ring)
 
     @property
     def slope_of_density(self) -> Quotient:
