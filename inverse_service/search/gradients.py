@@ -14,7 +14,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from fractions import Fraction
-from itertools import combinations
+from itertools import combinations, combinations_with_replacement
 
 from inverse_service import deadline, errors
 from inverse_service.expressions import tree as ex
@@ -64,6 +64,19 @@ class Integrator:
             if left:
                 return tm.add_terms(total, self._under_signs(variables, rest, k))
         return None if any(rest) and not all(is_zero(terms) for terms in rest) else total
+
+    def with_hessian(self, entries: Sequence[tm.Terms]) -> tm.Terms | None:
+        """A function with these second derivatives by the velocities, in the order 11, 12, … 1n, 22, …, elementary."""
+        plain, velocities = Integrator(self.system, self.table), list(map(ex.Velocity, self.system.coordinates))
+        places = range(len(velocities))
+        entry = dict(zip(combinations_with_replacement(places, 2), entries, strict=True))
+        momenta = list[tm.Terms]()
+        for i in places:
+            momentum = plain.function_of(velocities, [entry[min(i, j), max(i, j)] for j in places])
+            if momentum is None:
+                return None
+            momenta.append(momentum)
+        return plain.function_of(velocities, momenta)
 
     def _under_signs(self, variables: Sequence[Variable], slopes: Sequence[tm.Terms], k: int) -> tm.Terms:
         """Functions with these slopes, which are closed, constants outside where one variable alone is moving."""

@@ -50,7 +50,7 @@ def _lagrangian(search: OneMatrix, material: Material) -> ex.Expression | None:
     integrator = Integrator(search.system, material.analysis.real_point)
     shaped = search.oriented([tm.multiply_terms(terms, factor) for terms in matrix], integrator)
     scale = search.scale(shaped, [v for v in variables if not tm.has_velocity(v[1])], integrator)
-    kinetic = None if scale is None else _root(search, shaped, factor) or _twice_integrated(search, shaped, integrator)
+    kinetic = None if scale is None else _root(search, shaped, factor) or integrator.with_hessian(shaped)
     if scale is None or kinetic is None:
         return None
     found = families.with_potential(material, tm.multiply_terms(scale, kinetic))
@@ -71,19 +71,6 @@ def _root(search: OneMatrix, matrix: Sequence[tm.Terms], factor: tm.Terms) -> tm
         return None
     ratio = writing.quotient(tm.tree_of(wanted) / bend, Budget.long(), search.system.variables)
     return None if tm.has_velocity(ratio) else tm.multiply_terms(tm.terms_of(ratio), tm.terms_of(root))
-
-
-def _twice_integrated(search: OneMatrix, matrix: Sequence[tm.Terms], integrator: Integrator) -> tm.Terms | None:
-    """A function with this Hessian in the velocities."""
-    velocities = [ex.Velocity(name) for name in search.system.coordinates]
-    entry = dict(zip(search.pairs, matrix, strict=True))
-    momenta = list[tm.Terms]()
-    for i in range(len(velocities)):
-        momentum = integrator.function_of(velocities, [entry[min(i, j), max(i, j)] for j in range(len(velocities))])
-        if momentum is None:
-            return None
-        momenta.append(momentum)
-    return integrator.function_of(velocities, momenta)
 
 
 def _moving_factor(search: OneMatrix, material: Material, matrix: Sequence[tm.Terms]) -> tm.Terms | None:

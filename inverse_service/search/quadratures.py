@@ -149,17 +149,17 @@ def _proper(terms: tm.Terms, x: Variable) -> tm.Terms:
 
 
 def _divided(key: tm.Monomial, x: Variable) -> tm.Terms | None:
-    """Substitutes x^d = (D - r)/c for a generator D = c x^d + r with a number c; None where there is no such one."""
+    """Substitutes x^d = (D - r)/c for a generator D = c x^d + r with a constant c; None where there is no such one."""
     power = dict(key).get(x, Fraction(0))
     for letter in dict(key):
         if not 2 <= power <= _HIGHEST or not isinstance(letter, ex.Sum) or not ex.holds(letter, x):
             continue
         rest = tm.terms_of(letter)
         degree = max(dict(part).get(x, Fraction(0)) for part in rest)
-        lead: tm.Monomial = frozenset({(x, degree)})
+        leads = [part for part in rest if (x, degree) in part]
         plain = all(p == x or not ex.holds(p, x) for part in rest for p, _ in part)
-        if plain and lead in rest and 2 <= degree <= power and sum((x, degree) in part for part in rest) == 1:
-            value, less = rest.pop(lead), tm.times(key, lead, -1)
+        if plain and len(leads) == 1 and 2 <= degree <= power:
+            value, less = rest.pop(leads[0]), tm.times(key, leads[0], -1)
             found = {tm.times(less, tm.monomial(letter), 1): 1 / value}
             return tm.add_terms(found, {tm.times(less, part, 1): a / value for part, a in rest.items()}, -1)
     return None

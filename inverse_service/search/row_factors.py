@@ -39,7 +39,7 @@ from inverse_service.mechanics import euler_lagrange
 from inverse_service.mechanics.implicit_equations import linear_equation
 from inverse_service.mechanics.second_order_system import Branch, SecondOrderSystem, connected
 from inverse_service.search import gradients, terms as tm
-from inverse_service.search.material import Material
+from inverse_service.search.material import Material, positive
 
 # Orders of the lines that are tried: Bateman's pair is two damped oscillators in one order, autonomous in the other.
 _ORDERS = 6
@@ -370,6 +370,10 @@ def lagrangian_of(lines: Lines, integrator: gradients.Integrator) -> ex.Expressi
     if any(c != gradients.ONE_TERM for c in constants.values()):
         scaled = scaled.times([constants[i] for i in lines.places])
     kinetic = _kinetic(scaled)
+    first = tm.tree_of(scaled.matrix[0][0])
+    turned = positive(first, integrator.table) != first if kinetic is None else all(c < 0 for c in kinetic.values())
+    if kinetic is None:
+        kinetic = integrator.with_hessian([row[j] for i, row in enumerate(scaled.matrix) for j in lines.places[i:]])
     if kinetic is None:
         return None
     own = gradients.expressions_without_acceleration(lines.system.coordinates, kinetic)
@@ -378,7 +382,7 @@ def lagrangian_of(lines: Lines, integrator: gradients.Integrator) -> ex.Expressi
     )
     if rest is None:
         return None
-    sign = -1 if all(value < 0 for value in kinetic.values()) else 1
+    sign = -1 if turned else 1
     total = tm.add_terms(kinetic, rest)
     return ex.add(tm.tree_of(tm.scaled(kinetic, sign)), tm.tree_of(tm.scaled(rest, sign))) if total else None
 
