@@ -28,6 +28,8 @@ from functools import cache
 from itertools import chain, combinations, combinations_with_replacement, islice, product
 from typing import Any
 
+import numpy as np
+
 from inverse_service import bounds
 from inverse_service.deadline import check
 from inverse_service.errors import InputError, IrreducibleAtoms
@@ -88,6 +90,15 @@ class Lines:
         matrix = [[_dot(row, column) for column in zip(*self.matrix, strict=True)] for row in rows]
         return replace(self, matrix=matrix, rest=[_dot(row, self.rest) for row in rows])
 
+    @property
+    def are_oscillators(self) -> bool:
+        """Whether these are q'' + C q' + K q = b with constants C and K."""
+        moving: list[ex.Expression] = [*self.coordinates, *self.velocities, ex.TIME]
+        (matrix, _), *others = self.conditions()
+        entries = [entry for table, _ in others for row in table for entry in row]
+        solved = matrix == [[dict(gradients.ONE_TERM) if i == j else {} for j in self.places] for i in self.places]
+        return solved and not any(ex.holds(p, *moving) for entry in entries for key in entry for p, _ in key)
+
     def conditions(self) -> list[tuple[Table, int]]:
         """(Y, sign) with Y_ij = sign Y_ji for self-adjoint lines.
 
@@ -135,10 +146,13 @@ def lagrangians_of_lines(
 
 
 def _proposed_lines(lines: Lines) -> Iterator[Lines]:
-    """The lines times factors that make the matrix symmetric; before other orders than theirs, sums of the lines."""
+    """The lines times factors that make the matrix symmetric; before other orders than theirs, sums of the lines.
+
+    Two oscillators that are solved for their accelerations have two Lagrangians: sums show the one that is short.
+    """
     orders = islice(symmetric_lines(lines), _ORDERS)
     first = next(orders, None)
-    if first is None or list(first.order) != list(lines.places):
+    if first is None or list(first.order) != list(lines.places) or (len(lines.rest) == 2 and lines.are_oscillators):
         with suppress(*_FAILED):
             sums = _self_adjoint_sums(lines)
             if sums is not None:
@@ -249,7 +263,7 @@ def _along_edges(size: int, ratios: Mapping[tuple[int, int], Factor | None]) -> 
 def _self_adjoint_sums(lines: Lines) -> Lines | None:
     """G q'' + H = C (M q'' + B) with constants C, as many of them 0 as can be; None where there is none, or too many.
 
-    Of several C that of a line that is added to another or taken from it, else with a zero.
+    Of several C that of a line that is added to another or taken from it, else with a zero, in C or in the forces C K.
     """
     conditions = lines.conditions()
     for some in (conditions[:1], conditions):  # the others are long
@@ -265,16 +279,26 @@ def _self_adjoint_sums(lines: Lines) -> Lines | None:
             return lines.sums(_terms(sums.ring, unit))
     if len(sums.basis) > _MOST_FREE:
         return None
-    found = list[Vector]()
-    for chosen in combinations(range(n * n), len(sums.basis) - 1) if sums.basis else ():
-        rows = [[vector[k] for vector in sums.basis] for k in chosen]
-        weights = list(matrices.null_space(rows, len(sums.basis), one).values())
+
+    mass, *others = [np.array(table) for table in tables]
+
+    def shown(c: Vector) -> Vector:
+        """The entries of C, and of C K."""
+        return [*c, *(np.array(c).reshape(n, n).T @ others[0]).flat] if others else c
+
+    def rank(c: Vector) -> tuple[bool, int]:
+        """Squares of all velocities come first."""
+        return any(entry.is_zero for entry in np.diagonal(np.array(c).reshape(n, n).T @ mass)), size(shown(c))
+
+    basis, found = [shown(c) for c in sums.basis], list[Vector]()
+    for chosen in combinations(range(len(basis[0])), len(basis) - 1) if basis else ():
+        weights = [*matrices.null_space([[c[k] for c in basis] for k in chosen], len(basis), one).values()]
         if len(weights) == 1:
             vector = [matrices.dot(one - one, weights[0], entries) for entries in zip(*sums.basis, strict=True)]
             if not matrices.determinant([vector[i::n] for i in lines.places], one).is_zero:
                 inverse = exact_field.common_factor([c for c in vector if not c.is_zero]).inverse()
                 found.append([c * inverse for c in vector])
-    return lines.sums(_terms(sums.ring, min(found, key=size))) if found else None
+    return lines.sums(_terms(sums.ring, min(found, key=rank))) if found else None
 
 
 def _terms(ring: exact_field.ExactRing, vector: Vector) -> list[tm.Terms]:
