@@ -48,11 +48,10 @@ class Interpolation:
 
     def terms(self) -> list[Terms]:
         """The entries as sums of products of letters, with integer coefficients without a common factor."""
-        anchor_values, anchor = self.drawn({}, 1)
+        values, anchor = self.drawn({}, 3)
         first = int(np.flatnonzero(anchor.good)[0])
         fixed = {variable: int(anchor.value(variable)[first]) for variable in self.variables}
-        entries = [e for e in range(anchor_values.shape[0]) if anchor_values[e, 0]]
-        entries = sorted({*entries, *self._met(anchor_values.shape[0])})
+        entries = [e for e in range(len(values)) if values[e].any()]
         support: list[list[tuple[Power, ...]]] = [[()] for _ in entries]
         done: list[Generator] = []
         vector: list[int] = [1] * len(entries)
@@ -68,7 +67,7 @@ class Interpolation:
             if not done:
                 support, vector = self._fitted(support, entries, done, fixed)
         found = self._trees(support, vector, done)
-        whole: list[Terms] = [{} for _ in range(anchor_values.shape[0])]
+        whole: list[Terms] = [{} for _ in values]
         for e, terms in zip(entries, found, strict=True):
             whole[e] = terms
         return whole
@@ -81,10 +80,6 @@ class Interpolation:
             if values.shape[1] >= count:
                 return values, points
         raise NoFit("too few points")
-
-    def _met(self, size: int) -> set[int]:
-        values, _ = self.drawn({}, 3)
-        return {e for e in range(size) if values[e].any()}
 
     def _degrees(self, entries: Sequence[int], fixed: Mapping[Generator, int]) -> dict[Generator, int]:
         """The least degree in each variable, the others fixed: all of them from one batch of points."""

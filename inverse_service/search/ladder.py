@@ -35,7 +35,32 @@ from inverse_service.search.material import Material, gather
 from inverse_service.search.members import best_members, independent
 from inverse_service.search.terms import Monomial, TooManyTerms, tree_of
 
-Rung = protocol.Leaf | protocol.Reduction | families.Family
+Rung = protocol.Leaf | families.Family
+
+
+def _lifted(
+    smaller_systems: Callable[[Material, int], Iterator[protocol.Smaller]], material: Material, seed: int
+) -> Sequence[ex.Expression]:
+    """The Lagrangians made of those of smaller systems."""
+    for smaller in smaller_systems(material, seed):
+        found = _of_smaller(smaller, seed)
+        lifted = smaller.lift(found) if found else ()
+        if lifted:
+            return lifted
+    return ()
+
+
+def _of_smaller(smaller: protocol.Smaller, seed: int) -> list[tuple[ex.Expression, ...]]:
+    """The Lagrangians of each of the systems; none where one has none."""
+    found = []
+    for system, with_time in zip(smaller.systems, smaller.with_time, strict=True):
+        with within(bounds.WORK):
+            one = search(deciding.analyze(system), with_time, seed, math.inf, lambda _: None).found
+        if one is None:
+            return []
+        found.append(one.lagrangians)
+    return found
+
 
 BLOCKS = "decoupled blocks one by one"
 LEAVES = (
@@ -89,21 +114,19 @@ LEAVES = (
         "`phi_t = A phi` and `phi_x = B phi`. Nonelementary integrals are left unevaluated.",
         exact=True,
     ),
-)
-REDUCTIONS = (
-    protocol.Reduction(
+    protocol.Leaf(
         BLOCKS,
         3.55,
         reductions.is_decoupled,
-        reductions.into_blocks,
+        partial(_lifted, reductions.into_blocks),
         "The system decouples, so the Lagrangian is the sum of the Lagrangians of its blocks.",
         exact=True,
     ),
-    protocol.Reduction(
+    protocol.Leaf(
         "a coordinate as time",
         3.6,
         reductions.has_own_time,
-        reductions.along_a_coordinate,
+        partial(_lifted, reductions.along_a_coordinate),
         "The equation of a coordinate `u` holds no other, and with `u` as time the paths are those of a Lagrangian "
         "`M(u, x, dx/du)`. `L = u' M(u, x, x'/u') + S(u, u')`, where `S` is a Lagrangian of `u`.",
     ),
@@ -115,8 +138,8 @@ ANSATZ = (
     families.Family("products of up to four velocities", 7, families.polynomials, bounds.LARGE),
     families.Family("logarithms and arctangents of two velocities", 9, families.complex_logarithms, bounds.SMALL),
 )
-RUNGS: tuple[Rung, ...] = (*LEAVES, *ANSATZ, *REDUCTIONS)
-REASONS = {rung.name: rung.reason for rung in (*LEAVES, *REDUCTIONS)}
+RUNGS: tuple[Rung, ...] = (*LEAVES, *ANSATZ)
+REASONS = {rung.name: rung.reason for rung in LEAVES}
 
 
 _SMALLEST_DETERMINANT = mpmath.mpf(10) ** -25
@@ -246,9 +269,10 @@ def attempt(state: _Search, rung: Rung) -> protocol.Found | None:
         return None
     state.progress(f"method: {rung.name}")
     try:
-        trees = rung.propose(state.material, state.seed) if isinstance(rung, protocol.Leaf) else _lifted(state, rung)
-        proposed = tuple(trees if rung.exact else _verified(state, trees))
-    except (*_NO_POINTS, TooManyTerms, ArithmeticError):
+        trees = rung.propose(state.material, state.seed)
+        asked = [tree for tree in trees if state.material.motion.with_time or not ex.holds(tree, ex.TIME)]
+        proposed = tuple(asked if rung.exact else _verified(state, asked))
+    except (*_NO_POINTS, errors.InputError, ArithmeticError, KeyError):
         proposed = ()
     state.tried.append((rung.name, len(proposed)))
     return protocol.Found(proposed, rung.name, proposed[:1]) if proposed else None
@@ -259,28 +283,6 @@ def _verified(state: _Search, trees: Sequence[ex.Expression]) -> list[ex.Express
     analysis = state.material.analysis
     held = (tree for tree in dict.fromkeys(trees) if holds_numerically(analysis, tree, state.seed))
     return list(itertools.islice(held, bounds.FEW))
-
-
-def _lifted(state: _Search, reduction: protocol.Reduction) -> Sequence[ex.Expression]:
-    """The Lagrangians made of those of the smaller systems."""
-    for smaller in reduction.apply(state.material, state.seed):
-        found = _of_smaller(smaller, state.seed)
-        lifted = smaller.lift(found) if found else ()
-        if lifted:
-            return lifted
-    return ()
-
-
-def _of_smaller(smaller: protocol.Smaller, seed: int) -> list[tuple[ex.Expression, ...]]:
-    """The Lagrangians of each of the systems; none where one has none."""
-    found = []
-    for system, with_time in zip(smaller.systems, smaller.with_time, strict=True):
-        with within(bounds.WORK):
-            one = search(deciding.analyze(system), with_time, seed, math.inf, lambda _: None).found
-        if one is None:
-            return []
-        found.append(one.lagrangians)
-    return found
 
 
 def _by_ansatz(state: _Search, family: families.Family) -> protocol.Found | None:

@@ -56,16 +56,13 @@ def propose(material: Material, seed: int) -> list[ex.Expression]:
     if table is None:
         return []
     lines = row_factors.lines_of(system, row_factors.solved(system))
-    try:
-        (one, _), (stiffness, _), (damping, _) = lines.conditions()
-        rates = list(_rates(damping)) if material.motion.with_time else [(ex.ZERO, ex.ZERO)]
-        ring, values = row_factors.exact(lines, [one, stiffness, damping], [tree for rate in rates for tree in rate])
-        branches = [one for rate in rates for one in _branches(material, ring, [np.array(v) for v in values], rate)]
-        found = [
-            row_factors.lagrangian_of(lines.sums(g), Integrator(system, table)) for g in _chosen(ring, branches, table)
-        ]
-    except (exact_field.TooLarge, tm.TooManyTerms, ZeroDivisionError, KeyError):
-        return []
+    (one, _), (stiffness, _), (damping, _) = lines.conditions()
+    rates = list(_rates(damping)) if material.motion.with_time else [(ex.ZERO, ex.ZERO)]
+    ring, values = row_factors.exact(lines, [one, stiffness, damping], [tree for rate in rates for tree in rate])
+    branches = [one for rate in rates for one in _branches(material, ring, [np.array(v) for v in values], rate)]
+    found = [
+        row_factors.lagrangian_of(lines.sums(g), Integrator(system, table)) for g in _chosen(ring, branches, table)
+    ]
     return [tree for tree in found if tree is not None]
 
 

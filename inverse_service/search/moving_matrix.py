@@ -26,7 +26,7 @@ from inverse_service.search import families, terms as tm
 from inverse_service.search.gradients import Integrator
 from inverse_service.search.interpolation import Interpolation, kernel_of, whole_numbers
 from inverse_service.search.material import Material, moving_letters, positive
-from inverse_service.search.one_matrix import FAILED, OneMatrix
+from inverse_service.search.one_matrix import OneMatrix
 
 _POINTS = 8
 
@@ -34,11 +34,8 @@ _POINTS = 8
 def propose(material: Material, seed: int) -> list[ex.Expression]:
     """The Lagrangian with this multiplier, for the caller to check; none where there is none, or none is found."""
     search = OneMatrix.at_one_velocity(material.analysis.system, seed)
-    try:
-        found = None if search is None else _lagrangian(search, material)
-    except FAILED:
-        return []
-    return [] if found is None or (ex.holds(found, ex.TIME) and not material.motion.with_time) else [found]
+    found = None if search is None else _lagrangian(search, material)
+    return [] if found is None else [found]
 
 
 def _lagrangian(search: OneMatrix, material: Material) -> ex.Expression | None:

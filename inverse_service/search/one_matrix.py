@@ -41,7 +41,7 @@ from inverse_service.expressions import tree as ex
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.evaluation import NoRealValue
 from inverse_service.field import real_point, tower
-from inverse_service.field.exact_field import Budget, TooLarge, factored
+from inverse_service.field.exact_field import Budget, factored
 from inverse_service.field.flow import PRIME, Flow, Generator, Numbers, Points, Units, inverses, matrix_product
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.search import angles, families, terms as tm
@@ -51,7 +51,6 @@ from inverse_service.search.material import Material
 
 # Coordinates up to which kernels at points are cheap.
 _MOST = 8
-FAILED = (NoFit, tm.TooManyTerms, TooLarge, ZeroDivisionError, ValueError, KeyError, IrreducibleAtoms)
 
 
 def accepts(material: Material) -> bool:
@@ -62,18 +61,12 @@ def accepts(material: Material) -> bool:
 def propose(material: Material, seed: int) -> list[ex.Expression]:
     """The Lagrangian with the one multiplier G(t, q), for the caller to check; none where there is none, or more."""
     system, table = material.analysis.system, material.analysis.real_point
-    try:
-        search = OneMatrix.of(system, seed)
-        if search is None:
-            return []
-        entries = search.matrix()
-        for integrator in (Integrator(system, table), Integrator(system, table, signs=True)):
-            found = search.lagrangian(material, integrator, entries)
-            if found is not None:
-                break
-    except FAILED:
+    search = OneMatrix.of(system, seed)
+    if search is None:
         return []
-    return [] if found is None or (ex.holds(found, ex.TIME) and not material.motion.with_time) else [found]
+    entries = search.matrix()
+    forms = (search.lagrangian(material, Integrator(system, table, signs), entries) for signs in (False, True))
+    return [found for found in forms if found is not None][:1]
 
 
 @dataclass(slots=True)

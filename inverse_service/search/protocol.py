@@ -1,16 +1,16 @@
 """The parts of the search, its results, and which other Lagrangians are shown.
 
-The parts of the search and its results: leaves propose Lagrangians, reductions make smaller systems.
+The parts of the search and its results: leaves propose Lagrangians, some by smaller systems.
 
-A reduction `accepts` a system or not, `apply` makes smaller systems of it, and `lift` transforms their Lagrangians
-back. The search itself finds the Lagrangians in between, limits the work, and verifies the lifted Lagrangians.
+A reduction makes smaller systems, and `lift` transforms their Lagrangians back. The search itself finds the
+Lagrangians in between, limits the work, and verifies the lifted Lagrangians.
 
 Lagrangians besides the one that is shown: which ones differ from it, and which of those a reader wants to see.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -75,18 +75,6 @@ class Smaller:
     systems: tuple[SecondOrderSystem, ...]
     with_time: tuple[bool, ...]
     lift: Callable[[Sequence[Sequence[ex.Expression]]], Sequence[ex.Expression]]
-
-
-@dataclass(frozen=True, slots=True)
-class Reduction:
-    """A way to make smaller systems out of those that it accepts; `exact` and `reason` as for a leaf."""
-
-    name: str
-    cost: float
-    accepts: Callable[[Material], bool]
-    apply: Callable[[Material, int], Iterator[Smaller]]
-    reason: str
-    exact: bool = False
 
 
 def describe(analysis: deciding.Analysis, lagrangian: ex.Expression, family: str) -> Lagrangian:

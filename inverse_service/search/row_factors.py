@@ -162,13 +162,10 @@ def _proposed_lines(lines: Lines) -> Iterator[Lines]:
 
 
 def propose(material: Material, seed: int) -> Sequence[ex.Expression]:
-    """Those of q'' - f; without t where L(q, q') is requested."""
-    system = material.analysis.system
-    for signs in (False, True):
-        for tree in lagrangians_of_lines(system, (), material.analysis.real_point, signs):
-            if material.motion.with_time or not ex.holds(tree, ex.TIME):
-                return [tree]
-    return []
+    """The first of those of q'' - f; without t where L(q, q') is requested."""
+    system, point = material.analysis.system, material.analysis.real_point
+    trees = chain.from_iterable(lagrangians_of_lines(system, (), point, signs) for signs in (False, True))
+    return [*islice((tree for tree in trees if material.motion.with_time or not ex.holds(tree, ex.TIME)), 1)]
 
 
 def lagrangian_as_given(system: SecondOrderSystem, given: Sequence[ex.Expression] = ()) -> ex.Expression | None:
