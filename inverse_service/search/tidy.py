@@ -478,7 +478,7 @@ def _is_symbolic(node: ex.Expression) -> bool:
 def _with_shifted_rates(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
     """c ((x' - w y)^2 + (y' + w x)^2)/2 for c (x'^2 + y'^2)/2 + 2 c w x y', as in a turning frame with constant w.
 
-    The potential changes; c (v + w)^2/2 for c v^2/2 + c w v, which makes it shorter by a constant.
+    c (v + w)^2/2 for c v^2/2 + c w v with a constant w, too. Terms of the potential that change have to vanish.
     """
     below = [node for node in ex.walk(tree) if _is_divisor(node) and not tm.has_velocity(node)]
     aside = [term for term in ex.summands(tree) if not tm.has_velocity(term) and ex.holds(term, *below)]
@@ -496,10 +496,13 @@ def _with_shifted_rates(system: SecondOrderSystem, tree: ex.Expression) -> ex.Ex
             {key - {(v, e)}: value for key, value in terms.items() if (v, e) in key} for e in (Fraction(2), Fraction(1))
         )
         ((key, twice),) = (tm.monomial_factor(linear, squares) or {tm.monomial(v): Fraction(0)}).items()
-        if not any(tm.has_velocity(p) for p, _ in key) and len(key - {(p, e) for p, e in key if p in constants}) <= 1:
-            square = (v + twice / 2 * tm.monomial_tree(key)) ** 2
+        square = (v + twice / 2 * tm.monomial_tree(key)) ** 2
+        whole = tm.terms_of(tm.tree_of(squares) * square)
+        rest = tm.add_terms(terms, whole, -1)
+        fixed = constants.issuperset(p for p, _ in key) or not tm.coefficient(whole, tm.EMPTY).keys() & rest.keys()
+        if fixed and not any(tm.has_velocity(p) for p, _ in key):
             groups.setdefault(tm.tree_of(squares), []).append(square)
-            terms = tm.add_terms(terms, tm.terms_of(tm.tree_of(squares) * square), -1)
+            terms = rest
     potential = angles.shortest(tm.coefficient(terms, tm.EMPTY))
     kept = {key: c for key, c in terms.items() if any(tm.has_velocity(p) for p, _ in key)} | {
         key: c for key, c in potential.items() if not constants.issuperset(p for p, _ in key)
@@ -538,13 +541,11 @@ def _by_squares_of(name: str, other: str, system: SecondOrderSystem, tree: ex.Ex
             key, value = key - {(square, Fraction(2))} | {(ex.Apply(name, square.argument), Fraction(2))}, -value
         plain[key] = plain.get(key, Fraction(0)) + value
     letters = tuple(p for p in dict.fromkeys(p for key in plain for p, _ in key) if isinstance(p, ex.Apply))
-    if not letters:
-        return tree
     groups = tm.grouped(plain, lambda letter: letter in constants or tm.has_velocity(letter))
     found = list[ex.Expression]()
     for outer, inner in groups.items():
         whole = tm.tree_of(inner)
-        squares = quadratic_forms.sums_of_squares(whole, letters)
+        squares = quadratic_forms.sums_of_squares(whole, letters) if letters else ()
         found.append(tm.monomial_tree(outer) * min([whole, *squares], key=_preference))
     return ex.add(*found)
 
