@@ -40,7 +40,7 @@ def tidied(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
 
     Sums of velocities to higher powers than squares and in functions are kept: the momenta are solved in them.
     """
-    tree = _merged(tree)
+    tree = collecting.merge_powers(tree)
     with suppress(*_FAILED):
         tree = _finite(_regular_gauge(tree, system), system)
     if _size(tree) > bounds.TERMS:
@@ -196,7 +196,7 @@ def _divisor(terms: tm.Terms, constants: frozenset[ex.Symbol]) -> tm.Monomial:
 def _shortest(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
     """The shortest of all forms; the tree itself where none is shorter."""
     kept = _velocity_sums(tree)
-    others = [_merged(form) for form in _other_forms(tree, system) if kept <= _velocity_sums(form)]
+    others = [collecting.merge_powers(form) for form in _other_forms(tree, system) if kept <= _velocity_sums(form)]
     return min([tree, *others], key=_preference)
 
 
@@ -233,30 +233,6 @@ def _degree(tree: ex.Expression) -> int:
             return sum(map(_degree, factors))
         case _:
             return 2 if tm.has_velocity(tree) else 0
-
-
-def _merged(tree: ex.Expression) -> ex.Expression:
-    """Products with each base once: t^c/t is t^(c - 1). (u^(1/2))^2 is u."""
-    tree = ex.rebuild(tree, _merged)
-    match tree:
-        case ex.Power(ex.Power(base, ex.Number(inner)), ex.Number(outer)) if outer.denominator == 1:
-            return base ** (inner * outer)
-        case ex.Power(ex.Apply("exp", argument), ex.Number(power)):
-            return ex.Apply("exp", power * argument)
-    if not isinstance(tree, ex.Product) or not any(
-        isinstance(f, ex.Power) and not isinstance(f.exponent, ex.Number) for f in tree.factors
-    ):
-        return tree
-    table: dict[ex.Expression, ex.Expression] = {}
-    for factor in tree.factors:
-        base, e = (factor.base, factor.exponent) if isinstance(factor, ex.Power) else (factor, ex.ONE)
-        table[base] = table.get(base, ex.ZERO) + e
-    numbers = [base ** table.pop(base) for base in list(table) if isinstance(base, ex.Number)]
-    return ex.multiply(*numbers, *(base ** _ordered(e) for base, e in table.items()))
-
-
-def _ordered(exponent: ex.Expression) -> ex.Expression:
-    return tm.tree_of(tm.terms_of(exponent))
 
 
 def _velocity_sums(tree: ex.Expression) -> int:
