@@ -17,7 +17,7 @@ from inverse_service.mechanics import implicit_equations
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading import document_names, reader
 from inverse_service.reading.names import Names, check_clashes, escaped, is_momentum
-from inverse_service.reading.tokens import Token, at, closing
+from inverse_service.reading.tokens import Token, at, spelled, walk
 
 MOST_PAIRS = 3  # of which every half is tried
 NOT_PAIRS = (
@@ -204,7 +204,7 @@ def _definitions(texts: Mapping[str, str], declared: document_names.Declared) ->
         for group in groups:
             first, *rest = group.tokens
             moved = _ACCELERATION.fullmatch(first.text)
-            if moved and not names.role(first.text) and rest and rest[0].is_operator("="):
+            if moved and not first.order and not names.role(first.text) and rest and rest[0].is_operator("="):
                 meant = f"{next(filter(None, moved.groups()))}''"
                 what, span = f"{first.text} is read as a name; it occurs", (first.column, rest[0].column)
                 raise refusals.refusal(what, first.column, f"write {meant} for a second derivative", (meant,), span).at(
@@ -213,11 +213,11 @@ def _definitions(texts: Mapping[str, str], declared: document_names.Declared) ->
             moves = names.role(first.text) or document_names.derived_stem(first.text) or _DERIVATIVE.search(first.text)
             # r^2 = x^2 + y^2, where r is in another equation
             squared = _is_squared(group.tokens) * any(
-                token.text == first.text for other in groups if other != group for token in other.tokens
+                token.text == first.text for other in groups if other != group for token in walk(other.tokens)
             )
             called = _is_called(group.tokens)
             rest = rest[squared or called :]
-            is_definition = first.kind == "name" and rest and rest[0].is_operator("=") and not moves
+            is_definition = first.kind == "name" and not first.order and rest and rest[0].is_operator("=") and not moves
             if not is_definition or document_names.moving_names(rest, 2):  # F = m*x'' moves x
                 continue
             if document_names.moving_names(rest, 1) and any(_moves(each, first.text, 1) for each in texts.values()):
@@ -251,16 +251,14 @@ ROOT = ", of the positive root"
 
 def _is_squared(tokens: Sequence[Token]) -> int:
     """How many tokens after a name are its square, in r^2 = … and r^{2} = …; else 0."""
-    texts = [token.text for token in tokens[1:]]
-    end = texts.index("=") if "=" in texts[:7] else 0
-    return end if texts[:1] == ["^"] and [text for text in texts[1:end] if text not in ("(", ")")] == ["2"] else 0
+    return 2 * (spelled(tokens[1:4]).replace("(", "").replace(")", "") == "^2=")
 
 
 def _is_called(tokens: Sequence[Token]) -> int:
     """How many tokens after a name are its arguments, in V(x, y) = …; else 0."""
-    end = closing(tokens, 1) if at(tokens, 1).is_operator("(") else 0
-    named = all(token.kind == "name" or token.is_operator(",") for token in tokens[2:end])
-    return end if end and named and at(tokens, end + 1).is_operator("=") else 0
+    inside = at(tokens, 1).inside
+    named = all((token.kind == "name" and not token.order) or token.is_operator(",") for token in inside)
+    return int(named and at(tokens, 1).is_bracket() and at(tokens, 2).is_operator("="))
 
 
 _END_OF_TEXT = re.compile(
@@ -325,7 +323,11 @@ def _whole_equations(text: str, names: Names, pointer: str) -> list[_Equation]:
 def _defines(tokens: Sequence[Token], names: Names) -> bool:
     """Whether the equation is the definition of a name for a formula."""
     equals = tokens[1 + (_is_squared(tokens) or _is_called(tokens)) :][:1]
-    defined = tokens[0].kind == "name" and ex.Symbol(names.spelling(tokens[0].text)) in names.definitions
+    defined = (
+        tokens[0].kind == "name"
+        and not tokens[0].order
+        and ex.Symbol(names.spelling(tokens[0].text)) in names.definitions
+    )
     whole = any(token.is_operator("=") for token in equals)
     return defined and whole and not document_names.moving_names(tokens, 2)  # F = m*x'' is an equation beside F = -k*x
 

@@ -12,17 +12,17 @@ from fractions import Fraction
 from inverse_service.errors import InputError
 from inverse_service.expressions.refusals import refusal
 from inverse_service.reading import tokens as tk
-from inverse_service.reading.tokens import Token, Tokens
+from inverse_service.reading.tokens import Token, Tokens, bracket
 
 MATRICES = ("matrix", "pmatrix", "bmatrix")
 BOLD = ("mathbf", "boldsymbol", "bm", "pmb", "textbf", "vec", "overrightarrow", "underline")
-_SIDES = ("+", "-", "=", ",", ";", ")", "]", "&")
+_SIDES = ("+", "-", "=", ",", ";", "&")
 Value = list[list[Tokens]]  # rows of cells; a scalar is one cell
 
 
 def by_components(tokens: Tokens) -> Tokens:
     """The tokens with each matrix or vector equation replaced by its rows; InputError if shapes differ."""
-    if not any(_is_many(token) for token in tokens):
+    if not _holds_many(tokens):
         return tokens
     last = max((place for place, token in enumerate(tokens) if token.is_operator("=")), default=0)
     parts = tk.split(tokens, lambda at, token: token.is_operator(";") or (token.is_operator(",") and at < last))
@@ -32,11 +32,11 @@ def by_components(tokens: Tokens) -> Tokens:
             vectors[statement[0].text] = given
             statements.remove(statement)
     for name, given in vectors.items():
-        if not any([token.text for token in statement[:2]] == [name, "="] for statement in statements):
+        if not any(tk.spelled(statement[:2]) == f"{name}=" for statement in statements):
             statements = [_with_length(name, given, statement) for statement in statements]
     found: Tokens = []
     for statement in statements:
-        rows = _Reader(statement, vectors).equations() if any(map(_is_many, statement)) else [statement]
+        rows = _Reader(statement, vectors, statement[0]).equations() if _holds_many(statement) else [statement]
         for row in rows:
             found += ([Token("operator", ";", row[0].column)] if found and row else []) + row
     return found
@@ -47,36 +47,35 @@ def holds_vector(text: str) -> bool:
     return any(f"\\{command}" in text for command in BOLD)
 
 
-def _is_many(token: Token) -> bool:
-    return token.kind == "vector" or token.is_operator("[")
+def _holds_many(tokens: Sequence[Token]) -> bool:
+    return any(token.kind == "vector" or token.is_bracket("[") for token in tk.walk(tokens))
 
 
 def _given(statement: Tokens) -> list[Tokens]:
     r"""The components in \mathbf{r} = (x, y, z), none of which holds a vector; else nothing."""
-    texts = [token.text for token in statement[1:3]]
-    whole = statement[0].kind == "vector" and texts == ["=", "("] and tk.closing(statement, 2) == len(statement) - 1
-    parts = tk.split_at_commas(statement[3:-1]) if whole and not any(map(_is_many, statement[1:])) else []
+    kinds = [(token.kind, token.text) for token in statement[1:]]
+    whole = statement[0].kind == "vector" and kinds == [("operator", "="), ("bracket", "(")]
+    parts = tk.split_at(",", statement[2].inside) if whole and not _holds_many(statement[1:]) else []
     return parts if len(parts) > 1 and all(parts) else []
 
 
-def _with_length(name: str, parts: list[Tokens], statement: Tokens) -> Tokens:
-    """The statement with (x^2 + y^2)^(1/2) for a plain r used together with the bold vector r."""
+def _with_length(name: str, parts: list[Tokens], line: Sequence[Token]) -> Tokens:
+    """The line with (x^2 + y^2)^(1/2) for a plain r used together with the bold vector r."""
     found: Tokens = []
-    for token in statement:
+    for token in line:
         if token.kind != "name" or token.text != name:
-            found.append(token)
+            found.append(replace(token, inside=tuple(_with_length(name, parts, token.inside))))
             continue
-        plus, *power = tk.written("+^2", token)
+        root, plus, *power = tk.written("sqrt+^2", token)
         squares = [one for part in parts for one in (plus, *_bracketed(part), *power)][1:]
-        found += [*tk.written("(", token), *tk.written("sqrt(", token), *squares, *tk.written("))", token)]
+        length = bracket([root, bracket(squares, token)], token)
+        found.append(replace(length, order=token.order, primed=token.primed))
     return found
 
 
 def _bracketed(cell: Tokens) -> Tokens:
     """The cell as a factor."""
-    if len(cell) == 1 or all(token.kind == "prime" for token in cell[1:]):
-        return cell
-    return [Token("operator", "(", cell[0].column, True), *cell, Token("operator", ")", cell[-1].column, True)]
+    return cell if len(cell) < 2 else [replace(bracket(cell, cell[0]), end=cell[-1].column)]
 
 
 def _product_sign(scalar: Tokens) -> Fraction:
@@ -87,10 +86,10 @@ def _product_sign(scalar: Tokens) -> Fraction:
 class _Reader:
     """Reads an equation of matrices and vectors; a value is its rows of cells."""
 
-    def __init__(self, statement: Tokens, vectors: dict[str, list[Tokens]]) -> None:
-        self._stream = tk.TokenStream(statement, statement[-1].column)
+    def __init__(self, line: Sequence[Token], vectors: dict[str, list[Tokens]], first: Token) -> None:
+        self._stream = tk.TokenStream(line, Token("end", "", line[-1].column if line else first.column))
         self._vectors = vectors
-        self._at = statement[0]
+        self._at = first
         self._barred = False
 
     def equations(self) -> list[Tokens]:
@@ -135,7 +134,7 @@ class _Reader:
             if factor is not None and self._stream.ahead.is_operator("^"):
                 factor = self._power(factor)
             if factor is None:
-                scalar += self._stream.take_group()
+                scalar.append(self._stream.take())
             elif value is None:
                 before = scalar[: len(scalar) - (_product_sign(scalar) == tk.DOT)]
                 value, scalar = self._scaled(before, factor), []
@@ -151,10 +150,10 @@ class _Reader:
 
     def _power(self, base: Value) -> Value:
         """A power of a scalar, or v . v for v^2; InputError for other powers of vectors."""
-        power = [self._stream.take(), *self._stream.take_group()]
+        power = [self._stream.take(), self._stream.take()]
         if len(base) == len(base[0]) == 1:
             return [[[*_bracketed(base[0][0]), *power]]]
-        if [token.text for token in power if token.text not in ("^", "(", ")")] != ["2"]:
+        if tk.spelled(power).strip("^()") != "2":
             raise self._refused()
         return self._product(base, base, tk.DOT)
 
@@ -193,63 +192,65 @@ class _Reader:
 
     def _factor(self) -> Value | None:
         """A matrix, a vector with its dots, or a bracket that contains one; None before any other token."""
-        stream = self._stream
-        ahead = stream.ahead
-        if ahead.is_operator("["):
-            rows = [part for part, _ in tk.split(stream.group()[1:], lambda _, token: token.is_operator(";")) if part]
-            found = [[cell for cell, _ in tk.split(row, lambda _, token: token.is_operator("&"))] for row in rows]
-            stream.take_group()
-            if len({len(row) for row in found}) != 1 or stream.look(-1).text != "]":
+        stream, ahead = self._stream, self._stream.ahead
+        if ahead.kind == "bracket" and ahead.order:
+            raise self._refused()
+        if ahead.is_bracket("["):
+            rows = [tk.split_at("&", row) for row in tk.split_at(";", stream.take().inside) if row]
+            if len({len(row) for row in rows}) != 1:
                 raise self._refused()
-            return found
-        if ahead.is_operator("|", "(") and any(map(_is_many, self._inside())):
+            return rows
+        if ahead.is_operator("|") and _holds_many(tk.split_at("|", stream.part(stream.position + 1, -1))[0]):
+            return self._length(stream.take())
+        if ahead.is_bracket() and _holds_many(ahead.inside):
             return self._of_bracket(stream.take())
         if ahead.kind != "vector":
             return None
         stream.take()
-        primes: Tokens = []
-        while stream.ahead.kind == "prime":
-            primes.append(stream.take())
         if ahead.text == "0":
             return [[[self._zero()]]]
         if ahead.text not in self._vectors:
             raise refusal("a vector occurs", ahead.column, "write an equation for each component")
-        return [[self._moving(part, primes)] for part in self._vectors[ahead.text]]
+        return [[self._moving(part, ahead)] for part in self._vectors[ahead.text]]
 
-    def _inside(self) -> Sequence[Token]:
-        """The tokens in the bracket or bars ahead."""
-        if self._stream.ahead.is_operator("("):
-            return self._stream.group()
-        rest = self._stream.rest()[1:]
-        return rest[: next((place for place, token in enumerate(rest) if token.is_operator("|")), 0)]
+    def _inside(self, bracket: Token) -> Value:
+        """What is in a bracket."""
+        reader = _Reader(bracket.inside, self._vectors, bracket)
+        found = reader._sum()
+        if reader._stream.ahead.kind != "end":
+            raise tk.unexpected(reader._stream.ahead, "')'")
+        return found
 
-    def _of_bracket(self, opening: Token) -> Value:
-        """(a + b), the length |a|, or a fraction ((a)/(b)) of LaTeX."""
-        stream, bars = self._stream, opening.text == "|"
-        self._barred, outer = bars, self._barred
-        fraction = opening.value == tk.FRACTION
-        inner = stream.take() if fraction else opening
-        value = self._sum()
-        stream.close(inner, "|" if bars else ")")
-        self._barred = outer
-        if fraction:
-            slash, lower = stream.take(), stream.take()
-            below = self._sum()
-            stream.close(lower)
-            stream.close(opening)
-            if len(below) != 1 or len(below[0]) != 1:
-                raise self._refused()
-            middle, last = [replace(inner, text=")"), slash, lower, *below[0][0]], tk.written("))", lower)
-            return [[[opening, inner, *cell, *middle, *last] for cell in row] for row in value]
-        if not bars:
-            return value
-        (square,) = self._product(value, value, tk.DOT)[0]
-        return [[[*tk.written("sqrt(", opening), *square, self._sign(")")]]]
-
-    def _moving(self, part: Tokens, primes: Tokens) -> Tokens:
-        """The component with these time derivatives; InputError for a component that is a formula."""
-        if primes and len(part) > 1:
+    def _of_bracket(self, bracket: Token) -> Value:
+        """(a + b), or a fraction ((a)/(b)) of LaTeX."""
+        if bracket.value != tk.FRACTION:
+            return self._inside(bracket)
+        upper, slash, lower = bracket.inside
+        value, below = self._inside(upper), self._inside(lower)
+        if len(below) != 1 or len(below[0]) != 1:
             raise self._refused()
-        if primes and part[0].kind == "number":
+        under = replace(lower, inside=tuple(below[0][0]))
+        return [
+            [[replace(bracket, inside=(replace(upper, inside=tuple(cell)), slash, under))] for cell in row]
+            for row in value
+        ]
+
+    def _length(self, bar: Token) -> Value:
+        """The length |a|."""
+        self._barred, outer = True, self._barred
+        value = self._sum()
+        self._barred = outer
+        if not self._stream.take_operator("|"):
+            raise tk.never_closed(bar)
+        (square,) = self._product(value, value, tk.DOT)[0]
+        return [[[Token("name", "sqrt", bar.column), bracket(square, bar)]]]
+
+    def _moving(self, part: Tokens, vector: Token) -> Tokens:
+        """The component with the dots of the vector; InputError for a component that is a formula."""
+        if not vector.order:
+            return part
+        if len(part) > 1:
+            raise self._refused()
+        if part[0].kind == "number":
             return [self._zero()]
-        return [*part, *primes]
+        return [replace(part[0], order=part[0].order + vector.order, primed=vector.primed)]

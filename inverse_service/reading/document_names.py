@@ -14,16 +14,7 @@ from inverse_service import errors
 from inverse_service.expressions import collecting, derivative, graphs, tree as ex
 from inverse_service.expressions.refusals import LIMITS, joined, refusal, shorten
 from inverse_service.reading import names as nm, reader
-from inverse_service.reading.tokens import (
-    Token,
-    after_power,
-    after_primes,
-    at,
-    check_brackets,
-    closing,
-    split,
-    split_at_commas,
-)
+from inverse_service.reading.tokens import Token, after_power, at, flat, places, spelled, split_at, walk
 
 ParameterValue = str | int | float | None
 
@@ -218,7 +209,7 @@ def _ordered(used: Mapping[str, set[str]]) -> list[str]:
 
 def _names_in(text: str, names: nm.Names) -> set[str]:
     """The names in a formula."""
-    return {names.spelling(token.text) for token in reader.read_tokens(text, names) if token.kind == "name"}
+    return {names.spelling(token.text) for token in walk(reader.read_tokens(text, names)) if token.kind == "name"}
 
 
 def document_names(
@@ -313,16 +304,12 @@ def _checked_functions(names: nm.Names, texts: Mapping[str, str]) -> dict[str, t
 def _always_called(function: str, text: str, names: nm.Names) -> bool | None:
     """Whether brackets with arguments follow the function wherever it occurs in a text; None where it does not."""
     tokens = reader.tokens_if_any(text, names)
-    called: bool | None = (not tokens and function in text) or None
-    for place, token in enumerate(tokens):
-        if token.kind == "name" and names.spelling(token.text) == function:
-            after = place + 1
-            while at(tokens, after).kind == "prime" or at(tokens, after).is_operator("^"):
-                after += 1 + (tokens[after].text == "^")
-            if at(tokens, after).is_operator("["):
-                after = closing(tokens, after) + 1
-            called = called is not False and at(tokens, after).is_operator("(")
-    return called
+    called = []
+    for line, place, _ in places(tokens):
+        if line[place].kind == "name" and names.spelling(line[place].text) == function:
+            after = after_power(line, place + 1)
+            called.append(at(line, after + at(line, after).is_bracket("[")).is_bracket())
+    return all(called) if called else (not tokens and function in text) or None
 
 
 def _coordinates(
@@ -363,34 +350,34 @@ def _moved_by_definitions(texts: Mapping[str, str], names: nm.Names) -> list[str
     ]
     found: dict[str, None] = {}
     for name in todo:
-        line = reader.tokens_if_any(formulas.get(name, ""), names) if names.role(name) == "parameter" else []
-        for place, token in enumerate(line):
-            each = names.spelling(token.text)
+        tokens = reader.tokens_if_any(formulas.get(name, ""), names) if names.role(name) == "parameter" else []
+        for line, place, outer in places(tokens):
+            token, each = line[place], names.spelling(line[place].text)
             if token.kind != "name" or token.text == "t" or token.text in nm.FUNCTIONS | {"pi"}:
                 continue
             if names.role(each) == "parameter" and each not in todo:
                 todo.append(each)
             elif names.role(each) is None and (
-                each == "rho" or nm.looks_like_a_coordinate(each) or _is_angle(line, place)
+                each == "rho" or nm.looks_like_a_coordinate(each) or _is_angle(line, place, outer)
             ):
                 found.setdefault(each)
     return list(found)
 
 
-def _is_angle(line: Sequence[Token], place: int) -> bool:
+def _is_angle(line: Sequence[Token], place: int, outer: Token) -> bool:
     """Whether the name is the argument of a sine or cosine, or a term of it with no factors but numbers, and no t."""
     start = place - 1
     while at(line, start).text not in nm.FUNCTIONS and (
         at(line, start).kind in ("name", "number") or at(line, start).is_operator("+", "-", "*")
     ):
         start -= 1
-    bracket = at(line, start).is_operator("(")
-    inside = line[start + 1 : closing(line, start) if bracket else place + 2]
+    bracket = start < 0
+    inside = line if bracket else line[start + 1 : place + 2]
     beside = (at(line, place - 1 - at(line, place - 1).is_operator("*")), at(line, place + 1))[1 - bracket :]
     alone = not any(token.kind == "name" or token.is_operator("*", "/") for token in beside)
     bare = bracket or all(token.kind == "number" for token in line[start + 1 : place])
-    timed = any(token.text == "t" for token in inside)
-    return alone and bare and not timed and at(line, start - bracket).text in ("sin", "cos", "tan")
+    timed = any(token.text == "t" for token in walk(inside))
+    return alone and bare and not timed and (outer if bracket else line[start]).text in ("sin", "cos", "tan")
 
 
 # Other spellings of a second derivative, with the message for each.
@@ -443,7 +430,7 @@ _LONGEST_ARGUMENTS = 400
 def moving_products(texts: Mapping[str, str], declared: nm.Names, order: int = 2) -> dict[str, tuple[str, ...]]:
     """The products among the runs of letters with primes: mx'' is m x''; also y y'' and L I'' without the space."""
     lines = [line for text in texts.values() if (line := reader.tokens_if_any(text, declared))]
-    words = [(line[k].text, is_primed(line, k)) for line in lines for k in range(len(line)) if line[k].kind == "name"]
+    words = [(token.text, token.order > 0) for line in lines for token in walk(line) if token.kind == "name"]
     alone, primed = ({word for word, moves in words if moves is which} for which in (False, True))
     found: dict[str, tuple[str, ...]] = {}
     for line in lines:
@@ -468,9 +455,9 @@ def moving_products(texts: Mapping[str, str], declared: nm.Names, order: int = 2
 
 def _refuse_products(tokens: Sequence[Token], products: Mapping[str, tuple[str, ...]]) -> None:
     """InputError for mx'', by which the writer means m*x''."""
-    for place, token in enumerate(tokens):
-        if token.text in products and is_primed(tokens, place):
-            meant, primes = "*".join(products[token.text]), "'" * _order(tokens, place + 1)
+    for token in walk(tokens):
+        if token.text in products and token.order:
+            meant, primes = "*".join(products[token.text]), "'" * token.order
             instead = f"did you mean {meant}{primes}?"
             raise refusal(f"{token.text}{primes} occurs", token.column, instead, (meant,), declare="coordinates")
 
@@ -516,7 +503,7 @@ def key_name(key: str, names: nm.Names) -> str:
         return key
     tokens = reader.tokens_if_any(key[:200], names)
     accelerated = moving_names(tokens, 2)
-    if len(accelerated) == 1 and all(token.kind == "prime" for token in tokens[1:]):
+    if len(accelerated) == len(tokens) == 1:
         return accelerated[0]
     return nm.declared_name(key, pointer, "coordinate")
 
@@ -526,74 +513,54 @@ def moving_names(tokens: Sequence[Token], order: int) -> list[str]:
     return [name for name, by, times in derivatives(tokens) if by == "t" and times >= order]
 
 
-def derivatives(tokens: Sequence[Token]) -> list[tuple[str, str, int]]:
+def derivatives(line: Sequence[Token]) -> list[tuple[str, str, int]]:
     """(y, x, k) for each y with k derivatives by x, those of diff(x diff(y, x), x) together; y'' is by the time t."""
     found: list[tuple[str, str, int]] = []
-    place = 0
-    while place < len(tokens):
-        token, start = tokens[place], place + 1
-        place = start
-        if token.kind != "name":
-            continue
-        if token.text in nm.DERIVATIVE_NAMES:
-            end = closing(tokens, start)
-            if start < end < min(len(tokens), start + _LONGEST_ARGUMENTS):
-                operand, *variables = split_at_commas(tokens[start + 1 : end])
-                found += _differentiated(operand, [word.text for part in variables for word in part])
-                place = end + 1
-        elif order := _order(tokens, start):
-            by = _variable(tokens, after_primes(tokens, start))
-            found += [(token.text, by or "t", order)] if by or _multiplies_a_sum(token, tokens[start:]) else []
-        elif stem := derived_stem(token.text):
-            found.append((stem, "t", 2 if derived_stem(token.text, 2) else 1))
+    for place, token in enumerate(line):
+        name, after = token.text if token.kind == "name" else "", at(line, place + 1)
+        if name in nm.DERIVATIVE_NAMES:
+            operand, *variables = split_at(",", after.inside)
+            found += _differentiated(operand, [word.text for part in variables for word in walk(part)])
+        elif name and token.order:
+            by = _variable(after)
+            found += [(name, by or "t", token.order)] if by or _multiplies_a_sum(token, after) else []
+        elif stem := derived_stem(name):
+            found.append((stem, "t", 2 if derived_stem(name, 2) else 1))
+        elif at(line, place - 1).text not in nm.DERIVATIVE_NAMES:
+            found += derivatives(token.inside)
     return found
 
 
 def _differentiated(operand: Sequence[Token], words: Sequence[str]) -> list[tuple[str, str, int]]:
     """The derivatives in diff(operand, x, x), (x, 2) or ((x, 2)); those with primes in the operand are by x too."""
-    variable, *more = [word for word in words if word not in ("(", ")", ",")] or [""]
+    variable, *more = [word for word in words if word not in ("(", ",")] or [""]
     if {*more} - {variable} and not (len(more) == 1 and more[0].isdigit()):
         return []
     times = int(more[0]) if more and more[0] != variable else 1 + len(more)
-    by: tuple[str, ...] = (variable, "t")
-    if (
-        operand
-        and operand[0].kind == "name"
-        and "".join(token.text for token in operand[1:]) in ("", *map("({})".format, by))
-    ):
-        return [(operand[0].text, variable, times)]
-    by = by[: 1 + (at(operand, 1).kind != "prime")]  # the prime of diff(x y', x) is by x, that of diff(y', x) is not
+    first = at(operand, 0)
+    if first.kind == "name" and not first.order and spelled(operand[1:]) in ("", f"({variable})", "(t)"):
+        return [(first.text, variable, times)]
+    by = (variable, "t")[: 1 + (not first.order)]  # the prime of diff(x y', x) is by x, that of diff(y', x) is not
     return [(name, variable, order + times) for name, inner, order in derivatives(operand) if inner in by]
 
 
-def _variable(tokens: Sequence[Token], place: int) -> str:
+def _variable(after: Token) -> str:
     """The x of the (x) here, t where there is no bracket, nothing before another bracket."""
-    if not at(tokens, place).is_operator("("):
+    if not after.is_bracket():
         return "t"
-    return tokens[place + 1].text if at(tokens, place + 1).kind == "name" and at(tokens, place + 2).text == ")" else ""
+    return after.inside[0].text if [(each.kind, each.order) for each in after.inside] == [("name", 0)] else ""
 
 
-def _multiplies_a_sum(name: Token, after: Sequence[Token]) -> bool:
+def _multiplies_a_sum(name: Token, bracket: Token) -> bool:
     """Whether the brackets after the primes are a factor: x''(1 + x^2), r'' (M + m); V''(x - y) is a function."""
-    opening = next(place for place, token in enumerate(after) if token.kind != "prime")
-    inside = after[opening + 2 : closing(after, opening)]
     plain = nm.looks_like_a_coordinate(name.text) or name.text in nm.GREEK_NAMES
-    return plain and any(token.is_operator("+", "-") for token in inside)
+    return plain and any(token.is_operator("+", "-") for token in [*walk(bracket.inside)][1:])
 
 
 def derived_stem(word: str, order: int = 1) -> str:
     """The x of x_ddot, xddot or x_dot_dot if it has at least this order; otherwise empty."""
     endings = (ending for ending, times in nm.DOTTED if times >= order and word.endswith(ending))
     return next((word.removesuffix(ending) for ending in endings), "").rstrip("_")
-
-
-def _order(tokens: Sequence[Token], place: int) -> int:
-    """The number of derivatives that the primes here stand for."""
-    return sum(int(prime.value) for prime in tokens[place : after_primes(tokens, place)])
-
-
-def is_primed(line: Sequence[Token], place: int) -> bool:
-    return at(line, place + 1).kind == "prime"
 
 
 # Undeclared names: constants or functions.
@@ -625,25 +592,14 @@ _MOST_ROUNDS = 4  # a run that is split may contain a name that splits others
 
 
 def _with_guessed(texts: Mapping[str, str], declared: nm.Names, dummies: Collection[str]) -> nm.Names:
-    """The names with the undeclared ones that the texts use; InputError as in `_guessed`.
-
-    An unmatched bracket is reported before a suspect name, because it may change the interpretation.
-    """
-    try:
-        for _ in range(_MOST_ROUNDS):
-            guess = _guessed(texts, declared, dummies)
-            if not guess.splits:
-                break
-            declared = replace(declared, splits={**declared.splits, **guess.splits})
-        both = (*declared.parameters, *guess.parameters)
-        return replace(declared, parameters=both, functions={**declared.functions, **guess.functions})
-    except errors.InputError:
-        for pointer, text in texts.items():
-            try:
-                check_brackets(reader.tokens_if_any(text, declared))
-            except errors.InputError as error:
-                raise error.at(pointer) from None
-        raise
+    """The names with the undeclared ones that the texts use; InputError as in `_guessed`."""
+    for _ in range(_MOST_ROUNDS):
+        guess = _guessed(texts, declared, dummies)
+        if not guess.splits:
+            break
+        declared = replace(declared, splits={**declared.splits, **guess.splits})
+    both = (*declared.parameters, *guess.parameters)
+    return replace(declared, parameters=both, functions={**declared.functions, **guess.functions})
 
 
 def _guessed(texts: Mapping[str, str], declared: nm.Names, dummies: Collection[str]) -> Guess:
@@ -665,61 +621,72 @@ def _guessed(texts: Mapping[str, str], declared: nm.Names, dummies: Collection[s
     splits: dict[str, tuple[str, ...]] = {}
     slopes = _slopes(lines.values(), declared)
     known = {*coordinates, *declared.declared(), *NEVER_GUESSED, *dummies}
-    powers = [line[k : k + 3] for line in lines.values() for k in range(len(line) - 2) if line[k + 1].is_operator("^")]
-    raised = {name.text: exponent.kind == "number" for name, _, exponent in powers}
+    everywhere = [place for line in lines.values() for place in places(line)]
+    raised = {
+        line[place].text: at(line, place + 2).kind == "number"
+        for line, place, _ in everywhere
+        if at(line, place + 1).is_operator("^") and not line[place].order
+    }
     if "E" not in raised and not any(_PROGRAMS.search(text) for text in texts.values()):
         known -= {"E"}  # a field
     calls = {
-        (token.text, arguments)
-        for line in lines.values()
-        for place, token in enumerate(line)
-        if (arguments := _call_arguments(line, place + 1, (*coordinates, "t"))) and not _is_apart(line, place)
+        (line[place].text, arguments)
+        for line, place, _ in everywhere
+        if (arguments := _call_arguments(at(line, place + 1), (*coordinates, "t"))) and not _is_apart(line, place)
     }
-    alone = {token.text for line in lines.values() for place, token in enumerate(line) if _is_constant(line, place)}
-    for pointer, line in lines.items():
-        for place, token in enumerate(line):
-            names = {token.text, declared.spelling(token.text), derived_stem(token.text)}
-            if token.kind != "name" or names & known:
-                continue
-            _refuse_operators(line, place, pointer, coordinates, calls, slopes)
-            if error := reader.remark(line, place):
+    alone = {line[place].text for line, place, outer in everywhere if _is_constant(line, place, outer)}
+
+    def is_known(token: Token) -> bool:
+        spellings = {token.text, declared.spelling(token.text), derived_stem(token.text)}
+        return token.kind != "name" or not known.isdisjoint(spellings)
+
+    for pointer, tokens in lines.items():
+        for line, place, outer in places(tokens):
+            token, after = line[place], at(line, place + 1)
+            unknown = not is_known(token)
+            marked = unknown or not all(map(is_known, token.inside))
+            product = nm.only_split(token.text, declared)  # cosx sinx
+            if line is tokens and marked and not product and (error := reader.remark(line, place)):
                 raise error.at(pointer)
-            followed = at(line, place + 1).is_operator("(")
+            if not unknown:
+                continue
+            if error := _refused_operator(line, place, outer, coordinates, calls, slopes):
+                raise error.at(pointer)
             if count := _elliptic_arguments(line, place):
                 wanted = '["u", "k"]' if count > 1 else '["u"]'
                 if error := nm.reason_against(token.text, token.column, wanted):
                     raise error.at(pointer)
             timed = (*coordinates, "t") if _may_depend_on_time(token.text) else coordinates
-            arguments = _call_arguments(line, _after_power_of_time(line, place + 1), timed)
+            arguments = _call_arguments(_after_power_of_time(line, place + 1), timed)
             if not arguments and token.text not in alone and (count := _called_with(line, place, declared)):
                 arguments = tuple(f"u{number}" for number in range(1, count + 1))
                 arguments = found_functions.get(token.text, arguments)
             if len(arguments) == 1 and _is_apart(line, place):
-                raise _product_or_function(line, place, arguments[0], texts[pointer]).at(pointer)
+                raise _product_or_function(token, after, arguments[0], texts[pointer]).at(pointer)
             parts = nm.split_at_function(token.text, declared)
             ends = token.text.endswith(nm.ENDINGS)
             if parts and (not ends or _takes_argument(line, place)):
                 splits[token.text] = parts
                 continue
-            if ends and not parts and not followed and _takes_argument(line, place):
+            if ends and not parts and not after.is_bracket() and _takes_argument(line, place):
                 function = next(each for each in nm.ENDINGS if token.text.endswith(each))
                 meant = f"{token.text.removesuffix(function)}*{function}"
                 raise nm.undeclared(token.text, token.column, (meant,)).at(pointer)
             if arguments and "_" in token.text:
-                called.setdefault(token.text, (pointer, token, line[closing(line, place + 1)].column + 1))
+                called.setdefault(token.text, (pointer, token, after.end + 1))
             if arguments and not _looks_like_a_function(token.text):
                 found_functions.setdefault(token.text, arguments)
-            elif not arguments and is_primed(line, place):
+            elif not arguments and token.order:
                 if parts := nm.only_split(token.text, declared):
                     splits[token.text] = parts
-            elif not arguments and not _may_be_called(line, place):
+            elif not arguments and not (token.text in nm.FUNCTION_LETTERS and after.is_bracket()):  # f (x - y)
                 found_parameters.setdefault(token.text, (pointer, token, 0))
     for name, arguments in slopes.items():
         found_functions.setdefault(name, arguments)
     guessed = {name: at for name, at in found_parameters.items() if name not in found_functions}
     _ask_back(called, nm.Names(coordinates, (), {**declared.functions, **found_functions}))
     known_names = nm.Names(coordinates, declared.parameters, {**declared.functions, **found_functions})
-    held = [token.text for pointer, line in lines.items() if pointer.startswith("/constraints") for token in line]
+    held = [token.text for pointer, line in lines.items() if pointer.startswith("/constraints") for token in walk(line)]
     angles = nm.GREEK_NAMES & {name.rstrip("_0123456789") for name in coordinates}
     rolls = "r" in held and angles  # then r is the radius of a wheel
     splits |= _ask_back({name: at for name, at in guessed.items() if name != "r" or not rolls}, known_names, raised)
@@ -733,20 +700,19 @@ def _as_in_products(names: Sequence[str], lines: Iterable[Sequence[Token]]) -> t
     products = list[list[str]]()
     for line in lines:
         products.append([])
-        for token in line:
+        for token in flat(line):
             if token.kind == "operator" and token.text not in ("*", "^", "/"):
                 products.append([])
             products[-1].append(token.text)
     return collecting.in_order_of_products(names, products)
 
 
-def _product_or_function(line: Sequence[Token], place: int, argument: str, text: str) -> errors.InputError:
+def _product_or_function(name: Token, bracket: Token, argument: str, text: str) -> errors.InputError:
     """The refusal of k (x) and k [x], with both ways to write it."""
-    name, end = line[place], line[closing(line, place + 1)].column
-    plain = text[end - 1 : end] in (")", "]")  # and no \\right)
+    plain = text[bracket.end - 1 : bracket.end] in (")", "]")  # and no \\right)
     both = (f"{name.text}*({argument})", f"{name.text}({argument})")
     instead, what = f"write {both[0]} for a product, {both[1]} for a function", f"{name.text} ( could be"
-    span = (name.column, end + 1) if plain else None
+    span = (name.column, bracket.end + 1) if plain else None
     return refusal(f"{what} a product or a function", name.column, instead, both if plain else (), span)
 
 
@@ -757,15 +723,15 @@ def _slopes(lines: Iterable[Sequence[Token]], declared: nm.Names) -> dict[str, t
     """
     found: dict[str, set[str]] = {}
     partial: set[str] = set()
-    for line in lines:
-        for place in range(len(line) - 4):
-            called, opening, name, *rest = line[place : place + 5]
-            if called.text not in nm.DERIVATIVE_NAMES or not opening.is_operator("(") or name.kind != "name":
-                continue
-            by = [token.text for token in line[place + 3 : closing(line, place + 1)] if not token.is_operator(",")]
-            if rest[0].is_operator(",") and by and {*by} <= {*declared.coordinates} and not declared.role(name.text):
-                found.setdefault(name.text, set()).update(by)
-                partial |= set() if called.value else {name.text}
+    for line, place, _ in (each for tokens in lines for each in places(tokens)):
+        called, inside = line[place], at(line, place + 1).inside
+        name, comma = at(inside, 0), at(inside, 1)
+        if called.text not in nm.DERIVATIVE_NAMES or name.kind != "name" or name.order:
+            continue
+        by = [token.text for token in inside[2:] if not token.is_operator(",")]
+        if comma.is_operator(",") and by and {*by} <= {*declared.coordinates} and not declared.role(name.text):
+            found.setdefault(name.text, set()).update(by)
+            partial |= set() if called.value else {name.text}
     every = {*declared.coordinates}
     positions = {name for name in every if not nm.is_momentum(name, declared.coordinates)}
     known = {
@@ -789,14 +755,14 @@ def _takes_argument(line: Sequence[Token], place: int) -> bool:
     """Whether an argument follows the cos of Rcos: a bracket, a name or a number; of ln one without a space."""
     after = at(line, place + 1)
     touches = not after.space_before or (after.kind == "name" and not line[place].text.endswith("ln"))
-    return after.is_operator("(") or (after.kind in ("name", "number") and touches)
+    return after.is_bracket() or (after.kind in ("name", "number") and touches)
 
 
-def _is_constant(line: Sequence[Token], place: int) -> bool:
+def _is_constant(line: Sequence[Token], place: int, outer: Token) -> bool:
     """Whether the g here has no bracket after it and is not differentiated, so that g( is a product everywhere."""
-    after = at(line, after_power(line, after_primes(line, place + 1)))
-    differentiated = at(line, place - 2).text in nm.DERIVATIVE_NAMES
-    return line[place].text in ("g", "G") and not differentiated and not after.is_operator("(", "[")
+    after = at(line, after_power(line, place + 1))
+    differentiated = not place and outer.text in nm.DERIVATIVE_NAMES
+    return line[place].text in ("g", "G") and not differentiated and after.kind != "bracket"
 
 
 _COMPONENTS = frozenset("ABEFJPVpv")  # Fx and Fy are usually two components
@@ -804,22 +770,16 @@ _COMPONENTS = frozenset("ABEFJPVpv")  # Fx and Fy are usually two components
 
 def _called_with(line: Sequence[Token], place: int, declared: nm.Names) -> int:
     """The number of arguments of an undeclared F in F(x*y), F(x, x') or f(y/x); 0 if it may be a factor."""
-    opening = after_primes(line, place + 1)
-    if not at(line, opening).is_operator("("):
+    bracket, name = at(line, place + 1), line[place].text
+    count = len(split_at(",", bracket.inside))
+    if not bracket.is_bracket() or (name not in CALLED_LETTERS and (count == 1 or len(name) > 1)):
         return 0
-    end = closing(line, opening)
-    inside = line[opening + 1 : end]
-    count = len(split_at_commas(inside))
-    if line[place].text not in CALLED_LETTERS and (count == 1 or len(line[place].text) > 1):
-        return 0
+    inside = walk(bracket.inside)
     moves = any(token.text == "t" or declared.role(declared.spelling(token.text)) == "coordinate" for token in inside)
-    summed = split(inside, lambda _, token: token.is_operator("+", "-"))
     heavy = at(line, place - 1).text in ("m", "M")
-    weight = heavy or any(len(term) == 1 and term[0].kind == "number" for term, _ in summed)
-    product = weight and line[place].text in ("g", "G")  # g(1 - x/l), mg(l - x)
-    if line[opening].space_before or end == len(line) or not moves or product:
-        return 0
-    return count
+    weight = heavy or any([each.kind for each in term] == ["number"] for term in split_at("+-", bracket.inside))
+    product = weight and name in ("g", "G")  # g(1 - x/l), mg(l - x)
+    return 0 if bracket.space_before or not moves or product else count
 
 
 def _ask_back(
@@ -901,50 +861,41 @@ def _may_be_motion(name: str, coordinates: Sequence[str]) -> tuple[str, ...]:
     return tuple(other for other in coordinates if other != name and other.lower() == meant)
 
 
-def _refuse_operators(
+def _refused_operator(
     line: Sequence[Token],
     place: int,
-    pointer: str,
+    outer: Token,
     coordinates: Sequence[str],
     calls: Collection[Call],
     slopes: Collection[str],
-) -> None:
-    """InputError for x^T, Delta x (usually a difference), diff(V, x) of a constant V, and 2j."""
-    token = line[place]
-    before = [other.text for other in line[max(place - 2, 0) : place]]
-    after = at(line, place + 1)
-    if token.text == "T" and (before[-1:] == ["^"] or (before == ["^", "("] and after.is_operator(")"))):
-        instead = "a transpose? write components"
-        raise refusal("a raised T occurs", token.column, instead, declare="parameters").at(pointer)
-    around = [other.text for other in line[place + 1 : place + 3]]
-    by = (
-        around[1]
-        if len(before) == 2 and before[0] in nm.DERIVATIVE_NAMES and around[:1] == [","] and around[1:]
-        else ""
-    )
+) -> errors.InputError | None:
+    """The refusal of x^T, Delta x (usually a difference), diff(V, x) of a constant V, and 2j."""
+    token, before, after = line[place], at(line, place - 1), at(line, place + 1)
+    if token.text == "T" and (before.is_operator("^") or (outer.is_operator("^") and len(line) == 1)):
+        return refusal("a raised T occurs", token.column, "a transpose? write components", declare="parameters")
+    by = at(line, place + 2).text if not place and outer.text in nm.DERIVATIVE_NAMES and after.text == "," else ""
     if by in coordinates and token.text not in slopes:
         meant = f"diff({token.text}({by}), {by})"
         what, called = f"a derivative of {token.text} by {by} occurs", (f"{token.text}({by})",)
-        raise refusal(what, token.column, f"write {meant}", called, declare="parameters").at(pointer)
-    if token.text == "j" and not token.space_before and place and line[place - 1].kind == "number":
+        return refusal(what, token.column, f"write {meant}", called, declare="parameters")
+    if token.text == "j" and not token.space_before and before.kind == "number":
         reason = nm.REFUSED_UNLESS_DECLARED["i"]
-        raise nm.refused(f"j {reason[0]}", reason, token.column).at(pointer)
+        return nm.refused(f"j {reason[0]}", reason, token.column)
     based = nm.reason_against(token.text, token.column) if token.text.startswith("log_") else None
     if error := based or _half_a_number(line, place):
-        raise error.at(pointer)
-    following = [other.text for other in line[place + 1 : place + 6]]
-    is_unit = [token.text, *following[:2]] == ["m", "/", "s"] and "s" not in coordinates
-    if is_unit and place and line[place - 1].kind == "number":
+        return error
+    if spelled(line[place : place + 3]) == "m/s" and "s" not in coordinates and before.kind == "number":
         instead = "leave units out, write * between a number and a name"
-        raise refusal("m/s could be a unit", token.column, instead).at(pointer)
+        return refusal("m/s could be a unit", token.column, instead)
     if error := _raised_call(line, place, coordinates, calls):
-        raise error.at(pointer)
+        return error
     if token.text == "d" and after.text == "t":
-        raise refusal("a differential occurs", token.column, "write x' or dx/dt for a derivative").at(pointer)
+        return refusal("a differential occurs", token.column, "write x' or dx/dt for a derivative")
     if token.text == "Delta" and after.kind == "name":
         instead = f"a product? declare the constant Delta and write Delta*{after.text}"
         what = f"Delta {after.text} usually means a difference or a Laplacian; it occurs"
-        raise refusal(what, token.column, instead, (f"Delta*{after.text}",)).at(pointer)
+        return refusal(what, token.column, instead, (f"Delta*{after.text}",))
+    return None
 
 
 def _raised_call(
@@ -954,21 +905,18 @@ def _raised_call(
 
     k^2(t) is the square of k(t), and so is k^2(x) where k(x) is among the `calls` of the texts.
     """
-    name, start = line[place], place + 2
-    if start >= len(line) or not line[place + 1].is_operator("^"):
+    name, caret, exponent, bracket = (at(line, place + k) for k in range(4))
+    if not caret.is_operator("^") or not bracket.is_bracket():
         return None
-    opening = after_power(line, place + 1)
-    if not at(line, opening).is_operator("("):
-        return None
-    raised, end = line[start + 1], closing(line, opening)
-    if raised.kind == "number" and raised.column > line[start].column:  # brackets of the writer, not of LaTeX
-        instead = f"write {name.text}''({line[opening + 1].text}) for a derivative, ^{raised.text}* for a product"
+    raised = at(exponent.inside, 0)
+    inside = [token.text for token in walk(bracket.inside) if token.kind != "bracket" and not token.is_operator(",")]
+    if raised.kind == "number" and raised.column > exponent.column:  # brackets of the writer, not of LaTeX
+        instead = f"write {name.text}''({spelled(bracket.inside[:1])}) for a derivative, ^{raised.text}* for a product"
         return refusal(f"{name.text}^({raised.text})( could be a derivative", name.column, instead)
-    inside = [token.text for token in line[opening:end] if not token.is_operator("(", ",")]
     called = inside == ["t"] or (name.text, tuple(inside)) in calls
-    if not inside or not {")", "t", *coordinates}.issuperset(inside) or called:
+    if not inside or not {"t", *coordinates}.issuperset(inside) or called:
         return None
-    power, of = "".join(token.text for token in line[start:opening]).strip("()"), inside[0]
+    power, of = spelled([exponent]).strip("()"), inside[0]
     instead = f"write {name.text}({of})^({power}) for a function, {name.text}^({power})*({of}) for a product"
     return refusal(f"{name.text} to a power before ( could be a function", name.column, instead)
 
@@ -989,11 +937,8 @@ def _half_a_number(line: Sequence[Token], place: int) -> errors.InputError | Non
 
 def _is_apart(line: Sequence[Token], place: int) -> bool:
     """Whether this is k (x), which may be k*x; f (x) and V (x) are usually functions."""
-    return (
-        line[place].text not in nm.FUNCTION_LETTERS
-        and line[place + 1].is_operator("(")
-        and line[place + 1].space_before
-    )
+    after = at(line, place + 1)
+    return line[place].text not in nm.FUNCTION_LETTERS and after.is_bracket() and after.space_before
 
 
 def _looks_like_a_function(name: str) -> bool:
@@ -1004,12 +949,10 @@ def _looks_like_a_function(name: str) -> bool:
 
 def _elliptic_arguments(line: Sequence[Token], place: int) -> int:
     """The number of arguments of sn u, cn(u, k) and dn^2(u, k); 0 for a constant, as in cn*x."""
-    opening = after_power(line, place + 1)
+    after = at(line, after_power(line, place + 1))
     if line[place].text not in nm.ELLIPTIC:
         return 0
-    if at(line, opening).is_operator("("):
-        return len(split_at_commas(line[opening + 1 : closing(line, opening)]))
-    return int(at(line, opening).kind == "name")
+    return len(split_at(",", after.inside)) if after.is_bracket() else int(after.kind == "name")
 
 
 def _may_depend_on_time(name: str) -> bool:
@@ -1018,24 +961,14 @@ def _may_depend_on_time(name: str) -> bool:
     return not (moves or name in _IMPULSES or _looks_like_a_function(name))
 
 
-def _may_be_called(line: Sequence[Token], place: int) -> bool:
-    """Whether this is f (x - y), which looks like a function rather than a factor, so the writer is asked."""
-    return line[place].text in nm.FUNCTION_LETTERS and at(line, place + 1).is_operator("(")
+def _after_power_of_time(line: Sequence[Token], place: int) -> Token:
+    """The token after the power in omega^2(t); otherwise the one in this place."""
+    after = at(line, after_power(line, place))
+    return after if spelled(after.inside) == "t" else at(line, place)
 
 
-def _after_power_of_time(line: Sequence[Token], place: int) -> int:
-    """The place after the power in omega^2(t); otherwise the same place."""
-    end = after_power(line, place)
-    return end if [token.text for token in line[end : end + 3]] == ["(", "t", ")"] else place
-
-
-def _call_arguments(line: Sequence[Token], place: int, coordinates: Sequence[str]) -> tuple[str, ...]:
-    """The coordinates (and t) in brackets after a name and its primes; empty if the bracket holds anything else."""
-    place = after_primes(line, place)
-    if not at(line, place).is_operator("("):
-        return ()
-    end = closing(line, place)
-    parts = [[token.text for token in part] for part in split_at_commas(line[place + 1 : end])]
-    names = tuple(part[0] for part in parts if part and part[1:] in ([], ["(", "t", ")"]))  # x(t) is x
-    plain = end < len(line) and len(names) == len(parts) == len(set(names)) and set(names) <= set(coordinates)
+def _call_arguments(bracket: Token, coordinates: Sequence[str]) -> tuple[str, ...]:
+    """The coordinates (and t) in brackets after a name; empty if the bracket holds anything else."""
+    names = tuple(spelled(part).removesuffix("(t)") for part in split_at(",", bracket.inside))  # x(t) is x
+    plain = bracket.is_bracket() and len(names) == len(set(names)) and set(names) <= set(coordinates)
     return names if plain else ()

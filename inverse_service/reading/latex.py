@@ -144,6 +144,16 @@ def _formula(text: str) -> tuple[int, str]:
     return start, text
 
 
+def _closing(tokens: Tokens, opening: int) -> int:
+    """The place of the bracket that closes the one at `opening`, or the end if there is none."""
+    depth = 0
+    for place in range(opening, len(tokens)):
+        depth += tokens[place].is_operator("(", "[", "{") - tokens[place].is_operator(")", "]", "}")
+        if depth == 0:
+            return place
+    return len(tokens)
+
+
 class _Translator:
     """Translates a formula from left to right. A method for a part begins at its place and ends after it."""
 
@@ -262,7 +272,7 @@ class _Translator:
         self._group(here)
         if called:  # the arguments in A^{2}{\left(x \right)}, in one pair of brackets
             inner = self._tokens[start + 1 : -1]
-            if plain.closing(inner, 0) >= len(inner) - 1:
+            if _closing(inner, 0) >= len(inner) - 1:
                 self._tokens[start:] = inner
             self._tokens[start] = replace(self._tokens[start], space_before=False)
 
@@ -325,7 +335,7 @@ class _Translator:
         if {*by} == {"t"}:
             raise refusal("a partial derivative occurs", here.column, "write diff(A(x, y), x), A declared")
         self._tokens.append(Token("operator", "(", here.column, True, FRACTION))
-        self._tokens += plain.written(f"({PARTIAL})/({PARTIAL} {by}))", here)
+        self._tokens += plain.written(f"({PARTIAL})/({PARTIAL}{by}))", here)
 
     def _font(self, here: Token) -> None:
         start = self._place
@@ -383,7 +393,7 @@ class _Translator:
         if len(inner) == 1 and inner[0].is_operator(","):
             return  # 0{,}5
         is_name = bool(inner) and inner[0].kind == "name" and all(token.kind == "prime" for token in inner[1:])
-        whole = bool(inner) and inner[0].is_operator("(") and plain.closing(inner, 0) == len(inner) - 1
+        whole = bool(inner) and inner[0].is_operator("(") and _closing(inner, 0) == len(inner) - 1
         if not brackets or not inner or (whole and inner[0].value == FRACTION) or (is_name and not after_function):
             return
         self._tokens[start:] = [Token("operator", "(", opening.column, True), *inner]
@@ -399,7 +409,7 @@ class _Translator:
                 start, doubled = len(self._tokens), _OPEN.match(self._text, self._place)
                 self._group(here, False)
                 inner = self._tokens[start:]
-                if doubled and inner and not inner[0].value and plain.closing(inner, 0) == len(inner) - 1 > 0:
+                if doubled and inner and not inner[0].value and _closing(inner, 0) == len(inner) - 1 > 0:
                     self._tokens[start:] = inner[1:-1]  # \frac{{a}}{{b}}
             elif here.text.isascii() and here.text.isdigit():
                 self._tokens.append(plain.number_token(here.text, here.column, False))
@@ -595,6 +605,5 @@ class _Translator:
 def tokenize(text: str, names: nm.Names | None = None) -> Tokens:
     """The tokens of a LaTeX formula; without `names` every letter is a separate name."""
     plain.check_length(text)
-    plain.check_nesting(text)
-    found = _Translator(text, names or nm.Names()).all()
+    found = plain.nested(_Translator(text, names or nm.Names()).all())
     return components.by_components(plain.with_line_ends(found, latex=True))

@@ -15,8 +15,8 @@ x^2y), the formula is refused with both ways to write it. `limits.depth` bounds 
 
 import itertools
 import math
-from collections.abc import Sequence
-from contextlib import suppress
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -25,7 +25,19 @@ from inverse_service.expressions import derivative, tree as ex
 from inverse_service.expressions.pieces import either, piecewise, step
 from inverse_service.expressions.refusals import LIMITS, at_most, limit_passed, refusal, shorten
 from inverse_service.reading import names as nm
-from inverse_service.reading.tokens import END, Token, TokenStream, at, closing, outside, split_at_commas, unexpected
+from inverse_service.reading.tokens import (
+    END,
+    Token,
+    Tokens,
+    TokenStream,
+    at,
+    never_closed,
+    places,
+    source,
+    split_at,
+    unexpected,
+    walk,
+)
 
 _BITS_PER_DIGIT = 3.3219280948873626
 _LARGEST_FACTORIAL = 20
@@ -196,12 +208,14 @@ def _third(column: int) -> errors.InputError:
 class FormulaParser:
     """Reads one formula from a stream of tokens."""
 
-    __slots__ = ("_bars", "_names", "_stream")
+    __slots__ = ("_bars", "_depth", "_end", "_names", "_stream")
 
-    def __init__(self, stream: TokenStream, names: nm.Names) -> None:
-        self._stream = stream
+    def __init__(self, tokens: Tokens, end_column: int, names: nm.Names) -> None:
+        self._end = Token("end", "", end_column)
+        self._stream = TokenStream(tokens, self._end)
         self._names = names
-        self._bars = 0
+        self._bars = False
+        self._depth = 0
 
     def formula(self) -> ex.Expression:
         """The whole stream as one formula; InputError if any tokens remain."""
@@ -211,7 +225,7 @@ class FormulaParser:
             return result
         if rest.is_operator("=", ";"):
             raise refusal("an equation occurs where a formula is expected", rest.column, "write one side only")
-        if rest.is_operator("[", "]"):
+        if rest.is_bracket("["):
             raise refusal("square brackets are not accepted here", rest.column, "write ( and )")
         if rest.is_operator("<", ">", "\u2260"):
             raise refusal("a comparison occurs", rest.column, "write an equation with one =")
@@ -219,9 +233,31 @@ class FormulaParser:
             raise refusal("a comma occurs outside a function", rest.column, "write a decimal point, or * for a product")
         raise unexpected(rest, END)
 
+    @contextmanager
+    def _nested(self) -> Iterator[None]:
+        """Enter a nested level, which begins ahead; LimitError past `limits.depth`."""
+        self._depth += 1
+        at_most(self._depth, LIMITS.depth, "the formula is nested too deeply", self._stream.ahead.column)
+        yield
+        self._depth -= 1
+
+    @contextmanager
+    def _inside(self, bracket: Token) -> Iterator[None]:
+        """Read what is in a bracket, all of it."""
+        if bracket.order:
+            raise _prime(bracket)
+        outer = self._stream, self._bars, self._depth
+        self._stream, self._bars = TokenStream(bracket.inside, Token("end", ")", bracket.end)), False
+        try:
+            yield
+            if self._stream.ahead.kind != "end":
+                raise unexpected(self._stream.ahead, "')'")
+        finally:
+            self._stream, self._bars, self._depth = outer
+
     def _expression(self) -> ex.Expression:
         column = self._stream.ahead.column
-        with self._stream.nested():
+        with self._nested():
             terms = [self._term()]
             while self._stream.ahead.is_operator("+", "-"):
                 terms.append(self._term())
@@ -280,28 +316,28 @@ class FormulaParser:
             return False
         if (name in nm.FUNCTIONS or name in nm.DERIVATIVE_NAMES) and role is None:
             return True
-        below = [stream.look(place - stream.position) for place in range(slash, stream.position)]
-        if below[-1].is_operator(")") and below[0].kind in ("name", "operator"):
-            return name != "" or ahead.is_operator("(")
-        above = [stream.look(place - stream.position) for place in range(start, slash - 1)]
+        below, above = stream.part(slash), stream.part(start, slash - 1)
+        if below[-1].is_bracket() and below[0].kind in ("name", "operator", "bracket"):
+            return name != "" or ahead.is_bracket()
         moves = role == "coordinate" or name == "t" or self._names.derivative(name) is not None
-        numbers = all(token.kind == "number" or token.is_operator("*", "(", ")", "^") for token in above)
-        return len(below) == 1 and below[0].kind == "number" and (numbers or moves or ahead.is_operator("("))
+        numbers = all(token.kind in ("number", "bracket") or token.is_operator("*", "^") for token in walk(above))
+        return len(below) == 1 and below[0].kind == "number" and (numbers or moves or ahead.is_bracket())
 
     def _is_half(self, start: int, slash: int, role: nm.Role | None) -> bool:
         """Whether this is 1/2m, m/2x'^2, m/2 l^2 or m/2(x'^2 + y'^2) in a Lagrangian; 1/2r^2 may be 1/(2 r^2)."""
         stream, ahead = self._stream, self._stream.ahead
-        over, under = stream.source(start, slash - 1), stream.source(slash, stream.position)
-        bracket = ahead.is_operator("(") and any(token.kind == "prime" for token in stream.group())
-        moves = role == "coordinate" and stream.look(1).kind == "prime"
-        factor = role == "parameter" or ahead.is_operator("(")
+        over, under = source(stream.part(start, slash - 1)), source(stream.part(slash))
+        bracket = ahead.is_bracket() and _moves(ahead)
+        moves = role == "coordinate" and ahead.order > 0
+        factor = role == "parameter" or ahead.is_bracket()
         apart = ahead.kind == "name" and ahead.space_before
         return under == "2" and (bracket or moves or apart or (over == "1" and factor))
 
     def _check_adjacent(self) -> None:
         ahead, column = self._stream.ahead, self._stream.ahead.column
-        if ahead.is_operator("(") and self._stream.look(3).kind == "end" and self._stream.look(1).kind == "number":
-            shown = f"({shorten(self._stream.look(1).text)})"
+        closes = self._stream.look(1) == self._end
+        if ahead.is_bracket() and closes and [each.kind for each in ahead.inside] == ["number"]:
+            shown = f"({shorten(ahead.inside[0].text)})"
             raise refusal(f"{shown} could be an equation number", column, "leave it out, or write * before a factor")
         if ahead.kind == "number":
             raise refusal("a number follows a factor", column, "write * before a factor or ^ before a power")
@@ -315,18 +351,18 @@ class FormulaParser:
         if last.kind == "number" and not self._multiplies(ahead):
             said, span = "the end of the exponent is not clear", (last.column, column)
             raise refusal(said, column, "write x^2*y or x^(2*y)", (f"{last.text}*",), span)
-        if last.kind == ahead.kind == "name" and not self._is_function(ahead):
+        if last.kind == ahead.kind == "name" and not last.order and not self._is_function(ahead):
             raise self._unclear_exponent(last)
 
     def _unclear_exponent(self, first: Token) -> errors.InputError:
         """The refusal of e^-kt, whose exponent begins with `first`, with both interpretations."""
         stream = self._stream
-        glued = [first.text]
+        glued = [source([first])]
         for place in itertools.count():
             token = stream.look(place)
-            if token.kind not in ("name", "prime") or token.space_before or self._is_function(token):
+            if token.kind != "name" or token.space_before or self._is_function(token):
                 break
-            glued[-1:] = [glued[-1] + token.text] if token.kind == "prime" else [glued[-1], token.text]
+            glued.append(source([token]))
         written, span = "*".join(glued), (first.column, token.column)
         instead = f"write ^({written}) or ^{written}"
         said = "the end of the exponent is not clear"
@@ -346,7 +382,7 @@ class FormulaParser:
         stream, place = self._stream, self._stream.position
         said = ("the quotient is not clear", stream.ahead.column, "write (a/b)*c or a/(b*c)")
         rest = self._source_of_factors(place)
-        over, under = stream.source(start, slash - 1), stream.source(slash, place)
+        over, under = source(stream.part(start, slash - 1)), source(stream.part(slash, place))
         if rest is None or "|" in over + under:
             return refusal(*said)
         span = (stream.look(start - stream.position).column, stream.ahead.column)
@@ -356,8 +392,7 @@ class FormulaParser:
         base = self._base()
         ahead = self._stream.ahead
         if ahead.kind == "prime":
-            instead = "only a coordinate or a declared function takes a prime; write diff(u, x) for other derivatives"
-            raise refusal("a prime occurs", ahead.column, instead)
+            raise _prime(ahead)
         if not self._stream.take_operator("^"):
             return base
         exponent, slash = self._exponent(), self._stream.ahead
@@ -372,7 +407,7 @@ class FormulaParser:
 
     def _exponent(self) -> ex.Expression:
         column = self._stream.ahead.column
-        with self._stream.nested():
+        with self._nested():
             factors = [*self._signs(), self._factor()]
         return product(factors, column)
 
@@ -385,57 +420,53 @@ class FormulaParser:
         if token.kind == "name":
             return self._name(token)
         if token.is_operator("|"):
-            return nm.call("abs", self._until(token, "|", 1), token.column)
-        if not token.is_operator("("):
+            inner = self._barred()
+            if not self._stream.take_operator("|"):
+                end = self._stream.ahead
+                raise never_closed(token) if end == self._end else unexpected(end, "'|'")
+            return nm.call("abs", [inner], token.column)
+        if not token.is_bracket():
             raise unexpected(token, _OPERAND)
-        return self._until(token, ")", 1)[0]
+        return self._listed(token, 1)[0]
 
-    def _arguments(self) -> list[ex.Expression]:
-        return self._until(self._stream.take(), ")", LIMITS.tokens)
+    def _listed(self, bracket: Token, most: int = LIMITS.tokens) -> list[ex.Expression]:
+        """At most so many formulas in a bracket, separated by commas."""
+        with self._inside(bracket):
+            found = [self._expression()]
+            while len(found) < most and self._stream.take_operator(","):
+                found.append(self._expression())
+        return found
 
-    def _until(self, opening: Token, closing: str, most: int) -> list[ex.Expression]:
-        """At most so many formulas, separated by commas, and the closing bracket."""
-        bars = int(closing == "|")
-        found = [self._within(bars)]
-        while len(found) < most and self._stream.take_operator(","):
-            found.append(self._within(bars))
-        self._stream.close(opening, closing)
+    def _barred(self) -> ex.Expression:
+        """A formula that a | ends."""
+        outer, self._bars = self._bars, True
+        found = self._expression()
+        self._bars = outer
         return found
 
     def _piecewise(self, token: Token) -> ex.Expression:
         """The pieces in brackets, each (formula, condition)."""
         pieces: list[tuple[ex.Expression, ex.Expression]] = []
-        opening = self._opening()
-        while not pieces or self._stream.take_operator(","):
-            bracket = self._opening()
-            with self._stream.nested():
-                value = self._within(0)
-                comma = self._stream.take()
-                if not comma.is_operator(","):
-                    raise unexpected(comma, "a comma, and the condition of the piece,")
-                pieces.append((value, self._condition()))
-            self._stream.close(bracket)
-        self._stream.close(opening)
+        with self._inside(self._bracket()):
+            while not pieces or self._stream.take_operator(","):
+                with self._nested(), self._inside(self._bracket()):
+                    value, comma = self._expression(), self._stream.take()
+                    if not comma.is_operator(","):
+                        raise unexpected(comma, "a comma, and the condition of the piece,")
+                    pieces.append((value, self._condition()))
         return piecewise(pieces, token.column)
 
-    def _opening(self) -> Token:
-        opening = self._stream.take()
-        if not opening.is_operator("("):
-            raise unexpected(opening, "a piece such as (x^2, x > 0)")
-        return opening
-
-    def _within(self, bars: int) -> ex.Expression:
-        """A formula; with `bars` a | ends it."""
-        outer, self._bars = self._bars, bars
-        found = self._expression()
-        self._bars = outer
+    def _bracket(self) -> Token:
+        found = self._stream.take()
+        if not found.is_bracket():
+            raise unexpected(found, "a piece such as (x^2, x > 0)")
         return found
 
     def _condition(self, signs: str = "|&") -> ex.Expression:
         """Conditions joined by | and &, which binds tighter."""
         if not signs:
             return self._one_condition()
-        with self._stream.nested():
+        with self._nested():
             found = self._condition(signs[1:])
             while sign := self._stream.take_operator(signs[0]):
                 other = self._condition(signs[1:])
@@ -446,24 +477,19 @@ class FormulaParser:
         if self._stream.take_operator("true"):
             return ex.ONE
         if self._stream.take_operator("~"):
-            with self._stream.nested():
+            with self._nested():
                 return 1 - self._one_condition()
-        if self._stream.ahead.is_operator("(") and self._compares():
-            opening = self._stream.take()
-            found = self._condition()
-            self._stream.close(opening)
-            return found
+        ahead = self._stream.ahead
+        if ahead.is_bracket() and any(token.is_operator("<", ">", "~", "&", "true") for token in walk([ahead])):
+            with self._inside(self._stream.take()):
+                return self._condition()
         return self._inequality()
-
-    def _compares(self) -> bool:
-        """Whether the bracket ahead contains a condition rather than a formula."""
-        return any(token.is_operator("<", ">", "~", "&", "true") for token in self._stream.group())
 
     def _inequality(self) -> ex.Expression:
         """u > w, or a chain 0 < x < 1."""
-        left, found = self._within(1), []
+        left, found = self._barred(), []
         while token := self._stream.take_operator("<", ">"):
-            right = self._within(1)
+            right = self._barred()
             found.append(step(left - right if token.text == ">" else right - left, token.column))
             left = right
         if not found:
@@ -474,12 +500,11 @@ class FormulaParser:
         if token.text in nm.PIECEWISE:
             return self._piecewise(token)
         exponent = self._function_power(token)
-        if (opening := self._stream.ahead).is_operator("("):
-            group, start = self._stream.group(), self._stream.position
-            result = nm.call(token.text, self._arguments(), token.column)
-            if self._stream.ahead.text == "t" and token.text in _OF_ANGLES and _is_frequency(group):
-                inside = self._stream.source(start, self._stream.position)
-                inner = inside if len(group) > 2 else inside[1:-1]
+        if (opening := self._stream.ahead).is_bracket():
+            result = nm.call(token.text, self._listed(self._stream.take()), token.column)
+            if self._stream.ahead.text == "t" and token.text in _OF_ANGLES and _is_frequency(opening):
+                inside = source([opening])
+                inner = inside if len(opening.inside) > 1 else inside[1:-1]
                 meant = (f"{token.text}({inner}*t)", f"{token.text}{inside}*t")
                 said = f"the t after {token.text}( ) could be a part of the angle or a factor"
                 span = (token.column, self._stream.look(1).column)
@@ -492,24 +517,25 @@ class FormulaParser:
         """The 2 of sin^2 x; sin^-1 is refused because it may be asin or 1/sin."""
         if not (caret := self._stream.take_operator("^")):
             return None
-        sign = next(k for k in itertools.count() if not self._stream.look(k).is_operator("("))
-        if self._stream.look(sign).is_operator("-") and (sign < 2 or self._stream.look(sign + 1).value == 1):
-            raise self._unclear_inverse(token, caret, sign)
+        power, depth = self._stream.part(self._stream.position, self._stream.position + 2), 0
+        while at(power, 0).is_bracket():
+            power, depth = [*power[0].inside], depth + 1
+        is_one = at(power, 1).value == 1
+        if at(power, 0).is_operator("-") and (depth < 2 or is_one):
+            raise self._unclear_inverse(token, caret, is_one and len(power) == 2, 1 if depth else 2)
         return self._base()
 
-    def _unclear_inverse(self, token: Token, caret: Token, sign: int) -> errors.InputError:
-        """The refusal of sin^-1, with both interpretations if its argument can be parsed."""
+    def _unclear_inverse(self, token: Token, caret: Token, is_one: bool, length: int) -> errors.InputError:
+        """The refusal of sin^-1, with a power of this length, and both interpretations if its argument can be read."""
         stream, name = self._stream, token.text
         said = (f"{name}^(-1) has two meanings", caret.column, f"write 1/{name}(x) or the inverse function")
-        is_one = stream.look(sign + 1).value == 1
-        stream.position += sign + 2
-        while stream.take_operator(")") and sign:
-            sign -= 1
+        for _ in range(length):
+            stream.take()
         place = stream.position
         with suppress(errors.InputError):
             self._factor()
-        argument = stream.source(place, stream.position)
-        if not argument or sign or not is_one or f"a{name}" not in nm.FUNCTIONS:
+        argument = source(stream.part(place))
+        if not argument or not is_one or f"a{name}" not in nm.FUNCTIONS:
             return refusal(*said)
         called = argument if argument.startswith("(") else f"({argument})"
         return refusal(*said, (f"a{name}{called}", f"{name}{called}^(-1)"), (token.column, stream.ahead.column))
@@ -521,7 +547,7 @@ class FormulaParser:
         if ahead.kind not in ("number", "name") and not barred:
             raise unexpected(ahead, f"the argument of {token.text} in brackets")
         start = self._stream.position
-        with self._stream.nested():
+        with self._nested():
             argument = self._factor()
             following, whole = self._stream.ahead, self._bare_product(start)
             if whole and not (ahead.kind == "number" and token.text in ("sqrt", "cbrt")):
@@ -546,12 +572,12 @@ class FormulaParser:
         """
         stream = self._stream
         first = stream.look(start - stream.position)
-        if stream.position != start + 1 or (first.kind == "name" and not self._is_constant(first)):
+        if stream.position != start + 1 or first.order or (first.kind == "name" and not self._is_constant(first)):
             return 0
         latin, glued = first.kind == "name" and first.text not in nm.GREEK_NAMES, True
         for place in itertools.count():
             token = stream.look(place)
-            plain = token.kind == "name" and token.text not in nm.FUNCTIONS and stream.look(place + 1).kind != "prime"
+            plain = token.kind == "name" and token.text not in nm.FUNCTIONS and not token.order
             if not plain or stream.look(place + 1).is_operator("^"):
                 return 0
             glued = glued and not token.space_before
@@ -579,7 +605,7 @@ class FormulaParser:
         sign, place = written.text if written else "*", stream.position
         if (rest := self._source_of_factors(place)) is None:
             return refusal(*said)
-        inner, first = stream.source(start, end), stream.look(start - stream.position)
+        inner, first = source(stream.part(start, end)), stream.look(start - stream.position)
         separate = (f"({inner}){sign}{rest}",) * (
             first.kind != "number" or written is not None or name in ("sqrt", "cbrt")
         )
@@ -593,21 +619,20 @@ class FormulaParser:
                 self._factor()
         except errors.InputError:
             return None
-        found = self._stream.source(place, self._stream.position)
+        found = source(self._stream.part(place))
         return found if found and "|" not in found else None
 
     def _bare_ends(self) -> bool:
         """Whether a bare argument ends here: before an operator, another function, or a velocity such as (x')."""
         ahead = self._stream.ahead
-        if ahead.is_operator("("):
-            moving, *primes = (*self._stream.group()[1:], ahead)
-            velocity = len(primes) > 1 and all(token.kind == "prime" for token in primes[:-1])
-            return velocity and self._names.role(self._names.spelling(moving.text)) == "coordinate"
+        if ahead.is_bracket():
+            moving = ahead.inside[0] if len(ahead.inside) == 1 else ahead
+            return moving.order > 0 and self._names.role(self._names.spelling(moving.text)) == "coordinate"
         if ahead.kind != "name":
             return ahead.kind != "number"
         name = self._names.spelling(ahead.text)
         if self._names.role(name) == "coordinate":
-            return self._stream.look(1).kind == "prime"
+            return ahead.order > 0
         undeclared = self._names.role(name) is None
         return undeclared and (name in nm.FUNCTIONS or self._names.derivative(name) is not None)
 
@@ -620,6 +645,8 @@ class FormulaParser:
                 return self._single(ex.Symbol(name), token)
             case "function":
                 return self._arbitrary(name, token)
+        if token.order and (name in nm.DERIVATIVE_NAMES or name in nm.FUNCTIONS):
+            raise _prime(token)
         if name in nm.DERIVATIVE_NAMES:
             return self._derivative(token)
         if name in nm.FUNCTIONS:
@@ -638,78 +665,74 @@ class FormulaParser:
         dotted = self._names.derivative(name)
         if dotted:
             return self._coordinate(*dotted, token)
-        raise nm.unknown_name(token.text, self._names, token.column, self._stream.ahead.text)
+        follows = "'" if token.order else self._stream.ahead.text
+        raise nm.unknown_name(token.text, self._names, token.column, follows)
 
     def _euler(self, token: Token) -> ex.Expression:
         """exp(1) if it is raised to a formula; a charge e, or its square, is not Euler's number."""
-        if not self._stream.ahead.is_operator("^") or self._number_alone():
+        ahead = self._stream.ahead
+        if token.order or not ahead.is_operator("^") or self._number_alone():
             what = f"{token.text} is Euler's number only in a power such as {token.text}^x; it occurs"
             raise refusal(what, token.column, "write exp(1), exp(2)", ("exp(1)",), declare="parameters")
         return ex.Apply("exp", ex.ONE)
 
     def _number_alone(self) -> bool:
         """Whether the exponent after the ^ ahead is one number, with signs or brackets about it."""
-        rest = self._stream.rest()
-        start = next(place for place in itertools.count(1) if not rest[place].is_operator("+", "-"))
-        raised = [
-            token for token in rest[start : closing(rest, start) + 1] if not token.is_operator("(", ")", "+", "-")
-        ]
-        return [token.kind for token in raised] == ["number"]
+        signs = itertools.takewhile(lambda k: self._stream.look(k).is_operator("+", "-"), itertools.count(1))
+        raised = walk([self._stream.look(1 + len(list(signs)))])
+        kinds = [token.kind for token in raised if not token.is_bracket() and not token.is_operator("+", "-")]
+        return kinds == ["number"]
 
     def _single(self, node: ex.Expression, token: Token) -> ex.Expression:
         """A name by itself; InputError if a bracket makes it look like a function."""
-        ahead = self._stream.ahead
-        if ahead.is_operator("(") and not ahead.space_before and not self._is_factor(token):
-            self._stream.must_close()
-            name = token.text
-            if len(split_at_commas(self._stream.group()[1:])) > 1:
+        ahead, name = self._stream.ahead, token.text
+        if token.order and not isinstance(node, ex.Velocity | ex.Acceleration):
+            what = f"{name} has no derivative in time; a prime occurs"
+            if node in self._names.definitions:
+                return self._defined_motion(node, token, what)
+            span = (token.column, token.primed + token.order)
+            raise refusal(what, token.primed, f"leave it out, or write {name}_1", (f"{name}_1",), span)
+        if ahead.is_bracket() and not ahead.space_before and not self._is_factor(token):
+            if len(split_at(",", ahead.inside)) > 1:
                 raise refusal(f"{name} has several arguments", token.column, "", declare="functions")
             what = f"{name}( could be a product or a function"
             span = (ahead.column, ahead.column + 1)
             declare = "functions" if self._is_constant(token) and node != ex.PI else ""
             raise refusal(what, ahead.column, f"write {name}*( for a product", ("*(",), span, declare)
-        if ahead.kind == "prime":
-            name, what = token.text, f"{token.text} has no derivative in time; a prime occurs"
-            if node in self._names.definitions:
-                return self._defined_motion(node, what)
-            span = (token.column, ahead.column + len(ahead.text))
-            raise refusal(what, ahead.column, f"leave it out, or write {name}_1", (f"{name}_1",), span)
         return node
 
-    def _defined_motion(self, node: ex.Expression, what: str) -> ex.Expression:
+    def _defined_motion(self, node: ex.Expression, token: Token, what: str) -> ex.Expression:
         """z' for z = a*r^2; InputError for U' or U'(x), usually a slope, and for a constant, whose prime is a mark."""
-        ahead = self._stream.ahead
-        name, order = self._stream.look(-1).text, self._primes()
+        name = token.text
         self._skip_time_argument()
-        found = carry_out(node, [Variable(ex.TIME, order, ahead.column)], self._names)
+        found = carry_out(node, [Variable(ex.TIME, token.order, token.primed)], self._names)
         if name in nm.MAY_BE_FUNCTIONS or self._opens_arguments() or found == ex.ZERO:
-            raise refusal(what, ahead.column, f"write diff({name}, t), or diff({name}, x) for a slope")
+            raise refusal(what, token.primed, f"write diff({name}, t), or diff({name}, x) for a slope")
         return found
 
     def _is_factor(self, token: Token) -> bool:
         """Whether the bracket after a name is clearly a factor: mu(1 - x^2), R(cos phi), J(x')^2."""
-        group = self._stream.group()
-        parts = [part for place, part in outside(group[1:]) if place]
-        sums = self._stream.look(1).text in nm.FUNCTIONS or any(
-            part.is_operator("+", "-") or part.kind == "prime" for part in parts
+        bracket = self._stream.ahead
+        inside, first = [*walk(bracket.inside)], at(bracket.inside, 0)
+        sums = first.text in nm.FUNCTIONS or any(
+            part.order or (place and part.is_operator("+", "-")) for place, part in enumerate(bracket.inside)
         )
-        moving = any(part.kind == "prime" for part in group)  # epsilon(cos t - x') is a product
-        if any(part.is_operator(",") or (part.text == "t" != token.text and not moving) for part in group):
+        moving = _moves(bracket)  # epsilon(cos t - x') is a product
+        if any(part.is_operator(",") or (part.text == "t" != token.text and not moving) for part in inside):
             return False
-        closed = len(group) < self._stream.left
         moves = self._names.role(self._names.spelling(token.text)) == "coordinate"
         weight = token.text in ("g", "G") and self._stream.look(-2).text in ("m", "M")
-        return closed and sums and (moves or weight or token.text not in nm.MAY_BE_FUNCTIONS)
+        return sums and (moves or weight or token.text not in nm.MAY_BE_FUNCTIONS)
 
     def _coordinate(self, name: str, order: int, token: Token) -> ex.Expression:
-        order += self._primes()
+        order += token.order
         if order > 2:
             raise _third(token.column)
         self._skip_time_argument()
         ahead = self._stream.ahead
         touches = self._opens_arguments() and not ahead.space_before
-        if touches and self._stream.look(1).kind == "number" and self._stream.look(2).is_operator(")"):
-            value = f"{name}({shorten(self._stream.look(1).text)})"
+        if touches and [each.kind for each in ahead.inside] == ["number"]:
+            value = f"{name}({shorten(ahead.inside[0].text)})"
             instead = f"omit initial conditions, they do not affect the answer; write {name}* for a product"
             raise refusal(f"{value} occurs", token.column, instead)
         if self._opens_arguments() and self._group_has_time():
@@ -717,38 +740,31 @@ class FormulaParser:
             instead = f"write {name}*( for a product; delays are not accepted"
             what, span = f"{name}{gap}( could be a product or a function{of_time}", (ahead.column, ahead.column + 1)
             raise refusal(what, ahead.column, instead, ("*(",), span)
-        node = (ex.Symbol(name), ex.Velocity(name), ex.Acceleration(name))[order]
-        return node if ahead.kind == "prime" else self._single(node, token)
-
-    def _primes(self) -> int:
-        order = 0
-        while self._stream.ahead.kind == "prime":
-            order += int(self._stream.take().value)
-        return order
+        return self._single((ex.Symbol(name), ex.Velocity(name), ex.Acceleration(name))[order], token)
 
     def _opens_arguments(self) -> bool:
-        return self._stream.ahead.is_operator("(") and not self._stream.ahead.value
+        return self._stream.ahead.is_bracket() and not self._stream.ahead.value
 
     def _skip_time_argument(self) -> None:
-        if self._time_in_brackets():
-            self._stream.position += 3
+        if self._time_in_brackets() and self._stream.take().order:
+            raise _prime(self._stream.look(-1))
 
     def _time_in_brackets(self) -> bool:
-        look = self._stream.look
-        return self._opens_arguments() and look(1).text == "t" and look(2).is_operator(")")
+        return self._opens_arguments() and [token.text for token in self._stream.ahead.inside] == ["t"]
 
     def _group_has_time(self) -> bool:
         """Whether the bracket ahead holds t and no coordinate: x(t - tau) is a delay, x' (t - y) a product."""
-        inside = self._stream.group()[1:]
-        for place, token in enumerate(inside):
-            before, after = at(inside, place - 1).text, at(inside, place + 1).text
-            if token.text == "t" and before != "," and (before, after) != ("(", ")"):  # diff(y, t), y(t)
-                return not {self._names.spelling(each.text) for each in inside} & {*self._names.coordinates}
-        return False
+        bracket = self._stream.ahead
+        timed = any(
+            line[place].text == "t" and len(line) > 1 and at(line, place - 1).text != ","  # diff(y, t), y(t)
+            for line, place, _ in places([bracket])
+        )
+        known = {*self._names.coordinates}
+        return timed and not {self._names.spelling(each.text) for each in walk([bracket])} & known
 
     def _arbitrary(self, name: str, token: Token) -> ex.Expression:
         declared = self._names.functions[name]
-        orders = self._orders(name, len(declared))
+        orders = self._orders(token, name, len(declared))
         at_most(sum(orders), LIMITS.derivative_order, f"a derivative of {name} is too high", token.column)
         column, exponent = self._stream.ahead.column, None
         if self._stream.take_operator("^"):
@@ -770,25 +786,23 @@ class FormulaParser:
         if power is not None and ahead.space_before:
             what = f"a bracket after a power of {name} could be a factor or its arguments"
             raise refusal(what, ahead.column, f"write {name}({', '.join(declared)})^2*( or ({name}( ))^2")
-        arguments = self._arguments()
+        arguments = self._listed(self._stream.take())
         if len(arguments) != len(declared):
             instead = f"write {len(declared)}, as in {name}({', '.join(declared)})"
             raise refusal(f"{name} has {len(arguments)} arguments", token.column, instead)
         return ex.Arbitrary(name, tuple(arguments), orders)
 
-    def _orders(self, name: str, count: int) -> tuple[int, ...]:
+    def _orders(self, token: Token, name: str, count: int) -> tuple[int, ...]:
         """The orders of A'' (one argument) or A[1,0] (one number for each argument)."""
-        column = self._stream.ahead.column
-        primes = self._primes()
+        primes, column = token.order, token.primed or self._stream.ahead.column
         if primes and count != 1:
             raise refusal(f"{name} has {count} arguments and a prime occurs", column, f"write diff({name}, x)")
-        opening = self._stream.take_operator("[")
-        if not opening:
+        if not self._stream.ahead.is_bracket("["):
             return (primes,) if count == 1 else (0,) * count
-        orders = [self._order()]
-        while self._stream.take_operator(","):
-            orders.append(self._order())
-        self._stream.close(opening, "]")
+        with self._inside(self._stream.take()):
+            orders = [self._order()]
+            while self._stream.take_operator(","):
+                orders.append(self._order())
         if primes or len(orders) != count:
             instead = f"write {count} in the brackets and no prime"
             raise refusal(f"the number of orders of {name} is wrong", column, instead)
@@ -803,30 +817,30 @@ class FormulaParser:
 
     def _derivative(self, token: Token) -> ex.Expression:
         """diff(u, x), diff(u, x, 2), diff(u, x, y), Derivative(u, (t, 2))."""
-        opening = self._stream.take()
-        if not opening.is_operator("("):
-            raise unexpected(opening, f"'(' after {token.text}")
-        expression = self._expression()
+        bracket = self._stream.take()
+        if not bracket.is_bracket():
+            raise unexpected(bracket, f"'(' after {token.text}")
         variables: list[Variable] = []
-        while self._stream.take_operator(","):
-            variables.append(self._variable())
-        self._stream.close(opening)
+        with self._inside(bracket):
+            expression = self._expression()
+            while self._stream.take_operator(","):
+                variables.append(self._variable())
         if not variables:
             raise refusal(f"{token.text} has no variable", token.column, f"write {token.text}(x, t)")
         if any(variable.node == ex.TIME for variable in variables) and isinstance(expression, ex.Arbitrary):
             _refuse_two_meanings(expression, token.column)
         return carry_out(expression, variables, self._names)
 
-    def _variable(self) -> Variable:
-        opening = self._stream.take_operator("(")
+    def _variable(self, alone: bool = False) -> Variable:
+        """x, or x, 2, which may be in brackets of its own."""
+        if self._stream.ahead.is_bracket():
+            with self._inside(self._stream.take()):
+                return self._variable(True)
         token = self._stream.take()
-        node = self._variable_node(token)
-        times = 1
-        if self._stream.ahead.is_operator(",") and (opening or self._stream.look(1).kind == "number"):
+        node, times = self._variable_node(token), 1
+        if self._stream.ahead.is_operator(",") and (alone or self._stream.look(1).kind == "number"):
             self._stream.take()
             times = self._order()
-        if opening:
-            self._stream.close(opening)
         return Variable(node, times, token.column)
 
     def _variable_node(self, token: Token) -> ex.Expression:
@@ -846,19 +860,29 @@ _OPERAND = "a number, a name or '('"
 _OF_ANGLES = frozenset(("sin", "cos", "tan", "cot"))
 
 
-def _is_frequency(group: Sequence[Token]) -> bool:
+def _is_frequency(bracket: Token) -> bool:
     """Whether the bracket of cos(2 omega + epsilon) t contains a frequency rather than the time or a moving angle."""
-    words = {token.text.partition("_")[0] for token in group if token.kind == "name"}
+    words = {token.text.partition("_")[0] for token in walk([bracket]) if token.kind == "name"}
     return bool(words & {"omega", "Omega", "nu"}) and "t" not in words
 
 
 def _starts_factor(token: Token) -> bool:
-    return token.kind in ("number", "name") or token.is_operator("(")
+    return token.kind in ("number", "name") or token.is_bracket()
 
 
-def parse_tokens(tokens: list[Token], end_column: int, names: nm.Names) -> ex.Expression:
+def _moves(bracket: Token) -> bool:
+    return any(token.order for token in walk(bracket.inside))
+
+
+def _prime(token: Token) -> errors.InputError:
+    """The refusal of a prime, or of those of a token."""
+    instead = "only a coordinate or a declared function takes a prime; write diff(u, x) for other derivatives"
+    return refusal("a prime occurs", token.primed or token.column, instead)
+
+
+def parse_tokens(tokens: Tokens, end_column: int, names: nm.Names) -> ex.Expression:
     """The formula that the tokens spell; errors about a missing end give `end_column`."""
     try:
-        return FormulaParser(TokenStream(tokens, end_column), names).formula()
+        return FormulaParser(tokens, end_column, names).formula()
     except RecursionError:  # the depth limit leaves ample room unless the caller is itself very deep
         raise refusal("the formula is nested too deeply", 1, "shorten it") from None

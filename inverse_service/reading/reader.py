@@ -22,12 +22,14 @@ from inverse_service.reading.tokens import (
     Kind,
     Token,
     at,
-    closing,
-    opening,
-    outside,
+    bracket,
     refuse_decimal_commas,
+    source,
+    spelled,
     split,
+    split_at,
     tokenize,
+    walk,
 )
 
 _GREEK_OF_MATHEMATICA = re.compile(r"\\\[(?:Curly)?(?:Capital)?([A-Z][a-z]+)\]")
@@ -42,7 +44,7 @@ _SUBJECT_TO = re.compile(
 _NUMBER = r"\(?[\d.]*\d[a-z]?\)?"
 _NUMBERED = rf"[Ee]q(?:uation|n)?(?:\.\s*|\s+|\s*(?=\()){_NUMBER}"
 _LABEL = re.compile(
-    rf"(?:^|(?<=[;\n]))[ \t]*(?:[A-Z][\w -]{{2,40}}[\w]|{_NUMBERED})\s*:(?![=:])"
+    rf"(?:^|(?<=[;\n]))[ \t]*(?:[A-Z][\w -]{{2,40}}[\w]|{_NUMBERED}|eq\d+)\s*:(?![=:])"
     rf"|[ \t](?:,?[ \t]*(?:\({_NUMBERED}\)|\[{_NUMBERED}\]|{_NUMBERED})|(?:\.{{3,}}|\u2026)[ \t]*{_NUMBER})"
     r"(?=[ \t]*(?:[.;\n]|$))"
 )
@@ -128,77 +130,86 @@ def read_tokens(formula: str, names: Names | None = None) -> list[Token]:
     in_our_words = notations.with_derivatives if is_latex(formula) else notations.in_our_words
     tokens = in_our_words(_with_products(_scanned(formula, names), names), names)
     refuse_decimal_commas(tokens)
-    tokens = _without_remarks(_with_forms(tokens, names) if names.forms else tokens, formula, names)
+    if names.forms:
+        _ask_about_displacements(tokens, names)
+        tokens = _with_forms(tokens, names, _moves(tokens))
+    tokens = _without_remarks(tokens, formula, names)
     return _without_names_of_forms(tokens, names) if names.forms else tokens
 
 
-_OF_A_FORM = "d"  # the text of the prime that stands for a differential
+OF_A_FORM = Fraction(1)  # the value of a name with a prime that stands for a differential
 
 
-def _with_forms(tokens: list[Token], names: Names) -> list[Token]:
+def _with_forms(tokens: Sequence[Token], names: Names, moves: bool) -> list[Token]:
     """The tokens with z' for dz and 1 for dt: a Pfaffian form divided by dt."""
     found: list[Token] = []
-    place = 0
-    _ask_about_displacements(tokens, names)
-    for place, length, factor, name in differentials(tokens, names):
+    for place, length, factor, name in differentials(tokens, names, moves):
         token = tokens[place]
         before = found[-1] if found else token
-        if name == "t" and found and (before.kind in ("name", "prime", "number") or before.is_operator(")")):
+        if name == "t" and found and before.kind in ("name", "number", "bracket"):
             pass  # x dt is x
         elif name == "t":
             found.append(Token("number", "1", token.column, True, Fraction(1)))
         elif names.role(names.spelling(name)) == "coordinate":
-            prime = Token("prime", _OF_A_FORM, token.column, False, Fraction(1))
-            found += [*factor, Token("name", name, token.column, True), prime]
+            found += [*factor, Token("name", name, token.column, True, OF_A_FORM, order=1, primed=token.column)]
         else:
-            found += tokens[place : place + length]
+            inside = tuple(_with_forms(token.inside, names, moves))
+            found += [replace(token, inside=inside), *tokens[place + 1 : place + length]]
     return found
 
 
-def differentials(tokens: Sequence[Token], names: Names) -> Iterator[tuple[int, int, list[Token], str]]:
+def differentials(tokens: Sequence[Token], names: Names, moves: bool) -> Iterator[tuple[int, int, list[Token], str]]:
     """(place, number of tokens, factor, name) of each dz, y dx and ydx; the other tokens one by one without a name.
 
-    In d theta' and, next to velocities, in d x with a space, d is a constant.
+    In d theta' and, if anything `moves`, in d x with a space, d is a constant.
     """
     place = 0
-    moves = any(token.kind == "prime" for token in tokens)
     while place < len(tokens):
         token, following = tokens[place], at(tokens, place + 1)
         name, length, factor = "", 1, list[Token]()
-        if token.kind == "name" and "d" in token.text and names.role(token.text) is None:
+        if token.kind == "name" and "d" in token.text and not token.order and names.role(token.text) is None:
             before, _, name = token.text.partition("d")
             known = names.role(names.spelling(before)) is not None or len(before) == 1
             factor = [replace(token, text=before)] * bool(before)
             name = name if known or not before else ""
-        apart = at(tokens, place + 2).kind == "prime" or (moves and following.space_before)
-        if (token.text == "d" and not name and names.role("d") is None and not apart) or token.is_operator(TOTAL):
+        apart = following.order or (moves and following.space_before)
+        alone = token.text == "d" and not token.order and names.role("d") is None
+        if (alone and not (name or apart)) or token.is_operator(TOTAL):
             name, length = (following.text, 2) if following.kind == "name" else ("", 1)
         yield place, length, factor, name
         place += length
 
 
+def _moves(tokens: Sequence[Token]) -> bool:
+    return any(token.order for token in walk(tokens))
+
+
+def _letters_of_forms(tokens: Sequence[Token], names: Names) -> list[str]:
+    lines = [tokens, *(token.inside for token in walk(tokens) if token.inside)]
+    found = [name for line in lines for *_, name in differentials(line, names, _moves(tokens))]
+    return [name for name in found if _LETTER_OF_A_FORM.fullmatch(name)]
+
+
 def names_in_forms(text: str) -> set[str]:
     """The letters z and x in dz - y dx."""
-    found = differentials(tokens_if_any(text, Names()), Names())
-    return {name for *_, name in found if _LETTER_OF_A_FORM.fullmatch(name)}
+    return {*_letters_of_forms(tokens_if_any(text, Names()), Names())}
 
 
 def moving_in_forms(tokens: Sequence[Token], names: Names) -> list[str]:
     """The undeclared names z and x of dz - y dx = 0 and of dz = 0, which are letters."""
     found: list[str] = []
-    for line, _ in split(tokens, lambda _, token: token.is_operator(";", ",")):
-        each = [name for _, _, _, name in differentials(line, names) if _LETTER_OF_A_FORM.fullmatch(name)]
-        alone = [token.text for token in line[-2:]] == ["=", "0"]
-        if (len(each) > 1 or (each and alone)) and not any(token.kind == "prime" for token in line):
+    for line in split_at(";,", tokens):
+        each, alone = _letters_of_forms(line, names), spelled(line[-2:]) == "=0"
+        if (len(each) > 1 or (each and alone)) and not _moves(line):
             found += [name for name in each if name != "t" and names.role(names.spelling(name)) is None]
     return found
 
 
 def _ask_about_displacements(tokens: Sequence[Token], names: Names) -> None:
     """InputError for the delta z of delta z = y delta x, which is usually a virtual displacement."""
-    if names.role("delta") or any(token.kind == "prime" for token in tokens):
+    if names.role("delta") or _moves(tokens):
         return
-    for delta, moving in itertools.pairwise(tokens):
+    for delta, moving in itertools.pairwise(walk(tokens)):
         if delta.text == "delta" and names.role(names.spelling(moving.text)) == "coordinate":
             meant = (f"d{moving.text}", f"delta*{moving.text}")
             what, span = f"delta {moving.text} could be a virtual displacement", (delta.column, moving.column)
@@ -215,7 +226,7 @@ def _without_names_of_forms(tokens: list[Token], names: Names) -> list[Token]:
     for line, end in split(tokens, lambda _, token: token.is_operator(";", ",")):
         named = len(line) > 2 and line[0].kind == "name" and line[1].is_operator("=")
         last = [token.text for token in line[-2:]] == ["=", "0"] and len(line) > 4
-        form = any(token.kind == "prime" and token.text == _OF_A_FORM for token in line)
+        form = any(token.order and token.value == OF_A_FORM for token in walk(line))
         if named and (last or form) and names.role(names.spelling(line[0].text)) != "coordinate":
             note(f"{line[0].text} =", LEFT_OUT)
             zero = [] if last else [Token("number", "0", line[0].column), line[1]]
@@ -252,11 +263,11 @@ def _without_remarks(tokens: list[Token], formula: str, names: Names) -> list[To
     `where` and `with` between an equation and a definition are separators. Comparisons are omitted only next to
     equations.
     """
-    marks = {token.text for token in tokens}
+    marks = {token.text for token in walk(tokens)}
     tokens = _with_definitions_apart(tokens) if "=" in marks else tokens
     if not (
         marks & {*COMPARED, *_JOINS, *_CONSTANT}
-        or (("=" in marks or names.energy) and any(token.kind == "number" for token in tokens))
+        or (("=" in marks or names.energy) and any(token.kind == "number" for token in walk(tokens)))
     ):
         return tokens
 
@@ -287,12 +298,12 @@ def _without_remarks(tokens: list[Token], formula: str, names: Names) -> list[To
 
 def _with_definitions_apart(tokens: list[Token]) -> list[Token]:
     """The tokens with x'' = -w^2 x; w^2 = k/m for x'' = -w^2 x (w^2 = k/m)."""
-    found = list(tokens)
-    for place, token in enumerate(tokens):
-        end = closing(tokens, place) if token.is_operator("(") and token.space_before else place
-        inside = tokens[place + 1 : end]
-        if end < len(tokens) and inside and inside[0].kind == "name" and _has(inside, "="):
-            found[place], found[end] = (replace(tokens[each], text=";") for each in (place, end))
+    found: list[Token] = []
+    for token in tokens:
+        inside = token.inside if token.is_bracket() and token.space_before else ()
+        defines = bool(inside) and inside[0].kind == "name" and _has(inside, "=")
+        ends = (Token("operator", ";", token.column), Token("operator", ";", token.end))
+        found += [ends[0], *inside, ends[1]] if defines else [token]
     return found
 
 
@@ -302,7 +313,7 @@ def _joins(tokens: Sequence[Token], place: int, names: Names) -> bool:
     if not wanted or names.role(tokens[place].text):
         return False
     after = place + 1 + at(tokens, place + 1).is_operator(";")  # a line of its own
-    for _, token in outside(tokens[after:]):
+    for token in tokens[after:]:
         if token.is_operator(*wanted, ";", ",") or token.text in _BRANCHES:
             return token.is_operator(*wanted)
     return False
@@ -313,7 +324,7 @@ _BRANCHES = ("else", "then", "otherwise")
 
 
 def _has(group: Sequence[Token], *signs: str) -> bool:
-    return any(token.is_operator(*signs) for _, token in outside(group))
+    return any(token.is_operator(*signs) for token in group)
 
 
 def _is_condition(group: Sequence[Token]) -> bool:
@@ -323,86 +334,82 @@ def _is_condition(group: Sequence[Token]) -> bool:
 
 def _without_condition(group: list[Token], formula: str) -> list[Token]:
     """The equation without the (k > 0) after it, whose names do not move."""
-    start = max((place for place, token in enumerate(group[:-1]) if token.is_operator("(")), default=0)
-    inside = group[start + 1 : -1]
-    apart = bool(start and group[-1].is_operator(")") and not group[start - 1].is_operator(*"+-*/^=("))
-    moving = {group[place].text for place in range(len(group) - 1) if group[place + 1].kind == "prime"}
-    if not (apart and group[start].space_before and _is_condition(inside)) or moving & {one.text for one in inside}:
+    last, before = at(group, len(group) - 1), at(group, len(group) - 2)
+    apart = len(group) > 1 and last.is_bracket() and last.space_before and not before.is_operator(*"+-*/^=")
+    moving = {token.text for token in walk(group) if token.order and token.kind == "name"}
+    if not (apart and _is_condition(last.inside)) or moving & {token.text for token in walk(last.inside)}:
         return group
-    note(formula[group[start].column : group[-1].column - 1], CONDITION)
-    return group[:start]
+    note(formula[last.column : last.end - 1], CONDITION)
+    return group[:-1]
 
 
 def _is_initial(group: Sequence[Token]) -> bool:
     """Whether it is x(0) = 1, x'(t_0) = v, x = x(t), or k = const."""
-    texts = [token.text for token in group]
-    if texts[1:] in (["=", texts[0], "(", "t", ")"], *(["=", word] for word in _CONSTANT)):
+    first, rest = at(group, 0), spelled(group[1:])
+    if not first.order and rest in (f"={first.text}(t)", *(f"={word}" for word in _CONSTANT)):
         return True
-    primes = sum(1 for _ in itertools.takewhile(lambda token: token.kind == "prime", group[1:]))
-    opening, instant, closes, equals = (*(token.text for token in group[1 + primes : 5 + primes]), "", "", "", "")[:4]
-    timed = instant in ("t_0", "t0") or instant.replace(".", "").isdigit()
-    return group[:1] != [] and group[0].kind == "name" and timed and (opening, closes, equals) == ("(", ")", "=")
+    timed = re.match(r"\((?:t_?0|[0-9.]+)\)=", rest)
+    return first.kind == "name" and timed is not None
 
 
 def _without_number(group: list[Token], formula: str, names: Names) -> list[Token]:
     """The equation without the (1) or 1. before it and the (1) after it, which are usually its number."""
-    begins = _is_number(group[:3]) and not group[0].value
-    if begins and len(group) > 3 and (group[3].kind == "name" or group[3].is_operator("(")):
-        note("".join(token.text for token in group[:3]), LEFT_OUT)
-        return group[3:]
-    if len(group) > 1 and group[0].kind == "number" and group[0].text.endswith(".") and group[1].space_before:
-        note(group[0].text, LEFT_OUT)
+    first, second, number = at(group, 0), at(group, 1), at(group, len(group) - 1)
+    if _is_number(group[:1]) and len(first.inside) == 1 and (second.kind == "name" or second.is_bracket()):
+        note(spelled(group[:1]), LEFT_OUT)
         return group[1:]
-    start = opening(group, len(group) - 1) if group and group[-1].is_operator(")") else 0
-    if start < 1 or not _is_number(group[start:]) or group[start].value:
+    if first.kind == "number" and first.text.endswith(".") and second.space_before:
+        note(first.text, LEFT_OUT)
+        return group[1:]
+    if len(group) < 2 or not _is_number([number]):
         return group
-    bracket, before, number = group[start], group[start - 1], "".join(token.text for token in group[start:])
+    before, shown = group[-2], spelled([number])
     called = before.kind == "name" and (
         before.text in FUNCTIONS | MAY_BE_FUNCTIONS or names.role(names.spelling(before.text)) == "function"
     )
-    ends = formula[bracket.column - 1] == "(" and bracket.space_before
-    if not ends or called or (before.kind == "operator" and not before.is_operator(")")):
+    ends = formula[number.column - 1] == "(" and number.space_before
+    if not ends or called or before.kind == "operator":
         return group
-    if len(group) - start == 4:
-        if "." not in number or (names.role(group[-2].text) and not names.guesses):
+    if len(number.inside) == 2:
+        if "." not in shown or (names.role(number.inside[1].text) and not names.guesses):
             return group
-        what = f"{number} could be an equation number"
-        raise refusal(what, bracket.column, "leave it out, or write * before a factor")
-    note(number, LEFT_OUT)
-    return group[:start]
+        raise refusal(f"{shown} could be an equation number", number.column, "leave it out, or write * before a factor")
+    note(shown, LEFT_OUT)
+    return group[:-1]
 
 
 def _is_number(group: Sequence[Token]) -> bool:
     """Whether it is (3.2) or (3.2a), as the number of an equation."""
-    if len(group) not in (3, 4) or not (group[0].is_operator("(") and group[-1].is_operator(")")):
+    if len(group) != 1 or not group[0].is_bracket() or group[0].value or group[0].order:
         return False
-    letters = [token for token in group[2:-1] if token.kind != "name" or len(token.text) > 1 or token.space_before]
-    return group[1].kind == "number" and not letters
+    return re.fullmatch(r"\([0-9.]+[A-Za-z]?\)", source(group)) is not None
 
 
-def _with_products(tokens: list[Token], names: Names) -> list[Token]:
+def _with_products(tokens: Sequence[Token], names: Names) -> list[Token]:
     """The tokens with each run of letters in `names.splits` split; the parts after a function are in brackets."""
-    if not names.splits:
-        return tokens
     found: list[Token] = []
     for place, token in enumerate(tokens):
         parts = names.splits.get(token.text, ()) if token.kind == "name" else ()
+        if token.inside:
+            token = replace(token, inside=tuple(_with_products(token.inside, names)))
         if not parts:
             found.append(token)
             continue
-        following = at(tokens, place + 1)
-        goes_on = following.kind == "prime" or following.is_operator("^")
-        column, opened = token.column, 0
         note(token.text, written_product(parts, names))
-        for number, part in enumerate(parts):
+        product = list[Token]()
+        column = token.column + len(token.text)
+        for part in reversed(parts):
+            column -= len(part)
             kind: Kind = "number" if part.isdigit() else "name"
-            value = Fraction(part) if part.isdigit() else Fraction(0)
-            found.append(Token(kind, part, column, token.space_before and not number, value))
-            column += len(part)
-            if part in FUNCTIONS and names.role(part) is None and not goes_on and number + 1 < len(parts):
-                found.append(Token("operator", "(", column))
-                opened += 1
-        found += [Token("operator", ")", column)] * opened
+            one = Token(kind, part, column, False, Fraction(part) if part.isdigit() else Fraction(0))
+            function = part in FUNCTIONS and names.role(part) is None and not at(tokens, place + 1).is_operator("^")
+            if product and function and not token.order:
+                product = [one, bracket(product, product[0], space=False)]
+            else:
+                product = [one, *product]
+        last = replace(product[-1], order=token.order, primed=token.primed)
+        found += [*product[:-1], last]
+        found[-len(product)] = replace(found[-len(product)], space_before=token.space_before)
     return found
 
 
@@ -497,25 +504,20 @@ def read_equation(equation: EquationTokens, names: Names) -> tuple[ex.Expression
 
 def remark(line: Sequence[Token], place: int) -> errors.InputError | None:
     """The refusal of names not meant as factors: a word after an equation, (spring) there, and (a) before one."""
+    token = line[place]
     if _is_word_at_the_end(line, place):
-        shown = shorten(line[place].text)
-        return refusal(f"{shown} could be a remark", line[place].column, "leave it out, or write * before a factor")
-    start = end = place
-    while start and line[start - 1].kind == "name":
-        start -= 1
-    while at(line, end).kind == "name":
-        end += 1
-    if not start or end == len(line) or not (line[start - 1].is_operator("(") and line[end].is_operator(")")):
+        shown = shorten(token.text)
+        return refusal(f"{shown} could be a remark", token.column, "leave it out, or write * before a factor")
+    if not token.is_bracket() or _moves(token.inside) or {each.kind for each in token.inside} != {"name"}:
         return None
-    before, after = at(line, start - 2), at(line, end + 1)
+    before, after = at(line, place - 1), at(line, place + 1)
     begins = _is_edge(before) and after.kind == "name"
-    follows = (
-        line[start - 1].space_before and _ends_factor(before) and _is_edge(after) and not _is_power(line, start - 1)
-    )
-    if not begins and not follows:
+    power = before if before.is_bracket() and at(line, place - 2).is_operator("^") else None
+    raised = power and at(line, place - 3).text in FUNCTIONS  # sin^{2} (omega t)
+    if not begins and not (token.space_before and _ends_factor(before) and _is_edge(after) and not raised):
         return None
-    shown = shorten(f"({' '.join(token.text for token in line[start:end])})")
-    return refusal(f"{shown} could be a remark", line[start - 1].column, "leave it out, or write * next to a factor")
+    shown = shorten(f"({' '.join(each.text for each in token.inside)})")
+    return refusal(f"{shown} could be a remark", token.column, "leave it out, or write * next to a factor")
 
 
 def _is_word_at_the_end(line: Sequence[Token], place: int) -> bool:
@@ -523,7 +525,7 @@ def _is_word_at_the_end(line: Sequence[Token], place: int) -> bool:
     word = line[place]
     return (
         len(word.text) >= SHORTEST_REMARK
-        and sum(token.text == word.text for token in line) == 1
+        and sum(token.text == word.text for token in walk(line)) == 1
         and word.text.isalpha()
         and word.text.islower()
         and word.text not in letters.LETTER_COMMANDS
@@ -534,21 +536,13 @@ def _is_word_at_the_end(line: Sequence[Token], place: int) -> bool:
     )
 
 
-def _is_power(line: Sequence[Token], end: int) -> bool:
-    """Whether the power of a function ends there, as in sin^{2} (omega t), so that its argument follows."""
-    start = opening(line, end - 1)
-    return start > 1 and line[start - 1].is_operator("^") and line[start - 2].text in FUNCTIONS
-
-
 def _is_edge(token: Token) -> bool:
     """Whether an equation ends or begins there."""
     return token.kind == "end" or token.is_operator(";", ",")
 
 
 def _ends_factor(token: Token) -> bool:
-    if token.text in FUNCTIONS:
-        return False
-    return token.kind in ("name", "number", "prime") or token.is_operator(")")
+    return token.text not in FUNCTIONS and token.kind in ("name", "number", "prime", "bracket")
 
 
 def _side(tokens: list[Token], end_column: int, names: Names) -> ex.Expression:

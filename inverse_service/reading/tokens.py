@@ -12,8 +12,7 @@ digits and typographic signs. See `parser.py`.
 import itertools
 import re
 import unicodedata
-from collections.abc import Callable, Container, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Container, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Literal
@@ -31,20 +30,24 @@ from inverse_service.expressions.letters import (
 )
 from inverse_service.reading.reasons import Reason, reasons
 
-Kind = Literal["number", "name", "prime", "operator", "newline", "end", "vector"]
+Kind = Literal["number", "name", "prime", "operator", "bracket", "newline", "end", "vector"]
 FACTOR, FRACTION = Fraction(1), Fraction(2)
 DOT, CROSS = Fraction(1), Fraction(2)
 PARTIAL, TOTAL = "\u2202", "\u2146"  # TOTAL: the upright d of a derivative
+CLOSING = {"(": ")", "[": "]", "{": "}"}
+_OPENING = {closing: opening for opening, closing in CLOSING.items()}
 
 
 @dataclass(frozen=True, slots=True)
 class Token:
     """One token; `column` counts from 1 in the original text.
 
-    `value` is that of a number; for a prime it is the order of the derivative; for a ( it is FACTOR where no arguments
-    can stand in it, and FRACTION where ((above)/(below)) of LaTeX begins; for a * DOT or CROSS where LaTeX has
+    A bracket is one token with the tokens `inside` it, `end` being the column of its closing sign. `order` counts the
+    primes after a name or a bracket, the first of which is in the column `primed`.
+    `value` is that of a number; for a prime it is the order of the derivative; for a bracket it is FACTOR where no
+    arguments can stand in it, and FRACTION for ((above)/(below)) of LaTeX; for a * DOT or CROSS where LaTeX has
     \\cdot or \\times.
-    Operators are + - * / ^ ( ) [ ] , = ; |, and < > & ~ true in conditions of pieces.
+    Operators are + - * / ^ , = ; |, and < > & ~ true in conditions of pieces.
     """
 
     kind: Kind
@@ -52,9 +55,16 @@ class Token:
     column: int
     space_before: bool = False
     value: Fraction = Fraction(0)
+    inside: tuple["Token", ...] = ()
+    end: int = 0
+    order: int = 0
+    primed: int = 0
 
     def is_operator(self, *texts: str) -> bool:
         return self.kind == "operator" and self.text in texts
+
+    def is_bracket(self, text: str = "(") -> bool:
+        return self.kind == "bracket" and self.text == text
 
 
 Tokens = list[Token]
@@ -68,53 +78,91 @@ def at(tokens: Sequence[Token], place: int) -> Token:
     return tokens[place] if 0 <= place < len(tokens) else _BEYOND
 
 
-def after_primes(tokens: Sequence[Token], place: int) -> int:
-    """The place after the primes that begin here."""
-    while at(tokens, place).kind == "prime":
-        place += 1
-    return place
+def bracket(inside: Sequence[Token], at: Token, value: Fraction = Fraction(0), space: bool = True) -> Token:
+    """A bracket in the place of a token."""
+    return Token("bracket", "(", at.column, space, value, tuple(inside), at.column)
+
+
+def nested(tokens: Sequence[Token]) -> Tokens:
+    """The tokens with each pair of brackets as one, and primes as a part of what they follow.
+
+    InputError for a bracket without its partner, LimitError for too many in each other. No equation ends in brackets,
+    so the line ends in them go. Maxima's quote in 'diff(x, t) is no prime.
+    """
+    outer: list[tuple[Token, Tokens]] = []
+    line: Tokens = []
+    for place, token in enumerate(tokens):
+        if token.is_operator(*CLOSING):
+            refusals.at_most(len(outer) + 1, refusals.LIMITS.depth, "the formula is nested too deeply", token.column)
+            outer.append((token, line))
+            line = []
+        elif token.is_operator(*CLOSING.values()):
+            if not outer:
+                raise unexpected(token, END)
+            opening, before = outer.pop()
+            if CLOSING[opening.text] != token.text:
+                closes = any(CLOSING[other.text] == token.text for other, _ in outer)
+                raise never_closed(opening) if closes else unexpected(token, f"'{CLOSING[opening.text]}'")
+            line = [*before, replace(opening, kind="bracket", inside=tuple(line), end=token.column)]
+        elif token.kind == "prime" and line and line[-1].kind in ("name", "bracket", "vector"):
+            if at(tokens, place + 1).text != "diff":
+                primed = line[-1].primed or token.column
+                line[-1] = replace(line[-1], order=line[-1].order + int(token.value), primed=primed)
+        elif not (outer and token.kind == "newline") and (token.kind, at(tokens, place + 1).text) != ("prime", "diff"):
+            line.append(token)
+    if outer:
+        raise never_closed(outer[-1][0])
+    return line
+
+
+def places(line: Sequence[Token], outer: Token = _BEYOND) -> Iterator[tuple[Sequence[Token], int, Token]]:
+    """Every token as its line, its place there, and the token before the bracket around the line."""
+    for place, token in enumerate(line):
+        yield line, place, outer
+        yield from places(token.inside, at(line, place - 1))
+
+
+def walk(tokens: Iterable[Token]) -> Iterator[Token]:
+    """Every token, those in brackets after the bracket."""
+    for token in tokens:
+        yield token
+        yield from walk(token.inside)
+
+
+def flat(tokens: Iterable[Token]) -> Iterator[Token]:
+    """The tokens with both signs of each bracket, and with their primes."""
+    for token in tokens:
+        primes = "'" * token.order
+        if token.kind != "bracket":
+            yield replace(token, text=token.text + primes) if primes else token
+            continue
+        yield replace(token, kind="operator")
+        yield from flat(token.inside)
+        yield Token("operator", CLOSING[token.text] + primes, token.end)
+
+
+def spelled(tokens: Iterable[Token]) -> str:
+    """The tokens as a text without spaces."""
+    return "".join(token.text for token in flat(tokens))
+
+
+def source(tokens: Iterable[Token]) -> str:
+    """The tokens as they may be written."""
+    found = ""
+    for token in flat(tokens):
+        glued = found[-1:].isalnum() and token.kind in ("name", "number") and not found[-1:].isdigit()
+        found += f"{' ' * (token.space_before or glued)}{token.text}"
+    return found.strip()
 
 
 def after_power(tokens: Sequence[Token], place: int) -> int:
     """The place after the ^k or ^( ... ) that begins here; the same place if there is none."""
-    if not at(tokens, place).is_operator("^"):
-        return place
-    return (closing(tokens, place + 1) if at(tokens, place + 1).is_operator("(") else place + 1) + 1
-
-
-def closing(tokens: Sequence[Token], opening: int) -> int:
-    """The place of the bracket that closes the one at `opening`, or the end if there is none."""
-    depth = 0
-    for place in range(opening, len(tokens)):
-        depth += tokens[place].is_operator("(", "[", "{") - tokens[place].is_operator(")", "]", "}")
-        if depth == 0:
-            return place
-    return len(tokens)
-
-
-def opening(tokens: Sequence[Token], end: int) -> int:
-    """The place of the bracket that the one at `end` closes, or -1 if there is none."""
-    depth = 0
-    for place in range(end, -1, -1):
-        depth += tokens[place].is_operator(")", "]", "}") - tokens[place].is_operator("(", "[", "{")
-        if depth == 0:
-            return place
-    return -1
-
-
-def outside(tokens: Sequence[Token]) -> Iterator[tuple[int, Token]]:
-    """The tokens outside brackets, with their places, without the brackets themselves."""
-    depth = 0
-    for place, token in enumerate(tokens):
-        depth -= token.is_operator(")", "]", "}")
-        if depth <= 0 and not token.is_operator("(", "[", "{"):
-            yield place, token
-        depth += token.is_operator("(", "[", "{")
+    return place + 2 * at(tokens, place).is_operator("^")
 
 
 def split(tokens: Sequence[Token], ends: Callable[[int, Token], bool]) -> list[tuple[Tokens, Token | None]]:
-    """The parts between separators outside brackets, each with the separator that ends it."""
-    places = [place for place, token in outside(tokens) if ends(place, token)]
+    """The parts between separators, each with the separator that ends it."""
+    places = [place for place, token in enumerate(tokens) if ends(place, token)]
     starts = [0, *(place + 1 for place in places)]
     return [
         (list(tokens[start:end]), tokens[end] if end < len(tokens) else None)
@@ -122,23 +170,22 @@ def split(tokens: Sequence[Token], ends: Callable[[int, Token], bool]) -> list[t
     ]
 
 
-def split_at_commas(tokens: Sequence[Token]) -> list[Tokens]:
-    """The parts between commas outside brackets."""
-    return [part for part, _ in split(tokens, lambda _, token: token.is_operator(","))]
+def split_at(signs: str, tokens: Sequence[Token]) -> list[Tokens]:
+    """The parts between these signs."""
+    return [part for part, _ in split(tokens, lambda _, token: token.is_operator(*signs))]
 
 
-_EXPECTS_MORE = ("+", "-", "*", "/", "^", "_", "=", ",", "&", "(", "[", "{")
-_GOES_ON = ("+", "*", "/", "^", "_", "=", ",", "&", ")", "]", "}")
+_EXPECTS_MORE = ("+", "-", "*", "/", "^", "_", "=", ",", "&")
+_GOES_ON = ("+", "*", "/", "^", "_", "=", ",", "&")
 _JOINING = ("where", "with", "given", "and", "for", "if", "when")  # words that join what follows them
 
 
 def with_line_ends(tokens: Sequence[Token], latex: bool = False) -> Tokens:
     """The tokens with a ; for each line end between two equations, and without the other line ends.
 
-    No equation ends in brackets, or next to an operator that needs an operand there. In LaTeX, where a formula may be
-    broken at any place and a wide gap counts as a line end, there is also an = on either side.
+    No equation ends next to an operator that needs an operand there. In LaTeX, where a formula may be broken at any
+    place and a wide gap counts as a line end, there is also an = on either side.
     """
-    outer = {place for place, token in outside(tokens) if token.kind == "newline"}
     found: Tokens = []
     equals = False
     for place, token in enumerate(tokens):
@@ -146,7 +193,7 @@ def with_line_ends(tokens: Sequence[Token], latex: bool = False) -> Tokens:
             found.append(token)
             equals = not token.is_operator(";") and (equals or token.is_operator("="))
             continue
-        begins = place in outer and at(tokens, place - 1).kind != "newline" and (equals or not latex)
+        begins = at(tokens, place - 1).kind != "newline" and (equals or not latex)
         if begins and _is_between(found, tokens[place:], latex):
             found.append(replace(token, kind="operator", text=";"))
             equals = False
@@ -167,13 +214,12 @@ def _is_between(before: Sequence[Token], after: Sequence[Token], latex: bool) ->
 
 def refuse_decimal_commas(tokens: Sequence[Token]) -> None:
     """InputError for 1,5, which may be a decimal comma or two numbers; the orders in B[1,0] are accepted."""
-    square = 0
-    for place in range(1, len(tokens) - 1):
-        comma, after = tokens[place], tokens[place + 1]
-        square += tokens[place - 1].is_operator("[") - tokens[place - 1].is_operator("]")
-        numbers = tokens[place - 1].kind == "number" and after.kind == "number"
-        if comma.is_operator(",") and numbers and not square and not after.space_before:
-            before = tokens[place - 1]
+    for token in tokens:
+        if not token.is_bracket("["):
+            refuse_decimal_commas(token.inside)
+    for before, comma, after in zip(tokens, tokens[1:], tokens[2:], strict=False):
+        numbers = before.kind == after.kind == "number"
+        if comma.is_operator(",") and numbers and not after.space_before:
             meant = tuple(f"{before.text}{mark}{after.text}" for mark in (".", "")[: 1 + (len(after.text) == 3)])
             instead = "write a decimal point, or a space after a comma"
             span = (before.column, after.column + len(after.text))
@@ -182,63 +228,34 @@ def refuse_decimal_commas(tokens: Sequence[Token]) -> None:
 
 def never_closed(opening: Token) -> InputError:
     """The refusal of a bracket that is never closed."""
-    closing = {"(": ")", "[": "]", "{": "}"}.get(opening.text, opening.text)
+    closing = CLOSING.get(opening.text, opening.text)
     return refusals.refusal(f"the '{opening.text}' is never closed", opening.column, f"add the missing '{closing}'")
 
 
 END = "an operator or the end"
 
 
-def check_brackets(tokens: Sequence[Token]) -> None:
-    """InputError for an unmatched round bracket."""
-    opened: Tokens = []
-    for token in tokens:
-        if token.is_operator("("):
-            opened.append(token)
-        elif token.is_operator(")") and not opened:
-            raise unexpected(token, END)
-        elif token.is_operator(")"):
-            opened.pop()
-    if opened:
-        raise never_closed(opened[-1])
-
-
 class TokenStream:
-    """A position in a list of tokens, which also counts the depth of nesting."""
+    """A position in a line of tokens; the mark `end` of a bracket has the text of its closing sign."""
 
-    __slots__ = ("_depth", "_tokens", "position")
+    __slots__ = ("_tokens", "position")
 
-    def __init__(self, tokens: Sequence[Token], end_column: int) -> None:
-        self._tokens = [*tokens, Token("end", "", end_column)]
-        self._depth = 0
+    def __init__(self, tokens: Sequence[Token], end: Token) -> None:
+        self._tokens = [*tokens, end]
         self.position = 0
 
     @property
     def ahead(self) -> Token:
-        return self._tokens[min(self.position, len(self._tokens) - 1)]
-
-    @property
-    def left(self) -> int:
-        """The number of tokens ahead."""
-        return len(self._tokens) - 1 - self.position
+        return self._tokens[self.position]
 
     def look(self, distance: int) -> Token:
         """The token `distance` places ahead (or back), or the end token beyond either end."""
         place = self.position + distance
         return self._tokens[place] if 0 <= place < len(self._tokens) else self._tokens[-1]
 
-    def rest(self) -> Tokens:
-        """The tokens ahead, including the end token."""
-        return self._tokens[self.position :]
-
-    def source(self, start: int, end: int) -> str:
-        """The tokens from one position up to another as they may be written."""
-        found = ""
-        for token in self._tokens[start:end]:
-            glued = found[-1:].isalnum() and token.kind in ("name", "number") and not found[-1:].isdigit()
-            spaced = (token.space_before and token.text != ")") or glued
-            found += f"{' ' * spaced}{token.text}"
-        return found.strip()
+    def part(self, start: int, end: int | None = None) -> Tokens:
+        """The tokens from one position up to another, or to the present one."""
+        return self._tokens[start : self.position if end is None else end]
 
     def take(self) -> Token:
         token = self.ahead
@@ -250,40 +267,10 @@ class TokenStream:
         """Take and return the next token if it is one of these operators; otherwise return None."""
         return self.take() if self.ahead.is_operator(*texts) else None
 
-    def close(self, opening: Token, closing: str = ")") -> None:
-        """Take the closing bracket; InputError at the opening one where the formula ends before."""
-        if self.take_operator(closing):
-            return
-        if self.ahead.kind == "end":
-            raise never_closed(opening)
-        raise unexpected(self.ahead, f"'{closing}'")
-
-    def must_close(self) -> None:
-        """InputError where the formula ends before the bracket ahead is closed."""
-        if closing(self._tokens, self.position) == len(self._tokens):
-            raise never_closed(self.ahead)
-
-    def group(self) -> Sequence[Token]:
-        """The tokens of the bracket ahead, up to its end or that of the formula."""
-        return self._tokens[self.position : closing(self._tokens, self.position)]
-
-    def take_group(self) -> Tokens:
-        """The next token and, if it opens a bracket, everything in that bracket."""
-        opens = self.ahead.is_operator("(", "[", "{")
-        return [self.take() for _ in range(min(len(self.group()) + 1, self.left) if opens else 1)]
-
-    @contextmanager
-    def nested(self) -> Iterator[None]:
-        """Enter a nested level, which begins ahead; LimitError past `limits.depth`."""
-        self._depth += 1
-        refusals.at_most(self._depth, refusals.LIMITS.depth, "the formula is nested too deeply", self.ahead.column)
-        yield
-        self._depth -= 1
-
 
 def unexpected(token: Token, wanted: str) -> InputError:
     """The refusal of a token that cannot follow here."""
-    if token.kind == "end":
+    if token.kind == "end" and not token.text:
         return refusals.refusal("the formula ends", token.column, f"{wanted} is missing")
     if token.is_operator(TOTAL):
         return refusals.refusal("a differential occurs", token.column, "write \\frac{dx}{dt} for a derivative")
@@ -293,8 +280,9 @@ def unexpected(token: Token, wanted: str) -> InputError:
         )
     if token.is_operator(PARTIAL):
         return refusals.refusal("a partial derivative occurs", token.column, "write diff(A(x, y), x), A declared")
-    if wanted == END and token.is_operator(")"):
-        return refusals.refusal("')' is not expected", token.column, "leave it out, or add the '(' before it")
+    if wanted == END and (opening := _OPENING.get(token.text)):
+        instead = f"leave it out, or add the '{opening}' before it"
+        return refusals.refusal(f"'{token.text}' is not expected", token.column, instead)
     shown = "a prime (')" if token.kind == "prime" else f"'{refusals.shorten(token.text)}'"
     return refusals.refusal(f"{shown} is not expected", token.column, f"{wanted} is expected")
 
@@ -338,14 +326,6 @@ def check_length(text: str) -> None:
         raise refusals.refusal("the formula is empty", len(text) + 1, "write a formula, 0 if nothing acts")
 
 
-def check_nesting(text: str) -> None:
-    """LimitError for too many open brackets, before thousands of them are tokenized."""
-    depth = 0
-    for place, character in enumerate(text):
-        depth += (character in "([") - (character in ")]")
-        refusals.at_most(depth, refusals.LIMITS.depth, "the formula is nested too deeply", place + 1)
-
-
 def without_full_stop(text: str) -> str:
     """The text without the dot that ends a sentence; the dot of a number (2.) is kept."""
     plain = text.rstrip()
@@ -355,7 +335,6 @@ def without_full_stop(text: str) -> str:
 def tokenize(text: str, known: Container[str] = ()) -> Tokens:
     """The tokens of a plain-text formula; InputError or LimitError with the column of the first fault."""
     check_length(text)
-    check_nesting(text)
     text = without_full_stop(text)
     conditions = _PIECEWISE.search(text) is not None
 
@@ -372,12 +351,13 @@ def tokenize(text: str, known: Container[str] = ()) -> Tokens:
             return [Token("operator", _CONDITION_SIGNS.get(sign[0], sign[0]), place + 1, space)], sign.end()
         return next_tokens(text, place, space, known)
 
-    return with_line_ends(scan(text, 0, len(text), step))
+    return with_line_ends(nested(scan(text, 0, len(text), step)))
 
 
 def written(text: str, at: Token) -> Tokens:
-    """The tokens of a text that stands for the token `at`, all in its place."""
-    return [replace(token, column=at.column) for token in tokenize(text)]
+    """The tokens of a text that stands for the token `at`, all in its place, without brackets joined."""
+    found = scan(text, 0, len(text), lambda text, place, space: next_tokens(text, place, space))
+    return [replace(token, column=at.column) for token in found]
 
 
 def scan(text: str, place: int, stop: int, step: Callable[[str, int, bool], tuple[Tokens, int]]) -> Tokens:
@@ -467,8 +447,9 @@ def _name(text: str, place: int, space: bool, known: Container[str]) -> tuple[To
     found: Tokens = []
     for name, order, start in runs:
         refusals.at_most(len(name), refusals.LIMITS.name_characters, "a name has too many characters", start + 1)
-        found.append(Token("name", name, start + 1, space and start == place))
-        found += [Token("prime", "'" * order, start + 1, False, Fraction(order))] * bool(order)
+        found.append(
+            Token("name", name, start + 1, space and start == place, order=order, primed=(start + 1) * (order > 0))
+        )
     return found, end
 
 

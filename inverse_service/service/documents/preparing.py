@@ -24,6 +24,7 @@ from inverse_service.reading.names import (
     undeclared,
     written_product,
 )
+from inverse_service.reading.tokens import spelled, walk
 
 FORMULAS = ("equations", "lagrangian", "constraints", "ansatz", "multiples", "where", "clock", "motion", "kinds")
 SCENE_FORMULAS = ("forces", "rayleigh", "observe", "events", "terms", "functions", "free_lagrangian")
@@ -231,10 +232,10 @@ def _ask_about_rate(line: str, pointer: str, lagrangian: str, known: Collection[
         line_tokens, inside = reader.read_tokens(line), reader.read_tokens(lagrangian)
     except errors.InputError:
         return  # reported where it is read
-    if [token.kind for token in line_tokens] != ["name", "prime", "operator", "name"]:
+    if [(token.kind, token.order) for token in line_tokens] != [("name", 1), ("operator", 0), ("name", 0)]:
         return
-    moving, rate = line_tokens[0].text, line_tokens[3].text
-    occurs = rate in {token.text for token in inside} - {*known}
+    moving, rate = line_tokens[0].text, line_tokens[2].text
+    occurs = rate in {token.text for token in walk(inside)} - {*known}
     if occurs and not {moving, rate} & {*document_names.moving_names(inside, 1)}:
         left, _, right = (part.strip() for part in line.partition("="))
         meant, column = (f"{right} = {left}", f"{left} - {right} = 0"), line_tokens[0].column
@@ -399,10 +400,10 @@ def _free_variable(plain: Mapping[str, Any]) -> str:
     except errors.InputError:
         return ""
     moving = {*document_names.moving_names(tokens, 1)}
-    words = {token.text for token in tokens if token.kind == "name"}
+    words = {token.text for token in walk(tokens) if token.kind == "name"}
     names = Names((), ("x", *moving))
     starts = (k for k in range(len(tokens)) if not k or tokens[k - 1].text in (";", ",", "\n"))
-    if any([part.text for part in tokens[k : k + 2]] == ["x", "="] for k in starts):
+    if any(spelled(tokens[k : k + 2]) == "x=" for k in starts):
         return ""  # x = l sin(theta) is a definition
     occurs = any(word == "x" or "x" in only_split(word, names) for word in words)
     timed = any(map(_TIMED.search, texts))
