@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from inverse_service import errors
-from inverse_service.service.jobs import locks, sqlite_store
+from inverse_service.service.jobs import locks, sqlite_store, statements
 from inverse_service.service.jobs.model import DatabaseTaken, WrongVersion
 from inverse_service.service.jobs.store import JobStore
 from inverse_service.service.jobs.workers import Executor, Workers
@@ -19,7 +19,6 @@ from inverse_service.service.jobs.workers import Executor, Workers
 log = logging.getLogger(__name__)
 POSTGRES = ("postgresql://", "postgres://")
 POSTGRES_MODULE = "inverse_service.service.jobs.postgres_store"
-ANSWER = "SELECT jobs.document, bodies.body FROM jobs JOIN bodies ON bodies.id = jobs.id WHERE jobs.id = {}"
 
 
 def open_store(database: str | None, guest: bool = False) -> JobStore:
@@ -101,8 +100,9 @@ def stored_answer(address: str, id: str) -> tuple[str, bytes]:
     """
     is_postgres = address.startswith(POSTGRES)
     module: Any = importlib.import_module(POSTGRES_MODULE) if is_postgres else sqlite_store
+    dialect = statements.POSTGRES if is_postgres else statements.SQLITE
     with contextlib.closing(module.connect(address)) as connection:
-        row = connection.execute(ANSWER.format("%s" if is_postgres else "?"), (id,)).fetchone()
+        row = statements.Session(connection, [], dialect).first("stored_answer", id)
     if row is None:
         raise KeyError(id)
     return row["document"], bytes(row["body"])

@@ -20,15 +20,6 @@ from inverse_service.service.jobs.store import JobStore
 T = TypeVar("T")
 Row = dict[str, Any]
 Connection = psycopg.Connection[Row]
-# Rows have their share of tables and indexes besides their contents.
-ROW_BYTES = 300
-# Compressed as it is; the files themselves only shrink when vacuumed.
-USED_BYTES = (
-    "SELECT (SELECT coalesce(sum(pg_column_size(body) + %(row)s), 0) FROM bodies) "
-    "+ (SELECT coalesce(sum(pg_column_size(document) + pg_column_size(options) + %(row)s), 0) FROM jobs) "
-    "+ (SELECT coalesce(sum(pg_column_size(data) + 100), 0) FROM events) AS size"
-)
-PART = "SELECT length(body) AS size, substring(body FROM %s::int FOR %s::int) AS part FROM bodies WHERE id = %s"
 # Two front ends that start at the same time create the tables one after the other.
 CREATE_LOCK = 7_204_021_101
 MOST = 8
@@ -90,16 +81,11 @@ class PostgresStore(JobStore):
         self._closed = False
 
     def part(self, id: str, offset: int, size: int) -> tuple[int, bytes]:
-        rows = self._rows(PART, offset + 1, size, id)
-        return (rows[0]["size"], bytes(rows[0]["part"])) if rows else (0, b"")
+        row = self._read(lambda session: session.first("part", offset + 1, size, id))
+        return (row["size"], bytes(row["part"])) if row else (0, b"")
 
     def size(self) -> int:
-        return int(self._rows("SELECT pg_database_size(current_database()) AS size")[0]["size"])
-
-    def try_to_write(self) -> None:
-        self._rows(f"{statements.SELECT} FROM jobs LIMIT 0")
-        # With a number of its own a transaction is written to the log of the server.
-        self._write(lambda session: session.run("SELECT pg_current_xact_id()"))
+        return int(self._read(lambda session: session.first("database_size"))["size"])
 
     def close(self) -> None:
         self._closed = True
@@ -155,7 +141,4 @@ class PostgresStore(JobStore):
         return connection
 
     def _used_bytes(self) -> int:
-        return int(self._insist(lambda c: c.execute(USED_BYTES, {"row": ROW_BYTES}).fetchall())[0]["size"])
-
-    def _rows(self, query: str, *arguments: Any) -> list[Row]:
-        return self._insist(lambda c: c.execute(query.encode(), arguments).fetchall())
+        return int(self._read(lambda session: session.first("used_bytes"))["size"])

@@ -18,8 +18,6 @@ from inverse_service.service.jobs.store import JobStore, writing
 
 T = TypeVar("T")
 sqlite3.register_adapter(list, json.dumps)  # as AMONG reads it, see `statements`
-# Each time another value, or nothing would be written.
-PROBE = "INSERT INTO counters VALUES ('probe', 1) ON CONFLICT (name) DO UPDATE SET value = value + 1"
 PAGES_AT_ONCE, PAGES_KEPT = 256, 2048
 # Bytes of the disk without which a question and its answer may not find room.
 LEAST_FREE = 256 * 1024
@@ -120,7 +118,7 @@ class SqliteStore(JobStore):
             self._opened = opened.pop_all()
 
     def part(self, id: str, offset: int, size: int) -> tuple[int, bytes]:
-        row = self._reader().execute("SELECT rowid FROM bodies WHERE id = ?", (id,)).fetchone()
+        row = self._read(lambda session: session.first("place_of_body", id))
         if row is None:
             return 0, b""
         with self._reader().blobopen("bodies", "body", row["rowid"], readonly=True) as blob:
@@ -133,8 +131,7 @@ class SqliteStore(JobStore):
     def try_to_write(self) -> None:
         if shutil.disk_usage(Path(self.address).parent).free < LEAST_FREE:
             raise model.StoreUnavailable("The disk of the database is nearly full, so that no question can be stored.")
-        self._reader().execute(f"{statements.SELECT} FROM jobs LIMIT 0")
-        self._write(lambda session: session.run(PROBE))
+        super().try_to_write()
 
     def prune(self, oldest: float, largest: int) -> int:
         forgotten = super().prune(oldest, largest)

@@ -1,26 +1,18 @@
 """What a store does inside a transaction, the same for each database.
 
-Statements have ? for an argument and AMONG (?) for one that is a list; moment() is the time of the database, today()
-its day in UTC, counted from 1970. Locks, which only mean something where transactions run at the same time, are always
-taken in the order jobs (by id), then batches (by id), so that no two wait for each other.
-
-Tables of the store, and how those of older versions become these.
-
-`answers` of a batch numbers its answers: `order_number` of its lines. `askers` says which clients wait for an open job
-besides batches; one that is `gone` cancelled it for itself. `keys` says with which lines a client sent
-an Idempotency-Key. `ranks` are an operator's, `uses` what a client used on a
-day (since 1970, UTC). `counters` holds single numbers by name.
-
-Batches: their data, their identity, and what a store does with them and their lines, the same for each database.
+The SQL is in `schema.sql` (tables, and how those of older versions become these) and `statements.sql`, by name. Then
+batches: their data, their identity, and what a store does with them and their lines.
 """
 
 import functools
 import hashlib
 import itertools
 import json
+import re
 import secrets
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
+from importlib import resources
 from typing import Any, Final
 
 from inverse_service import errors
@@ -29,88 +21,31 @@ from inverse_service.service.jobs.outcome import Usage
 
 NO_BOUNDS, NO_USE = model.Bounds(), Usage()
 VERSION: Final = 3
-_SCHEMA = """
-CREATE TABLE IF NOT EXISTS jobs (
-    sequence {serial},
-    id TEXT NOT NULL UNIQUE,
-    kind TEXT NOT NULL,
-    document TEXT NOT NULL,
-    options TEXT NOT NULL,
-    status TEXT NOT NULL,
-    client TEXT NOT NULL,
-    priority INTEGER NOT NULL,
-    created {real} NOT NULL,
-    started {real},
-    finished {real},
-    attempt INTEGER NOT NULL DEFAULT 0,
-    crashes INTEGER NOT NULL DEFAULT 0,
-    restarts INTEGER NOT NULL DEFAULT 0,
-    revision INTEGER NOT NULL DEFAULT 0,
-    owner TEXT,
-    heartbeat {real},
-    expires {real},
-    wall {real} NOT NULL DEFAULT 0,
-    cpu {real} NOT NULL DEFAULT 0,
-    memory {real} NOT NULL DEFAULT 0
-){table};
-CREATE INDEX IF NOT EXISTS jobs_next ON jobs (client, priority, sequence) WHERE status = 'accepted';
-CREATE INDEX IF NOT EXISTS jobs_open ON jobs (client, status) WHERE status IN ('accepted', 'running');
-CREATE INDEX IF NOT EXISTS jobs_finished ON jobs (finished) WHERE status NOT IN ('accepted', 'running');
-CREATE INDEX IF NOT EXISTS jobs_status ON jobs (status, sequence);
-CREATE TABLE IF NOT EXISTS bodies (id TEXT PRIMARY KEY, status TEXT NOT NULL, body {bytes} NOT NULL){table};
-CREATE TABLE IF NOT EXISTS events (
-    id TEXT NOT NULL, number {long} NOT NULL, kind TEXT NOT NULL, data TEXT NOT NULL, PRIMARY KEY (id, number)
-){keyed};
-CREATE TABLE IF NOT EXISTS batches (
-    id TEXT PRIMARY KEY, kind TEXT NOT NULL, client TEXT NOT NULL, created {real} NOT NULL,
-    total INTEGER NOT NULL, answers INTEGER NOT NULL DEFAULT 0
-){table};
-CREATE TABLE IF NOT EXISTS lines (
-    batch TEXT NOT NULL, number INTEGER NOT NULL, identifier TEXT NOT NULL, job TEXT, problem {bytes},
-    order_number INTEGER, dismissed INTEGER NOT NULL DEFAULT 0, PRIMARY KEY (batch, number)
-){keyed};
-CREATE INDEX IF NOT EXISTS lines_of_job ON lines (job, order_number);
-CREATE INDEX IF NOT EXISTS lines_in_order ON lines (batch, order_number);
-CREATE INDEX IF NOT EXISTS batches_created ON batches (created);
-CREATE TABLE IF NOT EXISTS askers (
-    job TEXT NOT NULL, client TEXT NOT NULL, gone INTEGER NOT NULL DEFAULT 0, PRIMARY KEY (job, client)
-){keyed};
-CREATE TABLE IF NOT EXISTS ranks (client TEXT PRIMARY KEY, rank INTEGER NOT NULL){table};
-CREATE TABLE IF NOT EXISTS uses (
-    client TEXT NOT NULL, day INTEGER NOT NULL, runs INTEGER NOT NULL, cpu {real} NOT NULL, PRIMARY KEY (client, day)
-){keyed};
-CREATE TABLE IF NOT EXISTS keys (
-    client TEXT NOT NULL, key TEXT NOT NULL, digest TEXT NOT NULL, created {real} NOT NULL, PRIMARY KEY (client, key)
-){keyed};
-CREATE TABLE IF NOT EXISTS counters (name TEXT PRIMARY KEY, value {long} NOT NULL){table};
-"""
-# What makes the tables of one version those of the next; tables that are new are made in any case.
-_MIGRATIONS = {
-    1: """
-    ALTER TABLE jobs ADD COLUMN expires {real};
-    ALTER TABLE lines ADD COLUMN dismissed INTEGER NOT NULL DEFAULT 0;
-    DROP INDEX jobs_waiting;
-    CREATE TABLE askers (
-        job TEXT NOT NULL, client TEXT NOT NULL, gone INTEGER NOT NULL DEFAULT 0, PRIMARY KEY (job, client)
-    ){keyed};
-    INSERT INTO askers SELECT id, client, 0 FROM jobs WHERE status IN ('accepted', 'running') AND priority < 10;
-    UPDATE lines SET dismissed = 1 WHERE job IN (SELECT id FROM jobs WHERE status = 'dismissed');
-    """,
-    2: "{number_answers}",
-}
+
+
+def _by_name(file: str) -> dict[str, str]:
+    """The statements of a file, each after a line with its name."""
+    text = resources.files(__package__).joinpath(file).read_text(encoding="utf-8")
+    _, *parts = re.split(r"^-- name: (\w+)\n", text, flags=re.MULTILINE)
+    return {name: statement.strip() for name, statement in zip(parts[::2], parts[1::2], strict=True)}
+
+
+SQL: Final = _by_name("schema.sql") | _by_name("statements.sql")
 
 
 @dataclass(frozen=True, eq=False)
 class Dialect:
-    """Of a database: the words of its schema, what its queries have instead of ours, what takes a lock."""
+    """Of a database: what its statements have instead of ours, and whether transactions run at the same time."""
 
-    words: Mapping[str, str]
     instead: Mapping[str, str]
-    lock: str = ""
+    has_locks: bool
 
     @functools.cache  # noqa: B019 - there are two, for all time
-    def translated(self, query: str) -> str:
-        """The query as this database takes it."""
+    def translated(self, name: str, **parts: str) -> str:
+        """The statement of this name as this database takes it, with these parts in it."""
+        query = SQL[name]
+        while "{" in query:
+            query = query.format(**SQL, **parts)
         for ours, theirs in self.instead.items():
             query = query.replace(ours, theirs)
         return query
@@ -119,24 +54,19 @@ class Dialect:
 # There is one writer, so that nothing needs a lock.
 SQLITE: Final = Dialect(
     {
-        "serial": "INTEGER PRIMARY KEY AUTOINCREMENT", "real": "REAL", "bytes": "BLOB", "long": "INTEGER",
-        "table": " STRICT", "keyed": " STRICT, WITHOUT ROWID",
-        # All batches had one number until version 2.
-        "number_answers": "ALTER TABLE batches ADD COLUMN answers INTEGER NOT NULL DEFAULT 0; UPDATE batches SET "
-        "answers = (SELECT coalesce(max(order_number), 0) FROM lines WHERE lines.batch = batches.id);",
+        "BIGINT GENERATED ALWAYS AS IDENTITY PRIMARY KEY": "INTEGER PRIMARY KEY AUTOINCREMENT", "BIGINT": "INTEGER",
+        "DOUBLE PRECISION": "REAL", "BYTEA": "BLOB", "AMONG (?)": "IN (SELECT value FROM json_each(?))",
+        " FOR UPDATE": "", " SKIP LOCKED": "",
     },
-    {"AMONG (?)": "IN (SELECT value FROM json_each(?))", " FOR UPDATE": "", " SKIP LOCKED": ""},
+    has_locks=False,
 )  # fmt: skip
 POSTGRES: Final = Dialect(
     {
-        "serial": "BIGINT GENERATED ALWAYS AS IDENTITY PRIMARY KEY", "real": "DOUBLE PRECISION", "bytes": "BYTEA",
-        "long": "BIGINT", "table": "", "keyed": "", "number_answers": "",
-    },
-    {
+        " STRICT, WITHOUT ROWID": "", " STRICT": "", "ADD COLUMN": "ADD COLUMN IF NOT EXISTS",
         "AMONG (?)": "= ANY(%s)", "?": "%s", "moment()": "extract(epoch FROM clock_timestamp())::double precision",
         "today()": "(extract(epoch FROM clock_timestamp())::bigint / 86400)::integer",
     },
-    lock="SELECT pg_advisory_xact_lock(?)",
+    has_locks=True,
 )  # fmt: skip
 
 
@@ -144,88 +74,51 @@ def script(found: int, dialect: Dialect) -> str:
     """What makes the tables of version `found` (0: none) those of this one. Raises WrongVersion for a newer one."""
     if not 0 <= found <= VERSION:
         raise model.WrongVersion(found, VERSION)
-    steps = [_MIGRATIONS[version] for version in range(found or VERSION, VERSION)]
-    return "".join((*steps, _SCHEMA)).format(**dialect.words)
+    steps = [f"from_{version}" for version in range(found or VERSION, VERSION)]
+    return "\n".join(dialect.translated(name) for name in (*steps, "schema"))
 
 
-# As the table has them; the body has one of its own.
-LISTED: Final = ", ".join(f"jobs.{field.name}" for field in fields(model.Job) if field.name != "body")
-SELECT: Final = f"SELECT {LISTED}"
-OPEN: Final = "status IN ('accepted', 'running')"
-FINISHED: Final = "status NOT IN ('accepted', 'running')"
-BODY: Final = "LEFT JOIN bodies ON bodies.id = jobs.id AND bodies.status = jobs.status"
-# Which jobs are next: by the operator's rank of the client and of the job, then the client with the fewest running
-# ones, then by priority and age. Each client is found by one step in the index (client, priority, sequence), however
-# many jobs it has waiting. Arguments: limit (of each client), most running ones of a client, limit.
-NEXT: Final = (
-    "WITH RECURSIVE waiting (client) AS (SELECT min(client) FROM jobs WHERE status = 'accepted' UNION ALL "
-    "SELECT (SELECT min(client) FROM jobs WHERE status = 'accepted' AND client > waiting.client) FROM waiting "
-    "WHERE waiting.client IS NOT NULL), "
-    "busy AS (SELECT client, count(*) AS jobs FROM jobs WHERE status = 'running' GROUP BY client), "
-    "candidates AS (SELECT id, priority, sequence, coalesce(ranks.rank, 0) "
-    "+ CASE WHEN priority < 0 THEN -1 WHEN priority > 10 THEN 1 ELSE 0 END AS rank, coalesce(busy.jobs, 0) "
-    "+ row_number() OVER (PARTITION BY jobs.client ORDER BY priority, sequence) AS place "
-    "FROM waiting JOIN jobs ON jobs.sequence IN (SELECT own.sequence FROM jobs AS own WHERE own.status = 'accepted' "
-    "AND own.client = waiting.client ORDER BY own.priority, own.sequence LIMIT ?) "
-    "LEFT JOIN busy ON busy.client = jobs.client LEFT JOIN ranks ON ranks.client = jobs.client) "
-    "SELECT id FROM candidates WHERE place <= ? ORDER BY rank, place, priority, sequence LIMIT ?"
-)
-DRAINED: Final = "EXISTS (SELECT 1 FROM counters WHERE name = 'drained' AND value <> 0)"
-# Nobody waits for a job: neither somebody who asked for it, nor a batch.
-UNWANTED: Final = (
-    "NOT EXISTS (SELECT 1 FROM askers WHERE job = jobs.id AND gone = 0) "
-    "AND NOT EXISTS (SELECT 1 FROM lines WHERE job = jobs.id AND order_number IS NULL)"
-)
-ACCEPT: Final = (
-    "INSERT INTO jobs (id, kind, document, options, status, client, priority, created) "
-    "VALUES (?, ?, ?, ?, 'accepted', ?, ?, moment()) ON CONFLICT (id) DO UPDATE SET status = 'accepted', "
-    "client = excluded.client, priority = excluded.priority, created = excluded.created, started = NULL, "
-    "finished = NULL, attempt = jobs.attempt + 1, crashes = 0, restarts = 0, owner = NULL "
-    f"WHERE jobs.{FINISHED} AND (jobs.status = 'dismissed' OR ? OR jobs.expires <= moment())"
-)
-ACCEPT_LOCK, CLAIM_LOCK = 7_204_021_102, 7_204_021_104
+ACCEPT_LOCK, CLAIM_LOCK, PRUNE_LOCK = 7_204_021_102, 7_204_021_104, 7_204_021_103
 # Near the bounds on open jobs front ends accept one after the other, so that they hold for all together.
 FAR, FAR_AT_LEAST = 10, 1000
 
 
 @dataclass(frozen=True, slots=True)
 class Session:
-    """The connection of one transaction, and what it changed; queries are put into the words of its database."""
+    """The connection of one transaction, and what it changed; statements by name, in the words of its database."""
 
     connection: Any
     told: list[model.Change]
     dialect: Dialect
 
-    def rows(self, query: str, *arguments: Any) -> list[Any]:
+    def rows(self, name: str, *arguments: Any, **parts: str) -> list[Any]:
         """All rows, each a mapping by column."""
-        found: list[Any] = self._execute(query, arguments).fetchall()
+        found: list[Any] = self._execute(name, arguments, parts).fetchall()
         return found
 
-    def run(self, query: str, *arguments: Any) -> None:
+    def first(self, name: str, *arguments: Any) -> Any:
+        """The first row, None where there is none."""
+        return next(iter(self.rows(name, *arguments)), None)
+
+    def run(self, name: str, *arguments: Any, **parts: str) -> None:
         """A statement whose rows nobody waits for."""
-        self._execute(query, arguments)
+        self._execute(name, arguments, parts)
 
-    def many(self, query: str, arguments: Sequence[tuple[Any, ...]]) -> None:
+    def many(self, name: str, arguments: Sequence[tuple[Any, ...]]) -> None:
         """The statement for each of the arguments."""
-        self.connection.cursor().executemany(self.dialect.translated(query), arguments)
+        self.connection.cursor().executemany(self.dialect.translated(name), arguments)
 
-    def lock(self, name: int) -> None:
+    def lock(self, number: int) -> None:
         """Wait until no other transaction holds this lock; held to the end."""
-        if self.dialect.lock:
-            self.run(self.dialect.lock, name)
+        if self.dialect.has_locks:
+            self.run("lock", number)
 
-    def _execute(self, query: str, arguments: Sequence[Any]) -> Any:
-        return self.connection.execute(self.dialect.translated(query), arguments)
-
-
-def first(session: Session, query: str, *arguments: Any) -> Any:
-    """The first row, None where there is none."""
-    rows = session.rows(query, *arguments)
-    return rows[0] if rows else None
+    def _execute(self, name: str, arguments: Sequence[Any], parts: Mapping[str, str]) -> Any:
+        return self.connection.execute(self.dialect.translated(name, **parts), arguments)
 
 
 def jobs_of(rows: Iterable[Mapping[str, Any]]) -> list[model.Job]:
-    """Rows of SELECT, with a `body` if the query has one."""
+    """Rows with the columns of a job, and its `body` if the statement has it."""
     return [model.Job(**dict(row)) for row in rows]
 
 
@@ -239,7 +132,7 @@ def read_job(
     job = _read(session, [id], largest).get(id)
     if job is None or client is None or not job.is_open:
         return job
-    left = session.rows("SELECT 1 FROM askers WHERE job = ? AND client = ? AND gone = 1", id, client)
+    left = session.rows("has_left", id, client)
     return replace(job, status="dismissed") if left else job
 
 
@@ -263,13 +156,13 @@ def _accept(session: Session, requests: Sequence[model.JobRequest], bounds: mode
     if new := _to_be_asked(session, wanted, known)[::-1]:
         refuse_too_many(session, new, bounds)
         asked = [(r.id, r.kind, r.document, r.options, r.client, r.priority, r.fresh) for r in new]
-        session.many(ACCEPT, asked)  # two front ends that insert the same job at once make one
+        session.many("accept", asked)  # two front ends that insert the same job at once make one
         if again := [request.id for request in new if request.id in known]:
-            session.run("DELETE FROM events WHERE id AMONG (?)", again)
+            session.run("forget", again, table="events")
     if not of_batch:
         answered = wanted.keys() - {request.id for request in new} - {id for id, job in known.items() if job.is_open}
         waiting = [(request.id, request.client) for request in requests if request.id not in answered]
-        session.many("INSERT INTO askers VALUES (?, ?, 0) ON CONFLICT (job, client) DO UPDATE SET gone = 0", waiting)
+        session.many("ask", waiting)
         session.told.extend(model.Change(request.id, "accepted") for request in new)
 
 
@@ -284,23 +177,17 @@ def _to_be_asked(
     session: Session, wanted: Mapping[str, model.JobRequest], known: Mapping[str, model.Job]
 ) -> list[model.JobRequest]:
     """Those that have to be computed."""
-    now = first(session, "SELECT moment() AS now")["now"] if known else 0.0
+    now = session.first("now")["now"] if known else 0.0
     return [r for r in wanted.values() if r.id not in known or known[r.id].is_to_be_asked(r.fresh, now)]
 
 
 def lock_jobs(session: Session, ids: list[str]) -> dict[str, model.Job]:
     """These jobs, locked until the commit."""
-    rows = session.rows(f"{SELECT} FROM jobs WHERE id AMONG (?) ORDER BY id FOR UPDATE", ids)
-    return {job.id: job for job in jobs_of(rows)}
+    return {job.id: job for job in jobs_of(session.rows("lock_jobs", ids))}
 
 
 def _read(session: Session, ids: list[str], largest: int = 0) -> dict[str, model.Job]:
-    if largest:
-        body = "CASE WHEN length(bodies.body) <= ? THEN bodies.body END AS body"
-        rows = session.rows(f"{SELECT}, {body} FROM jobs {BODY} WHERE jobs.id AMONG (?)", largest, ids)
-    else:
-        rows = session.rows(f"{SELECT} FROM jobs WHERE id AMONG (?)", ids)
-    return {job.id: job for job in jobs_of(rows)}
+    return {job.id: job for job in jobs_of(session.rows("read_jobs", largest, ids))}
 
 
 def refuse_too_many(session: Session, new: Sequence[model.JobRequest], bounds: model.Bounds) -> None:
@@ -310,11 +197,9 @@ def refuse_too_many(session: Session, new: Sequence[model.JobRequest], bounds: m
         detail = f"The batch asks {len(new)} new questions, and at most {most} may be open; send it in parts."
         raise errors.LimitError(detail)
     clients = {request.client for request in new}
-    if bounds.daily < model.NO_BOUND:
-        used = "SELECT client FROM uses WHERE client AMONG (?) AND day = today() AND cpu >= ?"
-        if session.rows(used, list(clients), float(bounds.daily)):
-            detail = "The processor time of this client for today (UTC) is used; ask again tomorrow."
-            raise model.TooManyJobs(detail, model.until_tomorrow(), bounds.daily)
+    if bounds.daily < model.NO_BOUND and session.rows("used_up", list(clients), float(bounds.daily)):
+        detail = "The processor time of this client for today (UTC) is used; ask again tomorrow."
+        raise model.TooManyJobs(detail, model.until_tomorrow(), bounds.daily)
     if _room(session, clients, bounds) > FAR * len(new) + FAR_AT_LEAST:
         return
     session.lock(ACCEPT_LOCK)
@@ -324,7 +209,7 @@ def refuse_too_many(session: Session, new: Sequence[model.JobRequest], bounds: m
 
 def _room(session: Session, clients: set[str], bounds: model.Bounds) -> int:
     """How many more jobs may be open, of each of these clients and in all."""
-    rows = session.rows(f"SELECT client, count(*) AS jobs FROM jobs WHERE {OPEN} GROUP BY client")
+    rows = session.rows("open_of_clients")
     most = max((row["jobs"] for row in rows if row["client"] in clients), default=0)
     room: int = min(bounds.total - sum(row["jobs"] for row in rows), bounds.client - most)
     return room
@@ -340,16 +225,11 @@ def claim(session: Session, owner: str, limit: int, client_running: int = model.
     """
     if client_running < model.NO_BOUND:
         session.lock(CLAIM_LOCK)
-    waiting = session.rows(f"SELECT id FROM jobs WHERE status = 'accepted' AND NOT {DRAINED} LIMIT 2")
+    waiting = session.rows("may_begin")
     if len(waiting) > 1 or (waiting and client_running < model.NO_BOUND):  # whose turn it is takes longer to find out
-        waiting = session.rows(NEXT, limit, client_running, limit)
+        waiting = session.rows("next", limit, client_running, limit)
     ids = [row["id"] for row in waiting]
-    rows = session.rows(
-        "UPDATE jobs SET status = 'running', owner = ?, heartbeat = moment(), started = moment(), "
-        "attempt = attempt + 1 WHERE id IN (SELECT id FROM jobs WHERE id AMONG (?) AND status = 'accepted' "
-        f"FOR UPDATE SKIP LOCKED) RETURNING {LISTED}",
-        owner, ids,
-    ) if ids else []  # fmt: skip
+    rows = session.rows("claim", owner, ids) if ids else []
     session.told.extend(model.Change(id, "running") for id in ids)
     return sorted(jobs_of(rows), key=lambda job: ids.index(job.id))
 
@@ -370,11 +250,7 @@ def heartbeat(session: Session, owner: str, running: Sequence[tuple[str, int]]) 
     """Renew those of these claims (id, attempt) that are still this owner's; the ids of the others."""
     ids = sorted({id for id, _ in running})
     lock_jobs(session, ids)
-    rows = session.rows(
-        "UPDATE jobs SET heartbeat = moment() WHERE id AMONG (?) AND owner = ? AND status = 'running' "
-        "RETURNING id, attempt",
-        ids, owner,
-    )  # fmt: skip
+    rows = session.rows("heartbeat", ids, owner)
     kept = {(row["id"], row["attempt"]) for row in rows}
     return [id for id, attempt in running if (id, attempt) not in kept]
 
@@ -387,23 +263,13 @@ def finish(
 
     After `kept` s (None: never) the question is computed again where it is asked again.
     """
-    row = first(
-        session,
-        "UPDATE jobs SET status = ?, finished = moment(), expires = moment() + CAST(? AS DOUBLE PRECISION), "
-        "revision = revision + 1, wall = ?, cpu = ?, memory = ?, owner = NULL "
-        f"WHERE id = ? AND attempt = ? AND status = 'running' RETURNING {LISTED}",
-        status, kept, usage.wall, usage.cpu, usage.memory, id, attempt,
-    )  # fmt: skip
+    row = session.first("finish", status, kept, usage.wall, usage.cpu, usage.memory, id, attempt)
     if row is None:
         return False
     job = model.Job(**dict(row), body=body)
     session.told.append(model.Change(id, status, job))
-    session.run("DELETE FROM askers WHERE job = ?", id)
-    session.run(
-        "INSERT INTO bodies (id, status, body) VALUES (?, ?, ?) "
-        "ON CONFLICT (id) DO UPDATE SET status = excluded.status, body = excluded.body",
-        id, status, body,
-    )  # fmt: skip
+    session.run("forget_askers", [id])
+    session.run("keep_body", id, status, body)
     count_use(session, job.client, usage)
     number_lines(session, "job = ?", (id,))
     return True
@@ -413,13 +279,12 @@ def add_events(session: Session, events: Sequence[tuple[str, model.Event]]) -> N
     """Append events (job id, event); those that are there already stay."""
     session.told.extend(model.Change(id, "event") for id in {id for id, _ in events})
     rows = [(id, event.number, event.kind, json.dumps(dict(event.data))) for id, event in events]
-    session.many("INSERT INTO events VALUES (?, ?, ?, ?) ON CONFLICT DO NOTHING", rows)
+    session.many("add_event", rows)
 
 
 def read_events(session: Session, id: str, after: int = 0, limit: int = 1000) -> list[model.Event]:
     """Events of a job with greater numbers than `after`, in order."""
-    query = "SELECT number, kind, data FROM events WHERE id = ? AND number > ? ORDER BY number LIMIT ?"
-    rows = session.rows(query, id, after, limit)
+    rows = session.rows("read_events", id, after, limit)
     return [model.Event(row["number"], row["kind"], json.loads(row["data"])) for row in rows]
 
 
@@ -437,25 +302,23 @@ def list_jobs(
     wanted = {"status": status, "kind": kind, "client": client, "sequence": last and last.sequence}
     chosen = {name: value for name, value in wanted.items() if value is not None}
     where = " AND ".join(f"{name} {'<' if name == 'sequence' else '='} ?" for name in chosen) or "1 = 1"
-    query = f"{SELECT} FROM jobs WHERE {where} ORDER BY sequence DESC LIMIT ?"
-    found = jobs_of(session.rows(query, *chosen.values(), limit + 1))
+    found = jobs_of(session.rows("list_jobs", *chosen.values(), limit + 1, where=where))
     return found[:limit], found[limit - 1].id if len(found) > limit else None
 
 
 def counts(session: Session) -> dict[model.JobStatus, int]:
     """Number of jobs in each status."""
-    rows = session.rows("SELECT status, count(*) AS jobs FROM jobs GROUP BY status")
-    return {row["status"]: row["jobs"] for row in rows}
+    return {row["status"]: row["jobs"] for row in session.rows("counts")}
 
 
 def is_waiting(session: Session) -> bool:
     """Whether any job waits for a worker."""
-    return bool(session.rows("SELECT 1 FROM jobs WHERE status = 'accepted' LIMIT 1"))
+    return bool(session.rows("is_waiting"))
 
 
 def oldest(session: Session) -> float | None:
     """When the job was accepted that waits longest; None where none waits."""
-    found: float | None = first(session, "SELECT min(created) AS oldest FROM jobs WHERE status = 'accepted'")["oldest"]
+    found: float | None = session.first("oldest")["oldest"]
     return found
 
 
@@ -468,33 +331,23 @@ def release(
     `left`: what was finished of it.
     """
     session.told.append(model.Change(id, "accepted"))
-    session.run(
-        "UPDATE jobs SET status = 'accepted', owner = NULL, crashes = crashes + ? "
-        "WHERE id = ? AND attempt = ? AND status = 'running'",
-        int(crashed), id, attempt,
-    )  # fmt: skip
+    session.run("release", int(crashed), id, attempt)
     job = read_job(session, id, 0)
     if job is not None:
         count_use(session, job.client, usage)
     if left is not None and job is not None and (job.status, job.attempt) == ("dismissed", attempt):
-        session.run(
-            "INSERT INTO bodies (id, status, body) VALUES (?, ?, ?) ON CONFLICT DO NOTHING", id, job.status, left
-        )
+        session.run("keep_first_body", id, job.status, left)
     return job
 
 
 def count_use(session: Session, client: str, usage: Usage) -> None:
     """Add a run to what the client used today."""
-    session.run(
-        "INSERT INTO uses (client, day, runs, cpu) VALUES (?, today(), 1, ?) "
-        "ON CONFLICT (client, day) DO UPDATE SET runs = uses.runs + 1, cpu = uses.cpu + excluded.cpu",
-        client, float(usage.cpu),
-    )  # fmt: skip
+    session.run("count_use", client, float(usage.cpu))
 
 
 def used_today(session: Session, client: str) -> float:
     """The processor seconds of a client's runs today (UTC)."""
-    found = first(session, "SELECT cpu FROM uses WHERE client = ? AND day = today()", client)
+    found = session.first("used_today", client)
     return 0.0 if found is None else float(found["cpu"])
 
 
@@ -512,23 +365,17 @@ def dismiss(session: Session, id: str, client: str | None = None) -> tuple[model
     if client is None:
         is_over = bool(dismiss_unwanted(session, [id], "1 = 1"))
         return read_job(session, id), is_over
-    session.run("INSERT INTO askers VALUES (?, ?, 1) ON CONFLICT (job, client) DO UPDATE SET gone = 1", id, client)
+    session.run("leave", id, client)
     dismiss_lines(session, "job = ? AND batch IN (SELECT id FROM batches WHERE client = ?)", (id, client))
     is_over = bool(dismiss_unwanted(session, [id]))
     return (read_job(session, id) if is_over else replace(job, status="dismissed")), is_over
 
 
-def dismiss_unwanted(session: Session, ids: list[str], where: str = UNWANTED) -> list[str]:
+def dismiss_unwanted(session: Session, ids: list[str], where: str = "{unwanted}") -> list[str]:
     """Those of these open jobs that nobody waits for, dismissed; one computed again has its earlier answer back."""
-    earlier = "coalesce((SELECT bodies.status FROM bodies WHERE bodies.id = jobs.id), 'dismissed')"
-    changed = session.rows(
-        f"UPDATE jobs SET status = {earlier}, finished = moment(), owner = NULL "
-        f"WHERE id AMONG (?) AND {OPEN} AND {where} RETURNING id",
-        ids,
-    )
-    over = [row["id"] for row in changed]
+    over = [row["id"] for row in session.rows("dismiss", ids, where=where)]
     if over:
-        session.run("DELETE FROM askers WHERE job AMONG (?)", over)
+        session.run("forget_askers", over)
         dismiss_lines(session, "job AMONG (?)", (over,))
     return over
 
@@ -536,30 +383,21 @@ def dismiss_unwanted(session: Session, ids: list[str], where: str = UNWANTED) ->
 def recover(session: Session, lease: float = 0.0) -> list[model.Job]:
     """Jobs running without a heartbeat for `lease` s (0: all) -> accepted.
 
-    Each counts a restart. Whoever comes second finds none. A claim from the future is of a clock that was set back.
+    Each counts a restart. Whoever comes second finds none.
     """
-    where, arguments = "status = 'running'", list[Any]()
-    if lease > 0:
-        where += " AND (heartbeat <= moment() - ? OR heartbeat > moment() + ?)"
-        arguments += [lease, lease]
-    rows = session.rows(
-        "UPDATE jobs SET status = 'accepted', owner = NULL, restarts = restarts + 1 "
-        f"WHERE id IN (SELECT id FROM jobs WHERE {where} FOR UPDATE SKIP LOCKED) RETURNING {LISTED}",
-        *arguments,
-    )
-    found = jobs_of(rows)
+    found = jobs_of(session.rows("recover", lease <= 0, lease, lease))
     session.told.extend(model.Change(job.id, "accepted") for job in found)
     return found
 
 
 def is_drained(session: Session) -> bool:
     """Whether an operator lets no job begin."""
-    return bool(session.rows(f"SELECT 1 WHERE {DRAINED}"))
+    return bool(session.rows("is_drained"))
 
 
 def dismiss_lines(session: Session, where: str, arguments: tuple[Any, ...]) -> None:
     """Cancel the lines of batches that have no answer yet."""
-    session.run(f"UPDATE lines SET dismissed = 1 WHERE {where} AND order_number IS NULL", *arguments)
+    session.run("dismiss_lines", *arguments, where=where)
     number_lines(session, f"{where} AND dismissed = 1", arguments)
 
 
@@ -568,15 +406,10 @@ def number_lines(session: Session, where: str, arguments: tuple[Any, ...]) -> No
 
     Whoever takes numbers of a batch holds its row until the commit, so they become visible in their order.
     """
-    due = f"FROM lines WHERE {where} AND order_number IS NULL"
-    for row in session.rows(f"SELECT batch, count(*) AS due {due} GROUP BY batch ORDER BY batch", *arguments):
-        taken = "UPDATE batches SET answers = answers + ? WHERE id = ? RETURNING answers"
-        before = first(session, taken, row["due"], row["batch"])["answers"] - row["due"]
-        places = f"SELECT number AS line, row_number() OVER (ORDER BY number) AS place {due} AND batch = ?"
-        session.run(
-            f"UPDATE lines SET order_number = ? + place FROM ({places}) AS due WHERE batch = ? AND number = due.line",
-            before, *arguments, row["batch"], row["batch"],
-        )  # fmt: skip
+    for row in session.rows("due_lines", *arguments, where=where):
+        batch, due = row["batch"], row["due"]
+        before = session.first("take_numbers", due, batch)["answers"] - due
+        session.run("number_lines", before, *arguments, batch, batch, where=where)
 
 
 @dataclass(frozen=True, slots=True)
@@ -642,26 +475,14 @@ def batch_id(kind: str, client: str, lines: Sequence[BatchLine], key: str, gener
 
 # The total of a batch of which lines are missing still.
 INCOMPLETE: Final = -1
-COUNTS: Final = (
-    "SELECT CASE WHEN lines.dismissed = 1 THEN 'dismissed' ELSE coalesce(jobs.status, 'failed') END AS status, "
-    "count(*) AS lines FROM lines LEFT JOIN jobs ON jobs.id = lines.job WHERE batch = ? GROUP BY 1"
-)
-# Arguments: the largest result that comes with its line, the batch, the last order that is known, how many.
-ANSWERS: Final = (
-    "SELECT lines.number, lines.identifier, lines.problem, lines.order_number, lines.dismissed, lines.job, "
-    "bodies.status, length(bodies.body) AS size, "
-    "CASE WHEN bodies.status <> 'successful' OR length(bodies.body) <= ? THEN bodies.body END AS body "
-    "FROM lines LEFT JOIN bodies ON bodies.id = lines.job "
-    "WHERE lines.batch = ? AND lines.order_number > ? ORDER BY lines.order_number LIMIT ?"
-)
 
 
 def read_batch(session: Session, id: str) -> Batch | None:
     """A batch with its counts by status."""
-    row = first(session, "SELECT * FROM batches WHERE id = ?", id)
+    row = session.first("read_batch", id)
     if row is None or row["total"] == INCOMPLETE:
         return None
-    by_status = {found["status"]: found["lines"] for found in session.rows(COUNTS, id)}
+    by_status = {found["status"]: found["lines"] for found in session.rows("count_lines", id)}
     return Batch(id, row["kind"], row["client"], row["created"], row["total"], by_status)
 
 
@@ -672,7 +493,7 @@ def answers(
 
     They are of a bad line, of one that was cancelled, or of a job.
     """
-    return [_answer_of(row) for row in session.rows(ANSWERS, largest, batch, after, limit)]
+    return [_answer_of(row) for row in session.rows("answers", largest, batch, after, limit)]
 
 
 def _answer_of(row: Any) -> BatchAnswer:
@@ -686,8 +507,7 @@ def _answer_of(row: Any) -> BatchAnswer:
 
 def repeated(session: Session, batch: str) -> int:
     """How many lines of a batch ask what another one asks."""
-    found = first(session, "SELECT count(job) - count(DISTINCT job) AS lines FROM lines WHERE batch = ?", batch)
-    return int(found["lines"])
+    return int(session.first("repeated", batch)["lines"])
 
 
 # Lines that are stored, or dismissed, in one transaction; others write between two of them.
@@ -696,17 +516,13 @@ STEP: Final = 200
 
 def begin_batch(session: Session, id: str, kind: str, client: str) -> None:
     """The row of a batch whose lines come in steps; nobody sees it before `complete_batch`."""
-    session.run(
-        "INSERT INTO batches (id, kind, client, created, total) VALUES (?, ?, ?, moment(), ?) ON CONFLICT DO NOTHING",
-        id, kind, client, INCOMPLETE,
-    )  # fmt: skip
+    session.run("begin_batch", id, kind, client, INCOMPLETE)
 
 
 def claim_key(session: Session, client: str, key: str, digest: str) -> bool:
     """Note that a client sends these lines with this key; False where it sent others with it."""
-    session.run("INSERT INTO keys VALUES (?, ?, ?, moment()) ON CONFLICT DO NOTHING", client, key, digest)
-    found = first(session, "SELECT digest FROM keys WHERE client = ? AND key = ?", client, key)
-    return bool(found["digest"] == digest)
+    session.run("claim_key", client, key, digest)
+    return bool(session.first("key", client, key)["digest"] == digest)
 
 
 def add_lines(session: Session, id: str, lines: Sequence[BatchLine], bounds: model.Bounds) -> None:
@@ -714,15 +530,14 @@ def add_lines(session: Session, id: str, lines: Sequence[BatchLine], bounds: mod
     submit(session, [line.request for line in lines if line.request is not None], bounds, of_batch=True)
     session.told.append(model.Change("", "accepted"))
     rows = [(id, x.number, x.identifier, None if x.request is None else x.request.id, x.problem) for x in lines]
-    session.many("INSERT INTO lines VALUES (?, ?, ?, ?, ?, NULL, 0) ON CONFLICT DO NOTHING", rows)
-    answered = f"(job IS NULL OR job IN (SELECT id FROM jobs WHERE {FINISHED}))"
+    session.many("add_line", rows)
     numbers = (id, lines[0].number, lines[-1].number)
-    number_lines(session, f"batch = ? AND number BETWEEN ? AND ? AND {answered}", numbers)
+    number_lines(session, "batch = ? AND number BETWEEN ? AND ? AND {answered}", numbers)
 
 
 def complete_batch(session: Session, id: str, total: int) -> Batch:
     """The batch, all of whose lines are stored."""
-    session.run("UPDATE batches SET total = ? WHERE id = ?", total, id)
+    session.run("complete_batch", total, id)
     batch = read_batch(session, id)
     assert batch is not None
     return batch
@@ -730,13 +545,13 @@ def complete_batch(session: Session, id: str, total: int) -> Batch:
 
 def forget_batch(session: Session, id: str) -> None:
     """Nothing of a batch that was refused stays."""
-    session.run("DELETE FROM lines WHERE batch = ?", id)
-    session.run("DELETE FROM batches WHERE id = ?", id)
+    session.run("forget_lines", id)
+    session.run("forget_batch", id)
 
 
 def leave_some(session: Session, batch: str) -> tuple[int, list[str]]:
     """Dismiss some open lines of a batch: how many jobs they have, and which of these nobody else waits for."""
-    rows = session.rows("SELECT DISTINCT job FROM lines WHERE batch = ? AND order_number IS NULL LIMIT ?", batch, STEP)
+    rows = session.rows("open_jobs_of_batch", batch, STEP)
     ids = sorted(row["job"] for row in rows)
     lock_jobs(session, ids)
     dismiss_lines(session, "batch = ? AND job AMONG (?)", (batch, ids))
@@ -746,7 +561,6 @@ def leave_some(session: Session, batch: str) -> tuple[int, list[str]]:
 
 
 # What keeps a store in order: old answers are forgotten; what an operator asks for.
-PRUNE_LOCK: Final = 7_204_021_103
 # So many bytes of answers are forgotten at once, and one answer however large.
 FORGOTTEN_BYTES: Final = 8 * 2**20
 
@@ -758,27 +572,13 @@ def forget(session: Session, before: float, most: int) -> tuple[int, int]:
     that a batch has locked which is made at this moment.
     """
     session.lock(PRUNE_LOCK)
-    session.run("DELETE FROM keys WHERE created <= ?", before)
-    batch = first(
-        session,
-        "SELECT id FROM batches WHERE created <= ? AND NOT EXISTS (SELECT 1 FROM lines WHERE batch = batches.id "
-        "AND order_number IS NULL) ORDER BY created LIMIT 1",
-        before,
-    )
-    if batch is not None:
-        some = "number IN (SELECT number FROM lines WHERE batch = ? LIMIT ?)"
-        lines = session.rows(
-            f"DELETE FROM lines WHERE batch = ? AND {some} RETURNING number", batch["id"], batch["id"], most
-        )
+    session.run("forget_keys", before)
+    if (batch := session.first("old_batch", before)) is not None:
+        lines = session.rows("forget_some_lines", batch["id"], batch["id"], most)
         if len(lines) < most:
-            session.run("DELETE FROM batches WHERE id = ?", batch["id"])
+            session.run("forget_batch", batch["id"])
         return max(1, len(lines)), 0
-    rows = session.rows(
-        "SELECT id, coalesce((SELECT length(body) FROM bodies WHERE bodies.id = jobs.id), 0) AS size FROM jobs "
-        f"WHERE {FINISHED} AND finished <= ? AND NOT EXISTS (SELECT 1 FROM lines WHERE lines.job = jobs.id) "
-        "ORDER BY finished LIMIT ? FOR UPDATE SKIP LOCKED",
-        before, most,
-    )  # fmt: skip
+    rows = session.rows("old_jobs", before, most)
     sizes = itertools.accumulate(row["size"] for row in rows)
     ids = [row["id"] for row, size in zip(rows, sizes, strict=True) if row is rows[0] or size <= FORGOTTEN_BYTES]
     return len(ids), _delete(session, ids)
@@ -786,72 +586,50 @@ def forget(session: Session, before: float, most: int) -> tuple[int, int]:
 
 def _delete(session: Session, ids: list[str]) -> int:
     for table in ("bodies", "events", "jobs"):
-        session.run(f"DELETE FROM {table} WHERE id AMONG (?)", ids)
+        session.run("forget", ids, table=table)
     return len(ids)
 
 
 def oldest_moment(session: Session, count: int) -> float | None:
     """When the last of the `count` finished jobs ended that are the first to be forgotten."""
-    finished = f"SELECT finished FROM jobs WHERE {FINISHED} ORDER BY finished LIMIT ?"
-    moment: float | None = first(session, f"SELECT max(finished) AS moment FROM ({finished}) AS oldest", count)[
-        "moment"
-    ]
+    moment: float | None = session.first("oldest_moment", count)["moment"]
     return moment
 
 
 def drain(session: Session, drained: bool) -> None:
     """Let no job begin any more, or let them begin again."""
     session.told.append(model.Change("", "accepted"))
-    session.run(
-        "INSERT INTO counters VALUES ('drained', ?) ON CONFLICT (name) DO UPDATE SET value = excluded.value",
-        int(drained),
-    )
+    session.run("drain", int(drained))
 
 
 def secret(session: Session) -> int:
     """A random number of this store, drawn when it is first asked for."""
-    session.run("INSERT INTO counters VALUES ('secret', ?) ON CONFLICT (name) DO NOTHING", secrets.randbits(63))
-    return int(first(session, "SELECT value FROM counters WHERE name = 'secret'")["value"])
+    session.run("draw_secret", secrets.randbits(63))
+    return int(session.first("secret")["value"])
 
 
 def clients(session: Session) -> list[model.ClientUse]:
     """Who has something in the store or a rank, with what each used today."""
-    count = "(SELECT count(*) FROM jobs WHERE jobs.client = known.client AND status = '{}') AS {}"
-    return [
-        model.ClientUse(**dict(row))
-        for row in session.rows(
-            f"SELECT known.client, {count.format('accepted', 'waiting')}, {count.format('running', 'running')}, "
-            "(SELECT count(*) FROM jobs WHERE jobs.client = known.client) AS stored, "
-            "coalesce(ranks.rank, 0) AS rank, coalesce(uses.runs, 0) AS runs, coalesce(uses.cpu, 0) AS cpu "
-            "FROM (SELECT client FROM jobs UNION SELECT client FROM batches UNION SELECT client FROM ranks) AS known "
-            "LEFT JOIN ranks ON ranks.client = known.client "
-            f"LEFT JOIN uses ON uses.client = known.client AND uses.day = today() ORDER BY known.client"
-        )
-    ]
+    return [model.ClientUse(**dict(row)) for row in session.rows("clients")]
 
 
 def rank_client(session: Session, client: str, rank: int) -> None:
     """The client's jobs, also those to come, begin before (-1), with (0) or after (1) those of the others."""
-    session.run("DELETE FROM ranks WHERE client = ?", client)
+    session.run("forget_of_client", client, table="ranks")
     if rank:
-        session.run("INSERT INTO ranks VALUES (?, ?)", client, rank)
+        session.run("rank", client, rank)
 
 
 def prioritise_batch(session: Session, batch: str, priority: int) -> int:
     """Give the waiting jobs of a batch this priority; how many there are."""
-    lines = "SELECT job FROM lines WHERE batch = ? AND order_number IS NULL"
-    found = session.rows(f"SELECT id FROM jobs WHERE {OPEN} AND id IN ({lines}) ORDER BY id FOR UPDATE", batch)
-    session.run("UPDATE jobs SET priority = ? WHERE id AMONG (?)", priority, [row["id"] for row in found])
+    found = session.rows("waiting_of_batch", batch)
+    session.run("prioritize", priority, [row["id"] for row in found])
     return len(found)
 
 
 def leave_all(session: Session, client: str) -> list[str]:
     """Dismiss the single jobs that are open for a client; the ids of those that nobody else waits for, which stop."""
-    asked = session.rows(
-        f"SELECT id FROM jobs WHERE {OPEN} AND (client = ? OR id IN (SELECT job FROM askers WHERE client = ?)) "
-        "ORDER BY id",
-        client, client,
-    )  # fmt: skip
+    asked = session.rows("open_of_client", client, client)
     return [row["id"] for row in asked if dismiss(session, row["id"], client)[1]]
 
 
@@ -860,14 +638,9 @@ def erase_client(session: Session, client: str) -> int:
 
     Jobs that others wait for, or that a batch of another client names, lose its name instead.
     """
-    session.run("DELETE FROM lines WHERE batch IN (SELECT id FROM batches WHERE client = ?)", client)
+    session.run("forget_lines_of_client", client)
     for table in ("batches", "askers", "keys", "ranks", "uses"):
-        session.run(f"DELETE FROM {table} WHERE client = ?", client)
-    rows = session.rows(
-        f"SELECT id FROM jobs WHERE client = ? AND {FINISHED} AND NOT EXISTS (SELECT 1 FROM lines WHERE job = jobs.id) "
-        "ORDER BY id FOR UPDATE",
-        client,
-    )
-    forgotten = _delete(session, [row["id"] for row in rows])
-    session.run("UPDATE jobs SET client = '' WHERE client = ?", client)
+        session.run("forget_of_client", client, table=table)
+    forgotten = _delete(session, [row["id"] for row in session.rows("forgettable_of_client", client)])
+    session.run("disown", client)
     return forgotten
