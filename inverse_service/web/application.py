@@ -51,7 +51,7 @@ def create_application(settings: Settings) -> FastAPI:
         app.include_router(part.router)
     app.include_router(routes.open_router)
     app.include_router(routing.router, include_in_schema=False)
-    app.openapi = lambda: openapi.described(app)  # type: ignore[method-assign]
+    app.openapi = lambda: openapi.description_of(app)  # type: ignore[method-assign]
     if os.environ.get(ENDPOINT):
         trace(app)
     return app

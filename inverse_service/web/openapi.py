@@ -1,9 +1,12 @@
-"""The OpenAPI description: what is accepted and answered, also by routes that read their bodies themselves."""
+"""The OpenAPI description: what is accepted and answered, also by routes that read their bodies themselves.
 
+What follows from no model is in `openapi.json`, as the description has it.
+"""
+
+import copy
 import inspect
 import json
 from collections.abc import Iterator
-from functools import lru_cache
 from importlib import resources
 from typing import Any
 
@@ -20,6 +23,14 @@ from api_schemas.system import SystemDocument
 from inverse_service import catalogue
 from inverse_service.service.documents.answers import TITLES
 from inverse_service.web.problems import MEDIA_TYPE
+
+
+def _read(package: str, name: str) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads(resources.files(package).joinpath(name).read_text(encoding="utf-8"))
+    return found
+
+
+PARTS = _read("inverse_service.web", "openapi.json")
 
 
 def refusals(*statuses: int) -> dict[int | str, dict[str, Any]]:
@@ -53,69 +64,36 @@ KEY_AND_RATE = refusals(401, 429, 503)
 UNKNOWN = refusals(404) | KEY_AND_RATE
 BAD_BODY = refusals(400, 413, 415, 422, 500) | KEY_AND_RATE | refusals(410)
 SYSTEM_BODY = body_of(*DOCUMENTS)
-JOB_HEADERS = {
-    "Location": {"description": "The address of the job.", "schema": {"type": "string"}},
-    "Retry-After": {"description": "Seconds to wait before the next request.", "schema": {"type": "integer"}},
-}
-
-
-def _parameter(place: str, name: str, description: str, **schema: Any) -> dict[str, Any]:
-    return {"name": name, "in": place, "required": False, "description": description, "schema": schema}
-
-
-LIMIT = "Seconds; at most the limit of the service."
-TIME_LIMIT = _parameter("query", "time_limit", LIMIT, type="number", exclusiveMinimum=0)
-PREFER = _parameter("header", "Prefer", "respond-async, or wait=S with at most 20 s.", type="string")
-KEY = "Sent with one question, or one batch, only; distinguishes batches of the same lines."
-ONCE = _parameter("header", "Idempotency-Key", KEY, type="string", maxLength=255)
-TIME_LIMIT_QUERY = {"parameters": [TIME_LIMIT, PREFER, ONCE]}
-BATCH_PARAMETERS = {"parameters": [TIME_LIMIT, ONCE]}
+JOB_HEADERS = PARTS["job_headers"]
+TIME_LIMIT_QUERY = {"parameters": [PARTS["time_limit"], PARTS["prefer"], PARTS["key"]]}
+BATCH_BODY = {"requestBody": PARTS["batch_body"], "parameters": [PARTS["time_limit"], PARTS["key"]]}
 
 
 ASKED = (SystemDocument, NonholonomicDocument, LagrangianDocument)
 ANSWERED = (ResultDocument, ForwardResult, ParseAnswer, NonholonomicParseAnswer, ForwardParseAnswer)
 UNIONS = (SolveResult, JobResult, JobEvent, CheckedDocument, JobOptions)
 OTHERS = (SceneDocument, SimulationResult, WorkPrecisionResult, ProblemDocument)
-
-
-ID, TEXT = {"type": ["string", "number", "boolean", "null"]}, {"type": "string"}
-TAGS = {
-    "systems": "Decide whether a system comes from a Lagrangian: parse, solve, check.",
-    "simulations": "Scenes: integrate, and measure error against time.",
-    "jobs": "Long questions: their state, their events, and how to cancel them.",
-    "batches": "Many documents at once.",
-    "catalogue": "Named systems, and the atlas of those that were computed.",
-    "operations": "The health and the limits of the service.",
-}
 EXAMPLES = {"SystemDocument": "sho", "NonholonomicDocument": "vertically-rolling-disk"}
 
 
-def described(app: FastAPI) -> dict[str, Any]:
+def description_of(app: FastAPI) -> dict[str, Any]:
     """The whole description, made once."""
     if app.openapi_schema is None:
         found = get_openapi(title=app.title, version=app.version, summary=app.summary, routes=app.routes)
-        found["info"] |= {"description": DESCRIPTION, "license": {"name": "MIT", "identifier": "MIT"}}
-        found |= {"servers": [{"url": "/"}], "tags": [{"name": n, "description": d} for n, d in TAGS.items()]}
+        found["info"] |= PARTS["info"]
+        found |= PARTS["whole"]
         components = found.setdefault("components", {})
         components["schemas"] = _schemas(components.get("schemas", {}))
-        components["securitySchemes"] = {
-            "key": {"type": "apiKey", "in": "header", "name": "X-API-Key", "description": "Where keys are set."},
-            "bearer": {"type": "http", "scheme": "bearer", "description": "The same key as a token."},
-        }
-        found["security"] = [{}, {"key": []}, {"bearer": []}]
+        components["securitySchemes"] = PARTS["securitySchemes"]
         _finish_operations(found["paths"])
+        # What each field is, by its name, or by Model.name where that means another thing.
+        described = _read("api_schemas", "descriptions.json")
         for holder in _objects(found):
             for name, part in holder["properties"].items():
-                own = _descriptions().get(f"{holder.get('title')}.{name}")
-                part.setdefault("description", own or _descriptions().get(name, ""))
+                own = described.get(f"{holder.get('title')}.{name}")
+                part.setdefault("description", own or described.get(name, ""))
         app.openapi_schema = found
     return app.openapi_schema
-
-
-DESCRIPTION = (
-    "Second-order systems q'' = f(t, q, q') in; a Lagrangian and its Hamiltonian with a certificate, or a proof that "
-    "there is none, out. Errors are RFC 9457 problem documents with the place of each fault and what to write instead."
-)
 
 
 def _schemas(known: dict[str, Any]) -> dict[str, Any]:
@@ -131,8 +109,7 @@ def _schemas(known: dict[str, Any]) -> dict[str, Any]:
         known.update({name: parts[name] for name in parts if model not in UNIONS or name not in known})
         known[model.__name__] = schema
     for model in ASKED:
-        keys = {"id": ID, "metadata": {}, "options": any_of("JobOptions"), "time": TEXT, "$schema": TEXT}
-        known[model.__name__]["properties"] |= json.loads(json.dumps(keys))
+        known[model.__name__]["properties"] |= copy.deepcopy(PARTS["keys_of_documents"])
         known[model.__name__]["patternProperties"] = {"^_": {}}
     scene = known["SceneDocument"]["properties"]
     # A system written out is any object, so that more than one of these may fit.
@@ -140,7 +117,7 @@ def _schemas(known: dict[str, Any]) -> dict[str, Any]:
     for name, example in EXAMPLES.items():
         known[name]["examples"] = [catalogue.document(example)]
     for model in ANSWERED:
-        known[model.__name__]["properties"] |= {"document_id": dict(ID), "metadata": {}}
+        known[model.__name__]["properties"] |= {"document_id": dict(PARTS["keys_of_documents"]["id"]), "metadata": {}}
         # Its older name `id` is not described, so that an answer with an `id` is a job.
         known[model.__name__].pop("additionalProperties")
     for place in known["JobResult"]["discriminator"]["mapping"].values():
@@ -169,14 +146,6 @@ def _objects(value: Any) -> Iterator[dict[str, Any]]:
     elif isinstance(value, list):
         for part in value:
             yield from _objects(part)
-
-
-@lru_cache(maxsize=1)
-def _descriptions() -> dict[str, str]:
-    """What each field is, by its name, or by Model.name where that means another thing."""
-    text = resources.files("api_schemas").joinpath("descriptions.json").read_text(encoding="utf-8")
-    found: dict[str, str] = json.loads(text)
-    return found
 
 
 def _finish_operations(paths: dict[str, Any]) -> None:

@@ -3,7 +3,7 @@
 import asyncio
 import time
 from collections.abc import AsyncIterator
-from typing import Any, Literal
+from typing import Literal
 
 from fastapi import APIRouter, Depends
 from starlette.requests import Request
@@ -24,24 +24,7 @@ NDJSON = "application/x-ndjson"
 NDJSON_TYPES = frozenset({NDJSON, "application/ndjson", "application/jsonl", "application/x-jsonlines"})
 KindName = Literal["solve", "check", "simulate", "work-precision"]
 # A stream that wakes for every job would read the store more than it writes answers.
-LINES = {"type": "array", "items": {"type": "object", "description": "The answer of a line, with its `id`."}}
 SMALLEST_PAUSE, LARGEST_PAUSE = 0.02, 0.5
-# Any element is taken; one that is no document is answered by a problem object.
-BATCH_BODY: dict[str, Any] = {
-    "requestBody": {
-        "required": True,
-        "content": {
-            "application/json": {
-                "schema": {
-                    "type": "array",
-                    "minItems": 1,
-                    "items": {"description": "A document; what is none gets an error line."},
-                }
-            },
-            NDJSON: {"schema": {"type": "string"}},
-        },
-    }
-}
 
 
 @router.post(
@@ -49,7 +32,7 @@ BATCH_BODY: dict[str, Any] = {
     status_code=202,
     response_model=BatchDocument,
     responses={202: {"headers": openapi.JOB_HEADERS}, **openapi.BAD_BODY},
-    openapi_extra=BATCH_BODY | openapi.BATCH_PARAMETERS,
+    openapi_extra=openapi.BATCH_BODY,
 )
 async def create(request: Request, kind: KindName = "solve") -> Response:
     """Many documents: a JSON array, or NDJSON with one document per line; each may have its own `id`.
@@ -95,10 +78,7 @@ async def dismiss_batches(request: Request, id: str) -> Response:
 @router.get(
     "/v1/batches/{id}/results",
     response_class=StreamingResponse,
-    responses={
-        200: {"content": {NDJSON: {"schema": {"type": "string"}}, "application/json": {"schema": LINES}}},
-        **openapi.UNKNOWN,
-    },
+    responses={200: {"content": openapi.PARTS["batch_results"]}, **openapi.UNKNOWN},
 )
 async def results(request: Request, id: str) -> Response:
     """The answers as NDJSON in the order in which they come, each with the `id` of its line.
