@@ -224,10 +224,10 @@ class Engine:
     def _submit(self, request: model.JobRequest, key: str) -> tuple[model.Job, bool]:
         self._claim_key(request.client, key, request.id)
         found = self.store.job(request.id, PART)
-        if found is not None and found.is_final and not found.is_to_be_asked(request.fresh, time.time()):
+        is_open = found is not None and found.is_open
+        if found is not None and not (is_open or found.is_to_be_asked(request.fresh, time.time())):
             return found, True
-        is_known = found is not None and found.is_open
-        return self.supervisor.submit(request, self.bounds), is_known
+        return self.supervisor.submit(request, self.bounds), is_open
 
     def _claim_key(self, client: str, key: str, digest: str) -> None:
         """Refuses an Idempotency-Key that this client sent with something else."""

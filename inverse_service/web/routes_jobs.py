@@ -145,12 +145,13 @@ async def _stream(engine: Engine, id: str, viewer: model.Viewer, after: int) -> 
         nonlocal after
         found = await engine.job(id, viewer)
         new = await engine.read(engine.store.events, id, after)
-        is_last, is_final = not new and (found is None or found.is_final), found is not None and found.is_final
+        is_over = found is None or not found.is_open
+        is_last = is_over and not new
         if is_last and found is not None:
             new = await engine.read(supervisor.last_events, engine.store, found)
         fresh = [event for event in new if event.number > after]
         after = max((event.number for event in fresh), default=after)
-        return asking.Found(asking.each(map(written, fresh)), is_last, is_final)
+        return asking.Found(asking.each(map(written, fresh)), is_last, is_over)
 
     yield b"retry: 1000\n\n"
     async for part in engine.followed(id, look, STILL_THERE):

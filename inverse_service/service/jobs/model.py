@@ -106,15 +106,10 @@ class Job:
         """Whether an answer is still to come."""
         return self.status in OPEN
 
-    @property
-    def is_final(self) -> bool:
-        """Whether it is successful, failed or dismissed."""
-        return self.status in FINAL
-
     def is_to_be_asked(self, fresh: bool, now: float) -> bool:
         """Whether a question for this job is computed: it was cancelled, its answer expired or is to be new."""
         is_old = fresh or (self.expires is not None and self.expires <= now)
-        return self.status == "dismissed" or (self.is_final and is_old)
+        return self.status == "dismissed" or (is_old and not self.is_open)
 
 
 @dataclass(frozen=True, slots=True)

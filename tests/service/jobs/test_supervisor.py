@@ -63,7 +63,7 @@ def request(name: str = "") -> model.JobRequest:
 
 
 def final(store: SqliteStore, id: str) -> model.Job:
-    until(lambda: (job := store.job(id)) is not None and job.is_final)
+    until(lambda: (job := store.job(id)) is not None and not job.is_open)
     return present(store.job(id))
 
 
