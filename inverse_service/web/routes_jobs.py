@@ -5,7 +5,7 @@ import json
 import time
 from collections.abc import AsyncIterator
 from types import SimpleNamespace
-from typing import Any, Literal
+from typing import Literal
 
 from fastapi import APIRouter, Depends, Query
 from starlette.requests import Request
