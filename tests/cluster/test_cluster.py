@@ -17,7 +17,6 @@ import httpx
 import pytest
 
 from inverse_service import errors
-from inverse_service.service.cluster import front, remote
 from inverse_service.service.jobs import opening, tasks
 from tests.serving import serving, until
 
@@ -27,7 +26,8 @@ pytestmark = [
     # Dask leaves sockets and loops to the collector when it closes.
     pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::pytest.PytestUnraisableExceptionWarning"),
 ]
-from inverse_service.service.cluster.front import Cluster  # noqa: E402
+from inverse_service.service.jobs import cluster as on_dask  # noqa: E402
+from inverse_service.service.jobs.cluster import Cluster  # noqa: E402
 from inverse_service.service.jobs.outcome import Call  # noqa: E402
 from tests.cluster import processes  # noqa: E402
 
@@ -138,20 +138,21 @@ def test_the_service_solves_on_the_cluster(machines: processes.Cluster, tmp_path
 def test_a_cluster_with_another_program_is_refused(
     machines: processes.Cluster, cluster: Cluster, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    other = remote.fingerprint() | {"engine": "9.9"}
-    monkeypatch.setattr(front, "fingerprint", lambda: other)
-    stranger = Cluster(machines.address, MEMORY)
+    other = on_dask.fingerprint() | {"engine": "9.9"}
+    with monkeypatch.context() as patched:
+        patched.setattr(on_dask, "fingerprint", lambda: other)
+        stranger = Cluster(machines.address, MEMORY)
     with pytest.raises(errors.InputError, match=r"another program: engine .* instead of 9\.9; install the same"):
         stranger.start()
-    answer = remote.perform("k", Call(tasks.load_engine, (), 1.0), remote.Terms(other, MEMORY, "t"))
+    answer = on_dask.perform("k", Call(tasks.load_engine, (), 1.0), on_dask.Terms(other, MEMORY, "t"))
     assert isinstance(answer, str), "a worker that joins later must refuse too"
     assert "engine" in answer
 
 
 def test_what_differs_is_named() -> None:
-    ours = remote.fingerprint()
-    assert remote.difference(ours, ours) == ""
-    assert remote.difference(ours, ours | {"python": "3.1"}) == f"python 3.1 instead of {ours['python']}"
+    ours = on_dask.fingerprint()
+    assert on_dask.difference(ours, ours) == ""
+    assert on_dask.difference(ours, ours | {"python": "3.1"}) == f"python 3.1 instead of {ours['python']}"
 
 
 @pytest.mark.slow
@@ -163,6 +164,6 @@ def test_an_address_of_something_else_is_refused(address: str) -> None:
 
 @pytest.mark.slow
 def test_an_absent_scheduler_is_said_to_be_absent(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(front, "CONNECT", 0.5)
+    monkeypatch.setattr(on_dask, "CONNECT", 0.5)
     with pytest.raises(errors.InputError, match="No Dask scheduler answers"):
         opening.executor("tcp://127.0.0.1:9", 1, MEMORY).start()

@@ -122,6 +122,6 @@ def executor(cluster: str | None, count: int, memory_limit: int) -> Executor:
         raise errors.InputError("The address of a cluster must be that of a Dask scheduler, such as tcp://host:8786.")
     if find_spec("distributed") is None:
         raise errors.InputError("A cluster needs the extra: pip install 'inverse-service[dask]'.")
-    from inverse_service.service.cluster.front import Cluster
+    from inverse_service.service.jobs.cluster import Cluster
 
     return Cluster(cluster, memory_limit)

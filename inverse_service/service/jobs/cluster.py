@@ -1,9 +1,14 @@
-"""The front's side of a Dask cluster: tasks out, outcomes back, and both again when something dies.
+"""Work on many machines: a Dask cluster whose tasks host the same killable worker processes (extra `dask`).
 
-Dask tells the truth about tasks only as long as its scheduler lives. So every task stays here until
-its outcome is here: a scheduler that comes back gets the open ones again. A worker that dies is the
-scheduler's affair, which runs its tasks on another one; a task whose workers die again and again
-ends as a crash.
+The front's side: tasks out, outcomes back, and both again when something dies. Dask tells the truth about tasks only as
+long as its scheduler lives. So every task stays here until its outcome is here: a scheduler that comes back gets the
+open ones again. A worker that dies is the scheduler's affair, which runs its tasks on another one; a task whose workers
+die again and again ends as a crash.
+
+At the end what runs inside a Dask worker: a call on a pool of killable workers there. Dask can neither stop a running
+task nor bound its memory; the pool can. There is one pool for each Dask worker process, with one worker process for
+each of its threads. A Dask worker that is killed takes them with it: the death signal of `workers` reaches them through
+the server that forked them.
 """
 
 from __future__ import annotations
@@ -12,11 +17,14 @@ import asyncio
 import concurrent.futures
 import contextlib
 import logging
+import multiprocessing
+import sys
 import threading
 import time
 import uuid
 from collections.abc import Coroutine
 from dataclasses import dataclass
+from importlib.metadata import version
 from typing import Any
 
 import dask
@@ -24,8 +32,7 @@ import distributed
 from distributed.scheduler import KilledWorker
 
 from inverse_service.errors import InputError
-from inverse_service.service.cluster import remote
-from inverse_service.service.cluster.remote import Terms, difference, fingerprint
+from inverse_service.service.jobs import model, workers
 from inverse_service.service.jobs.outcome import Call, Outcome, Usage
 from inverse_service.service.jobs.workers import Report, Running
 
@@ -34,6 +41,31 @@ LOOK = 0.5
 CONNECT, CLOSE = 10.0, 2.0
 FAILURES = 20
 LOST = (asyncio.CancelledError, concurrent.futures.CancelledError)
+
+
+Fingerprint = dict[str, str]
+
+
+def fingerprint() -> Fingerprint:
+    """Of this process: the engine with a digest of its text, Python, and the packages that matter."""
+    python = f"{sys.version_info.major}.{sys.version_info.minor}"
+    return {"engine": model.engine_version(), "python": python} | {
+        name: version(name) for name in ("distributed", "python-flint")
+    }
+
+
+def difference(ours: Fingerprint, theirs: Fingerprint) -> str:
+    """What differs, in words; empty where nothing does."""
+    return ", ".join(f"{name} {theirs[name]} instead of {ours[name]}" for name in ours if theirs[name] != ours[name])
+
+
+@dataclass(frozen=True, slots=True)
+class Terms:
+    """What every task of a front is sent with: its versions, MiB for a process, where reports go."""
+
+    fingerprint: Fingerprint
+    memory_limit: int
+    topic: str
 
 
 @dataclass(slots=True, eq=False)
@@ -159,7 +191,7 @@ class Cluster:
             if task.is_cancelled:  # meanwhile
                 break
             key = f"{task.key}-{uuid.uuid4().hex[:8]}"
-            task.future = client.submit(remote.perform, task.key, task.call, self._terms, key=key, pure=False)
+            task.future = client.submit(perform, task.key, task.call, self._terms, key=key, pure=False)
             try:
                 found = await task.future
             except KilledWorker:
@@ -183,7 +215,7 @@ class Cluster:
         if task.future is not None:
             try:
                 await task.future.cancel()
-                await self._client.run(remote.cancel, task.key, wait=False)
+                await self._client.run(cancel, task.key, wait=False)
             except Exception as error:
                 log.warning("a cancelled task could not be stopped on the cluster (%s)", type(error).__name__)
 
@@ -219,7 +251,7 @@ class Cluster:
 
     async def _refuse_strangers(self, client: Any) -> None:
         """Raises InputError where a worker that is there now has another program, or none of ours."""
-        found = await client.run(remote.fingerprint, on_error="return")
+        found = await client.run(fingerprint, on_error="return")
         for theirs in found.values():
             if not isinstance(theirs, dict):
                 raise InputError(
@@ -244,3 +276,67 @@ async def _close(client: Any) -> None:
     """Disconnect, without waiting for a scheduler that is gone."""
     with contextlib.suppress(Exception):
         await asyncio.wait_for(client.close(), CLOSE)
+
+
+# A cold machine loads the engine and its kernels first; the deadline itself is the pool's.
+GRACE = 60.0
+
+
+_lock = threading.Lock()
+_pools: dict[int, workers.Workers] = {}
+_under_way: dict[str, workers.Running] = {}
+
+
+def perform(key: str, call: Call, terms: Terms) -> Outcome | str:
+    """The Dask task: the outcome of a call, or what differs between the front's program and this one."""
+    if differs := difference(terms.fingerprint, fingerprint()):
+        return differs
+    worker = distributed.get_worker()
+
+    def report(value: Any) -> None:
+        worker.log_event(terms.topic, {"key": key, "value": value})
+
+    pool = _pool(worker.state.nthreads, terms.memory_limit)
+    running = _under_way[key] = pool.submit(call, report)
+    try:
+        return running.outcome.result(workers.MOST_CROWDED * call.deadline + GRACE)
+    except concurrent.futures.TimeoutError:
+        running.cancel()
+        return Outcome("crash", detail="the worker processes kept silent past the deadline")
+    finally:
+        _under_way.pop(key, None)
+
+
+async def cancel(key: str) -> None:
+    """Kill the work on a call if this machine has it; runs in parallel with the tasks, not as one of them.
+
+    A coroutine, as Dask waits for all machines where it is a plain function.
+    """
+    if (running := _under_way.get(key)) is not None:
+        running.cancel()
+
+
+def _pool(count: int, memory_limit: int) -> workers.Workers:
+    """The pool of this process, of workers with this limit; one with another limit ends."""
+    with _lock:
+        if memory_limit in _pools:
+            return _pools[memory_limit]
+        for pool in _pools.values():
+            pool.stop()
+        _pools.clear()
+        # Under a nanny this process is daemonic, which multiprocessing takes for one without children.
+        multiprocessing.current_process().daemon = False
+        pool, started = workers.Workers(count, memory_limit), threading.Event()
+        threading.Thread(target=_keep, args=(memory_limit, pool, started), name="pool", daemon=True).start()
+        started.wait()
+        return pool
+
+
+def _keep(memory_limit: int, pool: workers.Workers, started: threading.Event) -> None:
+    """Start the pool, and never end: the kernel sends the death signal when the thread does that started the server."""
+    try:
+        pool.start()
+        _pools[memory_limit] = pool
+    finally:  # a pool that could not be started fails its task, and the next one makes another
+        started.set()
+    threading.Event().wait()

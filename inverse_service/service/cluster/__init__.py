@@ -1,1 +1,0 @@
-"""Work on many machines: a Dask cluster whose tasks host the same killable worker processes (extra `dask`)."""
