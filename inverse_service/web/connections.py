@@ -25,6 +25,8 @@ HEADERS, KEEP_ALIVE = 10.0, 30.0
 # A body may come this slowly after its first seconds.
 BODY_GRACE, BYTES_A_SECOND = 15.0, 10_000
 LOOK_EVERY = 1.0
+# What comes is parsed in pieces: that in which a head begins may have the end of a body before it, and is not counted.
+PIECE = 8192
 # So long what comes after a refused head is dropped before the connection is closed, s.
 LINGER = 2.0
 # What says how long a body is.
@@ -98,8 +100,8 @@ class Connection(HttpToolsProtocol):
         self._all = all_of_them
         self.address = ""
         self.since = time.monotonic()
-        # The headers of a head that has not come to its end; bytes of it, or of the body, in pieces that came whole.
-        self._head: list[tuple[bytes, bytes]] | None = None
+        # Whether a head has not come to its end; bytes of it, or of the body, after the piece in which it began.
+        self._is_in_head = False
         self._received = 0
         self._is_refused = self._is_repeated = False
 
@@ -119,19 +121,20 @@ class Connection(HttpToolsProtocol):
             work.cancel()
 
     def data_received(self, data: bytes) -> None:
-        if self._is_refused:
-            return
-        head = self._head
         self._unset_keepalive_if_required()
-        rest = memoryview(data)
-        try:
-            while rest:
-                rest = self._read(rest)
-        except httptools.HttpParserError:
-            self._refuse(middleware.NOT_HTTP)
-        self._received = (self._received if head is self._head else 0) + len(data)
-        if self._head is not None and self._received > middleware.LARGEST_HEADERS:
-            self._refuse(middleware.HEADERS_TOO_LARGE)
+        for begin in range(0, len(data), PIECE):
+            if self._is_refused:
+                return
+            rest = memoryview(data)[begin : begin + PIECE]
+            self._received += len(rest)
+            try:
+                while rest:
+                    rest = self._read(rest)
+            except httptools.HttpParserError:
+                self._refuse(middleware.NOT_HTTP)
+            else:
+                if self._is_in_head and self._received > middleware.LARGEST_HEADERS:
+                    self._refuse(middleware.HEADERS_TOO_LARGE)
 
     def _read(self, data: memoryview) -> memoryview:
         """Have the parser read this; what it left.
@@ -152,15 +155,15 @@ class Connection(HttpToolsProtocol):
 
     def on_message_begin(self) -> None:
         super().on_message_begin()
-        self._head = self.headers
+        self._is_in_head, self._received = True, 0
 
     def on_header(self, name: bytes, value: bytes) -> None:
         """A header of the head; what comes after a body in chunks is none."""
-        if self._head is not None:
+        if self._is_in_head:
             super().on_header(name, value)
 
     def on_headers_complete(self) -> None:
-        self._head, self.since = None, time.monotonic()
+        self._is_in_head, self._received, self.since = False, 0, time.monotonic()
         if not self._is_repeated:
             super().on_headers_complete()
 

@@ -116,7 +116,7 @@ def test_a_large_header_that_comes_in_parts_is_refused_alike(guarded: Guarded) -
     """The answer comes before the header has ended, and what is sent after it takes it from nobody."""
     port = int(guarded.address.rpartition(":")[2])
     with socket.create_connection(("127.0.0.1", port), timeout=30) as sent:
-        sent.sendall(b"GET /livez HTTP/1.1\r\nHost: 127.0.0.1\r\nX-Long: " + b"a" * 40_000)
+        sent.sendall(b"GET /livez HTTP/1.1\r\nHost: 127.0.0.1\r\nX-Long: " + b"a" * 48_000)
         answer = sent.recv(65_536)
         sent.sendall(b"a" * 60_000 + b"\r\n\r\n")
         while more := sent.recv(65_536):
@@ -148,6 +148,16 @@ def test_what_is_no_http_gets_a_problem_document(service: str, sent: bytes) -> N
     assert b"content-type: application/problem+json" in head
     assert b"x-content-type-options: nosniff" in head.lower()
     assert json.loads(body)["status"] == 400
+
+
+def test_the_next_head_may_begin_right_after_a_large_body(service: str) -> None:
+    body = b'{"equations": "x\'\'=-x"' + b" " * 60_000 + b"}"
+    with socket.create_connection(("127.0.0.1", int(service.rpartition(":")[2])), timeout=30) as sent:
+        sent.sendall(POST + b"Content-Length: %d\r\n\r\n" % len(body) + body + POST)
+        answer = sent.recv(65_536)
+        sent.sendall(b"Connection: close\r\nContent-Length: %d\r\n\r\n" % len(body) + body)
+        answer += b"".join(iter(lambda: sent.recv(65_536), b""))
+    assert answer.count(b"HTTP/1.1 200") == 2
 
 
 @pytest.mark.parametrize(("lines", "status"), [(400, b"200"), (7_000, b"431")])
