@@ -11,7 +11,7 @@ from starlette.routing import Route
 
 from inverse_service import __version__, errors
 from inverse_service.settings import Settings
-from inverse_service.web import known, middleware, openapi, problems, routes, routes_atlas, routes_jobs
+from inverse_service.web import known, middleware, openapi, problems, routes, routes_jobs
 from inverse_service.web.engine import Engine
 from inverse_service.web.pages import routing
 
@@ -47,7 +47,7 @@ def create_application(settings: Settings) -> FastAPI:
     for path, answer in routes_jobs.ASKED.items():  # before all others, and without the resolving of the framework
         app.router.routes.append(Route(path, answer, methods=["POST"], include_in_schema=False))
     app.include_router(routes_jobs.asked)
-    for router in (routes_jobs.router, routes.router, routes_jobs.batches, routes_atlas.router, routes.open_router):
+    for router in (routes_jobs.router, routes.router, routes_jobs.batches, routes.named, routes.open_router):
         app.include_router(router)
     app.include_router(routing.router, include_in_schema=False)
     app.openapi = lambda: openapi.description_of(app)  # type: ignore[method-assign]

@@ -1,23 +1,29 @@
-"""The calls that make no jobs: those under /v1, and what operators ask: does it live, is it ready, what does it do."""
+"""The calls that make no jobs: those under /v1, the catalogue and the atlas (by name, tag and equations) with them, and
+what operators ask: does it live, is it ready, what does it do."""
 
 import dataclasses
 import time
 from importlib import resources
+from typing import Annotated, Any
 
-from fastapi import APIRouter, Depends
+from fastapi import APIRouter, Depends, Query
 from starlette.requests import Request
 from starlette.responses import JSONResponse, PlainTextResponse, Response
 
 from api_schemas import base
+from api_schemas.job import AtlasEntry, AtlasLine, AtlasList
 from inverse_service import __version__, catalogue, errors
+from inverse_service.catalogue import atlas
 from inverse_service.expressions.refusals import LIMITS
+from inverse_service.service.documents import alike
 from inverse_service.service.jobs import batch, model, tasks, workers
 from inverse_service.service.jobs.metrics import gauge, written
-from inverse_service.web import asking, clients, openapi, routes_jobs
+from inverse_service.web import asking, clients, job_answers, openapi, routes_jobs
 from inverse_service.web.engine import Engine
-from inverse_service.web.problems import Refusal
+from inverse_service.web.problems import Refusal, known
 
 router = APIRouter(dependencies=[Depends(clients.require_client)])
+named = APIRouter(dependencies=[Depends(clients.require_client)], tags=["catalogue"])
 open_router = APIRouter()
 
 
@@ -52,16 +58,15 @@ async def check(request: Request) -> Response:
         return JSONResponse(await engine.check(clients.client_of(request), body))
 
 
-@router.get("/v1/catalogue", tags=["catalogue"], response_model=base.CatalogueList)
+@named.get("/v1/catalogue", response_model=base.CatalogueList)
 async def list_catalogue() -> Response:
     """The names and titles of all systems of the catalogue."""
     entries = [catalogue.entry(name) for name in catalogue.names()]
     return JSONResponse({"systems": [{key: e.get(key, "") for key in ("name", "title", "group")} for e in entries]})
 
 
-@router.get(
+@named.get(
     "/v1/catalogue/{name}",
-    tags=["catalogue"],
     responses={200: {"model": base.CatalogueEntry}, **openapi.refusals(404)},
 )
 async def catalogue_entry(name: str) -> Response:
@@ -73,6 +78,62 @@ async def catalogue_entry(name: str) -> Response:
         raise Refusal(404, "not-found", detail) from None
     entry = {key: entry[key] for key in base.CatalogueEntry.model_fields if key in entry}
     return JSONResponse(entry)
+
+
+LICENSE = "MIT"
+CITE = "The inverse-service atlas: systems of equations of motion with their Lagrangians, computed and checked."
+LATE = "Reading these equations takes too long for a search."
+
+
+def form_task(equations: str) -> str:
+    """The form of typed equations; InputError where they cannot be read."""
+    return alike.form_of(tasks.understand_task(model.split_options({"equations": equations, "parameters": "guess"})[0]))
+
+
+async def found_by(request: Request, words: str, tag: str, equations: str) -> list[dict[str, Any]]:
+    """The systems of a search; refuses equations that cannot be read."""
+    form = None
+    if equations.strip():
+        form = await routes_jobs.engine_of(request).made(
+            clients.client_of(request), form_task, equations[:4_000], late=LATE
+        )
+    return atlas.search(words[:200], tag[:80], form)
+
+
+@named.get("/v1/atlas", response_model=AtlasList, responses=openapi.refusals(422))
+async def search(
+    request: Request,
+    q: Annotated[str, Query(description="words of name, title, source, tags or equations")] = "",
+    tag: Annotated[str, Query(description="a tag, such as Kamke or constraints")] = "",
+    equations: Annotated[
+        str, Query(description="equations: systems of the same form, up to names, order and constant factors")
+    ] = "",
+) -> Response:
+    """Systems with computed answers, by words, by tag, and by equations."""
+    found = await found_by(request, q, tag, equations)
+    lines = [{key: entry[key] for key in AtlasLine.model_fields} for entry in found[:100]]
+    return JSONResponse({"count": len(found), "systems": lines, "license": LICENSE, "cite": CITE})
+
+
+@named.get("/v1/atlas.ndjson", response_class=Response, responses={200: {"content": {"application/x-ndjson": {}}}})
+async def whole(request: Request) -> Response:
+    """The whole atlas, one system per line."""
+    data, mark = atlas.whole()
+    headers = {
+        "ETag": f'"{mark}"',
+        "Cache-Control": "public, no-cache",
+        "Content-Disposition": 'attachment; filename="atlas.ndjson"',
+        "X-License": LICENSE,
+    }
+    if job_answers.is_known(request, headers["ETag"]):
+        return Response(status_code=304, headers=headers)
+    return Response(data, headers=headers, media_type="application/x-ndjson")
+
+
+@named.get("/v1/atlas/{name}", responses={200: {"model": AtlasEntry}, **openapi.refusals(404)})
+async def entry(name: str) -> Response:
+    """One system: its document, its answers, L, H and where they hold."""
+    return JSONResponse(known(atlas.entries().get(name), "system of this name; GET /v1/atlas searches the atlas."))
 
 
 @router.get("/v1/limits", response_model=base.LimitsAnswer)

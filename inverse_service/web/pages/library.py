@@ -18,7 +18,7 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 from inverse_service import __version__, errors
 from inverse_service.catalogue import atlas
 from inverse_service.reading.names import Names
-from inverse_service.web import routes_atlas
+from inverse_service.web import routes
 from inverse_service.web.pages import forms, rendering, typesetting
 from inverse_service.web.problems import Refusal
 
@@ -153,7 +153,7 @@ async def atlas_search(request: Request) -> HTMLResponse:
     most = MOST_SHOWN if query.get("all") else FIRST_SHOWN
     problem, found = "", []
     try:
-        found = await routes_atlas.found_by(request, sent["q"], sent["tag"], sent["equations"])
+        found = await routes.found_by(request, sent["q"], sent["tag"], sent["equations"])
     except (Refusal, errors.InputError) as error:
         problem = str(getattr(error, "detail", error))
     return rendering.page(
@@ -167,7 +167,7 @@ async def atlas_search(request: Request) -> HTMLResponse:
         whole=len(atlas.entries()),
         tags=list(atlas.tags().items())[:24],
         pictures=() if any(sent.values()) else pictures(),
-        license=routes_atlas.LICENSE,
+        license=routes.LICENSE,
     )
 
 
@@ -204,7 +204,7 @@ async def atlas_entry(name: str) -> HTMLResponse:
         body=body_of(name),
         alike=[one for one in atlas.search(form=found["form"]) if one["name"] != name][:12] if found["form"] else [],
         question=forms.question_address(found["document"]),
-        cite=routes_atlas.CITE,
+        cite=routes.CITE,
     )
 
 
