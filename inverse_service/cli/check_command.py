@@ -22,7 +22,7 @@ from inverse_service.cli import command_line as cli, solve_command
 from inverse_service.decision.solutions import SolveOptions
 from inverse_service.service.documents import plain_data
 from inverse_service.service.jobs import batch as batches, model, tasks, workers
-from inverse_service.service.jobs.outcome import value_of
+from inverse_service.service.jobs.tasks import value_of
 from inverse_service.settings import read_settings
 
 MAX_RESULT_BYTES = 200_000_000

@@ -19,7 +19,7 @@ from pydantic import BaseModel, Field
 from inverse_service import __version__, errors, settings
 from inverse_service.service.documents import answers, plain_data
 from inverse_service.service.jobs import model, tasks
-from inverse_service.service.jobs.outcome import Call, Outcome, value_of
+from inverse_service.service.jobs.tasks import Call, Outcome, value_of
 from inverse_service.service.jobs.workers import Workers
 
 INSTRUCTIONS = (

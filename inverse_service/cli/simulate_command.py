@@ -64,7 +64,7 @@ def value_in_time(task: Any, document: Any, limit: float) -> Any:
     outcome = workers.run_alone(task, (document, None, limit), limit, settings.read_settings().memory_limit)
     if outcome.status == "deadline":
         raise errors.WorkerFailed(f"The scene was not done in {limit:g} s: take fewer steps or a longer --time-limit.")
-    from inverse_service.service.jobs.outcome import value_of
+    from inverse_service.service.jobs.tasks import value_of
 
     return value_of(outcome)
 

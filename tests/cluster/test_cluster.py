@@ -28,7 +28,7 @@ pytestmark = [
 ]
 from inverse_service.service.jobs import cluster as on_dask  # noqa: E402
 from inverse_service.service.jobs.cluster import Cluster  # noqa: E402
-from inverse_service.service.jobs.outcome import Call  # noqa: E402
+from inverse_service.service.jobs.tasks import Call  # noqa: E402
 from tests.cluster import processes  # noqa: E402
 
 MEMORY = 2048

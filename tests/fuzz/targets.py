@@ -20,7 +20,7 @@ from inverse_service.reading.names import Names
 from inverse_service.reading.reader import read_formula
 from inverse_service.service.documents.documents import parse_document
 from inverse_service.service.documents.plain_data import read_json, read_toml, read_yaml
-from inverse_service.service.jobs.outcome import guard
+from inverse_service.service.jobs.tasks import guard
 
 SETTINGS = settings(
     max_examples=60, deadline=None, derandomize=True, database=None, suppress_health_check=list(HealthCheck)

@@ -12,7 +12,7 @@ import httpx
 import pytest
 
 from inverse_service.service.documents.documents import parse_document
-from inverse_service.service.jobs.outcome import guard
+from inverse_service.service.jobs.tasks import guard
 from tests.doors import calls
 from tests.doors.rows import rows
 

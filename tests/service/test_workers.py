@@ -16,7 +16,7 @@ from typing import Any
 import pytest
 
 from inverse_service.service.jobs import tasks, workers as workers_module
-from inverse_service.service.jobs.outcome import Call, Outcome, outcome_of_exit
+from inverse_service.service.jobs.tasks import Call, Outcome, outcome_of_exit
 from inverse_service.service.jobs.workers import MOST_CROWDED, Workers, run_alone
 
 MEMORY = 2048

@@ -14,10 +14,10 @@ from inverse_service.errors import InputError
 from inverse_service.service.jobs import sqlite_store
 from inverse_service.service.jobs.model import JobRequest, WrongVersion
 from inverse_service.service.jobs.opening import open_store
-from inverse_service.service.jobs.outcome import Usage
 from inverse_service.service.jobs.sqlite_store import SqliteStore
 from inverse_service.service.jobs.statements import VERSION, BatchLine
 from inverse_service.service.jobs.store import JobStore
+from inverse_service.service.jobs.tasks import Usage
 from tests.values import present
 
 OLD = Path(__file__).parent / "version_1"

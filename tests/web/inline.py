@@ -5,7 +5,7 @@ from __future__ import annotations
 from concurrent.futures import Future
 from typing import Any
 
-from inverse_service.service.jobs.outcome import Call, Outcome, guard
+from inverse_service.service.jobs.tasks import Call, Outcome, guard
 from inverse_service.service.jobs.workers import Running
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from inverse_service.errors import NoWorker
 from inverse_service.service.jobs import metrics
-from inverse_service.service.jobs.outcome import Outcome, Usage, value_of
+from inverse_service.service.jobs.tasks import Outcome, Usage, value_of
 from inverse_service.settings import Settings
 from inverse_service.web.application import create_application
 from inverse_service.web.engine import Engine

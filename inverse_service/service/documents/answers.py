@@ -10,7 +10,7 @@ from api_schemas.result import IncompletePart, ResultDocument, UnderstoodSystem
 from inverse_service import __version__, errors
 from inverse_service.decision.solutions import SolveOptions
 from inverse_service.service.documents import growing
-from inverse_service.service.jobs.outcome import Outcome, value_of
+from inverse_service.service.jobs.tasks import Outcome, value_of
 
 UNDERSTAND_DEADLINE = 2.0
 

@@ -33,8 +33,8 @@ from distributed.scheduler import KilledWorker
 
 from inverse_service.errors import InputError
 from inverse_service.service.jobs import model, workers
-from inverse_service.service.jobs.outcome import Call, Outcome, Usage
-from inverse_service.service.jobs.workers import Report, Running
+from inverse_service.service.jobs.tasks import Call, Outcome, Report, Usage
+from inverse_service.service.jobs.workers import Running
 
 log = logging.getLogger(__name__)
 LOOK = 0.5

@@ -125,9 +125,6 @@ class SqliteStore(JobStore):
             blob.seek(min(offset, len(blob)))
             return len(blob), blob.read(size)
 
-    def size(self) -> int:
-        return self._used_bytes()
-
     def try_to_write(self) -> None:
         if shutil.disk_usage(Path(self.address).parent).free < LEAST_FREE:
             raise model.StoreUnavailable("The disk of the database is nearly full, so that no question can be stored.")

@@ -17,7 +17,7 @@ from typing import Any, Final
 
 from inverse_service import errors
 from inverse_service.service.jobs import model
-from inverse_service.service.jobs.outcome import Usage
+from inverse_service.service.jobs.tasks import Usage
 
 NO_BOUNDS, NO_USE = model.Bounds(), Usage()
 VERSION: Final = 3

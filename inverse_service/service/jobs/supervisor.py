@@ -25,8 +25,8 @@ from typing import Any
 from inverse_service import errors
 from inverse_service.service.documents import answers, growing
 from inverse_service.service.jobs import metrics, model, tasks, workers
-from inverse_service.service.jobs.outcome import LIMITS, Call, Outcome, Usage
 from inverse_service.service.jobs.store import JobStore
+from inverse_service.service.jobs.tasks import LIMITS, Call, Outcome, Usage
 
 log = logging.getLogger(__name__)
 # Progress of running jobs: the latest for whoever asks, all of it for the store, a few times a second.

@@ -11,17 +11,17 @@ import importlib
 
 from inverse_service.decision.solutions import SolveOptions
 from inverse_service.service.compiling import warming
-from inverse_service.service.jobs import outcome, tasks, workers
+from inverse_service.service.jobs import tasks, workers
 
 SMALL = {"coordinates": ["x"], "equations": {"x": "-x"}}
 
 workers.die_with_parent()
-outcome.guard(tasks.load_engine)
+tasks.guard(tasks.load_engine)
 # Kernels and formulas of simulation take a second to import.
-outcome.guard(importlib.import_module, "inverse_service.service.scenes.simulating")
+tasks.guard(importlib.import_module, "inverse_service.service.scenes.simulating")
 if not warming.is_warm():  # who starts the pool has said so
     warming.warm_up()
-outcome.guard(tasks.solve_task, SMALL, SolveOptions(time_limit=10.0))
+tasks.guard(tasks.solve_task, SMALL, SolveOptions(time_limit=10.0))
 # What is loaded stays: workers need not look through it for garbage, which takes a tenth of a small solve, nor copy it.
 gc.collect()
 gc.freeze()

@@ -38,7 +38,7 @@ from pathlib import Path
 from typing import Any, Literal, Protocol
 
 from inverse_service.service.jobs import locks, tasks
-from inverse_service.service.jobs.outcome import Call, Outcome, Usage, guard, outcome_of_exit
+from inverse_service.service.jobs.tasks import Call, Outcome, Report, Usage, guard, outcome_of_exit
 
 PR_SET_PDEATHSIG = 1
 # The wall clock ends a task first; the bound on processor time is for tasks that start threads.
@@ -51,7 +51,6 @@ MOST_CROWDED = 2.0
 WARM = "inverse_service.service.jobs.warm"
 # What a task says is sent this often, so that a short one only says that it is done; s.
 BETWEEN_REPORTS = 0.1
-Report = Callable[[Any], None]
 _starting = threading.Lock()
 # What the server that forks the workers has loaded.
 _preloaded = [WARM]

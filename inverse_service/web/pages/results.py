@@ -22,8 +22,8 @@ from inverse_service.service.documents import text_page
 from inverse_service.service.figures import views
 from inverse_service.service.jobs.batch import answer_line
 from inverse_service.service.jobs.model import Job
-from inverse_service.service.jobs.outcome import Outcome
 from inverse_service.service.jobs.statements import BatchAnswer
+from inverse_service.service.jobs.tasks import Outcome
 from inverse_service.web import asking, clients, journal, routes_jobs
 from inverse_service.web.engine import LONG_DEADLINE, QUICK_DEADLINE, Engine
 from inverse_service.web.job_answers import MINIMAL, REVALIDATE, is_known, stored_response

@@ -13,9 +13,9 @@ from pathlib import Path
 import pytest
 
 from inverse_service.service.jobs.model import DatabaseTaken, Job, JobRequest
-from inverse_service.service.jobs.outcome import Usage
 from inverse_service.service.jobs.sqlite_store import SqliteStore
 from inverse_service.service.jobs.statements import BatchLine
+from inverse_service.service.jobs.tasks import Usage
 
 USAGE = Usage(1.0, 0.5, 100.0)
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from inverse_service.service.jobs.outcome import Outcome
+from inverse_service.service.jobs.tasks import Outcome
 from inverse_service.web import clients
 from inverse_service.web.pages import results, solve
 from inverse_service.web.problems import Refusal
