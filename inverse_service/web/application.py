@@ -29,6 +29,7 @@ def create_application(settings: Settings) -> FastAPI:
     app = FastAPI(
         title=TITLE, version=__version__, summary=SUMMARY, lifespan=_lifespan, docs_url=None, redoc_url=None,
         generate_unique_id_function=lambda route: route.name,
+        telemetry={"tracing": False, "metrics": False, "logs": False},  # see `trace`, and /metrics
     )  # fmt: skip
     app.state.engine = Engine(settings)
     problems.install(app, routing.page_of_refusal)

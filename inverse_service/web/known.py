@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import threading
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Final
@@ -70,14 +70,6 @@ class KnownAnswers:
                 self._bytes -= sum(len(answer.body) for answer in gone if answer)
 
 
-def digest(*parts: bytes) -> bytes:
-    """The key of a question: everything that its answer depends on."""
-    found = hashlib.sha256()
-    for part in parts:
-        found.update(len(part).to_bytes(8, "big") + part)
-    return found.digest()
-
-
 # Where questions are asked, by path: the kind of job.
 ASKED: Final = {f"/v1/{kind}": kind for kind in ("solve", "simulate", "work-precision")}
 # The headers that an answer depends on; it holds for the same ones, letter by letter.
@@ -91,9 +83,10 @@ OF_A_CALL: Final = frozenset((b"ratelimit", b"ratelimit-policy"))
 SMALL_QUESTION = 64 * 1024
 
 
-def _key_of(scope: Scope, body: bytes, read: Iterable[tuple[bytes, bytes]]) -> bytes:
-    place = (scope["scheme"].encode(), scope["path"].encode(), scope["query_string"])
-    return digest(*place, body, *(part for pair in read for part in pair))
+def _key_of(scope: Scope, body: bytes, read: Sequence[tuple[bytes, bytes]]) -> bytes:
+    """The key of a question: everything that its answer depends on."""
+    about = (scope["scheme"], scope["path"], scope["query_string"], body, read)
+    return hashlib.sha256(repr(about).encode()).digest()
 
 
 def may_be_kept(scope: Scope, job: str) -> None:

@@ -4,6 +4,7 @@ Stricter than the libraries: a key given twice, NaN and the infinities, lone sur
 of thousands of digits, YAML anchors and deep nesting are refused. Decimal numbers stay exact.
 """
 
+import contextlib
 import functools
 import json
 import re
@@ -14,7 +15,8 @@ from typing import Any, NoReturn
 from inverse_service import errors
 
 MAX_DEPTH = 64
-_WRITER = json.JSONEncoder(allow_nan=False)
+_WRITER = json.JSONEncoder(allow_nan=False, separators=(",", ":"))
+_SORTING_WRITER = json.JSONEncoder(allow_nan=False, separators=(",", ":"), sort_keys=True)
 MAX_NUMBER_CHARACTERS = 400
 # Possessive: the match never backtracks, so that a string of megabytes takes no extra memory.
 _JSON_STRING = re.compile(rb'"(?:[^"\\]++|\\.)*+(?:"|\Z)', re.DOTALL)
@@ -52,6 +54,8 @@ def read_json(data: bytes | str) -> Any:
 
 def write_json(value: Any, sort: bool = False) -> str:
     """Plain data as JSON in ASCII; a Decimal is written as the number it was read from."""
+    with contextlib.suppress(TypeError):  # there is one
+        return (_SORTING_WRITER if sort else _WRITER).encode(value)
     if isinstance(value, Mapping):
         keys = sorted(value) if sort else list(value)
         return "{" + ",".join(f"{json.dumps(key)}:{write_json(value[key], sort)}" for key in keys) + "}"
