@@ -316,6 +316,11 @@ class Supervisor:
         """How many jobs may be claimed: as many as run, and as many again, so that no worker waits for the disk."""
         return 2 * self._executor.capacity - len(self._running)
 
+    @property
+    def _together(self) -> int:
+        """How many are claimed in one commit, at least: no worker waits as long as fewer have ended."""
+        return min(self._executor.capacity, AHEAD)
+
     def _room(self, client: str | None = None) -> tuple[int, int]:
         """How many jobs may be claimed, and how many of one client may run with them.
 
@@ -333,7 +338,7 @@ class Supervisor:
         while True:
             self._more = True
             free, most = self._room()
-            if free < min(self._executor.capacity, AHEAD):  # no worker waits yet: several are claimed in one commit
+            if free < self._together:
                 return
             self._more = False  # who accepts one from now on sets it again
             if not self._store.is_waiting():
@@ -414,7 +419,7 @@ class Supervisor:
             finally:
                 with self._lock:
                     self._running.pop((job.id, job.attempt), None)
-                if self._more:
+                if self._more and self._room()[0] >= self._together:
                     self._wake.set()
 
     def _insist(self, job: model.Job, outcome: Outcome) -> None:
