@@ -20,7 +20,9 @@ ROOT = HERE.parents[1]
 PYTHON = "3.11"
 PROCESSORS = ("x86_64", "aarch64")
 BUILD = "build"
-EXTRAS = ("dask", "postgres")
+# Those of every image, and those that its builder may choose. The image is without uPlot, which brings IPython along.
+ALWAYS, EXTRAS = ("figures", "simulation"), ("dask", "postgres")
+WITHOUT = "uplot-python"
 Wheels = dict[str, set[str]]
 
 
@@ -53,11 +55,15 @@ def write(name: str, found: Wheels, there: Wheels) -> None:
 
 def main() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
-    needed = project["project"]["dependencies"]
+    extras = project["project"]["optional-dependencies"]
+    needed = [
+        *project["project"]["dependencies"],
+        *(one for extra in ALWAYS for one in extras[extra] if not one.startswith(WITHOUT)),
+    ]
     base = wheels(needed)
     write("", base, {})
     for extra in EXTRAS:
-        write(f"-{extra}", wheels([*needed, *project["project"]["optional-dependencies"][extra]]), base)
+        write(f"-{extra}", wheels([*needed, *extras[extra]]), base)
     write(f"-{BUILD}", wheels(["pip", *project["build-system"]["requires"]]), {})
 
 
