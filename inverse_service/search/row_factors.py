@@ -121,11 +121,12 @@ class Lines:
 
 
 def lagrangians_of_lines(
-    system: SecondOrderSystem, given: Sequence[ex.Expression], table: RealTable | None = None, signs: bool = False
-) -> Iterator[ex.Expression]:
+    system: SecondOrderSystem, given: Sequence[ex.Expression], table: RealTable | None = None, signs: bool = False,
+    sums: bool = False,
+) -> Iterator[ex.Expression]:  # fmt: skip
     """Those of the equations E = 0 as given and of q'' - f, each for the caller to check.
 
-    `signs`: integrals that are not elementary may stay.
+    `signs`: integrals that are not elementary may stay; `sums`: of lines whose matrix is symmetric, too.
     """
     for equations in dict.fromkeys((tuple(given), () if system.is_unsolved else solved(system))):
         if len(equations) != len(system.coordinates):
@@ -134,7 +135,7 @@ def lagrangians_of_lines(
             lines = lines_of(system, equations)
         except _FAILED:
             continue
-        for scaled in _proposed_lines(lines):
+        for scaled in _proposed_lines(lines, sums):
             check()
             integrator = gradients.Integrator(system, table, signs)
             try:
@@ -145,26 +146,27 @@ def lagrangians_of_lines(
                 yield found
 
 
-def _proposed_lines(lines: Lines) -> Iterator[Lines]:
-    """The lines times factors that make the matrix symmetric; before other orders than theirs, sums of the lines.
+def _proposed_lines(lines: Lines, sums: bool) -> Iterator[Lines]:
+    """The lines times factors that make the matrix symmetric, those in their own order first, and sums of the lines.
 
     Two oscillators that are solved for their accelerations have two Lagrangians: sums show the one that is short.
     """
-    orders = islice(symmetric_lines(lines), _ORDERS)
-    first = next(orders, None)
-    if first is None or list(first.order) != list(lines.places) or (len(lines.rest) == 2 and lines.are_oscillators):
+    orders = [*islice(symmetric_lines(lines), _ORDERS)]
+    own = [one for one in orders[:1] if list(one.order) == list(lines.places)]
+    short = len(lines.rest) == 2 and lines.are_oscillators
+    yield from () if short else own
+    if sums or short or not own:
         with suppress(*_FAILED):
-            sums = _self_adjoint_sums(lines)
-            if sums is not None:
-                yield sums
-    if first is not None:
-        yield from (first, *orders)
+            found = _self_adjoint_sums(lines)
+            if found is not None:
+                yield found
+    yield from orders if short else orders[len(own) :]
 
 
 def propose(material: Material, seed: int) -> Sequence[ex.Expression]:
     """The first of those of q'' - f; without t where L(q, q') is requested."""
     system, point = material.analysis.system, material.analysis.real_point
-    trees = chain.from_iterable(lagrangians_of_lines(system, (), point, signs) for signs in (False, True))
+    trees = chain.from_iterable(lagrangians_of_lines(system, (), point, signs, not signs) for signs in (False, True))
     return [*islice((tree for tree in trees if material.motion.with_time or not ex.holds(tree, ex.TIME)), 1)]
 
 
