@@ -195,6 +195,10 @@ class Integrator:
             fields |= {(i, j): part for j, part in enumerate(parts[1]) if part}
         if not all(is_zero(tm.add_terms(field, fields.get((j, i), {}))) for (i, j), field in fields.items()):
             return None
+        # Of two forms of one field, such as (2 + sqrt(5))^(1/3) and (1 + sqrt(5))/2, one.
+        fields = {
+            (i, j): tm.scaled(fields[j, i], -1) if (j, i) in fields and i > j else f for (i, j), f in fields.items()
+        }
         potential = self._vector_potential(fields, slopes)
         if potential is None:
             return None

@@ -276,7 +276,7 @@ class OneMatrix:
         """-(W_i + F_ij v_j): the Euler-Lagrange expressions that A_i v_i - V has over phi."""
         n = len(self.forces)
         places = list(combinations(range(n), 2))
-        drag = differentiate(tm.tree_of(phi), ex.TIME) / tm.tree_of(phi)  # d_t log phi
+        drag = tm.collected(differentiate(tm.tree_of(phi), ex.TIME) / tm.tree_of(phi))  # d_t log phi
 
         def form(fixed: Given, count: int) -> tuple[Numbers, Points]:
             points = self.points(fixed, count).again([np.zeros(count, np.int64)] * n)
