@@ -5,7 +5,7 @@ from contextlib import suppress
 from dataclasses import replace
 from fractions import Fraction
 from functools import lru_cache, partial
-from itertools import combinations
+from itertools import combinations, product
 from math import isqrt, prod
 
 from inverse_service import bounds, errors
@@ -16,7 +16,7 @@ from inverse_service.field.point import variables_in
 from inverse_service.field.tower import AngleRule, Tower, to_kernels
 from inverse_service.mechanics import quadratic_forms, writing
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.search import angles, gradients, terms as tm
+from inverse_service.search import angles, gradients, material, terms as tm
 
 _HALF = Fraction(1, 2)
 
@@ -45,11 +45,16 @@ def tidied(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
         tree = _finite(_regular_gauge(tree, system), system)
     if _size(tree) > bounds.TERMS:
         return tree
-    while (shorter := _shortest(tree, system)) != tree:
-        tree = shorter
-    tree = _with_squares_inside(system, writing.joined(tree))
+    tree = _with_squares_inside(system, writing.joined(_shortened(tree, system)))
     tree = writing.numbers_outside(writing.minus_inside(ex.negated(tree) if _is_upside_down(tree) else tree))
     return _in_order(_turns_together(_grouped_alike(kinetic_first(tree)), _parameters(system)), system)
+
+
+def _shortened(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
+    """The shortest form of the shortest form, and so on."""
+    while (shorter := _shortest(tree, system)) != tree:
+        tree = shorter
+    return tree
 
 
 def _in_order(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
@@ -255,11 +260,10 @@ def _other_forms(tree: ex.Expression, system: SecondOrderSystem) -> list[ex.Expr
     found = []
     constants = partial(_by_parameters, _parameters(system))
     of_system: tuple[Callable[[SecondOrderSystem, ex.Expression], ex.Expression], ...] = (
-        _grouped, _by_rates, _with_whole_squares, _by_functions, _with_shifted_rates, _with_springs,
-        _by_sines, _by_cosines,
+        _with_common_factor, _grouped, _by_rates, _with_whole_squares, _by_functions, _with_shifted_rates,
+        _with_springs, _by_sines, _by_cosines,
     )  # fmt: skip
-    common = partial(_with_common_factor, constants)
-    forms: list[Callable[[ex.Expression], ex.Expression]] = [collected_inside, common, constants]
+    forms: list[Callable[[ex.Expression], ex.Expression]] = [collected_inside, constants]
     forms += [partial(one, system) for one in of_system]
     for form in forms:
         try:
@@ -308,8 +312,8 @@ def collected_inside(tree: ex.Expression) -> ex.Expression:
     return min(tree, collecting.collect(tree), key=_size) if isinstance(tree, ex.Sum) else tree
 
 
-def _with_common_factor(form: Callable[[ex.Expression], ex.Expression], tree: ex.Expression) -> ex.Expression:
-    """What all terms share before a bracket, kinetic terms in that form: e^(ct) (x'^2 - x^2)/2.
+def _with_common_factor(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
+    """What all terms share before a bracket: e^(ct) (x'^2 - x^2)/2.
 
     It is made of exponentials of t and of what all terms are divided by.
     """
@@ -323,10 +327,7 @@ def _with_common_factor(form: Callable[[ex.Expression], ex.Expression], tree: ex
         return tree
     content = content if content == Fraction(1, 2) else Fraction(1)
     rest = {tm.times(key, common, -1): value / content for key, value in terms.items()}
-    moving = {key: value for key, value in rest.items() if any(tm.has_velocity(p) for p, _ in key)}
-    kinetic = min(tm.tree_of(moving), form(tm.tree_of(moving)), key=_preference)
-    inside = kinetic + tm.tree_of({key: value for key, value in rest.items() if key not in moving})
-    return content * tm.monomial_tree(common) * inside
+    return content * tm.monomial_tree(common) * kinetic_first(_shortened(tm.tree_of(rest), system))
 
 
 def _with_whole_squares(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
@@ -487,24 +488,48 @@ def _with_shifted_rates(system: SecondOrderSystem, tree: ex.Expression) -> ex.Ex
 
 
 def _with_springs(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
-    """c (sqrt(s) - l)^2 for c s - 2 c l sqrt(s) with constants c and l, as for a spring of length l."""
-    if not any(isinstance(node, ex.Power) and node.exponent == ex.HALF for node in ex.walk(tree)):
-        return tree
-    terms, constants = tm.terms_of(tree), _parameters(system)
-    for root in dict.fromkeys(p for key in terms for p, e in key if e == _HALF and isinstance(p, ex.Sum)):
-        linear = {key: c for key, c in terms.items() if (root, _HALF) in key}
-        whole = tm.terms_of(root)
-        ((first, unit), *_) = whole.items()
-        for key, value in terms.items():
-            stiffness, c = tm.times(key, first, -1), value / unit
-            square = {tm.times(other, stiffness): c * a for other, a in whole.items()}
-            if len(linear) == 1 and all(terms.get(other) == a for other, a in square.items()):
-                ((key, value),) = linear.items()
-                length = value / (2 * c) * tm.monomial_tree(tm.times(key - {(root, _HALF)}, stiffness, -1))
-                if constants.issuperset(variables_in(length * tm.monomial_tree(stiffness))):
-                    rest = tm.add_terms(tm.add_terms(terms, square, -1), linear, -1)
-                    return tm.tree_of(rest) + c * tm.monomial_tree(stiffness) * (ex.square_root(root) + length) ** 2
+    """c (u - l)^2 for c u^2 - 2 c l u with constants c and l: another constant in the potential.
+
+    u is a coordinate, its sine or cosine, or a root, as for a spring of length l.
+    """
+    constants = _parameters(system)
+    parts = [term for term in ex.summands(tree) if not tm.has_velocity(term)]
+    for p in dict.fromkeys(p for term in parts for key in tm.terms_of(term) for p, _ in key if p not in constants):
+        held = [term for term in parts if ex.holds(term, *(set(variables_in(p)) - constants))]
+        terms, u = tm.terms_of(ex.add(*held)), frozenset([(p, _HALF if isinstance(p, ex.Sum) else Fraction(1))])
+        squares = [tm.terms_of(p) if isinstance(p, ex.Sum) else {tm.times(u, u): Fraction(1)}]
+        if isinstance(p, ex.Apply) and p.function in ("sin", "cos"):
+            (other,) = material.companions(p)
+            squares.append({tm.times(tm.EMPTY, tm.monomial(other), 2): Fraction(-1)})
+        linear = {key: c for key, c in terms.items() if u <= key and constants.issuperset(q for q, _ in key - u)}
+        for square, key in product(squares, terms if len(linear) == 1 else ()):
+            found = _spring(terms, u, linear, square, key, constants)
+            if found is not None:
+                return ex.add(*(term for term in ex.summands(tree) if term not in held), found)
     return tree
+
+
+def _spring(
+    terms: tm.Terms,
+    u: tm.Monomial,
+    linear: tm.Terms,
+    square: tm.Terms,
+    first: tm.Monomial,
+    constants: frozenset[ex.Symbol],
+) -> ex.Expression | None:
+    """The terms with c (u - l)^2 for c square + linear, `first` being the first term of c square; without c l^2."""
+    ((part, unit), *_), ((key, value),) = square.items(), linear.items()
+    stiffness, c = tm.times(first, part, -1), terms[first] / unit
+    whole = {tm.times(other, stiffness): c * a for other, a in square.items()}
+    length = tm.times(key - u, stiffness, -1)
+    below = frozenset((q, -e) for q, e in length if e < 0)  # m (R + l sin u)^2 for m l^2 (R/l + sin u)^2
+    held = variables_in(tm.monomial_tree(length) * tm.monomial_tree(stiffness))
+    is_plain = held and constants.issuperset(held) and all(dict(stiffness).get(q, 0) >= 2 * e for q, e in below)
+    if not is_plain or any(terms.get(other) != a for other, a in whole.items()):
+        return None
+    rest = tm.add_terms(tm.add_terms(terms, whole, -1), linear, -1)
+    side = tm.tree_of({tm.times(u, below): Fraction(1), tm.times(length, below): value / (2 * c)})
+    return tm.tree_of(rest) + c * tm.monomial_tree(tm.times(stiffness, below, -2)) * side**2
 
 
 def _by_squares_of(name: str, other: str, system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:

@@ -38,7 +38,7 @@ def split(function: ex.Expression, names: Sequence[str], momenta: Mapping[str, e
 
     Terms of a sum that hold no velocity are left as they are written.
     """
-    terms = function.terms if isinstance(function, ex.Sum) else (function,)
+    terms = [part for term in ex.summands(function) for part in _apart(term, names)]
     plain = [term for term in terms if not short_forms.velocities_in(term, names)]
     moving = collecting.expand(ex.add(*(term for term in terms if short_forms.velocities_in(term, names))))
     free: list[collecting.Term] = []
@@ -57,6 +57,15 @@ def split(function: ex.Expression, names: Sequence[str], momenta: Mapping[str, e
     functions = [collecting.terms_tree(term for found, term in coupled if found <= set(g)) for g in groups]
     blocks = tuple(Block(f, g, momenta) for f, g in zip(functions, groups, strict=True))
     return Parts(ex.add(*plain, _short(free)), {name: _short(found) for name, found in linear.items()}, blocks)
+
+
+def _apart(term: ex.Expression, names: Sequence[str]) -> list[ex.Expression]:
+    """exp(c t) T and exp(c t) V of exp(c t) (T + V)."""
+    sums = [factor for factor in ex.factors_of(term) if isinstance(factor, ex.Sum)]
+    if len(sums) != 1 or not short_forms.velocities_in(term, names):
+        return [term]
+    outside = ex.multiply(*(factor for factor in ex.factors_of(term) if factor is not sums[0]))
+    return [outside * part for part in sums[0].terms]
 
 
 def without(monomial: collecting.Monomial, names: Collection[str]) -> collecting.Monomial:
