@@ -19,16 +19,15 @@ from inverse_service.expressions.letters import (
 from inverse_service.expressions.refusals import LIMITS, at_most, refusal, shorten
 from inverse_service.reading import components, names as nm, tokens as plain
 from inverse_service.reading.reasons import reasons
-from inverse_service.reading.tokens import FACTOR, FRACTION, PARTIAL, TOTAL, Token, Tokens
+from inverse_service.reading.tokens import FACTOR, FRACTION, PARTIAL, TOTAL, Token, Tokens, bracket
 
 _WRAPPERS = (("$$", "$$"), ("$", "$"), (r"\[", r"\]"), (r"\(", r"\)"))
 _NO_LETTER = "(?![A-Za-z])"
-# Spacing inside an argument, and what is passed over outside one.
-_WIDTHS = f"(?:displaystyle|textstyle|limits|(?:big|Big|bigg|Bigg)[lr]?){_NO_LETTER}"
-_GAP = rf"(?:[{''.join(SPACES)}~\n]|\\(?:[,;:! \n]|{_WIDTHS}))"
+# Spacing, which becomes blanks before anything else is read; a wide gap is a line end. A \\\\ is none.
 _ENVIRONMENTS = "alignat|aligned|align|array|d?cases|equation|gathered|gather|split|eqnarray"
 _SPACE = re.compile(
-    rf"(?P<line>\n|\\q?quad{_NO_LETTER})|(?P<cell>&)|{_GAP}|\\(?:nonumber|notag){_NO_LETTER}"
+    rf"(?P<row>\\\\)|(?P<line>\\q?quad{_NO_LETTER})|[{''.join(SPACES)}~]|\\[,;:! \n]"
+    rf"|\\(?:displaystyle|textstyle|limits|nonumber|notag|(?:big|Big|bigg|Bigg)[lr]?){_NO_LETTER}"
     r"|\\(?:label|tag\*?)\s*\{[^{}]*\}"
     rf"|\\(?:begin|end)\s*\{{\s*(?:{_ENVIRONMENTS})\*?\s*\}}(?:\s*\{{[lcr| ]*\}})?"
 )
@@ -38,30 +37,29 @@ _COMMAND = re.compile(rf"\\(?:(operatorname\*|[A-Za-z]+)|(\\){_ROW_SPACE}|(.))",
 _MARKED_LETTER = re.compile(f"[A-Za-z{''.join(GREEK)}][{''.join((*DOTS, *SUBSCRIPTS))}]+")
 
 
-def _after_gap(pattern: str) -> re.Pattern[str]:
-    return re.compile(f"{_GAP}*{pattern}", re.DOTALL)
+def _after_blanks(pattern: str) -> re.Pattern[str]:
+    return re.compile(rf"\s*{pattern}", re.DOTALL)
 
 
 _INNER = r"(?:[^{}]|\{(?:[^{}]|\{[^{}]*\})*\})*"  # of braces, with two levels of others in them
 _FONT = r"\\(?:mathrm|operatorname\*?|textrm|text|mathit|rm)" + _NO_LETTER
-_OPEN, _CLOSE, _BELOW, _RAISED = map(_after_gap, (r"(\{)", r"(\})", "(_)", rf"([{''.join(SUPERSCRIPTS)}^])"))
-_PIECE = _after_gap(
-    rf"((?:(?:{_FONT}|\\(?:bar|tilde|widetilde){_NO_LETTER}){_GAP}*)?(?:\{{{_INNER}\}}|\\[A-Za-z]+|[0-9]+|.))"
+_OPEN, _CLOSE, _BELOW, _RAISED = map(_after_blanks, (r"(\{)", r"(\})", "(_)", rf"([{''.join(SUPERSCRIPTS)}^])"))
+_PIECE = _after_blanks(
+    rf"((?:(?:{_FONT}|\\(?:bar|tilde|widetilde){_NO_LETTER})\s*)?(?:\{{{_INNER}\}}|\\[A-Za-z]+|[0-9]+|.))"
 )
-_PRIME = _after_gap(rf"([{''.join(PRIMES)}]|\\prime{_NO_LETTER})")
-_OVER = _after_gap(rf"(\\over{_NO_LETTER})")
-_ROMAN = re.compile(rf"\{{{_GAP}*\\rm{_NO_LETTER}")
-_LEFT = _after_gap(rf"(\\left){_NO_LETTER}")
-_SIDE = re.compile(rf"\\(left|right){_NO_LETTER}{_GAP}*(.)", re.DOTALL)
-_DELIMITER = _after_gap(r"(?:\\([A-Za-z]+|.)|(.))")
-_DEGREE = _after_gap(rf"\[{_GAP}*(?:([0-9]+){_GAP}*\])?")
+_PRIME = _after_blanks(rf"([{''.join(PRIMES)}]|\\prime{_NO_LETTER})")
+_OVER, _LEFT = _after_blanks(rf"\\over{_NO_LETTER}"), _after_blanks(rf"\\left{_NO_LETTER}")
+_ROMAN = re.compile(rf"\{{\s*\\rm{_NO_LETTER}")
+_SIDE = re.compile(rf"\\(left|right){_NO_LETTER}\s*(.)", re.DOTALL)
+_DELIMITER = _after_blanks(r"(?:\\([A-Za-z]+|.)|(.))")
+_DEGREE = _after_blanks(r"\[\s*(?:([0-9]+)\s*\])?")
 _RUN = re.compile("[A-Za-z0-9]+")
 _BRACKET = re.compile(r"\\(?:[A-Za-z]+|.)|[][(){}+\u2212-]", re.DOTALL)
 _INDEX = r"(?:\{[^{}]*\}|\\[A-Za-z]+|.)"
-_INDICES = _after_gap(rf"{_INDEX}(?:{_GAP}*_{_GAP}*{_INDEX})*")
-_INTO, _OUT = rf"(?:{_GAP}|\{{|\\left{_NO_LETTER})*", rf"(?:{_GAP}|\}}|\\right{_NO_LETTER})*"
+_INDICES = _after_blanks(rf"{_INDEX}(?:\s*_\s*{_INDEX})*")
+_INTO, _OUT = rf"(?:\s|\{{|\\left{_NO_LETTER})*", rf"(?:\s|\}}|\\right{_NO_LETTER})*"
 _RAISED_BRACKETS = re.compile(rf"\{{{_INTO}[(\[]{_INTO}\\?(\w+){_OUT}[)\]]{_OUT}\}}")
-_RAISED_ONE = _after_gap(rf"(?:\{{{_GAP}*(?=1{_GAP}*\}})|(?=1(?![\w.+-])))")
+_RAISED_ONE = _after_blanks(r"(?:\{\s*(?=1\s*\})|(?=1(?![\w.+-])))")
 
 
 # \begin{cases} -x & x > 0 \\ x & \text{otherwise} \end{cases} is one formula if it contains no equation.
@@ -103,7 +101,7 @@ def _conditions(text: str) -> dict[int, tuple[Tokens, int]]:
 
 _ACCENTS = {"bar": "bar", "tilde": "tilde", "widetilde": "tilde"}  # \bar{x} is the name x_bar
 _PART_OF_NAME = re.compile(
-    rf"(?P<none>(?P<opens>{_FONT}|\{{)|\}}|{_GAP})"
+    rf"(?P<none>(?P<opens>{_FONT}|\{{)|\}}|\s)"
     rf"|\\(?P<accent>bar|tilde|widetilde){_NO_LETTER}\s*(?P<under>\{{[^{{}}]*\}}|\\[A-Za-z]+|.)|\\(?P<command>[A-Za-z]+)|.",
     re.DOTALL,
 )
@@ -127,6 +125,8 @@ _SIGNS = {
 }
 _PRODUCTS = {"cdot": plain.DOT, "times": plain.CROSS}
 _OPENING, _CLOSING = "([", ")]"
+# Words in \text that are read, as everywhere.
+_IN_TEXT = frozenset(("where", "with", "given", "and", "for", "if", "when", "const", "constant"))
 _TENSORS = frozenset(("Gamma", "g", "R", "T", "F", "eta", "h", "delta", "epsilon", "varepsilon"))
 _REASONS = reasons("commands")
 _MISPLACED = {"_": "a subscript belongs to a name, as in r_1", "}": "it closes nothing, leave it out"}
@@ -144,23 +144,18 @@ def _formula(text: str) -> tuple[int, str]:
     return start, text
 
 
-def _closing(tokens: Tokens, opening: int) -> int:
-    """The place of the bracket that closes the one at `opening`, or the end if there is none."""
-    depth = 0
-    for place in range(opening, len(tokens)):
-        depth += tokens[place].is_operator("(", "[", "{") - tokens[place].is_operator(")", "]", "}")
-        if depth == 0:
-            return place
-    return len(tokens)
+def _blank(space: re.Match[str]) -> str:
+    return space[0] if space["row"] else ("\n" if space["line"] else "").ljust(len(space[0]))
 
 
 class _Translator:
     """Translates a formula from left to right. A method for a part begins at its place and ends after it."""
 
     def __init__(self, text: str, names: nm.Names) -> None:
-        self._place, self._text = _formula(text)
+        self._place, text = _formula(text)
         self._names = names
         self._cases = _conditions(text)
+        self._text = _SPACE.sub(_blank, text)
         self._tokens: Tokens = []
         self._spaced = False
         self._seen = self._depth = self._matrices = 0
@@ -184,12 +179,12 @@ class _Translator:
         spaced = self._spaced and start == self._seen
         while self._place < len(text):
             written, end = self._cases.get(self._place, (None, 0))
-            space = _SPACE.match(text, self._place)
-            if written or not (space or written == []) or (space and space["cell"] and self._matrices):
+            here = text[self._place]
+            if written or not (here.isspace() or written == [] or (here == "&" and not self._matrices)):
                 break
-            if space and space["line"] and not self._depth:
-                self._tokens.append(Token("newline", space[0], self._place + 1))
-            self._place = end or (space.end() if space else self._place)
+            if here == "\n" and not self._depth:
+                self._tokens.append(Token("newline", here, self._place + 1))
+            self._place = end or self._place + 1
         self._seen, self._spaced = self._place, spaced or self._place > start
         kind: plain.Kind = "operator" if self._place < len(text) else "end"
         return Token(kind, text[self._place : self._place + 1], self._place + 1, self._spaced)
@@ -263,18 +258,49 @@ class _Translator:
         return False
 
     def _braces(self, here: Token) -> None:
+        """{ … } as a bracket; { } is empty, and a single name in braces is that name."""
         if _ROMAN.match(self._text, here.column - 1):  # {\rm d} is \mathrm{d}
             self._place -= 1
             self._font(here)
             return
-        start = len(self._tokens)
         called = _LEFT.match(self._text, self._place)
-        self._group(here)
-        if called:  # the arguments in A^{2}{\left(x \right)}, in one pair of brackets
-            inner = self._tokens[start + 1 : -1]
-            if _closing(inner, 0) >= len(inner) - 1:
-                self._tokens[start:] = inner
-            self._tokens[start] = replace(self._tokens[start], space_before=False)
+        inner = self._group(here)
+        first = plain.at(inner, 0)
+        after_function = bool(self._tokens) and self._tokens[-1].text in nm.FUNCTIONS
+        if len(inner) == 1 and called and first.is_bracket():  # the arguments in A^{2}{\left(x \right)}
+            self._tokens.append(replace(first, space_before=False))
+        elif len(inner) == 1 and (
+            first.is_operator(",")  # 0{,}5
+            or (first.is_bracket() and first.value == FRACTION)
+            or (first.kind == "name" and not after_function)
+        ):
+            self._tokens.append(first)
+        elif inner:
+            self._tokens.append(self._enclosed(inner, here, space=not called))
+
+    def _enclosed(self, inner: Tokens, opening: Token, value: Fraction = Fraction(0), space: bool = True) -> Token:
+        """A bracket that ends here."""
+        return replace(bracket(inner, opening, value, space), end=self._place)
+
+    def _group(self, opening: Token) -> Tokens:
+        """The tokens of { … }; {a \\over b} is \\frac{a}{b}."""
+        outer, self._tokens = self._tokens, []
+        above: Tokens | None = None
+        with self._nested(opening.column):
+            while (closing := self._ahead()).text != "}":
+                if closing.kind == "end":
+                    raise plain.never_closed(opening)
+                if above is None and self._take(_OVER):
+                    above, self._tokens = self._tokens, []
+                else:
+                    self._one()
+        self._place += 1
+        inner, self._tokens = plain.nested(self._tokens), outer
+        return inner if above is None else [self._quotient(plain.nested(above), inner, opening)]
+
+    def _quotient(self, above: Tokens, below: Tokens, here: Token) -> Token:
+        over, under = bracket(above, here, space=False), self._enclosed(below, here, space=False)
+        return self._enclosed([over, Token("operator", "/", here.column), under], here, FRACTION)
 
     def _command(self, here: Token) -> None:
         if matrix := self._take(_MATRIX):
@@ -289,7 +315,7 @@ class _Translator:
         if name in LETTER_COMMANDS:
             self._letter(name, here)
         elif name in _FRACTIONS:
-            self._fraction(here)
+            self._tokens.append(self._quotient(self._argument(here), self._argument(here), here))
         elif name == "sqrt":
             self._root(here)
         elif name in ("dot", "ddot"):
@@ -334,14 +360,21 @@ class _Translator:
             return
         if {*by} == {"t"}:
             raise refusal("a partial derivative occurs", here.column, "write diff(A(x, y), x), A declared")
-        self._tokens.append(Token("operator", "(", here.column, True, FRACTION))
-        self._tokens += plain.written(f"({PARTIAL})/({PARTIAL}{by}))", here)
+        sign = Token("operator", PARTIAL, here.column)
+        variable = Token("name", by, here.column)
+        self._tokens.append(self._quotient([sign], [sign, variable], here))
 
     def _font(self, here: Token) -> None:
         start = self._place
         name = self._name_part()
-        inside = re.sub(rf"^\{{?{_GAP}*{_FONT}{_GAP}*\{{?|\}}", "", self._text[start : self._place])
-        if re.search(rf"[^\s]{_GAP}", inside.strip()):
+        inside = re.sub(rf"^\{{?\s*{_FONT}\s*\{{?|\}}", "", self._text[start : self._place])
+        words = re.search(r"\S\s", inside.strip()) or (
+            self._text.startswith("\\text", start)
+            and len(name) > 1
+            and re.fullmatch("[a-z]+", name)
+            and not (self._names.role(name) or name in _WORDS | _IN_TEXT or name in LETTER_COMMANDS)
+        )
+        if words:
             raise refusal("words occur", here.column, "write the equations alone, separated by ;")
         if name == "d" and self._names.role("d") is None:
             self._emit(TOTAL, here)
@@ -370,47 +403,17 @@ class _Translator:
                 return match[2] != "."
         return True
 
-    def _group(self, opening: Token, brackets: bool = True) -> None:
-        """{ … } as a bracket; { } is empty, and a single name in braces is that name."""
-        start = len(self._tokens)
-        over = False
-        with self._nested(opening.column):
-            while (closing := self._ahead()).text != "}":
-                if closing.kind == "end":
-                    raise plain.never_closed(opening)
-                if not over and self._take(_OVER):  # {a \over b} is \frac{a}{b}
-                    over = True
-                    above = self._tokens[start:]
-                    self._tokens[start:] = [Token("operator", "(", opening.column, True, FRACTION)]
-                    self._tokens += [Token("operator", "(", opening.column), *above]
-                    self._tokens += [Token("operator", text, closing.column) for text in ")/("]
-                else:
-                    self._one()
-        self._place += 1
-        self._tokens += [Token("operator", ")", closing.column)] * 2 * over
-        inner = self._tokens[start:]
-        after_function = start > 0 and self._tokens[start - 1].text in nm.FUNCTIONS
-        if len(inner) == 1 and inner[0].is_operator(","):
-            return  # 0{,}5
-        is_name = bool(inner) and inner[0].kind == "name" and all(token.kind == "prime" for token in inner[1:])
-        whole = bool(inner) and inner[0].is_operator("(") and _closing(inner, 0) == len(inner) - 1
-        if not brackets or not inner or (whole and inner[0].value == FRACTION) or (is_name and not after_function):
-            return
-        self._tokens[start:] = [Token("operator", "(", opening.column, True), *inner]
-        self._emit(")", closing)
-
-    def _argument(self, at: Token) -> None:
-        """One argument in brackets: a group, or one piece as in \\frac12."""
+    def _argument(self, at: Token) -> Tokens:
+        """One argument: a group, or one piece as in \\frac12."""
+        outer, self._tokens = self._tokens, []
         with self._nested(self._place + 1):
             here = self._ahead()
-            self._emit("(", here)
             self._place += 1
             if here.text == "{":
-                start, doubled = len(self._tokens), _OPEN.match(self._text, self._place)
-                self._group(here, False)
-                inner = self._tokens[start:]
-                if doubled and inner and not inner[0].value and _closing(inner, 0) == len(inner) - 1 > 0:
-                    self._tokens[start:] = inner[1:-1]  # \frac{{a}}{{b}}
+                doubled = _OPEN.match(self._text, self._place)
+                inner = self._group(here)
+                whole = doubled and len(inner) == 1 and inner[0].is_bracket() and not inner[0].value
+                self._tokens = [*inner[0].inside] if whole else inner  # \frac{{a}}{{b}}
             elif here.text.isascii() and here.text.isdigit():
                 self._tokens.append(plain.number_token(here.text, here.column, False))
             elif here.text.isascii() and here.text.isalpha():
@@ -422,28 +425,20 @@ class _Translator:
                 self._one()
             else:
                 raise refusal(f"{self._shown(at)} has no argument", at.column, "write it in braces { }")
-            self._emit(")", here)
-
-    def _fraction(self, here: Token) -> None:
-        self._tokens.append(Token("operator", "(", here.column, True, FRACTION))
-        self._argument(here)
-        self._emit("/", here)
-        self._argument(here)
-        self._emit(")", here)
+        found, self._tokens = plain.nested(self._tokens), outer
+        return found
 
     def _root(self, here: Token) -> None:
         degree = self._take(_DEGREE)
+        if degree and not degree[1]:
+            raise refusal("the degree of a root is not an integer", here.column, "write \\sqrt[3]{x}")
+        argument = self._enclosed(self._argument(here), here, space=False)
         if degree is None:
             self._emit_name("sqrt", here)
-            self._argument(here)
-            return
-        if not degree[1]:
-            raise refusal("the degree of a root is not an integer", here.column, "write \\sqrt[3]{x}")
-        self._tokens.append(
-            Token("operator", "(", here.column, True, FACTOR)
-        )  # no argument bracket of a name before it
-        self._argument(here)
-        self._tokens += plain.written(f"^(1/{degree[1]}))", here)
+            self._tokens.append(argument)
+        else:  # no argument bracket of a name before it
+            power = plain.nested(plain.written(f"^(1/{degree[1]})", here))
+            self._tokens.append(self._enclosed([argument, *power], here, FACTOR))
 
     def _dot(self, here: Token) -> None:
         """\\dot{x}, \\dot x, \\dot{r}_1, \\dot{r_1}, \\dot\\theta."""
@@ -476,7 +471,7 @@ class _Translator:
                 if self._take(_CLOSE):
                     return
                 self._emit("^", caret)
-                self._group(here)
+                self._braces(here)
             else:
                 self._raised_group(caret, here)
         elif here.text.isascii() and here.text.isalnum():
@@ -496,14 +491,14 @@ class _Translator:
             kind = "number" if raised[1].isdigit() else "name"
             raise refusal(f"a raised {kind} in brackets occurs", here.column + 1, instead)
         self._emit("^", caret)
-        self._emit("(", here)
-        self._group(here)
-        self._emit(")", here)
+        start = len(self._tokens)
+        self._braces(here)
+        self._tokens[start:] = [self._enclosed(self._tokens[start:], here, space=False)]
 
     def _short_power(self, caret: Token, here: Token) -> None:
         """x^2, e^x: one digit or one name; x^23 is refused, because LaTeX reads x^2 3 and others read x^(23)."""
         self._emit("^", caret)
-        self._emit("(", here)
+        start = len(self._tokens)
         if here.text.isalpha():
             self._emit_name(self._with_subscript(self._word()), here)
         else:
@@ -512,7 +507,7 @@ class _Translator:
             if len(digits) > 1:
                 raise refusal("a power of several digits has no braces", here.column, "write x^{23} or x^{2} \\cdot 3")
             self._tokens.append(plain.number_token(digits, here.column, False))
-        self._emit(")", here)
+        self._tokens[start:] = [self._enclosed(self._tokens[start:], here, space=False)]
 
     def _refuse_raised_one(self, place: int) -> None:
         """InputError for q^1, which is a component rather than a power."""
@@ -546,9 +541,8 @@ class _Translator:
         at_most(len(name), LIMITS.name_characters, "a name has too many characters", at.column)
         if not name:
             raise refusal(f"{self._shown(at)} contains no name", at.column, "write letters and digits in it")
-        self._tokens.append(Token(kind, name, at.column, at.space_before))
-        if order:
-            self._tokens.append(Token("prime", "'" * order, at.column, False, Fraction(order)))
+        primed = at.column if order else 0
+        self._tokens.append(Token(kind, name, at.column, at.space_before, order=order, primed=primed))
 
     def _word(self) -> str:
         """Take a letter, or the whole word if it is declared or a function."""
