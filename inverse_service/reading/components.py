@@ -16,7 +16,6 @@ from inverse_service.reading.tokens import Token, Tokens, bracket
 
 MATRICES = ("matrix", "pmatrix", "bmatrix")
 BOLD = ("mathbf", "boldsymbol", "bm", "pmb", "textbf", "vec", "overrightarrow", "underline")
-_SIDES = ("+", "-", "=", ",", ";", "&")
 Value = list[list[Tokens]]  # rows of cells; a scalar is one cell
 
 
@@ -36,7 +35,7 @@ def by_components(tokens: Tokens) -> Tokens:
             statements = [_with_length(name, given, statement) for statement in statements]
     found: Tokens = []
     for statement in statements:
-        rows = _Reader(statement, vectors, statement[0]).equations() if _holds_many(statement) else [statement]
+        rows = _Reader(vectors, statement[0]).equations(statement) if _holds_many(statement) else [statement]
         for row in rows:
             found += ([Token("operator", ";", row[0].column)] if found and row else []) + row
     return found
@@ -78,79 +77,74 @@ def _bracketed(cell: Tokens) -> Tokens:
     return cell if len(cell) < 2 else [replace(bracket(cell, cell[0]), end=cell[-1].column)]
 
 
-def _product_sign(scalar: Tokens) -> Fraction:
-    """DOT or CROSS where a sign of LaTeX ends the tokens, else 0."""
-    return scalar[-1].value if scalar and scalar[-1].is_operator("*") else Fraction(0)
-
-
 class _Reader:
     """Reads an equation of matrices and vectors; a value is its rows of cells."""
 
-    def __init__(self, line: Sequence[Token], vectors: dict[str, list[Tokens]], first: Token) -> None:
-        self._stream = tk.TokenStream(line, Token("end", "", line[-1].column if line else first.column))
+    def __init__(self, vectors: dict[str, list[Tokens]], first: Token) -> None:
         self._vectors = vectors
-        self._at = first
-        self._barred = False
+        self._first = first
 
-    def equations(self) -> list[Tokens]:
+    def equations(self, line: Tokens) -> list[Tokens]:
         """One equation for each row; a single 0 is zero in each."""
-        sides = [self._sum()]
-        while self._stream.take_operator("="):
-            sides.append(self._sum())
-        if self._stream.ahead.kind != "end" or len(sides) > 2:
+        sides = [self._sum(side) for side in tk.split_at("=", line)]
+        if len(sides) > 2:
             raise self._refused()
         if len(sides) == 1 and len(sides[0]) == len(sides[0][0]) == 1:
             return sides[0][0]  # a formula
         left, right = sides if len(sides) == 2 else (sides[0], [[[self._zero()]]])
-        zero = [[token.text for token in cell] for row in right for cell in row] == [["0"]]
+        zero = [tk.spelled(cell) for row in right for cell in row] == ["0"]
         right = [right[0]] * len(left) if zero else right
         if len(left) != len(right) or {len(row) for row in (*left, *right)} != {1}:
             raise self._refused()
-        sign = Token("operator", "=", self._at.column)
-        return [[*a, sign, *b] for [a], [b] in zip(left, right, strict=True)]
+        return [[*a, self._sign("="), *b] for [a], [b] in zip(left, right, strict=True)]
 
     def _refused(self) -> InputError:
         instead = "write sums and products that fit, or an equation for each component"
-        return refusal("the rows and columns of vectors or matrices do not fit", self._at.column, instead)
+        return refusal("the rows and columns of vectors or matrices do not fit", self._first.column, instead)
 
-    def _sum(self) -> Value:
+    def _sum(self, line: Sequence[Token]) -> Value:
+        line = _with_lengths(line)
+        parts = tk.split(line, lambda place, token: token.is_operator("+", "-") and _ends_term(line, place))
         total: Value | None = None
-        while total is None or self._stream.ahead.is_operator("+", "-"):
-            sign = self._stream.take_operator("+", "-")
-            value = [[[sign, *_bracketed(cell)] if sign else cell for cell in row] for row in self._term()]
-            if total is not None and [len(row) for row in value] != [len(row) for row in total]:
+        for (part, _), sign in zip(parts, [None, *(sign for _, sign in parts)], strict=False):
+            if not part and sign is None and len(parts) > 1:
+                continue  # -v
+            value = [[[sign, *_bracketed(cell)] if sign else cell for cell in row] for row in self._term(part)]
+            if total is None:
+                total = value
+            elif [len(row) for row in value] == [len(row) for row in total]:
+                pairs = zip(total, value, strict=True)
+                total = [[a + b for a, b in zip(one, other, strict=True)] for one, other in pairs]
+            else:
                 raise self._refused()
-            total = value if total is None else [
-                [a + b for a, b in zip(one, other, strict=True)] for one, other in zip(total, value, strict=True)
-            ]  # fmt: skip
-        return total
+        return total or []
 
-    def _term(self) -> Value:
+    def _term(self, line: Sequence[Token]) -> Value:
         value: Value | None = None
         scalar: Tokens = []
-        ends = (*_SIDES, "|") if self._barred else _SIDES
-        while self._stream.ahead.kind != "end" and not self._stream.ahead.is_operator(*ends):
-            factor = self._factor()
-            if factor is not None and self._stream.ahead.is_operator("^"):
-                factor = self._power(factor)
+        place = 0
+        while place < len(line):
+            factor, token = self._factor(line[place]), line[place]
+            place += 1
             if factor is None:
-                scalar.append(self._stream.take())
-            elif value is None:
-                before = scalar[: len(scalar) - (_product_sign(scalar) == tk.DOT)]
+                scalar.append(token)
+                continue
+            if tk.at(line, place).is_operator("^"):
+                factor, place = self._power(factor, line[place : place + 2]), place + 2
+            last = tk.at(scalar, len(scalar) - 1)
+            before = scalar[:-1] if last.is_operator("*") else scalar
+            if value is None:
                 value, scalar = self._scaled(before, factor), []
             else:
-                sign = _product_sign(scalar)
-                before = scalar[: len(scalar) - bool(sign)]
-                value, scalar = self._product(self._scaled(before, value), factor, sign), []
-        if value is None and not scalar:
+                value, scalar = self._product(self._scaled(before, value), factor, last.value), []
+        if not line or any(token.is_operator(",", ";", "&") for token in scalar):
             raise self._refused()
         if value is None:
             return [[scalar]]
         return [[_bracketed(cell) + scalar for cell in row] for row in value] if scalar else value
 
-    def _power(self, base: Value) -> Value:
+    def _power(self, base: Value, power: Sequence[Token]) -> Value:
         """A power of a scalar, or v . v for v^2; InputError for other powers of vectors."""
-        power = [self._stream.take(), self._stream.take()]
         if len(base) == len(base[0]) == 1:
             return [[[*_bracketed(base[0][0]), *power]]]
         if tk.spelled(power).strip("^()") != "2":
@@ -158,10 +152,10 @@ class _Reader:
         return self._product(base, base, tk.DOT)
 
     def _sign(self, text: str) -> Token:
-        return Token("operator", text, self._at.column, True)
+        return Token("operator", text, self._first.column, True)
 
     def _zero(self) -> Token:
-        return Token("number", "0", self._at.column)
+        return Token("number", "0", self._first.column)
 
     def _scaled(self, scalar: Tokens, value: Value) -> Value:
         if not scalar:
@@ -190,67 +184,59 @@ class _Reader:
         pairs = zip(left, right, strict=True)
         return [token for a, b in pairs for token in (plus, *_bracketed(a), times, *_bracketed(b))]
 
-    def _factor(self) -> Value | None:
-        """A matrix, a vector with its dots, or a bracket that contains one; None before any other token."""
-        stream, ahead = self._stream, self._stream.ahead
-        if ahead.kind == "bracket" and ahead.order:
+    def _factor(self, token: Token) -> Value | None:
+        """A matrix, a vector with its dots, or a bracket or length that contains one; None for any other token."""
+        if token.kind == "vector":
+            return self._components(token)
+        if not _holds_many([token]):
+            return None
+        if token.order:
             raise self._refused()
-        if ahead.is_bracket("["):
-            rows = [tk.split_at("&", row) for row in tk.split_at(";", stream.take().inside) if row]
+        if token.text == "[":
+            rows = [tk.split_at("&", row) for row in tk.split_at(";", token.inside) if row]
             if len({len(row) for row in rows}) != 1:
                 raise self._refused()
             return rows
-        if ahead.is_operator("|") and _holds_many(tk.split_at("|", stream.part(stream.position + 1, -1))[0]):
-            return self._length(stream.take())
-        if ahead.is_bracket() and _holds_many(ahead.inside):
-            return self._of_bracket(stream.take())
-        if ahead.kind != "vector":
-            return None
-        stream.take()
-        if ahead.text == "0":
-            return [[[self._zero()]]]
-        if ahead.text not in self._vectors:
-            raise refusal("a vector occurs", ahead.column, "write an equation for each component")
-        return [[self._moving(part, ahead)] for part in self._vectors[ahead.text]]
+        if token.value == tk.FRACTION:
+            upper, slash, lower = token.inside
+            value, below = self._sum(upper.inside), self._sum(lower.inside)
+            if len(below) != 1 or len(below[0]) != 1:
+                raise self._refused()
+            under = replace(lower, inside=tuple(below[0][0]))
+            over = [[replace(upper, inside=tuple(cell)) for cell in row] for row in value]
+            return [[[replace(token, inside=(cell, slash, under))] for cell in row] for row in over]
+        value = self._sum(token.inside)
+        if token.text == "|":
+            (square,) = self._product(value, value, tk.DOT)[0]
+            return [[[Token("name", "sqrt", token.column), bracket(square, token)]]]
+        return value
 
-    def _inside(self, bracket: Token) -> Value:
-        """What is in a bracket."""
-        reader = _Reader(bracket.inside, self._vectors, bracket)
-        found = reader._sum()
-        if reader._stream.ahead.kind != "end":
-            raise tk.unexpected(reader._stream.ahead, "')'")
-        return found
-
-    def _of_bracket(self, bracket: Token) -> Value:
-        """(a + b), or a fraction ((a)/(b)) of LaTeX."""
-        if bracket.value != tk.FRACTION:
-            return self._inside(bracket)
-        upper, slash, lower = bracket.inside
-        value, below = self._inside(upper), self._inside(lower)
-        if len(below) != 1 or len(below[0]) != 1:
+    def _components(self, vector: Token) -> Value:
+        """The components of a vector with its dots; InputError where one with dots is a formula."""
+        parts = [[self._zero()]] if vector.text == "0" else self._vectors.get(vector.text)
+        if parts is None:
+            raise refusal("a vector occurs", vector.column, "write an equation for each component")
+        if vector.order and any(len(part) > 1 for part in parts):
             raise self._refused()
-        under = replace(lower, inside=tuple(below[0][0]))
-        return [
-            [[replace(bracket, inside=(replace(upper, inside=tuple(cell)), slash, under))] for cell in row]
-            for row in value
-        ]
+        if vector.order:
+            moving = [replace(part[0], order=vector.order, primed=vector.primed) for part in parts]
+            parts = [[self._zero() if part.kind == "number" else part] for part in moving]
+        return [[part] for part in parts]
 
-    def _length(self, bar: Token) -> Value:
-        """The length |a|."""
-        self._barred, outer = True, self._barred
-        value = self._sum()
-        self._barred = outer
-        if not self._stream.take_operator("|"):
-            raise tk.never_closed(bar)
-        (square,) = self._product(value, value, tk.DOT)[0]
-        return [[[Token("name", "sqrt", bar.column), bracket(square, bar)]]]
 
-    def _moving(self, part: Tokens, vector: Token) -> Tokens:
-        """The component with the dots of the vector; InputError for a component that is a formula."""
-        if not vector.order:
-            return part
-        if len(part) > 1:
-            raise self._refused()
-        if part[0].kind == "number":
-            return [self._zero()]
-        return [replace(part[0], order=part[0].order + vector.order, primed=vector.primed)]
+def _ends_term(line: Sequence[Token], place: int) -> bool:
+    """Whether a sign is one of a sum, and not that of a factor or exponent."""
+    return not tk.at(line, place - 1).is_operator("*", "/", "^")
+
+
+def _with_lengths(line: Sequence[Token]) -> Tokens:
+    """The line with each length of a vector as a bracket."""
+    parts = tk.split(line, lambda _, token: token.is_operator("|"))
+    found: Tokens = []
+    for place, (part, bar) in enumerate(parts):
+        before = parts[place - 1][1] if place % 2 else None
+        if before and bar and _holds_many(part):
+            found[-1:] = [Token("bracket", "|", before.column, before.space_before, inside=tuple(part))]
+        else:
+            found += [*part, bar] if bar else part
+    return found

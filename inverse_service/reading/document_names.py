@@ -644,10 +644,9 @@ def _guessed(texts: Mapping[str, str], declared: nm.Names, dummies: Collection[s
         for line, place, outer in places(tokens):
             token, after = line[place], at(line, place + 1)
             unknown = not is_known(token)
-            marked = unknown or not all(map(is_known, token.inside))
-            product = nm.only_split(token.text, declared)  # cosx sinx
-            if line is tokens and marked and not product and (error := reader.remark(line, place)):
-                raise error.at(pointer)
+            marked = (unknown or not all(map(is_known, token.inside))) and line is tokens
+            if marked and not nm.only_split(token.text, declared) and (error := reader.remark(line, place)):
+                raise error.at(pointer)  # cosx sinx is none
             if not unknown:
                 continue
             if error := _refused_operator(line, place, outer, coordinates, calls, slopes):

@@ -158,13 +158,16 @@ class _Translator:
         self._text = _SPACE.sub(_blank, text)
         self._tokens: Tokens = []
         self._spaced = False
-        self._seen = self._depth = self._matrices = 0
+        self._seen = self._depth = 0
+        self._matrices: Tokens = []  # that are not ended yet
 
     def all(self) -> Tokens:
         """The tokens of the whole formula."""
         while self._ahead().kind != "end":
             self._one()
             at_most(len(self._tokens), LIMITS.tokens, "the formula has too many parts", self._place + 1)
+        if self._matrices:
+            raise refusal("a matrix is never ended", self._matrices[-1].column, "add the missing \\end")
         return self._tokens
 
     def _take(self, pattern: re.Pattern[str]) -> re.Match[str] | None:
@@ -305,7 +308,7 @@ class _Translator:
     def _command(self, here: Token) -> None:
         if matrix := self._take(_MATRIX):
             opens = matrix[1] == "begin"
-            self._matrices += 1 if opens else -1
+            self._matrices = [*self._matrices, here] if opens else self._matrices[:-1]
             self._emit("[" if opens else "]", here)
             return
         command = self._take(_COMMAND)

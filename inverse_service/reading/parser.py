@@ -19,6 +19,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import reduce
 
 from inverse_service import errors
 from inverse_service.expressions import derivative, tree as ex
@@ -44,43 +45,24 @@ _LARGEST_FACTORIAL = 20
 _EXPONENTIAL = ex.Apply("exp", ex.ONE)
 
 
-def _bits(value: Fraction) -> int:
-    """The binary logarithm, rounded down, of the larger of numerator and denominator; 0 for 1 and -1."""
-    return max(value.numerator.bit_length(), value.denominator.bit_length()) - 1
-
-
-def _check_bits(total_bits: float, column: int) -> None:
-    """LimitError if a number is certain to have too many digits; called before it is computed."""
-    if total_bits > LIMITS.digits * _BITS_PER_DIGIT:
-        raise _too_long(column)
-
-
-def _check_number(value: Fraction, column: int) -> None:
-    """LimitError if a number has too many digits, so that every accepted formula can be read back."""
+def _checked(value: Fraction, column: int) -> Fraction:
+    """The number; LimitError if it has too many digits, so that every accepted formula can be read back."""
     if max(abs(value.numerator), value.denominator) >= 10**LIMITS.digits:
-        raise _too_long(column)
-
-
-def _too_long(column: int) -> errors.InputError:
-    return limit_passed("a number that is computed here has too many digits", column, LIMITS.digits)
+        raise limit_passed("a number that is computed here has too many digits", column, LIMITS.digits)
+    return value
 
 
 def product(factors: Sequence[ex.Expression], column: int) -> ex.Expression:
-    """The product; LimitError where its coefficient would be too long."""
-    _check_bits(sum(_bits(ex.coefficient(factor)) for factor in factors), column)
-    result = ex.multiply(*factors)
-    _check_number(ex.coefficient(result), column)
-    return result
+    """The product; LimitError where its coefficient becomes too long at any step."""
+    reduce(lambda total, factor: _checked(total * ex.coefficient(factor), column), factors, Fraction(1))
+    return ex.multiply(*factors)
 
 
 def sum_of(terms: Sequence[ex.Expression], column: int) -> ex.Expression:
     """The sum; LimitError if its constant becomes too long at any step."""
-    constant = Fraction(0)
-    for term in terms:
-        for part in term.terms if isinstance(term, ex.Sum) else (term,):
-            if isinstance(part, ex.Number):
-                constant += part.value
-                _check_number(constant, column)
+    parts = [part for term in terms for part in (term.terms if isinstance(term, ex.Sum) else (term,))]
+    numbers = [part.value for part in parts if isinstance(part, ex.Number)]
+    reduce(lambda total, number: _checked(total + number, column), numbers, Fraction(0))
     return ex.add(*terms)
 
 
@@ -103,7 +85,7 @@ def raised(base: ex.Expression, exponent: ex.Expression, column: int) -> ex.Expr
         if isinstance(base, ex.Number):
             _check_numbers(base.value, exponent.value, column)
     result = base**exponent
-    _check_number(ex.coefficient(result), column)
+    _checked(ex.coefficient(result), column)
     if isinstance(result, ex.Power) and isinstance(result.exponent, ex.Number):
         _check_exponent(result.exponent.value, column)
     return result
@@ -123,8 +105,9 @@ def _check_numbers(base: Fraction, exponent: Fraction, column: int) -> None:
         root = f"write {sign}{base if base.denominator == 1 else f'({base})'}^({exponent})"
         instead = root if exponent.denominator % 2 else "write another base or exponent"
         raise refusal("a negative number to this power is not real", column, instead)
-    if abs(base) not in (0, 1):
-        _check_bits(_bits(base) * float(abs(exponent)), column)
+    bits = max(base.numerator.bit_length(), base.denominator.bit_length()) - 1
+    if bits * float(abs(exponent)) > LIMITS.digits * _BITS_PER_DIGIT:  # certain before it is computed
+        raise limit_passed("a number that is computed here has too many digits", column, LIMITS.digits)
 
 
 def check_depth(expression: ex.Expression, column: int = 1) -> ex.Expression:

@@ -294,7 +294,13 @@ _ASCII_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 _SUPERSCRIPTS = SUPERSCRIPTS | {SUPERSCRIPT_MINUS: "-", "\u207f": "n"}
 _RAISED = re.compile(rf"\u207f|{SUPERSCRIPT_MINUS}?[{''.join(SUPERSCRIPTS)}]+")
 _ROOTS = {"\u221a": "sqrt", "\u221b": "cbrt"}
-_ELEMENTWISE = {".*": "*", "./": "/", ".^": "^"}  # MATLAB's, the same for numbers
+# Signs of programs, among them MATLAB's elementwise ones; ~ is Julia's. Longer ones come first.
+_SIGNS = {"==": "=", "**": "^", ".*": "*", "./": "/", ".^": "^", "~": "="}
+_REFUSED_SIGNS = {
+    "-- ": "write one sign, and leave remarks out",
+    ":=": "write =, and leave out a name that is given to an equation",
+    "//": "write / for a quotient, # before a remark",
+}
 # Comparison signs, each as the one of <, > and \u2260 that is equivalent to it on an open set.
 COMPARISONS = {"!=": "\u2260", "<=": "<", ">=": ">", "<": "<", ">": ">", "\u2264": "<", "\u2265": ">",
                "\u2260": "\u2260", "\u226a": "<", "\u226b": ">"}  # fmt: skip
@@ -310,7 +316,7 @@ _REASONS = reasons("characters")
 _OTHER_PROGRAMS = re.compile(
     r"(?P<times>\$(?=\s*\d))|(?P<end>\$\s*(?=\n|\Z))|(?P<nothing>%(?=(?:e|pi)\b))|(?P<dot>(?<=[\w)'])\.(?=[A-Za-z]))|(?P<power>@(?=@)|(?<=@)@)"
 )
-_SIGNS = {"times": ",", "end": ";", "nothing": "", "dot": ".", "power": "@", None: ""}
+_OTHER_SIGNS = {"times": ",", "end": ";", "nothing": "", "dot": ".", "power": "@", None: ""}
 _OTHERWISE = Reason("", "use letters, digits, + - * / ^ ( ) , = and '")
 
 
@@ -478,22 +484,13 @@ def _long_name(text: str, place: int, known: Container[str]) -> tuple[list[tuple
 
 def _operator(text: str, place: int, space: bool) -> tuple[Tokens, int]:
     character, column = text[place], place + 1
-    if text.startswith(("==", "~"), place):  # ~ in Julia
-        return [Token("operator", "=", column, space)], place + 1 + (character == "=")
-    if text.startswith("-- ", place):
-        raise refusals.refusal("-- occurs", column, "write one sign, and leave remarks out")
-    if text.startswith(":=", place):
-        raise refusals.refusal(":= occurs", column, "write =, and leave out a name that is given to an equation")
-    if compared := next((sign for sign in COMPARISONS if text.startswith(sign, place)), ""):
-        return [Token("operator", COMPARISONS[compared], column, space)], place + len(compared)
+    for sign, instead in _REFUSED_SIGNS.items():
+        if text.startswith(sign, place):
+            raise refusals.refusal(f"{sign.strip()} occurs", column, instead)
+    if sign := next((sign for sign in _SIGNS | COMPARISONS if text.startswith(sign, place)), ""):
+        return [Token("operator", (_SIGNS | COMPARISONS)[sign], column, space)], place + len(sign)
     if other := _OTHER_PROGRAMS.match(text, place):
-        return [Token("operator", each, column, space) for each in _SIGNS[other.lastgroup]], other.end()
-    if sign := _ELEMENTWISE.get(text[place : place + 2]):
-        return [Token("operator", sign, column, space)], place + 2
-    if text.startswith("//", place):
-        raise refusals.refusal("// occurs", column, "write / for a quotient, # before a remark")
-    if text.startswith("**", place):
-        return [Token("operator", "^", column, space)], place + 2
+        return [Token("operator", each, column, space) for each in _OTHER_SIGNS[other.lastgroup]], other.end()
     character = OPERATORS.get(character, character)
     if character in "+-*/^()[]{},=;|!" + PARTIAL + TOTAL:
         return [Token("operator", character, column, space)], place + 1
