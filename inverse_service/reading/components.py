@@ -197,7 +197,7 @@ class _Reader:
             if len({len(row) for row in rows}) != 1:
                 raise self._refused()
             return rows
-        if token.value == tk.FRACTION:
+        if token.is_fraction():
             upper, slash, lower = token.inside
             value, below = self._sum(upper.inside), self._sum(lower.inside)
             if len(below) != 1 or len(below[0]) != 1:

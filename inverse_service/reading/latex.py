@@ -274,7 +274,7 @@ class _Translator:
             self._tokens.append(replace(first, space_before=False))
         elif len(inner) == 1 and (
             first.is_operator(",")  # 0{,}5
-            or (first.is_bracket() and first.value == FRACTION)
+            or first.is_fraction()
             or (first.kind == "name" and not after_function)
         ):
             self._tokens.append(first)

@@ -18,7 +18,6 @@ from inverse_service.expressions.refusals import LIMITS, at_most, refusal
 from inverse_service.reading.names import DERIVATIVE_NAMES, FUNCTIONS, Names
 from inverse_service.reading.tokens import (
     FACTOR,
-    FRACTION,
     PARTIAL,
     TOTAL,
     Token,
@@ -338,8 +337,9 @@ def with_derivatives(line: Sequence[Token], names: Names, beyond: Token | None =
     place = 0
     while place < len(line):
         token = line[place]
-        after_slash = at(line, place - 1).is_operator("/") and token.value != FRACTION
-        if not after_slash and (read := _derivative(line, place, names, beyond)):
+        after_slash = at(line, place - 1).is_operator("/") and not token.is_fraction()
+        begins = token.inside or token.text[:1] in ("d", PARTIAL, TOTAL)
+        if begins and not after_slash and (read := _derivative(line, place, names, beyond)):
             found, place = found + read[0], read[1]
             continue
         place += 1
@@ -403,7 +403,7 @@ def _of_operand(
     outside = beyond if after == len(line) else None  # (dV/dx)(x)
     follows = outside or at(line, after)
     at_point = _is_point(follows, variables)
-    unclear = declared and quotient.fraction and (outside or not at_point) and follows.value != FRACTION
+    unclear = declared and quotient.fraction and (outside or not at_point) and not follows.is_fraction()
     if follows.is_bracket() and (unclear or (guessed and outside and at_point)):
         instead = f"write {name.text}'({variables[0].text}), or * before a factor"
         raise refusal("a bracket follows a derivative", follows.column, instead)
@@ -470,14 +470,14 @@ def _differentiated(line: Sequence[Token], quotient: _Quotient, names: Names, de
     at_most(depth + 1, LIMITS.depth, "the formula is nested too deeply", first.column)
     if nested := _derivative(line, place, names, None, depth + 1):
         return nested
-    whole = first.is_bracket() and first.value != FRACTION
+    whole = first.is_bracket() and not first.is_fraction()
     if not whole and first.kind != "name" and not quotient.fraction and first.kind != "number":
         return None
     called = not whole and first.kind == "name" and _are_arguments(at(line, place + 1), first, names)
     after = place + 1 + called
     following = at(line, after)
     ends = following.kind == "end" or following.is_operator(*_CLEAR)
-    multiplied = following.is_operator("*", "/") or (following.value == FRACTION and _quotient(line, after, names))
+    multiplied = following.is_operator("*", "/") or (following.is_fraction() and _quotient(line, after, names))
     clear = (whole and not first.order) or (first.kind == "name" and (ends or (called and multiplied)))
     if following.is_operator("^") or not clear:
         what = f"it is not clear where the derivative ends, because d/d{variable} precedes a product"
@@ -488,7 +488,7 @@ def _differentiated(line: Sequence[Token], quotient: _Quotient, names: Names, de
 
 def _are_arguments(after: Token, name: Token, names: Names) -> bool:
     """Whether the bracket has the arguments of a function, or the (t) of a name."""
-    if not after.is_bracket() or after.value == FRACTION or after.order:
+    if not after.is_bracket() or after.is_fraction() or after.order:
         return False
     role = names.role(names.spelling(name.text))
     plain = all(token.kind in ("name", "bracket") or token.is_operator(",") for token in walk(after.inside))
@@ -498,7 +498,7 @@ def _are_arguments(after: Token, name: Token, names: Names) -> bool:
 
 def _quotient(line: Sequence[Token], place: int, names: Names) -> _Quotient | None:
     """The quotient of differentials that begins here."""
-    fraction, after = line[place].value == FRACTION and line[place].is_bracket(), place + 1
+    fraction, after = line[place].is_fraction(), place + 1
     if fraction:
         upper, slash, lower = line[place].inside
         line, place = [*upper.inside, slash, *lower.inside], 0
@@ -528,7 +528,7 @@ def _above(line: Sequence[Token], place: int, names: Names, fraction: bool) -> t
         return order, first.text == PARTIAL, [], after
     after += not word
     follows = at(line, after)
-    if operand[0].kind == "name" and follows.is_bracket() and follows.value != FRACTION and not follows.order:
+    if operand[0].kind == "name" and follows.is_bracket() and not (follows.is_fraction() or follows.order):
         operand, after = [*operand, follows], after + 1
     return order, first.text == PARTIAL, operand, after
 
@@ -585,7 +585,7 @@ def _power_of_operator(line: Sequence[Token], place: int, names: Names, depth: i
 
 def _refuse_fraction(token: Token, names: Names) -> None:
     r"""InputError for a fraction such as \frac{d V k}{dx}, in which d would be read as a common factor."""
-    if token.value != FRACTION or not token.is_bracket() or names.role("d"):
+    if not token.is_fraction() or names.role("d"):
         return
     above, below = token.inside[0].inside, token.inside[2].inside
     differential = len(above) > 1 and (above[0].text == "d" or above[0].is_operator(TOTAL))

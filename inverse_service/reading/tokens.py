@@ -66,6 +66,9 @@ class Token:
     def is_bracket(self, text: str = "(") -> bool:
         return self.kind == "bracket" and self.text == text
 
+    def is_fraction(self) -> bool:
+        return self.kind == "bracket" and self.value == FRACTION
+
 
 Tokens = list[Token]
 
@@ -294,8 +297,6 @@ _ASCII_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 _SUPERSCRIPTS = SUPERSCRIPTS | {SUPERSCRIPT_MINUS: "-", "\u207f": "n"}
 _RAISED = re.compile(rf"\u207f|{SUPERSCRIPT_MINUS}?[{''.join(SUPERSCRIPTS)}]+")
 _ROOTS = {"\u221a": "sqrt", "\u221b": "cbrt"}
-# Signs of programs, among them MATLAB's elementwise ones; ~ is Julia's. Longer ones come first.
-_SIGNS = {"==": "=", "**": "^", ".*": "*", "./": "/", ".^": "^", "~": "="}
 _REFUSED_SIGNS = {
     "-- ": "write one sign, and leave remarks out",
     ":=": "write =, and leave out a name that is given to an equation",
@@ -305,6 +306,9 @@ _REFUSED_SIGNS = {
 COMPARISONS = {"!=": "\u2260", "<=": "<", ">=": ">", "<": "<", ">": ">", "\u2264": "<", "\u2265": ">",
                "\u2260": "\u2260", "\u226a": "<", "\u226b": ">"}  # fmt: skip
 COMPARED = ("<", ">", "\u2260")
+# What is written as what; some are signs of programs, .* of MATLAB and ~ of Julia.
+_SIGNS = {sign: sign for sign in "+-*/^()[]{},=;|!" + PARTIAL + TOTAL} | OPERATORS | COMPARISONS
+_SIGNS |= {"==": "=", "**": "^", ".*": "*", "./": "/", ".^": "^", "~": "="}
 # The signs that join conditions in a piecewise formula. Boundaries belong to no open set, so <= is read as <.
 _PIECEWISE = re.compile(r"\b[Pp]iecewise\s*[(\[]")
 _CONDITION = re.compile(r"<=|>=|&&|\|\|(?=\s)|[<>&~\u2264\u2265]|\b(?:and|or|not|true|True|otherwise)\b", re.ASCII)
@@ -483,17 +487,15 @@ def _long_name(text: str, place: int, known: Container[str]) -> tuple[list[tuple
 
 
 def _operator(text: str, place: int, space: bool) -> tuple[Tokens, int]:
-    character, column = text[place], place + 1
+    column = place + 1
     for sign, instead in _REFUSED_SIGNS.items():
         if text.startswith(sign, place):
             raise refusals.refusal(f"{sign.strip()} occurs", column, instead)
-    if sign := next((sign for sign in _SIGNS | COMPARISONS if text.startswith(sign, place)), ""):
-        return [Token("operator", (_SIGNS | COMPARISONS)[sign], column, space)], place + len(sign)
+    for size in (2, 1):
+        if sign := _SIGNS.get(text[place : place + size]):
+            return [Token("operator", sign, column, space)], place + size
     if other := _OTHER_PROGRAMS.match(text, place):
         return [Token("operator", each, column, space) for each in _OTHER_SIGNS[other.lastgroup]], other.end()
-    character = OPERATORS.get(character, character)
-    if character in "+-*/^()[]{},=;|!" + PARTIAL + TOTAL:
-        return [Token("operator", character, column, space)], place + 1
     what = f"the character {describe(text[place])} is not accepted"
     reason = _REASONS.get(text[place], _OTHERWISE)
     raise refusals.refusal(what, column, reason.instead, reason.offers, (column, column + 1))
