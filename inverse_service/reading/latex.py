@@ -6,16 +6,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from fractions import Fraction
 
-from inverse_service.expressions.letters import (
-    DOTS,
-    GREEK,
-    LETTER_COMMANDS,
-    PRIMES,
-    SCRIPT_L,
-    SPACES,
-    SUBSCRIPTS,
-    SUPERSCRIPTS,
-)
+from inverse_service.expressions import letters
 from inverse_service.expressions.refusals import LIMITS, at_most, refusal, shorten
 from inverse_service.reading import components, names as nm, tokens as plain
 from inverse_service.reading.reasons import reasons
@@ -26,7 +17,7 @@ _NO_LETTER = "(?![A-Za-z])"
 # Spacing, which becomes blanks before anything else is read; a wide gap is a line end. A \\\\ is none.
 _ENVIRONMENTS = "alignat|aligned|align|array|d?cases|equation|gathered|gather|split|eqnarray"
 _SPACE = re.compile(
-    rf"(?P<row>\\\\)|(?P<line>\\q?quad{_NO_LETTER})|[{''.join(SPACES)}~]|\\[,;:! \n]"
+    rf"(?P<row>\\\\)|(?P<line>\\q?quad{_NO_LETTER})|[{''.join(letters.SPACES)}~]|\\[,;:! \n]"
     rf"|\\(?:displaystyle|textstyle|limits|nonumber|notag|(?:big|Big|bigg|Bigg)[lr]?){_NO_LETTER}"
     r"|\\(?:label|tag\*?)\s*\{[^{}]*\}"
     rf"|\\(?:begin|end)\s*\{{\s*(?:{_ENVIRONMENTS})\*?\s*\}}(?:\s*\{{[lcr| ]*\}})?"
@@ -34,7 +25,7 @@ _SPACE = re.compile(
 _MATRIX = re.compile(rf"\\(begin|end)\s*\{{\s*(?:{'|'.join(components.MATRICES)})\*?\s*\}}(?:\s*\{{[lcr| ]*\}})?")
 _ROW_SPACE = r"(?:\s*\[\s*-?[0-9.]+\s*(?:pt|pc|em|ex|mm|cm|in|jot|\\jot)\s*\])?"
 _COMMAND = re.compile(rf"\\(?:(operatorname\*|[A-Za-z]+)|(\\){_ROW_SPACE}|(.))", re.DOTALL)
-_MARKED_LETTER = re.compile(f"[A-Za-z{''.join(GREEK)}][{''.join((*DOTS, *SUBSCRIPTS))}]+")
+_MARKED_LETTER = re.compile(f"[A-Za-z{''.join(letters.GREEK)}][{''.join((*letters.DOTS, *letters.SUBSCRIPTS))}]+")
 
 
 def _after_blanks(pattern: str) -> re.Pattern[str]:
@@ -43,11 +34,11 @@ def _after_blanks(pattern: str) -> re.Pattern[str]:
 
 _INNER = r"(?:[^{}]|\{(?:[^{}]|\{[^{}]*\})*\})*"  # of braces, with two levels of others in them
 _FONT = r"\\(?:mathrm|operatorname\*?|textrm|text|mathit|rm)" + _NO_LETTER
-_OPEN, _CLOSE, _BELOW, _RAISED = map(_after_blanks, (r"(\{)", r"(\})", "(_)", rf"([{''.join(SUPERSCRIPTS)}^])"))
+_OPEN, _CLOSE, _BELOW, _RAISED = map(_after_blanks, (r"(\{)", r"(\})", "(_)", rf"([{''.join(letters.SUPERSCRIPTS)}^])"))
 _PIECE = _after_blanks(
     rf"((?:(?:{_FONT}|\\(?:bar|tilde|widetilde){_NO_LETTER})\s*)?(?:\{{{_INNER}\}}|\\[A-Za-z]+|[0-9]+|.))"
 )
-_PRIME = _after_blanks(rf"([{''.join(PRIMES)}]|\\prime{_NO_LETTER})")
+_PRIME = _after_blanks(rf"([{''.join(letters.PRIMES)}]|\\prime{_NO_LETTER})")
 _OVER, _LEFT = _after_blanks(rf"\\over{_NO_LETTER}"), _after_blanks(rf"\\left{_NO_LETTER}")
 _ROMAN = re.compile(rf"\{{\s*\\rm{_NO_LETTER}")
 _SIDE = re.compile(rf"\\(left|right){_NO_LETTER}\s*(.)", re.DOTALL)
@@ -211,9 +202,9 @@ class _Translator:
         elif marked := _MARKED_LETTER.match(text, self._place):
             self._tokens += plain.next_tokens(text[: marked.end()], self._place, here.space_before)[0]
             self._place = marked.end()
-        elif character in GREEK or character == SCRIPT_L:
+        elif character in letters.GREEK or character == letters.SCRIPT_L:
             self._place += 1
-            self._letter(GREEK.get(character, "ell"), here)
+            self._letter(letters.GREEK.get(character, "ell"), here)
         elif character.isascii() and character.isalpha():
             self._emit_name(self._with_subscript(self._word()), here)
         elif number := self._take(plain.NUMBER):
@@ -315,7 +306,7 @@ class _Translator:
         if command is None:
             raise refusal("a backslash without a command occurs", here.column, "write a command such as \\dot{x}")
         name = command[command.lastindex or 0]
-        if name in LETTER_COMMANDS:
+        if name in letters.LETTER_COMMANDS:
             self._letter(name, here)
         elif name in _FRACTIONS:
             self._tokens.append(self._quotient(self._argument(here), self._argument(here), here))
@@ -353,7 +344,7 @@ class _Translator:
 
     def _letter(self, name: str, here: Token) -> None:
         declared = self._names.role(name) is not None  # then \varphi is not \phi
-        self._emit_name(self._with_subscript(name if declared else LETTER_COMMANDS[name]), here)
+        self._emit_name(self._with_subscript(name if declared else letters.LETTER_COMMANDS[name]), here)
 
     def _partial(self, here: Token) -> None:
         r"""\partial, and \partial_x as \frac{\partial}{\partial x}."""
@@ -375,7 +366,7 @@ class _Translator:
             self._text.startswith("\\text", start)
             and len(name) > 1
             and re.fullmatch("[a-z]+", name)
-            and not (self._names.role(name) or name in _WORDS | _IN_TEXT or name in LETTER_COMMANDS)
+            and not (self._names.role(name) or name in _WORDS | _IN_TEXT or name in letters.LETTER_COMMANDS)
         )
         if words:
             raise refusal("words occur", here.column, "write the equations alone, separated by ;")
@@ -422,7 +413,7 @@ class _Translator:
             elif here.text.isascii() and here.text.isalpha():
                 self._emit_name(here.text, here)
             elif (here.text == "\\" and not self._text.startswith(("\\\\", "\\right"), self._place - 1)) or (
-                here.text in GREEK
+                here.text in letters.GREEK
             ):
                 self._place -= 1
                 self._one()
@@ -530,7 +521,7 @@ class _Translator:
     def _primes(self) -> None:
         while prime := self._take(_PRIME):
             sign = "'" if prime[1][0] == "\\" else prime[1]
-            self._tokens.append(Token("prime", sign, prime.start(1) + 1, False, Fraction(PRIMES[sign])))
+            self._tokens.append(Token("prime", sign, prime.start(1) + 1, False, Fraction(letters.PRIMES[sign])))
 
     def _shown(self, at: Token) -> str:
         """The command at a place."""
@@ -553,10 +544,12 @@ class _Translator:
         word = run[0][: LIMITS.name_characters] if run else ""
         for size in range(len(word), 1, -1):
             part = word[:size]
-            known = (part in _WORDS and size == len(word)) or (size > 2 and part in LETTER_COMMANDS)  # alpha for \alpha
+            known = (part in _WORDS and size == len(word)) or (
+                size > 2 and part in letters.LETTER_COMMANDS
+            )  # alpha for \alpha
             if known or self._names.role(part) or self._names.derivative(part):
                 self._place += size
-                return LETTER_COMMANDS.get(part, part) if self._names.role(part) is None else part
+                return letters.LETTER_COMMANDS.get(part, part) if self._names.role(part) is None else part
             if part in _COMMANDS:
                 span = (self._place + 1, self._place + 1 + size)
                 raise refusal(f"{part} has no backslash", span[0], f"write \\{part}", (f"\\{part}",), span)
@@ -583,14 +576,14 @@ class _Translator:
     def _decoded(self, text: str, start: int) -> str:
         name = ""
         for part in _PART_OF_NAME.finditer(text):
-            command = GREEK.get(part[0], "ell" if part[0] == SCRIPT_L else part["command"] or "")
+            command = letters.GREEK.get(part[0], "ell" if part[0] == letters.SCRIPT_L else part["command"] or "")
             if part["accent"]:
                 under = self._decoded(part["under"], start + part.start("under"))
                 each = under and f"{under}_{_ACCENTS[part['accent']]}"
             elif command in _REASONS:
                 raise refusal(f"\\{command} occurs", start + part.start() + 1, _REASONS[command].instead)
             elif command:
-                each = command if self._names.role(command) else LETTER_COMMANDS.get(command, "")
+                each = command if self._names.role(command) else letters.LETTER_COMMANDS.get(command, "")
             else:
                 each = part[0] if part[0].isascii() and part[0].isalnum() else ""
             if (part["opens"] and name) or not (each or part["none"]):  # x_{mathrm{max}} is no name

@@ -15,21 +15,9 @@ from functools import partial
 
 from inverse_service import errors
 from inverse_service.expressions.refusals import LIMITS, at_most, refusal
+from inverse_service.reading import tokens as tk
 from inverse_service.reading.names import DERIVATIVE_NAMES, FUNCTIONS, Names
-from inverse_service.reading.tokens import (
-    FACTOR,
-    PARTIAL,
-    TOTAL,
-    Token,
-    Tokens,
-    at,
-    bracket,
-    places,
-    spelled,
-    split_at,
-    unexpected,
-    walk,
-)
+from inverse_service.reading.tokens import Token, Tokens, at
 
 _MODULES = frozenset(("sp", "sympy", "sym", "np", "numpy", "math", "Math", "jnp"))
 _CAPITALS = {
@@ -42,7 +30,7 @@ _WORD = re.compile(r"[A-Z]")
 
 def in_our_words(tokens: Tokens, names: Names) -> Tokens:
     """The same formulas in our notation; tokens in our notation are returned unchanged."""
-    marks = {token.text for token in walk(tokens)}
+    marks = {token.text for token in tk.walk(tokens)}
     mathematica = _is_mathematica(tokens)
     if marks & {"[", "{"}:
         tokens = _with_round_brackets(_with_indices(tokens, names), names, mathematica)
@@ -50,7 +38,7 @@ def in_our_words(tokens: Tokens, names: Names) -> Tokens:
     if marks & {*_HEADS, ".", "@", "Piecewise"}:
         tokens = _rewritten(tokens, names)
     if "I" in marks and names.role("I") is None and (mathematica or tokens != written or marks & DERIVATIVE_NAMES):
-        column = next(token.column for token in walk(tokens) if token.text == "I")
+        column = next(token.column for token in tk.walk(tokens) if token.text == "I")
         raise refusal(
             "I is the imaginary unit in this notation; it occurs", column, "write real equations", declare="parameters"
         )
@@ -67,7 +55,7 @@ def _within(token: Token, change: Callable[[Sequence[Token]], Tokens]) -> Token:
 
 def _with_indices(tokens: Tokens, names: Names) -> Tokens:
     """x[1]'' as x_1'' if x never occurs without an index: in a text with x[t], x[0] is a value."""
-    alone = {line[k].text for line, k, _ in places(tokens) if line[k].kind == "name" and not _is_indexed(line, k)}
+    alone = {line[k].text for line, k, _ in tk.places(tokens) if line[k].kind == "name" and not _is_indexed(line, k)}
     known = FUNCTIONS | {word for word in _HEADS if word.isalpha()} | set(names.functions) | alone
 
     def with_indices(line: Sequence[Token]) -> Tokens:
@@ -91,8 +79,8 @@ def _is_indexed(line: Sequence[Token], place: int) -> bool:
     return (
         name
         and index.is_bracket("[")
-        and spelled(index.inside).isdigit()
-        and (not after.is_bracket() or spelled(after.inside) == "t")
+        and tk.spelled(index.inside).isdigit()
+        and (not after.is_bracket() or tk.spelled(after.inside) == "t")
     )
 
 
@@ -101,7 +89,7 @@ def _is_mathematica(tokens: Tokens) -> bool:
     return any(
         line[place].is_bracket("[")
         and (at(line, place - 1).text != _small(at(line, place - 1).text) or at(line[place].inside, 0).text == "t")
-        for line, place, _ in places(tokens)
+        for line, place, _ in tk.places(tokens)
     )
 
 
@@ -146,7 +134,7 @@ def _rewritten(line: Sequence[Token], names: Names) -> Tokens:
     place = 0
     while place < len(line):
         token, after = line[place], at(line, place + 1)
-        power = re.fullmatch(r"D@@(\d+)", spelled(token.inside))
+        power = re.fullmatch(r"D@@(\d+)", tk.spelled(token.inside))
         called = token.kind == "name" and token.text in _HEADS and not names.role(token.text) and after.is_bracket()
         if token.is_operator("."):
             place = _after_dot(line, place, found, names)
@@ -172,7 +160,7 @@ def _after_dot(line: Sequence[Token], place: int, found: Tokens, names: Names) -
         0, len(found) - 1 - (at(found, len(found) - 1).is_bracket() and at(found, len(found) - 2).kind == "name")
     )
     inside = _joined([found[start:], _rewritten(variables.inside, names)], ",", method)
-    found[start:] = [replace(method, space_before=True), bracket(inside, method, space=False), *_primes(variables)]
+    found[start:] = [replace(method, space_before=True), tk.bracket(inside, method, space=False), *_primes(variables)]
     return place + 3
 
 
@@ -202,7 +190,7 @@ def _derivative_of(line: Sequence[Token], place: int, order: int, found: Tokens)
 def _is_factor(bracket: Token) -> bool:
     """Whether the bracket after a D is a factor, as in D (1 - exp(-x))^2, rather than the operand of a derivative."""
     inside = bracket.inside
-    return len(inside) > 1 and len(split_at(",", inside)) == 1 and inside[0].text != "D"
+    return len(inside) > 1 and len(tk.split_at(",", inside)) == 1 and inside[0].text != "D"
 
 
 def _called(line: Sequence[Token], place: int, found: Tokens, names: Names) -> int:
@@ -211,7 +199,7 @@ def _called(line: Sequence[Token], place: int, found: Tokens, names: Names) -> i
     D(x)(t) is x'(t), Derivative[2][x][t] is x''(t), and ModelingToolkit's Differential(t)(u) is diff(u, t).
     """
     head, given = line[place : place + 2]
-    arguments, after = [part for part in split_at(",", given.inside) if part], place + 2
+    arguments, after = [part for part in tk.split_at(",", given.inside) if part], place + 2
     if head.text == "D" and len(arguments) < 2:
         return _derivative_of(line, place + 1, 1, found)
     if head.text == "Derivative" and [token.kind for token in given.inside] == ["number"]:
@@ -232,7 +220,7 @@ def _joined(parts: Sequence[Tokens], sign: str, at: Token | None = None) -> Toke
 
 
 def _call(head: Token, parts: Sequence[Tokens], name: str) -> Tokens:
-    return [replace(head, text=name), bracket(_joined(parts, ","), head, space=False)]
+    return [replace(head, text=name), tk.bracket(_joined(parts, ","), head, space=False)]
 
 
 def _quoted(head: Token, parts: Sequence[Tokens]) -> Tokens:
@@ -248,13 +236,13 @@ def _operation(head: Token, parts: Sequence[Tokens], sign: str) -> Tokens:
     if head.text == "Integer" and [len(part) for part in parts] == [1]:
         return parts[0]
     if sign in "+*^":
-        parts = [p if len(p) == 1 else [bracket(p, p[0], space=False)] for p in parts]
-    return [bracket(_joined(parts, sign), head, FACTOR)]
+        parts = [p if len(p) == 1 else [tk.bracket(p, p[0], space=False)] for p in parts]
+    return [tk.bracket(_joined(parts, sign), head, tk.FACTOR)]
 
 
 def _equality(head: Token, parts: Sequence[Tokens]) -> Tokens:
     if len(parts) != 2:
-        raise unexpected(head, "an equation with two sides, Eq(a, b),")
+        raise tk.unexpected(head, "an equation with two sides, Eq(a, b),")
     return _joined(parts, "=")
 
 
@@ -262,10 +250,10 @@ def _pieces(head: Token, parts: Sequence[Tokens]) -> Tokens:
     """Mathematica's Piecewise[{{a, x > 0}, …}, b] is piecewise((a, x > 0), …, (b, true)); b is 0 if left out."""
     listed, *rest = parts
     if len(listed) > 1:
-        raise unexpected(listed[1], "a list of pieces")
+        raise tk.unexpected(listed[1], "a list of pieces")
     otherwise = rest[0] if rest else [Token("number", "0", head.column)]
-    last = bracket([*otherwise, _sign(",", head), _sign("true", head)], head)
-    return [replace(head, text="piecewise"), bracket([*listed[0].inside, _sign(",", head), last], head)]
+    last = tk.bracket([*otherwise, _sign(",", head), _sign("true", head)], head)
+    return [replace(head, text="piecewise"), tk.bracket([*listed[0].inside, _sign(",", head), last], head)]
 
 
 def _float(head: Token, parts: Sequence[Tokens]) -> Tokens:
@@ -338,7 +326,7 @@ def with_derivatives(line: Sequence[Token], names: Names, beyond: Token | None =
     while place < len(line):
         token = line[place]
         after_slash = at(line, place - 1).is_operator("/") and not token.is_fraction()
-        begins = token.inside or token.text[:1] in ("d", PARTIAL, TOTAL)
+        begins = token.inside or token.text[:1] in ("d", tk.PARTIAL, tk.TOTAL)
         if begins and not after_slash and (read := _derivative(line, place, names, beyond)):
             found, place = found + read[0], read[1]
             continue
@@ -380,13 +368,13 @@ def _of_operand(
     if name.kind == "bracket":
         return _carried_out(with_derivatives(name.inside, names), variables, first), after
     role = names.role(names.spelling(name.text))
-    if spelled(called) == "(t)" and role != "function":
+    if tk.spelled(called) == "(t)" and role != "function":
         called = []
     in_time, declared = {*by} == {"t"}, role in ("function", "parameter")
     if quotient.partial and "t" in by and quotient.fraction:
         return None
     if called and not name.order:
-        arguments = {token.text for token in walk(called[0].inside)}
+        arguments = {token.text for token in tk.walk(called[0].inside)}
         if quotient.fraction and not {variable.text for variable in variables} <= arguments - {"t"}:
             _refuse_fraction(first, names)
             return None
@@ -418,7 +406,7 @@ def _of_operand(
 
 def _is_point(follows: Token, variables: Sequence[Token]) -> bool:
     """Whether the bracket after a derivative by these is the (x, y) where it is taken."""
-    listed = spelled(follows.inside).split(",")
+    listed = tk.spelled(follows.inside).split(",")
     touches = follows.is_bracket() and not follows.space_before and all(map(str.isidentifier, listed))
     return touches and {variable.text for variable in variables} <= {*listed}
 
@@ -428,7 +416,7 @@ def _slope(name: Token, by: Token, at: Token) -> Tokens:
     above, below = (
         replace(word, column=at.column, space_before=False, order=1, primed=at.column) for word in (name, by)
     )
-    return [bracket([above, _sign("/", at), below], at, FACTOR)]
+    return [tk.bracket([above, _sign("/", at), below], at, tk.FACTOR)]
 
 
 def _of_what(
@@ -454,7 +442,7 @@ def _applied(
         return None
     inner, after = operand
     in_time = "t" in [variable.text for variable in quotient.variables]
-    if quotient.partial and in_time and "(t)" not in spelled(line[quotient.after : after]):
+    if quotient.partial and in_time and "(t)" not in tk.spelled(line[quotient.after : after]):
         instead = "write d/dt( and ) for the derivative along the motion"
         raise refusal("a partial derivative by the time occurs", line[place].column, instead)
     return _carried_out(inner, quotient.variables, line[place]), after
@@ -491,9 +479,9 @@ def _are_arguments(after: Token, name: Token, names: Names) -> bool:
     if not after.is_bracket() or after.is_fraction() or after.order:
         return False
     role = names.role(names.spelling(name.text))
-    plain = all(token.kind in ("name", "bracket") or token.is_operator(",") for token in walk(after.inside))
+    plain = all(token.kind in ("name", "bracket") or token.is_operator(",") for token in tk.walk(after.inside))
     called = role == "function" or (role is None and plain and not after.space_before)
-    return called or spelled(after.inside) == "t"
+    return called or tk.spelled(after.inside) == "t"
 
 
 def _quotient(line: Sequence[Token], place: int, names: Names) -> _Quotient | None:
@@ -517,7 +505,7 @@ def _above(line: Sequence[Token], place: int, names: Names, fraction: bool) -> t
     first = at(line, place)
     known = names.role(first.text) is not None and not (fraction and first.text == "d")
     match = _ABOVE.fullmatch(first.text) if first.kind == "name" and not known else None
-    if match is None and not first.is_operator(PARTIAL, TOTAL):
+    if match is None and not first.is_operator(tk.PARTIAL, tk.TOTAL):
         return None
     digit, word = match.groups("") if match else ("", "")
     order, after = (int(digit or 1), place + 1) if digit or word else _power(line, place + 1)
@@ -525,12 +513,12 @@ def _above(line: Sequence[Token], place: int, names: Names, fraction: bool) -> t
     if (first.order and not word) or (at(operand, 0).is_bracket() and operand[0].order):
         return None
     if at(operand, 0).kind != "name" and not at(operand, 0).is_bracket():
-        return order, first.text == PARTIAL, [], after
+        return order, first.text == tk.PARTIAL, [], after
     after += not word
     follows = at(line, after)
     if operand[0].kind == "name" and follows.is_bracket() and not (follows.is_fraction() or follows.order):
         operand, after = [*operand, follows], after + 1
-    return order, first.text == PARTIAL, operand, after
+    return order, first.text == tk.PARTIAL, operand, after
 
 
 def _power(line: Sequence[Token], place: int) -> tuple[int, int]:
@@ -547,7 +535,7 @@ def _below(line: Sequence[Token], place: int, order: int, fraction: bool) -> tup
     found: Tokens = []
     while len(found) < order and place < len(line):
         first, digit = line[place], ""
-        if first.is_operator(PARTIAL, TOTAL) or first.text == "d":
+        if first.is_operator(tk.PARTIAL, tk.TOTAL) or first.text == "d":
             place += 1
             name = at(line, place)
         elif first.kind == "name" and (match := _BELOW.fullmatch(first.text)):
@@ -557,7 +545,7 @@ def _below(line: Sequence[Token], place: int, order: int, fraction: bool) -> tup
         if name.kind != "name" or name.order:
             return None
         place += 1
-        place += fraction and spelled(line[place : place + 1]) == "(t)"
+        place += fraction and tk.spelled(line[place : place + 1]) == "(t)"
         times, after = _power(line, place)
         if digit and int(digit) != order and order > 1:
             return None
@@ -588,7 +576,7 @@ def _refuse_fraction(token: Token, names: Names) -> None:
     if not token.is_fraction() or names.role("d"):
         return
     above, below = token.inside[0].inside, token.inside[2].inside
-    differential = len(above) > 1 and (above[0].text == "d" or above[0].is_operator(TOTAL))
+    differential = len(above) > 1 and (above[0].text == "d" or above[0].is_operator(tk.TOTAL))
     variable = next((k for order in range(1, 4) if (k := _below(below, 0, order, True)) and k[1] == len(below)), None)
     if differential and variable:
         by, column = variable[0][0].text, token.column
@@ -602,7 +590,7 @@ def _refuse_fraction(token: Token, names: Names) -> None:
 def _carried_out(inner: Sequence[Token], variables: Sequence[Token], at: Token, total: bool = False) -> Tokens:
     """diff(u, x, …), all at the place of the derivative; the diff of dV/dr, where V depends on r alone, has a value."""
     if not inner:
-        raise unexpected(at, "what is differentiated")
+        raise tk.unexpected(at, "what is differentiated")
     by = [[Token("name", variable.text, at.column)] for variable in variables]
     call = Token("name", "diff", at.column, True, Fraction(total))
-    return [call, bracket(_joined([[*inner], *by], ",", at), at, space=False)]
+    return [call, tk.bracket(_joined([[*inner], *by], ",", at), at, space=False)]

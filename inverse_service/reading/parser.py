@@ -25,20 +25,8 @@ from inverse_service import errors
 from inverse_service.expressions import derivative, tree as ex
 from inverse_service.expressions.pieces import either, piecewise, step
 from inverse_service.expressions.refusals import LIMITS, at_most, limit_passed, refusal, shorten
-from inverse_service.reading import names as nm
-from inverse_service.reading.tokens import (
-    END,
-    Token,
-    Tokens,
-    TokenStream,
-    at,
-    never_closed,
-    places,
-    source,
-    split_at,
-    unexpected,
-    walk,
-)
+from inverse_service.reading import names as nm, tokens as tk
+from inverse_service.reading.tokens import Token, Tokens, at
 
 _BITS_PER_DIGIT = 3.3219280948873626
 _LARGEST_FACTORIAL = 20
@@ -195,7 +183,7 @@ class FormulaParser:
 
     def __init__(self, tokens: Tokens, end_column: int, names: nm.Names) -> None:
         self._end = Token("end", "", end_column)
-        self._stream = TokenStream(tokens, self._end)
+        self._stream = tk.TokenStream(tokens, self._end)
         self._names = names
         self._bars = False
         self._depth = 0
@@ -214,7 +202,7 @@ class FormulaParser:
             raise refusal("a comparison occurs", rest.column, "write an equation with one =")
         if rest.is_operator(","):
             raise refusal("a comma occurs outside a function", rest.column, "write a decimal point, or * for a product")
-        raise unexpected(rest, END)
+        raise tk.unexpected(rest, tk.END)
 
     @contextmanager
     def _nested(self) -> Iterator[None]:
@@ -230,11 +218,11 @@ class FormulaParser:
         if bracket.order:
             raise _prime(bracket)
         outer = self._stream, self._bars, self._depth
-        self._stream, self._bars = TokenStream(bracket.inside, Token("end", ")", bracket.end)), False
+        self._stream, self._bars = tk.TokenStream(bracket.inside, Token("end", ")", bracket.end)), False
         try:
             yield
             if self._stream.ahead.kind != "end":
-                raise unexpected(self._stream.ahead, "')'")
+                raise tk.unexpected(self._stream.ahead, "')'")
         finally:
             self._stream, self._bars, self._depth = outer
 
@@ -303,13 +291,13 @@ class FormulaParser:
         if below[-1].is_bracket() and below[0].kind in ("name", "operator", "bracket"):
             return name != "" or ahead.is_bracket()
         moves = role == "coordinate" or name == "t" or self._names.derivative(name) is not None
-        numbers = all(token.kind in ("number", "bracket") or token.is_operator("*", "^") for token in walk(above))
+        numbers = all(token.kind in ("number", "bracket") or token.is_operator("*", "^") for token in tk.walk(above))
         return len(below) == 1 and below[0].kind == "number" and (numbers or moves or ahead.is_bracket())
 
     def _is_half(self, start: int, slash: int, role: nm.Role | None) -> bool:
         """Whether this is 1/2m, m/2x'^2, m/2 l^2 or m/2(x'^2 + y'^2) in a Lagrangian; 1/2r^2 may be 1/(2 r^2)."""
         stream, ahead = self._stream, self._stream.ahead
-        over, under = source(stream.part(start, slash - 1)), source(stream.part(slash))
+        over, under = tk.source(stream.part(start, slash - 1)), tk.source(stream.part(slash))
         bracket = ahead.is_bracket() and _moves(ahead)
         moves = role == "coordinate" and ahead.order > 0
         factor = role == "parameter" or ahead.is_bracket()
@@ -340,12 +328,12 @@ class FormulaParser:
     def _unclear_exponent(self, first: Token) -> errors.InputError:
         """The refusal of e^-kt, whose exponent begins with `first`, with both interpretations."""
         stream = self._stream
-        glued = [source([first])]
+        glued = [tk.source([first])]
         for place in itertools.count():
             token = stream.look(place)
             if token.kind != "name" or token.space_before or self._is_function(token):
                 break
-            glued.append(source([token]))
+            glued.append(tk.source([token]))
         written, span = "*".join(glued), (first.column, token.column)
         instead = f"write ^({written}) or ^{written}"
         said = "the end of the exponent is not clear"
@@ -365,7 +353,7 @@ class FormulaParser:
         stream, place = self._stream, self._stream.position
         said = ("the quotient is not clear", stream.ahead.column, "write (a/b)*c or a/(b*c)")
         rest = self._source_of_factors(place)
-        over, under = source(stream.part(start, slash - 1)), source(stream.part(slash, place))
+        over, under = tk.source(stream.part(start, slash - 1)), tk.source(stream.part(slash, place))
         if rest is None or "|" in over + under:
             return refusal(*said)
         span = (stream.look(start - stream.position).column, stream.ahead.column)
@@ -406,10 +394,10 @@ class FormulaParser:
             inner = self._barred()
             if not self._stream.take_operator("|"):
                 end = self._stream.ahead
-                raise never_closed(token) if end == self._end else unexpected(end, "'|'")
+                raise tk.never_closed(token) if end == self._end else tk.unexpected(end, "'|'")
             return nm.call("abs", [inner], token.column)
         if not token.is_bracket():
-            raise unexpected(token, _OPERAND)
+            raise tk.unexpected(token, _OPERAND)
         return self._listed(token, 1)[0]
 
     def _listed(self, bracket: Token, most: int = LIMITS.tokens) -> list[ex.Expression]:
@@ -435,14 +423,14 @@ class FormulaParser:
                 with self._nested(), self._inside(self._bracket()):
                     value, comma = self._expression(), self._stream.take()
                     if not comma.is_operator(","):
-                        raise unexpected(comma, "a comma, and the condition of the piece,")
+                        raise tk.unexpected(comma, "a comma, and the condition of the piece,")
                     pieces.append((value, self._condition()))
         return piecewise(pieces, token.column)
 
     def _bracket(self) -> Token:
         found = self._stream.take()
         if not found.is_bracket():
-            raise unexpected(found, "a piece such as (x^2, x > 0)")
+            raise tk.unexpected(found, "a piece such as (x^2, x > 0)")
         return found
 
     def _condition(self, signs: str = "|&") -> ex.Expression:
@@ -463,7 +451,7 @@ class FormulaParser:
             with self._nested():
                 return 1 - self._one_condition()
         ahead = self._stream.ahead
-        if ahead.is_bracket() and any(token.is_operator("<", ">", "~", "&", "true") for token in walk([ahead])):
+        if ahead.is_bracket() and any(token.is_operator("<", ">", "~", "&", "true") for token in tk.walk([ahead])):
             with self._inside(self._stream.take()):
                 return self._condition()
         return self._inequality()
@@ -476,7 +464,7 @@ class FormulaParser:
             found.append(step(left - right if token.text == ">" else right - left, token.column))
             left = right
         if not found:
-            raise unexpected(self._stream.ahead, "an inequality such as x > 0, or true,")
+            raise tk.unexpected(self._stream.ahead, "an inequality such as x > 0, or true,")
         return ex.multiply(*found)
 
     def _elementary(self, token: Token) -> ex.Expression:
@@ -486,7 +474,7 @@ class FormulaParser:
         if (opening := self._stream.ahead).is_bracket():
             result = nm.call(token.text, self._listed(self._stream.take()), token.column)
             if self._stream.ahead.text == "t" and token.text in _OF_ANGLES and _is_frequency(opening):
-                inside = source([opening])
+                inside = tk.source([opening])
                 inner = inside if len(opening.inside) > 1 else inside[1:-1]
                 meant = (f"{token.text}({inner}*t)", f"{token.text}{inside}*t")
                 said = f"the t after {token.text}( ) could be a part of the angle or a factor"
@@ -517,7 +505,7 @@ class FormulaParser:
         place = stream.position
         with suppress(errors.InputError):
             self._factor()
-        argument = source(stream.part(place))
+        argument = tk.source(stream.part(place))
         if not argument or not is_one or f"a{name}" not in nm.FUNCTIONS:
             return refusal(*said)
         called = argument if argument.startswith("(") else f"({argument})"
@@ -528,7 +516,7 @@ class FormulaParser:
         ahead = self._stream.ahead
         barred = ahead.is_operator("|") and not self._bars
         if ahead.kind not in ("number", "name") and not barred:
-            raise unexpected(ahead, f"the argument of {token.text} in brackets")
+            raise tk.unexpected(ahead, f"the argument of {token.text} in brackets")
         start = self._stream.position
         with self._nested():
             argument = self._factor()
@@ -588,7 +576,7 @@ class FormulaParser:
         sign, place = written.text if written else "*", stream.position
         if (rest := self._source_of_factors(place)) is None:
             return refusal(*said)
-        inner, first = source(stream.part(start, end)), stream.look(start - stream.position)
+        inner, first = tk.source(stream.part(start, end)), stream.look(start - stream.position)
         separate = (f"({inner}){sign}{rest}",) * (
             first.kind != "number" or written is not None or name in ("sqrt", "cbrt")
         )
@@ -602,7 +590,7 @@ class FormulaParser:
                 self._factor()
         except errors.InputError:
             return None
-        found = source(self._stream.part(place))
+        found = tk.source(self._stream.part(place))
         return found if found and "|" not in found else None
 
     def _bare_ends(self) -> bool:
@@ -662,7 +650,7 @@ class FormulaParser:
     def _number_alone(self) -> bool:
         """Whether the exponent after the ^ ahead is one number, with signs or brackets about it."""
         signs = itertools.takewhile(lambda k: self._stream.look(k).is_operator("+", "-"), itertools.count(1))
-        raised = walk([self._stream.look(1 + len(list(signs)))])
+        raised = tk.walk([self._stream.look(1 + len(list(signs)))])
         kinds = [token.kind for token in raised if not token.is_bracket() and not token.is_operator("+", "-")]
         return kinds == ["number"]
 
@@ -676,7 +664,7 @@ class FormulaParser:
             span = (token.column, token.primed + token.order)
             raise refusal(what, token.primed, f"leave it out, or write {name}_1", (f"{name}_1",), span)
         if ahead.is_bracket() and not ahead.space_before and not self._is_factor(token):
-            if len(split_at(",", ahead.inside)) > 1:
+            if len(tk.split_at(",", ahead.inside)) > 1:
                 raise refusal(f"{name} has several arguments", token.column, "", declare="functions")
             what = f"{name}( could be a product or a function"
             span = (ahead.column, ahead.column + 1)
@@ -696,7 +684,7 @@ class FormulaParser:
     def _is_factor(self, token: Token) -> bool:
         """Whether the bracket after a name is clearly a factor: mu(1 - x^2), R(cos phi), J(x')^2."""
         bracket = self._stream.ahead
-        inside, first = [*walk(bracket.inside)], at(bracket.inside, 0)
+        inside, first = [*tk.walk(bracket.inside)], at(bracket.inside, 0)
         sums = first.text in nm.FUNCTIONS or any(
             part.order or (place and part.is_operator("+", "-")) for place, part in enumerate(bracket.inside)
         )
@@ -740,10 +728,10 @@ class FormulaParser:
         bracket = self._stream.ahead
         timed = any(
             line[place].text == "t" and len(line) > 1 and at(line, place - 1).text != ","  # diff(y, t), y(t)
-            for line, place, _ in places([bracket])
+            for line, place, _ in tk.places([bracket])
         )
         known = {*self._names.coordinates}
-        return timed and not {self._names.spelling(each.text) for each in walk([bracket])} & known
+        return timed and not {self._names.spelling(each.text) for each in tk.walk([bracket])} & known
 
     def _arbitrary(self, name: str, token: Token) -> ex.Expression:
         declared = self._names.functions[name]
@@ -794,7 +782,7 @@ class FormulaParser:
     def _order(self) -> int:
         token = self._stream.take()
         if token.kind != "number" or token.value.denominator != 1:
-            raise unexpected(token, "the order of a derivative, an integer,")
+            raise tk.unexpected(token, "the order of a derivative, an integer,")
         at_most(token.value, LIMITS.derivative_order, "a derivative is too high", token.column)
         return int(token.value)
 
@@ -802,7 +790,7 @@ class FormulaParser:
         """diff(u, x), diff(u, x, 2), diff(u, x, y), Derivative(u, (t, 2))."""
         bracket = self._stream.take()
         if not bracket.is_bracket():
-            raise unexpected(bracket, f"'(' after {token.text}")
+            raise tk.unexpected(bracket, f"'(' after {token.text}")
         variables: list[Variable] = []
         with self._inside(bracket):
             expression = self._expression()
@@ -829,13 +817,13 @@ class FormulaParser:
     def _variable_node(self, token: Token) -> ex.Expression:
         wanted = "the variable of the derivative, a name,"
         if token.kind != "name":
-            raise unexpected(token, wanted)
+            raise tk.unexpected(token, wanted)
         if self._names.role(self._names.spelling(token.text)) == "function":
             instead = "differentiate by a coordinate"
             raise refusal("a derivative by a function occurs", token.column, instead)
         node = self._name(token)
         if not isinstance(node, ex.Symbol | ex.Velocity | ex.Acceleration) or node == ex.PI:
-            raise unexpected(token, wanted)
+            raise tk.unexpected(token, wanted)
         return node
 
 
@@ -845,7 +833,7 @@ _OF_ANGLES = frozenset(("sin", "cos", "tan", "cot"))
 
 def _is_frequency(bracket: Token) -> bool:
     """Whether the bracket of cos(2 omega + epsilon) t contains a frequency rather than the time or a moving angle."""
-    words = {token.text.partition("_")[0] for token in walk([bracket]) if token.kind == "name"}
+    words = {token.text.partition("_")[0] for token in tk.walk([bracket]) if token.kind == "name"}
     return bool(words & {"omega", "Omega", "nu"}) and "t" not in words
 
 
@@ -854,7 +842,7 @@ def _starts_factor(token: Token) -> bool:
 
 
 def _moves(bracket: Token) -> bool:
-    return any(token.order for token in walk(bracket.inside))
+    return any(token.order for token in tk.walk(bracket.inside))
 
 
 def _prime(token: Token) -> errors.InputError:

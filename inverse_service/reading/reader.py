@@ -14,23 +14,9 @@ from fractions import Fraction
 from inverse_service import errors
 from inverse_service.expressions import letters, tree as ex
 from inverse_service.expressions.refusals import refusal, shorten
-from inverse_service.reading import notations, parser
+from inverse_service.reading import notations, parser, tokens as tk
 from inverse_service.reading.names import FUNCTIONS, GREEK_NAMES, MAY_BE_FUNCTIONS, Names, written_product
-from inverse_service.reading.tokens import (
-    COMPARED,
-    TOTAL,
-    Kind,
-    Token,
-    at,
-    bracket,
-    refuse_decimal_commas,
-    source,
-    spelled,
-    split,
-    split_at,
-    tokenize,
-    walk,
-)
+from inverse_service.reading.tokens import Token, at
 
 _GREEK_OF_MATHEMATICA = re.compile(r"\\\[(?:Curly)?(?:Capital)?([A-Z][a-z]+)\]")
 SHORTEST_REMARK = 4  # letters of a word that no constant needs
@@ -129,7 +115,7 @@ def read_tokens(formula: str, names: Names | None = None) -> list[Token]:
     names = names or Names()
     in_our_words = notations.with_derivatives if is_latex(formula) else notations.in_our_words
     tokens = in_our_words(_with_products(_scanned(formula, names), names), names)
-    refuse_decimal_commas(tokens)
+    tk.refuse_decimal_commas(tokens)
     if names.forms:
         _ask_about_displacements(tokens, names)
         tokens = _with_forms(tokens, names, _moves(tokens))
@@ -174,18 +160,18 @@ def differentials(tokens: Sequence[Token], names: Names, moves: bool) -> Iterato
             name = name if known or not before else ""
         apart = following.order or (moves and following.space_before)
         alone = token.text == "d" and not token.order and names.role("d") is None
-        if (alone and not (name or apart)) or token.is_operator(TOTAL):
+        if (alone and not (name or apart)) or token.is_operator(tk.TOTAL):
             name, length = (following.text, 2) if following.kind == "name" else ("", 1)
         yield place, length, factor, name
         place += length
 
 
 def _moves(tokens: Sequence[Token]) -> bool:
-    return any(token.order for token in walk(tokens))
+    return any(token.order for token in tk.walk(tokens))
 
 
 def _letters_of_forms(tokens: Sequence[Token], names: Names) -> list[str]:
-    lines = [tokens, *(token.inside for token in walk(tokens) if token.inside)]
+    lines = [tokens, *(token.inside for token in tk.walk(tokens) if token.inside)]
     found = [name for line in lines for *_, name in differentials(line, names, _moves(tokens))]
     return [name for name in found if _LETTER_OF_A_FORM.fullmatch(name)]
 
@@ -198,8 +184,8 @@ def names_in_forms(text: str) -> set[str]:
 def moving_in_forms(tokens: Sequence[Token], names: Names) -> list[str]:
     """The undeclared names z and x of dz - y dx = 0 and of dz = 0, which are letters."""
     found: list[str] = []
-    for line in split_at(";,", tokens):
-        each, alone = _letters_of_forms(line, names), spelled(line[-2:]) == "=0"
+    for line in tk.split_at(";,", tokens):
+        each, alone = _letters_of_forms(line, names), tk.spelled(line[-2:]) == "=0"
         if (len(each) > 1 or (each and alone)) and not _moves(line):
             found += [name for name in each if name != "t" and names.role(names.spelling(name)) is None]
     return found
@@ -209,7 +195,7 @@ def _ask_about_displacements(tokens: Sequence[Token], names: Names) -> None:
     """InputError for the delta z of delta z = y delta x, which is usually a virtual displacement."""
     if names.role("delta") or _moves(tokens):
         return
-    for delta, moving in itertools.pairwise(walk(tokens)):
+    for delta, moving in itertools.pairwise(tk.walk(tokens)):
         if delta.text == "delta" and names.role(names.spelling(moving.text)) == "coordinate":
             meant = (f"d{moving.text}", f"delta*{moving.text}")
             what, span = f"delta {moving.text} could be a virtual displacement", (delta.column, moving.column)
@@ -223,10 +209,10 @@ def _without_names_of_forms(tokens: list[Token], names: Names) -> list[Token]:
     A form is not a number, so a name that equals it can only be the name of the form.
     """
     found: list[Token] = []
-    for line, end in split(tokens, lambda _, token: token.is_operator(";", ",")):
+    for line, end in tk.split(tokens, lambda _, token: token.is_operator(";", ",")):
         named = len(line) > 2 and line[0].kind == "name" and line[1].is_operator("=")
         last = [token.text for token in line[-2:]] == ["=", "0"] and len(line) > 4
-        form = any(token.order and token.value == OF_A_FORM for token in walk(line))
+        form = any(token.order and token.value == OF_A_FORM for token in tk.walk(line))
         if named and (last or form) and names.role(names.spelling(line[0].text)) != "coordinate":
             note(f"{line[0].text} =", LEFT_OUT)
             zero = [] if last else [Token("number", "0", line[0].column), line[1]]
@@ -244,7 +230,7 @@ def tokens_if_any(formula: str, names: Names) -> list[Token]:
 
 def _scanned(formula: str, names: Names) -> list[Token]:
     if not is_latex(formula):
-        return tokenize(formula, names.declared())
+        return tk.tokenize(formula, names.declared())
     from inverse_service.reading import latex
 
     return latex.tokenize(formula, names)
@@ -252,8 +238,8 @@ def _scanned(formula: str, names: Names) -> list[Token]:
 
 LEFT_OUT, CONDITION = "left out", "a condition that is not used"
 _JOINS = {
-    **dict.fromkeys(("where", "with", "given", "and"), ("=", *COMPARED)),
-    **dict.fromkeys(("for", "if", "when"), COMPARED),
+    **dict.fromkeys(("where", "with", "given", "and"), ("=", *tk.COMPARED)),
+    **dict.fromkeys(("for", "if", "when"), tk.COMPARED),
 }
 
 
@@ -263,11 +249,11 @@ def _without_remarks(tokens: list[Token], formula: str, names: Names) -> list[To
     `where` and `with` between an equation and a definition are separators. Comparisons are omitted only next to
     equations.
     """
-    marks = {token.text for token in walk(tokens)}
+    marks = {token.text for token in tk.walk(tokens)}
     tokens = _with_definitions_apart(tokens) if "=" in marks else tokens
     if not (
-        marks & {*COMPARED, *_JOINS, *_CONSTANT}
-        or (("=" in marks or names.energy) and any(token.kind == "number" for token in walk(tokens)))
+        marks & {*tk.COMPARED, *_JOINS, *_CONSTANT}
+        or (("=" in marks or names.energy) and any(token.kind == "number" for token in tk.walk(tokens)))
     ):
         return tokens
 
@@ -277,7 +263,7 @@ def _without_remarks(tokens: list[Token], formula: str, names: Names) -> list[To
 
     groups = [
         (group, Token("operator", ";", end.column) if end is not None and end.kind == "name" else end)
-        for group, end in split(tokens, ends)
+        for group, end in tk.split(tokens, ends)
     ]
     equations = any(_has(group, "=") and not _is_initial(group) for group, _ in groups)
     found: list[Token] = []
@@ -329,15 +315,15 @@ def _has(group: Sequence[Token], *signs: str) -> bool:
 
 def _is_condition(group: Sequence[Token]) -> bool:
     """Whether it is k > 0 or 0 < k < 1."""
-    return _has(group, *COMPARED) and not _has(group, "=") and not any(token.text in _BRANCHES for token in group)
+    return _has(group, *tk.COMPARED) and not _has(group, "=") and not any(token.text in _BRANCHES for token in group)
 
 
 def _without_condition(group: list[Token], formula: str) -> list[Token]:
     """The equation without the (k > 0) after it, whose names do not move."""
     last, before = at(group, len(group) - 1), at(group, len(group) - 2)
     apart = len(group) > 1 and last.is_bracket() and last.space_before and not before.is_operator(*"+-*/^=")
-    moving = {token.text for token in walk(group) if token.order and token.kind == "name"}
-    if not (apart and _is_condition(last.inside)) or moving & {token.text for token in walk(last.inside)}:
+    moving = {token.text for token in tk.walk(group) if token.order and token.kind == "name"}
+    if not (apart and _is_condition(last.inside)) or moving & {token.text for token in tk.walk(last.inside)}:
         return group
     note(formula[last.column : last.end - 1], CONDITION)
     return group[:-1]
@@ -345,7 +331,7 @@ def _without_condition(group: list[Token], formula: str) -> list[Token]:
 
 def _is_initial(group: Sequence[Token]) -> bool:
     """Whether it is x(0) = 1, x'(t_0) = v, x = x(t), or k = const."""
-    first, rest = at(group, 0), spelled(group[1:])
+    first, rest = at(group, 0), tk.spelled(group[1:])
     if not first.order and rest in (f"={first.text}(t)", *(f"={word}" for word in _CONSTANT)):
         return True
     timed = re.match(r"\((?:t_?0|[0-9.]+)\)=", rest)
@@ -356,14 +342,14 @@ def _without_number(group: list[Token], formula: str, names: Names) -> list[Toke
     """The equation without the (1) or 1. before it and the (1) after it, which are usually its number."""
     first, second, number = at(group, 0), at(group, 1), at(group, len(group) - 1)
     if _is_number(group[:1]) and len(first.inside) == 1 and (second.kind == "name" or second.is_bracket()):
-        note(spelled(group[:1]), LEFT_OUT)
+        note(tk.spelled(group[:1]), LEFT_OUT)
         return group[1:]
     if first.kind == "number" and first.text.endswith(".") and second.space_before:
         note(first.text, LEFT_OUT)
         return group[1:]
     if len(group) < 2 or not _is_number([number]):
         return group
-    before, shown = group[-2], spelled([number])
+    before, shown = group[-2], tk.spelled([number])
     called = before.kind == "name" and (
         before.text in FUNCTIONS | MAY_BE_FUNCTIONS or names.role(names.spelling(before.text)) == "function"
     )
@@ -382,7 +368,7 @@ def _is_number(group: Sequence[Token]) -> bool:
     """Whether it is (3.2) or (3.2a), as the number of an equation."""
     if len(group) != 1 or not group[0].is_bracket() or group[0].value or group[0].order:
         return False
-    return re.fullmatch(r"\([0-9.]+[A-Za-z]?\)", source(group)) is not None
+    return re.fullmatch(r"\([0-9.]+[A-Za-z]?\)", tk.source(group)) is not None
 
 
 def _with_products(tokens: Sequence[Token], names: Names) -> list[Token]:
@@ -400,11 +386,11 @@ def _with_products(tokens: Sequence[Token], names: Names) -> list[Token]:
         column = token.column + len(token.text)
         for part in reversed(parts):
             column -= len(part)
-            kind: Kind = "number" if part.isdigit() else "name"
+            kind: tk.Kind = "number" if part.isdigit() else "name"
             one = Token(kind, part, column, False, Fraction(part) if part.isdigit() else Fraction(0))
             function = part in FUNCTIONS and names.role(part) is None and not at(tokens, place + 1).is_operator("^")
             if product and function and not token.order:
-                product = [one, bracket(product, product[0], space=False)]
+                product = [one, tk.bracket(product, product[0], space=False)]
             else:
                 product = [one, *product]
         last = replace(product[-1], order=token.order, primed=token.primed)
@@ -467,7 +453,7 @@ def split_equations(formula: str, names: Names) -> list[EquationTokens]:
     """
     tokens = read_tokens(formula, names)
     _refuse_bullets(tokens, formula)
-    parts = split(tokens, lambda _, token: token.is_operator(";", ","))
+    parts = tk.split(tokens, lambda _, token: token.is_operator(";", ","))
     commas = [end for _, end in parts if end is not None and end.is_operator(",")]
     groups = [EquationTokens(tuple(part), end.column if end else len(formula) + 1) for part, end in parts]
     found = [group for group in groups if group.tokens]
@@ -482,7 +468,7 @@ def _refuse_bullets(tokens: Sequence[Token], formula: str) -> None:
     def ends(_: int, token: Token) -> bool:
         return token.is_operator(";") and formula[token.column - 1] == "\n"
 
-    full = [line for line, _ in split(tokens, ends) if line]
+    full = [line for line, _ in tk.split(tokens, ends) if line]
     listed = (line[0].is_operator("-") and line[1:] and line[1].space_before for line in full)
     if len(full) > 1 and all(listed) and all(any(token.is_operator("=") for token in line) for line in full):
         raise refusal(
@@ -525,7 +511,7 @@ def _is_word_at_the_end(line: Sequence[Token], place: int) -> bool:
     word = line[place]
     return (
         len(word.text) >= SHORTEST_REMARK
-        and sum(token.text == word.text for token in walk(line)) == 1
+        and sum(token.text == word.text for token in tk.walk(line)) == 1
         and word.text.isalpha()
         and word.text.islower()
         and word.text not in letters.LETTER_COMMANDS

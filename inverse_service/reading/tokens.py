@@ -488,9 +488,9 @@ def _long_name(text: str, place: int, known: Container[str]) -> tuple[list[tuple
 
 def _operator(text: str, place: int, space: bool) -> tuple[Tokens, int]:
     column = place + 1
-    for sign, instead in _REFUSED_SIGNS.items():
-        if text.startswith(sign, place):
-            raise refusals.refusal(f"{sign.strip()} occurs", column, instead)
+    for refused, instead in _REFUSED_SIGNS.items():
+        if text.startswith(refused, place):
+            raise refusals.refusal(f"{refused.strip()} occurs", column, instead)
     for size in (2, 1):
         if sign := _SIGNS.get(text[place : place + size]):
             return [Token("operator", sign, column, space)], place + size
