@@ -16,7 +16,12 @@ UNDERSTAND_DEADLINE = 2.0
 
 
 def with_understood(outcome: Outcome, understood: Outcome) -> Outcome:
-    """The outcome of a run that a limit ended, with how the system was understood as its value."""
+    """The outcome of a run that a limit ended, with how the system was understood as its value.
+
+    A document that cannot be read is refused, however short the time.
+    """
+    if understood.status == "refused":
+        return dataclasses.replace(understood, spent=outcome.spent)
     return dataclasses.replace(outcome, value=understood.value if understood.status == "done" else None)
 
 
