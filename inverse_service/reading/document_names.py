@@ -579,30 +579,23 @@ _PROGRAMS = re.compile(r"\b(?:Eq|diff|Derivative|Mul|Add)\s*\(|\[")  # where E i
 _IMPULSES = frozenset(("delta", "theta", "Theta", "H"))
 
 
-@dataclass(frozen=True, slots=True)
-class Guess:
-    """Names in order of appearance; `functions` have their arguments; `splits` are runs of letters."""
-
-    parameters: tuple[str, ...] = ()
-    functions: dict[str, tuple[str, ...]] = field(default_factory=dict)
-    splits: dict[str, tuple[str, ...]] = field(default_factory=dict)
-
-
+# Names in order of appearance, functions with their arguments, and runs of letters that are products.
+_Guess = tuple[tuple[str, ...], dict[str, tuple[str, ...]], dict[str, tuple[str, ...]]]
 _MOST_ROUNDS = 4  # a run that is split may contain a name that splits others
 
 
 def _with_guessed(texts: Mapping[str, str], declared: nm.Names, dummies: Collection[str]) -> nm.Names:
     """The names with the undeclared ones that the texts use; InputError as in `_guessed`."""
     for _ in range(_MOST_ROUNDS):
-        guess = _guessed(texts, declared, dummies)
-        if not guess.splits:
+        parameters, functions, splits = _guessed(texts, declared, dummies)
+        if not splits:
             break
-        declared = replace(declared, splits={**declared.splits, **guess.splits})
-    both = (*declared.parameters, *guess.parameters)
-    return replace(declared, parameters=both, functions={**declared.functions, **guess.functions})
+        declared = replace(declared, splits={**declared.splits, **splits})
+    both = (*declared.parameters, *parameters)
+    return replace(declared, parameters=both, functions={**declared.functions, **functions})
 
 
-def _guessed(texts: Mapping[str, str], declared: nm.Names, dummies: Collection[str]) -> Guess:
+def _guessed(texts: Mapping[str, str], declared: nm.Names, dummies: Collection[str]) -> _Guess:
     """The undeclared names other than coordinates in the texts, which are given by their pointers.
 
     `dummies` are the arguments of functions that the texts define.
@@ -689,9 +682,8 @@ def _guessed(texts: Mapping[str, str], declared: nm.Names, dummies: Collection[s
     angles = nm.GREEK_NAMES & {name.rstrip("_0123456789") for name in coordinates}
     rolls = "r" in held and angles  # then r is the radius of a wheel
     splits |= _ask_back({name: at for name, at in guessed.items() if name != "r" or not rolls}, known_names, raised)
-    return Guess(
-        _as_in_products([name for name in guessed if name not in splits], lines.values()), found_functions, splits
-    )
+    found = [name for name in guessed if name not in splits]
+    return _as_in_products(found, lines.values()), found_functions, splits
 
 
 def _as_in_products(names: Sequence[str], lines: Iterable[Sequence[Token]]) -> tuple[str, ...]:
