@@ -34,10 +34,9 @@ def _after_blanks(pattern: str) -> re.Pattern[str]:
 
 _INNER = r"(?:[^{}]|\{(?:[^{}]|\{[^{}]*\})*\})*"  # of braces, with two levels of others in them
 _FONT = r"\\(?:mathrm|operatorname\*?|textrm|text|mathit|rm)" + _NO_LETTER
+_UPRIGHT = rf"(?:{_FONT}|\\(?:bar|tilde|widetilde){_NO_LETTER})"
 _OPEN, _CLOSE, _BELOW, _RAISED = map(_after_blanks, (r"(\{)", r"(\})", "(_)", rf"([{''.join(letters.SUPERSCRIPTS)}^])"))
-_PIECE = _after_blanks(
-    rf"((?:(?:{_FONT}|\\(?:bar|tilde|widetilde){_NO_LETTER})\s*)?(?:\{{{_INNER}\}}|\\[A-Za-z]+|[0-9]+|.))"
-)
+_PIECE = _after_blanks(rf"((?:{_UPRIGHT}\s*)?(?:\{{{_INNER}\}}|\\[A-Za-z]+|[0-9]+|.))")
 _PRIME = _after_blanks(rf"([{''.join(letters.PRIMES)}]|\\prime{_NO_LETTER})")
 _OVER, _LEFT = _after_blanks(rf"\\over{_NO_LETTER}"), _after_blanks(rf"\\left{_NO_LETTER}")
 _ROMAN = re.compile(rf"\{{\s*\\rm{_NO_LETTER}")
@@ -318,14 +317,9 @@ class _Translator:
             if self._take(_BELOW):
                 raise refusal("a base of a logarithm occurs", here.column, "write \\ln(x)/\\ln(b)")
             self._tokens.append(Token("name", name, here.column, True))  # g/l\sin x is g/l sin x
-        elif re.fullmatch(_FONT, command[0]) and name != "rm":
+        elif re.fullmatch(_UPRIGHT, command[0]) and name != "rm":
             self._place = command.start()
             self._font(here)
-        elif name in _ACCENTS:
-            self._place = command.start()
-            if not (accented := self._name_part()):
-                raise refusal(f"\\{name} belongs to a name", here.column, f"write \\{name}{{x}}")
-            self._emit_name(self._with_subscript(accented), here)
         elif name in ("left", "right"):
             self._delimiter(name, here)
         elif name in _SIGNS:
@@ -361,7 +355,7 @@ class _Translator:
     def _font(self, here: Token) -> None:
         start = self._place
         name = self._name_part()
-        inside = re.sub(rf"^\{{?\s*{_FONT}\s*\{{?|\}}", "", self._text[start : self._place])
+        inside = re.sub(rf"^\{{?\s*{_UPRIGHT}\s*\{{?|\}}", "", self._text[start : self._place])
         words = re.search(r"\S\s", inside.strip()) or (
             self._text.startswith("\\text", start)
             and len(name) > 1
