@@ -65,7 +65,9 @@ def _apart(term: ex.Expression, names: Sequence[str]) -> list[ex.Expression]:
     if len(sums) != 1 or not short_forms.velocities_in(term, names):
         return [term]
     outside = ex.multiply(*(factor for factor in ex.factors_of(term) if factor is not sums[0]))
-    return [outside * part for part in sums[0].terms]
+    moving = [part for part in sums[0].terms if short_forms.velocities_in(part, names)]
+    still = [part for part in sums[0].terms if part not in moving]
+    return [outside * ex.add(*group) for group in (moving, still) if group]
 
 
 def without(monomial: collecting.Monomial, names: Collection[str]) -> collecting.Monomial:
