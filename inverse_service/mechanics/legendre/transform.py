@@ -232,7 +232,7 @@ def _closed(
     chained = tuple(rates[name] for name in names)
     energies = [short_forms.exponentials_above(_placed(found.branch.hamiltonian, table)) for found in chosen]
     plain = ex.add(*energies, ex.negated(parts.free))
-    apart = collecting.collect(ex.add(*energies)) - parts.free
+    apart = ex.add(collecting.collect(ex.add(*energies)), ex.negated(parts.free))
     short = short_forms.inside(short_forms.shortest([plain, apart, collecting.collect(plain)]))
     whole = writing.roots_upright(writing.joined(short_forms.without_cancelling(short)))
     whole = writing.plain_quotients(writing.one_square(quadratic_forms.shortest_form(whole, implicit.symbols)))
