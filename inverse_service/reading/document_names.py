@@ -524,9 +524,9 @@ def derivatives(line: Sequence[Token]) -> list[tuple[str, str, int]]:
         elif name and token.order:
             by = _variable(after)
             found += [(name, by or "t", token.order)] if by or _multiplies_a_sum(token, after) else []
-        elif stem := derived_stem(name):
+        elif name and (stem := derived_stem(name)):
             found.append((stem, "t", 2 if derived_stem(name, 2) else 1))
-        elif at(line, place - 1).text not in nm.DERIVATIVE_NAMES:
+        elif token.inside and at(line, place - 1).text not in nm.DERIVATIVE_NAMES:
             found += derivatives(token.inside)
     return found
 

@@ -331,8 +331,9 @@ def with_derivatives(line: Sequence[Token], names: Names, beyond: Token | None =
             found, place = found + read[0], read[1]
             continue
         place += 1
-        inside = with_derivatives(token.inside, names, at(line, place))
-        found.append(replace(token, inside=tuple(inside)) if inside else token)
+        if token.inside:
+            token = replace(token, inside=tuple(with_derivatives(token.inside, names, at(line, place))))
+        found.append(token)
     return found
 
 

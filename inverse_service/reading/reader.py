@@ -287,9 +287,10 @@ def _with_definitions_apart(tokens: list[Token]) -> list[Token]:
     found: list[Token] = []
     for token in tokens:
         inside = token.inside if token.is_bracket() and token.space_before else ()
-        defines = bool(inside) and inside[0].kind == "name" and _has(inside, "=")
-        ends = (Token("operator", ";", token.column), Token("operator", ";", token.end))
-        found += [ends[0], *inside, ends[1]] if defines else [token]
+        if inside and inside[0].kind == "name" and _has(inside, "="):
+            found += [Token("operator", ";", token.column), *inside, Token("operator", ";", token.end)]
+        else:
+            found.append(token)
     return found
 
 

@@ -122,14 +122,16 @@ def places(line: Sequence[Token], outer: Token = _BEYOND) -> Iterator[tuple[Sequ
     """Every token as its line, its place there, and the token before the bracket around the line."""
     for place, token in enumerate(line):
         yield line, place, outer
-        yield from places(token.inside, at(line, place - 1))
+        if token.inside:
+            yield from places(token.inside, at(line, place - 1))
 
 
 def walk(tokens: Iterable[Token]) -> Iterator[Token]:
     """Every token, those in brackets after the bracket."""
     for token in tokens:
         yield token
-        yield from walk(token.inside)
+        if token.inside:
+            yield from walk(token.inside)
 
 
 def flat(tokens: Iterable[Token]) -> Iterator[Token]:
@@ -218,7 +220,7 @@ def _is_between(before: Sequence[Token], after: Sequence[Token], latex: bool) ->
 def refuse_decimal_commas(tokens: Sequence[Token]) -> None:
     """InputError for 1,5, which may be a decimal comma or two numbers; the orders in B[1,0] are accepted."""
     for token in tokens:
-        if not token.is_bracket("["):
+        if token.inside and token.text != "[":
             refuse_decimal_commas(token.inside)
     for before, comma, after in zip(tokens, tokens[1:], tokens[2:], strict=False):
         numbers = before.kind == after.kind == "number"
