@@ -477,7 +477,7 @@ class _Translator:
         if raised and base.kind != "number" and base.text not in ("e", "E"):  # e^{(x)} is exp(x)
             instead = "write x^{2} for a power, f''(x) for a derivative, q_1 for an index"
             kind = "number" if raised[1].isdigit() else "name"
-            raise refusal(f"a raised {kind} in brackets occurs", raised.start(1), instead)
+            raise refusal(f"a raised {kind} in brackets occurs", here.column + 1, instead)
         self._emit("^", caret)
         start = len(self._tokens)
         self._braces(here)
