@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from tests.attacks.harness import ENDLESS, Attacked, Watch, attacked
+from tests.attacks.harness import ENDLESS, FREEZE, Attacked, Watch, attacked
 
 EASY = {"coordinates": ["x"], "equations": {"x": "-x"}}
 
@@ -91,8 +91,7 @@ def test_a_loop_that_is_held_for_a_moment_is_seen(service: Attacked) -> None:
         os.kill(service.process.pid, signal.SIGSTOP)
         time.sleep(1.0)  # longer than who looks may wait for a core before its first look
         os.kill(service.process.pid, signal.SIGCONT)
-    with pytest.raises(AssertionError, match="/livez took"):
-        watch.hold()
+    assert watch.longest > FREEZE
 
 
 @pytest.mark.slow
