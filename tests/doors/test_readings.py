@@ -115,7 +115,7 @@ LONG = {
     "deep objects": ('{"a":' * 3_000 + "1" + "}" * 3_000, "deep"),
     "no UTF-8": ('{"coordinates": ["\ud800"]}', "UTF-8"),
     "million characters": ('{"equations": {"x": "' + "x+" * 250_000 + 'x"}}', "characters"),
-    "parentheses": ('{"equations": {"x": "' + "(" * 5_000 + "x" + ")" * 5_000 + '"}}', "nested"),
+    "parentheses": ('{"equations": {"x": "' + "(" * 2_000 + "x" + ")" * 2_000 + '"}}', "nested"),
 }
 
 
