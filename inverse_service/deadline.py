@@ -11,6 +11,17 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
 
+# The moment that it is, in s of processor time of this thread.
+now = time.thread_time
+_ENDS: ContextVar[float] = ContextVar("ends", default=float("inf"))
+_HALF: ContextVar[float] = ContextVar("half", default=float("-inf"))
+# The least time for a part of the work that has begun, in s.
+LEAST = 0.1
+# The reason of an answer that is still to come.
+NOT_YET = "This is not decided yet."
+# The cost of a point with its tensors, or of a residual, in addition to the nodes visited, in units of work.
+STEP = 60
+
 
 @dataclass(slots=True)
 class _Work:
@@ -19,17 +30,7 @@ class _Work:
     left: int
 
 
-# The moment that it is, in s of processor time of this thread.
-now = time.thread_time
-_ENDS: ContextVar[float] = ContextVar("ends", default=float("inf"))
-_HALF: ContextVar[float] = ContextVar("half", default=float("-inf"))
 _AMOUNTS: ContextVar[tuple[_Work, ...]] = ContextVar("amounts", default=())
-# The least time for a part of the work that has begun, in s.
-LEAST = 0.1
-# The reason of an answer that is still to come.
-NOT_YET = "This is not decided yet."
-# The cost of a point with its tensors, or of a residual, in addition to the nodes visited, in units of work.
-STEP = 60
 
 
 class OutOfTime(Exception):

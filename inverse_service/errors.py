@@ -7,6 +7,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+# Only packages that come with an extra of the project are listed.
+EXTRA_OF = {
+    "llvmlite": "simulation", "numba": "simulation", "symengine": "simulation", "matplotlib": "figures",
+    "heyoka": "heyoka", "distributed": "dask", "psycopg": "postgres", "h5netcdf": "files", "h5py": "files",
+    "mcp": "mcp",
+}  # fmt: skip
+
 
 class InverseServiceError(Exception):
     """Root of all errors; `code` is stable, `retry` says whether the same call can succeed later."""
@@ -107,14 +114,6 @@ class DocumentRefused(InputError):
     @property
     def places(self) -> tuple[Place, ...]:
         return self._places
-
-
-# Only packages that come with an extra of the project are listed.
-EXTRA_OF = {
-    "llvmlite": "simulation", "numba": "simulation", "symengine": "simulation", "matplotlib": "figures",
-    "heyoka": "heyoka", "distributed": "dask", "psycopg": "postgres", "h5netcdf": "files", "h5py": "files",
-    "mcp": "mcp",
-}  # fmt: skip
 
 
 class MissingExtra(InputError):

@@ -49,6 +49,7 @@ THREE = 4
 Number = Any  # a residue or a ball
 # Coefficients of monomials: eight bits for each exponent, the total degree on top of them.
 Series = dict[int, Number]
+Arithmetic = Any  # Residues or Balls
 
 
 class Undefined(Exception):
@@ -763,6 +764,3 @@ class Balls:
         if not determinant.is_finite() or determinant.contains(0):
             raise Unsettled
         return True
-
-
-Arithmetic = Any  # Residues or Balls

@@ -38,6 +38,8 @@ OWN_DESCRIPTORS = 192
 LOOPBACK_ADDRESSES = ("127.0.0.1", "::1", "localhost")
 LOOPBACK = ("localhost", "127.0.0.1", "[::1]")
 EXAMPLE = '{"coordinates": ["x"], "equations": {"x": "-x"}}'
+admin = typer.Typer(help="For operators: inspect, drain and clear the store of a service.", no_args_is_help=True)
+Client = Annotated[str, typer.Argument(help="The name of a key, or an address if no keys are set.")]
 
 
 @cli.application.command()
@@ -168,9 +170,7 @@ def mcp() -> cli.ExitCode:
     return cli.ExitCode.DONE
 
 
-admin = typer.Typer(help="For operators: inspect, drain and clear the store of a service.", no_args_is_help=True)
 cli.application.add_typer(admin, name="admin")
-Client = Annotated[str, typer.Argument(help="The name of a key, or an address if no keys are set.")]
 
 
 class Rank(StrEnum):

@@ -33,6 +33,7 @@ _SEED = 3
 # Series are written for so many coordinates.
 _MOST_COORDINATES = 4
 _MOST_CONDITIONS = 100  # that a certificate may have
+_CIRCULAR = ("sin", "cos", "tan", "sec", "csc", "cot", "sinh", "cosh", "tanh", "sech", "csch", "coth")
 
 
 def of_lagrangian(
@@ -311,9 +312,6 @@ def _circular_roots(formulas: Sequence[ex.Expression], table: real_point.RealTab
                 found.append({"root": root, "is": printing.to_text(said)})
                 break
     return found
-
-
-_CIRCULAR = ("sin", "cos", "tan", "sec", "csc", "cot", "sinh", "cosh", "tanh", "sech", "csch", "coth")
 
 
 def _angle(node: ex.Expression) -> ex.Expression | None:

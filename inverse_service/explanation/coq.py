@@ -23,6 +23,11 @@ from inverse_service.expressions import tree as ex
 from inverse_service.field import exact_field
 from inverse_service.mechanics.conditions import Motion
 
+SAMPLES = [
+    Fraction(*pair) for pair in ((1, 1), (2, 1), (3, 1), (-1, 1), (1, 2), (3, 5), (4, 5), (5, 13), (5, 1), (-2, 3))
+]
+ATTEMPTS = 400
+
 
 class System:
     """The formulas of theorems over one ring, as Coq has them: generators, their slopes, f, and L if there is one.
@@ -337,12 +342,6 @@ def _theorem(
     if not expression:
         lines += th.coq_steps(theorem, letters)
     return "\n".join([*lines, "Qed.", _example(system, theorem, relations, nonzero), ""])
-
-
-SAMPLES = [
-    Fraction(*pair) for pair in ((1, 1), (2, 1), (3, 1), (-1, 1), (1, 2), (3, 5), (4, 5), (5, 13), (5, 1), (-2, 3))
-]
-ATTEMPTS = 400
 
 
 def _example(system: System, theorem: th.Theorem, relations: Sequence[th.Fact], nonzero: Sequence[fmpq_mpoly]) -> str:

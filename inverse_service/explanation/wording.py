@@ -23,6 +23,25 @@ if TYPE_CHECKING:
     from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 Piece = str | notation.Formula | Expression
+_MEANING = {
+    "g": "the multiplier (the velocity Hessian of L)",
+    "L": "the Lagrangian",
+    "H": "the Hamiltonian",
+    "N": "the matrix -1/2 df/dv",
+    "Phi": "the matrix of the first conditions",
+    "R": "the curvature in the conditions",
+    "Gamma": "the derivative along the motion",
+    "f": "the right-hand sides",
+    "p": "the momenta",
+    "v": "the velocities",
+    "u": "the exponent in g = e^u G",
+    "G": "the matrix in g = e^u G",
+    "T": "any of the matrices of the conditions",
+    "L_0": "the Lagrangian without damping",
+}
+_SYMMETRIC = "g_ij T^j_k = g_kj T^j_i"
+_CYCLIC = "g_ij R^j_kl + g_lj R^j_ik + g_kj R^j_li = 0"
+SINGULAR = "det g = 0"
 
 
 def said(*pieces: Piece, shown: Sequence[Piece] = ()) -> Step:
@@ -62,24 +81,6 @@ def separated(formulas: Sequence[Piece], between: str = ", ") -> list[Piece]:
     return [piece for k, formula in enumerate(formulas) for piece in ([between, formula] if k else [formula])]
 
 
-_MEANING = {
-    "g": "the multiplier (the velocity Hessian of L)",
-    "L": "the Lagrangian",
-    "H": "the Hamiltonian",
-    "N": "the matrix -1/2 df/dv",
-    "Phi": "the matrix of the first conditions",
-    "R": "the curvature in the conditions",
-    "Gamma": "the derivative along the motion",
-    "f": "the right-hand sides",
-    "p": "the momenta",
-    "v": "the velocities",
-    "u": "the exponent in g = e^u G",
-    "G": "the matrix in g = e^u G",
-    "T": "any of the matrices of the conditions",
-    "L_0": "the Lagrangian without damping",
-}
-
-
 def with_shared_letters(answer: Answer, system: SecondOrderSystem) -> Answer:
     """The answer with a first sentence that defines each symbol that the theory and the system both use."""
     names = {*system.coordinates, *system.parameters, *dict(system.functions)}
@@ -92,11 +93,6 @@ def with_shared_letters(answer: Answer, system: SecondOrderSystem) -> Answer:
     also = "these names may also be those" if len(shared) > 1 else f"the name {shared[0]} may also be that"
     step = said(f"In the sentences below, {meanings}; inside their formulas {also} of the system.")
     return replace(answer, explanation=(step, *answer.explanation))
-
-
-_SYMMETRIC = "g_ij T^j_k = g_kj T^j_i"
-_CYCLIC = "g_ij R^j_kl + g_lj R^j_ik + g_kj R^j_li = 0"
-SINGULAR = "det g = 0"
 
 
 def indices(system: SecondOrderSystem) -> list[Piece]:

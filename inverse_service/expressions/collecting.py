@@ -29,6 +29,9 @@ MOST_TERMS = 3_000
 _LARGEST_EXPONENT = 64
 _LARGEST_FACTORED = 10**15
 Terms = dict[Monomial, Fraction]
+# The same parts are expanded repeatedly while one system is solved; large results are not kept.
+_KEPT: dict[ex.Expression, Terms] = {}
+_MOST_KEPT, _LARGEST_KEPT = 4_096, 64
 
 
 class _TooLarge(ArithmeticError):
@@ -55,11 +58,6 @@ def forget_expansions() -> None:
 def collect(tree: ex.Expression) -> ex.Expression:
     """The tree with like terms collected: terms_tree(expand(tree))."""
     return terms_tree(expand(tree))
-
-
-# The same parts are expanded repeatedly while one system is solved; large results are not kept.
-_KEPT: dict[ex.Expression, Terms] = {}
-_MOST_KEPT, _LARGEST_KEPT = 4_096, 64
 
 
 def _expand(tree: ex.Expression) -> Terms:

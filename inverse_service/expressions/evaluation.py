@@ -10,15 +10,13 @@ from inverse_service import errors
 from inverse_service.expressions import pieces, tree as ex
 
 Real = Any  # mpmath has no types
+_NAMES = {"log": "ln"}
 
 
 class NoRealValue(errors.InverseServiceError):
     """The tree has no finite real value at the point; it may have one at another point."""
 
     code = "no-real-value"
-
-
-_NAMES = {"log": "ln"}
 
 
 def evaluate(expression: ex.Expression, table: Mapping[ex.Expression, Real]) -> Real:

@@ -7,6 +7,7 @@ from fractions import Fraction
 from inverse_service.expressions import tree as ex
 
 Rule = Callable[[ex.Expression], ex.Expression]
+_NOT_ZERO = (bool, "a number other than 0")
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +48,6 @@ def _negative_product(first: str, second: str) -> Rule:
     return lambda u: -1 * ex.apply(first, u) * ex.apply(second, u)
 
 
-_NOT_ZERO = (bool, "a number other than 0")
 _ROWS = (
     Function("exp", _other("exp"), command="\\exp"),
     Function("log", lambda u: u**-1, 0, "", lambda u: u > 0, "a positive number", "\\ln", "ln"),

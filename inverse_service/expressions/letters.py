@@ -33,6 +33,8 @@ PRIMES = dict.fromkeys("'\u2032\u2019\u02b9\u02bc\u00b4\u02d9", 1) | dict.fromke
 SPACES = frozenset(" \t\r\f\u00a0\u2002\u2003\u2009\u200a\u202f")
 DOTS = {"\u0307": 1, "\u0308": 2}
 _SLANTED = ("MATHEMATICAL ITALIC ", "PLANCK CONSTANT")
+_PARTS = re.compile(r"([A-Za-z]+)(.*)")
+_SHOWN = {name: character for character, name in reversed(GREEK.items())} | {"ell": SCRIPT_L}
 
 
 def letter(character: str) -> tuple[str, int] | None:
@@ -62,10 +64,6 @@ def _dotted_letter(character: str) -> tuple[str, int] | None:
 def describe(character: str) -> str:
     """The character for a message: itself if printable ASCII, else its code point."""
     return f"'{character}'" if " " < character <= "~" else f"U+{ord(character):04X}"
-
-
-_PARTS = re.compile(r"([A-Za-z]+)(.*)")
-_SHOWN = {name: character for character, name in reversed(GREEK.items())} | {"ell": SCRIPT_L}
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,6 +23,11 @@ _GREEK = {"alpha": "\u03b1", "Gamma": "Γ", "Phi": "Φ", "nabla": "∇", "lambda
 _WORDS = frozenset(("det", "for", "and"))
 _SIGNS = {"-": "\u2212", "*": "\u2062", "!=": "≠", ">=": "≥", "<=": "≤"}
 _LATEX_SIGNS = {"*": " ", "\u2026": r"\dots", "!=": r"\neq ", ">=": r"\geq ", "<=": r"\leq "}
+# dL/dx' in a sentence: L, x, an index such as that of v^i, primes.
+SLOPE = re.compile(r"(?<![A-Za-z])d([LHFDTf])/d([A-Za-z][A-Za-z0-9_]*)(?:\^(\w))?('{0,2})")
+# The symbol of the multiplier: g, unless the system uses that name.
+MULTIPLIER: ContextVar[str] = ContextVar("multiplier", default="g")
+_LETTER_G = re.compile(r"(?<![A-Za-z])g(?![A-Za-z])|(?<=\bd)g(?=_)")
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,18 +61,9 @@ def listed(formulas: Sequence[Formula | Expression]) -> Formula:
     return row(*[piece for formula in formulas for piece in (", ", formula)][1:])
 
 
-# dL/dx' in a sentence: L, x, an index such as that of v^i, primes.
-SLOPE = re.compile(r"(?<![A-Za-z])d([LHFDTf])/d([A-Za-z][A-Za-z0-9_]*)(?:\^(\w))?('{0,2})")
-
-
 def partial_derivative(of: Formula, by: Expression) -> Formula:
     """dL/dx."""
     return Formula(f"d{of.text}/d{printing.to_text(by)}", of.letters)
-
-
-# The symbol of the multiplier: g, unless the system uses that name.
-MULTIPLIER: ContextVar[str] = ContextVar("multiplier", default="g")
-_LETTER_G = re.compile(r"(?<![A-Za-z])g(?![A-Za-z])|(?<=\bd)g(?=_)")
 
 
 @contextmanager

@@ -35,6 +35,17 @@ _EXPONENTIAL = ex.Apply("exp", ex.ONE)
 
 # The denominator from which a decimal number can be much shorter than a fraction, and its number of digits.
 _LEAST_DECIMAL, _MUCH = 1000, 2
+_Side = tuple[str, tuple[ex.Expression, ...]]  # the number and the factors above or below a fraction line
+# LaTeX.
+_WITHOUT_COMMAND = ("omicron", "Alpha", "Beta", "Epsilon", "Zeta", "Eta", "Iota", "Kappa", "Mu", "Nu", "Omicron")
+_NO_COMMAND = frozenset((*_WITHOUT_COMMAND, "Rho", "Tau", "Chi"))
+# MathML.
+_NAMESPACE = "http://www.w3.org/1998/Math/MathML"
+_TIMES, _DOT = "<mo>&#x2062;</mo>", "<mo>&#x22C5;</mo>"
+# The font of the pages already raises and shrinks it: in a superscript it would be too small.
+PRIME = '<mo lspace="0" rspace="0">&#x2032;</mo>'
+_APPLY = "<mo>&#x2061;</mo>"
+_DOTS = ("", "&#x02D9;", "&#x00A8;")
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,9 +74,6 @@ class Ratio:
         digits = str(self.over * 10**tens // self.under).rjust(tens + 1, "0") if rest == 1 else ""
         decimal = f"{digits[:-tens]}.{digits[-tens:]}"
         return (decimal, "1") if digits and len(decimal) + _MUCH < sum(map(len, plain)) else plain
-
-
-_Side = tuple[str, tuple[ex.Expression, ...]]  # the number and the factors above or below a fraction line
 
 
 @dataclass(slots=True)
@@ -284,11 +292,6 @@ def to_text(expression: ex.Expression, within: bool = False) -> str:
     return _written(_TEXT, expression, within)
 
 
-# LaTeX.
-_WITHOUT_COMMAND = ("omicron", "Alpha", "Beta", "Epsilon", "Zeta", "Eta", "Iota", "Kappa", "Mu", "Nu", "Omicron")
-_NO_COMMAND = frozenset((*_WITHOUT_COMMAND, "Rho", "Tau", "Chi"))
-
-
 class _Latex(_Notation):
     times = " "
 
@@ -386,15 +389,6 @@ def _partial(name: str, function: ex.Arbitrary) -> str:
     order = f"^{{{total}}}" if total > 1 else ""
     below = " ".join(f"\\partial {u}" + (f"^{{{k}}}" if k > 1 else "") for u, k in counts.items())
     return f"\\frac{{\\partial{order} {name}}}{{{below}}}"
-
-
-# MathML.
-_NAMESPACE = "http://www.w3.org/1998/Math/MathML"
-_TIMES, _DOT = "<mo>&#x2062;</mo>", "<mo>&#x22C5;</mo>"
-# The font of the pages already raises and shrinks it: in a superscript it would be too small.
-PRIME = '<mo lspace="0" rspace="0">&#x2032;</mo>'
-_APPLY = "<mo>&#x2061;</mo>"
-_DOTS = ("", "&#x02D9;", "&#x00A8;")
 
 
 class _Mathml(_Notation):

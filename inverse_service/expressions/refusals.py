@@ -8,6 +8,14 @@ from fractions import Fraction
 
 from inverse_service import errors
 
+_TIMES: ContextVar[int] = ContextVar("times", default=1)
+_DECLARING = {
+    "parameters": 'add it to "parameters"',
+    "coordinates": 'add it to "coordinates"',
+    "functions": 'declare a function of your own in "functions" with its arguments',
+}
+_IT_OCCURS = "; it occurs"  # before the column, where what is wrong is a sentence already
+
 
 @dataclass(frozen=True, slots=True)
 class Limits:
@@ -35,7 +43,6 @@ class Limits:
 
 
 LIMITS = Limits()
-_TIMES: ContextVar[int] = ContextVar("times", default=1)
 
 
 @contextmanager
@@ -56,14 +63,6 @@ def most_characters() -> int:
 def most_tokens() -> int:
     """Tokens of one text that is read now."""
     return LIMITS.tokens * _TIMES.get()
-
-
-_DECLARING = {
-    "parameters": 'add it to "parameters"',
-    "coordinates": 'add it to "coordinates"',
-    "functions": 'declare a function of your own in "functions" with its arguments',
-}
-_IT_OCCURS = "; it occurs"  # before the column, where what is wrong is a sentence already
 
 
 def refusal(

@@ -29,6 +29,10 @@ from inverse_service.kernels.machine_code.kernels import compiled as compiled, i
 # -1 modulo this: 2, 3, 5, 7, 11 and 13 are residues.
 _MODULUS = 8 * 3 * 5 * 7 * 11 * 13
 _BITS = 61
+# splitmix64 (Steele, Lea and Flood, OOPSLA 2014), for numbers that need no more than to be unforeseen.
+GOLDEN = np.uint64(0x9E3779B97F4A7C15)
+# One table of each prime is enough for most.
+_LEAST = 512
 
 
 @lru_cache(maxsize=256)
@@ -179,10 +183,6 @@ def power(base: np.uint64, exponent: np.uint64, field: Field) -> np.uint64:
     return result
 
 
-# splitmix64 (Steele, Lea and Flood, OOPSLA 2014), for numbers that need no more than to be unforeseen.
-GOLDEN = np.uint64(0x9E3779B97F4A7C15)
-
-
 @compiled
 def mixed(state: np.uint64) -> np.uint64:
     """The random word of a state, to which GOLDEN is added for the next."""
@@ -206,10 +206,6 @@ def field_of(prime: int) -> Field:
 def small_numbers(prime: int, count: int) -> npt.NDArray[np.uint64]:
     """0, 1, …, at least to count - 1, in Montgomery form."""
     return _small_numbers(prime, max(_LEAST, 1 << (count - 1).bit_length()))
-
-
-# One table of each prime is enough for most.
-_LEAST = 512
 
 
 @lru_cache(maxsize=64)

@@ -22,6 +22,9 @@ from inverse_service.field.real_point import RealTable
 
 Integers = npt.NDArray[np.int64]
 Words = npt.NDArray[np.uint64]
+Matrix = list[list[int]]
+# A seed, and the variables that move while the others keep their values at one point.
+Drawn = tuple[int, tuple[ex.Symbol | ex.Velocity, ...]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -186,9 +189,6 @@ def _letter_rows(program: _LetterProgram, point: ps.Point, drift: Words, order: 
     return found if done else None
 
 
-Matrix = list[list[int]]
-
-
 @dataclass(slots=True)
 class _AtPoint:
     """What is known at one point; `drift` is (1, v, f) in Montgomery form, empty where f has no value."""
@@ -274,10 +274,6 @@ class SamplePoints:
         except (ps.SingularPoint, ValueError):
             return None
         return found if len(place.drift) and all(found) else None
-
-
-# A seed, and the variables that move while the others keep their values at one point.
-Drawn = tuple[int, tuple[ex.Symbol | ex.Velocity, ...]]
 
 
 @dataclass(frozen=True, slots=True)

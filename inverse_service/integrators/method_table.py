@@ -31,6 +31,23 @@ from mpmath import mp
 
 from inverse_service.integrators.trajectory import Array
 
+_SUZUKI = 1.0 / (4.0 - 4.0 ** (1.0 / 3.0))
+_HALVES: dict[int, tuple[float, ...]] = {
+    2: (),
+    4: (_SUZUKI, _SUZUKI),
+    6: (0.39216144400731413928, 0.33259913678935943860, -0.70624617255763935981, 0.082213596293550800230),
+    8: (
+        0.13020248308889008088, 0.56116298177510838456, -0.38947496264484728641, 0.15884190655515560090,
+        -0.39590389413323757734, 0.18453964097831570709, 0.25837438768632204729, 0.29501172360931029887,
+    ),
+}  # fmt: skip
+ORDERS = tuple(_HALVES)
+STAGES = 6
+Rows = tuple[tuple[float, ...], ...]
+Row = tuple[float, ...]
+_FIFTH = (1.221224509226641, 6.019134481288629, 12.53708332932087, -0.6878860361058950)
+_MOTION = "equations of motion"
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Tableau:
@@ -82,28 +99,11 @@ RUNGE_KUTTA = tuple(order for order, one in TABLEAUX.items() if one.rows.any())
 PAIRS = tuple(order for order, one in TABLEAUX.items() if len(one.errors))  # with an estimate of the error
 
 
-_SUZUKI = 1.0 / (4.0 - 4.0 ** (1.0 / 3.0))
-_HALVES: dict[int, tuple[float, ...]] = {
-    2: (),
-    4: (_SUZUKI, _SUZUKI),
-    6: (0.39216144400731413928, 0.33259913678935943860, -0.70624617255763935981, 0.082213596293550800230),
-    8: (
-        0.13020248308889008088, 0.56116298177510838456, -0.38947496264484728641, 0.15884190655515560090,
-        -0.39590389413323757734, 0.18453964097831570709, 0.25837438768632204729, 0.29501172360931029887,
-    ),
-}  # fmt: skip
-ORDERS = tuple(_HALVES)
-
-
 def composition(order: int) -> tuple[float, ...]:
     """Symmetric weights that add up to 1; KeyError for an order that is not in ORDERS."""
     half = _HALVES[order]
     middle = 1.0 - 2.0 * sum(half)
     return (*half, middle, *reversed(half))
-
-
-STAGES = 6
-Rows = tuple[tuple[float, ...], ...]
 
 
 @lru_cache(maxsize=8)
@@ -131,9 +131,6 @@ def _rounded(matrix: Any) -> Rows:
     return tuple(tuple(float(matrix[i, j]) for j in range(matrix.cols)) for i in range(matrix.rows))
 
 
-Row = tuple[float, ...]
-
-
 @dataclass(frozen=True, slots=True)
 class Rosenbrock:
     """`rows` a_ij, `mixed` c_ij, `nodes` c_i, `slopes` d_i, stage by stage; the last stage ends the step."""
@@ -146,7 +143,6 @@ class Rosenbrock:
     order: int
 
 
-_FIFTH = (1.221224509226641, 6.019134481288629, 12.53708332932087, -0.6878860361058950)
 RODAS = Rosenbrock(
     gamma=0.25,
     rows=(
@@ -210,7 +206,6 @@ class Method:
         return self.uses != "quadrature" and self.family != "taylor" and not self.scipy
 
 
-_MOTION = "equations of motion"
 _EXPLICIT = tuple(sorted(RUNGE_KUTTA, key=lambda order: (order != 4, order)))
 METHODS = {
     "variational": Method(

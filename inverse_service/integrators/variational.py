@@ -14,6 +14,8 @@ from typing import Any
 Number = Any
 Vector = list[Number]
 Gradient = Callable[[Vector, Vector], Vector]
+Forms = Callable[[Vector], list[Vector]]
+Drifts = Callable[[Vector], Vector]
 
 
 def between(start: Sequence[Number], change: Sequence[Number], part: Number) -> Vector:
@@ -79,10 +81,6 @@ def raw_step(
         residuals.append(h * p[k] - pull + sum(kicks[1:], kicks[0]) / share)
         changes.append(sum((h * force[k] for force in forces[1:]), h * forces[0][k]) / share)
     return residuals, changes
-
-
-Forms = Callable[[Vector], list[Vector]]
-Drifts = Callable[[Vector], Vector]
 
 
 def discrete_constraints(

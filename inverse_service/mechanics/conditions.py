@@ -25,6 +25,9 @@ from inverse_service.expressions import tree as ex
 from inverse_service.field import exact_field, matrices
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
+Matrix = tuple[tuple[ex.Expression, ...], ...]
+TIME_LIMIT = 2.0
+
 
 class Scalar(Protocol):
     """An element of a commutative algebra over Q."""
@@ -142,11 +145,6 @@ def antisymmetric(motion: Motion[S], entry: Callable[[int, int, int], S]) -> Ten
         return known[i, k, m] if k < m else zero - known[i, m, k]
 
     return tuple(tuple(tuple(read(i, k, m) for m in span) for k in span) for i in span)
-
-
-Matrix = tuple[tuple[ex.Expression, ...], ...]
-
-TIME_LIMIT = 2.0
 
 
 @dataclass(frozen=True, slots=True)

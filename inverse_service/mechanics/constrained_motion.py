@@ -43,6 +43,7 @@ Matrix = tuple[tuple[exact_field.Quotient, ...], ...]
 
 # Coordinates of a system with constraints.
 MOST_CONSTRAINED = 12
+Minors = dict[tuple[int, ...], exact_field.Quotient]
 
 
 @dataclass(frozen=True, slots=True)
@@ -298,9 +299,6 @@ def frames(parts: Geometry) -> list[Frame]:
         if parts.size not in dependent and not minor.is_zero
     )
     return [_frame(parts, minors, tuple(-d for d in turned)) for *_, turned in choices]
-
-
-Minors = dict[tuple[int, ...], exact_field.Quotient]
 
 
 def _minors(parts: Geometry) -> Minors:

@@ -24,6 +24,17 @@ NOT_PAIRS = (
     "these are first-order equations, and not pairs x' = h, p' = F with h affine in p and solvable for p "
     "(of such a pair x alone is a coordinate): write equations of second order such as x'' = -x."
 )
+Equations = Mapping[str, str] | Sequence[str] | str
+_EQUAL = re.compile("(?<![<>])=")  # and not a condition of a piece
+_Equation = tuple[ex.Expression, ex.Expression, str]  # left side, right side, pointer
+_Others = tuple[tuple[str, ex.Expression], ...]
+_DERIVATIVE = re.compile(r"_(\w)\1$|^dd?[a-z]")  # y_xx, dxdt: derivatives to the writer
+_ACCELERATION = re.compile(r"([a-z]\w*?)_?(?:dd|pp)|dd([a-z]\w*)|[dD]2([a-z]\w*?)(?:dt2)?")  # xdd, ddx, d2x, d2xdt2
+DEFINITION = "a definition"
+ROOT = ", of the positive root"
+_END_OF_TEXT = re.compile(
+    r"\\(?:quad|qquad|text|mbox|[,;]).*$|[\s.,;$]*(?:\\(?:\]|\)|end\s*\{\w+\*?\})\s*)*[\s.,;$]*$", re.DOTALL
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,11 +113,6 @@ def _along(slope: ex.Expression, slopes: Mapping[str, ex.Expression], chosen: Se
     return ex.add(*terms)
 
 
-Equations = Mapping[str, str] | Sequence[str] | str
-_EQUAL = re.compile("(?<![<>])=")  # and not a condition of a piece
-_Equation = tuple[ex.Expression, ex.Expression, str]  # left side, right side, pointer
-
-
 def read_system(
     coordinates: Sequence[str] | None,
     equations: Equations,
@@ -160,9 +166,6 @@ def read_given(
     return GivenEquations(names, tuple(left - right for left, right, _ in found))
 
 
-_Others = tuple[tuple[str, ex.Expression], ...]
-
-
 def _understood(declared: document_names.Declared, equations: Equations) -> tuple[Names, list[_Equation], _Others]:
     """The names that have no value and no formula, the equations with these put in, what pairs leave out."""
     texts = _texts(equations)
@@ -183,10 +186,6 @@ def _understood(declared: document_names.Declared, equations: Equations) -> tupl
     check_clashes(names)
     trees = zip(system.coordinates, system.accelerations, strict=True)
     return names, [(ex.Acceleration(name), tree, "/equations") for name, tree in trees], system.others
-
-
-_DERIVATIVE = re.compile(r"_(\w)\1$|^dd?[a-z]")  # y_xx, dxdt: derivatives to the writer
-_ACCELERATION = re.compile(r"([a-z]\w*?)_?(?:dd|pp)|dd([a-z]\w*)|[dD]2([a-z]\w*?)(?:dt2)?")  # xdd, ddx, d2x, d2xdt2
 
 
 def _definitions(texts: Mapping[str, str], declared: document_names.Declared) -> dict[str, str]:
@@ -245,10 +244,6 @@ def _definitions(texts: Mapping[str, str], declared: document_names.Declared) ->
     return found
 
 
-DEFINITION = "a definition"
-ROOT = ", of the positive root"
-
-
 def _is_squared(tokens: Sequence[Token]) -> int:
     """How many tokens after a name are its square, in r^2 = … and r^{2} = …; else 0."""
     return 2 * (spelled(tokens[1:4]).replace("(", "").replace(")", "") == "^2=")
@@ -259,11 +254,6 @@ def _is_called(tokens: Sequence[Token]) -> int:
     inside = at(tokens, 1).inside
     named = all((token.kind == "name" and not token.order) or token.is_operator(",") for token in inside)
     return int(named and at(tokens, 1).is_bracket() and at(tokens, 2).is_operator("="))
-
-
-_END_OF_TEXT = re.compile(
-    r"\\(?:quad|qquad|text|mbox|[,;]).*$|[\s.,;$]*(?:\\(?:\]|\)|end\s*\{\w+\*?\})\s*)*[\s.,;$]*$", re.DOTALL
-)
 
 
 def _moves(text: str, name: str = "", order: int = 2) -> bool:

@@ -13,6 +13,11 @@ from inverse_service.reading.names import Names
 
 # Arbitrary functions, each with the names of the coordinates that it depends on.
 Functions = tuple[tuple[str, tuple[str, ...]], ...]
+MOST_BRANCHES = 8
+# Counted no further.
+MOST_COUNTED = 64
+_SEED = 1
+_Name = TypeVar("_Name", bound=Hashable)
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,12 +104,6 @@ def _name(node: ex.Expression) -> str:
     return node.name if isinstance(node, ex.Symbol) else ""
 
 
-MOST_BRANCHES = 8
-# Counted no further.
-MOST_COUNTED = 64
-_SEED = 1
-
-
 def branches_of(system: SecondOrderSystem) -> tuple[SecondOrderSystem, ...]:
     """The system itself, where it has one formula everywhere, or one for each of the cases that have a real point.
 
@@ -181,9 +180,6 @@ def _has_point(system: SecondOrderSystem, case: reduction.Case) -> bool:
 def _variables(system: SecondOrderSystem) -> list[Variable]:
     names = (*system.coordinates, *system.parameters)
     return [ex.TIME, *map(ex.Symbol, names), *map(ex.Velocity, system.coordinates)]
-
-
-_Name = TypeVar("_Name", bound=Hashable)
 
 
 def connected(names: Sequence[_Name], links: Iterable[set[_Name]]) -> list[tuple[_Name, ...]]:

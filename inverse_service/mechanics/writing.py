@@ -13,6 +13,7 @@ from inverse_service.field import exact_field
 
 _MOST_PRODUCTS = 64
 _QUOTIENTS = {("sin", "cos"): "tan", ("cos", "sin"): "cot", ("sinh", "cosh"): "tanh", ("cosh", "sinh"): "coth"}
+_CIRCULAR = {"sin": "cos", "cos": "sin"}
 
 
 def readable(ring: exact_field.ExactRing, element: exact_field.Quotient) -> ex.Expression:
@@ -208,9 +209,6 @@ def one_square(tree: ex.Expression) -> ex.Expression:
                     terms.remove(partner)
                     return one_square(ex.add(*terms))
     return tree
-
-
-_CIRCULAR = {"sin": "cos", "cos": "sin"}
 
 
 def minus_inside(tree: ex.Expression) -> ex.Expression:

@@ -17,6 +17,49 @@ from inverse_service.reading import names as nm, reader
 from inverse_service.reading.tokens import Token, after_power, at, flat, places, spelled, split_at, walk
 
 ParameterValue = str | int | float | None
+Parameters = Sequence[str] | Mapping[str, ParameterValue] | str
+GUESS = "guess"
+AND_GUESS = "..."
+NO_ACCELERATION = (
+    "the equations contain no acceleration such as x'', x_ddot, \\ddot{x} or diff(x, t, 2), so there are no "
+    "coordinates: write equations of second order in the time t, or name the coordinates."
+)
+_VELOCITY = re.compile(r"\s*(?:\\dot\s*\{?\s*(\\?\w+)\s*\}?|(.+)')\s*")
+# Other spellings of a second derivative, with the message for each.
+_SPELLED = {
+    re.compile(r"([A-Za-z]\w*)\s*\(t\)\s*(?:''|\u2033|\u2019\u2019)"): (
+        "the primes come after (t): write {meant} or {name}'' for a second derivative."
+    ),
+    re.compile(r"(?<![A-Za-z0-9_])([A-Za-z]\w*)_\{?([a-ce-z])\2\}?(?![A-Za-z0-9_])"): (
+        "{whole} is read as a name: write {meant} for a second derivative."
+    ),
+}
+_HAMILTONIAN = re.compile(r"\s*(?:\\(?:mathcal|mathscr)\s*\{?\s*H\s*\}?|H)\s*(?:\([^()]*\))?\s*=")
+_NO_MOTION = "H = … alone holds no motion: write its equations beside it, such as x' = dH/dp, p' = -dH/dx."
+_NO_VELOCITY = "the Lagrangian contains no velocity such as x': write kinetic minus potential energy."
+# Names with time derivatives.
+_LONGEST_ARGUMENTS = 400
+# Factors before an acceleration without a sign: m, ml, I, r.
+_FACTOR_OF_MOTION = re.compile("([mMIJLCRlrabckghqGQ][0-9]?){1,4}")
+# Undeclared names: constants or functions.
+# Refused as functions or as numbers, so a guess would not make them parameters either.
+NEVER_GUESSED = (
+    nm.RESERVED
+    | nm.FUNCTIONS
+    | nm.REFUSED.keys()
+    | {"e", "E", "Pi"}
+    | (nm.REFUSED_UNLESS_DECLARED.keys() - {"I", "gamma", "Gamma", "zeta", *nm.MAY_BE_CONSTANTS})
+)
+CALLED_LETTERS = nm.FUNCTION_LETTERS | {"g", "G", "phi", "Phi", "psi", "Psi", "P", "Q"}
+# As functions of t these are usually impulses and steps.
+Call = tuple[str, tuple[str, ...]]  # a name with the names in the brackets after it
+_PROGRAMS = re.compile(r"\b(?:Eq|diff|Derivative|Mul|Add)\s*\(|\[")  # where E is Euler's number
+_IMPULSES = frozenset(("delta", "theta", "Theta", "H"))
+# Names in order of appearance, functions with their arguments, and runs of letters that are products.
+_Guess = tuple[tuple[str, ...], dict[str, tuple[str, ...]], dict[str, tuple[str, ...]]]
+_MOST_ROUNDS = 4  # a run that is split may contain a name that splits others
+_COMPONENTS = frozenset("ABEFJPVpv")  # Fx and Fy are usually two components
+_WORDS_OF_MOTION = {"velocity": "'", "speed": "'", "position": "", "acceleration": "''"}
 
 
 def parameter_values(parameters: Sequence[str] | Mapping[str, ParameterValue]) -> dict[str, ex.Expression]:
@@ -78,15 +121,6 @@ def _check_defined(node: ex.Expression) -> None:
             "logarithm): give other values.",
             "/parameters",
         )
-
-
-Parameters = Sequence[str] | Mapping[str, ParameterValue] | str
-GUESS = "guess"
-AND_GUESS = "..."
-NO_ACCELERATION = (
-    "the equations contain no acceleration such as x'', x_ddot, \\ddot{x} or diff(x, t, 2), so there are no "
-    "coordinates: write equations of second order in the time t, or name the coordinates."
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -275,9 +309,6 @@ def _arguments(function: str, words: Sequence[str]) -> tuple[str, ...]:
     )
 
 
-_VELOCITY = re.compile(r"\s*(?:\\dot\s*\{?\s*(\\?\w+)\s*\}?|(.+)')\s*")
-
-
 def _checked_functions(names: nm.Names, texts: Mapping[str, str]) -> dict[str, tuple[str, ...]]:
     """The functions of coordinates; a function of other names is refused if it occurs, and otherwise omitted."""
     foreign: dict[str, int] = {}
@@ -380,17 +411,6 @@ def _is_angle(line: Sequence[Token], place: int, outer: Token) -> bool:
     return alone and bare and not timed and (outer if bracket else line[start]).text in ("sin", "cos", "tan")
 
 
-# Other spellings of a second derivative, with the message for each.
-_SPELLED = {
-    re.compile(r"([A-Za-z]\w*)\s*\(t\)\s*(?:''|\u2033|\u2019\u2019)"): (
-        "the primes come after (t): write {meant} or {name}'' for a second derivative."
-    ),
-    re.compile(r"(?<![A-Za-z0-9_])([A-Za-z]\w*)_\{?([a-ce-z])\2\}?(?![A-Za-z0-9_])"): (
-        "{whole} is read as a name: write {meant} for a second derivative."
-    ),
-}
-
-
 def _nothing_moves(texts: Mapping[str, str], names: nm.Names, order: int) -> errors.InputError | None:
     """The cause of missing coordinates: a declaration of the same name, or another spelling of derivatives; None for
     neither."""
@@ -416,15 +436,6 @@ def _nothing_moves(texts: Mapping[str, str], names: nm.Names, order: int) -> err
                 return errors.InputError(detail, pointer, span[0], (meant,), span)
     alone = next((pointer for pointer, text in texts.items() if order == 2 and _HAMILTONIAN.match(text)), None)
     return None if alone is None else errors.InputError(_NO_MOTION, alone)
-
-
-_HAMILTONIAN = re.compile(r"\s*(?:\\(?:mathcal|mathscr)\s*\{?\s*H\s*\}?|H)\s*(?:\([^()]*\))?\s*=")
-_NO_MOTION = "H = … alone holds no motion: write its equations beside it, such as x' = dH/dp, p' = -dH/dx."
-_NO_VELOCITY = "the Lagrangian contains no velocity such as x': write kinetic minus potential energy."
-
-
-# Names with time derivatives.
-_LONGEST_ARGUMENTS = 400
 
 
 def moving_products(texts: Mapping[str, str], declared: nm.Names, order: int = 2) -> dict[str, tuple[str, ...]]:
@@ -478,10 +489,6 @@ def inferred_coordinates(texts: Mapping[str, str], declared: nm.Names, order: in
         names = [name for name in moving if declared.role(declared.spelling(name)) is None]
         found.update(dict.fromkeys(nm.declared_name(name, pointer, "coordinate") for name in names))
     return tuple(found)
-
-
-# Factors before an acceleration without a sign: m, ml, I, r.
-_FACTOR_OF_MOTION = re.compile("([mMIJLCRlrabckghqGQ][0-9]?){1,4}")
 
 
 def key_coordinate(key: str, names: nm.Names, pointer: str) -> str:
@@ -561,27 +568,6 @@ def derived_stem(word: str, order: int = 1) -> str:
     """The x of x_ddot, xddot or x_dot_dot if it has at least this order; otherwise empty."""
     endings = (ending for ending, times in nm.DOTTED if times >= order and word.endswith(ending))
     return next((word.removesuffix(ending) for ending in endings), "").rstrip("_")
-
-
-# Undeclared names: constants or functions.
-# Refused as functions or as numbers, so a guess would not make them parameters either.
-NEVER_GUESSED = (
-    nm.RESERVED
-    | nm.FUNCTIONS
-    | nm.REFUSED.keys()
-    | {"e", "E", "Pi"}
-    | (nm.REFUSED_UNLESS_DECLARED.keys() - {"I", "gamma", "Gamma", "zeta", *nm.MAY_BE_CONSTANTS})
-)
-CALLED_LETTERS = nm.FUNCTION_LETTERS | {"g", "G", "phi", "Phi", "psi", "Psi", "P", "Q"}
-# As functions of t these are usually impulses and steps.
-Call = tuple[str, tuple[str, ...]]  # a name with the names in the brackets after it
-_PROGRAMS = re.compile(r"\b(?:Eq|diff|Derivative|Mul|Add)\s*\(|\[")  # where E is Euler's number
-_IMPULSES = frozenset(("delta", "theta", "Theta", "H"))
-
-
-# Names in order of appearance, functions with their arguments, and runs of letters that are products.
-_Guess = tuple[tuple[str, ...], dict[str, tuple[str, ...]], dict[str, tuple[str, ...]]]
-_MOST_ROUNDS = 4  # a run that is split may contain a name that splits others
 
 
 def _with_guessed(texts: Mapping[str, str], declared: nm.Names, dummies: Collection[str]) -> nm.Names:
@@ -756,9 +742,6 @@ def _is_constant(line: Sequence[Token], place: int, outer: Token) -> bool:
     return line[place].text in ("g", "G") and not differentiated and after.kind != "bracket"
 
 
-_COMPONENTS = frozenset("ABEFJPVpv")  # Fx and Fy are usually two components
-
-
 def _called_with(line: Sequence[Token], place: int, declared: nm.Names) -> int:
     """The number of arguments of an undeclared F in F(x*y), F(x, x') or f(y/x); 0 if it may be a factor."""
     bracket, name = at(line, place + 1), line[place].text
@@ -832,9 +815,6 @@ def _lost_power(name: str, coordinates: Sequence[str]) -> tuple[str, ...]:
     if cut[2] in coordinates:
         return (f"{cut[1]}*{cut[2]}^{cut[3]}",)
     return (f"{cut[1]}*{cut[2]}{cut[3]}",) if _is_one_of_many(cut[2] + cut[3], coordinates) else ()
-
-
-_WORDS_OF_MOTION = {"velocity": "'", "speed": "'", "position": "", "acceleration": "''"}
 
 
 def _word_of_motion(name: str, coordinates: Sequence[str]) -> tuple[str, ...]:

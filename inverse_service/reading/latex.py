@@ -26,32 +26,16 @@ _MATRIX = re.compile(rf"\\(begin|end)\s*\{{\s*(?:{'|'.join(components.MATRICES)}
 _ROW_SPACE = r"(?:\s*\[\s*-?[0-9.]+\s*(?:pt|pc|em|ex|mm|cm|in|jot|\\jot)\s*\])?"
 _COMMAND = re.compile(rf"\\(?:(operatorname\*|[A-Za-z]+)|(\\){_ROW_SPACE}|(.))", re.DOTALL)
 _MARKED_LETTER = re.compile(f"[A-Za-z{''.join(letters.GREEK)}][{''.join((*letters.DOTS, *letters.SUBSCRIPTS))}]+")
-
-
-def _after_blanks(pattern: str) -> re.Pattern[str]:
-    return re.compile(rf"\s*{pattern}", re.DOTALL)
-
-
 _INNER = r"(?:[^{}]|\{(?:[^{}]|\{[^{}]*\})*\})*"  # of braces, with two levels of others in them
 _FONT = r"\\(?:mathrm|operatorname\*?|textrm|text|mathit|rm)" + _NO_LETTER
 _UPRIGHT = rf"(?:{_FONT}|\\(?:bar|tilde|widetilde){_NO_LETTER})"
-_OPEN, _CLOSE, _BELOW, _RAISED = map(_after_blanks, (r"(\{)", r"(\})", "(_)", rf"([{''.join(letters.SUPERSCRIPTS)}^])"))
-_PIECE = _after_blanks(rf"((?:{_UPRIGHT}\s*)?(?:\{{{_INNER}\}}|\\[A-Za-z]+|[0-9]+|.))")
-_PRIME = _after_blanks(rf"([{''.join(letters.PRIMES)}]|\\prime{_NO_LETTER})")
-_OVER, _LEFT = _after_blanks(rf"\\over{_NO_LETTER}"), _after_blanks(rf"\\left{_NO_LETTER}")
 _ROMAN = re.compile(rf"\{{\s*\\rm{_NO_LETTER}")
 _SIDE = re.compile(rf"\\(left|right){_NO_LETTER}\s*(.)", re.DOTALL)
-_DELIMITER = _after_blanks(r"(?:\\([A-Za-z]+|.)|(.))")
-_DEGREE = _after_blanks(r"\[\s*(?:([0-9]+)\s*\])?")
 _RUN = re.compile("[A-Za-z0-9]+")
 _BRACKET = re.compile(r"\\(?:[A-Za-z]+|.)|[][(){}+\u2212-]", re.DOTALL)
 _INDEX = r"(?:\{[^{}]*\}|\\[A-Za-z]+|.)"
-_INDICES = _after_blanks(rf"{_INDEX}(?:\s*_\s*{_INDEX})*")
 _INTO, _OUT = rf"(?:\s|\{{|\\left{_NO_LETTER})*", rf"(?:\s|\}}|\\right{_NO_LETTER})*"
 _RAISED_BRACKETS = re.compile(rf"\{{{_INTO}[(\[]{_INTO}\\?(\w+){_OUT}[)\]]{_OUT}\}}")
-_RAISED_ONE = _after_blanks(r"(?:\{\s*(?=1\s*\})|(?=1(?![\w.+-])))")
-
-
 # \begin{cases} -x & x > 0 \\ x & \text{otherwise} \end{cases} is one formula if it contains no equation.
 _COLUMNS = r"(?:\s*\{[lcr@{}| ]*\})?"
 _CASES = re.compile(rf"\\begin\s*\{{(d?cases|array)\}}{_COLUMNS}((?:(?!\\begin).)*?)\\end\s*\{{\1\}}", re.DOTALL)
@@ -70,25 +54,7 @@ _CONDITIONS = {
     ">": r">=?|\\(?:geqslant|geq|ge|gt)(?![a-z])|\u2265",
 }
 _CONDITION = re.compile("|".join(f"({pattern})" for pattern in _CONDITIONS.values()))
-
-
 _ROWS = {"piecewise": ("piecewise", "(", "("), ")": "))", ";": "),(", "and": "&", "or": "|", "": ""}
-
-
-def _conditions(text: str) -> dict[int, tuple[Tokens, int]]:
-    """By place: piecewise((a, x > 0), (b, true)) for the rows of cases, and the places after its parts."""
-    found: dict[int, tuple[Tokens, int]] = {}
-    for cases in _CASES.finditer(text):
-        marks = [(mark, [*_CONDITIONS][(mark.lastindex or 1) - 1])
-                 for mark in _CONDITION.finditer(text, cases.start(), cases.end())]  # fmt: skip
-        compares = {"<", ">"} & {word for _, word in marks}
-        for mark, word in marks if compares and not _EQUATION.search(cases[2]) else ():
-            written = [Token("name" if part == word == "piecewise" else "operator", part, mark.start() + 1, True)
-                       for part in _ROWS.get(word, (word,))]  # fmt: skip
-            found[mark.start()] = written, mark.end()
-    return found
-
-
 _ACCENTS = {"bar": "bar", "tilde": "tilde", "widetilde": "tilde"}  # \bar{x} is the name x_bar
 _PART_OF_NAME = re.compile(
     rf"(?P<none>(?P<opens>{_FONT}|\{{)|\}}|\s)"
@@ -120,6 +86,34 @@ _IN_TEXT = frozenset(("where", "with", "given", "and", "for", "if", "when", "con
 _TENSORS = frozenset(("Gamma", "g", "R", "T", "F", "eta", "h", "delta", "epsilon", "varepsilon"))
 _REASONS = reasons("commands")
 _MISPLACED = {"_": "a subscript belongs to a name, as in r_1", "}": "it closes nothing, leave it out"}
+
+
+def _after_blanks(pattern: str) -> re.Pattern[str]:
+    return re.compile(rf"\s*{pattern}", re.DOTALL)
+
+
+_OPEN, _CLOSE, _BELOW, _RAISED = map(_after_blanks, (r"(\{)", r"(\})", "(_)", rf"([{''.join(letters.SUPERSCRIPTS)}^])"))
+_PIECE = _after_blanks(rf"((?:{_UPRIGHT}\s*)?(?:\{{{_INNER}\}}|\\[A-Za-z]+|[0-9]+|.))")
+_PRIME = _after_blanks(rf"([{''.join(letters.PRIMES)}]|\\prime{_NO_LETTER})")
+_OVER, _LEFT = _after_blanks(rf"\\over{_NO_LETTER}"), _after_blanks(rf"\\left{_NO_LETTER}")
+_DELIMITER = _after_blanks(r"(?:\\([A-Za-z]+|.)|(.))")
+_DEGREE = _after_blanks(r"\[\s*(?:([0-9]+)\s*\])?")
+_INDICES = _after_blanks(rf"{_INDEX}(?:\s*_\s*{_INDEX})*")
+_RAISED_ONE = _after_blanks(r"(?:\{\s*(?=1\s*\})|(?=1(?![\w.+-])))")
+
+
+def _conditions(text: str) -> dict[int, tuple[Tokens, int]]:
+    """By place: piecewise((a, x > 0), (b, true)) for the rows of cases, and the places after its parts."""
+    found: dict[int, tuple[Tokens, int]] = {}
+    for cases in _CASES.finditer(text):
+        marks = [(mark, [*_CONDITIONS][(mark.lastindex or 1) - 1])
+                 for mark in _CONDITION.finditer(text, cases.start(), cases.end())]  # fmt: skip
+        compares = {"<", ">"} & {word for _, word in marks}
+        for mark, word in marks if compares and not _EQUATION.search(cases[2]) else ():
+            written = [Token("name" if part == word == "piecewise" else "operator", part, mark.start() + 1, True)
+                       for part in _ROWS.get(word, (word,))]  # fmt: skip
+            found[mark.start()] = written, mark.end()
+    return found
 
 
 def _formula(text: str) -> tuple[int, str]:

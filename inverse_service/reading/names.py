@@ -23,6 +23,51 @@ ALIASES = {
     "heaviside": STEP, "arctg": "atan", "tgh": "tanh", "cotg": "cot", "cotan": "cot", "arsh": "asinh", "arch": "acosh",
     "arth": "atanh", "Max": "max", "Min": "min",
 }  # fmt: skip
+# The larger and the smaller of several: (a + b + |a - b|)/2, (a + b - |a - b|)/2.
+_EXTREMES = {"max": 1, "min": -1}
+DERIVATIVE_NAMES = frozenset(("diff", "Derivative"))
+PIECEWISE = frozenset(("piecewise", "Piecewise"))
+ELLIPTIC = ("sn", "cn", "dn")
+# Names of special functions that denote constants where no argument follows.
+MAY_BE_CONSTANTS = frozenset(("J0", "J1", "Y0", "Y1", "Ai", "Bi", "Si", "Ci", "Ei", "Li", *ELLIPTIC))
+REFUSED = reasons("names")
+# Documents may declare these names; undeclared ones are refused with a better reason than "unknown".
+REFUSED_UNLESS_DECLARED = reasons("undeclared names")
+# Short names of functions that are also used for coordinates: th for theta.
+MAY_BE_DECLARED = frozenset(("th", "ch", "sh", "tg", "tgh", "cotan", "cotg", "arch", "arsh", "arth", "arctg"))
+_DOMAINS: dict[str, tuple[Callable[[Fraction], bool], str]] = {
+    **{name: (row.holds, row.wanted) for name, row in FUNCTION.items() if row.holds is not None},
+    "log10": (lambda u: u > 0, "a positive number"),
+    "log2": (lambda u: u > 0, "a positive number"),
+    "sqrt": (lambda u: u >= 0, "a number that is not negative"),
+    "cbrt": (lambda u: u >= 0, "a number that is not negative, as in -cbrt(8)"),
+    "sign": (bool, "a number other than 0"),
+}
+Role = Literal["coordinate", "parameter", "function"]
+_NAME = re.compile(r"[A-Za-z][A-Za-z0-9]*(_[A-Za-z0-9]+)*")
+_LATEX_NAME = re.compile(r"\\?([A-Za-z]+[0-9]*)(?:_\{?\\?([A-Za-z0-9]+)\}?)?")
+# Endings that stand for time derivatives, longer ones first.
+DOTTED = (
+    ("_dot_dot", 2), ("_dotdot", 2), ("_ddot", 2), ("dotdot", 2), ("_dot", 1), ("ddot", 2), ("dot", 1),
+)  # fmt: skip
+_LONGEST_PRODUCT = 20
+_COORDINATE_LETTERS = frozenset(("x", "y", "z", "r", "s", "q", "tau"))
+_LETTER = re.compile("[A-Za-z](?:_?[0-9]+)?")
+ENDINGS = ("sinh", "cosh", "tanh", "sqrt", "sin", "cos", "tan", "exp", "log", "ln")
+_CALLED_INSIDE = re.compile(rf"((?:{_LETTER.pattern}){{1,5}}?)({'|'.join(ENDINGS)})([0-9]*)([A-Za-z]\w*)?")
+_OF_NUMBERS = ("sqrt", "cbrt", "ln", "log")
+GREEK_NAMES = frozenset(GREEK.values())
+FUNCTION_LETTERS = frozenset("fFhHUVW")  # of functions, where a bracket follows at once
+# Letters after which a bracket is usually an argument: f(x - y), V(x + 1).
+MAY_BE_FUNCTIONS = frozenset("fFgGhHpPuUvVwW") | {"phi", "Phi", "psi", "Psi", "chi"}
+POTENTIALS = frozenset(("U", "V"))
+_CALLED_WITH_A_NUMBER = re.compile(r"(ln|[A-Za-z]{3,}?)([0-9]+)([A-Za-z]*)")  # sqrt2, sin2x
+_NUMBERED = re.compile(r"([A-Za-z]+)_?([0-9]+)")
+# Greek names in a run of letters. Capitals count only if they differ from Latin letters: Mu in GMu is M and u.
+_GREEK_IN_RUNS = {name for name in GREEK_NAMES if name.islower()} | {
+    *("Gamma", "Delta", "Theta", "Lambda", "Sigma", "Phi", "Psi", "Omega")
+}
+_WORD = re.compile(r"\\?[A-Za-z]+|[^\x00-\x7f]")
 
 
 def _magnitude(u: Expression) -> Expression:
@@ -38,20 +83,8 @@ _COMPOSED: dict[str, Callable[[Expression], Expression]] = {
     "log10": lambda u: apply("log", u) / apply("log", number(10)),
     "log2": lambda u: apply("log", u) / apply("log", number(2)),
 }
-# The larger and the smaller of several: (a + b + |a - b|)/2, (a + b - |a - b|)/2.
-_EXTREMES = {"max": 1, "min": -1}
-DERIVATIVE_NAMES = frozenset(("diff", "Derivative"))
-PIECEWISE = frozenset(("piecewise", "Piecewise"))
 FUNCTIONS = FUNCTION.keys() | ALIASES.keys() | _COMPOSED.keys() | _EXTREMES.keys() | PIECEWISE | {STEP}
 
-ELLIPTIC = ("sn", "cn", "dn")
-# Names of special functions that denote constants where no argument follows.
-MAY_BE_CONSTANTS = frozenset(("J0", "J1", "Y0", "Y1", "Ai", "Bi", "Si", "Ci", "Ei", "Li", *ELLIPTIC))
-REFUSED = reasons("names")
-# Documents may declare these names; undeclared ones are refused with a better reason than "unknown".
-REFUSED_UNLESS_DECLARED = reasons("undeclared names")
-# Short names of functions that are also used for coordinates: th for theta.
-MAY_BE_DECLARED = frozenset(("th", "ch", "sh", "tg", "tgh", "cotan", "cotg", "arch", "arsh", "arth", "arctg"))
 RESERVED = (FUNCTIONS | DERIVATIVE_NAMES | REFUSED.keys() | {"t", "pi"}) - MAY_BE_DECLARED
 
 
@@ -71,16 +104,6 @@ def call(function: str, arguments: list[Expression], column: int) -> Expression:
         return step(arguments[0], column)
     composed = _COMPOSED.get(function)
     return composed(arguments[0]) if composed else apply(function, arguments[0])
-
-
-_DOMAINS: dict[str, tuple[Callable[[Fraction], bool], str]] = {
-    **{name: (row.holds, row.wanted) for name, row in FUNCTION.items() if row.holds is not None},
-    "log10": (lambda u: u > 0, "a positive number"),
-    "log2": (lambda u: u > 0, "a positive number"),
-    "sqrt": (lambda u: u >= 0, "a number that is not negative"),
-    "cbrt": (lambda u: u >= 0, "a number that is not negative, as in -cbrt(8)"),
-    "sign": (bool, "a number other than 0"),
-}
 
 
 def is_defined(function: str, argument: Expression) -> bool:
@@ -110,15 +133,6 @@ def reason_against(name: str, column: int, arguments: str = '["u"]') -> InputErr
 def refused(what: str, reason: Reason, column: int) -> InputError:
     """The refusal for this reason."""
     return refusal(f"{what}; it occurs", column, reason.instead, reason.offers, declare=reason.declare)
-
-
-Role = Literal["coordinate", "parameter", "function"]
-_NAME = re.compile(r"[A-Za-z][A-Za-z0-9]*(_[A-Za-z0-9]+)*")
-_LATEX_NAME = re.compile(r"\\?([A-Za-z]+[0-9]*)(?:_\{?\\?([A-Za-z0-9]+)\}?)?")
-# Endings that stand for time derivatives, longer ones first.
-DOTTED = (
-    ("_dot_dot", 2), ("_dotdot", 2), ("_ddot", 2), ("dotdot", 2), ("_dot", 1), ("ddot", 2), ("dot", 1),
-)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -228,10 +242,6 @@ def ask_for_the_time(name: str, column: int, coordinates: Sequence[str]) -> Inpu
     return refusal(not_declared(name), column, instead, ("t",), declare="parameters")
 
 
-_LONGEST_PRODUCT = 20
-_COORDINATE_LETTERS = frozenset(("x", "y", "z", "r", "s", "q", "tau"))
-
-
 def looks_like_a_coordinate(name: str) -> bool:
     """Whether the name usually denotes a variable: x, r_2, tau; x_0 usually denotes a constant."""
     numbered = _NUMBERED.fullmatch(name)
@@ -269,11 +279,6 @@ def readings(name: str, names: Names) -> tuple[str, ...]:
     return (*motion, written_product(cut, names), *separate)
 
 
-_LETTER = re.compile("[A-Za-z](?:_?[0-9]+)?")
-ENDINGS = ("sinh", "cosh", "tanh", "sqrt", "sin", "cos", "tan", "exp", "log", "ln")
-_CALLED_INSIDE = re.compile(rf"((?:{_LETTER.pattern}){{1,5}}?)({'|'.join(ENDINGS)})([0-9]*)([A-Za-z]\w*)?")
-
-
 def split_at_function(name: str, names: Names) -> tuple[str, ...]:
     """m, g and cos for mgcos if an argument follows; q, cos, 2 and t for qcos2t; empty without a function.
 
@@ -296,9 +301,6 @@ def factors_of(name: str) -> tuple[str, ...]:
     found = tuple(_LETTER.findall(name))
     named = name in GREEK_NAMES or name == "ell" or name[0] == "d"
     return found if 1 < len(found) < 5 and "".join(found) == name and not named else ()
-
-
-_OF_NUMBERS = ("sqrt", "cbrt", "ln", "log")
 
 
 def _moving(names: Names) -> set[str]:
@@ -346,21 +348,6 @@ def only_split(name: str, names: Names) -> tuple[str, ...]:
         or any(len(part) == 2 and part in GREEK_NAMES and {*part} & moving for part in cut)
     )
     return () if not cut or doubtful else tuple(cut)
-
-
-GREEK_NAMES = frozenset(GREEK.values())
-FUNCTION_LETTERS = frozenset("fFhHUVW")  # of functions, where a bracket follows at once
-# Letters after which a bracket is usually an argument: f(x - y), V(x + 1).
-MAY_BE_FUNCTIONS = frozenset("fFgGhHpPuUvVwW") | {"phi", "Phi", "psi", "Psi", "chi"}
-POTENTIALS = frozenset(("U", "V"))
-_CALLED_WITH_A_NUMBER = re.compile(r"(ln|[A-Za-z]{3,}?)([0-9]+)([A-Za-z]*)")  # sqrt2, sin2x
-_NUMBERED = re.compile(r"([A-Za-z]+)_?([0-9]+)")
-
-
-# Greek names in a run of letters. Capitals count only if they differ from Latin letters: Mu in GMu is M and u.
-_GREEK_IN_RUNS = {name for name in GREEK_NAMES if name.islower()} | {
-    *("Gamma", "Delta", "Theta", "Lambda", "Sigma", "Phi", "Psi", "Omega")
-}
 
 
 def _cut(word: str, known: Collection[str]) -> tuple[int, list[str]]:
@@ -446,9 +433,6 @@ def _places(names: Names, keyed_parameters: bool) -> list[tuple[str, str]]:
         (f"/parameters/{name if keyed_parameters else place}", name) for place, name in enumerate(names.parameters)
     ]
     return [*coordinates, *parameters, *((f"/functions/{name}", name) for name in names.functions)]
-
-
-_WORD = re.compile(r"\\?[A-Za-z]+|[^\x00-\x7f]")
 
 
 def refuse_two_spellings(texts: Mapping[str, str], declared: tuple[str, ...] = ()) -> None:

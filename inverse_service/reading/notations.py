@@ -26,6 +26,11 @@ _CAPITALS = {
 }  # fmt: skip
 _PIECES = "Piecewise[{"  # a head that differs from every name
 _WORD = re.compile(r"[A-Z]")
+# Derivatives written with d.
+_ABOVE = re.compile(r"d([2-9]?)([A-Za-z]\w*)?")
+_BELOW = re.compile(r"d([A-Za-z]\w*?)([2-9]?)")
+_DIGITS = tuple("123456789")
+_CLEAR = ("=", "+", "-", ",", ";", ")", "&", "<", ">")
 
 
 def in_our_words(tokens: Tokens, names: Names) -> Tokens:
@@ -296,13 +301,6 @@ _HEADS: dict[str, Callable[[Token, list[Tokens]], Tokens]] = {
     _PIECES: _pieces,
     "Derivative": partial(_call, name="Derivative"),
 }
-
-
-# Derivatives written with d.
-_ABOVE = re.compile(r"d([2-9]?)([A-Za-z]\w*)?")
-_BELOW = re.compile(r"d([A-Za-z]\w*?)([2-9]?)")
-_DIGITS = tuple("123456789")
-_CLEAR = ("=", "+", "-", ",", ";", ")", "&", "<", ">")
 
 
 @dataclass(frozen=True, slots=True)

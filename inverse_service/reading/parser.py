@@ -31,6 +31,9 @@ from inverse_service.reading.tokens import Token, Tokens, at
 _BITS_PER_DIGIT = 3.3219280948873626
 _LARGEST_FACTORIAL = 20
 _EXPONENTIAL = ex.Apply("exp", ex.ONE)
+OF_SECOND_ORDER = "write equations of second order. Those of a Lagrangian L(t, q, q') have no higher derivatives"
+_OPERAND = "a number, a name or '('"
+_OF_ANGLES = frozenset(("sin", "cos", "tan", "cot"))
 
 
 def _checked(value: Fraction, column: int) -> Fraction:
@@ -167,9 +170,6 @@ def _along_motion(expression: ex.Expression, variable: Variable, names: nm.Names
         return derivative.differentiate_in_time(expression, names.coordinates)
     except ValueError:
         raise _third(variable.column) from None
-
-
-OF_SECOND_ORDER = "write equations of second order. Those of a Lagrangian L(t, q, q') have no higher derivatives"
 
 
 def _third(column: int) -> errors.InputError:
@@ -825,10 +825,6 @@ class FormulaParser:
         if not isinstance(node, ex.Symbol | ex.Velocity | ex.Acceleration) or node == ex.PI:
             raise tk.unexpected(token, wanted)
         return node
-
-
-_OPERAND = "a number, a name or '('"
-_OF_ANGLES = frozenset(("sin", "cos", "tan", "cot"))
 
 
 def _is_frequency(bracket: Token) -> bool:

@@ -43,6 +43,20 @@ _RAISED_FIRST = re.compile(
 _ACCELERATION = re.compile(r"(?<!')''(?!['(])")
 _LETTER_OF_A_FORM = re.compile(rf"(?:[A-Za-z]|{'|'.join(sorted(GREEK_NAMES))})(?:_?[0-9]+)?")
 _OF_PROGRAMS = re.compile(r"[A-Za-z']\[|==|\.diff\(")
+_NOTES: ContextVar[dict[str, str] | None] = ContextVar("notes", default=None)
+OF_A_FORM = Fraction(1)  # the value of a name with a prime that stands for a differential
+LEFT_OUT, CONDITION = "left out", "a condition that is not used"
+_JOINS = {
+    **dict.fromkeys(("where", "with", "given", "and"), ("=", *tk.COMPARED)),
+    **dict.fromkeys(("for", "if", "when"), tk.COMPARED),
+}
+_CONSTANT = ("const", "constant")
+_BRANCHES = ("else", "then", "otherwise")
+_LETTER = r"[^\W\d_\u00b2\u00b3]"  # raised digits count as letters of words
+_BEFORE_A_LETTER = re.compile(rf"([\u00a8\u02d9])({_LETTER})")
+_BEGINS_WITH_DOTS = re.compile(rf"(?<!{_LETTER})[\u00a8\u02d9]{_LETTER}")
+_ENDS_WITH_DOTS = re.compile(rf"{_LETTER}[\u00a8\u02d9](?!{_LETTER})")
+_DOTS_APART = re.compile(r"(?<=\w)( +)([\u0307\u0308]+)")
 
 
 def is_latex(formula: str) -> bool:
@@ -54,9 +68,6 @@ def is_latex(formula: str) -> bool:
 def read_formula(formula: str, names: Names) -> ex.Expression:
     """The formula as a tree; InputError or LimitError with the column."""
     return _side(read_tokens(formula, names), len(formula) + 1, names)
-
-
-_NOTES: ContextVar[dict[str, str] | None] = ContextVar("notes", default=None)
 
 
 @contextmanager
@@ -121,9 +132,6 @@ def read_tokens(formula: str, names: Names | None = None) -> list[Token]:
         tokens = _with_forms(tokens, names, _moves(tokens))
     tokens = _without_remarks(tokens, formula, names)
     return _without_names_of_forms(tokens, names) if names.forms else tokens
-
-
-OF_A_FORM = Fraction(1)  # the value of a name with a prime that stands for a differential
 
 
 def _with_forms(tokens: Sequence[Token], names: Names, moves: bool) -> list[Token]:
@@ -236,13 +244,6 @@ def _scanned(formula: str, names: Names) -> list[Token]:
     return latex.tokenize(formula, names)
 
 
-LEFT_OUT, CONDITION = "left out", "a condition that is not used"
-_JOINS = {
-    **dict.fromkeys(("where", "with", "given", "and"), ("=", *tk.COMPARED)),
-    **dict.fromkeys(("for", "if", "when"), tk.COMPARED),
-}
-
-
 def _without_remarks(tokens: list[Token], formula: str, names: Names) -> list[Token]:
     """The tokens without initial conditions, equation numbers and conditions such as k > 0, each of which is noted.
 
@@ -304,10 +305,6 @@ def _joins(tokens: Sequence[Token], place: int, names: Names) -> bool:
         if token.is_operator(*wanted, ";", ",") or token.text in _BRANCHES:
             return token.is_operator(*wanted)
     return False
-
-
-_CONSTANT = ("const", "constant")
-_BRANCHES = ("else", "then", "otherwise")
 
 
 def _has(group: Sequence[Token], *signs: str) -> bool:
@@ -398,13 +395,6 @@ def _with_products(tokens: Sequence[Token], names: Names) -> list[Token]:
         found += [*product[:-1], last]
         found[-len(product)] = replace(found[-len(product)], space_before=token.space_before)
     return found
-
-
-_LETTER = r"[^\W\d_\u00b2\u00b3]"  # raised digits count as letters of words
-_BEFORE_A_LETTER = re.compile(rf"([\u00a8\u02d9])({_LETTER})")
-_BEGINS_WITH_DOTS = re.compile(rf"(?<!{_LETTER})[\u00a8\u02d9]{_LETTER}")
-_ENDS_WITH_DOTS = re.compile(rf"{_LETTER}[\u00a8\u02d9](?!{_LETTER})")
-_DOTS_APART = re.compile(r"(?<=\w)( +)([\u0307\u0308]+)")
 
 
 def _with_dots_after_letters(formula: str) -> str:

@@ -36,6 +36,41 @@ DOT, CROSS = Fraction(1), Fraction(2)
 PARTIAL, TOTAL = "\u2202", "\u2146"  # TOTAL: the upright d of a derivative
 CLOSING = {"(": ")", "[": "]", "{": "}"}
 _OPENING = {closing: opening for opening, closing in CLOSING.items()}
+_EXPECTS_MORE = ("+", "-", "*", "/", "^", "_", "=", ",", "&")
+_GOES_ON = ("+", "*", "/", "^", "_", "=", ",", "&")
+_JOINING = ("where", "with", "given", "and", "for", "if", "when")  # words that join what follows them
+END = "an operator or the end"
+NUMBER = re.compile(r"(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
+_GROUPED = re.compile(r"[0-9]+(?:_[0-9]+)+|[0-9]{1,3}(?:['\u2019][0-9]{3})+(?![0-9])")  # 1_000, 1'000
+_OTHER_BASE = re.compile(r"0[xX][0-9A-Fa-f]+\b|0[bB][01]+\b|0[oO][0-7]+\b")
+_ASCII_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
+_SUPERSCRIPTS = SUPERSCRIPTS | {SUPERSCRIPT_MINUS: "-", "\u207f": "n"}
+_RAISED = re.compile(rf"\u207f|{SUPERSCRIPT_MINUS}?[{''.join(SUPERSCRIPTS)}]+")
+_ROOTS = {"\u221a": "sqrt", "\u221b": "cbrt"}
+_REFUSED_SIGNS = {
+    "-- ": "write one sign, and leave remarks out",
+    ":=": "write =, and leave out a name that is given to an equation",
+    "//": "write / for a quotient, # before a remark",
+}
+# Comparison signs, each as the one of <, > and \u2260 that is equivalent to it on an open set.
+COMPARISONS = {"!=": "\u2260", "<=": "<", ">=": ">", "<": "<", ">": ">", "\u2264": "<", "\u2265": ">",
+               "\u2260": "\u2260", "\u226a": "<", "\u226b": ">"}  # fmt: skip
+COMPARED = ("<", ">", "\u2260")
+# What is written as what; some are signs of programs, .* of MATLAB and ~ of Julia.
+_SIGNS = {sign: sign for sign in "+-*/^()[]{},=;|!" + PARTIAL + TOTAL} | OPERATORS | COMPARISONS
+# The signs that join conditions in a piecewise formula. Boundaries belong to no open set, so <= is read as <.
+_PIECEWISE = re.compile(r"\b[Pp]iecewise\s*[(\[]")
+_CONDITION = re.compile(r"<=|>=|&&|\|\|(?=\s)|[<>&~\u2264\u2265]|\b(?:and|or|not|true|True|otherwise)\b", re.ASCII)
+_EQUALITY = re.compile(r"!?={1,2}|\u2260")
+_CONDITION_SIGNS = {"<=": "<", "\u2264": "<", ">=": ">", "\u2265": ">", "and": "&", "or": "|", "not": "~",
+                    "&&": "&", "||": "|", "True": "true", "otherwise": "true"}  # fmt: skip
+_REASONS = reasons("characters")
+# Maple's t$2 and Maxima's $ at the end, %pi, %e; x.diff(t) and sp.sin; Maple's D@@2.
+_OTHER_PROGRAMS = re.compile(
+    r"(?P<times>\$(?=\s*\d))|(?P<end>\$\s*(?=\n|\Z))|(?P<nothing>%(?=(?:e|pi)\b))|(?P<dot>(?<=[\w)'])\.(?=[A-Za-z]))|(?P<power>@(?=@)|(?<=@)@)"
+)
+_OTHER_SIGNS = {"times": ",", "end": ";", "nothing": "", "dot": ".", "power": "@", None: ""}
+_OTHERWISE = Reason("", "use letters, digits, + - * / ^ ( ) , = and '")
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,11 +215,6 @@ def split_at(signs: str, tokens: Sequence[Token]) -> list[Tokens]:
     return [part for part, _ in split(tokens, lambda _, token: token.is_operator(*signs))]
 
 
-_EXPECTS_MORE = ("+", "-", "*", "/", "^", "_", "=", ",", "&")
-_GOES_ON = ("+", "*", "/", "^", "_", "=", ",", "&")
-_JOINING = ("where", "with", "given", "and", "for", "if", "when")  # words that join what follows them
-
-
 def with_line_ends(tokens: Sequence[Token], latex: bool = False) -> Tokens:
     """The tokens with a ; for each line end between two equations, and without the other line ends.
 
@@ -235,9 +265,6 @@ def never_closed(opening: Token) -> InputError:
     """The refusal of a bracket that is never closed."""
     closing = CLOSING.get(opening.text, opening.text)
     return refusals.refusal(f"the '{opening.text}' is never closed", opening.column, f"add the missing '{closing}'")
-
-
-END = "an operator or the end"
 
 
 class TokenStream:
@@ -292,38 +319,7 @@ def unexpected(token: Token, wanted: str) -> InputError:
     return refusals.refusal(f"{shown} is not expected", token.column, f"{wanted} is expected")
 
 
-NUMBER = re.compile(r"(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
-_GROUPED = re.compile(r"[0-9]+(?:_[0-9]+)+|[0-9]{1,3}(?:['\u2019][0-9]{3})+(?![0-9])")  # 1_000, 1'000
-_OTHER_BASE = re.compile(r"0[xX][0-9A-Fa-f]+\b|0[bB][01]+\b|0[oO][0-7]+\b")
-_ASCII_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
-_SUPERSCRIPTS = SUPERSCRIPTS | {SUPERSCRIPT_MINUS: "-", "\u207f": "n"}
-_RAISED = re.compile(rf"\u207f|{SUPERSCRIPT_MINUS}?[{''.join(SUPERSCRIPTS)}]+")
-_ROOTS = {"\u221a": "sqrt", "\u221b": "cbrt"}
-_REFUSED_SIGNS = {
-    "-- ": "write one sign, and leave remarks out",
-    ":=": "write =, and leave out a name that is given to an equation",
-    "//": "write / for a quotient, # before a remark",
-}
-# Comparison signs, each as the one of <, > and \u2260 that is equivalent to it on an open set.
-COMPARISONS = {"!=": "\u2260", "<=": "<", ">=": ">", "<": "<", ">": ">", "\u2264": "<", "\u2265": ">",
-               "\u2260": "\u2260", "\u226a": "<", "\u226b": ">"}  # fmt: skip
-COMPARED = ("<", ">", "\u2260")
-# What is written as what; some are signs of programs, .* of MATLAB and ~ of Julia.
-_SIGNS = {sign: sign for sign in "+-*/^()[]{},=;|!" + PARTIAL + TOTAL} | OPERATORS | COMPARISONS
 _SIGNS |= {"==": "=", "**": "^", ".*": "*", "./": "/", ".^": "^", "~": "="}
-# The signs that join conditions in a piecewise formula. Boundaries belong to no open set, so <= is read as <.
-_PIECEWISE = re.compile(r"\b[Pp]iecewise\s*[(\[]")
-_CONDITION = re.compile(r"<=|>=|&&|\|\|(?=\s)|[<>&~\u2264\u2265]|\b(?:and|or|not|true|True|otherwise)\b", re.ASCII)
-_EQUALITY = re.compile(r"!?={1,2}|\u2260")
-_CONDITION_SIGNS = {"<=": "<", "\u2264": "<", ">=": ">", "\u2265": ">", "and": "&", "or": "|", "not": "~",
-                    "&&": "&", "||": "|", "True": "true", "otherwise": "true"}  # fmt: skip
-_REASONS = reasons("characters")
-# Maple's t$2 and Maxima's $ at the end, %pi, %e; x.diff(t) and sp.sin; Maple's D@@2.
-_OTHER_PROGRAMS = re.compile(
-    r"(?P<times>\$(?=\s*\d))|(?P<end>\$\s*(?=\n|\Z))|(?P<nothing>%(?=(?:e|pi)\b))|(?P<dot>(?<=[\w)'])\.(?=[A-Za-z]))|(?P<power>@(?=@)|(?<=@)@)"
-)
-_OTHER_SIGNS = {"times": ",", "end": ";", "nothing": "", "dot": ".", "power": "@", None: ""}
-_OTHERWISE = Reason("", "use letters, digits, + - * / ^ ( ) , = and '")
 
 
 def check_length(text: str) -> None:

@@ -36,6 +36,9 @@ from inverse_service.field.sample_points import Drawn, Integers, KnownTower, Mat
 from inverse_service.field.tower import Tower, atoms_in_order, draw_point, to_kernels
 from inverse_service.search.terms import Monomial
 
+_T = TypeVar("_T")
+Combination = dict[Monomial, Fraction]
+
 
 @dataclass(frozen=True, slots=True)
 class Sampler:
@@ -157,9 +160,6 @@ def values_at(known: SamplePoints, letters: Sequence[Expression], count: int) ->
     return [row for _, row in _first(lambda k: known.values(k, kernels), count)]
 
 
-_T = TypeVar("_T")
-
-
 def _first(at: Callable[[int], _T | None], count: int) -> list[tuple[int, _T]]:
     """The first points at which there is something, with it."""
     found: list[tuple[int, _T]] = []
@@ -203,9 +203,6 @@ def _products(powers: Words, starts: Integers, places: Integers, result: Words, 
         for c in range(result.shape[1]):
             for k in range(starts[c], starts[c + 1]):
                 result[s, c] = multiply(result[s, c], powers[s, places[k]], field)
-
-
-Combination = dict[Monomial, Fraction]
 
 
 @dataclass(frozen=True, slots=True)

@@ -25,6 +25,11 @@ from inverse_service.search.material import (
     positive,
 )
 
+HALF = Fraction(1, 2)
+# Functions of t that multiply terms. With 4 or 12 a system of three rates (e^(-t), e^(2 t/3), e^(3 t/2)) has
+# no L: four leave one of them out, and twelve leave too little room for the other factors.
+_MOST_IN_TIME = 6
+
 
 def integrating_factor(material: Material, c: tm.Terms, variable: ex.Symbol) -> tm.Monomial | None:
     """exp(-int c d variable), a product of powers of letters and exponentials; None where it is none."""
@@ -73,12 +78,6 @@ def asks_for_no_time(system: SecondOrderSystem) -> bool:
         divergence = ex.add(ex.ZERO, *(row[i] for i, row in enumerate(slopes)))
         return implicit_equations.vanishes(divergence) or all(map(implicit_equations.vanishes, turned))
     return False
-
-
-HALF = Fraction(1, 2)
-# Functions of t that multiply terms. With 4 or 12 a system of three rates (e^(-t), e^(2 t/3), e^(3 t/2)) has
-# no L: four leave one of them out, and twelve leave too little room for the other factors.
-_MOST_IN_TIME = 6
 
 
 @dataclass(frozen=True, slots=True)

@@ -40,6 +40,8 @@ from inverse_service.search.material import Material, distinct, moving_letters
 _POWERS = tuple(Fraction(e, 2) for e in (1, 3, 4, 5, 6, 8, -2, -4))
 _ROOTS = tuple(Fraction(e, 2) for e in (1, -1, 2, -2, 3, -3, 4))
 _HALVES = (Fraction(1, 2), Fraction(-1, 2))
+_NO_POINTS = (IrreducibleAtoms, SingularPoint, ValueError)
+NAME = "the given terms"
 
 
 def functions(material: Material) -> list[tm.Monomial]:
@@ -185,9 +187,6 @@ def with_potential(
             if rest is not None:
                 return tm.add_terms(dict(combination), rest)
     return {}
-
-
-_NO_POINTS = (IrreducibleAtoms, SingularPoint, ValueError)
 
 
 @dataclass(frozen=True, slots=True)
@@ -398,9 +397,6 @@ def label(family: Family, terms: Sequence[tm.Monomial]) -> str:
             return "quadratic in the velocities" if degrees == {2} else "polynomial in the velocities"
         return "Laurent monomials in the velocities"
     return "powers of the velocities"
-
-
-NAME = "the given terms"
 
 
 def own_family(given: Sequence[ex.Expression]) -> Family | None:

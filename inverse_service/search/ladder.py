@@ -36,6 +36,17 @@ from inverse_service.search.members import best_members, independent
 from inverse_service.search.terms import Monomial, TooManyTerms, tree_of
 
 Rung = protocol.Leaf | families.Family
+BLOCKS = "decoupled blocks one by one"
+ANSATZ = (
+    families.Family("quadratic in the velocities, short factors", 2, families.quadratic, bounds.SMALL),
+    families.Family("functions of velocities, short factors", 4, families.functions, bounds.SMALL),
+    families.Family("quadratic, roots of constant velocities", 4.1, families.roots_of_constants, bounds.SMALL),
+    families.Family("products of up to four velocities", 7, families.polynomials, bounds.LARGE),
+    families.Family("logarithms and arctangents of two velocities", 9, families.complex_logarithms, bounds.SMALL),
+)
+_SMALLEST_DETERMINANT = mpmath.mpf(10) ** -25
+# An ansatz whose terms have no common points (a vanishing denominator, a missing root) finds nothing.
+_NO_POINTS = (errors.IrreducibleAtoms, SingularPoint, ValueError)
 
 
 def _lifted(
@@ -62,7 +73,6 @@ def _of_smaller(smaller: protocol.Smaller, seed: int) -> list[tuple[ex.Expressio
     return found
 
 
-BLOCKS = "decoupled blocks one by one"
 LEAVES = (
     protocol.Leaf(
         "each equation times a function",
@@ -131,18 +141,8 @@ LEAVES = (
         "`M(u, x, dx/du)`. `L = u' M(u, x, x'/u') + S(u, u')`, where `S` is a Lagrangian of `u`.",
     ),
 )
-ANSATZ = (
-    families.Family("quadratic in the velocities, short factors", 2, families.quadratic, bounds.SMALL),
-    families.Family("functions of velocities, short factors", 4, families.functions, bounds.SMALL),
-    families.Family("quadratic, roots of constant velocities", 4.1, families.roots_of_constants, bounds.SMALL),
-    families.Family("products of up to four velocities", 7, families.polynomials, bounds.LARGE),
-    families.Family("logarithms and arctangents of two velocities", 9, families.complex_logarithms, bounds.SMALL),
-)
 RUNGS: tuple[Rung, ...] = (*LEAVES, *ANSATZ)
 REASONS = {rung.name: rung.reason for rung in LEAVES}
-
-
-_SMALLEST_DETERMINANT = mpmath.mpf(10) ** -25
 
 
 def holds_numerically(analysis: deciding.Analysis, tree: ex.Expression, seed: int) -> bool:
@@ -180,10 +180,6 @@ def _is_regular(form: Sequence[Sequence[mpmath.mpf]]) -> bool:
     matrix = mpmath.matrix(form)
     size = max(abs(entry) for entry in matrix)
     return bool(size and abs(mpmath.det(matrix / size)) > _SMALLEST_DETERMINANT)
-
-
-# An ansatz whose terms have no common points (a vanishing denominator, a missing root) finds nothing.
-_NO_POINTS = (errors.IrreducibleAtoms, SingularPoint, ValueError)
 
 
 @dataclass(slots=True)

@@ -29,6 +29,13 @@ from inverse_service.search import ansatz, terms as tm
 Residues = NDArray[np.object_]
 # Eigenvalues below this part of the largest are zero.
 _TINY = mpmath.mpf(10) ** -20
+Matrix = NDArray[np.float64]
+_FLOOR = 0.25
+_ROUNDS = 60
+# Of the largest eigenvalue, the least that counts as positive.
+_POSITIVE = 1e-3
+_DENOMINATORS = (1, 2, 3, 4, 6, 12)
+_SEED = 1
 
 
 def hessians(space: ansatz.LagrangianSpace, points: SamplePoints, first: int = 0) -> tuple[int, list[Residues]]:
@@ -163,15 +170,6 @@ def inertia(space: ansatz.LagrangianSpace, combination: ansatz.Combination) -> t
         return sum(1 for x in values if x > size * _TINY), sum(1 for x in values if x < -size * _TINY)
 
 
-Matrix = NDArray[np.float64]
-
-_FLOOR = 0.25
-_ROUNDS = 60
-# Of the largest eigenvalue, the least that counts as positive.
-_POSITIVE = 1e-3
-_DENOMINATORS = (1, 2, 3, 4, 6, 12)
-
-
 def definite_weights(hessians: Sequence[Matrix]) -> list[list[Fraction]]:
     """Weights w with sum w_k H_k positive definite: nearest to the identity, and as few as will do.
 
@@ -242,9 +240,6 @@ def _short(weights: Sequence[float], hessians: Sequence[Matrix]) -> list[Fractio
         if _is_definite(_sum([float(w) for w in rounded], hessians)):
             return rounded
     return None
-
-
-_SEED = 1
 
 
 @dataclass(frozen=True, slots=True)

@@ -40,6 +40,8 @@ EXPONENTS = (
     (2, tuple(map(Fraction, _QUADRATIC))),
 )
 _HIGHEST = max(degree for degree, _ in EXPONENTS)
+# With 60 a force of many terms takes 6 s without success.
+_MOST_TERMS_OF_FORCE = 30
 
 
 @dataclass(frozen=True, slots=True)
@@ -298,10 +300,6 @@ def _of_function(material: Material, function: ex.Expression) -> ex.Expression |
     potential_part = integrator.function_of([x], [force])
     kinetic = tm.terms_of(tm.tree_of(phi) * (v * integrals[0] - integrals[1]))
     return None if potential_part is None else tm.tree_of(kinetic) + tm.tree_of(potential_part)
-
-
-# With 60 a force of many terms takes 6 s without success.
-_MOST_TERMS_OF_FORCE = 30
 
 
 def applies(material: Material) -> bool:

@@ -51,6 +51,10 @@ from inverse_service.search.material import Material
 
 # Coordinates up to which kernels at points are cheap.
 _MOST = 8
+# The highest degree, and unknown coefficients.
+_DEGREE, _UNKNOWNS = 2, 700
+# A coefficient: the entry of the matrix and the product of letters.
+Column = tuple[int, tm.Monomial]
 
 
 def accepts(material: Material) -> bool:
@@ -308,12 +312,6 @@ class OneMatrix:
             wanted[i] = tm.add_terms(wanted[i], tm.multiply_terms(terms, w), -1)
             wanted[j] = tm.add_terms(wanted[j], tm.multiply_terms(terms, v))
         return wanted
-
-
-# The highest degree, and unknown coefficients.
-_DEGREE, _UNKNOWNS = 2, 700
-# A coefficient: the entry of the matrix and the product of letters.
-Column = tuple[int, tm.Monomial]
 
 
 def lowest_matrix(search: OneMatrix) -> list[tm.Terms]:

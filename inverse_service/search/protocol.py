@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 
 
 _LONGEST_CHECK = 60.0  # s, of a Lagrangian that is described
+_TINY, _STEP = mpmath.mpf(10) ** -20, mpmath.mpf(129) / 128
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,9 +93,6 @@ def _compact(analysis: deciding.Analysis, entry: ex.Expression) -> ex.Expression
     held, count = set(ex.walk(entry)), 1 + 2 * len(analysis.system.coordinates)
     moving = [variable for variable in deciding.variables_of(analysis.system)[:count] if variable in held]
     return writing.shorten(terms.collected(entry), exact_field.Budget.short(), moving)
-
-
-_TINY, _STEP = mpmath.mpf(10) ** -20, mpmath.mpf(129) / 128
 
 
 def is_multiple(

@@ -29,6 +29,9 @@ from inverse_service.search import angles, material, terms as tm
 
 _LARGEST_FACTORED = 10**15
 _HALF = Fraction(1, 2)
+# No higher powers are divided.
+_HIGHEST = 12
+_NAMES = ("F", "G", "H", "K", "P", "Q", "S", "U", "W", "Z")
 
 
 def factored(tree: ex.Expression, variables: Sequence[ex.Symbol | ex.Velocity]) -> ex.Expression:
@@ -128,10 +131,6 @@ def _of_one_square(key: tm.Monomial) -> tm.Terms:
                 parts = {less: Fraction(a), tm.times(less, tm.monomial(partner), 2): Fraction(b)}
                 return in_one_square(parts)
     return {key: Fraction(1)}
-
-
-# No higher powers are divided.
-_HIGHEST = 12
 
 
 def _proper(terms: tm.Terms, x: Variable) -> tm.Terms:
@@ -337,9 +336,6 @@ def _by_partial_fractions(x: Variable, wanted: tm.Terms) -> ex.Expression | None
     ] + [frozenset([(x, Fraction(k + 1))]) for k in range(highest + 1)]
     found = _combination([*(by_generators(tm.derivative_of_terms({m: Fraction(1)}, x)) for m in primitives), right])
     return None if found is None else ex.add(*(c * tm.monomial_tree(primitives[k]) for k, c in found))
-
-
-_NAMES = ("F", "G", "H", "K", "P", "Q", "S", "U", "W", "Z")
 
 
 def antiderivative(

@@ -20,6 +20,10 @@ from inverse_service.simulation.scene_data import EXACT, FreeLagrangian, Problem
 
 KINETIC, POTENTIAL, MAGNETIC, CONSTRAINTS = "kinetic", "potential", "magnetic", "constraints"
 BUILT_IN = (CONSTRAINTS, POTENTIAL, MAGNETIC, KINETIC)
+COMPARED = frozenset({"error", "phase"})
+USES_EXACT = COMPARED | {"matching_circle"}
+_DEGENERATE = motions.DEGENERATE[:1].upper() + motions.DEGENERATE[1:]
+Find = Callable[[Scene, str | None, motions.ExactMotion | motions.NoExactMotion], FreeLagrangian | Unavailable]
 
 
 def lagrangian_parts(lagrangian: Expression, coordinates: Sequence[str]) -> dict[str, Expression]:
@@ -47,14 +51,6 @@ def _kind(term: Expression, coordinates: Sequence[str]) -> str:
         collecting.collect(derivative.differentiate(slope, rate)) == ZERO for slope in slopes for rate in rates
     )
     return MAGNETIC if linear else KINETIC
-
-
-COMPARED = frozenset({"error", "phase"})
-USES_EXACT = COMPARED | {"matching_circle"}
-
-_DEGENERATE = motions.DEGENERATE[:1].upper() + motions.DEGENERATE[1:]
-
-Find = Callable[[Scene, str | None, motions.ExactMotion | motions.NoExactMotion], FreeLagrangian | Unavailable]
 
 
 @dataclass(frozen=True, slots=True)

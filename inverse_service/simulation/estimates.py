@@ -32,6 +32,15 @@ AGAIN, TRUE = "With {}, the trajectory", "The true motion"
 ELSEWHERE = "{} differs: from t = {:.6g} on, {} is off by about {:.3g}. Take a smaller step or tolerance."
 GOES_ON = ("completed", "cancelled")
 ENDS_EARLY = "With {}, the run ends at t = {:.6g}: {}."
+Repeat = Callable[[data.Scene, data.Requested], trajectory.Trajectory | data.Unavailable]
+_OTHER = "the Euler-Lagrange equations of the free Lagrangian at the motion"
+TOO_LARGE, NOT_CHOSEN, OVER_TOLERANCE = 0.1, 0.01, 100.0  # the first two of the size of the motion
+GOLDEN, GOLDEN_STEPS, MOST_MOMENTS, MOST_VALUES = 0.618033988749895, 75, 64, 2**21  # to the last bit of a step
+CREATED = 0.75  # of the kinetic energy: more from nothing in one step is no motion
+NOT_CONSTANT = "the energy, which is constant, changes in one step by {:.3g} of the kinetic energy"
+LOST, SUDDEN = "one step differs from two of half its length by {:.3g} of the range of a coordinate", 0.05
+ENDS = "the end of the run with half the step: {}"
+SHORTER = "take a smaller step, or `adaptive`"
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,9 +86,6 @@ def errors_of(
     least = np.maximum(LEAST_RANGE * ranges.max(axis=-1, keepdims=True), 100 * noise)
     errors = np.maximum(np.abs(positions - nearer) / part, noise)
     return errors, errors / np.maximum(np.maximum(ranges, least), schemes.SMALLEST)
-
-
-Repeat = Callable[[data.Scene, data.Requested], trajectory.Trajectory | data.Unavailable]
 
 
 def _again(run: observing.Observed, repeat: Repeat) -> tuple[Finer, trajectory.Trajectory | data.Unavailable]:
@@ -194,16 +200,6 @@ def _change_of_energy(energies: trajectory.Array, kinetic: trajectory.Array) -> 
     change, start = float(np.abs(energies - energies[0]).max()), abs(float(energies[0]))
     is_much = change > CHANGED * min(mean, max(start, CHANGED * mean))
     return VARIES.format(change, change / mean, start) if is_much else ""
-
-
-_OTHER = "the Euler-Lagrange equations of the free Lagrangian at the motion"
-TOO_LARGE, NOT_CHOSEN, OVER_TOLERANCE = 0.1, 0.01, 100.0  # the first two of the size of the motion
-GOLDEN, GOLDEN_STEPS, MOST_MOMENTS, MOST_VALUES = 0.618033988749895, 75, 64, 2**21  # to the last bit of a step
-CREATED = 0.75  # of the kinetic energy: more from nothing in one step is no motion
-NOT_CONSTANT = "the energy, which is constant, changes in one step by {:.3g} of the kinetic energy"
-LOST, SUDDEN = "one step differs from two of half its length by {:.3g} of the range of a coordinate", 0.05
-ENDS = "the end of the run with half the step: {}"
-SHORTER = "take a smaller step, or `adaptive`"
 
 
 def energies_of(run: observing.Observed) -> tuple[trajectory.Array, trajectory.Array] | None:

@@ -67,6 +67,19 @@ NO_VALUE = "The formula has no value at {} of the {} points of the run, so no ev
 NO_SIZE = "The formula is 0 within round-off during the whole run, so its changes of sign are not events."
 NO_PERIOD = "A period needs velocities and every step recorded."
 NO_VELOCITIES = "The method has no velocities at its points, which the event needs."
+Follow = Callable[[NDArray[np.int64], Array], State]
+FIRST, MOST = 16, 4096  # steps of a piece that is looked at for events at once
+SAME, AT_ZERO = 1e-12, 1e-9  # of a step: events at one time; of the size of u' times the step: u is zero there
+SOON = 1e-10  # of a step or of the time: events closer than this are taken to accumulate
+MOST_TOGETHER = 3  # switching functions that are zero at once
+STICKS = 0
+ZENO = "the times between two such events, which become ever shorter"
+ZENO_REMEDY = "stop before, or let the motion continue without the event from there"
+MANY = "After {} events the run was ended at t = {:.12g}."
+NO_MOTION = "the motion has several continuations, or none, where {} = 0"
+BEGIN_ELSEWHERE = "begin elsewhere"
+Integrate = Callable[[data.Problem, data.MethodChoice, data.Start, data.Grid], Trajectory | data.Unavailable]
+Sides = dict[ex.Expression, int]  # of each switching function: 1 above zero, -1 below, 0 where the motion sticks
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,9 +131,6 @@ def until(found: Found, end: float) -> Found:
     """The points of an event up to the end."""
     kept = found.times <= end
     return Found(found.event, found.times[kept], found.positions[kept], found.velocities[kept], found.note)
-
-
-Follow = Callable[[NDArray[np.int64], Array], State]
 
 
 def _follower(
@@ -383,21 +393,6 @@ def period_of(run: observing.Observed, motion: data.Problem | data.Unavailable) 
     apart = moved[near][0] / (size or 1.0)
     numbers = {"mean": gaps.mean(), "least": gaps.min(), "greatest": gaps.max(), "apart": apart}
     return {"period": {name: float(value) for name, value in numbers.items()} | {"returns": len(gaps)}}
-
-
-FIRST, MOST = 16, 4096  # steps of a piece that is looked at for events at once
-SAME, AT_ZERO = 1e-12, 1e-9  # of a step: events at one time; of the size of u' times the step: u is zero there
-SOON = 1e-10  # of a step or of the time: events closer than this are taken to accumulate
-MOST_TOGETHER = 3  # switching functions that are zero at once
-STICKS = 0
-ZENO = "the times between two such events, which become ever shorter"
-ZENO_REMEDY = "stop before, or let the motion continue without the event from there"
-MANY = "After {} events the run was ended at t = {:.12g}."
-NO_MOTION = "the motion has several continuations, or none, where {} = 0"
-BEGIN_ELSEWHERE = "begin elsewhere"
-
-Integrate = Callable[[data.Problem, data.MethodChoice, data.Start, data.Grid], Trajectory | data.Unavailable]
-Sides = dict[ex.Expression, int]  # of each switching function: 1 above zero, -1 below, 0 where the motion sticks
 
 
 @dataclass(frozen=True, slots=True)

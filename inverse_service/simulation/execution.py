@@ -32,6 +32,30 @@ from inverse_service.simulation.numeric_formulas import MOMENT, Formulas, formul
 from inverse_service.simulation.scene_data import Grid, MethodChoice, Observable, Observation, Problem, Start, Stop
 
 __all__ = ["Grid", "MethodChoice", "Observable", "Observation", "Problem", "Start", "run"]
+NO_GUARD = "The guard was off, so it was not checked that each step took the root that belongs to small steps."
+_FIRST_PIECE = 4096
+FEW, MANY, BEGINNING = 16, 1.3, 4  # points of a grid; steps for each of them; steps that grow to a usual length
+_FIRST_OWN = 8  # of a method that takes any number of steps between two points
+_SECONDS_PER_PIECE = 0.1
+_REMEDY = "take a smaller step"
+_UNDEFINED = "begin elsewhere, stop before, or leave the quantity out of observe"
+_NO_VALUE = "take a smaller step; where a formula has no value, stop before"
+_ENDS = "stop before"
+_FASTER = "take a smaller step or a larger tolerance; where something decays fast, `stiff`"
+_KINDS = {"bound": "guard", "map": "off_domain", "domain": "off_domain"}
+# Newton that fails after the determinant has sunk below this part of its first value fails because of that.
+NEARLY_SINGULAR = 0.25
+# At this distance a pole affects the guard or Newton's method; the path to it is nearly straight.
+STEPS_AHEAD, BISECTIONS, LARGE = 20, 30, 1e4
+Numbers = dict[str, float]
+OFF_CONSTRAINTS = 1e-9
+# Distances at which a power of the distance is read off, their ratio in decades, and what counts as a power below 1: in
+# doubles a smooth force shows 1, a jump 0, and round-off two powers that differ.
+NEARER, NEARER_BY = (1e-4, 1e-7, 1e-10), 3
+FLAT, STRAIGHT, SAME_POWER = 0.02, 0.97, 0.02
+LATER = 1e-3
+BY_SLOPES = ("stiff",)
+BEGIN_ELSEWHERE = "begin elsewhere, or at another start_time"
 
 
 def check(problem: Problem, choice: MethodChoice) -> None:
@@ -57,9 +81,6 @@ def kernel_of(formulas: Formulas, choice: MethodChoice, observation: Observation
         str(schemes.alpha_of(choice)), choice.guard, observation,
     )  # fmt: skip
     return compiled(identity, lambda: schemes.program_of(formulas, choice, observation), lanes)
-
-
-NO_GUARD = "The guard was off, so it was not checked that each step took the root that belongs to small steps."
 
 
 def run(
@@ -126,20 +147,6 @@ def _takes_many(ready: Prepared, grid: Grid) -> bool:
     first ones show it, where they are a small part of all."""
     steps = min(_FIRST_OWN, grid.steps // FEW)
     return not steps or ready.go(replace(grid, steps=steps)).iterations > BEGINNING + MANY * steps
-
-
-_FIRST_PIECE = 4096
-FEW, MANY, BEGINNING = 16, 1.3, 4  # points of a grid; steps for each of them; steps that grow to a usual length
-_FIRST_OWN = 8  # of a method that takes any number of steps between two points
-_SECONDS_PER_PIECE = 0.1
-_REMEDY = "take a smaller step"
-_UNDEFINED = "begin elsewhere, stop before, or leave the quantity out of observe"
-_NO_VALUE = "take a smaller step; where a formula has no value, stop before"
-_ENDS = "stop before"
-_FASTER = "take a smaller step or a larger tolerance; where something decays fast, `stiff`"
-_KINDS = {"bound": "guard", "map": "off_domain", "domain": "off_domain"}
-# Newton that fails after the determinant has sunk below this part of its first value fails because of that.
-NEARLY_SINGULAR = 0.25
 
 
 @dataclass(frozen=True, slots=True)
@@ -386,10 +393,6 @@ def _outcome(ended: Ended) -> Outcome:
     return halt
 
 
-# At this distance a pole affects the guard or Newton's method; the path to it is nearly straight.
-STEPS_AHEAD, BISECTIONS, LARGE = 20, 30, 1e4
-
-
 def _way(ended: Ended) -> Callable[[float], dict[str, float]]:
     """The straight path from the last good point: (q, v, p) this many steps after it."""
     last, start, step = ended.last, ended.begin.state, ended.grid.step
@@ -454,17 +457,6 @@ def _remedy(f: Formulas, choice: MethodChoice) -> str:
         constants = f"free constants {names}" if names else "free constants of L~"
         return f"choose smaller {constants}, another alpha, or the variational method in Hamiltonian form"
     return schemes.where_it_ends(f)
-
-
-Numbers = dict[str, float]
-OFF_CONSTRAINTS = 1e-9
-# Distances at which a power of the distance is read off, their ratio in decades, and what counts as a power below 1: in
-# doubles a smooth force shows 1, a jump 0, and round-off two powers that differ.
-NEARER, NEARER_BY = (1e-4, 1e-7, 1e-10), 3
-FLAT, STRAIGHT, SAME_POWER = 0.02, 0.97, 0.02
-LATER = 1e-3
-BY_SLOPES = ("stiff",)
-BEGIN_ELSEWHERE = "begin elsewhere, or at another start_time"
 
 
 @dataclass(frozen=True, slots=True)

@@ -55,6 +55,18 @@ RANK_LOST = (
     "along the motion the constraints lose rank, or the kinetic energy is not positive on them, so the exact motion "
     "is not determined: change a parameter or the start"
 )
+SAMPLES = 32
+CONSTANT = 1e-13
+POINTS = 24
+ENOUGH = 4
+SAME_MOTION = 1e-7
+NOTICED = 1e-3  # of the motion of a run, whose velocities come from momenta
+DEGENERATE = (
+    "the matrix of the velocities is singular (d2L/dv_i dv_j, or constraints that depend on one another), so no "
+    "accelerations follow: give every coordinate its kinetic energy, with other parameters or effects of the scene."
+)
+# Beyond this size the expansion of a full determinant would fill pages.
+MOST_FULL_ROWS = 5
 
 
 @dataclass(frozen=True, slots=True)
@@ -230,10 +242,6 @@ def _direction(motion: ExactMotion, turning: Array) -> Array:
     return found
 
 
-SAMPLES = 32
-CONSTANT = 1e-13
-
-
 @dataclass(frozen=True, slots=True)
 class ClassLagrangian:
     """L~, H~ in Symbol("p_x"), and their free constants, one for each coupled coordinate; `directions` d_i without
@@ -360,12 +368,6 @@ def _start_momenta(found: ClassLagrangian, motion: ExactMotion, positions: Array
     return momenta
 
 
-POINTS = 24
-ENOUGH = 4
-SAME_MOTION = 1e-7
-NOTICED = 1e-3  # of the motion of a run, whose velocities come from momenta
-
-
 def keeps_motion(
     scene: Scene,
     lagrangian: ex.Expression,
@@ -422,14 +424,6 @@ def _points(scene: Scene) -> tuple[Array, Array]:
         found_q.append(q)
         found_v.append(v)
     return np.array(found_q), np.array(found_v)
-
-
-DEGENERATE = (
-    "the matrix of the velocities is singular (d2L/dv_i dv_j, or constraints that depend on one another), so no "
-    "accelerations follow: give every coordinate its kinetic energy, with other parameters or effects of the scene."
-)
-# Beyond this size the expansion of a full determinant would fill pages.
-MOST_FULL_ROWS = 5
 
 
 def regular_accelerations(

@@ -24,6 +24,11 @@ from inverse_service.simulation.scene_data import Problem
 MOST_TERMS = 200
 _POLES = {"tan": "cos", "sec": "cos", "cot": "sin", "csc": "sin"}
 _AT_ZERO = frozenset({"log", "coth", "csch"})
+# t in a kernel: the time at the start of the step, a state variable of systems that depend on it.
+MOMENT = se.symbol("t")
+Gradient = Callable[[list[se.Formula], list[se.Formula]], list[se.Formula]]
+# NumPy's names, where they are not ours.
+_NUMPY = {name: f"arc{name[1:]}" for name in ("asin", "acos", "atan", "asinh", "acosh", "atanh")}
 
 
 def walls(tree: ex.Expression, moving: set[ex.Expression]) -> Iterator[ex.Expression]:
@@ -91,11 +96,6 @@ def _factors(base: ex.Expression) -> Iterator[ex.Expression]:
         yield from _factors(base.base)
     elif not isinstance(base, ex.Number):
         yield base
-
-
-# t in a kernel: the time at the start of the step, a state variable of systems that depend on it.
-MOMENT = se.symbol("t")
-Gradient = Callable[[list[se.Formula], list[se.Formula]], list[se.Formula]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -302,10 +302,6 @@ def _pivot(entries: Sequence[se.Formula]) -> int:
         raise errors.InputError("The constraints are not independent: leave the redundant one out.")
     constant = [k for k in present if not entries[k].free_symbols]
     return (constant or present)[-1]
-
-
-# NumPy's names, where they are not ours.
-_NUMPY = {name: f"arc{name[1:]}" for name in ("asin", "acos", "atan", "asinh", "acosh", "atanh")}
 
 
 def array_function(name: str, values: Any) -> Any:

@@ -49,6 +49,21 @@ MOVING_CONSTRAINTS = (
 )
 ENERGY_START = "energy_of_the_start"
 ROUND_OFF = 1e-14
+KEPT = "See `conserved`: {} is constant."
+_NO_VELOCITIES = "The method has no velocities at the recorded points: record every step."
+_NO_ENERGY = "The system is given by its equations and no Lagrangian was found, so no energy is defined."
+_NO_VALUE = "The formula has no value at {} of the {} recorded points, the first at t = {:.7g}."
+_WALL = "The energy is that of a Lagrangian that was found, which {}."
+# Below this sine of the largest angle three points are taken to lie on a line.
+COLLINEAR = 1e-10
+# Squares of larger numbers overflow.
+LARGEST = 1e150
+MOST_CORRECTIONS = 30
+SHARE = 0.01
+FEWEST_POINTS = 30
+# Below pi the turning of a chord is no other angle; the margin is for rates that change.
+LARGEST_TURN = 2.0
+SAME_CHORD = 0.2
 
 
 def greatest(values: Array) -> float | None:
@@ -333,13 +348,6 @@ def _solved(matrices: Array, right: Array) -> Array:
     return np.asarray(found.transpose(1, 0, 2))
 
 
-KEPT = "See `conserved`: {} is constant."
-_NO_VELOCITIES = "The method has no velocities at the recorded points: record every step."
-_NO_ENERGY = "The system is given by its equations and no Lagrangian was found, so no energy is defined."
-_NO_VALUE = "The formula has no value at {} of the {} recorded points, the first at t = {:.7g}."
-_WALL = "The energy is that of a Lagrangian that was found, which {}."
-
-
 @dataclass(frozen=True, slots=True)
 class Observed:
     """An observed run: `problem` is None for the exact solution, `values` hold the free constants too. A run
@@ -589,18 +597,6 @@ def last_point(run: Observed) -> tuple[float, Array, Array | None]:
 def columns_of(scene: data.Scene, table: Array, prefix: str = "") -> dict[str, Any]:
     """The entries of a table (m, n), or of one row, by coordinate."""
     return {f"{prefix}{name}": table[..., k] for k, name in enumerate(scene.coordinates)}
-
-
-# Below this sine of the largest angle three points are taken to lie on a line.
-COLLINEAR = 1e-10
-# Squares of larger numbers overflow.
-LARGEST = 1e150
-MOST_CORRECTIONS = 30
-SHARE = 0.01
-FEWEST_POINTS = 30
-# Below pi the turning of a chord is no other angle; the margin is for rates that change.
-LARGEST_TURN = 2.0
-SAME_CHORD = 0.2
 
 
 @dataclass(frozen=True, slots=True)

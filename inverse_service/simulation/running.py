@@ -41,6 +41,19 @@ from inverse_service.simulation.events import Found, Pieces, period_of, run_moti
 
 LATE = "The time limit was reached before this method could run. Take fewer methods or steps, or a longer time limit."
 FAULT = "This method failed because of a fault of the program ({}): please report the scene."
+COST = "cost"
+IN_KERNEL = ("energy", "constraints")
+TIMED_STEPS, MORE_STEPS = 20_000, 8  # steps that are timed at most, and how many times as many where they are too few
+REPEATS, LEAST_REPEATS, LONG_ENOUGH = 15, 3, 0.03  # runs for one measurement, and their seconds
+LARGE = 8  # coordinates beyond which the operations of effects are counted where the cost is observed only
+NOT_IN_STEPS = "The cost of parts is measured only for methods that step with a kernel."
+TOO_SHORT = "The run is too short to time its steps: take more steps."
+TOGETHER = "The free Lagrangian belongs to all effects together, so single effects cannot be removed from it."
+_OPERATION = re.compile(r"= (?:fadd|fsub|fmul|fdiv|fneg|fcmp|(?:tail )?call)\b")
+PARTS = 200
+CHOICE = scene_data.MethodChoice("adaptive", tolerance=1e-10)
+OVER = "The time limit was reached before the exponent was found. Take fewer methods or steps, or a longer time limit."
+ENDED = "The motion ends at t = {:.6g}, before the exponent has converged."
 
 
 @dataclass(frozen=True, slots=True)
@@ -256,17 +269,6 @@ def observed_problem(
     return problem.with_used_parameters([one.expression for one in observation]), observation
 
 
-COST = "cost"
-IN_KERNEL = ("energy", "constraints")
-TIMED_STEPS, MORE_STEPS = 20_000, 8  # steps that are timed at most, and how many times as many where they are too few
-REPEATS, LEAST_REPEATS, LONG_ENOUGH = 15, 3, 0.03  # runs for one measurement, and their seconds
-LARGE = 8  # coordinates beyond which the operations of effects are counted where the cost is observed only
-NOT_IN_STEPS = "The cost of parts is measured only for methods that step with a kernel."
-TOO_SHORT = "The run is too short to time its steps: take more steps."
-TOGETHER = "The free Lagrangian belongs to all effects together, so single effects cannot be removed from it."
-_OPERATION = re.compile(r"= (?:fadd|fsub|fmul|fdiv|fneg|fcmp|(?:tail )?call)\b")
-
-
 def part_costs(
     scene: scene_data.Scene, requested: scene_data.Requested, problem: scene_data.Problem,
     free: scene_data.FreeLagrangian | None, stop: scene_data.Stop | None,
@@ -449,12 +451,6 @@ def _truth(
     if derivation.COMPARED & set(scene.observe) or isinstance(derived.exact, motions.ExactMotion):
         return truths.true_motion(scene, derived, stop)
     return scene_data.Unavailable("No exact solution is known here.")
-
-
-PARTS = 200
-CHOICE = scene_data.MethodChoice("adaptive", tolerance=1e-10)
-OVER = "The time limit was reached before the exponent was found. Take fewer methods or steps, or a longer time limit."
-ENDED = "The motion ends at t = {:.6g}, before the exponent has converged."
 
 
 def largest_exponent(

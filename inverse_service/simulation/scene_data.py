@@ -14,6 +14,15 @@ from numpy.typing import NDArray
 from inverse_service.expressions import tree as ex
 from inverse_service.integrators.trajectory import Array
 
+Stop = Callable[[], bool]
+Progress = Callable[[str], None]
+EXACT = "exact"
+# The name of each observed quantity in the scene, in the order of display.
+OBSERVED = (
+    "trajectory", "velocities", "energy", "constraints", "momenta", "matching_circle", "phase", "error", "cost",
+    "lyapunov", "constraint_forces", "period",
+)  # fmt: skip
+
 
 @dataclass(frozen=True, slots=True)
 class Problem:
@@ -121,15 +130,6 @@ class Observable:
 
 
 Observation = tuple[Observable, ...]  # recorded in addition to the state; no other quantity is computed
-Stop = Callable[[], bool]
-Progress = Callable[[str], None]
-
-EXACT = "exact"
-# The name of each observed quantity in the scene, in the order of display.
-OBSERVED = (
-    "trajectory", "velocities", "energy", "constraints", "momenta", "matching_circle", "phase", "error", "cost",
-    "lyapunov", "constraint_forces", "period",
-)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)

@@ -37,6 +37,21 @@ from inverse_service.simulation.scene_data import MethodChoice, Observable, Obse
 NOT_SEPARABLE = (
     "Stormer-Verlet requires H = T(p) + V(q): constant masses and no magnetic or additional forces. Use variational."
 )
+SMALLEST_NORM = 1e-200  # its product with the fourth power of a tolerance does not underflow
+LATER = 0.382  # of a step of the grid, no common multiple of a period
+ROUND_OFF = 1e-15  # of the terms of a force
+FAR_END = 1e-20  # of the whole; less than any unit of a coordinate differs from that of another
+Stages = list[tuple[list[Formula], list[Formula]]]
+SMALLER_STEP = "take a smaller step"
+GUARD_REMEDY = "take a smaller step, or smaller free constants"
+OTHER_LAGRANGIAN = "give another free_lagrangian, or use `adaptive`"
+OTHER_MOTION = "use `adaptive`, or restart there with the free_lagrangian that is valid there"
+RANK = "the rank of the constraints, det(w(q) w(q_next)^T)"
+RANK_LOST, LOST = "the rank of the constraints, det(w(q) w(q)^T)", 1e-12
+RANK_REMEDY = "begin elsewhere, or divide the constraints by the factor that vanishes"
+MAP_LIMIT = 1e-12
+REGULAR_MOTION = "take a smaller step or `adaptive`; where the forces have a pole, stop before"
+SMALLEST = 1e-300
 
 
 def alpha_of(choice: MethodChoice) -> Formula:
@@ -245,14 +260,6 @@ def _observed(
     return item.name, sum(values[1:], values[0]) / len(values)
 
 
-SMALLEST_NORM = 1e-200  # its product with the fourth power of a tolerance does not underflow
-LATER = 0.382  # of a step of the grid, no common multiple of a period
-ROUND_OFF = 1e-15  # of the terms of a force
-FAR_END = 1e-20  # of the whole; less than any unit of a coordinate differs from that of another
-
-Stages = list[tuple[list[Formula], list[Formula]]]
-
-
 def runge_kutta(f: Formulas, choice: MethodChoice, observation: Observation) -> programs.Program:
     """Explicit steps of one length."""
     tableau = TABLEAUX[choice.order]
@@ -433,18 +440,6 @@ def _point_program(
     watches = [*watches, *rank_watches(f, ends, divides=True)]
     observed = tuple((item.name, translate(item.expression, f.table)) for item in observation)
     return _finished(f, carried, statements, changes, watches, observed, forces, further)
-
-
-SMALLER_STEP = "take a smaller step"
-GUARD_REMEDY = "take a smaller step, or smaller free constants"
-OTHER_LAGRANGIAN = "give another free_lagrangian, or use `adaptive`"
-OTHER_MOTION = "use `adaptive`, or restart there with the free_lagrangian that is valid there"
-RANK = "the rank of the constraints, det(w(q) w(q_next)^T)"
-RANK_LOST, LOST = "the rank of the constraints, det(w(q) w(q)^T)", 1e-12
-RANK_REMEDY = "begin elsewhere, or divide the constraints by the factor that vanishes"
-MAP_LIMIT = 1e-12
-REGULAR_MOTION = "take a smaller step or `adaptive`; where the forces have a pole, stop before"
-SMALLEST = 1e-300
 
 
 def where_it_ends(f: Formulas) -> str:

@@ -38,6 +38,11 @@ TAYLOR, EXPLICIT, IMPLICIT = (
 )  # fmt: skip
 NONE_FOUND = "No reference solution was found: the reference integrators did not complete the run."
 PARTED = "The true motion is known until t = {:.6g} only: {}."
+MISSED, NEGLIGIBLE, NARROW = 10.0, 1e-6, 1e-4  # times the estimated error, and of the size of the motion
+ENDS_ELSEWHERE = (
+    "`adaptive`, stopping at the peaks of the forces, ends {:.3g} away: one acts within a step. Take a smaller step."
+)
+TOO_NARROW = "A force acts within a step at t = {:.6g}, and `adaptive` cannot resolve it. Give it more width."
 
 
 def true_motion(
@@ -168,13 +173,6 @@ def _judged(
     bounds = bounds + ROUND_OFF * np.maximum.accumulate(np.abs(rows[:, :n]).max(axis=1))
     seconds = time.perf_counter() - begun
     return scene_data.Truth(times, rows[:, :n], rows[:, n:], "reference", bounds, seconds, reason, by)
-
-
-MISSED, NEGLIGIBLE, NARROW = 10.0, 1e-6, 1e-4  # times the estimated error, and of the size of the motion
-ENDS_ELSEWHERE = (
-    "`adaptive`, stopping at the peaks of the forces, ends {:.3g} away: one acts within a step. Take a smaller step."
-)
-TOO_NARROW = "A force acts within a step at t = {:.6g}, and `adaptive` cannot resolve it. Give it more width."
 
 
 def with_missed_force(

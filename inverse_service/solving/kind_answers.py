@@ -44,6 +44,19 @@ from inverse_service.search.terms import EMPTY, TooManyTerms, collected, terms_o
 _NO_TIME = "the time limit was reached before this question"
 NOT_FOUND = "the conditions on the multiplier leave such a Lagrangian possible, but none was found"
 _HOMOGENEOUS = ("riemannian", "finsler")
+FAMILY = "natural, with friction"
+HALF = Fraction(1, 2)
+# Natural Lagrangians of a system without friction; a search for them takes its time.
+Search = Callable[[SecondOrderSystem], Sequence[ex.Expression]]
+Near = Mapping[ex.Symbol | ex.Velocity, Fraction]
+DEFINITE_SUM = "a sum with a definite Hessian"
+IRRATIONAL = "f is not rational, and none of the Lagrangians found has a definite Hessian at this point"
+_OPEN = (
+    "no matrix of rational numbers was found that decides this; matrices of algebraic numbers may, but are not tried"
+)
+OUTSIDE = "f has no value at this point, or the point belongs to another branch of signs"
+_SPECIAL = "the check could not confirm that g takes the same values at this point as at a generic one"
+_DIGITS = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,11 +145,6 @@ def confirmed(answer: KindAnswer, deadline: float) -> KindAnswer | None:
 
 
 # Natural Lagrangians with friction.
-
-FAMILY = "natural, with friction"
-HALF = Fraction(1, 2)
-# Natural Lagrangians of a system without friction; a search for them takes its time.
-Search = Callable[[SecondOrderSystem], Sequence[ex.Expression]]
 
 
 def quick_rayleigh(analysis: Analysis, given: Sequence[ex.Expression], deadline: float) -> KindAnswer | None:
@@ -279,9 +287,6 @@ def parts_of_parity(formula: ex.Expression, names: Sequence[str]) -> tuple[ex.Ex
     return even, odd
 
 
-Near = Mapping[ex.Symbol | ex.Velocity, Fraction]
-
-
 def values_at(
     analysis: deciding.Analysis, near: Near, with_time: bool, order: int
 ) -> tuple[list[matrices.Matrix] | None, tuple[deciding.RowName, ...]]:
@@ -316,16 +321,6 @@ def values_at(
         else [[Fraction(int(i == j)) for j in range(width)] for i in range(width)]
     )
     return [tuple(tuple(v[column] * factor for column, factor in row) for row in places) for v in basis], rows[0]
-
-
-DEFINITE_SUM = "a sum with a definite Hessian"
-IRRATIONAL = "f is not rational, and none of the Lagrangians found has a definite Hessian at this point"
-_OPEN = (
-    "no matrix of rational numbers was found that decides this; matrices of algebraic numbers may, but are not tried"
-)
-OUTSIDE = "f has no value at this point, or the point belongs to another branch of signs"
-_SPECIAL = "the check could not confirm that g takes the same values at this point as at a generic one"
-_DIGITS = 2
 
 
 def answer_definite(

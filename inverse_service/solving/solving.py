@@ -45,6 +45,11 @@ _RATIONAL = 2
 # The costs up to which something nicer is searched for where a complete answer is known, where one without H in closed
 # form is.
 _QUICK, _FAIR = 1.9, 3.65
+Progress = Callable[[str], None]
+# A search that takes longer reports the results confirmed so far, s; before, the Lagrangian itself is expected.
+_AT_ONCE = 1.0
+OPEN = Answer("undetermined", reason=deadline.NOT_YET)  # for a question that is not yet decided
+log = logging.getLogger(__name__)
 
 
 def solve_branches(
@@ -481,12 +486,6 @@ def _searched(work: Work, decision: deciding.Decision, highest: float) -> Search
 
 
 # The answers that are returned: the checker confirms each Lagrangian and certificate first.
-
-Progress = Callable[[str], None]
-# A search that takes longer reports the results confirmed so far, s; before, the Lagrangian itself is expected.
-_AT_ONCE = 1.0
-OPEN = Answer("undetermined", reason=deadline.NOT_YET)  # for a question that is not yet decided
-log = logging.getLogger(__name__)
 
 
 @dataclass(slots=True)

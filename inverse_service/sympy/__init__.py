@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from inverse_service.sympy.result_objects import Answers
 
 __all__ = ["Result", "document", "from_result", "helmholtz", "nonholonomic", "solve", "solve_many", "table"]
+_KEYS = frozenset(("equations", "lagrangian", "constraints", "motion", "format", "options", "parameters"))
 
 
 def solve(
@@ -54,9 +55,6 @@ def solve(
 def document(system: Any, coordinates: Sequence[Any] | None = None, **keys: Any) -> dict[str, Any]:
     """What `solve` would ask, as a document for a file, a batch or the service."""
     return asked(system, coordinates, **keys)[0]
-
-
-_KEYS = frozenset(("equations", "lagrangian", "constraints", "motion", "format", "options", "parameters"))
 
 
 def asked(

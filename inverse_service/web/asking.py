@@ -28,6 +28,8 @@ LARGEST_KEY = 255
 WAIT = re.compile(r"(?:^|[,;\s])wait\s*=\s*\"?(\d{1,15})", re.IGNORECASE)
 NUMBER = re.compile(r"[0-9]+(\.[0-9]+)?([eE][+-]?[0-9]+)?")
 ASYNC = re.compile(r"(?:^|[,;\s])respond-async(?:$|[,;\s])", re.IGNORECASE)
+# Who waits for the end of any job at all: the streams of batches.
+ANY = "*"
 
 
 @asynccontextmanager
@@ -117,10 +119,6 @@ def time_limit_of(request: Request, server: model.JobOptions) -> float | None:
     # Only Python takes 1_0 and the digits of other scripts for numbers.
     number = float(text) if len(text) < 30 and NUMBER.fullmatch(text) else math.nan
     return model.read_time_limit(number, server.time_limit, "/time_limit")
-
-
-# Who waits for the end of any job at all: the streams of batches.
-ANY = "*"
 
 
 def end_of(job: str) -> str:

@@ -28,6 +28,14 @@ log = logging.getLogger(__name__)
 LARGEST_KEY = 200
 LARGEST_FILE = 1_000_000
 PLACE = "The file INVERSE_SERVICE_API_KEYS_FILE"
+# Holds the key after a person logged in on the page; scripts cannot read it, and other sites never send it.
+COOKIE = "inverse-service-key"
+OWN_PAGES = ("same-origin", "none")
+QUICK_PROCESSES = 3
+# Of one client so many run at the same time, and one is always left for the others.
+QUICK_SHARE = QUICK_PROCESSES - 1
+# Answers next to forms that are computed at the same time.
+GLANCES = QUICK_PROCESSES - 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,11 +114,6 @@ def _key(number: int, line: str) -> Key:
         raise errors.InputError(detail) from None
 
 
-# Holds the key after a person logged in on the page; scripts cannot read it, and other sites never send it.
-COOKIE = "inverse-service-key"
-OWN_PAGES = ("same-origin", "none")
-
-
 async def require_client(request: Request) -> None:
     """A dependency of every call under /v1, `note_client`: on the loop, as the framework runs plain ones in threads."""
     note_client(request)
@@ -183,13 +186,6 @@ def _client(request: Request, keys: Keys) -> str:
         detail = "This service asks for a key: send 'Authorization: Bearer KEY' or 'X-API-Key: KEY'; people use /login."
         raise Refusal(401, "key", detail, headers={"WWW-Authenticate": 'Bearer realm="inverse-service"'})
     return name
-
-
-QUICK_PROCESSES = 3
-# Of one client so many run at the same time, and one is always left for the others.
-QUICK_SHARE = QUICK_PROCESSES - 1
-# Answers next to forms that are computed at the same time.
-GLANCES = QUICK_PROCESSES - 1
 
 
 @dataclass(slots=True)

@@ -22,6 +22,12 @@ from inverse_service.web.engine import PART, Engine
 SMALL = 16 * 1024
 AT_ONCE = 50
 JSON = "application/json"
+RETRY_AFTER = "1"
+MINIMAL = "return=minimal"
+REVALIDATE = "private, no-cache"
+VARY = {"Vary": "Accept"}
+MEDIA_TYPES = {"text/plain": "text", "application/x-latex": "latex", "text/x-python": "sympy"}
+_QUALITY = re.compile(r";\s*q\s*=\s*([01](?:\.\d{0,3})?)\s*$")
 
 
 async def stored_response(
@@ -68,12 +74,6 @@ async def lines_of(engine: Engine, answers: list[statements.BatchAnswer]) -> Asy
             yield part
     if together:
         yield b"".join(together)
-
-
-RETRY_AFTER = "1"
-MINIMAL = "return=minimal"
-REVALIDATE = "private, no-cache"
-VARY = {"Vary": "Accept"}
 
 
 async def result_response(request: Request, job: model.Job, engine: Engine, preference: Preference) -> Response:
@@ -207,10 +207,6 @@ def etag(job: model.Job, written: str | None = None) -> str:
     """Changes when the question is answered again; each form that it is written in has its own."""
     form = f"-{MEDIA_TYPES[written]}" if written else ""
     return f'"{job.id[:20]}-{job.revision}-{job.status[:1]}{form}"'
-
-
-MEDIA_TYPES = {"text/plain": "text", "application/x-latex": "latex", "text/x-python": "sympy"}
-_QUALITY = re.compile(r";\s*q\s*=\s*([01](?:\.\d{0,3})?)\s*$")
 
 
 def media_type_of(request: Request) -> str | None:

@@ -24,6 +24,17 @@ KEPT = 5.0
 # Bytes of all answers, and of one; larger ones are read in parts. To compress one of 7 kB takes 0.3 ms of processor
 # time, as much as all else that its giving takes.
 MOST_BYTES, LARGEST = 64 * 2**20, 256 * 2**10
+# Where questions are asked, by path: the kind of job.
+ASKED: Final = {f"/v1/{kind}": kind for kind in ("solve", "simulate", "work-precision")}
+# The headers that an answer depends on; it holds for the same ones, letter by letter.
+READ: Final = frozenset((
+    b"accept", b"authorization", b"cache-control", b"content-encoding", b"content-length", b"content-type", b"cookie",
+    b"host", b"idempotency-key", b"origin", b"prefer", b"sec-fetch-site", b"transfer-encoding", b"x-api-key",
+))  # fmt: skip
+# Of each call, and so not of an answer.
+OF_A_CALL: Final = frozenset((b"ratelimit", b"ratelimit-policy"))
+# Larger questions, and those that come in pieces, are read where their bytes are counted.
+SMALL_QUESTION = 64 * 1024
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,19 +79,6 @@ class KnownAnswers:
                 # A question may be one of another job since, whose change took its answer.
                 gone = [self._answers.pop(key, None) for key in self._keys.pop(change.id, ())]
                 self._bytes -= sum(len(answer.body) for answer in gone if answer)
-
-
-# Where questions are asked, by path: the kind of job.
-ASKED: Final = {f"/v1/{kind}": kind for kind in ("solve", "simulate", "work-precision")}
-# The headers that an answer depends on; it holds for the same ones, letter by letter.
-READ: Final = frozenset((
-    b"accept", b"authorization", b"cache-control", b"content-encoding", b"content-length", b"content-type", b"cookie",
-    b"host", b"idempotency-key", b"origin", b"prefer", b"sec-fetch-site", b"transfer-encoding", b"x-api-key",
-))  # fmt: skip
-# Of each call, and so not of an answer.
-OF_A_CALL: Final = frozenset((b"ratelimit", b"ratelimit-policy"))
-# Larger questions, and those that come in pieces, are read where their bytes are counted.
-SMALL_QUESTION = 64 * 1024
 
 
 def _key_of(scope: Scope, body: bytes, read: Sequence[tuple[bytes, bytes]]) -> bytes:

@@ -16,6 +16,29 @@ from inverse_service.service.jobs import metrics
 from inverse_service.web import journal
 
 log = logging.getLogger(__name__)
+GIVEN = re.compile(r"[A-Za-z0-9._-]{1,64}")
+# W3C trace context: the trace that a caller is part of.
+TRACE = re.compile(r"[0-9a-f]{2}-([0-9a-f]{32})-[0-9a-f]{16}-[0-9a-f]{2}")
+# What asks so often that its requests would be all of the log.
+QUIET = frozenset({"/livez", "/readyz", "/metrics"})
+CLIENT_LEFT = 499  # as nginx writes it: nothing was answered, since the client had left
+HEADERS = {
+    "Content-Security-Policy": (
+        "default-src 'none'; style-src 'self'; img-src 'self'; form-action 'self'; "
+        "base-uri 'none'; frame-ancestors 'none'"
+    ),
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "same-origin",
+    "X-Frame-Options": "DENY",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Permissions-Policy": "camera=(), geolocation=(), microphone=()",
+    "Cache-Control": "no-store",
+}
+RAW_HEADERS = [(name.lower().encode(), value.encode()) for name, value in HEADERS.items()]
+STREAMS = ("/events", "/results")
+LARGEST_HEADERS = 32_768
+MOST_HEADERS = 500
 
 
 class Middleware:
@@ -30,16 +53,6 @@ class Middleware:
     async def handle(self, scope: Scope, receive: Receive, send: Send) -> None:
         """One request to its answer."""
         raise NotImplementedError
-
-
-GIVEN = re.compile(r"[A-Za-z0-9._-]{1,64}")
-# W3C trace context: the trace that a caller is part of.
-TRACE = re.compile(r"[0-9a-f]{2}-([0-9a-f]{32})-[0-9a-f]{16}-[0-9a-f]{2}")
-# What asks so often that its requests would be all of the log.
-QUIET = frozenset({"/livez", "/readyz", "/metrics"})
-
-
-CLIENT_LEFT = 499  # as nginx writes it: nothing was answered, since the client had left
 
 
 class Measured(Middleware):
@@ -97,26 +110,6 @@ def _note(scope: Scope, status: int, seconds: float) -> None:
     about = {"client": client, "method": scope["method"], "path": scope["path"][:200], "status": status}
     level = logging.WARNING if status == 401 else logging.INFO
     log.log(level, "request", extra={**about, "seconds": round(seconds, 4)})
-
-
-HEADERS = {
-    "Content-Security-Policy": (
-        "default-src 'none'; style-src 'self'; img-src 'self'; form-action 'self'; "
-        "base-uri 'none'; frame-ancestors 'none'"
-    ),
-    "X-Content-Type-Options": "nosniff",
-    "Referrer-Policy": "same-origin",
-    "X-Frame-Options": "DENY",
-    "Cross-Origin-Opener-Policy": "same-origin",
-    "Cross-Origin-Resource-Policy": "same-origin",
-    "Permissions-Policy": "camera=(), geolocation=(), microphone=()",
-    "Cache-Control": "no-store",
-}
-
-RAW_HEADERS = [(name.lower().encode(), value.encode()) for name, value in HEADERS.items()]
-STREAMS = ("/events", "/results")
-LARGEST_HEADERS = 32_768
-MOST_HEADERS = 500
 
 
 class SecurityHeaders(Middleware):

@@ -24,6 +24,14 @@ from inverse_service import catalogue
 from inverse_service.service.documents.answers import TITLES
 from inverse_service.web.problems import MEDIA_TYPE
 
+REFERENCE = "#/components/schemas/{model}"
+DOCUMENTS = ("SystemDocument", "NonholonomicDocument", "LagrangianDocument")
+ASKED = (SystemDocument, NonholonomicDocument, LagrangianDocument)
+ANSWERED = (ResultDocument, ForwardResult, ParseAnswer, NonholonomicParseAnswer, ForwardParseAnswer)
+UNIONS = (SolveResult, JobResult, JobEvent, CheckedDocument, JobOptions)
+OTHERS = (SceneDocument, SimulationResult, WorkPrecisionResult, ProblemDocument)
+EXAMPLES = {"SystemDocument": "sho", "NonholonomicDocument": "vertically-rolling-disk"}
+
 
 def _read(package: str, name: str) -> dict[str, Any]:
     found: dict[str, Any] = json.loads(resources.files(package).joinpath(name).read_text(encoding="utf-8"))
@@ -36,9 +44,6 @@ PARTS = _read("inverse_service.web", "openapi.json")
 def refusals(*statuses: int) -> dict[int | str, dict[str, Any]]:
     """The problem documents of a route."""
     return {status: {"description": TITLES.get(status, "Refused"), "content": {MEDIA_TYPE: {}}} for status in statuses}
-
-
-REFERENCE = "#/components/schemas/{model}"
 
 
 def any_of(*names: str) -> dict[str, Any]:
@@ -57,7 +62,6 @@ def body_of(*names: str) -> dict[str, Any]:
     return {"requestBody": {"required": True, "content": {"application/json": {"schema": any_of(*names)}}}}
 
 
-DOCUMENTS = ("SystemDocument", "NonholonomicDocument", "LagrangianDocument")
 SOLVED = answer(any_of("SolveResult"))
 PARSED = answer(any_of("ForwardParseAnswer", "NonholonomicParseAnswer", "ParseAnswer"))
 KEY_AND_RATE = refusals(401, 429, 503)
@@ -67,13 +71,6 @@ SYSTEM_BODY = body_of(*DOCUMENTS)
 JOB_HEADERS = PARTS["job_headers"]
 TIME_LIMIT_QUERY = {"parameters": [PARTS["time_limit"], PARTS["prefer"], PARTS["key"]]}
 BATCH_BODY = {"requestBody": PARTS["batch_body"], "parameters": [PARTS["time_limit"], PARTS["key"]]}
-
-
-ASKED = (SystemDocument, NonholonomicDocument, LagrangianDocument)
-ANSWERED = (ResultDocument, ForwardResult, ParseAnswer, NonholonomicParseAnswer, ForwardParseAnswer)
-UNIONS = (SolveResult, JobResult, JobEvent, CheckedDocument, JobOptions)
-OTHERS = (SceneDocument, SimulationResult, WorkPrecisionResult, ProblemDocument)
-EXAMPLES = {"SystemDocument": "sho", "NonholonomicDocument": "vertically-rolling-disk"}
 
 
 def description_of(app: FastAPI) -> dict[str, Any]:

@@ -25,6 +25,10 @@ from inverse_service.web.problems import Refusal, known
 router = APIRouter(dependencies=[Depends(clients.require_client)])
 named = APIRouter(dependencies=[Depends(clients.require_client)], tags=["catalogue"])
 open_router = APIRouter()
+LICENSE = "MIT"
+CITE = "The inverse-service atlas: systems of equations of motion with their Lagrangians, computed and checked."
+LATE = "Reading these equations takes too long for a search."
+PROMETHEUS = "text/plain; version=0.0.4; charset=utf-8"
 
 
 @router.post(
@@ -78,11 +82,6 @@ async def catalogue_entry(name: str) -> Response:
         raise Refusal(404, "not-found", detail) from None
     entry = {key: entry[key] for key in base.CatalogueEntry.model_fields if key in entry}
     return JSONResponse(entry)
-
-
-LICENSE = "MIT"
-CITE = "The inverse-service atlas: systems of equations of motion with their Lagrangians, computed and checked."
-LATE = "Reading these equations takes too long for a search."
 
 
 def form_task(equations: str) -> str:
@@ -161,9 +160,6 @@ async def limits(request: Request) -> Response:
         "store_mib": settings.store_size,
     }
     return JSONResponse({"document": document, "formula": dataclasses.asdict(LIMITS), "service": service})
-
-
-PROMETHEUS = "text/plain; version=0.0.4; charset=utf-8"
 
 
 @open_router.get("/llms.txt", response_class=PlainTextResponse)

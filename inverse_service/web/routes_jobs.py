@@ -27,6 +27,11 @@ asked = APIRouter()
 FORGOTTEN = "job of this id; it may have been forgotten. Ask again."
 STILL_THERE = b": still there\n\n"
 ASKED_ANSWERS = {202: {"model": JobDocument, "headers": openapi.JOB_HEADERS}, **openapi.BAD_BODY}
+SCENE = openapi.body_of("SceneDocument") | openapi.TIME_LIMIT_QUERY
+NDJSON = "application/x-ndjson"
+NDJSON_TYPES = frozenset({NDJSON, "application/ndjson", "application/jsonl", "application/x-jsonlines"})
+# A stream that wakes for every job would read the store more than it writes answers.
+SMALLEST_PAUSE, LARGEST_PAUSE = 0.02, 0.5
 
 
 @asked.post(
@@ -177,9 +182,6 @@ def engine_of(request: Request) -> Engine:
     return engine
 
 
-SCENE = openapi.body_of("SceneDocument") | openapi.TIME_LIMIT_QUERY
-
-
 @asked.post(
     "/v1/simulate",
     tags=["simulations"],
@@ -208,11 +210,7 @@ async def work_precision(request: Request) -> Response:
 ASKED = {"/v1/solve": solve, "/v1/simulate": simulate, "/v1/work-precision": work_precision}
 
 
-NDJSON = "application/x-ndjson"
-NDJSON_TYPES = frozenset({NDJSON, "application/ndjson", "application/jsonl", "application/x-jsonlines"})
 KindName = Literal["solve", "check", "simulate", "work-precision"]
-# A stream that wakes for every job would read the store more than it writes answers.
-SMALLEST_PAUSE, LARGEST_PAUSE = 0.02, 0.5
 
 
 @batches.post(

@@ -25,6 +25,8 @@ from inverse_service.kernels.codegen.program import Layout, Program, Solve, layo
 from inverse_service.kernels.machine_code import code_store, loading
 
 _ROOMS = ("kernels", "integrators", "simulation", "expressions")
+_MOST_IN_MEMORY = 256
+_lock = threading.Lock()
 
 
 @lru_cache(maxsize=1)
@@ -110,9 +112,6 @@ def load(code: bytes) -> Machine:
     return Machine(engine, one, many)
 
 
-_MOST_IN_MEMORY = 256
-
-
 @dataclass(frozen=True, slots=True)
 class Card:
     """What a run needs to know of a kernel without its formulas."""
@@ -136,7 +135,6 @@ class Compiled:
 
 
 _memory: OrderedDict[str, Compiled] = OrderedDict()
-_lock = threading.Lock()
 
 
 def compiled(identity: Hashable, make: Callable[[], Program], lanes: int = 1) -> Compiled:

@@ -21,6 +21,22 @@ from inverse_service.kernels.codegen import program as programs
 from inverse_service.kernels.codegen.llvm_writer import Emitter, LlvmWriter
 from inverse_service.kernels.codegen.symengine_trees import ALPHA, STEP, WHOLE_STEP, Formula, symbol
 
+MOST_NEWTON_STEPS = 32
+MOST_ITERATIONS = 200
+# Newton's last correction may be this large (relative): quadratic convergence squares it.
+LAST_CORRECTION = 1e-9
+ROUND_OFF = 4.5e-16
+# A correction that no longer falls is noise if it is this small compared with the greatest increments so far.
+NOISE = 1e-6
+EARLIEST_NOISE = 4  # iterations after which quadratic convergence has come to its end
+HUGE = 1.7e308
+ROUND_OFF_AT_START = 1e-14  # of what a variable of the start changes in a quantity: below, its sign is not known
+CONTROL = ("steps", "stages", "every", "until_record", "done", "rows", "iterations")
+SAFETY, MOST, LEAST = 0.9, 5.0, 0.2
+FIRST = 1e-2  # of the grid's step: the first trial
+SHORTEST = 1e-15  # of the grid's step
+MOST_TRIES = 4_000_000  # between two points of the grid
+
 
 def solve_dense(writer: LlvmWriter, matrix: Sequence[Sequence[str]], right: Sequence[str]) -> tuple[list[str], str]:
     """(solution of matrix x = right, determinant), in values of the writer."""
@@ -74,18 +90,6 @@ def _back(writer: LlvmWriter, rows: Sequence[Sequence[str]]) -> list[str]:
             value = _less(writer, value, rows[row][place], solution[place])
         solution[row] = writer.binary("/", value, rows[row][row])
     return solution
-
-
-MOST_NEWTON_STEPS = 32
-MOST_ITERATIONS = 200
-# Newton's last correction may be this large (relative): quadratic convergence squares it.
-LAST_CORRECTION = 1e-9
-ROUND_OFF = 4.5e-16
-# A correction that no longer falls is noise if it is this small compared with the greatest increments so far.
-NOISE = 1e-6
-EARLIEST_NOISE = 4  # iterations after which quadratic convergence has come to its end
-HUGE = 1.7e308
-ROUND_OFF_AT_START = 1e-14  # of what a variable of the start changes in a quantity: below, its sign is not known
 
 
 class Blocks:
@@ -377,9 +381,6 @@ def _named(formula: Formula, parts: dict[Formula, Formula], prefix: str) -> Form
     return formula
 
 
-CONTROL = ("steps", "stages", "every", "until_record", "done", "rows", "iterations")
-
-
 class Kernel:
     """Writes one program with one writer."""
 
@@ -573,12 +574,6 @@ class Kernel:
             w.store("memory", place, w.read(name))
         for place, name in enumerate(CONTROL):
             w.store_counter("control", place, w.read_counter(name))
-
-
-SAFETY, MOST, LEAST = 0.9, 5.0, 0.2
-FIRST = 1e-2  # of the grid's step: the first trial
-SHORTEST = 1e-15  # of the grid's step
-MOST_TRIES = 4_000_000  # between two points of the grid
 
 
 class AdaptiveKernel(Kernel):

@@ -60,6 +60,9 @@ end:
 }}"""
 _OPERATIONS = {"+": "fadd", "-": "fsub", "*": "fmul", "/": "fdiv"}
 _INTRINSICS = frozenset(("sqrt", "exp", "log", "pow"))
+_LIBRARY = frozenset(("sinh", "cosh", "tanh", "asin", "acos", "atan", "asinh", "acosh", "atanh"))
+_ROOTS = {symengine.Rational(1, 2): 1, symengine.Rational(3, 2): 3, symengine.Rational(5, 2): 5}
+_LARGEST_PRODUCT = 64
 
 
 def hexadecimal(value: float) -> str:
@@ -316,11 +319,6 @@ def _turned_back(w: LlvmWriter, shifted: str, sine: str, cosine: str) -> tuple[s
         raw = w.new(f"bitcast {w.type} {w.select(odd, odd_one, even_one)} to {whole}")
         found.append(w.new(f"bitcast {whole} {w.new(f'xor {whole} {raw}, {sign}')} to {w.type}"))
     return found[0], found[1]
-
-
-_LIBRARY = frozenset(("sinh", "cosh", "tanh", "asin", "acos", "atan", "asinh", "acosh", "atanh"))
-_ROOTS = {symengine.Rational(1, 2): 1, symengine.Rational(3, 2): 3, symengine.Rational(5, 2): 5}
-_LARGEST_PRODUCT = 64
 
 
 class Emitter:

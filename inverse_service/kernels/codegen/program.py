@@ -32,6 +32,10 @@ UNOBSERVABLE = 1000
 STATUS, CLOCK, STOPPED_AT, STOPPED_VALUE = "status", "clock", "stopped_at", "stopped_value"
 NOT_STARTED = {STATUS: float(NO_START), STOPPED_AT: 0.0, STOPPED_VALUE: math.nan}
 TRIAL = "trial"  # the length of the next step where a kernel chooses it
+_LARGEST_GUARDED = 4
+# Characters of an entry that is multiplied out.
+_MOST_EXPANDED = 300
+_PARAMETER = re.compile(r"h|c\d+")
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,12 +177,6 @@ class Program:
         """Names of the greatest increments so far: one for each letter in each block that is iterated."""
         blocks = (block for block in self.blocks if not (isinstance(block, Solve) and block.affine))
         return tuple(dict.fromkeys(size_name(k, name) for k, block in enumerate(blocks) for name in block.unknowns))
-
-
-_LARGEST_GUARDED = 4
-# Characters of an entry that is multiplied out.
-_MOST_EXPANDED = 300
-_PARAMETER = re.compile(r"h|c\d+")
 
 
 def plan(

@@ -14,6 +14,8 @@ from inverse_service import errors
 from inverse_service.expressions import tree as ex
 
 Formula = Any  # symengine has no types
+HALF = symengine.Rational(1, 2)
+_INFINITE = (symengine.zoo, symengine.oo, -symengine.oo, symengine.nan)
 
 
 def symbol(name: str) -> Formula:
@@ -25,9 +27,7 @@ def number(value: int | float) -> Formula:
 
 
 ZERO, ONE = number(0), number(1)
-HALF = symengine.Rational(1, 2)
 _FAR_BELOW = number(1e-300)
-_INFINITE = (symengine.zoo, symengine.oo, -symengine.oo, symengine.nan)
 STEP, ALPHA = symbol("h"), symbol("a")
 WHOLE_STEP = symbol("whole")  # from one point of the grid to the next, in kernels that choose their steps
 

@@ -36,6 +36,23 @@ _TYPES: dict[Any, str] = {np.dtype(name): name for name in ELEMENTS}
 _SCALARS = {int: "int64", np.int64: "int64", np.uint64: "uint64", bool: "bool", np.bool_: "bool"}
 _MOST_DIMENSIONS = 4
 _CONSTANT = "const "
+_LARGE = 1 << 63
+_LARGEST = (1 << 64) - 1
+# By their `id`: arguments whose arrays stay where they are, with kind and words (none before the first call). An entry
+# keeps its argument.
+_held: dict[int, tuple[Any, Kind, list[int]]] = {}
+_MOST_HELD = 256
+Struct = TypeVar("Struct", bound=tuple[Any, ...])
+_buffer: Callable[[Any], ctypes.c_char] = ctypes.c_char.from_buffer
+_SMALL = 4096
+Work = TypeVar("Work", bound=Callable[..., Any])
+# Machine code: the words of the arguments to the answer.
+Entry = Callable[[list[int]], Any]
+_KIND = "modular"
+# Entries pass addresses as 64-bit numbers.
+POINTERS_OF_64_BITS = sys.maxsize > 2**32
+_lock = threading.RLock()
+KERNELS: list[Kernel] = []
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,21 +96,10 @@ def kinds_of(arguments: Sequence[Any], words: list[int]) -> Kinds | None:
     return tuple(kinds)
 
 
-_LARGE = 1 << 63
-_LARGEST = (1 << 64) - 1
-# By their `id`: arguments whose arrays stay where they are, with kind and words (none before the first call). An entry
-# keeps its argument.
-_held: dict[int, tuple[Any, Kind, list[int]]] = {}
-_MOST_HELD = 256
-
-
 def _hold(argument: Any, kind: Kind, words: list[int]) -> None:
     if len(_held) >= _MOST_HELD:
         _held.clear()
     _held[id(argument)] = argument, kind, words
-
-
-Struct = TypeVar("Struct", bound=tuple[Any, ...])
 
 
 class Kept(Generic[Struct]):
@@ -161,28 +167,11 @@ def _kind_of_array(array: npt.NDArray[Any], words: list[int]) -> str | None:
     return kind
 
 
-_buffer: Callable[[Any], ctypes.c_char] = ctypes.c_char.from_buffer
-_SMALL = 4096
-
-
 @lru_cache(maxsize=256)
 def _array_kind(element: Any, dimensions: int, writable: bool) -> str | None:
     name = _TYPES.get(element)
     known = name is not None and 0 < dimensions <= _MOST_DIMENSIONS
     return f"{'' if writable else _CONSTANT}{name}[{dimensions}]" if known else None
-
-
-Work = TypeVar("Work", bound=Callable[..., Any])
-# Machine code: the words of the arguments to the answer.
-Entry = Callable[[list[int]], Any]
-
-_KIND = "modular"
-# Entries pass addresses as 64-bit numbers.
-POINTERS_OF_64_BITS = sys.maxsize > 2**32
-_lock = threading.RLock()
-
-
-KERNELS: list[Kernel] = []
 
 
 class Kernel:

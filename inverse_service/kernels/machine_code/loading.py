@@ -21,6 +21,7 @@ from inverse_service.kernels.machine_code import kernels, shipped
 ENTRY = "entry"
 # Code lives as long as the process.
 _kept: list[Any] = []
+_CONSTANTS = (bool, int, float, np.generic)
 
 
 @lru_cache(maxsize=1)
@@ -74,9 +75,6 @@ def load(code: bytes, answer: str) -> kernels.Entry:
         return finished(function(block.buffer_info()[0]))
 
     return entry
-
-
-_CONSTANTS = (bool, int, float, np.generic)
 
 
 class Unstorable(Exception):

@@ -14,6 +14,8 @@ from inverse_service.expressions import collecting, tree as ex
 from inverse_service.mechanics import implicit_equations, second_order_system
 from inverse_service.mechanics.legendre import short_forms
 
+Matrix = tuple[tuple[ex.Expression, ...], ...]
+
 
 @dataclass(frozen=True, slots=True)
 class Block:
@@ -108,9 +110,6 @@ def resolved(velocities: Sequence[ex.Expression], names: Sequence[str]) -> tuple
     """The velocities of a branch over (t, q, p) alone: no Velocity of `names` is left."""
     table: dict[ex.Expression, ex.Expression] = dict(zip(map(ex.Velocity, names), velocities, strict=True))
     return tuple(ex.substitute(tree, table) for tree in velocities)
-
-
-Matrix = tuple[tuple[ex.Expression, ...], ...]
 
 
 @dataclass(frozen=True, slots=True)

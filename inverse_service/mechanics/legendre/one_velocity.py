@@ -20,6 +20,14 @@ from inverse_service.expressions import collecting, derivative, tree as ex
 from inverse_service.mechanics.legendre import blocks, sampling, short_forms
 
 Rule = Callable[[ex.Expression], ex.Expression]
+_INVERSES: dict[str, str] = {
+    "exp": "log", "log": "exp", "tan": "atan", "sinh": "asinh", "tanh": "atanh", "asin": "sin", "acos": "cos",
+    "atan": "tan", "asinh": "sinh", "acosh": "cosh", "atanh": "tanh",
+}  # fmt: skip
+_NAME = "the cubic's unknown"
+_LARGEST_BLOCK = 3
+Equation = tuple[ex.Symbol, ex.Expression]
+Solved = tuple[dict[str, ex.Expression], tuple[ex.Expression, ...]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,12 +94,6 @@ def roots_of_power(base: ex.Expression, exponent: ex.Expression, target: ex.Expr
         yield Root(-root, (-base,))
 
 
-_INVERSES: dict[str, str] = {
-    "exp": "log", "log": "exp", "tan": "atan", "sinh": "asinh", "tanh": "atanh", "asin": "sin", "acos": "cos",
-    "atan": "tan", "asinh": "sinh", "acosh": "cosh", "atanh": "tanh",
-}  # fmt: skip
-
-
 def _roots_of_function(function: str, argument: ex.Expression, target: ex.Expression) -> Iterator[Root]:
     """argument with function(argument) = target, on the branches next to zero."""
     inverse = _INVERSES.get(function)
@@ -109,9 +111,6 @@ def _branch_conditions(function: str, argument: ex.Expression) -> tuple[ex.Expre
     """tan and sin are undone by atan and asin only for |argument| < pi/2."""
     quarter_turn = ex.HALF * ex.PI
     return (quarter_turn - argument, quarter_turn + argument) if function == "tan" else ()
-
-
-_NAME = "the cubic's unknown"
 
 
 @dataclass(frozen=True, slots=True)
@@ -429,11 +428,6 @@ def _balanced(slope: ex.Expression, rate: ex.Velocity, momentum: ex.Expression) 
     rest = short_forms.quotient(ex.add(*(term for term in terms if occurrences(term, rate))))
     if fixed and occurrences(rest, rate) == 1:
         yield from isolate(rest, rate, momentum - ex.add(*fixed))
-
-
-_LARGEST_BLOCK = 3
-Equation = tuple[ex.Symbol, ex.Expression]
-Solved = tuple[dict[str, ex.Expression], tuple[ex.Expression, ...]]
 
 
 def elimination_branches(block: blocks.Block) -> Iterator[blocks.Branch]:

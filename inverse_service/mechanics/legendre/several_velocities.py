@@ -25,6 +25,8 @@ from inverse_service.mechanics.legendre import blocks, short_forms
 
 Form = tuple[ex.Expression, ...]
 Table = dict[ex.Expression, ex.Expression]
+# A space is in no name that a user can declare.
+_S, _W, _PI_W = ex.Symbol("S of v"), ex.Velocity("w of v"), ex.Symbol("momentum of w")
 
 
 def linear_branches(block: blocks.Block, solve: blocks.Solver) -> Iterator[blocks.Branch]:
@@ -113,10 +115,6 @@ def linear_coefficients(terms: Iterable[collecting.Term], names: Sequence[str]) 
         term = value * (collecting.monomial_tree(rest) if rest else ex.ONE)
         found[name] = found.get(name, ex.ZERO) + term
     return found
-
-
-# A space is in no name that a user can declare.
-_S, _W, _PI_W = ex.Symbol("S of v"), ex.Velocity("w of v"), ex.Symbol("momentum of w")
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,6 +12,7 @@ from inverse_service.mechanics import implicit_equations, writing
 
 # Terms met on the way (`Budget`) in exact work on one tree.
 _WORK = 20_000
+_INVERSE = {("atan", "tan"), ("log", "exp"), ("exp", "log"), ("asin", "sin"), ("acos", "cos"), ("atanh", "tanh")}
 
 
 def velocities_in(tree: ex.Expression, names: Collection[str]) -> set[str]:
@@ -228,9 +229,6 @@ def cancelled(sign: int, tree: ex.Expression) -> ex.Expression:
     """The tree with sqrt(u^2) = sign u, atan(tan u) = u and log(exp u) = u, which hold on one branch only; shorter."""
     found = _cancelled(tree, sign)
     return tree if found == tree else simplified(found)
-
-
-_INVERSE = {("atan", "tan"), ("log", "exp"), ("exp", "log"), ("asin", "sin"), ("acos", "cos"), ("atanh", "tanh")}
 
 
 def _cancelled(tree: ex.Expression, sign: int) -> ex.Expression:

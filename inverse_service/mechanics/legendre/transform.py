@@ -19,6 +19,8 @@ from inverse_service.mechanics.legendre import blocks, sampling, short_forms
 
 _MANY, _FEW = 16, 4
 TIME_LIMIT = 3.0
+_ANY = ex.Velocity("the velocity of a block")
+Table = dict[ex.Expression, ex.Expression]
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,9 +150,6 @@ def _of_blocks(
         first, chosen = known[key]
         found[block.names] = chosen and _renamed(chosen, first, block)
     return found
-
-
-_ANY = ex.Velocity("the velocity of a block")
 
 
 def _renamed(chosen: _Chosen, first: blocks.Block, block: blocks.Block) -> _Chosen:
@@ -381,9 +380,6 @@ def momentum_shifts(
 ) -> dict[ex.Expression, ex.Expression]:
     """p -> p - A for the terms A v of a Lagrangian."""
     return {momenta[name]: momenta[name] - a for name, a in linear.items()}
-
-
-Table = dict[ex.Expression, ex.Expression]
 
 
 @dataclass(frozen=True, slots=True)

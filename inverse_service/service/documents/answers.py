@@ -13,6 +13,37 @@ from inverse_service.service.documents import growing
 from inverse_service.service.jobs.tasks import Outcome, value_of
 
 UNDERSTAND_DEADLINE = 2.0
+_ENDINGS = {
+    "deadline": "The time limit of {time:g} s was reached.",
+    "memory": "The memory limit of {memory} MiB was reached.",
+    "killed": "The worker process was killed repeatedly, most likely because it ran out of memory.",
+    "crash": "The worker process died repeatedly.",
+    "cancelled": "The job was dismissed.",
+}
+PREFIX = "urn:inverse-service:problem:"
+TITLES = {
+    400: "The document cannot be read",
+    401: "A key is needed",
+    404: "Not found",
+    405: "Method not allowed",
+    410: "The job was dismissed",
+    413: "The body is too large",
+    415: "Unsupported content type",
+    421: "Another host is meant",
+    422: "The document cannot be accepted",
+    429: "Too many requests",
+    431: "The header is too large",
+    500: "Internal error",
+    503: "The service is busy",
+}
+# Status and kind of a task that ended so; all others are faults.
+ENDS = {
+    "deadline": (422, "time-limit"),
+    "memory": (422, "memory-limit"),
+    "killed": (422, "memory-limit"),
+    "cancelled": (410, "dismissed"),
+    "unstarted": (503, "not-ready"),
+}
 
 
 def with_understood(outcome: Outcome, understood: Outcome) -> Outcome:
@@ -54,15 +85,6 @@ def check_document(outcome: Outcome) -> dict[str, Any]:
     return found
 
 
-_ENDINGS = {
-    "deadline": "The time limit of {time:g} s was reached.",
-    "memory": "The memory limit of {memory} MiB was reached.",
-    "killed": "The worker process was killed repeatedly, most likely because it ran out of memory.",
-    "crash": "The worker process died repeatedly.",
-    "cancelled": "The job was dismissed.",
-}
-
-
 def undetermined(understood: Any, reason: str, options: SolveOptions) -> dict[str, Any]:
     """The result document of a run that a limit ended."""
     result = ResultDocument(
@@ -78,33 +100,6 @@ def undetermined(understood: Any, reason: str, options: SolveOptions) -> dict[st
         },
     )
     return result.model_dump(mode="json")
-
-
-PREFIX = "urn:inverse-service:problem:"
-TITLES = {
-    400: "The document cannot be read",
-    401: "A key is needed",
-    404: "Not found",
-    405: "Method not allowed",
-    410: "The job was dismissed",
-    413: "The body is too large",
-    415: "Unsupported content type",
-    421: "Another host is meant",
-    422: "The document cannot be accepted",
-    429: "Too many requests",
-    431: "The header is too large",
-    500: "Internal error",
-    503: "The service is busy",
-}
-
-# Status and kind of a task that ended so; all others are faults.
-ENDS = {
-    "deadline": (422, "time-limit"),
-    "memory": (422, "memory-limit"),
-    "killed": (422, "memory-limit"),
-    "cancelled": (410, "dismissed"),
-    "unstarted": (503, "not-ready"),
-}
 
 
 def problem_document(status: int, kind: str, detail: str, places: Sequence[errors.Place] = ()) -> dict[str, Any]:

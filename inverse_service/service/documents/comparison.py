@@ -26,6 +26,15 @@ from inverse_service.service.documents import accepting, preparing
 if TYPE_CHECKING:
     from api_schemas.system import SystemDocument
     from inverse_service.mechanics.constrained_motion import ConstrainedMotion
+# The same system leaves with each part of a growing result; what was found to agree is not compared again.
+MOST_KEPT = 16
+_COMPARED: dict[str, checker.CheckResult] = {}
+_SEEDS = range(2, 10)  # of points all over, at which an answer has to be found
+_SHAPE = {"text": r"(?s:.*)", "momenta": {}, "domain?": [formulas.TEXT, formulas.MAX_LISTED]}
+_WRONG = "The Hamiltonian of an answer is not that of its Lagrangian."
+_NAMED = "The momenta are not p_x for each coordinate x."
+_VELOCITIES = "A Hamiltonian that is not implicit must not contain velocities."
+_IMPLICIT = "An implicit Hamiltonian must contain velocities."
 
 
 def compared_with_document(document: Any, canonical: Canonical, time_limit: float = 60.0) -> checker.CheckResult:
@@ -43,11 +52,6 @@ def compared_with_document(document: Any, canonical: Canonical, time_limit: floa
         if len(_COMPARED) > MOST_KEPT:
             del _COMPARED[next(iter(_COMPARED))]
     return found
-
-
-# The same system leaves with each part of a growing result; what was found to agree is not compared again.
-MOST_KEPT = 16
-_COMPARED: dict[str, checker.CheckResult] = {}
 
 
 def _compared(document: Any, canonical: Canonical, end: float) -> checker.CheckResult:
@@ -178,9 +182,6 @@ def _sorted(names: Any) -> Any:
     return sorted(names) if isinstance(names, list) and all(isinstance(name, str) for name in names) else names
 
 
-_SEEDS = range(2, 10)  # of points all over, at which an answer has to be found
-
-
 def lacking(
     certificate: Mapping[str, Any], stated: Sequence[str], proven: cell.Cell | None, limit: float
 ) -> tuple[list[str], set[int]]:
@@ -247,13 +248,6 @@ def gaps(
             place = ", ".join(f"{key} = {float(value):.4g}" for key, value in list(point.items())[:6])
             return f"No cell contains the point {place}."
     return ""
-
-
-_SHAPE = {"text": r"(?s:.*)", "momenta": {}, "domain?": [formulas.TEXT, formulas.MAX_LISTED]}
-_WRONG = "The Hamiltonian of an answer is not that of its Lagrangian."
-_NAMED = "The momenta are not p_x for each coordinate x."
-_VELOCITIES = "A Hamiltonian that is not implicit must not contain velocities."
-_IMPLICIT = "An implicit Hamiltonian must contain velocities."
 
 
 @dataclass(frozen=True, slots=True)

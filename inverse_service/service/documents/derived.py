@@ -44,6 +44,9 @@ _MOST_CASES = 6
 _SHOWN = ("lagrangian", "hamiltonian", "certificate", "checked")
 OF_REDUCED = (*_SHOWN, "equations", "clock")  # what `instead` repeats of the reduced system
 Values = Mapping[ex.Expression, ex.Expression]
+# Of the time for a Lagrangian with friction, what the search for one without may take.
+_SHARE_OF_SEARCH = 0.7
+_RATIONAL = (ex.Number, ex.Power, ex.Product, ex.Sum, ex.Symbol)
 
 
 def answered(system: SecondOrderSystem, answer: Answer) -> dict[str, Any]:
@@ -354,11 +357,6 @@ def is_inside(system: SecondOrderSystem, near: Mapping[str, str]) -> bool:
         )
     except (KeyError, ValueError, TypeError, AttributeError):
         return False
-
-
-# Of the time for a Lagrangian with friction, what the search for one without may take.
-_SHARE_OF_SEARCH = 0.7
-_RATIONAL = (ex.Number, ex.Power, ex.Product, ex.Sum, ex.Symbol)
 
 
 def to_kinds(schema: SystemDocument, system: SecondOrderSystem) -> tuple[LagrangianKind, ...]:

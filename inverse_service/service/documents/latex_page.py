@@ -19,6 +19,15 @@ SPECIAL = {
     "\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}",
     **{character: f"\\{character}" for character in "&%$#_{}"},
 }  # fmt: skip
+_SIDES = re.compile(r"[()\[\]]|, | (?:!=|>=|<=|=|>|<) ")
+# A line of an article is 345 points wide, in a list 320, less a quad. Widths are in points, about.
+LINE = 300.0
+_WIDTHS = {"\\left": 0.0, "\\right": 0.0, "\\quad": 10.0, "\\qquad": 20.0, "\\,": 2.0, "\\mathsf": 0.0, "\\mathrm": 0.0}
+_LETTER, _SIGN, _SCRIPT = 5.8, 12.8, 0.72
+_LESS = 0.95  # a part wider than this share of the whole is not broken again
+_SIGNS = ("+", "-", "=", "<", ">", "\\neq", "\\geq", "\\leq")
+_ACCENTS = ("\\dot", "\\ddot", "\\tilde", "\\bar")
+_TOKEN = re.compile(r"\\[A-Za-z]+|\\.|\s+|.", re.DOTALL)
 
 
 def latex_page(result: dict[str, Any], explain: bool, address: str = "") -> str:
@@ -94,9 +103,6 @@ def display(formula: str) -> str:
     return f"\\[ \\begin{{aligned}} & {broken} \\end{{aligned}} \\]"
 
 
-_SIDES = re.compile(r"[()\[\]]|, | (?:!=|>=|<=|=|>|<) ")
-
-
 def latex_of(text: str, names: Names) -> str:
     """The LaTeX of a formula of a sentence: relations between formulas of the system and terms of the theory."""
     found, depth, start = "", 0, 0
@@ -142,16 +148,6 @@ def names_of(system: Mapping[str, Any] | None) -> Names:
 def _formula(formula: str) -> str:
     """A formula in a sentence; one that is wider than a line is displayed."""
     return f"${formula}$" if len(lines_of_latex(formula, IN_A_SENTENCE)) == 1 else display(formula)
-
-
-# A line of an article is 345 points wide, in a list 320, less a quad. Widths are in points, about.
-LINE = 300.0
-_WIDTHS = {"\\left": 0.0, "\\right": 0.0, "\\quad": 10.0, "\\qquad": 20.0, "\\,": 2.0, "\\mathsf": 0.0, "\\mathrm": 0.0}
-_LETTER, _SIGN, _SCRIPT = 5.8, 12.8, 0.72
-_LESS = 0.95  # a part wider than this share of the whole is not broken again
-_SIGNS = ("+", "-", "=", "<", ">", "\\neq", "\\geq", "\\leq")
-_ACCENTS = ("\\dot", "\\ddot", "\\tilde", "\\bar")
-_TOKEN = re.compile(r"\\[A-Za-z]+|\\.|\s+|.", re.DOTALL)
 
 
 @dataclass(frozen=True, slots=True)

@@ -31,6 +31,31 @@ from inverse_service.service.documents import accepting, checking, derived, docu
 from inverse_service.service.documents.growing import Growing
 
 T = TypeVar("T")
+_MEASURE = {
+    "found": "N times the volume of phase space is invariant; its momenta are those of the free velocities.",
+    "does_not_exist": "No density `N(q)` makes a volume invariant: the equations for log N contradict each other.",
+    "not_found": "A density `N(q)` was not found in closed form; it is undecided whether one exists.",
+}
+_SHOWN = ("verdict", "reason", "checked", "lagrangian", "hamiltonian", "certificate", "domain")
+# Of the time, what the equations of the free coordinates alone may take.
+SHARE_OF_REDUCED = 0.25
+MOST_FOR_INTEGRALS = 2.0  # s
+ONLY_THE_MOTION = "Only the motion was requested: see any_associated."
+QUADRATURE = "Along a solution of these equations the other coordinates follow by integrating the right sides over t."
+CLOSED = "The equations of these coordinates contain no other coordinates; those follow from the equations of motion."
+# Of the time for all, what finding the motion and what it keeps may take.
+SHARE_OF_MOTION = 0.3
+# Of what is left then, what the associated systems may take; of what is left then, the question about any one.
+SHARE_OF_SYSTEMS = 0.45
+SHARE_OF_ANY = 0.7
+# What is said of the motion before it was asked.
+OPEN = answering.MotionAnswer("undetermined", "undetermined", NOT_YET)
+# What first integrals may take, s and of the time.
+FOR_INTEGRALS, SHARE_OF_INTEGRALS = 5.0, 0.1
+# What looking at a document again may take for an associated system that is only shown, s.
+SHOWN_AT_ONCE = 0.3
+# And what is left for checking all answers at the end.
+SHARE_LEFT = 0.1
 
 
 def to_nonholonomic_schema(document: Any) -> schemas.NonholonomicDocument:
@@ -182,13 +207,6 @@ def _belongs_to(found: answering.MotionLagrangian) -> schemas.BelongsTo:
     return schemas.BelongsTo(kind=found.kind, equations={name: printing.to_text(f) for name, f in pairs})
 
 
-_MEASURE = {
-    "found": "N times the volume of phase space is invariant; its momenta are those of the free velocities.",
-    "does_not_exist": "No density `N(q)` makes a volume invariant: the equations for log N contradict each other.",
-    "not_found": "A density `N(q)` was not found in closed form; it is undecided whether one exists.",
-}
-
-
 def _measure(report: nonholonomic_study.MotionReport) -> schemas.MeasurePart:
     found = report.density
     return schemas.MeasurePart(
@@ -233,9 +251,6 @@ def _in_time(work: Callable[[], T]) -> T | None:
         return work()
     except TooLarge:
         return None
-
-
-_SHOWN = ("verdict", "reason", "checked", "lagrangian", "hamiltonian", "certificate", "domain")
 
 
 def _associated(one: nonholonomic_study.AssociatedAnswer, is_main: bool) -> schemas.AssociatedPart:
@@ -286,12 +301,6 @@ def _hamiltonian(found: Hamiltonisation) -> HamiltonianPart | None:
 def _trajectory(comparison: Comparison) -> schemas.TrajectoryPart:
     functions = {name: printing.to_text(body) for name, body in comparison.functions.items()}
     return translate.part_of(schemas.TrajectoryPart, comparison, functions=functions)
-
-
-# Of the time, what the equations of the free coordinates alone may take.
-SHARE_OF_REDUCED = 0.25
-MOST_FOR_INTEGRALS = 2.0  # s
-ONLY_THE_MOTION = "Only the motion was requested: see any_associated."
 
 
 def look_motion(document: Any) -> schemas.MotionDocument:
@@ -360,10 +369,6 @@ def motion_of(document: Any) -> constrained_motion.ConstrainedMotion:
     return read_given_motion(look_motion(document))
 
 
-QUADRATURE = "Along a solution of these equations the other coordinates follow by integrating the right sides over t."
-CLOSED = "The equations of these coordinates contain no other coordinates; those follow from the equations of motion."
-
-
 def _for_reduced(options: solutions.SolveOptions, time_limit: float) -> solutions.SolveOptions:
     """What is asked about the reduced system."""
     return solutions.SolveOptions(seed=options.seed, time_limit=max(0.1, time_limit), conditions=False)
@@ -401,21 +406,6 @@ def systems_of_reduced(
     except errors.InputError:
         return None, None
     return system, derived.in_clock(clock, system, factor)
-
-
-# Of the time for all, what finding the motion and what it keeps may take.
-SHARE_OF_MOTION = 0.3
-# Of what is left then, what the associated systems may take; of what is left then, the question about any one.
-SHARE_OF_SYSTEMS = 0.45
-SHARE_OF_ANY = 0.7
-# What is said of the motion before it was asked.
-OPEN = answering.MotionAnswer("undetermined", "undetermined", NOT_YET)
-# What first integrals may take, s and of the time.
-FOR_INTEGRALS, SHARE_OF_INTEGRALS = 5.0, 0.1
-# What looking at a document again may take for an associated system that is only shown, s.
-SHOWN_AT_ONCE = 0.3
-# And what is left for checking all answers at the end.
-SHARE_LEFT = 0.1
 
 
 def solve_nonholonomic(document: Any, options: solutions.SolveOptions, grow: Growing | None = None) -> dict[str, Any]:

@@ -48,6 +48,38 @@ KEYS = frozenset((
     *("time_dependent_lagrangian", "ansatz", "series_order", "special_cases", "clock", "kinds", "near", "associated"),
     *("multiples", "time", "id", "options", "metadata", "search", "first_integrals", "catalogue", "format"),
 ))  # fmt: skip
+_LETTER_L = re.compile(
+    r"(?:\\(?:mathcal|mathscr|mathrm)\s*(?:\{L\}|L)(?![A-Za-z])|\u2112)"
+    r"|(?P<named>\bL(?:agrangian)?\s*:(?:\s*L\s*)?=?|\bLagrangian\s*=)"
+)
+# L, T, and V with an argument perhaps, and =; half of 2 T = … is meant.
+_ENERGY = re.compile(
+    r"(?:\$+|\\\[|\s|\\begin\s*\{\w+\*?\})*(?P<twice>2\s*)?(?:(?P<whole>L)|(?P<kinetic>[TK]|E_\{?k(?:in)?\}?)"
+    r"|(?P<potential>[UV]|E_\{?p(?:ot)?\}?))(?P<arguments>\s*\([^()=]*\))?\s*&?\s*=(?!=)"
+)
+# The components of a vector, \mathbf{r} = (x, y, z)
+_VECTOR = re.compile(
+    rf"\\(?:{'|'.join(components.BOLD)})\s*(?:\{{\s*\\?\w+\s*\}}|\\?\w)\s*=\s*(?:\\left\s*)?\([^()=]*\)"
+)
+# d/dt ∂L/∂x' - ∂L/∂x = 0 beside L = …
+_DL = r"(?:\u2202|\\partial)\s{0,9}L\b[^;,\n=]{0,120}"
+_LAGRANGES_EQUATION = re.compile(
+    rf"(?:\\[dt]?frac\s*\{{\s*d\s*\}}\s*\{{\s*dt\s*\}}|d\s*/\s*dt)[^;,\n=]{{0,120}}?{_DL}=(?:\s*0|\s*\\?[dt]?\w*\{{?{_DL})\s*(?=$|[;,.\n\\])"
+)
+_WRAPPER_ENDS = re.compile(r"(?:\$+|\\[\],;:! ]|\\end\s*\{\w+\*?\}|[\s;,.])*$")
+# dx and d\theta, in dz = y dx and dz = ydx; \delta x is a virtual displacement, or asked about
+_FORM = re.compile(r"(?<![A-Za-z\\][A-Za-z])(?<!\\)d(?:[A-Za-z]|\s*\\)|(?:\u03b4|\bdelta\s)\s*[\w\\]")
+_OF_A_FORM = re.compile(r"\s*(?:d|\u03b4)")
+_DEFINED = re.compile(
+    r"\s*\\?([A-Za-z\u0391-\u03c9][^\W\u00b2]*(?:_\{\w+\})?)(?:(\([^()]*\))|(\^2|\^\{2\}|\u00b2))?\s*"
+)
+_LAMBDA = re.compile(r"lambda|Lambda|\bmu|\\mu|[\u03bb\u03bc\u039b]")
+_STRUCTURE = frozenset(("text", "latex"))
+# Equations of motion with multipliers as L and constraints: x'' = lambda sin(u), ..., x' sin(u) = y' cos(u). Without
+# multipliers the lines are the Euler-Lagrange equations of a Lagrangian L, each times a factor. The force with each
+# multiplier has to be a multiple of the form w_i v^i of one constraint (d'Alembert's principle): then the motion is
+# that of L with the constraints.
+_MULTIPLIER = re.compile(r"(?:lambda|mu|Lambda)(?:_?\w+)?")
 
 
 def near_key(key: str) -> str:
@@ -117,33 +149,6 @@ class Prepared:
         texts = (error.detail, error.plain, *error.instead)
         detail, plain, *instead = (_in_plain_text(text, names, pad=False) for text in texts)
         return error.said(detail, plain, error.pointer, tuple(instead))
-
-
-_LETTER_L = re.compile(
-    r"(?:\\(?:mathcal|mathscr|mathrm)\s*(?:\{L\}|L)(?![A-Za-z])|\u2112)"
-    r"|(?P<named>\bL(?:agrangian)?\s*:(?:\s*L\s*)?=?|\bLagrangian\s*=)"
-)
-# L, T, and V with an argument perhaps, and =; half of 2 T = … is meant.
-_ENERGY = re.compile(
-    r"(?:\$+|\\\[|\s|\\begin\s*\{\w+\*?\})*(?P<twice>2\s*)?(?:(?P<whole>L)|(?P<kinetic>[TK]|E_\{?k(?:in)?\}?)"
-    r"|(?P<potential>[UV]|E_\{?p(?:ot)?\}?))(?P<arguments>\s*\([^()=]*\))?\s*&?\s*=(?!=)"
-)
-# The components of a vector, \mathbf{r} = (x, y, z)
-_VECTOR = re.compile(
-    rf"\\(?:{'|'.join(components.BOLD)})\s*(?:\{{\s*\\?\w+\s*\}}|\\?\w)\s*=\s*(?:\\left\s*)?\([^()=]*\)"
-)
-# d/dt ∂L/∂x' - ∂L/∂x = 0 beside L = …
-_DL = r"(?:\u2202|\\partial)\s{0,9}L\b[^;,\n=]{0,120}"
-_LAGRANGES_EQUATION = re.compile(
-    rf"(?:\\[dt]?frac\s*\{{\s*d\s*\}}\s*\{{\s*dt\s*\}}|d\s*/\s*dt)[^;,\n=]{{0,120}}?{_DL}=(?:\s*0|\s*\\?[dt]?\w*\{{?{_DL})\s*(?=$|[;,.\n\\])"
-)
-_WRAPPER_ENDS = re.compile(r"(?:\$+|\\[\],;:! ]|\\end\s*\{\w+\*?\}|[\s;,.])*$")
-# dx and d\theta, in dz = y dx and dz = ydx; \delta x is a virtual displacement, or asked about
-_FORM = re.compile(r"(?<![A-Za-z\\][A-Za-z])(?<!\\)d(?:[A-Za-z]|\s*\\)|(?:\u03b4|\bdelta\s)\s*[\w\\]")
-_OF_A_FORM = re.compile(r"\s*(?:d|\u03b4)")
-_DEFINED = re.compile(
-    r"\s*\\?([A-Za-z\u0391-\u03c9][^\W\u00b2]*(?:_\{\w+\})?)(?:(\([^()]*\))|(\^2|\^\{2\}|\u00b2))?\s*"
-)
 
 
 def _with_lagrangian(plain: dict[str, Any]) -> tuple[dict[str, Any], dict[str, str], dict[str, str]]:
@@ -242,9 +247,6 @@ def _ask_about_rate(line: str, pointer: str, lagrangian: str, known: Collection[
         what = f"{moving}' = {rate} could define {rate}, or hold {moving}' constant; it occurs"
         instead = f"write {rate} = {moving}' or {moving}' - {rate} = 0"
         raise refusals.refusal(what, column, instead, meant, (column, len(line.rstrip()) + 1)).at(pointer)
-
-
-_LAMBDA = re.compile(r"lambda|Lambda|\bmu|\\mu|[\u03bb\u03bc\u039b]")
 
 
 def _with_multipliers(
@@ -497,9 +499,6 @@ def _changed(value: Any, table: Mapping[str, str], pad: bool = False, latex: boo
     return [_changed(part, table, pad, latex) for part in value] if isinstance(value, list | tuple) else value
 
 
-_STRUCTURE = frozenset(("text", "latex"))
-
-
 def _in_plain_text(text: str, table: Mapping[str, str], pad: bool) -> str:
     names = "|".join(re.escape(name) for name in table if name)
     forms = re.compile(rf"(d[2-9]?|[A-Za-z]\w*_)?({names})([2-9]|(?:_?dot){{1,2}}|_?ddot)?")
@@ -568,13 +567,6 @@ _LOOSE: dict[str, Callable[[Any], Any]] = {
     "parameters": _parameters,
     "functions": _functions,
 }
-
-
-# Equations of motion with multipliers as L and constraints: x'' = lambda sin(u), ..., x' sin(u) = y' cos(u). Without
-# multipliers the lines are the Euler-Lagrange equations of a Lagrangian L, each times a factor. The force with each
-# multiplier has to be a multiple of the form w_i v^i of one constraint (d'Alembert's principle): then the motion is
-# that of L with the constraints.
-_MULTIPLIER = re.compile(r"(?:lambda|mu|Lambda)(?:_?\w+)?")
 
 
 @dataclass(frozen=True, slots=True)

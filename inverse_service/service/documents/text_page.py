@@ -25,6 +25,11 @@ SENTENCES = {
 
 Side = str | Mapping[str, Any]  # a formula; or its "text", and its "latex" or what this is made of, the "whole"
 Formula = Side | tuple[Side, Side]
+_YES_OR_NO = {"variational": "yes", "not_variational": "no", "undetermined": "undetermined"}
+FORMULAS = (("L", "lagrangian"), ("D", "dissipation"))
+DEFINITE = "positive_definite"
+# A Hamiltonian in the velocities longer than this is not printed: L and the momenta say the same.
+LONGEST_IMPLICIT = 300
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,9 +136,6 @@ def common_verdict(answers: Iterable[Mapping[str, Any]], key: str = "verdict") -
     return verdicts.pop() if len(verdicts) == 1 else "differs"
 
 
-_YES_OR_NO = {"variational": "yes", "not_variational": "no", "undetermined": "undetermined"}
-
-
 def kinds_answered(result: dict[str, Any]) -> Iterator[tuple[str, Mapping[str, Any]]]:
     """A sentence about each kind, on the first case, and its answer."""
     where = f" on {', '.join(result['domain'])}" if len(branches_of(result)) > 1 else ""
@@ -164,10 +166,6 @@ def _formulas(part: Mapping[str, Any], depth: int) -> Iterator[Line]:
         found[-1] = replace(found[-1], conditions=tuple(part["lagrangian"]["domain"]))
         found += [_said(depth + 2, where) for where in regular_where(part["lagrangian"])]
     yield from found
-
-
-FORMULAS = (("L", "lagrangian"), ("D", "dissipation"))
-DEFINITE = "positive_definite"
 
 
 def _cases(result: dict[str, Any]) -> Iterator[Line]:
@@ -258,10 +256,6 @@ def names_in(system: Mapping[str, Any], letters: Iterable[str] = ()) -> Names:
 def asks_for_time(result: Mapping[str, Any]) -> bool:
     """Whether the main fields answer L(t, q, q')."""
     return bool(result["question"] == QUESTIONS[True])
-
-
-# A Hamiltonian in the velocities longer than this is not printed: L and the momenta say the same.
-LONGEST_IMPLICIT = 300
 
 
 def _verdict_line(verdict: str, with_time: bool, domain: Sequence[str] | None = None) -> Line:

@@ -28,6 +28,15 @@ PALE, REACH_SIGNED = "#9aa3b2", 8.0
 DASHES: Any = {
     "solid": "-", "dash": "--", "dashdot": "-.", "dot": ":", "longdash": (0, (8, 2)), "longdashdot": (0, (8, 2, 1, 2)),
 }  # fmt: skip
+DRAWN = 24  # members drawn as lines
+Tables = Mapping[str, Mapping[str, Array]]
+# A path that extends beyond this multiple of the true one leaves the picture, as its axis says.
+REACH = 1.6
+FRAMES_A_SECOND, SECONDS, TRAIL = 25, 8.0, 1.0  # frames, length at most, length of a trail in seconds of the picture
+INCHES, DOTS = 4.8, 100
+NO_BODY = (
+    'The scene has no body to draw: give "points", as in {"bob": ["l*sin(a)", "-l*cos(a)"]}, or coordinates x and y.'
+)
 
 
 def view_figure(shown: Sequence[Mapping[str, Any] | None], wide: int = 3) -> Figure | None:
@@ -121,7 +130,6 @@ def _finding(result: Mapping[str, Any]) -> str:
     return words + (f" {'; '.join(stopped)}." if stopped else "")
 
 
-DRAWN = 24  # members drawn as lines
 MOST_COORDINATES = MOST_PANELS = 6
 
 
@@ -249,11 +257,6 @@ def _is_round(result: Mapping[str, Any], tables: Mapping[str, Mapping[str, Array
     return "matching_circle" in result["observe"] or any(abs(observing.turned(path)[-1]) >= 2 * np.pi for path in paths)
 
 
-Tables = Mapping[str, Mapping[str, Array]]
-# A path that extends beyond this multiple of the true one leaves the picture, as its axis says.
-REACH = 1.6
-
-
 def path_figure(
     result: Mapping[str, Any], tables: Tables, truth: Mapping[str, Array] | None
 ) -> tuple[Figure, str] | None:
@@ -335,13 +338,6 @@ def _box(true: Array | None, paths: Sequence[Array]) -> tuple[Array, float]:
     center = (low + high) / 2
     reach = max((float(np.nanmax(np.abs(path - center))) for path in paths), default=half)
     return center, 1.06 * min(max(half, reach), REACH * half)
-
-
-FRAMES_A_SECOND, SECONDS, TRAIL = 25, 8.0, 1.0  # frames, length at most, length of a trail in seconds of the picture
-INCHES, DOTS = 4.8, 100
-NO_BODY = (
-    'The scene has no body to draw: give "points", as in {"bob": ["l*sin(a)", "-l*cos(a)"]}, or coordinates x and y.'
-)
 
 
 def animate(path: Path, result: Mapping[str, Any], tables: Mapping[str, Mapping[str, Array]]) -> None:

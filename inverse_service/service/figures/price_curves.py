@@ -15,6 +15,7 @@ FAMILIES = {"geometric": "#0072B2", "explicit": "#D55E00", "implicit": "#009E73"
 BY_ORDER = ((2, ":"), (4, "-."), (6, "--"), (99, "-"))
 DRAWN_FIRST, PALE, LABEL_HEIGHT = 8, 0.3, 0.045  # curves in full color; how pale others are; of the height of the panel
 PANELS = (("seconds", "time in s"), ("evaluations", "force evaluations"))
+End = tuple[float, float, str, Any]
 
 
 def precision_figure(result: Mapping[str, Any], evaluations: bool = False) -> tuple[Figure, str]:
@@ -36,9 +37,6 @@ def precision_figure(result: Mapping[str, Any], evaluations: bool = False) -> tu
             _label_ends(axes, [end for end in ends if end is not None])
     title = f"{result['name']}. " if result["name"] else ""
     return figure, f"{title}{result['sentences'][0]} Lower is better; curves end at the round-off floor."
-
-
-End = tuple[float, float, str, Any]
 
 
 def _curve(axes: Axes, place: int, name: str, result: Mapping[str, Any], key: str) -> End | None:

@@ -32,6 +32,8 @@ ROUND_OFF = 1e-9  # of the greatest value
 
 
 # Observed quantities.
+NAMES = ("path", "coordinates", "section", "work-precision", "energy", "constraints", "error")
+TITLES = {"energy": "Energy error", "constraints": "Constraint defect", "error": "Trajectory error"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,9 +157,6 @@ def with_unit(label: str, result: Mapping[str, Any], name: str = "") -> str:
 
 
 # The figures of a result.
-
-NAMES = ("path", "coordinates", "section", "work-precision", "energy", "constraints", "error")
-TITLES = {"energy": "Energy error", "constraints": "Constraint defect", "error": "Trajectory error"}
 
 
 def tables_of(result: Mapping[str, Any]) -> dict[str, Table]:

@@ -38,6 +38,17 @@ MAX_LINE_BYTES = 1_000_000
 MOST_BLANK = 1_000_000  # in a row: a megabyte of .gz may hold a thousand times as many
 STANDARD = "-"
 Identifier = str | int
+MAX_ANSWER_BYTES = 200_000_000
+MEMBER_BYTES, MEMBER_SECONDS = 262_144, 5.0
+CHUNK = 1 << 20
+# The id of the batch that a file is.
+BATCH = "file"
+# Jobs that are open at the same time, for each worker: enough that none waits for a line to be read.
+AHEAD = 8
+# So many error lines at the beginning, and nothing else, are a file of another kind.
+UNUSABLE = 10  # error lines, where there are no others
+# What `again` names, as answers are counted.
+AGAIN = {"errors": ("error", "fault"), "undetermined": ("undetermined",)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -218,11 +229,6 @@ def _problem(answer: statements.BatchAnswer) -> dict[str, Any]:
     return found
 
 
-MAX_ANSWER_BYTES = 200_000_000
-MEMBER_BYTES, MEMBER_SECONDS = 262_144, 5.0
-CHUNK = 1 << 20
-
-
 @dataclass(frozen=True, slots=True)
 class Known:
     """An answer: to which question, what it is counted as (a verdict, "error", "fault"), and why."""
@@ -399,16 +405,6 @@ def _locked(path: Path) -> Iterator[IO[bytes]]:
             detail = "Another batch is writing to the output file; wait for it or choose another file."
             raise InputError(detail) from None
         yield stream
-
-
-# The id of the batch that a file is.
-BATCH = "file"
-# Jobs that are open at the same time, for each worker: enough that none waits for a line to be read.
-AHEAD = 8
-# So many error lines at the beginning, and nothing else, are a file of another kind.
-UNUSABLE = 10  # error lines, where there are no others
-# What `again` names, as answers are counted.
-AGAIN = {"errors": ("error", "fault"), "undetermined": ("undetermined",)}
 
 
 @dataclass(frozen=True, slots=True)

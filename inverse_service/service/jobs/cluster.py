@@ -44,6 +44,11 @@ LOST = (asyncio.CancelledError, concurrent.futures.CancelledError)
 
 
 Fingerprint = dict[str, str]
+# A cold machine loads the engine and its kernels first; the deadline itself is the pool's.
+GRACE = 60.0
+_lock = threading.Lock()
+_pools: dict[int, workers.Workers] = {}
+_under_way: dict[str, workers.Running] = {}
 
 
 def fingerprint() -> Fingerprint:
@@ -276,15 +281,6 @@ async def _close(client: Any) -> None:
     """Disconnect, without waiting for a scheduler that is gone."""
     with contextlib.suppress(Exception):
         await asyncio.wait_for(client.close(), CLOSE)
-
-
-# A cold machine loads the engine and its kernels first; the deadline itself is the pool's.
-GRACE = 60.0
-
-
-_lock = threading.Lock()
-_pools: dict[int, workers.Workers] = {}
-_under_way: dict[str, workers.Running] = {}
 
 
 def perform(key: str, call: Call, terms: Terms) -> Outcome | str:

@@ -19,6 +19,7 @@ from inverse_service.service.jobs.workers import Executor, Workers
 log = logging.getLogger(__name__)
 POSTGRES = ("postgresql://", "postgres://")
 POSTGRES_MODULE = "inverse_service.service.jobs.postgres_store"
+SCHEMES = ("tcp://", "tls://", "ucx://", "ws://", "wss://")
 
 
 def open_store(database: str | None, guest: bool = False) -> JobStore:
@@ -106,9 +107,6 @@ def stored_answer(address: str, id: str) -> tuple[str, bytes]:
     if row is None:
         raise KeyError(id)
     return row["document"], bytes(row["body"])
-
-
-SCHEMES = ("tcp://", "tls://", "ucx://", "ws://", "wss://")
 
 
 def executor(cluster: str | None, count: int, memory_limit: int) -> Executor:

@@ -21,6 +21,16 @@ from inverse_service.service.jobs.tasks import Usage
 
 NO_BOUNDS, NO_USE = model.Bounds(), Usage()
 VERSION: Final = 3
+ACCEPT_LOCK, CLAIM_LOCK, PRUNE_LOCK = 7_204_021_102, 7_204_021_104, 7_204_021_103
+# Near the bounds on open jobs front ends accept one after the other, so that they hold for all together.
+FAR, FAR_AT_LEAST = 10, 1000
+# The total of a batch of which lines are missing still.
+INCOMPLETE: Final = -1
+# Lines that are stored, or dismissed, in one transaction; others write between two of them.
+STEP: Final = 200
+# What keeps a store in order: old answers are forgotten; what an operator asks for.
+# So many bytes of answers are forgotten at once, and one answer however large.
+FORGOTTEN_BYTES: Final = 8 * 2**20
 
 
 def _by_name(file: str) -> dict[str, str]:
@@ -76,11 +86,6 @@ def script(found: int, dialect: Dialect) -> str:
         raise model.WrongVersion(found, VERSION)
     steps = [f"from_{version}" for version in range(found or VERSION, VERSION)]
     return "\n".join(dialect.translated(name) for name in (*steps, "schema"))
-
-
-ACCEPT_LOCK, CLAIM_LOCK, PRUNE_LOCK = 7_204_021_102, 7_204_021_104, 7_204_021_103
-# Near the bounds on open jobs front ends accept one after the other, so that they hold for all together.
-FAR, FAR_AT_LEAST = 10, 1000
 
 
 @dataclass(frozen=True, slots=True)
@@ -473,10 +478,6 @@ def batch_id(kind: str, client: str, lines: Sequence[BatchLine], key: str, gener
     return digest.hexdigest()[: model.DIGITS]
 
 
-# The total of a batch of which lines are missing still.
-INCOMPLETE: Final = -1
-
-
 def read_batch(session: Session, id: str) -> Batch | None:
     """A batch with its counts by status."""
     row = session.first("read_batch", id)
@@ -508,10 +509,6 @@ def _answer_of(row: Any) -> BatchAnswer:
 def repeated(session: Session, batch: str) -> int:
     """How many lines of a batch ask what another one asks."""
     return int(session.first("repeated", batch)["lines"])
-
-
-# Lines that are stored, or dismissed, in one transaction; others write between two of them.
-STEP: Final = 200
 
 
 def begin_batch(session: Session, id: str, kind: str, client: str) -> None:
@@ -558,11 +555,6 @@ def leave_some(session: Session, batch: str) -> tuple[int, list[str]]:
     over = dismiss_unwanted(session, ids)
     session.told.extend(model.Change(id, "dismissed") for id in ["", *over])
     return len(ids), over
-
-
-# What keeps a store in order: old answers are forgotten; what an operator asks for.
-# So many bytes of answers are forgotten at once, and one answer however large.
-FORGOTTEN_BYTES: Final = 8 * 2**20
 
 
 def forget(session: Session, before: float, most: int) -> tuple[int, int]:

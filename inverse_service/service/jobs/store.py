@@ -21,6 +21,9 @@ P = ParamSpec("P")
 T = TypeVar("T")
 # Rows that are forgotten in one step, which takes some milliseconds; jobs that are looked at to find the oldest.
 STEP, OLDEST = 50, 100
+log = logging.getLogger(__name__)
+# A clock that went forward by more than this since the last look, or since the newest job, is not believed for a day.
+JUMP, DISTRUST = 86_400.0, 86_400.0
 
 
 def _reading(statement: Callable[Concatenate[statements.Session, P], T]) -> Callable[Concatenate[JobStore, P], T]:
@@ -188,11 +191,6 @@ class JobStore(ABC):
         """Forget all jobs, answers and batches of a client that no other one asked for; how many jobs."""
         self.dismiss_client(client)
         return self._write(lambda s: statements.erase_client(s, client))
-
-
-log = logging.getLogger(__name__)
-# A clock that went forward by more than this since the last look, or since the newest job, is not believed for a day.
-JUMP, DISTRUST = 86_400.0, 86_400.0
 
 
 class Cleaner:

@@ -35,6 +35,28 @@ ORDER = re.compile(r"^prolongation to order (\d+)$")
 FAMILY = re.compile(r"^(ansatz|method): (.+)$")
 KEPT = ("question", "so_far", "seconds")
 DECISION = {"decision": "L(q, q')", "decision with time": "L(t, q, q')"}
+# Numbers of a later attempt are greater than those of any earlier one.
+NUMBERS_PER_ATTEMPT = 10_000
+MOST_EVENTS = 1_000
+# Longer questions wait for their turn like all others, s.
+SHORT = 0.5
+# Jobs that are claimed for clients with nothing running although no worker is free.
+AHEAD = 32
+ENDED = ("done", "refused")
+FINISHERS = 4
+TICK = 0.1
+# How often the events of jobs are written, s.
+WRITE_EVENTS = 0.3
+# So long, at most, a job runs on that another front end, or an operator, dismissed; s.
+HEARTBEAT = 1.0
+LEASE = 30.0
+POLL = 0.5
+# A store that does not answer keeps no service from its end; what it does not hear is run again, s.
+STOP_PATIENCE = 1.0
+# The store cannot be reached now and may be back: disk full or locked, server gone.
+AWAY = (sqlite3.OperationalError, model.StoreUnavailable, OSError)
+# What is undetermined after this part of its time and more may be so for lack of time.
+CLOCK_SHARE = 0.5
 
 
 def described(report: Any, before: Mapping[str, Any]) -> dict[str, Any]:
@@ -53,11 +75,6 @@ def described(report: Any, before: Mapping[str, Any]) -> dict[str, Any]:
     if text in DECISION:
         return {**kept, "stage": "decision", "question": DECISION[text]}
     return {**kept, "stage": text}
-
-
-# Numbers of a later attempt are greater than those of any earlier one.
-NUMBERS_PER_ATTEMPT = 10_000
-MOST_EVENTS = 1_000
 
 
 def last_events(store: JobStore, job: model.Job) -> list[model.Event]:
@@ -177,27 +194,6 @@ class EventLog:
         run.number += 1
         if run.number % NUMBERS_PER_ATTEMPT < MOST_EVENTS or kind == PART:
             run.pending.append(model.Event(run.number, kind, dict(data)))
-
-
-# Longer questions wait for their turn like all others, s.
-SHORT = 0.5
-# Jobs that are claimed for clients with nothing running although no worker is free.
-AHEAD = 32
-ENDED = ("done", "refused")
-
-
-FINISHERS = 4
-TICK = 0.1
-# How often the events of jobs are written, s.
-WRITE_EVENTS = 0.3
-# So long, at most, a job runs on that another front end, or an operator, dismissed; s.
-HEARTBEAT = 1.0
-LEASE = 30.0
-POLL = 0.5
-# A store that does not answer keeps no service from its end; what it does not hear is run again, s.
-STOP_PATIENCE = 1.0
-# The store cannot be reached now and may be back: disk full or locked, server gone.
-AWAY = (sqlite3.OperationalError, model.StoreUnavailable, OSError)
 
 
 @dataclass(slots=True, eq=False)
@@ -475,10 +471,6 @@ class Supervisor:
     def _take_back(self, lease: float) -> None:
         for job in self._store.recover(lease):
             log.warning("job runs again", extra={"job": job.id, "restarts": job.restarts})
-
-
-# What is undetermined after this part of its time and more may be so for lack of time.
-CLOCK_SHARE = 0.5
 
 
 def is_undetermined(job: model.Job, outcome: Outcome) -> bool:

@@ -29,6 +29,26 @@ Status = Literal["done", "refused", "deadline", "memory", "killed", "crash", "fa
 LIMITS: Final[Mapping[str, str]] = {"deadline": "time", "memory": "memory"}
 KILL = getattr(signal, "SIGKILL", None)
 OVER_CPU = getattr(signal, "SIGXCPU", None)
+# What a command loads only for the questions that need it, and a worker before its first.
+ENGINE = (
+    "service.documents.documents",
+    "service.documents.nonholonomic_documents",
+    "service.documents.checking",
+    "solving.kind_answers",
+    "service.documents.derived",
+    "service.jobs.batch",
+    "explanation.negative",
+    "explanation.theorems",
+    "search.ladder",
+    "mechanics.legendre.one_velocity",
+    "mechanics.legendre.several_velocities",
+)
+Report = Callable[[Any], None]
+Work = Callable[[Any, model.JobOptions, Report], Any]
+Look = Callable[[Any], Any]
+# The code of a place in a body that cannot be read at all; HTTP answers it with 400 and all others with 422.
+UNREADABLE = "unreadable"
+NO_RESULT = "The body is not a result: send the JSON object that /v1/solve answered."
 
 
 @dataclass(frozen=True)
@@ -131,22 +151,6 @@ def outcome_of_exit(exitcode: int | None) -> Outcome:
     return Outcome("crash", detail=f"worker process ended with signal {signal_number}")
 
 
-# What a command loads only for the questions that need it, and a worker before its first.
-ENGINE = (
-    "service.documents.documents",
-    "service.documents.nonholonomic_documents",
-    "service.documents.checking",
-    "solving.kind_answers",
-    "service.documents.derived",
-    "service.jobs.batch",
-    "explanation.negative",
-    "explanation.theorems",
-    "search.ladder",
-    "mechanics.legendre.one_velocity",
-    "mechanics.legendre.several_velocities",
-)
-
-
 def load_engine() -> None:
     """Import everything that a task needs."""
     for module in ENGINE:
@@ -199,14 +203,6 @@ proof_task = Late("inverse_service.service.documents.proofs", "proof_document")
 check_task = Late("inverse_service.service.documents.checking", "check_document")
 simulate_task = Late("inverse_service.service.scenes.simulating", "simulate_tables")
 work_precision_task = Late("inverse_service.service.scenes.work_precision", "work_precision")
-
-
-Report = Callable[[Any], None]
-Work = Callable[[Any, model.JobOptions, Report], Any]
-Look = Callable[[Any], Any]
-# The code of a place in a body that cannot be read at all; HTTP answers it with 400 and all others with 422.
-UNREADABLE = "unreadable"
-NO_RESULT = "The body is not a result: send the JSON object that /v1/solve answered."
 
 
 @dataclass(frozen=True, slots=True)

@@ -54,6 +54,19 @@ BETWEEN_REPORTS = 0.1
 _starting = threading.Lock()
 # What the server that forks the workers has loaded.
 _preloaded = [WARM]
+NO_SHARE = 1_000_000
+log = logging.getLogger(__name__)
+TASKS_PER_WORKER = 200
+# A worker that once needed this much is replaced, so that what its libraries keep is given back.
+MEMORY_TO_REPLACE = 700.0
+STARTS = 3
+# Between attempts to start a process where the system has none to give, s.
+START_PAUSE = 0.5
+AT_ONCE = 0.1  # s
+IDLE_LOOK = 1.0
+# The first task of all shows that the engine can be loaded, s.
+PING_DEADLINE = 60.0
+FIRST = -1
 
 
 class NotStarted(Exception):
@@ -313,9 +326,6 @@ def _limit(name: str, soft: int, hard: int | None) -> None:
         resource.setrlimit(which, (soft if present == resource.RLIM_INFINITY else min(soft, present), largest))
 
 
-NO_SHARE = 1_000_000
-
-
 class FairQueue:
     """The tasks of a pool that wait; safe to use from any thread.
 
@@ -371,20 +381,6 @@ class FairQueue:
         """Of the client with the fewest tasks out; some ten wait at most, so all are looked at."""
         able = [entry for entry in self._waiting if self._out[entry[2]] < self._share]
         return min(able, key=lambda entry: (self._out[entry[2]], entry[:2]), default=None)
-
-
-log = logging.getLogger(__name__)
-TASKS_PER_WORKER = 200
-# A worker that once needed this much is replaced, so that what its libraries keep is given back.
-MEMORY_TO_REPLACE = 700.0
-STARTS = 3
-# Between attempts to start a process where the system has none to give, s.
-START_PAUSE = 0.5
-AT_ONCE = 0.1  # s
-IDLE_LOOK = 1.0
-# The first task of all shows that the engine can be loaded, s.
-PING_DEADLINE = 60.0
-FIRST = -1
 
 
 @dataclass(slots=True, eq=False)

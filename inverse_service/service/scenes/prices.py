@@ -7,6 +7,12 @@ from dataclasses import dataclass
 from typing import Any
 
 DASH = "\u2013"
+NAMES_OF_METHODS = {
+    "runge-kutta": "Runge\u2013Kutta", "stormer-verlet": "St\u00f6rmer\u2013Verlet", "heyoka": "Taylor (heyoka)",
+    "variational": "Variational", "nonholonomic": "Nonholonomic", "modified": "Modified", "adaptive": "Adaptive",
+    "stiff": "Stiff", "reference": "Reference", "exact": "Exact",
+}  # fmt: skip
+LABEL = re.compile(rf"({'|'.join(NAMES_OF_METHODS)})(?:-(\d[\d._]*))?(?:-order(\d+))?((?:-[a-z]+)*)")
 
 
 def short_number(value: Any, digits: int = 3) -> str:
@@ -30,14 +36,6 @@ def duration(seconds: Any) -> str:
 def power(error: float) -> str:
     """A power of ten: 1e-3."""
     return f"{error:.0e}".replace("e-0", "e-").replace("e+00", "")
-
-
-NAMES_OF_METHODS = {
-    "runge-kutta": "Runge\u2013Kutta", "stormer-verlet": "St\u00f6rmer\u2013Verlet", "heyoka": "Taylor (heyoka)",
-    "variational": "Variational", "nonholonomic": "Nonholonomic", "modified": "Modified", "adaptive": "Adaptive",
-    "stiff": "Stiff", "reference": "Reference", "exact": "Exact",
-}  # fmt: skip
-LABEL = re.compile(rf"({'|'.join(NAMES_OF_METHODS)})(?:-(\d[\d._]*))?(?:-order(\d+))?((?:-[a-z]+)*)")
 
 
 def method_name(label: str) -> str:

@@ -113,6 +113,23 @@ NOT_SIMULATED = {
     **dict.fromkeys(("noise", "random", "stochastic"), NOISE),
     **dict.fromkeys(("delay", "delays"), DELAYS),
 }
+MOST_ACTS = 10_000
+FORCES, RAYLEIGH = "forces", "rayleigh"
+TAKEN = frozenset({"t", "energy", "discrete_energy", "error", "phase_error", "power", "work"})
+NO_INITIAL = "The key 'initial' is missing; it must be an object with positions and velocities or momenta."
+Constraints = tuple[Expression, ...]
+TIME_REFUSED = (
+    "constraints that depend on the time t are not simulated: add a coordinate for t with its own kinetic "
+    "energy, and start it at 0 with velocity 1."
+)
+DISSIPATION = frozenset({"friction", "drag", "damping", "dissipation"})
+MOST_RECORDED = 100_000
+MOST_WITH_EVENTS = 2_000_000
+_DECIMAL = re.compile(r"[-+]?[0-9]{1,40}(\.[0-9]{0,40})?([eE][-+]?[0-9]{1,3})?")
+INSIDE = {"runge-kutta": "runge_kutta", "stormer-verlet": "variational"}
+MOST_NUMBERS = 40_000_000
+TOO_LARGE = "the ensemble is too large (the limit is {} numbers): take fewer members or a larger record_every."
+OF_MEMBERS = ("trajectory", "velocities", "energy")
 
 
 def scene_schema(document: Any) -> SceneDocument:
@@ -142,12 +159,6 @@ def _keys(steps: Steps) -> list[str]:
 
 
 WORDING = Wording("The scene", EXPECTED, _unknown, _steps)
-
-
-MOST_ACTS = 10_000
-FORCES, RAYLEIGH = "forces", "rayleigh"
-TAKEN = frozenset({"t", "energy", "discrete_energy", "error", "phase_error", "power", "work"})
-NO_INITIAL = "The key 'initial' is missing; it must be an object with positions and velocities or momenta."
 
 
 def _read(text: str, system: scene_system.MechanicalSystem, definitions: Definitions, pointer: str) -> Expression:
@@ -263,13 +274,6 @@ def _final(result: dict[str, Any]) -> dict[str, Any]:
                      "/restart")  # fmt: skip
 
 
-Constraints = tuple[Expression, ...]
-TIME_REFUSED = (
-    "constraints that depend on the time t are not simulated: add a coordinate for t with its own kinetic "
-    "energy, and start it at 0 with velocity 1."
-)
-
-
 def _refuse_other_halves(initial: SceneInitial, system: scene_system.MechanicalSystem) -> None:
     """InputError for a start of p in first-order equations x' = h, p' = F, of which x alone is a coordinate."""
     equations, known = str((system.document or {}).get("equations")), ", ".join(system.names.coordinates)
@@ -373,9 +377,6 @@ def _values(schema: SceneDocument, system: scene_system.MechanicalSystem) -> dic
     return {name: number_of(texts[name], f"/parameters/{name}") for name in names.parameters}
 
 
-DISSIPATION = frozenset({"friction", "drag", "damping", "dissipation"})
-
-
 def _refuse_dissipation(schema: SceneDocument) -> None:
     """Reject a term of L called friction: it would change masses and dissipate no energy."""
     for name in schema.terms:
@@ -426,11 +427,6 @@ def _with_effects(
         if name != KINETIC and (turned := acting(other)) != whole_scene:
             found.append(data.Effect(name, name in named, *turned))
     return *whole_scene, named, tuple(found)
-
-
-MOST_RECORDED = 100_000
-MOST_WITH_EVENTS = 2_000_000
-_DECIMAL = re.compile(r"[-+]?[0-9]{1,40}(\.[0-9]{0,40})?([eE][-+]?[0-9]{1,3})?")
 
 
 def number_of(text: str, pointer: str, what: str = "a number") -> float:
@@ -487,9 +483,6 @@ def _steps_of(schema: SceneDocument, step: float) -> int:
     if count > 10 * MAX_STEPS:
         raise LimitError(f"the scene has more than {MAX_STEPS} steps: take a larger step or a shorter time.", "/time")
     return max(1, round(count) if abs(count - round(count)) < 1e-9 * count else math.ceil(count))
-
-
-INSIDE = {"runge-kutta": "runge_kutta", "stormer-verlet": "variational"}
 
 
 def read_methods(schema: SceneDocument) -> tuple[data.Requested, ...]:
@@ -652,11 +645,6 @@ def _by_coordinate(given: Mapping[str, str], names: Names, pointer: str) -> dict
             raise InputError(f"'{escape(key)}' is not a coordinate: the coordinates are {known}.", place)
         found[name] = number_of(text, place)
     return found
-
-
-MOST_NUMBERS = 40_000_000
-TOO_LARGE = "the ensemble is too large (the limit is {} numbers): take fewer members or a larger record_every."
-OF_MEMBERS = ("trajectory", "velocities", "energy")
 
 
 def read_members(given: SceneEnsemble, base: SceneInitial, names: Names, scene: data.Scene) -> data.Members:

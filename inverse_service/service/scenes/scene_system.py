@@ -22,6 +22,28 @@ SYSTEM = (
     'an object: {"catalogue": name}, {"document": {...}}, {"result": {...}} or a document with coordinates and '
     "lagrangian or equations"
 )
+Values = Mapping[str, str]
+LAGRANGIAN_KEYS = "name, coordinates, lagrangian, constraints, parameters, functions, where, time"
+# Keys of a nonholonomic document that are options of `solve` and do not affect the motion.
+SOLVE_ONLY = frozenset(
+    {
+        "multiples",
+        "search",
+        "special_cases",
+        "first_integrals",
+        "time_dependent_lagrangian",
+        "ansatz",
+        "series_order",
+        "question",
+        "id",
+    }
+)
+WORDING = accepting.Wording(
+    "The system",
+    accepting.EXPECTED,
+    lambda _, where: f"The key {where} is not known here; a system with a Lagrangian has the keys {LAGRANGIAN_KEYS}.",
+    lambda steps: tuple(step for step in steps if step not in ("dict", "list") and not str(step).endswith("]")),
+)
 
 
 def read_definitions(given: Mapping[str, str], names: Names) -> derivative.Definitions:
@@ -70,10 +92,6 @@ class KnownLagrangian:
 
     text: str
     domain: tuple[str, ...] = ()
-
-
-Values = Mapping[str, str]
-LAGRANGIAN_KEYS = "name, coordinates, lagrangian, constraints, parameters, functions, where, time"
 
 
 @dataclass(frozen=True, slots=True)
@@ -241,22 +259,6 @@ def _is_step(node: trees.Expression) -> bool:
     return isinstance(node, trees.Apply) and node.function == pieces.STEP
 
 
-# Keys of a nonholonomic document that are options of `solve` and do not affect the motion.
-SOLVE_ONLY = frozenset(
-    {
-        "multiples",
-        "search",
-        "special_cases",
-        "first_integrals",
-        "time_dependent_lagrangian",
-        "ansatz",
-        "series_order",
-        "question",
-        "id",
-    }
-)
-
-
 def formula(text: str, names: Names, pointer: str) -> trees.Expression:
     """A formula of coordinates and velocities; InputError at the pointer."""
     with reader.placed_at(pointer):
@@ -273,11 +275,3 @@ def _parameters(given: Any, extra: Sequence[str]) -> tuple[list[str], dict[str, 
     spelled = Names((), tuple(extra))
     taken = {spelled.spelling(name) for name in names}
     return [*names, *(name for name in extra if name not in taken), *more], values
-
-
-WORDING = accepting.Wording(
-    "The system",
-    accepting.EXPECTED,
-    lambda _, where: f"The key {where} is not known here; a system with a Lagrangian has the keys {LAGRANGIAN_KEYS}.",
-    lambda steps: tuple(step for step in steps if step not in ("dict", "list") and not str(step).endswith("]")),
-)

@@ -35,6 +35,8 @@ MOST_EVENTS = 20_000
 AGAIN_SECONDS = 600.0  # the deadline of a page comes first
 # Time of a scene reserved for observing and writing the results: a fraction, larger for a short run; seconds.
 SHARE_AFTER, LEAST_AFTER, LARGEST_SHARE = 0.1, 1.0, 0.3
+MOST_MEMBERS = 10_000  # members whose numbers a result document lists; files contain all
+MOST_ENDS = 20
 
 
 def simulate(document: Any, progress: Progress | None = None, time_limit: float = 60.0) -> dict[str, Any]:
@@ -315,10 +317,6 @@ def as_plain(value: Any) -> Any:
     if isinstance(value, float) and not np.isfinite(value):
         return None
     return value
-
-
-MOST_MEMBERS = 10_000  # members whose numbers a result document lists; files contain all
-MOST_ENDS = 20
 
 
 def ensemble_document(scene: Scene, run: EnsembleRun) -> dict[str, Any]:

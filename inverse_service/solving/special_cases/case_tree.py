@@ -30,6 +30,15 @@ from inverse_service.solving.special_cases.strata import ParameterSpace, Stratum
 
 MOST_CASES = 120
 DEEPEST = 8
+Progress = Callable[[str], None]
+# Names of the functions that are polynomials: linear ones of one argument, else constants.
+FunctionCase = frozenset[str]
+_EXACT_SECONDS, _SEARCH_SECONDS, _DEPTH = 3.0, 6.0, 2
+UNDEFINED = "undefined"
+_DIFFERENTIAL = "the {} depends on differential conditions with unknown side conditions"
+_DOUBTFUL = "the functions of f that contain parameters may become dependent for other values"
+_WITHOUT_LAGRANGIAN = "variational by an existence proof alone; no closed form shows for which values this may fail"
+Equation = tuple[ex.Expression, ex.Expression]
 
 
 @dataclass(frozen=True)
@@ -264,16 +273,6 @@ def _contains(question: Question, large: Case, small: Case) -> bool:
 
 # One case: a set of parameter values, the system there, its verdicts, and where these may change.
 
-Progress = Callable[[str], None]
-# Names of the functions that are polynomials: linear ones of one argument, else constants.
-FunctionCase = frozenset[str]
-
-_EXACT_SECONDS, _SEARCH_SECONDS, _DEPTH = 3.0, 6.0, 2
-UNDEFINED = "undefined"
-_DIFFERENTIAL = "the {} depends on differential conditions with unknown side conditions"
-_DOUBTFUL = "the functions of f that contain parameters may become dependent for other values"
-_WITHOUT_LAGRANGIAN = "variational by an existence proof alone; no closed form shows for which values this may fail"
-
 
 @dataclass(frozen=True)
 class Question:
@@ -473,9 +472,6 @@ def _positive(
     except (exact_field.TooLarge, ZeroDivisionError, KeyError):
         return (), False
     return found.ideals, not found.doubtful
-
-
-Equation = tuple[ex.Expression, ex.Expression]
 
 
 def conditions(case: Case) -> list[Equation]:

@@ -21,6 +21,11 @@ from flint import Ordering, fmpq_mpoly, fmpq_mpoly_ctx
 from inverse_service.expressions import tree as ex
 from inverse_service.field import exact_field
 
+# (index, A, B, C): the parameter of this index is a root of A a^2 + B a + C.
+Root = tuple[int, fmpq_mpoly, fmpq_mpoly, fmpq_mpoly]
+# A piece that would need more splits than this is left as it is, unsolved.
+MOST_SPLITS = 200
+
 
 @dataclass(frozen=True)
 class ParameterSpace:
@@ -52,10 +57,6 @@ class Fraction:
 
     numerator: fmpq_mpoly
     denominator: fmpq_mpoly
-
-
-# (index, A, B, C): the parameter of this index is a root of A a^2 + B a + C.
-Root = tuple[int, fmpq_mpoly, fmpq_mpoly, fmpq_mpoly]
 
 
 @dataclass(frozen=True)
@@ -159,9 +160,6 @@ def factors(polynomial: fmpq_mpoly) -> list[fmpq_mpoly]:
 
 
 # Equations split into pieces that are solved.
-
-# A piece that would need more splits than this is left as it is, unsolved.
-MOST_SPLITS = 200
 
 
 @dataclass(frozen=True)

@@ -21,6 +21,37 @@ from inverse_service.service.jobs import model, tasks
 from inverse_service.web.pages import typesetting
 
 MAX_FIELDS = 120
+KINDS = ("equations", "nonholonomic")
+ASSOCIATED = ("first", "second", "third", "any")
+FIELDS = ("kind", "name", "equations", "lagrangian", "constraints", "coordinates", "parameters", "functions",
+          "associated", "time", "special_cases", "ansatz", "kinds", "clock", "time_limit")  # fmt: skip
+# What a link may say; `kind` is the form's own.
+LINKED = FIELDS[1:]
+LAGRANGIANS = ("natural", "riemannian", "finsler", "positive_definite", "rayleigh")
+# What can only be chosen on the form, not typed.
+CHOSEN: dict[str, tuple[str, ...]] = {
+    "associated": ASSOCIATED, "time": ("no", "yes"), "special_cases": ("yes",), "kinds": LAGRANGIANS,
+}  # fmt: skip
+LONGEST_LINK = 6_000
+TIME = {"no": False, "yes": True}
+_CHOICE = re.compile(r"(equations|lagrangian|constraints|parameters):(\d{1,4}):(\d{1,5})(?:\+(\d{1,5}))?:(.{1,200})")
+_IDENTIFIER = re.compile(r"^\\?\w+")
+_LEFT_SIDE = re.compile(r"\s*(?:L|\\mathcal ?(?:L|\{L\}))\s*=(?!=)")
+_FUNCTION = re.compile(r"\s*([^\s(),]+)\s*\(([^()]*)\)\s*,?")
+FIELD_NAMES = {
+    "equations": "Equations", "lagrangian": "Lagrangian", "constraints": "Constraints", "coordinates": "Coordinates",
+    "parameters": "Parameters", "functions": "Arbitrary functions", "associated": "Associated system",
+    "ansatz": "Terms to try first", "options": "Time limit", "initial": "Start", "step": "Step", "steps": "Steps",
+}  # fmt: skip
+# Fields with a box for each name.
+NAMED = ("parameters", "initial")
+# Characters of a long line that are shown on either side of the place.
+AROUND = 40
+LONGEST_LABEL = 60
+# What may stand between a formula and the sign after it and belongs to neither.
+_AFTER_FORMULA = re.compile(r"(?:[\s&~$]|\\[,;:! \]]|\\(?:end|tag|label)\{[^}]*\}|\\(?:nonumber|notag)(?![a-z]))*$")
+_LETTER = re.compile(rf"(?<![A-Za-z\\])(?:{'|'.join(sorted(letters.LETTER_COMMANDS, reverse=True))})(?![A-Za-z])")
+Fields = dict[str, str]
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,25 +121,6 @@ def unreadable() -> errors.InputError:
     """The body is no form."""
     detail = "The form was not sent as a browser sends it."
     return errors.DocumentRefused((errors.Place(detail, code=tasks.UNREADABLE),))
-
-
-KINDS = ("equations", "nonholonomic")
-ASSOCIATED = ("first", "second", "third", "any")
-FIELDS = ("kind", "name", "equations", "lagrangian", "constraints", "coordinates", "parameters", "functions",
-          "associated", "time", "special_cases", "ansatz", "kinds", "clock", "time_limit")  # fmt: skip
-# What a link may say; `kind` is the form's own.
-LINKED = FIELDS[1:]
-LAGRANGIANS = ("natural", "riemannian", "finsler", "positive_definite", "rayleigh")
-# What can only be chosen on the form, not typed.
-CHOSEN: dict[str, tuple[str, ...]] = {
-    "associated": ASSOCIATED, "time": ("no", "yes"), "special_cases": ("yes",), "kinds": LAGRANGIANS,
-}  # fmt: skip
-LONGEST_LINK = 6_000
-TIME = {"no": False, "yes": True}
-_CHOICE = re.compile(r"(equations|lagrangian|constraints|parameters):(\d{1,4}):(\d{1,5})(?:\+(\d{1,5}))?:(.{1,200})")
-_IDENTIFIER = re.compile(r"^\\?\w+")
-_LEFT_SIDE = re.compile(r"\s*(?:L|\\mathcal ?(?:L|\{L\}))\s*=(?!=)")
-_FUNCTION = re.compile(r"\s*([^\s(),]+)\s*\(([^()]*)\)\s*,?")
 
 
 def fields_of(form: Form) -> dict[str, str]:
@@ -355,20 +367,6 @@ def equations_text(equations: Any) -> str:
 
 # What was understood, and what was not.
 
-FIELD_NAMES = {
-    "equations": "Equations", "lagrangian": "Lagrangian", "constraints": "Constraints", "coordinates": "Coordinates",
-    "parameters": "Parameters", "functions": "Arbitrary functions", "associated": "Associated system",
-    "ansatz": "Terms to try first", "options": "Time limit", "initial": "Start", "step": "Step", "steps": "Steps",
-}  # fmt: skip
-# Fields with a box for each name.
-NAMED = ("parameters", "initial")
-# Characters of a long line that are shown on either side of the place.
-AROUND = 40
-LONGEST_LABEL = 60
-# What may stand between a formula and the sign after it and belongs to neither.
-_AFTER_FORMULA = re.compile(r"(?:[\s&~$]|\\[,;:! \]]|\\(?:end|tag|label)\{[^}]*\}|\\(?:nonumber|notag)(?![a-z]))*$")
-_LETTER = re.compile(rf"(?<![A-Za-z\\])(?:{'|'.join(sorted(letters.LETTER_COMMANDS, reverse=True))})(?![A-Za-z])")
-
 
 @dataclass(frozen=True, slots=True)
 class Understood:
@@ -533,9 +531,6 @@ def _text_at(steps: list[str], fields: Mapping[str, str]) -> str | None:
 
 def _lines_before(steps: list[str]) -> int:
     return int(steps[1]) if len(steps) == 2 and steps[0] == "constraints" else 0
-
-
-Fields = dict[str, str]
 
 
 @dataclass(frozen=True, slots=True)

@@ -28,16 +28,6 @@ open_router = APIRouter()  # asks for no key
 
 # Those of the systems in the lessons.
 NAMES = Names(("x", "y", "phi", "theta"), ("R", "L"))
-
-
-@router.get("/learn")
-async def learn() -> HTMLResponse:
-    """The six screens."""
-    return rendering.page(
-        "learn.html", active="/learn", names=NAMES, manual=PAGES, can_simulate=rendering.can_simulate()
-    )
-
-
 # (name in the address, title) of the pages in web/manual; the first page are the six screens.
 PAGES = (("mathematics", "The mathematics"), ("constraints", "Constraints"), ("calls", "Calls for programs"))
 _FORMULA = re.compile(r"<p>\$(.+?)\$</p>|\$(.+?)\$")
@@ -52,6 +42,47 @@ PAPER = """@article{mestdag_bloch_fernandez_2009,
   author = {Mestdag, Tom and Bloch, Anthony M. and Fernandez, Oscar E.},
   year   = {2009}
 }"""
+FIRST_SHOWN, MOST_SHOWN = 20, 200
+REFERENCE = re.compile(
+    r"(?:arXiv:\s*|(?<=, ))(?P<arxiv>\d{4}\.\d{4,5})|doi:\s*(?P<doi>10\.\d{4,}/[^\s,;]+[^\s,;.])"
+    r"|math\.stackexchange\.com/questions/(?P<stack>\d+)|(?:MathOverflow |mathoverflow\.net/questions/)(?P<flow>\d+)"
+    r"|github\.com/(?P<github>[\w./-]+)",
+    re.I,
+)
+REFERRED = {
+    "arxiv": "https://arxiv.org/abs/{}",
+    "doi": "https://doi.org/{}",
+    "stack": "https://math.stackexchange.com/questions/{}",
+    "flow": "https://mathoverflow.net/questions/{}",
+    "github": "https://github.com/{}",
+}
+# What the name of a system says of its body, as bodies.html draws it; the first that fits.
+BODIES = (
+    ("double-pendulum", "double-pendulum"), ("elastic-pendulum", "elastic-pendulum"), ("cart", "cart-pendulum"),
+    ("pendula", "two-pendula"), ("pendulum", "pendulum"), ("kepler", "orbit"), ("poynting", "orbit"), ("hill", "orbit"),
+    ("masses", "masses"), ("two-body", "masses"), ("chain", "masses"), ("toda", "masses"), ("disk", "disk"),
+    ("inclined-knife-edge", "inclined-knife-edge"), ("knife-edge-inclined", "inclined-knife-edge"),
+    ("knife-edge", "knife-edge"), ("sleigh", "knife-edge"), ("robot", "robot"), ("carriage", "carriage"),
+    ("nonholonomic-particle", "particle"), ("magnetic", "charge"), ("charged", "charge"), ("sphere", "sphere"),
+    ("ballistics", "projectile"), ("quadrotor", "projectile"), ("drag-2d", "projectile"), ("drag", "drag"),
+    ("oscillator", "spring"), ("sho", "spring"), ("duffing", "spring"), ("van-der-pol", "spring"),
+)  # fmt: skip
+PICTURES = (
+    "sho", "duffing", "van-der-pol", "damped-pendulum", "double-pendulum", "damped-double-pendulum", "elastic-pendulum",
+    "pendulum-on-viscous-cart", "kepler-polar", "magnetic-field-b-x", "damped-henon-heiles", "sphere-geodesics",
+    "vertically-rolling-disk", "tilting-disk", "knife-edge", "inclined-knife-edge", "nonholonomic-particle",
+    "mobile-robot", "two-wheeled-carriage", "wind-drag-position-dependent", "poynting-robertson",
+)  # fmt: skip
+MOST_PICTURES = 20
+LONGEST_LINE = 120  # characters of the equations in a list
+
+
+@router.get("/learn")
+async def learn() -> HTMLResponse:
+    """The six screens."""
+    return rendering.page(
+        "learn.html", active="/learn", names=NAMES, manual=PAGES, can_simulate=rendering.can_simulate()
+    )
 
 
 @open_router.get("/about")
@@ -104,40 +135,6 @@ def _formula(text: str, alone: bool) -> str:
 
 
 # The atlas.
-
-FIRST_SHOWN, MOST_SHOWN = 20, 200
-REFERENCE = re.compile(
-    r"(?:arXiv:\s*|(?<=, ))(?P<arxiv>\d{4}\.\d{4,5})|doi:\s*(?P<doi>10\.\d{4,}/[^\s,;]+[^\s,;.])"
-    r"|math\.stackexchange\.com/questions/(?P<stack>\d+)|(?:MathOverflow |mathoverflow\.net/questions/)(?P<flow>\d+)"
-    r"|github\.com/(?P<github>[\w./-]+)",
-    re.I,
-)
-REFERRED = {
-    "arxiv": "https://arxiv.org/abs/{}",
-    "doi": "https://doi.org/{}",
-    "stack": "https://math.stackexchange.com/questions/{}",
-    "flow": "https://mathoverflow.net/questions/{}",
-    "github": "https://github.com/{}",
-}
-# What the name of a system says of its body, as bodies.html draws it; the first that fits.
-BODIES = (
-    ("double-pendulum", "double-pendulum"), ("elastic-pendulum", "elastic-pendulum"), ("cart", "cart-pendulum"),
-    ("pendula", "two-pendula"), ("pendulum", "pendulum"), ("kepler", "orbit"), ("poynting", "orbit"), ("hill", "orbit"),
-    ("masses", "masses"), ("two-body", "masses"), ("chain", "masses"), ("toda", "masses"), ("disk", "disk"),
-    ("inclined-knife-edge", "inclined-knife-edge"), ("knife-edge-inclined", "inclined-knife-edge"),
-    ("knife-edge", "knife-edge"), ("sleigh", "knife-edge"), ("robot", "robot"), ("carriage", "carriage"),
-    ("nonholonomic-particle", "particle"), ("magnetic", "charge"), ("charged", "charge"), ("sphere", "sphere"),
-    ("ballistics", "projectile"), ("quadrotor", "projectile"), ("drag-2d", "projectile"), ("drag", "drag"),
-    ("oscillator", "spring"), ("sho", "spring"), ("duffing", "spring"), ("van-der-pol", "spring"),
-)  # fmt: skip
-PICTURES = (
-    "sho", "duffing", "van-der-pol", "damped-pendulum", "double-pendulum", "damped-double-pendulum", "elastic-pendulum",
-    "pendulum-on-viscous-cart", "kepler-polar", "magnetic-field-b-x", "damped-henon-heiles", "sphere-geodesics",
-    "vertically-rolling-disk", "tilting-disk", "knife-edge", "inclined-knife-edge", "nonholonomic-particle",
-    "mobile-robot", "two-wheeled-carriage", "wind-drag-position-dependent", "poynting-robertson",
-)  # fmt: skip
-MOST_PICTURES = 20
-LONGEST_LINE = 120  # characters of the equations in a list
 
 
 def body_of(name: str) -> str:

@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 MOST_NODES = 4_000
 PERIODIC = frozenset({"sin", "cos", "tan", "cot", "sec", "csc"})
 LONG = "These equations cannot be played with in the browser; Run computes them."
+# The steps of a price: of longer runs the error is that after so many.
+MOST_PRICED, FEW = 2_000, 50
+TRUE = ("exact", "reference")
 
 
 def accelerations_of(document: Mapping[str, Any]) -> tuple[Scene, tuple[trees.Expression, ...] | None]:
@@ -52,11 +55,6 @@ def preview_task(document: Mapping[str, Any]) -> dict[str, Any]:
         "constraints": [listed(formula) for formula in scene.constraints],
         "angles": angles_of(scene.coordinates, formulas),
     }
-
-
-# The steps of a price: of longer runs the error is that after so many.
-MOST_PRICED, FEW = 2_000, 50
-TRUE = ("exact", "reference")
 
 
 def price_task(document: Mapping[str, Any]) -> dict[str, Any]:

@@ -45,6 +45,22 @@ LOADED = {
 }
 # A changed file has another address, so an address never changes its content.
 FOREVER = "public, max-age=31536000, immutable"
+THEMES = ("light", "dark")
+THEME_COOKIE = "theme"
+NAVIGATE = ("navigate", "")
+NAVIGATION = (
+    ("/", "Solve"),
+    ("/simulate", "Simulate"),
+    ("/atlas", "Atlas"),
+    ("/learn", "Learn"),
+    ("/teach", "Teach"),
+    ("/docs", "API"),
+)
+# Scripts and styles of our own files only; images of the figures are made on the page (blob:, data:).
+WORTH_COMPRESSING = 2_000
+OK, NOT_MODIFIED = 200, 304
+OPTIONS: dict[str, Any] = {"autoescape": True, "auto_reload": False, "trim_blocks": True, "lstrip_blocks": True}
+TEMPLATE = "template"
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,11 +133,6 @@ async def static(request: Request, mark: str, name: str) -> Response:
     return Response(found.data, headers=headers, media_type=media_type)
 
 
-THEMES = ("light", "dark")
-THEME_COOKIE = "theme"
-NAVIGATE = ("navigate", "")
-
-
 @dataclass(frozen=True, slots=True)
 class Visitor:
     """`theme` is "light", "dark", or empty for that of the system; `client` is empty if no keys are required."""
@@ -179,19 +190,6 @@ def _address(request: Request) -> str:
     return local_address(request.url.path + query) if request.method == "GET" else "/"
 
 
-NAVIGATION = (
-    ("/", "Solve"),
-    ("/simulate", "Simulate"),
-    ("/atlas", "Atlas"),
-    ("/learn", "Learn"),
-    ("/teach", "Teach"),
-    ("/docs", "API"),
-)
-# Scripts and styles of our own files only; images of the figures are made on the page (blob:, data:).
-WORTH_COMPRESSING = 2_000
-OK, NOT_MODIFIED = 200, 304
-OPTIONS: dict[str, Any] = {"autoescape": True, "auto_reload": False, "trim_blocks": True, "lstrip_blocks": True}
-TEMPLATE = "template"
 POLICY = (
     f"default-src 'none'; script-src 'self'; style-src 'self' '{style_hash()}'; font-src 'self'; "
     "img-src 'self' data: blob:; connect-src 'self'; form-action 'self'; base-uri 'none'; frame-ancestors 'none'"

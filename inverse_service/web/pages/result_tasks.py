@@ -28,6 +28,16 @@ ONE_QUESTION = "Ask one question instead of two, in \u201cAsk in detail\u201d: L
 # Of a time limit; the remaining time is for the work after the search.
 MUCH_OF = 0.8
 LONG_RUN = "Run the system on your own computer: `inverse-service solve --time-limit 3600 system.json`"
+# The texts to take along: label and ending of the file, the most wanted first.
+EXPORTS = {
+    "sympy": ("SymPy", "py"), "julia": ("Julia", "jl"), "matlab": ("MATLAB", "m"), "c": ("C", "c"),
+    "latex": ("LaTeX", "tex"), "python": ("Python", "py"), "jax": ("JAX", "py"),
+    "modelingtoolkit": ("ModelingToolkit", "jl"), "octave": ("Octave", "m"), "mathematica": ("Mathematica", "wl"),
+    "maple": ("Maple", "mpl"), "maxima": ("Maxima", "mac"), "cpp": ("C++", "cpp"),
+    "fortran": ("Fortran", "f90"), "rust": ("Rust", "rs"), "javascript": ("JavaScript", "js"),
+    "client": ("Python client", "py"), "curl": ("curl", "sh"), "embed": ("HTML to embed", "html"),
+}  # fmt: skip
+GLANCE = 3.0  # s of processor time; no one who is still typing waits longer
 
 
 def advice_for(result: Mapping[str, Any], largest: float) -> list[str]:
@@ -246,17 +256,6 @@ def _words_of_more(sheet: sheets.Sheet) -> str:
     return ", ".join(name.lower() if k else name for k, name in enumerate(told[:5])) or "Check your own L"
 
 
-# The texts to take along: label and ending of the file, the most wanted first.
-EXPORTS = {
-    "sympy": ("SymPy", "py"), "julia": ("Julia", "jl"), "matlab": ("MATLAB", "m"), "c": ("C", "c"),
-    "latex": ("LaTeX", "tex"), "python": ("Python", "py"), "jax": ("JAX", "py"),
-    "modelingtoolkit": ("ModelingToolkit", "jl"), "octave": ("Octave", "m"), "mathematica": ("Mathematica", "wl"),
-    "maple": ("Maple", "mpl"), "maxima": ("Maxima", "mac"), "cpp": ("C++", "cpp"),
-    "fortran": ("Fortran", "f90"), "rust": ("Rust", "rs"), "javascript": ("JavaScript", "js"),
-    "client": ("Python client", "py"), "curl": ("curl", "sh"), "embed": ("HTML to embed", "html"),
-}  # fmt: skip
-
-
 def exported(result: Mapping[str, Any]) -> list[tuple[str, str]]:
     """Key and label of the texts that a result has; functions without formulas are symbols of SymPy alone."""
     system, kept = result["system"], tuple(EXPORTS)
@@ -285,8 +284,6 @@ def curl_of(document: Mapping[str, Any], address: str) -> str:
 
 
 # The answer next to a form.
-
-GLANCE = 3.0  # s of processor time; no one who is still typing waits longer
 
 
 def glance_task(body: bytes, content_type: str) -> dict[str, Any] | None:

@@ -42,6 +42,25 @@ ORIGIN = "http://pages.invalid"
 # It would note every one of these calls, which the service counts itself.
 logging.getLogger("httpx").setLevel(logging.WARNING)
 
+# A form of a key, a button or a color is small: it is read here, not in a worker.
+SMALL_FORM = 10_000
+IDENTIFIER = re.compile(r"[A-Za-z0-9_-]{1,128}")
+# A short job's result comes with its first page; a longer one's page shows its progress.
+PATIENCE = 1.5
+# Formulas confirmed by then are shown while the search continues.
+SOON = 0.2
+ASKED = 20  # lines of a question
+OPEN = frozenset(("accepted", "running"))
+Made = tuple[str, str, Callable[..., Any], tuple[str, ...]]
+SHOWN_LINES = 300
+LARGEST_SHOWN = 64 * 1024
+EXAMPLE = """x'' = -x
+x'' = -x - k*x'
+x'' = -y'; y'' = -y
+{"id": "disk", "equations": {"phi": "0", "theta": "0", "x": "-sin(phi)*phi'*theta'", "y": "cos(phi)*phi'*theta'"}}
+x'' = kx
+"""
+
 
 async def call(
     request: Request, method: str, path: str, document: Any = None, headers: Mapping[str, str] | None = None
@@ -63,10 +82,6 @@ async def call(
 def as_sent(headers: Mapping[str, str]) -> dict[bytes, bytes]:
     """Headers as bytes: a cookie that another program on this host has set may hold any."""
     return {name.encode(): value.encode("latin-1") for name, value in headers.items()}
-
-
-# A form of a key, a button or a color is small: it is read here, not in a worker.
-SMALL_FORM = 10_000
 
 
 async def read_form(request: Request, limit: int | None = None) -> forms.Form:
@@ -95,14 +110,6 @@ async def quick(request: Request, task: Callable[..., Any], *arguments: Any, sec
 
 
 # A job.
-
-IDENTIFIER = re.compile(r"[A-Za-z0-9_-]{1,128}")
-# A short job's result comes with its first page; a longer one's page shows its progress.
-PATIENCE = 1.5
-# Formulas confirmed by then are shown while the search continues.
-SOON = 0.2
-ASKED = 20  # lines of a question
-OPEN = frozenset(("accepted", "running"))
 
 
 @router.get("/results/{identifier}")
@@ -183,9 +190,6 @@ async def made_file(request: Request, identifier: str, file: str) -> Response:
     headers |= {"Content-Disposition": disposition} if disposition else {}
     respond = packed if task is result_tasks.figure_data_task else Response
     return respond(data, headers=headers, media_type=media_type)
-
-
-Made = tuple[str, str, Callable[..., Any], tuple[str, ...]]
 
 
 def _file_of(kind: str, file: str, identifier: str, address: str) -> Made | None:
@@ -309,15 +313,6 @@ def _address(request: Request) -> str:
 
 
 # Many systems at once: upload, progress, and the answers as a table.
-
-SHOWN_LINES = 300
-LARGEST_SHOWN = 64 * 1024
-EXAMPLE = """x'' = -x
-x'' = -x - k*x'
-x'' = -y'; y'' = -y
-{"id": "disk", "equations": {"phi": "0", "theta": "0", "x": "-sin(phi)*phi'*theta'", "y": "cos(phi)*phi'*theta'"}}
-x'' = kx
-"""
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,6 +20,7 @@ TITLES = {
     503: "The service is busy",
 }  # fmt: skip
 REDIRECTS = range(300, 400)
+A_YEAR = 365 * 86_400
 
 
 def page_of_refusal(request: Request, refusal: Refusal) -> HTMLResponse | None:
@@ -34,9 +35,6 @@ def page_of_refusal(request: Request, refusal: Refusal) -> HTMLResponse | None:
     found = rendering.page("missing.html", refusal.status, active="", title=title, detail=detail)
     found.headers.update(refusal.headers)
     return found
-
-
-A_YEAR = 365 * 86_400
 
 
 @account.get("/login")

@@ -27,6 +27,56 @@ LONGEST_TITLE = 60  # characters of its first line
 MAX_STEPS = 200  # on a page; the whole is in the JSON
 LONGEST_MATRICES = 6_000  # characters of all matrices on a page: typeset they weigh 25 times that
 TENSORS = (("Phi", "<mi>Φ</mi>"), ("nabla_Phi", "<mi>∇</mi><mi>Φ</mi>"))
+CHECKED = "An independent checker verified the proof."
+DOUBTED = {
+    "incomplete": "The independent checker could not follow the proof.",
+    "invalid": "The independent checker rejects the proof. This is an error of this program.",
+    "old": "This proof comes from an older version and is no longer sufficient. Solve the system again.",
+}
+QUESTIONS = frozenset(("existence", "existence_with_time"))
+SOUGHT = (("L", "lagrangian"), ("H", "hamiltonian"))
+PARTS = {
+    "existence": "whether a Lagrangian without the time exists",
+    "existence_with_time": "whether a Lagrangian with the time exists",
+    "lagrangian": "L",
+    "lagrangian_with_time": "L with the time",
+    "hamiltonian": "H",
+    "any_associated": "an answer for all associated systems",
+    "reduced": "the reduced system",
+    "certificate": "the proof",
+    "explanation": "the proof",
+    "clock": "another clock",
+    "kinds": "other kinds of Lagrangian",
+}
+MOST_SOUGHT = 3
+INSTEAD = {
+    "rayleigh": "With friction D",
+    "parameters": "Where",
+    "reduced": "For the reduced system",
+    "time": "With the time",
+}
+KIND_NAMES = {
+    "natural": "Kinetic minus potential energy",
+    "riemannian": "Geodesics of a metric",
+    "finsler": "Homogeneous of degree 2 in the velocities",
+    "positive_definite": "With a positive definite Hessian",
+    "rayleigh": "Natural, with Rayleigh friction",
+}
+SEEKING = "Being decided"
+WORDS = {YES: "Yes", NO: "No", OPEN: "Undetermined"}
+OF_OTHERS = ("Reduced", "Another clock")
+HINTS = {
+    "first": "in the independent velocities",
+    "second": "in the dependent velocities",
+    "third": "velocities of constant length",
+}
+OWN = {
+    "valid": (YES, "Yes. The Euler-Lagrange equations of this L are these equations."),
+    "invalid": (NO, "Not yet. This L gives different equations."),
+    "differs": (NO, "Only in part. This L gives these equations in some regions, and others elsewhere."),
+    "incomplete": (OPEN, "The program could not decide."),
+    "unread": (OPEN, "This L could not be understood."),
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -211,14 +261,6 @@ def _motion_sentence(verdict: str, motion: Mapping[str, Any], pending: Collectio
         return Markup("This motion {} be given a Hamiltonian, by any associated system.").format(_colored(NO, "cannot"))
     none = motion.get("verdict") == "not_variational" and "Hamiltonian"
     return _open_sentence("this motion can be given a Hamiltonian", none, pending)
-
-
-CHECKED = "An independent checker verified the proof."
-DOUBTED = {
-    "incomplete": "The independent checker could not follow the proof.",
-    "invalid": "The independent checker rejects the proof. This is an error of this program.",
-    "old": "This proof comes from an older version and is no longer sufficient. Solve the system again.",
-}
 
 
 def proof_of(part: Mapping[str, Any]) -> str | None:
@@ -407,24 +449,6 @@ def _listed(texts: Iterable[str], names: Names) -> Markup:
     return Markup(", ").join(typesetting.formula(text, names) for text in texts)
 
 
-QUESTIONS = frozenset(("existence", "existence_with_time"))
-SOUGHT = (("L", "lagrangian"), ("H", "hamiltonian"))
-PARTS = {
-    "existence": "whether a Lagrangian without the time exists",
-    "existence_with_time": "whether a Lagrangian with the time exists",
-    "lagrangian": "L",
-    "lagrangian_with_time": "L with the time",
-    "hamiltonian": "H",
-    "any_associated": "an answer for all associated systems",
-    "reduced": "the reduced system",
-    "certificate": "the proof",
-    "explanation": "the proof",
-    "clock": "another clock",
-    "kinds": "other kinds of Lagrangian",
-}
-MOST_SOUGHT = 3
-
-
 def _missing(result: Mapping[str, Any], grows: bool) -> tuple[str, ...]:
     """Parts that are not there, in words: the next ones of a result that grows."""
     found = [str(one["part"]) for one in result.get("incomplete") or ()]
@@ -438,22 +462,6 @@ def _missing(result: Mapping[str, Any], grows: bool) -> tuple[str, ...]:
 
 
 # More.
-
-INSTEAD = {
-    "rayleigh": "With friction D",
-    "parameters": "Where",
-    "reduced": "For the reduced system",
-    "time": "With the time",
-}
-KIND_NAMES = {
-    "natural": "Kinetic minus potential energy",
-    "riemannian": "Geodesics of a metric",
-    "finsler": "Homogeneous of degree 2 in the velocities",
-    "positive_definite": "With a positive definite Hessian",
-    "rayleigh": "Natural, with Rayleigh friction",
-}
-SEEKING = "Being decided"
-WORDS = {YES: "Yes", NO: "No", OPEN: "Undetermined"}
 
 
 def _answer_rows(shown: Mapping[str, Any], result: Mapping[str, Any], names: Names) -> list[Row]:
@@ -591,13 +599,6 @@ def _matrices(conditions: Mapping[str, Any] | None, names: Names) -> Iterable[Ma
 
 
 # A motion on constraints.
-
-OF_OTHERS = ("Reduced", "Another clock")
-HINTS = {
-    "first": "in the independent velocities",
-    "second": "in the dependent velocities",
-    "third": "velocities of constant length",
-}
 
 
 def _constrained(result: Mapping[str, Any], names: Names, verdict: str, brief: bool, pending: Collection[str]) -> Sheet:
@@ -777,15 +778,6 @@ class Judged:
     headline: str
     lines: list[Markup] = field(default_factory=list)
     reasons: list[str] = field(default_factory=list)
-
-
-OWN = {
-    "valid": (YES, "Yes. The Euler-Lagrange equations of this L are these equations."),
-    "invalid": (NO, "Not yet. This L gives different equations."),
-    "differs": (NO, "Only in part. This L gives these equations in some regions, and others elsewhere."),
-    "incomplete": (OPEN, "The program could not decide."),
-    "unread": (OPEN, "This L could not be understood."),
-}
 
 
 def judged_of(check: Mapping[str, Any], names: Names) -> Judged:

@@ -32,6 +32,40 @@ COMPARED: tuple[dict[str, Any], ...] = (
     {"method": "adaptive"}, {"method": "runge-kutta"}, {"method": "runge-kutta", "order": 8}, {"method": "reference"},
 )  # fmt: skip
 CALLS = {"simulate": "/v1/simulate", "work-precision": "/v1/work-precision"}
+# Where a document says it, and the field of the form that is about it.
+FIELDS = (
+    ("/parameters/", "parameter."),
+    ("/functions/", "function."),
+    ("/initial/positions/", "position."),
+    ("/initial/velocities/", "velocity."),
+)
+METHODS = (
+    ("variational", "Variational", "discrete Euler-Lagrange equations of a free Lagrangian", True),
+    ("nonholonomic", "Nonholonomic", "discrete constraint forces, the constraint holds exactly", True),
+    ("modified", "Modified", "variational in the base, discrete constraints for the other coordinates", True),
+    ("adaptive", "Adaptive", "order 8 or 12, for a tolerance", False),
+    ("runge-kutta", "Runge\u2013Kutta", "order 4, for comparison", False),
+    ("reference", "Reference", "to high accuracy, step by step", False),
+    ("exact", "Exact", "the formula, where there is one", False),
+)
+OBSERVABLES = (
+    ("trajectory", "Trajectory", "the motion itself"),
+    ("energy", "Energy", "its error"),
+    ("constraints", "Constraints", "how well they hold"),
+    ("error", "Error", "against the true motion"),
+    ("matching_circle", "Matching circle", "radius and drift of the center"),
+    ("cost", "Cost", "what each effect and quantity adds to a step"),
+)
+EFFECTS = (
+    ("constraints", "without them the motion is free"),
+    ("potential", "terms of L without velocities"),
+    ("magnetic", "terms of L linear in the velocities"),
+)
+TICKED_METHODS = ("variational", "nonholonomic", "exact")
+TICKED_OBSERVABLES = ("trajectory", "energy", "constraints")
+# Of use with constraints only.
+OF_CONSTRAINTS = ("nonholonomic", "modified", "constraints")
+PLANE = ("x", "y")
 
 
 @router.get("/simulate")
@@ -71,15 +105,6 @@ async def _refuse_unreadable(request: Request, scene: dict[str, Any]) -> None:
     outcome = await results.quick(request, preview_task, scene)
     if outcome.places:
         raise errors.DocumentRefused(tuple(outcome.places))
-
-
-# Where a document says it, and the field of the form that is about it.
-FIELDS = (
-    ("/parameters/", "parameter."),
-    ("/functions/", "function."),
-    ("/initial/positions/", "position."),
-    ("/initial/velocities/", "velocity."),
-)
 
 
 def field_of(pointer: str) -> str:
@@ -219,35 +244,6 @@ async def _form_of_scene(request: Request, identifier: str) -> tuple[SceneForm, 
     except (AttributeError, KeyError, TypeError, ValueError):
         raise Refusal(422, "bad-input", "This scene names no coordinates; change its document instead.") from None
     return form_of_scene(empty, scene), scene
-
-
-METHODS = (
-    ("variational", "Variational", "discrete Euler-Lagrange equations of a free Lagrangian", True),
-    ("nonholonomic", "Nonholonomic", "discrete constraint forces, the constraint holds exactly", True),
-    ("modified", "Modified", "variational in the base, discrete constraints for the other coordinates", True),
-    ("adaptive", "Adaptive", "order 8 or 12, for a tolerance", False),
-    ("runge-kutta", "Runge\u2013Kutta", "order 4, for comparison", False),
-    ("reference", "Reference", "to high accuracy, step by step", False),
-    ("exact", "Exact", "the formula, where there is one", False),
-)
-OBSERVABLES = (
-    ("trajectory", "Trajectory", "the motion itself"),
-    ("energy", "Energy", "its error"),
-    ("constraints", "Constraints", "how well they hold"),
-    ("error", "Error", "against the true motion"),
-    ("matching_circle", "Matching circle", "radius and drift of the center"),
-    ("cost", "Cost", "what each effect and quantity adds to a step"),
-)
-EFFECTS = (
-    ("constraints", "without them the motion is free"),
-    ("potential", "terms of L without velocities"),
-    ("magnetic", "terms of L linear in the velocities"),
-)
-TICKED_METHODS = ("variational", "nonholonomic", "exact")
-TICKED_OBSERVABLES = ("trajectory", "energy", "constraints")
-# Of use with constraints only.
-OF_CONSTRAINTS = ("nonholonomic", "modified", "constraints")
-PLANE = ("x", "y")
 
 
 @dataclass(frozen=True, slots=True)

@@ -27,6 +27,7 @@ QUANTITIES = (
     ("estimated_error", "estimated error"),
     ("max_error", "error"),
 )
+CHARACTER, LINE = 6.6, 15.0  # of a label of a curve
 
 
 def simulation_result(address: str, job: Mapping[str, Any], document: str) -> HTMLResponse:
@@ -149,9 +150,6 @@ def _curve(method: Mapping[str, Any], runs: Sequence[Mapping[str, Any]]) -> Curv
         len(coarse),
         reason,
     )
-
-
-CHARACTER, LINE = 6.6, 15.0  # of a label of a curve
 
 
 @dataclass(frozen=True, slots=True)

@@ -41,6 +41,8 @@ AT_ONCE = 0.1  # s
 SOON = 0.3  # s that a page waits for the answer next to its form
 START = str(EXAMPLES[0][3]["equations"])
 MOST_GLANCES = 64  # answers of links and examples that are kept to be shown at once
+_GLANCES: dict[str, Any] = {}
+_ASKED: dict[str, asyncio.Future[None]] = {}
 
 
 @router.get("/")
@@ -80,10 +82,6 @@ async def ask(request: Request) -> Response:
     return rendering.page(
         "ask.html", active="/", fields=fields, kinds=sheets.KIND_NAMES, most_coordinates=base.MAX_COORDINATES, **found
     )
-
-
-_GLANCES: dict[str, Any] = {}
-_ASKED: dict[str, asyncio.Future[None]] = {}
 
 
 async def glance_of(request: Request, fields: dict[str, str], patience: float) -> dict[str, Any] | None:

@@ -39,6 +39,10 @@ LEAST_PART = 0.1  # of the determinant of the Hessian at the start
 SHARE = 0.8
 LONGEST_TRIAL = 3.0  # s
 MOST_CHOICES = 100  # of velocities that are given
+STEPS, STEP = 500, 0.04
+ACCENT, SOFT, PAPER = "#1b4f8f", "#565f70", "#fbfaf6"
+SIZES = {"svg": (4.1, 3.85), "png": (6.0, 3.15)}  # in inches; a shared link shows 1200 x 630 pixels
+RESOLUTION = 200
 
 
 def with_good_start(
@@ -165,12 +169,6 @@ def lasted(
         v = v + h / 6 * (a + 2 * b + 2 * c + d)[:, :n]
         found += alive
     return found, np.nan_to_num(0.9 * least / most), np.array(motion)
-
-
-STEPS, STEP = 500, 0.04
-ACCENT, SOFT, PAPER = "#1b4f8f", "#565f70", "#fbfaf6"
-SIZES = {"svg": (4.1, 3.85), "png": (6.0, 3.15)}  # in inches; a shared link shows 1200 x 630 pixels
-RESOLUTION = 200
 
 
 def motion_of(result: Mapping[str, Any]) -> tuple[Array, tuple[str, str]] | None:

@@ -26,6 +26,8 @@ _SIDES = re.compile(r"[()\[\]]| (?:!=|>=|<=|=|>|<) |, ")
 _BRACKETED = re.compile(r"\(((?:nabla )?Phi)\)(?=[_^])")
 _FENCE = re.compile(r"<mo>[()]</mo>")
 _TALL = re.compile(r"<(?:mfrac|msqrt|mtable)")
+# An invisible product sign with a little room, so that R sin x does not read Rsin x.
+THIN_TIMES = '<mo lspace="0.08em" rspace="0.08em">&#x2062;</mo>'
 
 
 def names_of(system: Mapping[str, Any] | None, integrals: Mapping[str, Any] | None = None) -> Names:
@@ -60,10 +62,6 @@ def inner_mathml(text: str, names: Names) -> str | None:
 
 def spaced(mathml: str) -> str:
     return low_fences(mathml).replace("<mo>&#x2062;</mo>", THIN_TIMES)
-
-
-# An invisible product sign with a little room, so that R sin x does not read Rsin x.
-THIN_TIMES = '<mo lspace="0.08em" rspace="0.08em">&#x2062;</mo>'
 
 
 def math(inner: str, display: bool = False) -> Markup:
