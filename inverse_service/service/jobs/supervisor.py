@@ -299,6 +299,7 @@ class Supervisor:
                     self.events.flush()
                     written = now
                 if self._quick is not None and now - tried > TICK:
+                    self._claim_ahead()
                     self._try_short(self._quick)
                     tried = now
                 if now - self._beaten > HEARTBEAT:
@@ -333,18 +334,27 @@ class Supervisor:
     def _claim(self) -> None:
         while True:
             self._more = True
-            free, most = self._room()
+            free = 0 if self._stopping.is_set() else self._free()
             if free < self._together:
                 return
             self._more = False  # who accepts one from now on sets it again
             if not self._store.is_waiting():
                 return
             self._more = True
-            jobs = self._store.claim(self._owner, free, most)
-            for job in jobs:
-                self._start(job)
-            if len(jobs) < free:
+            if self._begin(free, self._client_running) < free:
                 return
+
+    def _claim_ahead(self) -> None:
+        """Where no worker is free, claim for clients with nothing running, so that short questions can be tried."""
+        if self._more and self._free() <= 0:
+            self._begin(*self._room())
+
+    def _begin(self, limit: int, most: int) -> int:
+        """Claim so many jobs, `most` of one client, and run them; how many there were."""
+        jobs = self._store.claim(self._owner, limit, most)
+        for job in jobs:
+            self._start(job)
+        return len(jobs)
 
     def _start(self, job: model.Job) -> None:
         if job.restarts >= model.MAX_RESTARTS:
@@ -415,7 +425,7 @@ class Supervisor:
             finally:
                 with self._lock:
                     self._running.pop((job.id, job.attempt), None)
-                if self._more and self._room()[0] >= self._together:
+                if self._more and self._free() >= self._together:
                     self._wake.set()
 
     def _insist(self, job: model.Job, outcome: Outcome) -> None:
