@@ -1,10 +1,9 @@
 """The answer about a motion: whether any Lagrangian has it, which one, its Hamiltonian, the proof, checked.
 
-First the decision, for L(q, q') and where that has none for L(t, q, q'); then a Lagrangian in closed form, of
-an associated system that is known to have one, or by an ansatz. No verdict leaves unconfirmed by the checker.
-
-The sentences about it stand below. Where a Lagrangian exists and none is known in closed form, they show the beginning
-of the power series of l and lambda_a.
+First the decision, for L(q, q') and where that has none for L(t, q, q'); then a Lagrangian in closed form, of an
+associated system that is known to have one, or by an ansatz. No verdict leaves unconfirmed by the checker. Where a
+Lagrangian exists and none is known in closed form, the sentences show the beginning of the power series of l and
+lambda_a.
 """
 
 from __future__ import annotations
@@ -59,8 +58,6 @@ OUT_OF_TIME = "The time for this question was over."
 _NOT_CONFIRMED = "the independent check could not confirm it"
 
 _QUESTION = {False: "L(q, q')", True: "L(t, q, q')"}
-
-
 Place = tuple[int, tuple[int, ...]]  # of a coefficient: which function, which exponents
 
 

@@ -39,8 +39,6 @@ LONGEST_FOR_CLOCK = 5.0
 
 # Characters of the verification that a person may still read.
 _LONGEST_STEPS = 12_000
-
-
 _LONGEST_CHECK = 60.0  # s, of a Lagrangian that was confirmed before
 
 

@@ -49,15 +49,11 @@ _VERDICTS: Mapping[bool | None, solutions.Verdict] = {
     False: "not_variational",
     None: "undetermined",
 }
-
-
 Progress = Callable[[str], None]
 
 _ByColumn = dict[int, int]  # by column
 # The value of a free coefficient, from its multi-index and the prime.
 Choice = Callable[[tuple[int, ...], int], int]
-
-
 _MOST_PRIMES = 12
 
 Index = tuple[int, ...]

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
 
 Verdict = Literal["variational", "not_variational", "undetermined"]
 Matrix = tuple[tuple[ex.Expression, ...], ...]
-
-
 # Solutions on the cells that are answered, and the other cells.
 SoFar: TypeAlias = "tuple[tuple[Solution, ...], tuple[Left, ...]]"
 

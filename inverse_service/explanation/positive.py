@@ -38,8 +38,6 @@ LARGEST_N = 8
 # More terms than this fill pages, and to print them takes seconds.
 MOST_TERMS_SHOWN = 600
 Matrix = Sequence[Sequence[Quotient]]
-
-
 # Coordinates whose equations are written out one by one.
 _MOST_LINES = 8
 

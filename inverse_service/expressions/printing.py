@@ -31,8 +31,6 @@ from html import escape
 from inverse_service.expressions import functions, letters, tree as ex
 
 _EXPONENTIAL = ex.Apply("exp", ex.ONE)
-
-
 # The denominator from which a decimal number can be much shorter than a fraction, and its number of digits.
 _LEAST_DECIMAL, _MUCH = 1000, 2
 _Side = tuple[str, tuple[ex.Expression, ...]]  # the number and the factors above or below a fraction line

@@ -32,8 +32,6 @@ from inverse_service.kernels.machine_code.kernels import Kept
 
 Integers = npt.NDArray[np.int64]
 Places = npt.NDArray[np.int32]
-
-
 _NONE = np.empty(0, np.int32)
 
 Words = npt.NDArray[np.uint64]

@@ -28,8 +28,6 @@ Words = npt.NDArray[np.uint64]
 Indices = npt.NDArray[np.int64]
 Columns = npt.NDArray[np.int32]
 Marks = npt.NDArray[np.int8]
-
-
 # The state of a basis: rows, entries, recorded multiples, rows whose pivot is 1.
 ROWS, ENTRIES, USES, NORMAL = 0, 1, 2, 3
 # What became of a row so far; flags say 1 of those that should depend on all others. PUT_OFF: needs too many rows.
@@ -47,8 +45,6 @@ MOST = 96
 # The room at the beginning.
 _ROWS, _ENTRIES = 512, 16_384
 Kind = TypeVar("Kind", bound=np.generic)
-
-
 # Of forms that are gone, for the next ones: to make it takes as long as to insert many rows.
 _free: list[Kept[Growing]] = []
 _MOST_FREE = 4

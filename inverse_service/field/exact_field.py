@@ -47,25 +47,17 @@ from inverse_service.deadline import end, now
 from inverse_service.expressions import tree as ex
 
 Exponents = tuple[tuple[int, int], ...]
-
-
 # What a step costs besides its terms.
 _WORK_OF_A_STEP = 20
 # In one variable, of a polynomial that is factored: at 400 that takes 0.2 s at most, at 800 half a minute.
 LARGEST_DEGREE = 500
-
-
 # Integer powers beyond this are refused: their expansion would be useless to a reader.
 LARGEST_EXPONENT = 64
-
-
 # Factoring costs more than it helps the reader beyond this many terms, or this degree.
 FACTORED_TERMS = 120
 FACTORED_DEGREE = 60
 
 Family = tuple[str, tuple[ex.Expression, ...]]
-
-
 # The derivative of each inverse function is sign / (constant + quadratic u^2)^exponent.
 INVERSE: dict[str, tuple[int, int, int, Fraction]] = {
     "asin": (1, 1, -1, Fraction(1, 2)),
@@ -79,8 +71,6 @@ INVERSE: dict[str, tuple[int, int, int, Fraction]] = {
 Coordinates = Mapping[Any, Fraction]
 # Of a basis element; powers of a generator are expanded.
 _LARGEST_MULTIPLE = 1_000
-
-
 TRIGONOMETRIC = frozenset(["sin", "cos", "tan", "cot", "sec", "csc"])
 HYPERBOLIC = frozenset(["sinh", "cosh", "tanh", "coth", "sech", "csch"])
 

@@ -45,11 +45,7 @@ _DEEPEST = 6
 Factors = dict[ex.Expression, int]
 # Numbers under roots are factored up to here.
 _LARGEST_NUMBER = 10**40
-
-
 Way = tuple[ex.Expression, tuple[ex.Expression, ...]]
-
-
 _INVERSE_PAIRS = frozenset((("asin", "sin"), ("acos", "cos"), ("atan", "tan")))
 
 

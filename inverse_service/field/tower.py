@@ -42,8 +42,6 @@ _SEARCH_SCALE = 2520
 _DRAWS = 4_000
 # A quantity and the sign of its residue symbol.
 Requirement = tuple[ex.Expression, int]
-
-
 # A residue of 61 bits is a fraction below the bound by chance with probability 10^-6.
 _COEFFICIENT_BOUND = 10**6
 

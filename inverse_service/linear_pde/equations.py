@@ -45,8 +45,6 @@ Derivative = tuple[int, tuple[int, ...]]
 NO_DERIVATIVE = -1
 # Of a row, before they are counted; and of a prolongation, before it needs more.
 _ENTRIES, _ROWS = 32, 256
-
-
 # (kind, *indices, alpha): which equation, which Taylor coefficient of it.
 RowName = tuple[str | int | tuple[int, ...], ...]
 Indices = tuple[int, ...]

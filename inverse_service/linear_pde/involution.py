@@ -34,12 +34,8 @@ _POINTS = 4
 MOST_UNKNOWNS = 60_000
 # An order takes so many times as long as the one before: none is begun that would pass the deadline.
 _GROWTH = 3
-
-
 # The beginning of the reason of a finding that the deadline left undetermined.
 OUT_OF_TIME = "the time limit came before order"
-
-
 Integers = npt.NDArray[np.int64]
 
 

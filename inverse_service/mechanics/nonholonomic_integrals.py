@@ -25,8 +25,6 @@ from inverse_service.mechanics.potential import Potential, factors_of, potential
 
 Partial = Callable[[Quotient], Quotient]
 Field = tuple[Quotient, ...]
-
-
 Status = Literal["found", "does_not_exist", "not_found"]
 
 

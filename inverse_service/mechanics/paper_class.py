@@ -61,8 +61,6 @@ Matrix = list[list[Expression]]
 
 Kind = Literal["first", "second", "third"]
 KINDS: tuple[Kind, ...] = ("first", "second", "third")
-
-
 _FIRST = (
     "The accelerations as d'Alembert's principle gives them, with the dependent velocities written by the free ones."
 )

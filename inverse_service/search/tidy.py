@@ -19,8 +19,6 @@ from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.search import angles, gradients, material, terms as tm
 
 _HALF = Fraction(1, 2)
-
-
 _BEFORE_A_BRACKET, _FRACTION_IN_FRACTION = 12, 4
 # Terms of a potential stay apart, as they are known, where one bracket is not much shorter.
 _MUCH = 2

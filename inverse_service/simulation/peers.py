@@ -20,8 +20,6 @@ from inverse_service.simulation.numeric_formulas import MOMENT, Formulas, array_
 from inverse_service.simulation.scene_data import Grid, MethodChoice, Observation, Problem, Start
 
 _QUOTIENTS = {"cot": ("cos", "sin"), "sec": (None, "cos"), "csc": (None, "sin"), "coth": ("cosh", "sinh")}
-
-
 MOST_STEPS = 2_000_000
 SMALL = 1e-3
 SHORT = 1e-6

@@ -1,15 +1,14 @@
 """The answers about kinds of Lagrangians, each with a certificate that the checker confirms.
 
-Is there a Lagrangian whose Hessian is definite at a real point? Among the Lagrangians found, a combination with a
-definite Hessian there is a yes. Else, for rational f, the values W that g = d2L/dv dv can take at the point follow from
-the prolonged Helmholtz conditions with this very point put in: a definite matrix in W is a yes where the system is
+A Lagrangian whose Hessian is definite at a real point: among the Lagrangians found, a combination with a definite
+Hessian there is a yes. Else, for rational f, the values W that g = d2L/dv dv can take at the point follow from the
+prolonged Helmholtz conditions with this very point put in: a definite matrix in W is a yes where the system is
 involutive there, Y >= 0 with tr(Y w) = 0 on W a no.
 
-Natural Lagrangians with friction, the lower half: E_i = dD/dv_i along f for L = T + A v - V, D = D_ij(q) v_i v_j/2.
-
-E_i is g_ij f^j and terms of degree 2, 1, 0 in v, so f is quadratic in v. With f = f_e + f_o, even and odd in v, T - V
-is a Lagrangian of f_e, and g f_o = C v with D the symmetric part of C and dA its antisymmetric part (Mestdag, Sarlet,
-Crampin, arXiv:1004.0674, with D homogeneous).
+A natural Lagrangian with friction (Mestdag, Sarlet, Crampin, arXiv:1004.0674, with D homogeneous): E_i = dD/dv_i along
+f for L = T + A v - V and D = D_ij(q) v_i v_j/2. E_i is g_ij f^j and terms of degree 2, 1, 0 in v, so f is quadratic
+in v. With f = f_e + f_o, even and odd in v, T - V is a Lagrangian of f_e, and g f_o = C v with D the symmetric part of
+C and dA its antisymmetric part.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence

@@ -35,8 +35,6 @@ if TYPE_CHECKING:
 
 
 QUANTITIES = ("accelerations", "lagrangian", "momenta", "hamiltonian", "multiplier")
-
-
 # Names that mean something in Mathematica or Maple; an underscore there is a pattern.
 _RESERVED = frozenset(("C", "D", "E", "I", "K", "N", "O", "Pi", "gamma", "Gamma", "Zeta", "Psi", "Chi"))
 # Words of JavaScript, Julia, MATLAB, Octave and Maple that are none of C, C++, Rust and Python.
@@ -52,8 +50,6 @@ _CALLED = "out math Math dummy pow fabs abs sign merge powi powf signum cbrt hyp
 _WORDS = frozenset(
     (*keyword.kwlist, *c.reserved_words, *cxx.reserved["C++11"], *rust.reserved_words, *_FURTHER.split())
 ) | {*_CALLED.split(), *QUANTITIES}
-
-
 _JAX_FUNCTIONS = ("lagrangian", "momenta", "hamiltonian")
 _JAX_HEAD = """import jax
 import jax.numpy as jnp

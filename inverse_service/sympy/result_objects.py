@@ -34,8 +34,6 @@ if TYPE_CHECKING:
 
 
 VARIATIONAL = {"variational": True, "not_variational": False}
-
-
 _LETTERS = (("L", "lagrangian"), ("H", "hamiltonian"))
 
 _Part = TypeVar("_Part")

@@ -55,8 +55,6 @@ Integers = npt.NDArray[np.int64]
 Kind = Literal["H2", "H3"]
 # The rows of H2 have a derivative of g.
 KINDS: tuple[tuple[Kind, int], ...] = (("H2", 1), ("H3", 0))
-
-
 Friction = Literal["any friction"]
 ANY_FRICTION: Friction = "any friction"
 

@@ -27,8 +27,6 @@ NOT_FINITE = 1
 NO_CONVERGENCE, SINGULAR, GUARDED, WATCHED = 100, 200, 300, 400
 TOO_SHORT, NO_START, TOO_MANY = 2, 4, 6
 UNOBSERVABLE = 1000
-
-
 STATUS, CLOCK, STOPPED_AT, STOPPED_VALUE = "status", "clock", "stopped_at", "stopped_value"
 NOT_STARTED = {STATUS: float(NO_START), STOPPED_AT: 0.0, STOPPED_VALUE: math.nan}
 TRIAL = "trial"  # the length of the next step where a kernel chooses it

@@ -40,8 +40,6 @@ _FIRST = r"\b\d*([A-Za-z\u0391-\u03c9]\w*)"
 _MOVING = re.compile(rf"{_FIRST}(?:\s*['\u2032\u2033]|_?d?dot\b)")
 _MOVES = re.compile(rf"{_MOVING.pattern}|\\dot|[\u0307\u1e8b\u1e8f\u017c]|d[A-Za-z]\w*\s*/\s*dt")
 _BARE = re.compile(rf"{_FIRST}(?:''|\u2033)(?!\s*[\[(])|\\ddot\s*\{{?\\?([A-Za-z]+)|{_FIRST}_?ddot\b")
-
-
 # Of documents of every kind.
 KEYS = frozenset((
     *("name", "coordinates", "parameters", "functions", "where", "equations", "lagrangian", "constraints", "motion"),

@@ -21,8 +21,6 @@ SENTENCES = {
     "not_variational": "Not variational{where}: no regular Lagrangian {question} exists.",
     "undetermined": "Undetermined{where}: the program could not decide whether a regular Lagrangian {question} exists.",
 }
-
-
 Side = str | Mapping[str, Any]  # a formula; or its "text", and its "latex" or what this is made of, the "whole"
 Formula = Side | tuple[Side, Side]
 _YES_OR_NO = {"variational": "yes", "not_variational": "no", "undetermined": "undetermined"}

@@ -29,8 +29,6 @@ DASHES = ("solid", "dash", "dashdot", "dot", "longdash", "longdashdot", "solid",
 MOST_POINTS, BINS = 2001, 1000
 DIGITS = 7
 ROUND_OFF = 1e-9  # of the greatest value
-
-
 # Observed quantities.
 NAMES = ("path", "coordinates", "section", "work-precision", "energy", "constraints", "error")
 TITLES = {"energy": "Energy error", "constraints": "Constraint defect", "error": "Trajectory error"}

@@ -1,15 +1,10 @@
 """Many systems: every line of a file answered exactly once, in parallel, also after a kill.
 
-The output file is the truth of what is done. The jobs run on the same supervisor as those of the
-service, over a store in the temporary folder that lives as long as the run (`jobs/locks.py`).
-
-The input of a batch: a file, standard input or a .gz, one document a line.
-
-The output of a batch: answers that an earlier run left there, and those that are added.
-
-A file only grows: plain lines, or for .gz one compressed member after the other, so that a run that
-was killed loses at most what it was writing. Each answer has the digest of its question; on resuming
-it counts for a line with the same digest only.
+The input is a file, standard input or a .gz, one document a line. The output file is the truth of what is done. It only
+grows: plain lines, or for .gz one compressed member after the other, so that a run that was killed loses at most what
+it was writing. Each answer has the digest of its question; on resuming it counts for a line with the same digest only.
+The jobs run on the same supervisor as those of the service, over a store in the temporary folder that lives as long as
+the run (`jobs/locks.py`).
 """
 
 import contextlib

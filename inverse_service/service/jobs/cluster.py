@@ -1,14 +1,13 @@
 """Work on many machines: a Dask cluster whose tasks host the same killable worker processes (extra `dask`).
 
-The front's side: tasks out, outcomes back, and both again when something dies. Dask tells the truth about tasks only as
-long as its scheduler lives. So every task stays here until its outcome is here: a scheduler that comes back gets the
-open ones again. A worker that dies is the scheduler's affair, which runs its tasks on another one; a task whose workers
-die again and again ends as a crash.
+Here: tasks out, outcomes back, and both again when something dies. Dask tells the truth about tasks only as long as its
+scheduler lives. So every task stays here until its outcome is here: a scheduler that comes back gets the open ones
+again. A worker that dies is the scheduler's affair, which runs its tasks on another one; a task whose workers die again
+and again ends as a crash.
 
-At the end what runs inside a Dask worker: a call on a pool of killable workers there. Dask can neither stop a running
-task nor bound its memory; the pool can. There is one pool for each Dask worker process, with one worker process for
-each of its threads. A Dask worker that is killed takes them with it: the death signal of `workers` reaches them through
-the server that forked them.
+There (`perform`): a call on a pool of killable workers, because Dask can neither stop a running task nor bound its
+memory. Each Dask worker process has one pool, with one worker process for each of its threads. A Dask worker that is
+killed takes them with it: the death signal of `workers` reaches them through the server that forked them.
 """
 
 from __future__ import annotations
@@ -41,8 +40,6 @@ LOOK = 0.5
 CONNECT, CLOSE = 10.0, 2.0
 FAILURES = 20
 LOST = (asyncio.CancelledError, concurrent.futures.CancelledError)
-
-
 Fingerprint = dict[str, str]
 # A cold machine loads the engine and its kernels first; the deadline itself is the pool's.
 GRACE = 60.0

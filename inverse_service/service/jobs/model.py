@@ -38,8 +38,6 @@ MAX_CRASHES: Final = 3
 MAX_RESTARTS: Final = 100
 # Runs of a job for which no process could be started; each of them takes a second and more.
 MAX_UNSTARTED: Final = 100
-
-
 # Answers that a clock, lack of memory or a fault of ours ended are given for so long (s) and computed again then.
 TRANSIENT: Final = 600.0
 

@@ -1,9 +1,7 @@
-"""What every job store does; the SQLite one is the default, the PostgreSQL one an extra.
+"""What every job store does; the SQLite one is the default, the PostgreSQL one an extra. `Cleaner` forgets old answers.
 
-All methods block, may be called from any thread, and return after their change is durable unless
-they say otherwise. A store is the truth: whatever else dies, an accepted job is in it.
-
-At the end: what forgets old answers.
+All methods block, may be called from any thread, and return after their change is durable unless they say otherwise. A
+store is the truth: whatever else dies, an accepted job is in it.
 """
 
 from __future__ import annotations

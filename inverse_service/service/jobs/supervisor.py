@@ -1,9 +1,8 @@
 """Takes accepted jobs from the store, has them run, stores what came of them.
 
-Threads: one claims and keeps watch, a few store answers (so that a worker never waits for the disk), the pool
-has its own. The store is the truth; whatever this process forgets when it dies, is claimed again.
-
-First the progress of running jobs; at the end what becomes of a job when its task ended: stored, tried again, released.
+One thread claims and keeps watch, a few store answers (so that a worker never waits for the disk), and the pool has its
+own. The store is the truth: what this process forgets when it dies is claimed again. `EventLog` has the progress of
+running jobs, `finish` says what becomes of a job when its task ended: stored, tried again, or released.
 """
 
 import contextlib

@@ -1,14 +1,10 @@
 """A pool of killable worker processes: every task has a deadline that holds even inside C code.
 
-One thread a process: it hands over a task, waits for the answer or the deadline, and replaces the
-process where that died. A process is forked from a small server process that has the engine loaded
-already, so a replacement costs some 20 ms; it never starts from the threads of the service.
-
-One killable process that runs one task after another; its parent waits with a deadline.
-
-At the end: what such a process does to itself (bounds, no core file, no orphans), and what measures it.
-
-One task in a process of its own, with a deadline: a single call of the command line.
+A `WorkerProcess` runs one task after another, within bounds on memory and processor time; its parent waits with a
+deadline and kills it there. It is forked from a small server process that has the engine loaded, so a replacement
+costs some 20 ms, and never from the threads of the service. `Workers` has one thread a process, which takes tasks from
+a queue that is fair to clients, hands them over, and replaces a process that died. `run_alone` is a single task in a
+process of its own, for a call of the command line.
 """
 
 from __future__ import annotations

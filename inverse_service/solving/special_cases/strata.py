@@ -1,12 +1,8 @@
 """Sets of parameter values: some parameters are functions of the others, which are free.
 
-The functions are rational, or one root of a quadratic equation.
-
-Polynomial equations between parameters split into pieces that are solved.
-
-Equations are split by factors over Q; A a + B = 0 is solved for a where A is not zero, and A = B = 0 is a
-separate piece, so that no value is lost. Equations of degree above two in every parameter stay
-unsolved, and the stratum says so.
+The functions are rational, or one root of a quadratic equation. Polynomial equations between parameters split into such
+sets by their factors over Q; A a + B = 0 is solved for a where A is not zero, and A = B = 0 is a separate set, so that
+no value is lost. Equations of degree above two in every parameter stay unsolved, and the stratum says so.
 """
 
 from __future__ import annotations

@@ -24,8 +24,6 @@ from inverse_service.web.problems import Refusal
 
 router = APIRouter()
 open_router = APIRouter()  # asks for no key
-
-
 # Those of the systems in the lessons.
 NAMES = Names(("x", "y", "phi", "theta"), ("R", "L"))
 # (name in the address, title) of the pages in web/manual; the first page are the six screens.
