@@ -34,6 +34,7 @@ SPACES = frozenset(" \t\r\f\u00a0\u2002\u2003\u2009\u200a\u202f")
 DOTS = {"\u0307": 1, "\u0308": 2}
 _SLANTED = ("MATHEMATICAL ITALIC ", "PLANCK CONSTANT")
 _PARTS = re.compile(r"([A-Za-z]+)(.*)")
+_LETTER_AND_NUMBER = re.compile(r"([A-Za-z]+?)_?([0-9]+)")
 _SHOWN = {name: character for character, name in reversed(GREEK.items())} | {"ell": SCRIPT_L}
 
 
@@ -68,18 +69,27 @@ def describe(character: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Written:
-    """The body of a name and the words of its subscript."""
+    """The body of a name and the words of its subscript, each of them a name or a number."""
 
     body: str
     subscript: tuple[str, ...]
 
 
 def written(name: str) -> Written:
-    """The parts of a name."""
+    """The parts of a name; p_q_1 and p_q1 are momenta, whose subscript is one name with a number below it."""
     match = _PARTS.fullmatch(name)
     if match is None:
         return Written(name, ())
-    return Written(match.group(1), tuple(word for word in match.group(2).split("_") if word))
+    body, rest = match.groups()
+    if body == "p" and is_letter_with_number(rest[1:]):
+        return Written(body, (rest[1:],))
+    return Written(body, tuple(word for word in rest.split("_") if word))
+
+
+def is_letter_with_number(word: str) -> bool:
+    """Whether this is one letter with a number below it, such as x1, theta1, theta_1."""
+    found = _LETTER_AND_NUMBER.fullmatch(word)
+    return found is not None and (len(found[1]) == 1 or found[1] in _SHOWN)
 
 
 def greek_letter(word: str) -> str | None:

@@ -378,6 +378,8 @@ def name_latex(name: str, accent: str = "") -> str:
 def _word(word: str) -> str:
     if letters.greek_letter(word) and word not in _NO_COMMAND:
         return f"\\{word}"
+    if letters.is_letter_with_number(word):
+        return name_latex(word)
     return word if len(word) == 1 or word.isdigit() else f"\\mathrm{{{word}}}"
 
 
@@ -430,8 +432,11 @@ class _Mathml(_Notation):
         body = _identifier(parts.body)
         if order:
             body = f'<mover accent="true">{body}<mo>{_DOTS[order]}</mo></mover>'
-        words = [self.number(word) if word.isdigit() else _identifier(word) for word in parts.subscript]
+        words = [self.number(word) if word.isdigit() else self._below(word) for word in parts.subscript]
         return f"<msub>{body}<mrow>{'<mo>,</mo>'.join(words)}</mrow></msub>" if words else body
+
+    def _below(self, word: str) -> str:
+        return self.name(word, 0) if letters.is_letter_with_number(word) else _identifier(word)
 
     def brackets(self, tree: ex.Expression) -> str:
         return f"<mrow><mo>(</mo>{_written(self, tree, True)}<mo>)</mo></mrow>"

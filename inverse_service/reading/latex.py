@@ -562,9 +562,12 @@ class _Translator:
         return self._decoded(piece[1], piece.start(1)) if piece else ""
 
     def _decoded(self, text: str, start: int) -> str:
-        name = ""
+        name, is_below = "", False
         for part in _PART_OF_NAME.finditer(text):
             command = letters.GREEK.get(part[0], "ell" if part[0] == letters.SCRIPT_L else part["command"] or "")
+            if part[0] == "_" and name and not is_below:  # V_{x_{max}} is V_x_max, k_{B_1} is k_B1
+                is_below = True
+                continue
             if part["accent"]:
                 under = self._decoded(part["under"], start + part.start("under"))
                 each = under and f"{under}_{_ACCENTS[part['accent']]}"
@@ -574,10 +577,12 @@ class _Translator:
                 each = command if self._names.role(command) else letters.LETTER_COMMANDS.get(command, "")
             else:
                 each = part[0] if part[0].isascii() and part[0].isalnum() else ""
-            if (part["opens"] and name) or not (each or part["none"]):  # x_{mathrm{max}} is no name
+            if (part["opens"] and name and not is_below) or not (each or part["none"]):  # x_{mathrm{max}} is no name
                 return ""
-            name += each
-        return name
+            if each:
+                name += f"_{each}" if is_below and not (each.isdigit() and name[-1].isalpha()) else each
+                is_below = False
+        return "" if is_below else name
 
 
 def tokenize(text: str, names: nm.Names | None = None) -> Tokens:
