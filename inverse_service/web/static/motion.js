@@ -9,7 +9,7 @@ const STEPS = 1500; // of a phase portrait; a path has half of them
 const FAR = 60; // of a coordinate: the path beyond is not drawn
 const SPEED = 1.4; // of the motion's time in s
 const [WIDTH, HEIGHT] = [408, 384];
-const DIALS = 3;
+const DIALS = 3; // in a row
 // Positions and velocities of the first coordinates, the last of each for all others.
 const STARTS = [[[1.5, 0.5, 0.2], [0.5, 0.8, 0.3]], [[0.1, 0], [1, 1, 0]], [[1, 0.5, 0.2], [0.1, 1, 0.3]], [[1, 0.3, 0.1], [0.2, 0.4, 0.1]],
   [[0.5, 0.2, 0.1], [0.1, 0.2, 0.3]], [[3, 1, 0.5], [0.1, 0.5, 0.2]], [[-1, -0.5, -0.2], [-0.1, -0.3, 0.2]], [[0.2, -0.3, 0.1], [-0.05, 0.1, 0.07]]];
@@ -382,11 +382,11 @@ export class Motion {
       slider.addEventListener("change", () => this.update(true));
       place.append(dial);
     };
-    const parameters = Object.keys(this.values).slice(0, DIALS);
+    const parameters = Object.keys(this.values).slice(0, 2 * DIALS);
     for (const name of parameters) add(`${this.ranges[name][2]}${this.called(name)}`, this.values[name], this.ranges[name], (value) => (this.values[name] = value));
     if (this.isPhase) return;
     const free = this.told.coordinates.map((_, k) => k).filter((k) => !Number.isNaN(this.v[k]));
-    for (const k of free.slice(0, DIALS - parameters.length)) add(`${this.called(this.told.coordinates[k])}\u2032 at the start`, this.v[k], [-3, 3], (value) => (this.v[k] = value));
+    for (const k of free.slice(0, Math.max(0, DIALS - parameters.length))) add(`${this.called(this.told.coordinates[k])}\u2032 at the start`, this.v[k], [-3, 3], (value) => (this.v[k] = value));
   }
 }
 
