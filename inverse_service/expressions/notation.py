@@ -27,6 +27,8 @@ _LATEX_SIGNS = {"*": " ", "\u2026": r"\dots", "!=": r"\neq ", ">=": r"\geq ", "<
 SLOPE = re.compile(r"(?<![A-Za-z])d([LHFDTf])/d([A-Za-z][A-Za-z0-9_]*)(?:\^(\w))?('{0,2})")
 # The symbol of the multiplier: g, unless the system uses that name.
 MULTIPLIER: ContextVar[str] = ContextVar("multiplier", default="g")
+# Between the sides of a proposition.
+SIDES = r", | (?:!=|>=|<=|=|>|<) "
 _LETTER_G = re.compile(r"(?<![A-Za-z])g(?![A-Za-z])|(?<=\bd)g(?=_)")
 
 
@@ -36,6 +38,18 @@ class Formula:
 
     text: str
     letters: tuple[str, ...] = ()
+
+
+def split_outside(text: str, signs: str) -> Iterator[tuple[str, str]]:
+    """The parts of a text between `signs`, a pattern, outside brackets, each after its sign; the first has none."""
+    depth, start, sign = 0, 0, ""
+    for match in re.finditer(rf"[()\[\]{{}}]|{signs}", text):
+        found = match.group()
+        depth += (found in "([{") - (found in ")]}")
+        if depth == 0 and found not in ")]}":
+            yield sign, text[start : match.start()]
+            sign, start = found, match.end()
+    yield sign, text[start:]
 
 
 def row(*pieces: Formula | Expression | str) -> Formula:

@@ -260,9 +260,9 @@ class Answer(dict[str, Any]):
     @property
     def proof(self) -> Listed[Step]:
         """The steps of the explanation."""
-        from inverse_service.service.documents.latex_page import names_of, sentence
+        from inverse_service.service.documents.latex_page import sentence
 
-        names = names_of(self._system or None)
+        names = _pages().names_of(self._system or None)
         steps = self._shown.get("explanation", ())
         return Listed(Step(step["text"], sentence(step.get("parts") or [step["text"]], names)) for step in steps)
 

@@ -19,7 +19,6 @@ SPECIAL = {
     "\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}",
     **{character: f"\\{character}" for character in "&%$#_{}"},
 }  # fmt: skip
-_SIDES = re.compile(r"[()\[\]]|, | (?:!=|>=|<=|=|>|<) ")
 # A line of an article is 345 points wide, in a list 320, less a quad. Widths are in points, about.
 LINE = 300.0
 _WIDTHS = {"\\left": 0.0, "\\right": 0.0, "\\quad": 10.0, "\\qquad": 20.0, "\\,": 2.0, "\\mathsf": 0.0, "\\mathrm": 0.0}
@@ -33,7 +32,7 @@ _TOKEN = re.compile(r"\\[A-Za-z]+|\\.|\s+|.", re.DOTALL)
 def latex_page(result: dict[str, Any], explain: bool, address: str = "") -> str:
     """The whole document, ending with a newline; `address` is that of the result, if it has one."""
     lines = [r"\documentclass{article}", r"\usepackage{amsmath,amssymb,url}", r"\sloppy", r"\begin{document}"]
-    names, part = names_of(result["system"]), result.get("nonholonomic")
+    names, part = text_page.names_of(result["system"]), result.get("nonholonomic")
     if part:
         found = [display(f"{one['latex']} = 0") for one in part["constraints"]]
         lines += ["The Lagrangian and the constraints are", display(f"L = {part['lagrangian']['latex']}"), *found]
@@ -85,7 +84,7 @@ def sentence(parts: Sequence[str], names: Names) -> str:
 
 def conditions_latex(conditions: Sequence[str], system: Mapping[str, Any] | None) -> str:
     """Conditions such as "x != 0" as formulas in a sentence."""
-    names = names_of(system)
+    names = text_page.names_of(system)
     return ", ".join(_formula(latex_of(condition, names)) for condition in conditions)
 
 
@@ -105,14 +104,8 @@ def display(formula: str) -> str:
 
 def latex_of(text: str, names: Names) -> str:
     """The LaTeX of a formula of a sentence: relations between formulas of the system and terms of the theory."""
-    found, depth, start = "", 0, 0
-    for match in _SIDES.finditer(text):
-        sign = match.group()
-        depth += (sign in "([") - (sign in ")]")
-        if depth == 0 and sign not in ")]":
-            found += _side(text[start : match.start()], names) + SIGNS.get(sign.strip(), sign)
-            start = match.end()
-    return found + _side(text[start:], names)
+    sides = notation.split_outside(text, notation.SIDES)
+    return "".join(SIGNS.get(sign.strip(), sign) + _side(side, names) for sign, side in sides)
 
 
 def _side(text: str, names: Names) -> str:
@@ -134,15 +127,6 @@ def _theory(text: str) -> str:
         found += notation.to_latex(text[place : match.start()]) + rf"\frac{{\partial {above}}}{{\partial {below}}}"
         place = match.end()
     return found + notation.to_latex(text[place:])
-
-
-def names_of(system: Mapping[str, Any] | None) -> Names:
-    """The names that formulas about a system have, its momenta and the entries of g among them."""
-    if system is None:
-        return Names()
-    n = len(system["coordinates"])
-    entries = [f"{letter}_{i}{j}" for letter in "gh" for i in range(1, n + 1) for j in range(i, n + 1)]
-    return text_page.names_in(system, [*(f"p_{name}" for name in system["coordinates"]), *entries, "L", "H"])
 
 
 def _formula(formula: str) -> str:

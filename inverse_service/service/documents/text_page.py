@@ -238,17 +238,28 @@ def answers_of(branch: Mapping[str, Any], result: Mapping[str, Any]) -> list[tup
 
 def _reading_class(lagrangian: str, system: Mapping[str, Any]) -> int:
     try:
-        return ex.reading_class(reader.read_formula(lagrangian, names_in(system)), ex.Symbol(system.get("time", "t")))
+        return ex.reading_class(reader.read_formula(lagrangian, names_of(system)), ex.Symbol(system.get("time", "t")))
     except errors.InputError:
         return 3
 
 
-def names_in(system: Mapping[str, Any], letters: Iterable[str] = ()) -> Names:
-    """The names of the formulas of a result, its own name of the time among them; `letters` are additional ones."""
+def names_of(system: Mapping[str, Any] | None, integrals: Mapping[str, Any] | None = None) -> Names:
+    """The names of a result's system or of a document; momenta, entries of the multiplier and L, H are parameters.
+
+    `integrals` are functions that an answer has besides.
+    """
+    if system is None:
+        return Names(parameters=("L", "H"))
+    equations, given = system.get("equations"), system.get("parameters") or ()
+    coordinates = tuple(system.get("coordinates") or (equations if isinstance(equations, Mapping) else ()))
+    n = len(coordinates)
+    entries = [f"{letter}_{i}{j}" for letter in "gh" for i in range(1, n + 1) for j in range(i, n + 1)]
     functions = {name: tuple(arguments) for name, arguments in (system.get("functions") or {}).items()}
-    words = dict.fromkeys((*system["parameters"], *letters, system.get("time", "t")))
-    taken = {*system["coordinates"], *functions, "t"}
-    return Names(tuple(system["coordinates"]), tuple(word for word in words if word not in taken), functions)
+    functions |= {name: tuple(known["arguments"]) for name, known in (integrals or {}).items()}
+    parameters = () if isinstance(given, str) else given  # "guess"
+    words = (system.get("time", "t"), *parameters, *(f"p_{name}" for name in coordinates), *entries, "L", "H")
+    taken = {*coordinates, *functions, "t"}
+    return Names(coordinates, tuple(dict.fromkeys(word for word in words if word not in taken)), functions)
 
 
 def asks_for_time(result: Mapping[str, Any]) -> bool:

@@ -13,10 +13,10 @@ from urllib.parse import parse_qs, parse_qsl, urlencode
 from markupsafe import Markup
 
 from inverse_service import errors
-from inverse_service.expressions import letters
+from inverse_service.expressions import letters, notation
 from inverse_service.reading import reader
 from inverse_service.reading.document_names import AND_GUESS, GUESS, Declared, document_names
-from inverse_service.service.documents import plain_data
+from inverse_service.service.documents import plain_data, text_page
 from inverse_service.service.jobs import model, tasks
 from inverse_service.web.pages import typesetting
 
@@ -212,7 +212,7 @@ def _questions(fields: Mapping[str, str]) -> dict[str, Any]:
         found["time_dependent_lagrangian"] = TIME[fields["time"]]
     if fields["special_cases"]:
         found["special_cases"] = True
-    if terms := [term for term in typesetting.split(fields["ansatz"], ",;\n") if term]:
+    if terms := [term.strip() for _, term in notation.split_outside(fields["ansatz"], "[,;\n]") if term.strip()]:
         found["ansatz"] = terms
     if fields["time_limit"]:
         found["options"] = {"time_limit": _seconds(fields["time_limit"])}
@@ -409,7 +409,7 @@ class Problem:
 
 def understood(answer: Mapping[str, Any], time: str = "t") -> Understood:
     """The answer of /v1/parse about a document with this time, typeset, with the guessed names."""
-    names = typesetting.names_of({**answer, "time": time})
+    names = text_page.names_of({**answer, "time": time})
     lagrangian, equations = answer.get("lagrangian"), (answer.get("equations") or {}).items()
     groups = (
         ("Lagrangian", [lagrangian["text"]] if lagrangian else []),

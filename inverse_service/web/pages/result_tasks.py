@@ -20,7 +20,7 @@ from inverse_service.decision.solutions import SolveOptions
 from inverse_service.service.documents import growing, latex_page, plain_data, text_page
 from inverse_service.service.figures import views
 from inverse_service.service.jobs import model, opening, tasks
-from inverse_service.web.pages import forms, preview, rendering, sheets, simulations, typesetting
+from inverse_service.web.pages import forms, preview, rendering, sheets, simulations
 
 T = TypeVar("T")
 OFFER_TERMS = "Offer terms that L may contain, in \u201cAsk in detail\u201d: for example {}."
@@ -219,7 +219,7 @@ def solve_result(look: Look, job: Mapping[str, Any], check: Mapping[str, Any] | 
     found, system = job["result"], job["result"]["system"]
     is_open = job["status"] != "successful"
     sheet = sheets.sheet_of(found, grows=is_open)
-    judged = sheets.judged_of(check, typesetting.names_of(system)) if check and "lagrangian" in check else None
+    judged = sheets.judged_of(check, text_page.names_of(system)) if check and "lagrangian" in check else None
     advice = advice_for(found, look.time_limit) if "verdict" in found and not is_open else []
     return rendering.page(
         "sheet.html",

@@ -8,7 +8,7 @@ import json
 import logging
 import re
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Container, Mapping
 from dataclasses import dataclass
 from typing import Any, TypeVar, cast
 
@@ -20,16 +20,16 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 from inverse_service.reading import document_names
 from inverse_service.service.documents import text_page
 from inverse_service.service.figures import views
+from inverse_service.service.jobs import tasks
 from inverse_service.service.jobs.batch import answer_line
 from inverse_service.service.jobs.model import Job
 from inverse_service.service.jobs.statements import BatchAnswer
-from inverse_service.service.jobs.tasks import Outcome
 from inverse_service.web import asking, clients, journal, routes_jobs
 from inverse_service.web.engine import LONG_DEADLINE, QUICK_DEADLINE, Engine
 from inverse_service.web.job_answers import MINIMAL, REVALIDATE, is_known, stored_response
 from inverse_service.web.pages import forms, result_tasks, sheets, simulations
 from inverse_service.web.pages.rendering import VISITOR, csv_of, framed, packed, page
-from inverse_service.web.problems import Refusal
+from inverse_service.web.problems import Refusal, known
 
 T = TypeVar("T")
 router = APIRouter()
@@ -51,6 +51,7 @@ PATIENCE = 1.5
 SOON = 0.2
 ASKED = 20  # lines of a question
 OPEN = frozenset(("accepted", "running"))
+RESULT = "result at this address."
 Made = tuple[str, str, Callable[..., Any], tuple[str, ...]]
 SHOWN_LINES = 300
 LARGEST_SHOWN = 64 * 1024
@@ -76,12 +77,16 @@ async def call(
     client = (request.client.host, request.client.port) if request.client else ("", 0)
     transport = httpx.ASGITransport(app=request.app, raise_app_exceptions=False, client=client)
     async with httpx.AsyncClient(transport=transport, base_url=ORIGIN, timeout=None) as http:
-        return await http.request(method, path, content=content, headers=as_sent(sent))
+        # As bytes: a cookie that another program on this host has set may hold any.
+        as_bytes = {name.encode(): value.encode("latin-1") for name, value in sent.items()}
+        return await http.request(method, path, content=content, headers=as_bytes)
 
 
-def as_sent(headers: Mapping[str, str]) -> dict[bytes, bytes]:
-    """Headers as bytes: a cookie that another program on this host has set may hold any."""
-    return {name.encode(): value.encode("latin-1") for name, value in headers.items()}
+async def _found(request: Request, path: str, identifier: str) -> httpx.Response:
+    """A job without its result, or a batch; refused with 404 where there is none with this identifier."""
+    is_id = IDENTIFIER.fullmatch(identifier) is not None
+    answer = await call(request, "GET", f"{path}/{identifier}", None, {"Prefer": MINIMAL}) if is_id else None
+    return known(None if answer is None or answer.is_error else answer, RESULT)
 
 
 async def read_form(request: Request, limit: int | None = None) -> forms.Form:
@@ -103,7 +108,9 @@ async def read_sent(
         return await engine.read_body(clients.client_of(request), task, body, content_type, seconds=seconds)
 
 
-async def quick(request: Request, task: Callable[..., Any], *arguments: Any, seconds: float = LONG_DEADLINE) -> Outcome:
+async def quick(
+    request: Request, task: Callable[..., Any], *arguments: Any, seconds: float = LONG_DEADLINE
+) -> tasks.Outcome:
     """The outcome of a task of the quick processes for who asks."""
     engine: Engine = request.app.state.engine
     return await engine.run_quick(clients.client_of(request), task, *arguments, seconds=seconds)
@@ -116,8 +123,6 @@ async def quick(request: Request, task: Callable[..., Any], *arguments: Any, sec
 async def result(request: Request, identifier: str) -> Response:
     """The result, or how far it is; with `lagrangian` a visitor's own L judged."""
     answer = await finished(request, identifier, PATIENCE)
-    if answer is None:
-        return missing()
     job, own, judged = answer.json(), request.query_params.get("lagrangian"), None
     if own and job["status"] == "successful" and job["kind"] == "solve":
         judged = await made(request, identifier, result_tasks.own_lagrangian_task, own)
@@ -127,9 +132,7 @@ async def result(request: Request, identifier: str) -> Response:
 @router.get("/results/{identifier}/embed")
 async def embedded(request: Request, identifier: str) -> Response:
     """Verdict, equations and L alone: what this service and INVERSE_SERVICE_FRAME_ORIGINS show in frames."""
-    answer = await successful(request, identifier)
-    if answer is None or answer.json()["kind"] != "solve":
-        return missing()
+    await successful(request, identifier, ("solve",))
     found = await made(request, identifier, result_tasks.embed_task, VISITOR.get())
     return framed(found, request.app.state.engine.settings.frame_origins)
 
@@ -138,8 +141,6 @@ async def embedded(request: Request, identifier: str) -> Response:
 async def result_json(request: Request, identifier: str) -> Response:
     """The result document as a file."""
     answer = await successful(request, identifier)
-    if answer is None:
-        return missing()
     headers = {"Content-Disposition": f'attachment; filename="result-{identifier[:12]}.json"'} | kept(answer)
     if is_known(request, headers["ETag"]):
         return Response(status_code=304, headers=headers)
@@ -151,9 +152,7 @@ async def result_json(request: Request, identifier: str) -> Response:
 async def again(request: Request, identifier: str) -> Response:
     """The same question asked again: of work that was cancelled or failed, or with all the time the service gives."""
     await read_form(request, SMALL_FORM)
-    job = await stored_job(request, identifier)
-    if job is None:
-        return missing()
+    job = known(await stored_job(request, identifier), RESULT)
     options = {} if request.url.path.endswith("/longer") else json.loads(job.options)
     document = json.loads(job.document) | ({"options": options} if options else {})
     headers = {"Prefer": "respond-async"} | ({"Cache-Control": "no-cache"} if options else {})
@@ -177,16 +176,12 @@ async def cancel(request: Request, identifier: str) -> Response:
 async def made_file(request: Request, identifier: str, file: str) -> Response:
     """A file that a worker makes of a result; nothing is made if the browser has it already."""
     answer = await successful(request, identifier)
-    found = None if answer is None else _file_of(answer.json()["kind"], file, identifier, _address(request))
-    if answer is None or found is None:
-        return missing()
+    found = known(_file_of(answer.json()["kind"], file, identifier, _address(request)), RESULT)
     media_type, disposition, task, arguments = found
     headers = kept(answer, file.rpartition(".")[2].rpartition("/")[2])
     if is_known(request, headers["ETag"]):
         return Response(status_code=304, headers=headers)
-    data = await made(request, identifier, task, *arguments)
-    if data is None:
-        return missing()
+    data = known(await made(request, identifier, task, *arguments), RESULT)
     headers |= {"Content-Disposition": disposition} if disposition else {}
     respond = packed if task is result_tasks.figure_data_task else Response
     return respond(data, headers=headers, media_type=media_type)
@@ -230,19 +225,16 @@ async def made(request: Request, identifier: str, task: Callable[..., T], *argum
     return await engine.made(clients.client_of(request), task, engine.store.address, identifier, *arguments)
 
 
-async def successful(request: Request, identifier: str) -> httpx.Response | None:
-    """The job without its result, if it is successful; otherwise None."""
+async def successful(request: Request, identifier: str, kinds: Container[str] = tasks.KINDS) -> httpx.Response:
+    """The job without its result; refused with 404 unless it is successful, and of one of the kinds."""
     answer = await finished(request, identifier, 0)
-    return answer if answer is not None and answer.json()["status"] == "successful" else None
+    job = answer.json()
+    return known(answer if job["status"] == "successful" and job["kind"] in kinds else None, RESULT)
 
 
-async def finished(request: Request, identifier: str, patience: float) -> httpx.Response | None:
-    """The job without its result, after a short wait; None if there is no such job."""
-    if not IDENTIFIER.fullmatch(identifier):
-        return None
-    answer = await call(request, "GET", f"/v1/jobs/{identifier}", None, {"Prefer": MINIMAL})
-    if answer.is_error:
-        return None
+async def finished(request: Request, identifier: str, patience: float) -> httpx.Response:
+    """The job without its result, after a short wait; refused with 404 if there is no such job."""
+    answer = await _found(request, "/v1/jobs", identifier)
     if answer.json()["status"] not in OPEN or not patience:
         return answer
     engine, viewer = request.app.state.engine, clients.viewer_of(request)
@@ -266,11 +258,6 @@ def result_address(answer: httpx.Response) -> str:
     location = answer.headers.get("location") or answer.headers.get("content-location") or ""
     identifier = location.rpartition("/")[2] or answer.json().get("id", "")
     return f"/results/{identifier}"
-
-
-def missing() -> HTMLResponse:
-    """There is no such job."""
-    return page("missing.html", 404, active="", title="Nothing here", detail="There is no result at this address.")
 
 
 def asked_of(document: Any) -> list[str]:
@@ -368,8 +355,6 @@ def as_documents(text: str) -> str:
 async def as_table(request: Request, identifier: str) -> Response:
     """What is answered as CSV: line, name, verdict, L or the reason, and what the checker said."""
     answers = await _answers(request, identifier, routes_jobs.engine_of(request).settings.max_lines)
-    if answers is None:
-        return missing()
     return Response(await routes_jobs.engine_of(request).in_thread(_csv, answers), media_type="text/csv")
 
 
@@ -384,10 +369,8 @@ def _csv(answers: list[BatchAnswer]) -> str:
 @router.get("/batch/{identifier}")
 async def batch(request: Request, identifier: str) -> HTMLResponse:
     """The page of a batch with the answers so far."""
-    found = await call(request, "GET", f"/v1/batches/{identifier}") if IDENTIFIER.fullmatch(identifier) else None
-    if found is None or found.is_error:
-        return missing()
-    told, answers = found.json(), await _answers(request, identifier) or []
+    told = (await _found(request, "/v1/batches", identifier)).json()
+    answers = await _answers(request, identifier)
     rows = await routes_jobs.engine_of(request).read(lambda: sorted(map(row_of, answers), key=lambda row: row.number))
     still = told["counts"].get("accepted", 0) + told["counts"].get("running", 0)
     return page(
@@ -408,17 +391,14 @@ async def cancel_batch(request: Request, identifier: str) -> Response:
 @router.get("/batch/{identifier}/lines/{number}")
 async def line(request: Request, identifier: str, number: int) -> Response:
     """The page of one line's result."""
-    for answer in await _answers(request, identifier) or []:
-        if answer.number == number and answer.status == "successful":
-            return RedirectResponse(f"/results/{answer.job}", 303)
-    return missing()
+    lines = {one.number: one for one in await _answers(request, identifier) if one.status == "successful"}
+    return RedirectResponse(f"/results/{known(lines.get(number), RESULT).job}", 303)
 
 
-async def _answers(request: Request, identifier: str, most: int = SHOWN_LINES + 1) -> list[BatchAnswer] | None:
-    """The answers that are there now; the call under /v1 would wait for all. None if there is no such batch."""
-    engine = routes_jobs.engine_of(request)
-    if not IDENTIFIER.fullmatch(identifier) or await engine.batch(identifier, clients.viewer_of(request)) is None:
-        return None
+async def _answers(request: Request, identifier: str, most: int = SHOWN_LINES + 1) -> list[BatchAnswer]:
+    """The answers that are there now; the call under /v1 would wait for all."""
+    engine, viewer = routes_jobs.engine_of(request), clients.viewer_of(request)
+    known(await engine.batch(identifier, viewer) if IDENTIFIER.fullmatch(identifier) else None, RESULT)
     return await engine.in_thread(engine.store.batch_answers, identifier, 0, most, LARGEST_SHOWN)
 
 

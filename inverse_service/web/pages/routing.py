@@ -15,7 +15,7 @@ from inverse_service.web.problems import Refusal
 router = APIRouter()
 account = APIRouter()
 TITLES = {
-    401: "A key is needed", 403: "Forbidden", 404: "Page not found", 405: "Method not allowed",
+    401: "A key is needed", 403: "Forbidden", 404: "Nothing here", 405: "Method not allowed",
     413: "Request too large", 422: "There is a problem with your input", 429: "Too many requests",
     503: "The service is busy",
 }  # fmt: skip

@@ -287,7 +287,7 @@ def sheet_of(result: Mapping[str, Any], brief: bool = False, grows: bool = False
     Where the result still `grows`, its incomplete parts are being looked for.
     """
     system = result["system"] or {"coordinates": (), "equations": {}, "parameters": (), "functions": {}}
-    names = typesetting.names_of(system, result.get("integrals"))
+    names = text_page.names_of(system, result.get("integrals"))
     if "verdict" not in result:
         return _forward(result, names)
     verdict, branches = verdict_of(result), text_page.branches_of(result)
@@ -379,7 +379,7 @@ def _other_row(other: Mapping[str, Any], result: Mapping[str, Any], names: Names
 def _formulas(part: Mapping[str, Any], result: Mapping[str, Any], names: Names) -> list[Formula]:
     """L with its integrals, D, and H with its momenta and constraints."""
     integrals = part.get("integrals") or {}
-    names = typesetting.names_of(result["system"], integrals) if integrals else names
+    names = text_page.names_of(result["system"], integrals) if integrals else names
     found = []
     if lagrangian := part.get("lagrangian"):
         notes = [Markup("with {}").format(line) for line in typesetting.integrals(integrals, names)]

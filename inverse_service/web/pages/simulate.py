@@ -21,7 +21,7 @@ from inverse_service.service.documents import text_page
 from inverse_service.web.pages import forms, library, rendering, result_tasks, results, solve, typesetting
 from inverse_service.web.pages.forms import Form
 from inverse_service.web.pages.preview import preview_task, price_task
-from inverse_service.web.problems import Refusal
+from inverse_service.web.problems import Refusal, known
 
 router = APIRouter()
 CONSTRAINED = ("name", "coordinates", "lagrangian", "constraints", "parameters", "functions")
@@ -180,13 +180,10 @@ async def _empty_form(request: Request, system: str, job: str) -> tuple[SceneFor
     """
     if not job:
         return form_of_system({"catalogue": system}), {"system": {"catalogue": system}}
-    found = None
-    if await results.successful(request, job) is not None:
-        found = await results.made(request, job, result_tasks.part_task, partial(_form_of_result, job=job))
-    if found is None:
-        raise Refusal(404, "not-found", "There is no result with a system at this address.")
-    form, base = found
-    return form, base
+    await results.successful(request, job)
+    choose = partial(_form_of_result, job=job)
+    found: tuple[SceneForm, dict[str, Any]] | None = await results.made(request, job, result_tasks.part_task, choose)
+    return known(found, "result with a system at this address.")
 
 
 def _form_of_result(result: Mapping[str, Any], job: str) -> tuple[SceneForm, dict[str, Any]] | None:
@@ -236,8 +233,7 @@ def form_of_system(system: Mapping[str, Any], **address: str) -> SceneForm:
 async def _form_of_scene(request: Request, identifier: str) -> tuple[SceneForm, dict[str, Any]]:
     """The form filled with a scene that was run before, and that scene."""
     job = await results.stored_job(request, identifier)
-    if job is None or job.kind not in CALLS:
-        raise Refusal(404, "not-found", "There is no scene at this address.")
+    job = known(job if job is not None and job.kind in CALLS else None, "scene at this address.")
     scene = json.loads(job.document)
     try:
         empty = form_of_system(scene["system"], scene=identifier)

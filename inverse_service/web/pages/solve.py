@@ -225,6 +225,5 @@ def example_document(name: str) -> dict[str, Any]:
 
 async def fields_of_job(request: Request, identifier: str) -> dict[str, str]:
     """The form filled with the document of a result."""
-    if await results.successful(request, identifier) is None:
-        raise Refusal(404, "not-found", "There is no result at this address.")
+    await results.successful(request, identifier)
     return await results.made(request, identifier, result_tasks.fields_task) or forms.fields_from({"equations": START})

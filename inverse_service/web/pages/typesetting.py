@@ -19,34 +19,13 @@ from inverse_service.service.documents import text_page
 MAX_CHARACTERS = 4_000
 UNBROKEN = 48
 SIGNS = {"-": "\u2212", "!=": "≠", ">=": "≥", "<=": "≤"}
-RELATIONS = {"!=": "≠", ">": ">", "<": "<", ">=": "≥", "<=": "≤", "=": "="}
+RELATIONS = ("!=", ">=", "<=", "=", ">", "<")
 _RELATION = re.compile(r" (!=|>=|<=|=|>|<) ")
-# Brackets, and the relations and commas between the sides of a proposition.
-_SIDES = re.compile(r"[()\[\]]| (?:!=|>=|<=|=|>|<) |, ")
 _BRACKETED = re.compile(r"\(((?:nabla )?Phi)\)(?=[_^])")
 _FENCE = re.compile(r"<mo>[()]</mo>")
 _TALL = re.compile(r"<(?:mfrac|msqrt|mtable)")
 # An invisible product sign with a little room, so that R sin x does not read Rsin x.
 THIN_TIMES = '<mo lspace="0.08em" rspace="0.08em">&#x2062;</mo>'
-
-
-def names_of(system: Mapping[str, Any] | None, integrals: Mapping[str, Any] | None = None) -> Names:
-    """The names of a result's system or of a document; momenta, entries of the multiplier and L, H are parameters.
-
-    `integrals` are functions that an answer has besides.
-    """
-    if system is None:
-        return Names(parameters=("L", "H"))
-    equations, given = system.get("equations"), system.get("parameters") or ()
-    coordinates = tuple(system.get("coordinates") or (equations if isinstance(equations, Mapping) else ()))
-    n = len(coordinates)
-    entries = [f"{letter}_{i}{j}" for letter in "gh" for i in range(1, n + 1) for j in range(i, n + 1)]
-    functions = {name: tuple(arguments) for name, arguments in (system.get("functions") or {}).items()}
-    functions |= {name: tuple(known["arguments"]) for name, known in (integrals or {}).items()}
-    parameters = () if isinstance(given, str) else given  # "guess"
-    words = (system.get("time", "t"), *parameters, *(f"p_{name}" for name in coordinates), *entries, "L", "H")
-    taken = {*coordinates, *functions, "t"}
-    return Names(coordinates, tuple(dict.fromkeys(word for word in words if word not in taken)), functions)
 
 
 def inner_mathml(text: str, names: Names) -> str | None:
@@ -102,7 +81,7 @@ def integrals(found: Mapping[str, Any], names: Names) -> list[Markup]:
 def meanings(system: Mapping[str, Any]) -> list[Markup]:
     """What the names of a system mean that are not its coordinates: constants, and functions that may be any."""
     parameters, functions = system.get("parameters") or (), (system.get("functions") or {}).items()
-    names = names_of(system) if parameters or functions else Names()
+    names = text_page.names_of(system) if parameters or functions else Names()
     constants = [formula(name, names) for name in parameters]
     wanted = [formula(f"{name}({', '.join(of)})", names) for name, of in functions]
     groups = ((f"with constant{'s' * (len(constants) > 1)}", constants), ("any function", wanted))
@@ -114,28 +93,17 @@ def _breakable(text: str, names: Names) -> Markup | None:
     if len(text) <= UNBROKEN:
         found = _relation(text, names)
         return None if found is None else math(found)
+    # The printer writes signs with spaces.
+    terms = [(sign.strip(), term) for sign, term in notation.split_outside(text, " (?:[-+=<>]|!=|>=|<=) ")]
     parts: list[str] = []
-    for sign, term in _terms(text):
+    for sign, term in terms:
         inner = inner_mathml(term, names) if term else ""
         if inner is None:
             return None
-        parts.append(f'<mo form="infix">{escape(sign)}</mo>{inner}' if sign else inner)
-    if len(parts) > 1 and _terms(text)[1][0] in RELATIONS.values():  # no line ends behind the left side
+        parts.append(f'<mo form="infix">{escape(SIGNS.get(sign, sign))}</mo>{inner}' if sign else inner)
+    if len(parts) > 1 and terms[1][0] in RELATIONS:  # no line ends behind the left side
         parts[:2] = ["".join(parts[:2])]
     return Markup(" ").join(math(f"<mrow>{part}</mrow>") for part in parts)
-
-
-def _terms(text: str) -> list[tuple[str, str]]:
-    """(sign or relation, term) of a text as the printer writes it: signs with spaces, outside brackets."""
-    found: list[tuple[str, str]] = []
-    depth, start, sign = 0, 0, ""
-    for match in re.finditer(r"[()]| (?:[-+=<>]|!=|>=|<=) ", text):
-        token = match.group()
-        depth += (token == "(") - (token == ")")
-        if depth == 0 and len(token) > 1:
-            found.append((sign, text[start : match.start()]))
-            sign, start = SIGNS.get(token.strip(), token.strip()), match.end()
-    return [*found, (sign, text[start:])]
 
 
 def capitalized(text: str) -> str:
@@ -152,7 +120,7 @@ def _relation(text: str, names: Names) -> str | None:
     sides = _RELATION.split(text)
     parts: list[str] = []
     for place, side in enumerate(sides):
-        found = f"<mo>{escape(RELATIONS[side])}</mo>" if place % 2 else inner_mathml(side, names)
+        found = f"<mo>{escape(SIGNS.get(side, side))}</mo>" if place % 2 else inner_mathml(side, names)
         if found is None:
             return None
         parts.append(found)
@@ -196,21 +164,17 @@ def proposition(text: str, names: Names) -> Markup:
     """A formula of a proof: relations between formulas of the system, matrices, and terms of the theory."""
     if len(text) > MAX_CHARACTERS:
         return code(text)
-    pieces, depth, start = [], 0, 0
-    for match in _SIDES.finditer(text):
-        sign = match.group().strip()
-        depth += (sign in ("(", "[")) - (sign in (")", "]"))
-        if depth == 0 and sign not in (")", "]"):
-            pieces += [_side_mathml(text[start : match.start()].strip(), names)]
-            pieces += [f"<mo>{escape(RELATIONS.get(sign, sign))}</mo>"]
-            start = match.end()
-    pieces.append(_side_mathml(text[start:].strip(), names))
+    pieces = []
+    for sign, side in notation.split_outside(text, notation.SIDES):
+        pieces += [f"<mo>{escape(SIGNS.get(sign.strip(), sign.strip()))}</mo>"] * bool(sign)
+        pieces.append(_side_mathml(side.strip(), names))
     return math(f"<mrow>{''.join(pieces)}</mrow>")
 
 
 def _side_mathml(side: str, names: Names) -> str:
     if side.startswith("[[") and side.endswith("]]"):
-        found = matrix_inner([split(row[1:-1], ",") for row in split(side[1:-1], ",")], names)
+        rows = [row.strip()[1:-1] for _, row in notation.split_outside(side[1:-1], ",")]
+        found = matrix_inner([[entry for _, entry in notation.split_outside(row, ",")] for row in rows], names)
         if found is not None:
             return found
     return (inner_mathml(side, names) or spaced(_theory(side))) if side else ""
@@ -241,18 +205,6 @@ def _between(before: Sequence[str], text: str) -> str:
     found = found.replace("<mn>1</mn><mo>/</mo><mn>2</mn>", "<mfrac><mn>1</mn><mn>2</mn></mfrac>")
     found = found.replace('<mo form="prefix">', "<mo>", 1) if before and found.startswith("<mo form") else found
     return found + '<mspace width="0.17em"/>' if found.endswith("</mfrac>") else found
-
-
-def split(text: str, marks: str) -> list[str]:
-    """The parts of a text between the marks outside brackets."""
-    found, depth = [""], 0
-    for letter in text:
-        depth += (letter in "([{") - (letter in ")]}")
-        if letter in marks and not depth:
-            found.append("")
-        else:
-            found[-1] += letter
-    return [part.strip() for part in found]
 
 
 def matrix(rows: Sequence[Sequence[str]], names: Names) -> Markup:
@@ -288,7 +240,7 @@ def low_fences(mathml: str) -> str:
 
 def formulas_of(system: Mapping[str, Any]) -> tuple[Markup, ...]:
     """The definition of a system: L and the constraints, or its solved equations."""
-    names = names_of(system)
+    names = text_page.names_of(system)
     found = [equation("L", system["lagrangian"], names)] if system.get("lagrangian") else []
     constraints, equations = system.get("constraints") or (), system.get("equations")
     lines = [f"{text} = 0" for text in ([constraints] if isinstance(constraints, str) else constraints)]
