@@ -153,7 +153,7 @@ def given_document(name: str, guess: bool | None) -> Any:
         document = catalog.document(name)
     else:
         document = plain_data.read_document(cli.read_bytes(name), name)
-    return with_guess(document) if guess and isinstance(document, dict) else document
+    return document_names.with_guess(document) if guess and isinstance(document, dict) else document
 
 
 def with_declared(document: Any, named: Mapping[str, str | None]) -> Any:
@@ -163,29 +163,13 @@ def with_declared(document: Any, named: Mapping[str, str | None]) -> Any:
         return document
     found = document | given
     if "functions" in given:
-        calls = re.findall(r"([^\s(),;]+)\s*\(([^()]*)\)", given["functions"])
-        found["functions"] = {**document.get("functions", {}), **dict(calls)}
+        found["functions"] = {**document.get("functions", {}), **document_names.functions_of(given["functions"])}
     if "parameters" in given:
-        words = [word for word in re.split(r"[,;\s]+", re.sub(r"\s*=\s*", "=", given["parameters"])) if word]
-        values = {name: value or None for name, _, value in (word.partition("=") for word in words)}
         before = document.get("parameters") or ()
-        earlier = (
-            before
-            if isinstance(before, dict)
-            else dict.fromkeys([document_names.AND_GUESS] if before == document_names.GUESS else before)
-        )
-        found["parameters"] = {**values, **earlier}
+        before = [document_names.AND_GUESS] if before == document_names.GUESS else before
+        earlier = before if isinstance(before, dict) else dict.fromkeys(before)
+        found["parameters"] = {**document_names.parameters_of(given["parameters"]), **earlier}
     return found
-
-
-def with_guess(document: dict[str, Any]) -> dict[str, Any]:
-    """The same document, its undeclared names taken as constants."""
-    named = document.get("parameters") or ()
-    if isinstance(named, dict):
-        return document | {"parameters": {**named, document_names.AND_GUESS: None}}
-    return document | {
-        "parameters": [*named, document_names.AND_GUESS] if isinstance(named, list) and named else document_names.GUESS
-    }
 
 
 def _is_file(name: str) -> bool:

@@ -9,6 +9,7 @@ import itertools
 import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 from inverse_service import errors
 from inverse_service.expressions import collecting, derivative, graphs, tree as ex
@@ -59,6 +60,7 @@ _IMPULSES = frozenset(("delta", "theta", "Theta", "H"))
 _Guess = tuple[tuple[str, ...], dict[str, tuple[str, ...]], dict[str, tuple[str, ...]]]
 _MOST_ROUNDS = 4  # a run that is split may contain a name that splits others
 _COMPONENTS = frozenset("ABEFJPVpv")  # Fx and Fy are usually two components
+_CALL = re.compile(r"\s*([^\s(),;]+)\s*\(([^()]*)\)")  # A(r1), a function of one's own
 _WORDS_OF_MOTION = {"velocity": "'", "speed": "'", "position": "", "acceleration": "''"}
 
 
@@ -943,3 +945,35 @@ def _call_arguments(bracket: Token, coordinates: Sequence[str]) -> tuple[str, ..
     names = tuple(spelled(part).removesuffix("(t)") for part in split_at(",", bracket.inside))  # x(t) is x
     plain = bracket.is_bracket() and len(names) == len(set(names)) and set(names) <= set(coordinates)
     return names if plain else ()
+
+
+def words_of(text: str) -> list[str]:
+    """ "x y" and "k, m" as lists of names."""
+    return [word for word in re.split(r"[,\s;]+", text) if word]
+
+
+def parameters_of(text: str) -> dict[str, str | None]:
+    """ "m, k = 1/2" as names with their values, None for a generic one."""
+    found: dict[str, str | None] = {}
+    for part in re.split(r"[,;\n]", text):
+        named, _, value = part.partition("=")
+        *others, last = named.split() or [""]
+        found |= dict.fromkeys(others) | ({last: value.strip() or None} if last else {})
+    return found
+
+
+def functions_of(text: str) -> dict[str, list[str]]:
+    """ "A(r1), V(x, y)" as names with their arguments; raises InputError for anything else."""
+    if _CALL.sub("", text).strip(" ,;\n"):
+        detail = "The functions must be written as A(r1), V(x, y): a name and its coordinates."
+        raise errors.InputError(detail, "/functions")
+    return {match[1]: words_of(match[2]) for match in _CALL.finditer(text)}
+
+
+def with_guess(document: Mapping[str, Any]) -> dict[str, Any]:
+    """The same document, its undeclared names taken as constants."""
+    named = document.get("parameters") or ()
+    if isinstance(named, Mapping):
+        return {**document, "parameters": {**named, AND_GUESS: None}}
+    declared = isinstance(named, list) and named
+    return {**document, "parameters": [*named, AND_GUESS] if declared else GUESS}

@@ -508,12 +508,11 @@ class Examination:
         listed = self.result.get("kinds")
         if not listed:
             return
-        from inverse_service.service.documents.derived import to_kinds
-
         known: dict[str, Any] = {}
         if not moving:
             schema = accepting.to_schema(plain)
-            known = {one.name: translate.plain(one.among) for one in to_kinds(schema, accepting.to_solvable(schema))}
+            asked = derived.to_kinds(schema, accepting.to_solvable(schema))
+            known = {one.name: translate.plain(one.among) for one in asked}
         contains = any("t" in read_tokens(text, "equations") for text in own["equations"].values())
         for name, part in listed.items():
             at, among = f"/kinds/{name}", _object(part.get("certificate")).get("among")

@@ -362,7 +362,7 @@ def is_inside(system: SecondOrderSystem, near: Mapping[str, str]) -> bool:
 def to_kinds(schema: SystemDocument, system: SecondOrderSystem) -> tuple[LagrangianKind, ...]:
     """The kinds of a document; raises InputError with the place of what cannot be read."""
     found = []
-    if to_near(schema, system) and "positive_definite" not in schema.kinds:
+    if schema.near and to_near(schema, system) and "positive_definite" not in schema.kinds:
         raise InputError("'near' is the point of the kind positive_definite, which is not asked about.", "/near")
     for place, kind in enumerate(schema.kinds):
         pointer = f"/kinds/{place}"

@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from api_schemas.result import ResultDocument
     from api_schemas.system import SystemDocument
     from inverse_service.decision.cells import Left
-    from inverse_service.decision.kinds.helmholtz import LagrangianKind
     from inverse_service.decision.solutions import Solution
 
 # Errors in the mathematics of a valid document, and the reason that the result then gives.
@@ -168,7 +167,7 @@ def solve_system(document: Any, options: SolveOptions, grow: Growing | None = No
         series_order=schema.series_order,
         first_integrals=schema.first_integrals,
     )
-    kinds = _kinds(schema, system)
+    kinds = derived.to_kinds(schema, system)
     factor = None if schema.clock is None else derived.to_clock(schema, system)
     grow.wanted = _wanted(schema, system, bool(kinds))
 
@@ -187,10 +186,8 @@ def solve_system(document: Any, options: SolveOptions, grow: Growing | None = No
         grow.begin("kinds")
         result = derived.with_instead(result, solution, asked, min(limit, now() + QUICKLY))
     if kinds:
-        from inverse_service.service.documents.derived import with_kinds
-
         grow.begin("kinds")
-        result = with_kinds(result, solution, schema, kinds, asked, limit)
+        result = derived.with_kinds(result, solution, schema, kinds, asked, limit)
         grow.hand_over(("explanation", "kinds"), partial(checked, result, 1.0))
     if schema.clock is not None:
         grow.begin("clock")
@@ -223,19 +220,11 @@ def _wanted(schema: SystemDocument, system: SecondOrderSystem, kinds: bool) -> t
     return (*parts, *second, "hamiltonian", *last, "explanation")
 
 
-def _kinds(schema: SystemDocument, system: SecondOrderSystem) -> tuple[LagrangianKind, ...]:
-    if not schema.kinds and not schema.near:
-        return ()
-    from inverse_service.service.documents.derived import to_kinds
-
-    return to_kinds(schema, system)
-
-
 def parse_system(schema: SystemDocument) -> ParseAnswer:
     """The interpretation of a System document; raises InputError."""
     system = accepting.to_solvable(schema)
     accepting.to_ansatz(schema, system)
-    _kinds(schema, system)
+    derived.to_kinds(schema, system)
     if schema.clock is not None:
         derived.to_clock(schema, system)
     return translate.to_parse_answer(system, schema)

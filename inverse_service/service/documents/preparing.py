@@ -544,19 +544,21 @@ def _in_mathml(text: str, table: Mapping[str, str]) -> str:
 
 
 def _words(value: Any) -> Any:
-    """ "x y" and "k, m" as lists of names."""
-    return [word for word in re.split(r"[,\s;]+", value) if word] if isinstance(value, str) else value
+    return document_names.words_of(value) if isinstance(value, str) else value
 
 
 def _parameters(value: Any) -> Any:
-    return value if value == "guess" or not isinstance(value, str) or "=" in value else _words(value)
+    if isinstance(value, str) and "=" in value:
+        return document_names.parameters_of(value)
+    return value if value == document_names.GUESS else _words(value)
 
 
 def _functions(value: Any) -> Any:
-    """{"V": "x"} and ["V(x, y)"] as {"V": ["x", "y"]}."""
+    """ "V(x, y)", ["V(x, y)"] and {"V": "x, y"} as {"V": ["x", "y"]}."""
     if isinstance(value, list) and all(isinstance(entry, str) for entry in value):
-        calls = [re.fullmatch(r"\s*([^\s()]+)\s*\(([^()]*)\)\s*", entry) for entry in value]
-        return {call[1]: _words(call[2]) for call in calls if call} if all(calls) else value
+        value = ", ".join(value)
+    if isinstance(value, str):
+        return document_names.functions_of(value)
     return {key: _words(part) for key, part in value.items()} if isinstance(value, dict) else value
 
 

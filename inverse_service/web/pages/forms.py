@@ -14,8 +14,7 @@ from markupsafe import Markup
 
 from inverse_service import errors
 from inverse_service.expressions import letters, notation
-from inverse_service.reading import reader
-from inverse_service.reading.document_names import AND_GUESS, GUESS, Declared, document_names
+from inverse_service.reading import document_names, reader
 from inverse_service.service.documents import plain_data, text_page
 from inverse_service.service.jobs import model, tasks
 from inverse_service.web.pages import typesetting
@@ -37,7 +36,6 @@ TIME = {"no": False, "yes": True}
 _CHOICE = re.compile(r"(equations|lagrangian|constraints|parameters):(\d{1,4}):(\d{1,5})(?:\+(\d{1,5}))?:(.{1,200})")
 _IDENTIFIER = re.compile(r"^\\?\w+")
 _LEFT_SIDE = re.compile(r"\s*(?:L|\\mathcal ?(?:L|\{L\}))\s*=(?!=)")
-_FUNCTION = re.compile(r"\s*([^\s(),]+)\s*\(([^()]*)\)\s*,?")
 FIELD_NAMES = {
     "equations": "Equations", "lagrangian": "Lagrangian", "constraints": "Constraints", "coordinates": "Coordinates",
     "parameters": "Parameters", "functions": "Arbitrary functions", "associated": "Associated system",
@@ -177,7 +175,7 @@ def document_of_fields(fields: Mapping[str, str]) -> dict[str, Any]:
     nonholonomic = fields["kind"] == "nonholonomic"
     constraints = [line.strip() for line in re.split(r"[\n;]", fields["constraints"]) if line.strip()]
     document: dict[str, Any] = {"name": fields["name"]} if fields["name"] else {}
-    if coordinates := _names(fields["coordinates"]):
+    if coordinates := document_names.words_of(fields["coordinates"]):
         document["coordinates"] = coordinates
     if nonholonomic:
         document["lagrangian"] = right_side(fields["lagrangian"])
@@ -187,7 +185,7 @@ def document_of_fields(fields: Mapping[str, str]) -> dict[str, Any]:
             document |= {"associated": fields["associated"]} if fields["associated"] in ASSOCIATED else {}
     else:
         document["equations"] = fields["equations"]
-        document |= {"kinds": kinds} if (kinds := _names(fields["kinds"])) else {}
+        document |= {"kinds": kinds} if (kinds := document_names.words_of(fields["kinds"])) else {}
         document |= {"clock": fields["clock"]} if fields["clock"] else {}
     return document | _declared(fields) | _questions(fields)
 
@@ -199,11 +197,10 @@ def right_side(lagrangian: str) -> str:
 
 
 def _declared(fields: Mapping[str, str]) -> dict[str, Any]:
-    parameters = parameters_of(fields["parameters"])
-    functions = {name: list(arguments) for name, arguments in functions_of(fields["functions"]).items()}
-    valued = any(value is not None for value in parameters.values())
-    rest: Any = {**parameters, AND_GUESS: None} if valued else [*parameters, AND_GUESS]
-    return {"parameters": rest if parameters else GUESS} | ({"functions": functions} if functions else {})
+    parameters = document_names.parameters_of(fields["parameters"])
+    functions = document_names.functions_of(fields["functions"])
+    named = parameters if any(parameters.values()) else [*parameters]
+    return document_names.with_guess({"parameters": named}) | ({"functions": functions} if functions else {})
 
 
 def _questions(fields: Mapping[str, str]) -> dict[str, Any]:
@@ -229,40 +226,12 @@ def _seconds(text: str) -> float:
     return seconds
 
 
-def _names(text: str) -> list[str]:
-    return [part.strip() for part in re.split(r"[,\s;]+", text) if part.strip()]
-
-
-def parameters_of(text: str) -> dict[str, str | None]:
-    """ "m, k = 1/2" as names with their values, None for a generic one."""
-    found: dict[str, str | None] = {}
-    for part in re.split(r"[,;\n]", text):
-        name, _, value = part.partition("=")
-        if name.strip():
-            found[name.strip()] = value.strip() or None
-    return found
-
-
-def functions_of(text: str) -> dict[str, tuple[str, ...]]:
-    """ "A(r1), V(x, y)" as names with their arguments; raises InputError for anything else."""
-    found: dict[str, tuple[str, ...]] = {}
-    rest = text
-    while rest.strip(" ,;\n"):
-        match = _FUNCTION.match(rest.lstrip(" ,;\n"))
-        if match is None:
-            detail = "The functions must be written as A(r1), V(x, y): a name and its coordinates."
-            raise errors.InputError(detail, "/functions")
-        found[match.group(1)] = tuple(_names(match.group(2)))
-        rest = rest.lstrip(" ,;\n")[match.end() :]
-    return found
-
-
 def fields_from(document: Mapping[str, Any]) -> dict[str, str]:
     """The form filled with a document."""
     fields = dict.fromkeys(FIELDS, "")
     fields |= {"kind": "equations", "name": str(document.get("name", ""))}
     fields["coordinates"] = ", ".join(document.get("coordinates") or ())
-    parameters = Declared(parameters=document.get("parameters") or ()).named_parameters()
+    parameters = document_names.Declared(parameters=document.get("parameters") or ()).named_parameters()
     pairs = parameters.items() if isinstance(parameters, Mapping) else ((name, None) for name in parameters)
     fields["parameters"] = ", ".join(name if value is None else f"{name} = {value}" for name, value in pairs)
     functions = document.get("functions") or {}
@@ -308,7 +277,7 @@ def fields_of_link(query: Mapping[str, str]) -> dict[str, str] | None:
         return None
     fields = dict.fromkeys(FIELDS, "") | {name: query.get(name, "") for name in LINKED}
     for name, allowed in CHOSEN.items():
-        fields[name] = " ".join(value for value in _names(fields[name]) if value in allowed)
+        fields[name] = " ".join(value for value in document_names.words_of(fields[name]) if value in allowed)
     return fields | {"kind": "equations" if fields["equations"] else "nonholonomic"}
 
 
@@ -317,7 +286,7 @@ def left_out_of_link(query: Mapping[str, str]) -> list[str]:
     return [
         f"The link sets {name}={value}, which is not valid and was ignored. Valid values: {', '.join(allowed)}."
         for name, allowed in CHOSEN.items()
-        for value in _names(query.get(name, ""))
+        for value in document_names.words_of(query.get(name, ""))
         if value not in allowed
     ]
 
@@ -338,9 +307,10 @@ def _names_of(document: Mapping[str, Any]) -> tuple[Any, ...]:
     parts = [document.get("equations") or document.get("lagrangian") or "", document.get("constraints") or ()]
     texts = [text for part in parts for text in _texts_in(part)]
     keys = tuple(parts[0]) if isinstance(parts[0], dict) else ()
-    declared = Declared(document.get("coordinates"), document.get("parameters") or (), document.get("functions") or {})
+    parameters, functions = document.get("parameters") or (), document.get("functions") or {}
+    declared = document_names.Declared(document.get("coordinates"), parameters, functions)
     by_pointer = {f"/{place}": text for place, text in enumerate(texts)}
-    names = document_names(declared, by_pointer, 1 if "lagrangian" in document else 2, keys)
+    names = document_names.document_names(declared, by_pointer, 1 if "lagrangian" in document else 2, keys)
     values = declared.named_parameters()
     return (
         names.coordinates,

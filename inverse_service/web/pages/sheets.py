@@ -752,8 +752,6 @@ def _motion_more(result: Mapping[str, Any], part: Mapping[str, Any], names: Name
 
 def _forward(result: Mapping[str, Any], names: Names) -> Sheet:
     system = result["system"]
-    given = (system.get("given") or {}).get("lagrangian")
-    latex = {"text": result["lagrangian"]["text"], "latex": result["lagrangian"].get("latex", "")}
     momenta = Markup(", ").join(
         typesetting.equation(f"p_{name}", part["text"], names) for name, part in result["momenta"].items()
     )
@@ -761,8 +759,8 @@ def _forward(result: Mapping[str, Any], names: Names) -> Sheet:
     rows = [_conserved(part, names) for part in result["conserved"]]
     case = Case("", Markup("These are its equations of motion."), (), (*_equations(system, names), energy), (), ())
     return Sheet(
-        title_of({**result, "system": {**system, "given": {"lagrangian": given}}}), "", "", case.sentence, (),
-        (formula_of("L", latex, names),), _about(result), (case,), more=tuple(rows),
+        title_of(result), "", "", case.sentence, (),
+        (formula_of("L", result["lagrangian"], names),), _about(result), (case,), more=tuple(rows),
     )  # fmt: skip
 
 
