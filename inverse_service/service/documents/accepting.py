@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Container, Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
-from api_schemas.base import Document
+from api_schemas import base
 from api_schemas.system import MAX_SERIES_ORDER, TAGS, NamedDocument, SystemDocument
 from inverse_service import errors
 from inverse_service.expressions import tree as ex
@@ -27,50 +29,18 @@ if TYPE_CHECKING:
 
 # Nodes of all accelerations, beyond which they are unreadable; on a cart two links have 1,748, three 14,834.
 _MOST_NODES = 5_000
-Read = TypeVar("Read", bound=Document)
+Read = TypeVar("Read", bound=base.Document)
 Steps = tuple[int | str, ...]
 MAX_PLACES = 10
 NOT_IN_THE_DOCUMENT = frozenset({*TAGS, "[key]"})
 ALSO = ("time", "id", "options")
 TITLES = {"NonholonomicDocument": "nonholonomic system", "LagrangianDocument": "Lagrangian"}
 FORMULA = "a formula written as text"
-# The values allowed at these steps; "*" is any key or place.
+_IN_WORDS = (Path(base.__file__).parent / "expected.json").read_text(encoding="utf-8")
+# The values allowed at these steps, in words; "*" is any key or place.
 EXPECTED: dict[Steps, str] = {
-    (): "an object with coordinates and equations",
-    ("lagrangian",): FORMULA,
-    ("constraints",): """a list of constraints such as ["x' - R*cos(phi)*theta'"], or one text""",
-    ("constraints", "*"): FORMULA,
-    ("motion",): """an object such as {"x": "-x"}, the accelerations of the free coordinates""",
-    ("motion", "*"): FORMULA,
-    ("associated",): '"first", "second", "third", "search" or "any"',
-    ("multiples",): """an object such as {"x": "mu*(x' - R*theta')"}, or a list of such objects""",
-    ("multiples", "*"): FORMULA,
-    ("name",): "a text",
-    ("coordinates",): 'a list of names such as ["x", "y"]',
-    ("coordinates", "*"): "a name",
-    ("equations",): "an object of formulas by coordinate, a list of equations or one text",
-    ("equations", "*"): FORMULA,
-    ("parameters",): "a list of names, or an object with values",
-    ("parameters", "*"): 'a name in a list, a number in an object, such as "1/2"',
-    ("functions",): 'an object such as {"A": ["r1"]}, each function with the coordinates it depends on',
-    ("functions", "*"): "a list of the coordinates and velocities that the function depends on",
-    ("functions", "*", "*"): "a name",
-    ("time_dependent_lagrangian",): "true or false, without quotes",
-    ("ansatz",): """a list of terms such as ["y'^2/x'"]""",
-    ("ansatz", "*"): FORMULA,
+    **{tuple(filter(None, place.split("/"))): words for place, words in json.loads(_IN_WORDS).items()},
     ("series_order",): f"an integer from 1 to {MAX_SERIES_ORDER}",
-    ("special_cases",): "true or false, without quotes",
-    ("first_integrals",): "true or false, without quotes",
-    ("clock",): 'a formula in the coordinates, such as "1 + x^2"',
-    ("kinds",): """a list such as ["natural", "riemannian", "finsler", "positive_definite", "rayleigh", """
-    """{"invariant": ["x"]}]""",
-    ("kinds", "*"): "one of natural, riemannian, finsler, positive_definite, rayleigh",
-    ("kinds", "*", "*"): 'a list such as ["x", {"y": "x"}]',
-    ("near",): """an object of numbers such as {"x": "1", "x'": "0"}""",
-    ("near", "*"): 'a number, such as "1/2"',
-    ("where",): """an object of formulas such as {"r": "sqrt(x^2 + y^2)"}""",
-    ("where", "*"): FORMULA,
-    ("search",): """an object such as {"families": ["products", "ratios"], "depth": 2, "members": 1000}""",
 }
 
 # Questions about equations of second order, which a document with constraints does not have.
@@ -190,7 +160,7 @@ def _place(fault: ErrorDetails, wording: Wording) -> errors.Place:
     return errors.Place(sentence, "".join(f"/{plain_data.escape(step)}" for step in steps), None, code)
 
 
-def _of_systems(schema: type[Document]) -> Wording:
+def _of_systems(schema: type[base.Document]) -> Wording:
     def unknown(steps: Steps, where: str) -> str:
         if steps[0] in BESIDE and "constraints" in schema.model_fields:
             return BESIDE[str(steps[0])]

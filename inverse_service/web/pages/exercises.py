@@ -26,15 +26,10 @@ from inverse_service.service.documents import plain_data, text_page
 from inverse_service.service.jobs import model, tasks
 from inverse_service.web import clients
 from inverse_service.web.engine import Engine
-from inverse_service.web.pages import forms, preview, rendering, result_tasks, sheets, solve, typesetting
+from inverse_service.web.pages import forms, preview, rendering, result_tasks, sheets, solve, typesetting, words
 
 router = APIRouter()
-# The name of the task, the question, and the symbol before the box.
-ASKED = {
-    "lagrangian": ("A Lagrangian", "Find a Lagrangian whose motions are those of", "L"),
-    "hamiltonian": ("A Hamiltonian", "Find a Hamiltonian whose motions are those of", "H"),
-    "any": ("Is there any?", "Decide whether a Lagrangian exists for", ""),
-}
+ASKED: dict[str, tuple[str, str, str]] = words.TABLES["exercises"]
 FRICTION = "A Lagrangian with friction"  # the title of the example
 LATE = "Judging this takes longer than a page may. Try a shorter formula."
 

@@ -17,7 +17,7 @@ from inverse_service.expressions import letters, notation
 from inverse_service.reading import document_names, reader
 from inverse_service.service.documents import plain_data, text_page
 from inverse_service.service.jobs import model, tasks
-from inverse_service.web.pages import typesetting
+from inverse_service.web.pages import typesetting, words
 
 MAX_FIELDS = 120
 KINDS = ("equations", "nonholonomic")
@@ -36,11 +36,7 @@ TIME = {"no": False, "yes": True}
 _CHOICE = re.compile(r"(equations|lagrangian|constraints|parameters):(\d{1,4}):(\d{1,5})(?:\+(\d{1,5}))?:(.{1,200})")
 _IDENTIFIER = re.compile(r"^\\?\w+")
 _LEFT_SIDE = re.compile(r"\s*(?:L|\\mathcal ?(?:L|\{L\}))\s*=(?!=)")
-FIELD_NAMES = {
-    "equations": "Equations", "lagrangian": "Lagrangian", "constraints": "Constraints", "coordinates": "Coordinates",
-    "parameters": "Parameters", "functions": "Arbitrary functions", "associated": "Associated system",
-    "ansatz": "Terms to try first", "options": "Time limit", "initial": "Start", "step": "Step", "steps": "Steps",
-}  # fmt: skip
+FIELD_NAMES: dict[str, str] = words.TABLES["fields"]
 # Fields with a box for each name.
 NAMED = ("parameters", "initial")
 # Characters of a long line that are shown on either side of the place.

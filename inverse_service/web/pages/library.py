@@ -20,7 +20,7 @@ from inverse_service.catalogue import atlas
 from inverse_service.reading.names import Names
 from inverse_service.service.documents import text_page
 from inverse_service.web import routes
-from inverse_service.web.pages import forms, rendering, typesetting
+from inverse_service.web.pages import forms, rendering, typesetting, words
 from inverse_service.web.problems import Refusal
 
 router = APIRouter()
@@ -30,17 +30,6 @@ NAMES = Names(("x", "y", "phi", "theta"), ("R", "L"))
 # (name in the address, title) of the pages in web/manual; the first page are the six screens.
 PAGES = (("mathematics", "The mathematics"), ("constraints", "Constraints"), ("calls", "Calls for programs"))
 _FORMULA = re.compile(r"<p>\$(.+?)\$</p>|\$(.+?)\$")
-CITATION = f"""@software{{inverse_service,
-  title   = {{inverse-service: the inverse problem of the calculus of variations, decided and certified}},
-  author  = {{{{The inverse-service authors}}}},
-  version = {{{__version__}}},
-  note    = {{MIT license}}
-}}"""
-PAPER = """@article{mestdag_bloch_fernandez_2009,
-  title  = {Hamiltonization and geometric integration of nonholonomic mechanical systems},
-  author = {Mestdag, Tom and Bloch, Anthony M. and Fernandez, Oscar E.},
-  year   = {2009}
-}"""
 FIRST_SHOWN, MOST_SHOWN = 20, 200
 REFERENCE = re.compile(
     r"(?:arXiv:\s*|(?<=, ))(?P<arxiv>\d{4}\.\d{4,5})|doi:\s*(?P<doi>10\.\d{4,}/[^\s,;]+[^\s,;.])"
@@ -48,30 +37,9 @@ REFERENCE = re.compile(
     r"|github\.com/(?P<github>[\w./-]+)",
     re.I,
 )
-REFERRED = {
-    "arxiv": "https://arxiv.org/abs/{}",
-    "doi": "https://doi.org/{}",
-    "stack": "https://math.stackexchange.com/questions/{}",
-    "flow": "https://mathoverflow.net/questions/{}",
-    "github": "https://github.com/{}",
-}
-# What the name of a system says of its body, as bodies.html draws it; the first that fits.
-BODIES = (
-    ("double-pendulum", "double-pendulum"), ("elastic-pendulum", "elastic-pendulum"), ("cart", "cart-pendulum"),
-    ("pendula", "two-pendula"), ("pendulum", "pendulum"), ("kepler", "orbit"), ("poynting", "orbit"), ("hill", "orbit"),
-    ("masses", "masses"), ("two-body", "masses"), ("chain", "masses"), ("toda", "masses"), ("disk", "disk"),
-    ("inclined-knife-edge", "inclined-knife-edge"), ("knife-edge-inclined", "inclined-knife-edge"),
-    ("knife-edge", "knife-edge"), ("sleigh", "knife-edge"), ("robot", "robot"), ("carriage", "carriage"),
-    ("nonholonomic-particle", "particle"), ("magnetic", "charge"), ("charged", "charge"), ("sphere", "sphere"),
-    ("ballistics", "projectile"), ("quadrotor", "projectile"), ("drag-2d", "projectile"), ("drag", "drag"),
-    ("oscillator", "spring"), ("sho", "spring"), ("duffing", "spring"), ("van-der-pol", "spring"),
-)  # fmt: skip
-PICTURES = (
-    "sho", "duffing", "van-der-pol", "damped-pendulum", "double-pendulum", "damped-double-pendulum", "elastic-pendulum",
-    "pendulum-on-viscous-cart", "kepler-polar", "magnetic-field-b-x", "damped-henon-heiles", "sphere-geodesics",
-    "vertically-rolling-disk", "tilting-disk", "knife-edge", "inclined-knife-edge", "nonholonomic-particle",
-    "mobile-robot", "two-wheeled-carriage", "wind-drag-position-dependent", "poynting-robertson",
-)  # fmt: skip
+REFERRED: dict[str, str] = words.TABLES["references"]
+BODIES: list[tuple[str, str]] = words.TABLES["bodies"]
+PICTURES: list[str] = words.TABLES["pictures"]
 MOST_PICTURES = 20
 LONGEST_LINE = 120  # characters of the equations in a list
 
@@ -87,7 +55,7 @@ async def learn() -> HTMLResponse:
 @open_router.get("/about")
 async def about() -> HTMLResponse:
     """What this program does, whose method it extends, and how to cite both."""
-    return rendering.page("about.html", active="", version=__version__, citation=CITATION, paper=PAPER)
+    return rendering.page("about.html", active="", version=__version__)
 
 
 @open_router.get("/learn/{name}")

@@ -30,7 +30,7 @@ from inverse_service.kernels.machine_code import code_store
 from inverse_service.service.jobs import tasks
 from inverse_service.service.scenes import prices
 from inverse_service.web import clients
-from inverse_service.web.pages import typesetting
+from inverse_service.web.pages import typesetting, words
 from inverse_service.web.problems import Refusal
 
 TYPES = {"css": "text/css", "js": "text/javascript", "svg": "image/svg+xml", "png": "image/png", "woff2": "font/woff2"}
@@ -48,14 +48,7 @@ FOREVER = "public, max-age=31536000, immutable"
 THEMES = ("light", "dark")
 THEME_COOKIE = "theme"
 NAVIGATE = ("navigate", "")
-NAVIGATION = (
-    ("/", "Solve"),
-    ("/simulate", "Simulate"),
-    ("/atlas", "Atlas"),
-    ("/learn", "Learn"),
-    ("/teach", "Teach"),
-    ("/docs", "API"),
-)
+NAVIGATION: list[tuple[str, str]] = words.TABLES["navigation"]
 # Scripts and styles of our own files only; images of the figures are made on the page (blob:, data:).
 WORTH_COMPRESSING = 2_000
 OK, NOT_MODIFIED = 200, 304

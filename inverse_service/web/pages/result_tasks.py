@@ -20,7 +20,7 @@ from inverse_service.decision.solutions import SolveOptions
 from inverse_service.service.documents import growing, latex_page, plain_data, text_page
 from inverse_service.service.figures import views
 from inverse_service.service.jobs import model, opening, tasks
-from inverse_service.web.pages import forms, preview, rendering, sheets, simulations
+from inverse_service.web.pages import forms, preview, rendering, sheets, simulations, words
 
 T = TypeVar("T")
 OFFER_TERMS = "Offer terms that L may contain, in \u201cAsk in detail\u201d: for example {}."
@@ -28,15 +28,7 @@ ONE_QUESTION = "Ask one question instead of two, in \u201cAsk in detail\u201d: L
 # Of a time limit; the remaining time is for the work after the search.
 MUCH_OF = 0.8
 LONG_RUN = "Run the system on your own computer: `inverse-service solve --time-limit 3600 system.json`"
-# The texts to take along: label and ending of the file, the most wanted first.
-EXPORTS = {
-    "sympy": ("SymPy", "py"), "julia": ("Julia", "jl"), "matlab": ("MATLAB", "m"), "c": ("C", "c"),
-    "latex": ("LaTeX", "tex"), "python": ("Python", "py"), "jax": ("JAX", "py"),
-    "modelingtoolkit": ("ModelingToolkit", "jl"), "octave": ("Octave", "m"), "mathematica": ("Mathematica", "wl"),
-    "maple": ("Maple", "mpl"), "maxima": ("Maxima", "mac"), "cpp": ("C++", "cpp"),
-    "fortran": ("Fortran", "f90"), "rust": ("Rust", "rs"), "javascript": ("JavaScript", "js"),
-    "client": ("Python client", "py"), "curl": ("curl", "sh"), "embed": ("HTML to embed", "html"),
-}  # fmt: skip
+EXPORTS: dict[str, tuple[str, str]] = words.TABLES["exports"]
 GLANCE = 3.0  # s of processor time; no one who is still typing waits longer
 
 

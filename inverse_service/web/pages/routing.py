@@ -7,6 +7,7 @@ from fastapi import APIRouter, Depends
 from starlette.requests import Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
+from inverse_service.service.documents import answers
 from inverse_service.web import clients
 from inverse_service.web.engine import Engine
 from inverse_service.web.pages import exercises, library, rendering, results, simulate, solve
@@ -14,11 +15,7 @@ from inverse_service.web.problems import Refusal
 
 router = APIRouter()
 account = APIRouter()
-TITLES = {
-    401: "A key is needed", 403: "Forbidden", 404: "Nothing here", 405: "Method not allowed",
-    413: "Request too large", 422: "There is a problem with your input", 429: "Too many requests",
-    503: "The service is busy",
-}  # fmt: skip
+TITLES = answers.TITLES | {403: "Forbidden", 404: "Nothing here", 422: "There is a problem with your input"}
 REDIRECTS = range(300, 400)
 A_YEAR = 365 * 86_400
 

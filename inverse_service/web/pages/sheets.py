@@ -16,7 +16,7 @@ from inverse_service.reading import reader
 from inverse_service.reading.names import Names
 from inverse_service.service.documents import canonical, growing, text_page
 from inverse_service.service.scenes import prices
-from inverse_service.web.pages import forms, typesetting
+from inverse_service.web.pages import forms, typesetting, words
 
 ARROW = "\u2192"
 YES, NO, OPEN, DIFFERS = "yes", "no", "open", "differs"
@@ -28,55 +28,18 @@ MAX_STEPS = 200  # on a page; the whole is in the JSON
 LONGEST_MATRICES = 6_000  # characters of all matrices on a page: typeset they weigh 25 times that
 TENSORS = (("Phi", "<mi>Φ</mi>"), ("nabla_Phi", "<mi>∇</mi><mi>Φ</mi>"))
 CHECKED = "An independent checker verified the proof."
-DOUBTED = {
-    "incomplete": "The independent checker could not follow the proof.",
-    "invalid": "The independent checker rejects the proof. This is an error of this program.",
-    "old": "This proof comes from an older version and is no longer sufficient. Solve the system again.",
-}
+DOUBTED = words.TABLES["doubted"]
 QUESTIONS = frozenset(("existence", "existence_with_time"))
 SOUGHT = (("L", "lagrangian"), ("H", "hamiltonian"))
-PARTS = {
-    "existence": "whether a Lagrangian without the time exists",
-    "existence_with_time": "whether a Lagrangian with the time exists",
-    "lagrangian": "L",
-    "lagrangian_with_time": "L with the time",
-    "hamiltonian": "H",
-    "any_associated": "an answer for all associated systems",
-    "reduced": "the reduced system",
-    "certificate": "the proof",
-    "explanation": "the proof",
-    "clock": "another clock",
-    "kinds": "other kinds of Lagrangian",
-}
+PARTS: dict[str, str] = words.TABLES["parts"]
 MOST_SOUGHT = 3
-INSTEAD = {
-    "rayleigh": "With friction D",
-    "parameters": "Where",
-    "reduced": "For the reduced system",
-    "time": "With the time",
-}
-KIND_NAMES = {
-    "natural": "Kinetic minus potential energy",
-    "riemannian": "Geodesics of a metric",
-    "finsler": "Homogeneous of degree 2 in the velocities",
-    "positive_definite": "With a positive definite Hessian",
-    "rayleigh": "Natural, with Rayleigh friction",
-}
+INSTEAD = words.TABLES["instead"]
+KIND_NAMES: dict[str, str] = words.TABLES["kinds"]
 SEEKING = "Being decided"
 WORDS = {YES: "Yes", NO: "No", OPEN: "Undetermined"}
 OF_OTHERS = ("Reduced", "Another clock")
-HINTS = {
-    "first": "in the independent velocities",
-    "second": "in the dependent velocities",
-    "third": "velocities of constant length",
-}
-OWN = {
-    "valid": (YES, "Yes. The Euler-Lagrange equations of this L are these equations."),
-    "invalid": (NO, "Not yet. This L gives different equations."),
-    "differs": (NO, "Only in part. This L gives these equations in some regions, and others elsewhere."),
-    "incomplete": (OPEN, "The program could not decide."),
-    "unread": (OPEN, "This L could not be understood."),
-}
+HINTS: dict[str, str] = words.TABLES["hints"]
+OWN: dict[str, tuple[str, str]] = words.TABLES["own"]
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,7 +18,7 @@ from starlette.responses import HTMLResponse, JSONResponse, RedirectResponse, Re
 from inverse_service import catalogue, errors
 from inverse_service.reading import reader
 from inverse_service.service.documents import text_page
-from inverse_service.web.pages import forms, library, rendering, result_tasks, results, solve, typesetting
+from inverse_service.web.pages import forms, library, rendering, result_tasks, results, solve, typesetting, words
 from inverse_service.web.pages.forms import Form
 from inverse_service.web.pages.preview import preview_task, price_task
 from inverse_service.web.problems import Refusal, known
@@ -39,28 +39,9 @@ FIELDS = (
     ("/initial/positions/", "position."),
     ("/initial/velocities/", "velocity."),
 )
-METHODS = (
-    ("variational", "Variational", "discrete Euler-Lagrange equations of a free Lagrangian", True),
-    ("nonholonomic", "Nonholonomic", "discrete constraint forces, the constraint holds exactly", True),
-    ("modified", "Modified", "variational in the base, discrete constraints for the other coordinates", True),
-    ("adaptive", "Adaptive", "order 8 or 12, for a tolerance", False),
-    ("runge-kutta", "Runge\u2013Kutta", "order 4, for comparison", False),
-    ("reference", "Reference", "to high accuracy, step by step", False),
-    ("exact", "Exact", "the formula, where there is one", False),
-)
-OBSERVABLES = (
-    ("trajectory", "Trajectory", "the motion itself"),
-    ("energy", "Energy", "its error"),
-    ("constraints", "Constraints", "how well they hold"),
-    ("error", "Error", "against the true motion"),
-    ("matching_circle", "Matching circle", "radius and drift of the center"),
-    ("cost", "Cost", "what each effect and quantity adds to a step"),
-)
-EFFECTS = (
-    ("constraints", "without them the motion is free"),
-    ("potential", "terms of L without velocities"),
-    ("magnetic", "terms of L linear in the velocities"),
-)
+METHODS: list[tuple[str, str, str, bool]] = words.TABLES["methods"]
+OBSERVABLES: list[tuple[str, str, str]] = words.TABLES["observables"]
+EFFECTS: list[tuple[str, str]] = words.TABLES["effects"]
 TICKED_METHODS = ("variational", "nonholonomic", "exact")
 TICKED_OBSERVABLES = ("trajectory", "energy", "constraints")
 # Of use with constraints only.

@@ -15,31 +15,16 @@ from api_schemas import base
 from inverse_service import catalogue, errors
 from inverse_service.web import clients
 from inverse_service.web.engine import LONG_DEADLINE, QUICK_DEADLINE, Engine
-from inverse_service.web.pages import forms, rendering, result_tasks, results, sheets
+from inverse_service.web.pages import forms, rendering, result_tasks, results, sheets, words
 from inverse_service.web.problems import Refusal
 
 router = APIRouter()
-# (title, hint, drawing, document) of the tiles.
-EXAMPLES: tuple[tuple[str, str, str, dict[str, Any]], ...] = (
-    ("Oscillator", "with damping", "spring", {"equations": "m x'' + c x' + k x = 0"}),
-    ("Pendulum", "large swings", "pendulum", {"equations": "theta'' = -(g/l)*sin(theta)"}),
-    ("Kepler", "planet and sun", "orbit", {"equations": "r'' = r*theta'^2 - k/r^2\ntheta'' = -2*r'*theta'/r"}),
-    ("Charge", "in a magnetic field", "charge", {"equations": "x'' = B*y'\ny'' = -B*x'"}),
-    (
-        "Rolling disk", "with constraints", "disk",
-        {
-            "lagrangian": "M/2*(x'^2 + y'^2) + I/2*theta'^2 + J/2*phi'^2",
-            "constraints": ["x' - R*cos(phi)*theta'", "y' - R*sin(phi)*theta'"],
-            "coordinates": ["phi", "theta", "x", "y"],
-        },
-    ),
-    ("Drag", "with speed squared", "drag", {"equations": "x'' = -c*x'^2"}),
-)  # fmt: skip
+EXAMPLES: list[dict[str, Any]] = words.TABLES["examples"]
 FROM_LAGRANGIAN = "m/2*(x'^2 + y'^2) - k/2*(x^2 + y^2)"
 FIRST_NONHOLONOMIC = "nonholonomic-particle"
 AT_ONCE = 0.1  # s
 SOON = 0.3  # s that a page waits for the answer next to its form
-START = str(EXAMPLES[0][3]["equations"])
+START: str = EXAMPLES[0]["document"]["equations"]
 MOST_GLANCES = 64  # answers of links and examples that are kept to be shown at once
 _GLANCES: dict[str, Any] = {}
 _ASKED: dict[str, asyncio.Future[None]] = {}
@@ -207,12 +192,8 @@ def _same(one: Mapping[str, str], other: Mapping[str, str]) -> bool:
 @lru_cache(maxsize=1)
 def tiles() -> list[dict[str, Any]]:
     """The examples, each with the link that fills the form with it."""
-    found = []
-    for label, hint, body, document in EXAMPLES:
-        fields = forms.fields_from(document)
-        address = forms.link_of_fields(fields)
-        found.append({"label": label, "hint": hint, "body": body, "address": address, "fields": fields})
-    return found
+    filled = [{**one, "fields": forms.fields_from(one["document"])} for one in EXAMPLES]
+    return [{**one, "address": forms.link_of_fields(one["fields"])} for one in filled]
 
 
 def example_document(name: str) -> dict[str, Any]:
