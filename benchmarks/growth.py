@@ -9,11 +9,8 @@ from dataclasses import dataclass
 from benchmarks.decision_benchmark import read
 from benchmarks.families import GROWING, Document
 from benchmarks.isolated import measure
-from inverse_service.decision.deciding import Analysis, analyze, equations, local_system
-from inverse_service.expressions.tree import Symbol, Velocity
-from inverse_service.field.point import Expansion
-from inverse_service.field.tower import draw_point
-from inverse_service.linear_pde.equations import LocalEquations, advance, start
+from inverse_service.decision.deciding import HelmholtzAt, analyze
+from inverse_service.linear_pde.equations import advance, start
 
 Report = Callable[[str], None]
 
@@ -68,7 +65,7 @@ def against_order(document: Document, highest: int, limit: float, report: Report
     for order in range(highest + 1):
         report(f"{document['name']}, order {order}")
         began = time.perf_counter()
-        prolongation = start(_local(analysis, order))
+        prolongation = start(HelmholtzAt(analysis, with_time=False).at(1, order))
         for _ in range(order + 1):
             advance(prolongation)
         seconds = time.perf_counter() - began
@@ -77,13 +74,3 @@ def against_order(document: Document, highest: int, limit: float, report: Report
         if seconds > limit:
             break
     return rows
-
-
-def _local(analysis: Analysis, order: int) -> LocalEquations:
-    """The series that this order needs, at the point of seed 1."""
-    velocities = [Velocity(name) for name in analysis.system.coordinates]
-    variables = [Symbol(name) for name in analysis.system.coordinates] + velocities
-    expansion = Expansion(draw_point(analysis.tower, 1), variables, order + 2)
-    speeds = [expansion.expand(v) for v in velocities]
-    forces = [expansion.expand(f) for f in analysis.accelerations]
-    return equations(local_system(expansion.ring, speeds, forces))

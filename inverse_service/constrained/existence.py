@@ -122,8 +122,6 @@ def decide_motion(
         if refused is not None:
             return refused
         return settle(ConstrainedAt(analyzed, with_time), seed, limits, progress)
-    except TooLarge:
-        return Finding(None, 0, "its series are too large")
     except IrreducibleAtoms as problem:
         return Finding(None, 0, problem.detail)
 
@@ -146,7 +144,7 @@ def refused_along_a_solution(
     try:
         points = [draw_point(analyzed.tower, drawn) for drawn in seeds]
         lasts = {last_bracket(analyzed, point, deadline) for point in points}
-    except SingularPoint:
+    except (SingularPoint, TooLarge):
         return None
     last = lasts.pop()
     if lasts or last is None:

@@ -24,7 +24,7 @@ from inverse_service.explanation import positive, wording
 from inverse_service.expressions import notation, tree as ex
 from inverse_service.field import real_point, reduction, tower
 from inverse_service.field.exact_field import TooLarge
-from inverse_service.field.point import Expansion, SingularPoint, gradient
+from inverse_service.field.point import SingularPoint, gradient
 from inverse_service.linear_pde.involution import Limits
 from inverse_service.mechanics import constrained_motion, writing
 from inverse_service.mechanics.legendre.transform import LegendreTransform, legendre
@@ -100,7 +100,7 @@ def closed_subsystem(
         if table is None:
             return None
         point = tower.draw_point(reduction.reduce_atoms(trees, everything, table), 1)
-        rows = [gradient(series) for series in map(Expansion(point, variables, 1).expand, trees)]
+        rows = [gradient(tree, variables, point) for tree in trees]
     except (errors.IrreducibleAtoms, SingularPoint, ValueError):
         return None
     own = [[int(k == place) for k in range(len(variables))] for place in range(1 + len(names))]

@@ -410,7 +410,7 @@ def _series(analysis: deciding.Analysis, decision: deciding.Decision, order: int
     spare = decision.order - 1 - decision.degree
     try:
         return {"series": regular_series(analysis, decision.with_time, fitting[-1], seed, spare)}
-    except (ValueError, errors.IrreducibleAtoms):
+    except (ValueError, errors.IrreducibleAtoms, exact_field.TooLarge):
         return {}
 
 

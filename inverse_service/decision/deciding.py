@@ -1,7 +1,6 @@
 """Decide a second-order system by the Helmholtz conditions, with the answer in the terms of mechanics.
 
-`Analysis` is a system with its atoms reduced to independent generators: the input of every later stage. X, N and
-Phi about a point come from sparse series where a system is too large for compiled ones (`local_system`).
+`Analysis` is a system with its atoms reduced to independent generators: the input of every later stage.
 
 `regular_series` makes existence concrete: the Taylor coefficients of one regular Lagrangian at a point.
 
@@ -24,13 +23,14 @@ from fractions import Fraction
 from math import comb, isqrt
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
+import numpy as np
+
 from inverse_service import bounds, deadline, errors
 from inverse_service.decision import solutions
 from inverse_service.decision.kinds import helmholtz
 from inverse_service.expressions import printing, tree as ex
-from inverse_service.field import modular, point as ps, reduction
+from inverse_service.field import dense_series as machine, modular, point as ps, reduction
 from inverse_service.field.echelon import Echelon
-from inverse_service.field.exact_field import TooLarge
 from inverse_service.field.real_point import RealTable, find_real_point
 from inverse_service.field.tower import Tower, draw_point, to_kernels
 from inverse_service.linear_pde import equations as pde, involution
@@ -75,14 +75,6 @@ class Analysis:
     constrained: Mapping[ex.Velocity, ex.Expression] = field(default_factory=dict)
     towers: list[KnownTower] = field(default_factory=list, compare=False, repr=False)
     proofs: dict[str, tuple[dict[str, Any], CheckResult]] = field(default_factory=dict, compare=False, repr=False)
-
-    def series(
-        self, point: ps.Point, with_time: bool, order: int
-    ) -> tuple[ps.SeriesRing, list[ps.Series], list[ps.Series]]:
-        """The ring of series in (t?, q, v) about the point, and v and f in it; SingularPoint where f has none."""
-        expansion = ps.Expansion(point, moving_variables(self.system, with_time), order)
-        velocities = [expansion.expand(ex.Velocity(name)) for name in self.system.coordinates]
-        return expansion.ring, velocities, [expansion.expand(f) for f in self.accelerations]
 
 
 def variables_of(system: second_order_system.SecondOrderSystem) -> tuple[ps.Variable, ...]:
@@ -134,107 +126,25 @@ def is_irrational(node: ex.Expression) -> bool:
     return isinstance(node, ex.Apply | ex.Arbitrary)
 
 
-@dataclass(frozen=True, slots=True)
-class LocalScalar:
-    """A truncated series; sums and products are known to the lower of the two orders."""
-
-    ring: ps.SeriesRing
-    series: ps.Series
-
-    def _common(self, other: LocalScalar) -> tuple[ps.Series, ps.Series]:
-        length = min(len(self.series), len(other.series))
-        return self.series[:length], other.series[:length]
-
-    def __add__(self, other: LocalScalar) -> LocalScalar:
-        return LocalScalar(self.ring, ps.add(*self._common(other)))
-
-    def __sub__(self, other: LocalScalar) -> LocalScalar:
-        return LocalScalar(self.ring, ps.subtract(*self._common(other)))
-
-    def __mul__(self, other: LocalScalar) -> LocalScalar:
-        return LocalScalar(self.ring, ps.multiply(*self._common(other)))
-
-    def scaled(self, factor: int | Fraction) -> LocalScalar:
-        residue = factor.numerator * self.ring.invert_number(factor.denominator) % self.ring.prime
-        return self if self.is_zero else LocalScalar(self.ring, ps.scale(self.series, residue))
-
-    @property
-    def is_zero(self) -> bool:
-        # A truncated zero that is skipped in a sum would count as zero in all higher orders. But each sum of
-        # `mechanics.conditions` contains a derivative along the motion, whose known order is the lowest.
-        return not any(self.series)
-
-    @property
-    def value(self) -> int:
-        """The constant term: the value at the point."""
-        return ps.value_at_point(self.series)
-
-
-def field_of(ring: ps.SeriesRing, velocities: list[ps.Series], forces: list[ps.Series]) -> tuple[ps.Series, ...]:
-    """X = (1?, v, f)."""
-    return (*[ring.constant(1)] * (ring.size - 2 * len(forces)), *velocities, *forces)
-
-
 def motion_of_series(
-    ring: ps.SeriesRing, velocities: list[ps.Series], forces: list[ps.Series]
-) -> conditions.Motion[LocalScalar]:
-    """The motion from the series of v and f in the displacements (t?, q, v); t is the one before q, if any."""
-    n = len(forces)
-    offset = ring.size - 2 * n
-    forward = field_of(ring, velocities, forces)
+    analysis: Analysis, with_time: bool, order: int
+) -> tuple[machine.SeriesProgram, conditions.Motion[machine.Series]]:
+    """The motion about a point, as a program for series to this order in the displacements (t?, q, v)."""
+    variables, names = moving_variables(analysis.system, with_time), analysis.system.coordinates
+    program = machine.SeriesProgram(variables, order)
+    rates = [*[ex.ONE] * with_time, *map(ex.Velocity, names), *analysis.accelerations]
+    field = list(enumerate(machine.series_of(program, rate) for rate in rates))
 
-    def partial(index: int) -> Callable[[LocalScalar], LocalScalar]:
-        return lambda scalar: LocalScalar(ring, ps.derivative(scalar.series, index))
+    def partial(place: int) -> Callable[[machine.Series], machine.Series]:
+        return lambda series: series.derivative(place)
 
-    partials = [partial(index) for index in range(ring.size)]
-    return conditions.Motion(
-        tuple(LocalScalar(ring, force) for force in forces),
-        tuple(partials[offset : offset + n]),
-        tuple(partials[offset + n :]),
-        lambda scalar: LocalScalar(ring, ps.along(enumerate(forward), scalar.series)),
-        LocalScalar(ring, ring.constant(0)),
+    places, n = [program.places[x] for x in variables[with_time:]], len(names)
+    partials = tuple(map(partial, places))
+    forces = tuple(force for _, force in field[-n:])
+    motion = conditions.Motion(
+        forces, partials[:n], partials[n:], lambda series: machine.along(field, series), machine.Series(program)
     )
-
-
-@dataclass(frozen=True, slots=True)
-class LocalSystem:
-    """Series of X, N and Phi about the point."""
-
-    ring: ps.SeriesRing
-    field: tuple[ps.Series, ...]
-    connection: tuple[tuple[ps.Series, ...], ...]
-    endomorphism: tuple[tuple[ps.Series, ...], ...]
-
-    @property
-    def dimension(self) -> int:
-        return len(self.connection)
-
-
-def local_system(ring: ps.SeriesRing, velocities: list[ps.Series], forces: list[ps.Series]) -> LocalSystem:
-    """X, N, Phi from the series of v and f of order D in (t?, q, v); Phi comes out to order D - 2."""
-    motion = motion_of_series(ring, velocities, forces)
-    tensors = (conditions.connection(motion), conditions.jacobi_endomorphism(motion))
-    N, Phi = (tuple(tuple(entry.series for entry in row) for row in tensor) for tensor in tensors)
-    return LocalSystem(ring, field_of(ring, velocities, forces), N, Phi)
-
-
-def equations(local: LocalSystem) -> pde.LocalEquations:
-    """H2 for i <= j, then H3 for i < j, with what prolongation to the order of Phi needs of the series."""
-    order = local.ring.order - 2
-    blocks = tuple(_equations(local, kind, k, order - k) for kind, k in helmholtz.KINDS)
-    return pde.LocalEquations(helmholtz.unknowns_of(local.dimension, local.ring.size), local.ring.prime, blocks)
-
-
-def _equations(local: LocalSystem, kind: helmholtz.Kind, order: int, degree: int) -> pde.Equations:
-    """The rows of this kind are wanted up to this degree."""
-    n, size = local.dimension, local.ring.size
-    matrix, terms = local.connection if kind == "H2" else local.endomorphism, []
-    for s in helmholtz.summands(kind, n, size):
-        series = matrix[s.row][s.column] if s.derivative == pde.NO_DERIVATIVE else local.field[s.row]
-        if any(series):
-            terms.append(pde.Term(s.equation, s.entry, s.derivative, series, s.negative))
-    pairs = helmholtz.pairs_of(kind, n)
-    return pde.Equations(kind, pairs, order, pde.term_table(helmholtz.unknowns_of(n, size), terms, len(pairs), degree))
+    return program, motion
 
 
 @dataclass(frozen=True, slots=True)
@@ -259,49 +169,54 @@ class Decision:
 
 
 class HelmholtzAt:
-    """The card of Helmholtz for one system, at random points."""
+    """The card of Helmholtz for one system, at random points or those that `draw` gives."""
 
     others: tuple[involution.Matrix, ...] = ()
 
-    __slots__ = ("_among", "_analysis", "_series", "_variables", "_velocities", "_with_time", "matrix", "unknowns")
+    __slots__ = ("_added", "_among", "_n", "_series", "matrix", "unknowns")
 
-    def __init__(self, analysis: Analysis, with_time: bool, among: helmholtz.Among = ()) -> None:
-        names, self._among = analysis.system.coordinates, among
-        self._analysis, self._with_time = analysis, with_time
-        self._velocities = [ex.Velocity(name) for name in names]
-        self._variables: list[ps.Variable] = [*[ex.TIME] * with_time, *map(ex.Symbol, names), *self._velocities]
-        n, size = len(names), len(self._variables)
+    def __init__(
+        self,
+        analysis: Analysis,
+        with_time: bool,
+        among: helmholtz.Among = (),
+        draw: Callable[[int], ps.Point] | None = None,
+    ) -> None:
+        velocities = [ex.Velocity(name) for name in analysis.system.coordinates]
+        variables = moving_variables(analysis.system, with_time)
+        n, size, self._among = len(velocities), len(variables), among
+        self._n, self._added = n, tuple[helmholtz.Added, ...]()
         self.unknowns: pde.Unknowns = helmholtz.unknowns_of(n, size)
         self.matrix: involution.Matrix = helmholtz.matrix_of(n, size)
-        forces = analysis.accelerations
-        self._series = involution.Coefficients(
-            lambda order: helmholtz.written(self._variables, self._velocities, forces, order),
-            lambda seed: draw_point(analysis.tower, seed),
-        )
+
+        def write(order: int) -> tuple[machine.SeriesProgram, involution.Integers]:
+            program, instructions = helmholtz.written(variables, velocities, analysis.accelerations, order)
+            if among:
+                first = len(program.instructions)
+                self._added = helmholtz.added_equations(among, program, n)
+                further = np.array(program.instructions[first:], np.int64).ravel()
+                instructions = np.concatenate([instructions, further])
+            return program, instructions
+
+        self._series = involution.Coefficients(write, draw or (lambda seed: draw_point(analysis.tower, seed)))
 
     def at(self, seed: int, order: int) -> pde.LocalEquations:
         """With the equations of the kind of L that is asked for."""
-        found = self._of_all(seed, order)
+        prime, registers = self._series.at(seed, order)
+        found = helmholtz.compiled_equations(self._n, self.unknowns.size, prime, order, registers)
         if not self._among:
             return found
-        expansion = ps.Expansion(draw_point(self._analysis.tower, seed), self._variables, order + 2)
-        more = helmholtz.added_equations(self._among, expansion, self._analysis.accelerations, self.unknowns)
+        more = [
+            pde.Equations(
+                one.kind,
+                one.pairs,
+                one.order,
+                pde.term_table(self.unknowns, one.terms, len(one.pairs), registers, order),
+            )
+            for one in self._added
+        ]
         own = () if helmholtz.ANY_FRICTION in self._among else found.equations
         return replace(found, equations=(*own, *more))
-
-    def _of_all(self, seed: int, order: int) -> pde.LocalEquations:
-        """By compiled series; by sparse ones where those would be too large."""
-        try:
-            prime, registers = self._series.at(seed, order)
-        except TooLarge:
-            return equations(self.expanded(seed, order))
-        size = len(self._variables)
-        return helmholtz.compiled_equations(len(self._velocities), size, prime, order, registers)
-
-    def expanded(self, seed: int, order: int) -> LocalSystem:
-        """X, N, Phi by sparse series at the point of this seed, for prolongation to this order."""
-        point = draw_point(self._analysis.tower, seed)
-        return local_system(*self._analysis.series(point, self._with_time, order + 2))
 
 
 def decide(
@@ -436,8 +351,7 @@ def regular_at(
 
 def prolonged(analysis: Analysis, point: ps.Point, with_time: bool, order: int) -> pde.Prolongation:
     """All rows up to the order at the point; raises SingularPoint where f has no value there."""
-    local = local_system(*analysis.series(point, with_time, order + 2))
-    prolongation = pde.start(equations(local))
+    prolongation = pde.start(HelmholtzAt(analysis, with_time, draw=lambda _: point).at(0, order))
     for _ in range(order + 1):
         pde.advance(prolongation)
     return prolongation

@@ -25,6 +25,8 @@ exist. (H1) and (H2) give the derivatives of u:
 mixed derivatives agree, and tau = 0 where L may not contain t.
 """
 
+from __future__ import annotations
+
 import itertools
 import random
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -32,12 +34,13 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, cast
 
+import numpy as np
 from flint import nmod_mat
 
 from inverse_service import bounds, errors
 from inverse_service.decision import deciding
 from inverse_service.expressions import notation, tree as ex
-from inverse_service.field import exact_field, matrices, null_vectors, tower
+from inverse_service.field import dense_series as machine, exact_field, matrices, null_vectors, tower
 from inverse_service.field.point import Point, SingularPoint, evaluate
 from inverse_service.mechanics.conditions import (
     Motion,
@@ -63,19 +66,6 @@ Unknown = tuple[int, int]
 Linear = Mapping[Unknown, exact_field.Quotient]
 
 Matrix = tuple[tuple[exact_field.Quotient, ...], ...]
-
-
-def local_motion(analysis: deciding.Analysis, seed: int, order: int) -> Motion[deciding.LocalScalar]:
-    """The motion about the random point of this seed, f known to `order`.
-
-    A point where a denominator vanishes is passed over for the next one. Raises IrreducibleAtoms
-    where no point was found.
-    """
-    for attempt in range(bounds.ATTEMPTS):
-        point = tower.draw_point(analysis.tower, seed * bounds.ATTEMPTS + attempt)
-        with suppress(SingularPoint):
-            return deciding.motion_of_series(*analysis.series(point, analysis.system.depends_on_time, order))
-    raise errors.IrreducibleAtoms("the formulas vanish or have no value at every random point tried")
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,18 +168,55 @@ class PointwiseConditions:
         return null_vectors.null_rows([self.rows[name] for name in names], len(unknowns(self.size)), self.prime)
 
 
-def tensors_at(motion: Motion[deciding.LocalScalar], depth: int) -> PointwiseConditions:
-    """The equations of the hierarchy to `depth` at the point of the series."""
-    n, prime = motion.size, motion.zero.ring.prime
-    position = {pair: column for column, pair in enumerate(unknowns(n))}
-    rows: dict[EquationName, Row] = {}
-    for condition, tensor in tensors_to_depth(motion, depth).items():
-        for name, terms in equation_terms(condition, tensor, n).items():
+@dataclass(frozen=True, slots=True)
+class LocalTensors:
+    """The tensors of the hierarchy to a depth and the terms of its equations, as series about a point."""
+
+    size: int
+    program: machine.SeriesProgram
+    tensors: Mapping[ConditionName, Tensor11[machine.Series] | Tensor12[machine.Series]]
+    equations: Mapping[EquationName, list[tuple[tuple[int, int], int, machine.Series]]]
+
+    @classmethod
+    def of(cls, analysis: deciding.Analysis, depth: int) -> LocalTensors:
+        """Raises TooLarge where the series would take too much memory."""
+        program, motion = deciding.motion_of_series(analysis, analysis.system.depends_on_time, depth + 2)
+        tensors = tensors_to_depth(motion, depth)
+        found: dict[EquationName, list[tuple[tuple[int, int], int, machine.Series]]] = {}
+        for condition, tensor in tensors.items():
+            found |= equation_terms(condition, tensor, motion.size)
+        for terms in found.values():
+            for _, _, series in terms:
+                _ = series.register  # written before the first run
+        return cls(motion.size, program, tensors, found)
+
+    def at(self, point: Point) -> tuple[machine.Registers, PointwiseConditions]:
+        """All series about the point, and the equations there; SingularPoint where a denominator vanishes."""
+        instructions = np.array(self.program.instructions, np.int64).ravel()
+        constants = machine.constants_at(self.program, point)
+        registers = machine.run(self.program, instructions, constants, point.prime, self.program.order)
+        position = {pair: column for column, pair in enumerate(unknowns(self.size))}
+        rows: dict[EquationName, Row] = {}
+        for name, terms in self.equations.items():
             row = [0] * len(position)
-            for pair, sign, coefficient in terms:
-                row[position[pair]] += sign * coefficient.value
-            rows[name] = tuple(entry % prime for entry in row)
-    return PointwiseConditions(n, prime, rows)
+            for pair, sign, series in terms:
+                row[position[pair]] += sign * registers.value(series.register)
+            rows[name] = tuple(entry % point.prime for entry in row)
+        return registers, PointwiseConditions(self.size, point.prime, rows)
+
+
+def tensors_at(analysis: deciding.Analysis, seed: int, depth: int) -> PointwiseConditions:
+    """The equations of the hierarchy to `depth` at the random point of this seed.
+
+    A point where a denominator vanishes is passed over for the next one. Raises IrreducibleAtoms
+    where no point was found, and TooLarge where the series would take too much memory.
+    """
+    tensors = LocalTensors.of(analysis, depth)
+    for attempt in range(bounds.ATTEMPTS):
+        point = tower.draw_point(analysis.tower, seed * bounds.ATTEMPTS + attempt)
+        with suppress(SingularPoint):
+            return tensors.at(point)[1]
+    raise errors.IrreducibleAtoms("the formulas vanish or have no value at every random point tried")
 
 
 def all_singular(basis: Sequence[Sequence[int]], n: int, prime: int) -> bool:
@@ -215,21 +242,21 @@ def smallest_sufficient_set(analysis: deciding.Analysis, seed: int = 1, depth: i
     None where the hierarchy to `depth` does not suffice: then differential consequences decide.
     Raises IrreducibleAtoms where no generic point is found.
     """
-    for level in range(depth + 1):
-        first = tensors_at(local_motion(analysis, seed, level + 2), level)
-        chosen = _sufficient(first)
-        if chosen is None:
-            continue
-        second = tensors_at(local_motion(analysis, seed + 1, level + 2), level)
-        if all_singular(second.kernel(chosen.equations), second.size, second.prime):
-            return chosen
+    with suppress(exact_field.TooLarge):
+        for level in range(depth + 1):
+            chosen = _sufficient(tensors_at(analysis, seed, level))
+            if chosen is None:
+                continue
+            second = tensors_at(analysis, seed + 1, level)
+            if all_singular(second.kernel(chosen.equations), second.size, second.prime):
+                return chosen
     return None
 
 
 def unique_direction(analysis: deciding.Analysis, seed: int) -> SufficientSet | None:
     """Conditions, cheap ones first, that fix g at a generic point up to one factor; None where there are none."""
     for level in range(DEEPEST + 1):
-        table = tensors_at(local_motion(analysis, seed, level + 2), level)
+        table = tensors_at(analysis, seed, level)
         kept: list[EquationName] = []
         for name in sorted(table.rows, key=lambda item: item.condition.order):
             if len(table.kernel([*kept, name])) < len(table.kernel(kept)):

@@ -26,11 +26,12 @@ from typing import Any, cast
 
 from inverse_service import bounds, errors
 from inverse_service.deadline import now
-from inverse_service.decision.deciding import Analysis, LocalScalar, motion_of_series
+from inverse_service.decision.deciding import Analysis
 from inverse_service.decision.solutions import Step
 from inverse_service.explanation import hierarchy, wording
 from inverse_service.expressions import collecting, notation, printing, tree as ex
 from inverse_service.field import exact_field, matrices, modular, null_vectors, tower
+from inverse_service.field.dense_series import Series
 from inverse_service.field.point import Point, SingularPoint, Variable, evaluate, number_value, variables_in
 from inverse_service.mechanics.conditions import MotionInRing, Tensor11, Tensor12, motion_in_ring
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
@@ -128,7 +129,7 @@ def exact_rows(
     depth = max(condition.order for condition in chosen.conditions) - 2
     symbols = entry_symbols(analysis.system)
     exact = motion_in_ring(analysis.system, depth + 2 + further_orders, budget, tuple(symbols.values()))
-    table = hierarchy.tensors_at(hierarchy.local_motion(analysis, seed, depth + 2), depth)
+    table = hierarchy.tensors_at(analysis, seed, depth)
     tensors = hierarchy.tensors_to_depth(exact.motion, depth)
     return ExactRows(exact, symbols, tensors, exact_equations(exact, tensors, chosen.equations), table)
 
@@ -451,10 +452,11 @@ def numbers_at_a_point(analysis: Analysis, chosen: hierarchy.SufficientSet, dead
         return None
     size = len(analysis.system.coordinates)
     width = len(hierarchy.unknowns(size))
+    tensors = hierarchy.LocalTensors.of(analysis, max(condition.order for condition in chosen.conditions) - 2)
     for attempt in range(bounds.TRIES):
         if now() > deadline:
             break
-        values = _in_fractions(analysis, chosen, attempt)
+        values = _in_fractions(analysis, chosen, tensors, attempt)
         if values is None:
             continue
         rows = _rows(values, chosen, width).values()
@@ -468,22 +470,26 @@ def _rows(values: Values, chosen: hierarchy.SufficientSet, width: int) -> dict[h
     return {name: tuple(values[name, k] for k in range(width)) for name in chosen.equations}
 
 
-def _in_fractions(analysis: Analysis, chosen: hierarchy.SufficientSet, attempt: int) -> Values | None:
+def _in_fractions(
+    analysis: Analysis, chosen: hierarchy.SufficientSet, tensors: hierarchy.LocalTensors, attempt: int
+) -> Values | None:
     """Everything at the point of this number as fractions of small numbers, from one prime and confirmed by another."""
     prime, second = (modular.safe_prime(k, analysis.tower.residues) for k in (7_001, 7_002))
     found: dict[Any, Fraction] = {}
-    for key, residue in (_residues(analysis, chosen, attempt, prime) or {}).items():
+    for key, residue in (_residues(analysis, chosen, tensors, attempt, prime) or {}).items():
         value = modular.reconstruct(residue, prime, bounds.NUMBER)
         if value is None:
             return None
         found[key] = value
-    known = _residues(analysis, chosen, attempt, second) if found else None
+    known = _residues(analysis, chosen, tensors, attempt, second) if found else None
     if known is None or any((x.numerator - known.get(key, 0) * x.denominator) % second for key, x in found.items()):
         return None
     return found
 
 
-def _residues(analysis: Analysis, chosen: hierarchy.SufficientSet, attempt: int, prime: int) -> dict[Any, int] | None:
+def _residues(
+    analysis: Analysis, chosen: hierarchy.SufficientSet, tensors: hierarchy.LocalTensors, attempt: int, prime: int
+) -> dict[Any, int] | None:
     """Everything at the point number `attempt`, modulo the prime; None where f or its roots have no value there."""
     kind = PlainPoint if attempt % 2 else SmallPoint
     point = kind(prime, attempt // 2, dict(analysis.tower.real_signs))
@@ -494,7 +500,7 @@ def _residues(analysis: Analysis, chosen: hierarchy.SufficientSet, attempt: int,
             if modular.is_positive(evaluate(tree, point), prime) != (sign > 0):
                 return None
         found: dict[Any, int] = {atom: evaluate(atom, point) for atom in _atoms(analysis, chosen)}
-        return {**found, **_conditions(analysis, chosen, point), **point.variables}
+        return {**found, **_conditions(tensors, chosen, point), **point.variables}
     except (SingularPoint, ValueError, ZeroDivisionError, errors.IrreducibleAtoms):
         return None
 
@@ -503,16 +509,15 @@ def _atoms(analysis: Analysis, chosen: hierarchy.SufficientSet) -> list[ex.Expre
     return atoms_and_jets(analysis, max(condition.order for condition in chosen.conditions) - 1)
 
 
-def _conditions(analysis: Analysis, chosen: hierarchy.SufficientSet, point: Point) -> dict[object, int]:
+def _conditions(tensors: hierarchy.LocalTensors, chosen: hierarchy.SufficientSet, point: Point) -> dict[object, int]:
     """The tensors' components and the rows of the equations at the point."""
-    depth = max(condition.order for condition in chosen.conditions) - 2
-    local = motion_of_series(*analysis.series(point, analysis.system.depends_on_time, depth + 2))
-    tensors, rows = hierarchy.tensors_to_depth(local, depth), hierarchy.tensors_at(local, depth).rows
+    registers, pointwise = tensors.at(point)
     found: dict[object, int] = {}
     for condition in chosen.conditions:
         if not condition.cyclic:
-            plain = cast("Tensor11[LocalScalar]", tensors[condition])
-            found |= {(condition, i, k): entry.value for i, row in enumerate(plain) for k, entry in enumerate(row)}
+            plain = cast("Tensor11[Series]", tensors.tensors[condition])
+            for (i, row), k in itertools.product(enumerate(plain), range(len(plain))):
+                found[condition, i, k] = registers.value(row[k].register)
     for name in chosen.equations:
-        found |= {(name, column): entry for column, entry in enumerate(rows[name])}
+        found |= {(name, column): entry for column, entry in enumerate(pointwise.rows[name])}
     return found

@@ -7,12 +7,15 @@ degree as in `exponents_of_degree`.
 A register of the machine holds one series (`SeriesTables`), in Montgomery form; tops[register] is the degree from
 which on all its coefficients are zero, less one (-1 for the series 0), and only those up to it are ever read. An
 instruction is six numbers: operation, out, a, b, c, cut, with registers out, a, b and the place c of a constant.
-Functions follow from the Euler operator as in `point.py`.
+Functions follow from the Euler operator E y = (0 y_0, 1 y_1, 2 y_2, …): for y = exp(u), E y = y E u reads
+k y_k = sum_j j u_j y_(k-j); powers, logarithms and trigonometric functions alike (Knuth, TAOCP 2, 4.7).
 
 A `SeriesProgram` is written once and run at any point. The instructions depend on the trees and the displacements
 alone (and serve for all orders up to the one that arbitrary functions are expanded to); what depends on the point are
 the constants: values of numbers, variables and atoms, roots, partial derivatives of arbitrary functions.
 """
+
+from __future__ import annotations
 
 import math
 from collections.abc import Callable, Hashable, Iterable, Sequence
@@ -51,8 +54,8 @@ WIDTH = 6
 # The value of a constant at a point; the table keeps what was evaluated there.
 Recipe = Callable[[ps.Point, dict[ex.Expression, int]], int]
 _ONE = 0
-# Larger programs than this are slower than sparse polynomials, or need too much memory.
-_MOST_WORDS, _MOST_PRODUCTS = 16_000_000, 3_000_000
+# Of the registers, and of the tables of products: positive answers about motions take orders up to 12.
+_MOST_WORDS, _MOST_PRODUCTS = 40_000_000, 16_000_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -428,13 +431,11 @@ def list_coefficients(chosen: Integers, registers: Storage, starts: Integers, la
 class SeriesProgram:
     """Instructions and constants, for orders up to `order`; registers are numbered as they come, constant 0 is 1.
 
-    TooLarge where the tables would hold more than `most_products` numbers, or the registers more than `most_words`.
+    TooLarge where the tables or the registers would take too much memory.
     """
 
     variables: Sequence[ps.Variable]
     order: int
-    most_products: int = _MOST_PRODUCTS
-    most_words: int = _MOST_WORDS
     registers: int = 0
     instructions: list[tuple[int, int, int, int, int, int]] = field(default_factory=list)
     recipes: list[Recipe] = field(default_factory=lambda: [lambda point, known: 1])
@@ -444,13 +445,13 @@ class SeriesProgram:
 
     def __post_init__(self) -> None:
         self.places = {variable: place for place, variable in enumerate(self.variables)}
-        if products(len(self.variables), self.order) > self.most_products:
+        if products(len(self.variables), self.order) > _MOST_PRODUCTS:
             raise TooLarge("its series would take too many words")
 
     def register(self, count: int = 1) -> int:
         """The first of so many new registers, whose series are 0."""
         self.registers += count
-        if self.registers * coefficients(len(self.variables), self.order) > self.most_words:
+        if self.registers * coefficients(len(self.variables), self.order) > _MOST_WORDS:
             raise TooLarge("its series would take too many words")
         return self.registers - count
 
@@ -620,6 +621,86 @@ def _taylor_coefficient(tree: ex.Arbitrary, more: tuple[int, ...]) -> Recipe:
 
 
 @dataclass(frozen=True, slots=True)
+class Series:
+    """A sum of products of registers, each times a number: a scalar of `mechanics.conditions`, written when it is used.
+
+    Of the degrees of the program, the `lost` highest ones are wrong: each derivative takes one more.
+    """
+
+    program: SeriesProgram
+    terms: tuple[tuple[Fraction, int, int | None], ...] = ()
+    lost: int = 0
+
+    @property
+    def is_zero(self) -> bool:
+        """Whether it is 0 at all points by the way it is formed."""
+        return not self.terms
+
+    def __add__(self, other: Series) -> Series:
+        return Series(self.program, self.terms + other.terms, max(self.lost, other.lost))
+
+    def __sub__(self, other: Series) -> Series:
+        return self + other.scaled(-1)
+
+    def __mul__(self, other: Series) -> Series:
+        (factor, a), (times, b) = self.multiple(), other.multiple()
+        return Series(self.program, ((factor * times, a, b),), max(self.lost, other.lost))
+
+    def scaled(self, factor: int | Fraction) -> Series:
+        return Series(self.program, tuple((factor * weight, a, b) for weight, a, b in self.terms), self.lost)
+
+    def derivative(self, place: int) -> Series:
+        """By a displacement."""
+        factor, a = self.multiple()
+        key = ("derivative", a, place)
+        if key not in self.program.known:
+            self.program.known[key] = self.program.write(DERIVATIVE, self.program.register(), a, place)
+        return Series(self.program, ((factor, self.program.known[key], None),), self.lost + 1)
+
+    def multiple(self) -> tuple[Fraction, int]:
+        """A number and a register whose product it is."""
+        match self.terms:
+            case ((factor, a, None),):
+                return factor, a
+        return Fraction(1), self.register
+
+    @property
+    def register(self) -> int:
+        """That of the sum, which is written once."""
+        key = ("sum", self.terms, self.lost)
+        match self.terms:
+            case ((factor, a, None),) if factor == 1:
+                return a
+        if key not in self.program.known:
+            out = self.program.known[key] = self.program.register()
+            for factor, a, b in self.terms:
+                operation = (ADD, out, a, 0) if b is None else (PRODUCT, out, a, b)
+                self.program.instructions.append((*operation, self.program.number(Fraction(factor)), self.lost))
+        return self.program.known[key]
+
+
+def series_of(program: SeriesProgram, tree: ex.Expression) -> Series:
+    """The Taylor series of a tree."""
+    return Series(program, ((Fraction(1), program.expand(tree), None),))
+
+
+def along(components: Iterable[tuple[int, Series]], series: Series) -> Series:
+    """sum_a X^a d_a y for the components (a, X^a) of a field; the derivatives are not kept."""
+    if series.is_zero:
+        return series
+    program, (factor, y) = series.program, series.multiple()
+    parts = [(place, part.lost, *part.multiple()) for place, part in components if not part.is_zero]
+    lost, out = max([series.lost + 1, *(lost for _, lost, _, _ in parts)]), program.register()
+    if "spare" not in program.known:
+        program.known["spare"] = program.register()
+    spare = program.known["spare"]
+    for place, _, times, x in parts:
+        program.write(DERIVATIVE, spare, y, place)
+        program.instructions.append((PRODUCT, out, x, spare, program.number(Fraction(factor * times)), lost))
+    return Series(program, ((Fraction(1), out, None),), lost)
+
+
+@dataclass(frozen=True, slots=True)
 class Registers:
     """All registers after a run: values, and the degree up to which each is not zero."""
 
@@ -631,7 +712,7 @@ class Registers:
     def numbers(self, register: int) -> list[int]:
         """All coefficients of one register, as integers."""
         stride, inverse = len(self.values) // len(self.tops), pow(1 << 64, -1, self.prime)
-        kept = self.values[register * stride : register * stride + int(self.tops[register]) + 1]
+        kept = self.values[register * stride :][: self.tables.starts[self.tops[register] + 1]]
         return [int(value) * inverse % self.prime for value in kept] + [0] * (stride - len(kept))
 
     def value(self, register: int) -> int:

@@ -566,20 +566,13 @@ class Samples:
     points: list[ps.Point] = field(default_factory=list)
     pending: list[Requirement] = field(default_factory=list)
     flips: tuple[int, ...] = ()
-    expansions: dict[int, ps.Expansion] = field(default_factory=dict)  # by the id of their point, which they keep
 
     def values(self, expression: ex.Expression) -> list[int]:
         return [ps.evaluate(expression, point) for point in self.points]
 
     def gradients(self, expression: ex.Expression) -> list[list[int]]:
         """Per point the partial derivatives with respect to all variables and parameters."""
-        return [ps.gradient(self._expansion(point).expand(expression)) for point in self.points]
-
-    def _expansion(self, point: ps.Point) -> ps.Expansion:
-        """What is expanded at the point already: each relation asks for all that came before."""
-        if id(point) not in self.expansions:
-            self.expansions[id(point)] = ps.Expansion(point, self.tower.variables, 1)
-        return self.expansions[id(point)]
+        return [ps.gradient(expression, self.tower.variables, point) for point in self.points]
 
     @property
     def prime(self) -> int:

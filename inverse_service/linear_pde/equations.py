@@ -22,6 +22,8 @@ import numpy.typing as npt
 from inverse_service.field import modular
 from inverse_service.field.dense_series import (
     MonomialKeys,
+    Registers,
+    Series,
     SparseSeries,
     exponents_of_degree,
     freeze,
@@ -32,7 +34,6 @@ from inverse_service.field.dense_series import (
 )
 from inverse_service.field.echelon import Echelon, Flags, SparseRows, Words
 from inverse_service.field.modular import Field, compiled, multiply
-from inverse_service.field.point import Series
 from inverse_service.kernels.machine_code.kernels import Kept
 
 Integers = npt.NDArray[np.int64]
@@ -177,21 +178,6 @@ def entry_columns(unknowns: Unknowns, degree: int) -> EntryColumns:
     return found
 
 
-class KnownPlaces(dict[tuple[int, ...], int]):
-    """The place of a monomial among those of its degree, found once for each exponents."""
-
-    def __missing__(self, exponents: tuple[int, ...]) -> int:
-        table = exponents_of_degree(len(exponents), sum(exponents))
-        self.update((tuple(row), place) for place, row in enumerate(table.tolist()))
-        return self[exponents]
-
-
-@lru_cache(maxsize=64)
-def known_places(size: int) -> KnownPlaces:
-    """The table in `size` variables, kept for the life of the process."""
-    return KnownPlaces()
-
-
 class RowTables(NamedTuple):
     """The tables for the rows of one degree, concatenated for the compiled loop.
 
@@ -265,28 +251,13 @@ class TermTable:
         freeze([self.terms])
 
 
-def term_table(unknowns: Unknowns, terms: Sequence[Term], equations: int, most: int) -> TermTable:
-    """The terms, their series to degree `most`."""
-    place_of = known_places(unknowns.size)
-    places: list[int] = []
-    values: list[int] = []
-    degrees: list[int] = []
-    starts, numbers = [0], dict[int, int]()
-    rows = []
-    for term in terms:
-        if id(term.series) not in numbers:
-            numbers[id(term.series)] = len(numbers)
-            for degree, component in enumerate(term.series[: most + 1]):
-                if component:
-                    table = component.to_dict()
-                    places += [place_of[exponents] for exponents in table]
-                    values += map(int, table.values())
-                    degrees += [degree] * len(table)
-            starts.append(len(places))
-        rows.append((term.equation, numbers[id(term.series)], term.negative, term.entry, term.derivative))
-    found = (np.array(starts, np.int64), np.array(places, np.int64), np.array(values, np.uint64))
-    series = SparseSeries(*found, np.array(degrees, np.int64))
-    return TermTable(unknowns, equations, Kept(series), np.array(rows, np.int64).reshape(-1, 5))
+def term_table(unknowns: Unknowns, terms: Sequence[Term], equations: int, registers: Registers, most: int) -> TermTable:
+    """The terms, their series to degree `most` after a run."""
+    used = {term.series.register: None for term in terms}
+    places = {register: place for place, register in enumerate(used)}
+    rows = [(t.equation, places[t.series.register], t.negative, t.entry, t.derivative) for t in terms]
+    series = registers.coefficients(np.array([*used], np.int64), most)
+    return TermTable(unknowns, equations, series, np.array(rows, np.int64).reshape(-1, 5))
 
 
 @compiled

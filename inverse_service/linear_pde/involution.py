@@ -272,6 +272,8 @@ def settle(card: Card, seed: int, limits: Limits, progress: Callable[[str], None
         return _agreement(first, _settle_once(again))
     except IrreducibleAtoms as problem:
         return Finding(None, 0, problem.detail)
+    except TooLarge:
+        return Finding(None, 0, "its series are too large")
 
 
 def _agreement(first: Finding, second: Finding) -> Finding:

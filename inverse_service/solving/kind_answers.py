@@ -31,6 +31,7 @@ from inverse_service.expressions import collecting, tree as ex
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.printing import to_text
 from inverse_service.field import matrices, modular, null_vectors, real_point
+from inverse_service.field.exact_field import TooLarge
 from inverse_service.field.point import Point, SingularPoint, number_value
 from inverse_service.linear_pde import equations, involution
 from inverse_service.linear_pde.involution import Limits
@@ -305,7 +306,7 @@ def values_at(
 
     try:
         found = deciding.reconstructed(residues)
-    except SingularPoint:
+    except (SingularPoint, TooLarge):
         return None, ()
     if found is None:
         return None, ()

@@ -1,23 +1,14 @@
-"""X, N and Phi by compiled series give the very equations that sparse series give."""
+"""X, N and Phi by compiled series: room for rows, singular points, and programs for higher orders."""
 
 from __future__ import annotations
-
-import itertools
 
 import numpy as np
 import pytest
 
-from inverse_service.decision import deciding
-from inverse_service.decision.deciding import Decision, analyze, decide, equations, local_system
-from inverse_service.decision.kinds import helmholtz
-from inverse_service.expressions.tree import TIME, Symbol, Velocity
-from inverse_service.field.exact_field import TooLarge
+from inverse_service.decision.deciding import Decision, HelmholtzAt, analyze, decide
 from inverse_service.field.modular import safe_prime
-from inverse_service.field.point import Variable
-from inverse_service.field.tower import draw_point
 from inverse_service.linear_pde import equations as emission, involution as settling
-from inverse_service.linear_pde.equations import Equations, rows_of_degree
-from inverse_service.linear_pde.involution import Coefficients
+from inverse_service.linear_pde.equations import rows_of_degree
 from inverse_service.mechanics.reading import read_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
@@ -39,24 +30,9 @@ def system_of(equations_of: dict[str, str], parameters: list[str]) -> SecondOrde
     return read_system(list(equations_of), {q: f"{q}''={f}" for q, f in equations_of.items()}, parameters, functions)
 
 
-def both(system: SecondOrderSystem, with_time: bool, order: int) -> tuple[tuple[Equations, ...], ...]:
-    """The equations by compiled and by sparse series, at the same point."""
-    analysis = analyze(system)
-    point = draw_point(analysis.tower, 3)
-    velocities = [Velocity(name) for name in system.coordinates]
-    variables: list[Variable] = [*[TIME] * with_time, *(Symbol(name) for name in system.coordinates), *velocities]
-    forms = Coefficients(
-        lambda most: helmholtz.written(variables, velocities, analysis.accelerations, most + 1), lambda _: point
-    )
-    prime, registers = forms.at(3, order)
-    compiled = helmholtz.compiled_equations(len(velocities), len(variables), prime, order, registers)
-    sparse = local_system(*analysis.series(point, with_time, order + 2))
-    return compiled.equations, equations(sparse).equations
-
-
 @pytest.mark.parametrize("room", [0, 1, 2])
 def test_rows_that_find_no_room_are_written_into_more(room: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    found = both(system_of(*SYSTEMS[4][:2]), True, 3)[0][0]
+    found = HelmholtzAt(analyze(system_of(*SYSTEMS[4][:2])), with_time=True).at(3, 3).equations[0]
     wanted = [rows_of_degree(found.table, degree, PRIME).struct for degree in range(3)]
     monkeypatch.setattr(emission, "_ENTRIES", room)
     for degree, rows in enumerate(wanted):
@@ -67,49 +43,8 @@ def test_rows_that_find_no_room_are_written_into_more(room: int, monkeypatch: py
         assert again.values[:count].tolist() == rows.values[:count].tolist()
 
 
-def entries(found: Equations, degree: int, prime: int, factor: int) -> list[dict[int, int]]:
-    """The rows of one degree as {column: value}, each value times the factor."""
-    rows = rows_of_degree(found.table, degree, prime).struct
-    table = []
-    for a, b in itertools.pairwise(rows.starts.tolist()):
-        row: dict[int, int] = {}
-        for c, x in zip(rows.columns[a:b].tolist(), rows.values[a:b].tolist(), strict=True):
-            row[c] = (row.get(c, 0) + x * factor) % prime
-        table.append({c: x for c, x in row.items() if x})
-    return table
-
-
-@pytest.mark.parametrize(("equations_of", "parameters", "with_time"), SYSTEMS)
-def test_the_rows_are_those_of_sparse_series(
-    equations_of: dict[str, str], parameters: list[str], with_time: bool
-) -> None:
-    system = system_of(equations_of, parameters)
-    order, prime = 2, draw_point(analyze(system).tower, 3).prime
-    for compiled, sparse in zip(*both(system, with_time, order), strict=True):
-        assert (compiled.kind, compiled.indices) == (sparse.kind, sparse.indices)
-        for degree in range(order + (compiled.kind == "H3")):
-            found = entries(compiled, degree, prime, pow(1 << 64, -1, prime))
-            assert found == entries(sparse, degree, prime, 1)
-    assert any(len(found.table.series.struct.values) for found in both(system, with_time, order)[0])
-
-
 def told(found: Decision) -> tuple[object, ...]:
     return found.verdict, found.order, found.history, found.degree, found.space, found.reason
-
-
-@pytest.mark.parametrize(("equations_of", "parameters", "with_time"), SYSTEMS)
-def test_decisions_do_not_depend_on_how_series_are_kept(
-    equations_of: dict[str, str], parameters: list[str], with_time: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    system = system_of(equations_of, parameters)
-    compiled = decide(system, with_time)
-
-    def too_large(*_: object) -> None:
-        raise TooLarge
-
-    monkeypatch.setattr(deciding.helmholtz, "written", too_large)
-    assert told(decide(system, with_time)) == told(compiled)
-    assert compiled.verdict != "undetermined"
 
 
 def test_a_denominator_that_vanishes_everywhere_is_told(monkeypatch: pytest.MonkeyPatch) -> None:

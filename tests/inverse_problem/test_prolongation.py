@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import itertools
 import math
 import random
@@ -10,14 +9,14 @@ from typing import cast
 
 import numpy as np
 import pytest
-from flint import nmod_mat
+from flint import nmod_mat, nmod_mpoly, nmod_mpoly_ctx
 
-from inverse_service.decision.deciding import LocalSystem, RowName, equations, local_system
-from inverse_service.expressions.tree import TIME, Symbol, Velocity
-from inverse_service.field import point as ps
+from inverse_service.decision.deciding import HelmholtzAt, RowName, analyze
+from inverse_service.expressions.tree import TIME, Expression, Number, Power, Product, Sum, Symbol, Velocity
+from inverse_service.field.dense_series import SeriesProgram, constants_at, exponents_of_degree, run
 from inverse_service.field.echelon import Echelon, Flags, SparseRows
 from inverse_service.field.modular import safe_prime
-from inverse_service.field.point import Expansion, Point, Series, SeriesRing
+from inverse_service.field.point import Point
 from inverse_service.linear_pde import equations as room
 from inverse_service.linear_pde.equations import Prolongation, advance, count_of_degree, start, unknown_names
 from inverse_service.mechanics.reading import read_system
@@ -25,58 +24,64 @@ from inverse_service.mechanics.reading import read_system
 P = safe_prime(6)
 
 
-def local_of(equations_of: dict[str, str], order: int, with_time: bool) -> LocalSystem:
+def card_of(equations_of: dict[str, str], with_time: bool) -> HelmholtzAt:
     system = read_system(list(equations_of), equations_of)
-    velocities = [Velocity(name) for name in system.coordinates]
-    positions = [Symbol(name) for name in system.coordinates]
-    variables = [*([TIME] if with_time else []), *positions, *velocities]
-    expansion = Expansion(Point(P, 5), variables, order + 2)
-    speeds, forces = ([expansion.expand(tree) for tree in trees] for trees in (velocities, system.accelerations))
-    return local_system(expansion.ring, speeds, forces)
+    return HelmholtzAt(analyze(system), with_time, draw=lambda _: Point(P, 5))
 
 
 def prolongation_of(equations_of: dict[str, str], order: int, with_time: bool = False) -> Prolongation:
-    prolongation = start(equations(local_of(equations_of, order, with_time)))
+    prolongation = start(card_of(equations_of, with_time).at(0, order))
     for _ in range(order + 1):
         advance(prolongation)
     return prolongation
 
 
-def random_lagrangian(ring: SeriesRing, prolongation: Prolongation, seed: int) -> tuple[Series, list[int]]:
-    """A series with v-degree >= 2 in each term, and its coefficients in the order of the unknowns."""
-    generator = random.Random(seed)
-    total, values = ring.constant(0), []
-    for degree in range(prolongation.order + 1):
-        for _, exponents in unknown_names(prolongation.unknowns, degree):
-            values.append(generator.randrange(P))
-            term = ring.constant(values[-1])
-            for index, e in enumerate(exponents):
-                for _ in range(e):
-                    term = ps.multiply(term, ring.variable(index, 0))
-            total = ps.add(total, term)
-    return total, values
+class Polynomials:
+    """Polynomial formulas about the point of the prolongations, and the tensors of a system of them."""
 
+    def __init__(self, equations_of: dict[str, str], with_time: bool) -> None:
+        system = read_system(list(equations_of), equations_of)
+        velocities = [Velocity(name) for name in system.coordinates]
+        self.variables = [*[TIME] * with_time, *map(Symbol, system.coordinates), *velocities]
+        self.context = nmod_mpoly_ctx.get([f"d{k}" for k in range(len(self.variables))], modulus=P)
+        self.n = len(velocities)
+        f = [self.of(tree) for tree in system.accelerations]
+        self.field = [*[self.context.constant(1)] * with_time, *map(self.of, velocities), *f]
+        span, v = range(self.n), len(self.variables) - self.n
+        slopes = [[part.derivative(v + j) for j in span] for part in f]
+        half = pow(2, -1, P)
+        self.N = [[entry * -half for entry in row] for row in slopes]
+        self.Phi = [
+            [
+                self.along(slopes[i][j])
+                - f[i].derivative(v - self.n + j) * 2
+                - sum(slopes[i][k] * slopes[k][j] for k in span) * half
+                for j in span
+            ]
+            for i in span
+        ]
 
-def matrix_product(left: list[list[Series]], right: list[list[Series]]) -> list[list[Series]]:
-    def entry(row: list[Series], column: tuple[Series, ...]) -> Series:
-        return functools.reduce(ps.add, map(ps.multiply, row, column))
+    def of(self, tree: Expression) -> nmod_mpoly:
+        match tree:
+            case Number(value):
+                return self.context.constant(value.numerator * pow(value.denominator, -1, P) % P)
+            case Sum(terms):
+                return sum(map(self.of, terms))
+            case Product(factors):
+                return math.prod(map(self.of, factors))
+            case Power(base, Number(exponent)):
+                return self.of(base) ** int(exponent)
+        step = self.context.gen(self.variables.index(tree)) if tree in self.variables else 0
+        return self.context.constant(Point(P, 5).variable(tree)) + step  # type: ignore[arg-type]
 
-    return [[entry(row, column) for column in zip(*right, strict=True)] for row in left]
+    def along(self, polynomial: nmod_mpoly) -> nmod_mpoly:
+        return sum(part * polynomial.derivative(a) for a, part in enumerate(self.field))
 
-
-def helmholtz(local: LocalSystem, g: list[list[Series]], kind: str, i: int, j: int) -> Series:
-    """Gamma(g_ij) - (g N)_ij - (g N)_ji, or (g Phi)_ij - (g Phi)_ji, as truncated series."""
-    length, n = len(g[0][0]), local.dimension
-    if kind == "H3":
-        endomorphism = [[entry[:length] for entry in row] for row in local.endomorphism]
-        product = matrix_product(g, endomorphism)
-        return ps.subtract(product[i][j], product[j][i])
-    total = ps.scale(g[0][0][:-1], 0)
-    for a, component in enumerate(local.field):
-        total = ps.add(total, ps.multiply(component[: length - 1], ps.derivative(g[i][j], a)))
-    connection = [[local.connection[k][m][: length - 1] for m in range(n)] for k in range(n)]
-    product = matrix_product([[entry[:-1] for entry in row] for row in g], connection)
-    return ps.subtract(ps.subtract(total, product[i][j]), product[j][i])
+    def helmholtz(self, g: list[list[nmod_mpoly]], kind: str, i: int, j: int) -> nmod_mpoly:
+        """Gamma(g_ij) - (g N)_ij - (g N)_ji, or (g Phi)_ij - (g Phi)_ji."""
+        T = self.N if kind == "H2" else self.Phi
+        left, right = (sum(g[a][k] * T[k][b] for k in range(self.n)) for a, b in ((i, j), (j, i)))
+        return self.along(g[i][j]) - left - right if kind == "H2" else left - right
 
 
 CASES = [
@@ -100,17 +105,18 @@ def test_rows_are_the_taylor_coefficients_of_the_helmholtz_conditions(
 
     monkeypatch.setattr(Echelon, "insert", record)
     prolongation = prolongation_of(system, order, with_time)
-    local = local_of(system, order, with_time)
-    n, first = local.dimension, prolongation.size - local.dimension
-    ring = SeriesRing(P, local.ring.size, order + 2)
-    lagrangian, values = random_lagrangian(ring, prolongation, 1)
-    g = [[ps.derivative(ps.derivative(lagrangian, first + i), first + j) for j in range(n)] for i in range(n)]
-    names = [(block.kind, i, j) for block in equations(local).equations for i, j in block.indices]
-    residues = {name: ps.terms(helmholtz(local, g, *name)) for name in names}
+    exact, generator = Polynomials(system, with_time), random.Random(1)
+    names = [index for d in range(order + 1) for _, index in unknown_names(prolongation.unknowns, d)]
+    values = [generator.randrange(P) for _ in names]
+    lagrangian, first = exact.context.from_dict(dict(zip(names, values, strict=True))), prolongation.size - exact.n
+    g = [[lagrangian.derivative(first + i).derivative(first + j) for j in range(exact.n)] for i in range(exact.n)]
+    residues = {name: exact.helmholtz(g, *name).to_dict() for name in dict.fromkeys(
+        prolongation.row_name(number)[:3] for number in range(len(recorded)))}  # fmt: skip
     assert len(recorded) == prolongation.echelon.inserted
     for number, row in enumerate(recorded):
         *name, alpha = prolongation.row_name(number)
-        assert sum(values[column] * x for column, x in row) % P == residues[tuple(name)].get(alpha, 0)
+        expected = int(residues[tuple(name)].get(alpha, 0)) * (1 << 64) % P
+        assert sum(values[column] * x for column, x in row) % P == expected
 
 
 def satisfied(prolongation: Prolongation, terms: dict[tuple[int, ...], int]) -> bool:
@@ -125,8 +131,11 @@ def satisfied(prolongation: Prolongation, terms: dict[tuple[int, ...], int]) -> 
 def lagrangian_terms(text: str, names: list[str], order: int) -> dict[tuple[int, ...], int]:
     """Taylor coefficients of a Lagrangian about the point used by `prolongation_of`."""
     tree = read_system(names, {name: text if name == names[0] else "0" for name in names}).accelerations[0]
-    variables = [*map(Symbol, names), *map(Velocity, names)]
-    return dict(ps.terms(Expansion(Point(P, 5), variables, order).expand(tree)))
+    program = SeriesProgram([*map(Symbol, names), *map(Velocity, names)], order)
+    register, instructions = program.expand(tree), np.array(program.instructions, np.int64).ravel()
+    found = run(program, instructions, constants_at(program, Point(P, 5)), P, order).numbers(register)
+    rows = [row for degree in range(order + 1) for row in exponents_of_degree(2 * len(names), degree).tolist()]
+    return {tuple(row): value for row, value in zip(rows, found, strict=True)}
 
 
 KNOWN = [

@@ -75,13 +75,6 @@ def test_products_stand_where_they_are_said_to_stand(size: int) -> None:
         assert (product == left[:, None] + right[None, :]).all()
 
 
-@pytest.mark.parametrize("size", [1, 2, 5])
-def test_each_monomial_knows_its_place(size: int) -> None:
-    for degree in (2, 0, 3):
-        for place, row in enumerate(dense_series.exponents_of_degree(size, degree).tolist()):
-            assert pde.known_places(size)[tuple(row)] == place
-
-
 def test_tables_are_kept_and_cannot_be_changed() -> None:
     assert pde.row_tables(MIXED, 2) is pde.row_tables(MIXED, 2)
     table = pde.unknown_exponents(3, pde.Function(1), 1)

@@ -39,8 +39,6 @@ from inverse_service.linear_pde.equations import NO_DERIVATIVE, Equations, Funct
 from inverse_service.linear_pde.involution import Matrix
 
 Integers = npt.NDArray[np.int64]
-# Of the tables of series: there are no sparse ones to fall back on, and positive answers take orders up to 12.
-_MOST_PRODUCTS, _MOST_WORDS = 16_000_000, 40_000_000
 PACE, FIRST = 4, 2
 # Of the tables for series to as many degrees as there are brackets.
 _MOST_BRACKET_PRODUCTS = 1_000_000
@@ -107,7 +105,7 @@ def regular_on_constraints(shape: Shape) -> Matrix:
 
 def written(shape: Shape, variables: Sequence[Variable], field: Sequence[Expression], order: int) -> SeriesProgram:
     """X, less its component along t, and the coefficients for series to this order in the displacements of x."""
-    series = SeriesProgram(variables, order, _MOST_PRODUCTS, _MOST_WORDS)
+    series = SeriesProgram(variables, order)
     series.register(shape.one + 2)
     series.write(machine.CONSTANT, shape.one)
     if shape.with_time:

@@ -74,35 +74,10 @@ def matrix_of(n: int, size: int) -> Matrix:
     return Matrix(tuple(tuple((0, (min(i, j), max(i, j))) for j in velocities) for i in velocities), n)
 
 
-@dataclass(frozen=True, slots=True)
-class Summand:
-    """(-) s g or (-) s d_a g in one equation, g an entry; s is X^row, N^row_column or Phi^row_column."""
-
-    equation: int
-    entry: int
-    derivative: int
-    row: int
-    column: int = 0
-    negative: bool = False
-
-
 @lru_cache(maxsize=64)
 def pairs_of(kind: Kind, n: int) -> tuple[tuple[int, int], ...]:
     """(i, j) of each equation."""
     return tuple(combinations_with_replacement(range(n), 2) if kind == "H2" else combinations(range(n), 2))
-
-
-@lru_cache(maxsize=64)
-def summands(kind: Kind, n: int, size: int) -> tuple[Summand, ...]:
-    """Of all equations of a kind for n coordinates and `size` displacements; those with a derivative have X."""
-    found, entry = [], {pair: place for place, pair in enumerate(pairs_of("H2", n))}
-    for equation, (i, j) in enumerate(pairs_of(kind, n)):
-        if kind == "H2":
-            found += [Summand(equation, entry[i, j], a, a) for a in range(size)]
-        for k in range(n):
-            for a, b, negative in ((i, j, kind == "H2"), (j, i, True)):
-                found.append(Summand(equation, entry[min(a, k), max(a, k)], pde.NO_DERIVATIVE, k, b, negative))
-    return tuple(found)
 
 
 def compiled_equations(n: int, size: int, prime: int, order: int, registers: machine.Registers) -> pde.LocalEquations:
@@ -123,7 +98,7 @@ def compiled_equations(n: int, size: int, prime: int, order: int, registers: mac
 def written(
     variables: Sequence[ps.Variable], velocities: Sequence[ps.Variable], forces: Sequence[ex.Expression], order: int
 ) -> tuple[machine.SeriesProgram, Integers]:
-    """X, N, Phi for f to this order at most, in (t?, q, v); TooLarge where sparse series are better."""
+    """X, N, Phi for f to this order at most, in (t?, q, v); TooLarge where they take too much memory."""
     n, m = len(velocities), len(variables)
     offset = m - 2 * n
     series = machine.SeriesProgram(variables, order)
@@ -185,14 +160,22 @@ def _series(n: int, offset: int) -> Integers:
 @lru_cache(maxsize=64)
 def _terms(kind: Kind, n: int, size: int) -> Integers:
     """The summands of the equations of a kind, as a `TermTable` has them, their series numbered as by `_series`."""
-    rows = [(s.equation, _number(kind, s, n, size), s.negative, s.entry, s.derivative) for s in summands(kind, n, size)]
+    entry, first = _entries(n), size + (0 if kind == "H2" else n * n)
+    rows: list[tuple[int, int, bool, int, int]] = []
+    for equation, (i, j) in enumerate(pairs_of(kind, n)):
+        if kind == "H2":
+            rows += [(equation, a, False, entry[i, j], a) for a in range(size)]
+        for k in range(n):
+            for a, b, negative in ((i, j, kind == "H2"), (j, i, True)):
+                rows.append((equation, first + k * n + b, negative, entry[a, k], pde.NO_DERIVATIVE))
     return np.array(rows, np.int64).reshape(-1, 5)
 
 
-def _number(kind: Kind, summand: Summand, n: int, size: int) -> int:
-    if summand.derivative != pde.NO_DERIVATIVE:
-        return summand.row
-    return size + (0 if kind == "H2" else n * n) + summand.row * n + summand.column
+@lru_cache(maxsize=64)
+def _entries(n: int) -> Mapping[tuple[int, int], int]:
+    """The place of g_ij, also as g_ji."""
+    places = {pair: place for place, pair in enumerate(pairs_of("H2", n))}
+    return places | {(j, i): place for (i, j), place in places.items()}
 
 
 @dataclass(frozen=True, slots=True)
@@ -251,80 +234,73 @@ def invariant(fields: Sequence[Mapping[str, tuple[str, ex.Expression]]], names: 
     return LagrangianKind("invariant", tuple(found), {"invariant": texts})
 
 
-def added_equations(
-    among: Among, expansion: ps.Expansion, forces: Sequence[ex.Expression], unknowns: pde.Unknowns
-) -> tuple[pde.Equations, ...]:
-    """K and S of each, C and D, from series of two orders more than the prolongation takes."""
-    n = len(forces)
-    found = [*_curl(expansion, forces, unknowns)] if ANY_FRICTION in among else []
+@dataclass(frozen=True, slots=True)
+class Added:
+    """The equations of one kind that are asked for besides those of Helmholtz, their series as registers."""
+
+    kind: str
+    pairs: tuple[tuple[int, int], ...]
+    order: int
+    terms: tuple[pde.Term, ...]
+
+
+def added_equations(among: Among, program: machine.SeriesProgram, n: int) -> tuple[Added, ...]:
+    """K and S of each, C and D, written after `written`; their series take two orders more than the prolongation."""
+    size = len(program.variables)
+    gamma = [(a, _register(program, a)) for a in range(size)]
+    found = [*_curl(program, n)] if ANY_FRICTION in among else []
     for place, derivation in enumerate(each for each in among if not isinstance(each, str)):
-        field = {expansion.variables.index(x): expansion.expand(part) for x, part in derivation.parts.items()}
-        pairs = pairs_of("H2", n)
-        table = pde.term_table(unknowns, _lie(expansion, field, derivation.weight, n), len(pairs), expansion.order - 2)
-        found.append(pde.Equations(f"K{place}", pairs, 1, table))
-        if derivation.exact:
-            table = pde.term_table(unknowns, _symmetry(expansion, field, derivation, forces), n, expansion.order - 2)
-            found.append(pde.Equations(f"S{place}", tuple((i, i) for i in range(n)), 0, table))
+        field = {program.places[x]: machine.series_of(program, part) for x, part in derivation.parts.items()}
+        found.append(Added(f"K{place}", pairs_of("H2", n), 1, tuple(_lie(program, field, derivation.weight, n))))
+        if derivation.exact:  # g_ij s^j for s = Y(f) - Gamma(Y_v) - c f/2
+            shifts = []
+            for k, (_, f) in enumerate(gamma[size - n :]):
+                turned = machine.along(gamma, field.get(size - n + k, machine.Series(program)))
+                shifts.append(machine.along(field.items(), f) - turned - f.scaled(Fraction(derivation.weight, 2)))
+            terms = [pde.Term(i, entry, pde.NO_DERIVATIVE, shifts[k]) for (i, k), entry in _entries(n).items()]
+            found.append(Added(f"S{place}", tuple((i, i) for i in range(n)), 0, tuple(terms)))
     return tuple(found)
 
 
-def _curl(expansion: ps.Expansion, forces: Sequence[ex.Expression], unknowns: pde.Unknowns) -> Iterator[pde.Equations]:
+def _register(program: machine.SeriesProgram, register: int, lost: int = 0) -> machine.Series:
+    return machine.Series(program, ((Fraction(1), register, None),), lost)
+
+
+def _curl(program: machine.SeriesProgram, n: int) -> Iterator[Added]:
     """C and D, for each k."""
-    n, size = len(forces), len(expansion.variables)
-    q, v, entry = size - 2 * n, size - n, {pair: place for place, pair in enumerate(pairs_of("H2", n))}
-    series, two = [expansion.expand(f) for f in forces], expansion.ring.constant(2)
-    slopes = [[ps.derivative(f, v + j) for j in range(n)] for f in series]
+    size, entry = len(program.variables), _entries(n)
+    q, v, two = size - 2 * n, size - n, machine.series_of(program, ex.number(2))
+    slopes = [[_register(program, _matrix(n, q, 0, i, j), 1) for j in range(n)] for i in range(n)]
 
     def slope(equation: int, i: int, j: int, by: int) -> Iterator[pde.Term]:
         """d_by (g_il df^l/dv^j - g_jl df^l/dv^i)."""
         for (a, b), row in product(((i, j), (j, i)), range(n)):
-            place, factor = entry[min(a, row), max(a, row)], slopes[row][b]
-            yield pde.Term(equation, place, by, factor, a != i)
-            yield pde.Term(equation, place, pde.NO_DERIVATIVE, ps.derivative(factor, by), a != i)
+            yield pde.Term(equation, entry[a, row], by, slopes[row][b], a != i)
+            yield pde.Term(equation, entry[a, row], pde.NO_DERIVATIVE, slopes[row][b].derivative(by), a != i)
 
     for k in range(n):
-        pairs, most = tuple(combinations(range(n), 2)), expansion.order - 2
+        pairs = tuple(combinations(range(n), 2))
         terms: list[pde.Term] = []
         for e, (i, j) in enumerate(pairs):
-            terms += [pde.Term(e, entry[min(a, k), max(a, k)], q + b, two, a != i) for a, b in ((i, j), (j, i))]
+            terms += [pde.Term(e, entry[a, k], q + b, two, a != i) for a, b in ((i, j), (j, i))]
             terms += slope(e, i, j, v + k)
-        yield pde.Equations(f"C{k}", pairs, 1, pde.term_table(unknowns, _known(terms), len(pairs), most))
+        yield Added(f"C{k}", pairs, 1, tuple(terms))
         pairs = tuple(combinations(range(k), 2))
         terms = [each for e, (i, j) in enumerate(pairs) for a, b, c in ((i, j, k), (j, k, i), (k, i, j))
                  for each in slope(e, a, b, q + c)]  # fmt: skip
-        yield pde.Equations(f"D{k}", pairs, 1, pde.term_table(unknowns, _known(terms), len(pairs), most))
+        yield Added(f"D{k}", pairs, 1, tuple(terms))
 
 
-def _known(terms: Sequence[pde.Term]) -> list[pde.Term]:
-    return [term for term in terms if any(term.series)]
-
-
-def _lie(expansion: ps.Expansion, field: Mapping[int, ps.Series], weight: int, n: int) -> list[pde.Term]:
-    size, entry = len(expansion.variables), {pair: k for k, pair in enumerate(pairs_of("H2", n))}
-    terms, plain = [], expansion.ring.constant(-weight)
+def _lie(
+    program: machine.SeriesProgram, field: Mapping[int, machine.Series], weight: int, n: int
+) -> Iterator[pde.Term]:
+    size, entry = len(program.variables), _entries(n)
     for equation, (i, j) in enumerate(pairs_of("H2", n)):
-        terms += [pde.Term(equation, equation, a, part) for a, part in field.items()]
-        terms += [pde.Term(equation, equation, pde.NO_DERIVATIVE, plain)] * bool(weight)
+        yield from (pde.Term(equation, equation, a, part) for a, part in field.items())
+        if weight:
+            number = machine.series_of(program, ex.number(-weight))
+            yield pde.Term(equation, equation, pde.NO_DERIVATIVE, number)
         for a, part in field.items():
             k = a - (size - n)
             for b, c in ((i, j), (j, i)) if k >= 0 else ():
-                slope = ps.derivative(part, size - n + c)
-                terms.append(pde.Term(equation, entry[min(b, k), max(b, k)], pde.NO_DERIVATIVE, slope))
-    return terms
-
-
-def _symmetry(
-    expansion: ps.Expansion, field: Mapping[int, ps.Series], derivation: Derivation, forces: Sequence[ex.Expression]
-) -> list[pde.Term]:
-    n, size = len(forces), len(expansion.variables)
-    series = [expansion.expand(f) for f in forces]
-    gamma = list(enumerate([*(expansion.expand(v) for v in expansion.variables[size - n :]), *series], size - 2 * n))
-    zero, terms = ps.scale(series[0], 0), []
-    entry = {pair: k for k, pair in enumerate(pairs_of("H2", n))}
-    for k, f in enumerate(series):
-        part = ps.along(field.items(), f)
-        part = ps.subtract(part, ps.along(gamma, field.get(size - n + k, zero)))
-        part = ps.subtract(part, ps.scale(f, derivation.weight // 2)[: len(part)])
-        if any(part):
-            terms += [pde.Term(i, entry[min(i, k), max(i, k)], pde.NO_DERIVATIVE, part) for i in range(n)]
-    return terms
+                yield pde.Term(equation, entry[b, k], pde.NO_DERIVATIVE, part.derivative(size - n + c))

@@ -18,7 +18,7 @@ from flint import fmpq, fmpq_mpoly
 
 from inverse_service.decision.deciding import Analysis
 from inverse_service.explanation import negative
-from inverse_service.explanation.hierarchy import EquationName, eliminate, local_motion, tensors_at, tensors_to_depth
+from inverse_service.explanation.hierarchy import EquationName, eliminate, tensors_at, tensors_to_depth
 from inverse_service.expressions import collecting, derivative, tree as ex
 from inverse_service.field import exact_field, matrices
 from inverse_service.mechanics import conditions, euler_lagrange
@@ -53,7 +53,7 @@ def of_conditions(
     """Those of solving the named equations of the hierarchy; raises TooLarge, ZeroDivisionError."""
     depth = max((name.condition.order for name in names), default=2) - 2
     exact = conditions.motion_in_ring(analysis.system, depth + 2, budget)
-    table = tensors_at(local_motion(analysis, seed, depth + 2), depth)
+    table = tensors_at(analysis, seed, depth)
     tensors = tensors_to_depth(exact.motion, depth)
     equations = negative.exact_equations(exact, tensors, names)
     reader = Reader.of(exact.ring, space)
@@ -175,7 +175,7 @@ class Reader:
 
 def all_conditions(analysis: Analysis, depth: int, seed: int = 1) -> list[EquationName]:
     """The names of the equations of the hierarchy to `depth` that are not zero at a generic point."""
-    table = tensors_at(local_motion(analysis, seed, depth + 2), depth)
+    table = tensors_at(analysis, seed, depth)
     return [name for name, row in table.rows.items() if any(row)]
 
 
