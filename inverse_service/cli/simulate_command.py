@@ -12,7 +12,7 @@ import typer
 
 from inverse_service import errors, settings
 from inverse_service.cli import command_line as cli
-from inverse_service.service.documents import plain_data, text_page
+from inverse_service.service.documents import plain_data
 from inverse_service.service.jobs import tasks, workers
 from inverse_service.service.scenes import prices
 
@@ -204,6 +204,8 @@ def _price(part: Mapping[str, Any]) -> str:
 
 
 def _reasons(summary: Mapping[str, Any]) -> list[str]:
+    from inverse_service.service.documents import text_page
+
     lines = []
     for method in summary["methods"]:
         stopped = method.get("stopped")

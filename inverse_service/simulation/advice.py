@@ -8,7 +8,7 @@ import numpy as np
 from inverse_service.expressions import derivative, tree as ex
 from inverse_service.integrators import method_table
 from inverse_service.mechanics import method_advice
-from inverse_service.simulation import initial, numeric_formulas, scene_data as data
+from inverse_service.simulation import derivation, numeric_formulas, scene_data as data
 
 STIFF = 1e3  # length of a run in decay times beyond which an explicit method spends its steps on decayed components
 SLOWER = 1e6  # decay times beyond which `adaptive` reaches 1e-12 later than `stiff`
@@ -16,39 +16,39 @@ INSTEAD = "What decays fast would hold `adaptive` to short steps, so `stiff` run
 SHARE = 10.0  # real parts compared with imaginary ones
 
 
-def advice(
-    scene: data.Scene, accelerations: tuple[ex.Expression, ...] | None, free: data.FreeLagrangian | None = None
-) -> dict[str, Any] | None:
-    """{method, order, alpha, reason}: separable, constrained, conservative, stiff or none of these.
-
-    `free` is a Lagrangian that was found for a system given by its equations. Return None if L is degenerate.
-    """
-    lagrangian = free.lagrangian if scene.lagrangian is None and free is not None else scene.lagrangian
-    if accelerations is not None and is_stiff(scene, accelerations):
+def advice(scene: data.Scene, derived: derivation.Derived) -> dict[str, Any] | None:
+    """{method, order, alpha, reason}: separable, constrained, conservative, stiff or none of these; None if L is
+    degenerate. Of a system given by its equations a Lagrangian may have been found."""
+    free = derived.free.get(None) if scene.accelerations is not None else None
+    lagrangian = free.lagrangian if isinstance(free, data.FreeLagrangian) else scene.lagrangian
+    if is_stiff(scene, derived.accelerations):
         return method_advice.advice("stiff", None, "what decays fast would hold an explicit method to short steps.")
     if lagrangian is None or scene.forces:
         return method_advice.advice("adaptive", None, method_advice.NOTHING_KEPT)
-    if scene.lagrangian is not None and initial.is_degenerate(scene):
+    if derived.degenerate:
         return None
     if scene.constraints:
         return method_advice.for_constraints(lagrangian, scene.constraints, scene.coordinates)
     moving: set[ex.Expression] = set(map(ex.Symbol, scene.coordinates))
-    ends = () if free is None else (*numeric_formulas.walls(lagrangian, moving), *free.domain)
+    ends = (*numeric_formulas.walls(lagrangian, moving), *free.domain) if isinstance(free, data.FreeLagrangian) else ()
     return method_advice.for_lagrangian(lagrangian, scene.coordinates, ends)
 
 
-def by_itself(scene: data.Scene, accelerations: tuple[ex.Expression, ...]) -> data.Scene:
+def by_itself(scene: data.Scene, derived: derivation.Derived) -> data.Scene:
     """A scene that names no method, with `stiff` in the place of `adaptive` where this is faster."""
-    if not is_stiff(scene, accelerations, SLOWER):
+    if not is_stiff(scene, derived.accelerations, SLOWER):
         return scene
     choice = data.MethodChoice("stiff", tolerance=method_table.METHODS["adaptive"].tolerance or 0.0)
     instead = data.Requested("stiff", "stiff", None, choice)
     return replace(scene, methods=(instead,), notes=(*scene.notes, INSTEAD))
 
 
-def is_stiff(scene: data.Scene, accelerations: tuple[ex.Expression, ...], beyond: float = STIFF) -> bool:
+def is_stiff(
+    scene: data.Scene, accelerations: tuple[ex.Expression, ...] | data.Unavailable | None, beyond: float = STIFF
+) -> bool:
     """Whether an explicit method would be held to short steps by what decays."""
-    return bool(scene.lagrangian is None or scene.forces) and decay_times(scene, accelerations) > beyond
+    may_decay = scene.lagrangian is None or bool(scene.forces)
+    return may_decay and isinstance(accelerations, tuple) and decay_times(scene, accelerations) > beyond
 
 
 def decay_times(scene: data.Scene, accelerations: tuple[ex.Expression, ...]) -> float:

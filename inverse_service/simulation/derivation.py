@@ -55,17 +55,22 @@ def _kind(term: Expression, coordinates: Sequence[str]) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Derived:
-    """The formulas derived for a scene; None (or no entry) if not requested. `seconds` are the times they took."""
+    """The formulas derived for a scene; None (or no entry) if not requested. `seconds` are the times they took.
+
+    `degenerate`: the masses of the scene's Lagrangian do not determine the accelerations.
+    """
 
     exact: motions.ExactMotion | motions.NoExactMotion | None
     accelerations: tuple[Expression, ...] | Unavailable | None
     free: Mapping[str | None, FreeLagrangian | Unavailable]
     seconds: Mapping[str, float]
+    degenerate: bool = False
 
 
 def derive(scene: Scene, find: Find) -> Derived:
     """Derive what is needed; `find` looks for the free Lagrangian of a name (None: that of the scene)."""
     seconds: dict[str, float] = {}
+    degenerate = scene.lagrangian is not None and initial.is_degenerate(scene)
     used = {requested.method for requested in scene.methods}
     wanted = dict.fromkeys(requested.free for requested in scene.methods if requested.method in USES_FREE)
     if scene.accelerations is not None and "energy" in scene.observe:
@@ -73,7 +78,7 @@ def derive(scene: Scene, find: Find) -> Derived:
     exact: motions.ExactMotion | motions.NoExactMotion | None = None
     if EXACT in used or USES_EXACT & set(scene.observe) or wanted:
         with timed(seconds, "exact motion"):
-            exact = _exact(scene)
+            exact = _exact(scene, degenerate)
     compares = bool(COMPARED & set(scene.observe)) and not isinstance(exact, motions.ExactMotion)
     accelerations = None
     if (
@@ -90,7 +95,7 @@ def derive(scene: Scene, find: Find) -> Derived:
     for name in wanted:
         with timed(seconds, "free Lagrangian"):
             free[name] = find(scene, name, exact or motions.NoExactMotion("No exact motion is known."))
-    return Derived(exact, accelerations, free, seconds)
+    return Derived(exact, accelerations, free, seconds, degenerate)
 
 
 def derived_for_truth(scene: Scene, derived: Derived) -> Derived:
@@ -109,7 +114,7 @@ def with_energy(scene: Scene, derived: Derived) -> Scene:
 def problem_of(scene: Scene, requested: Requested, derived: Derived) -> Problem | Unavailable:
     """The problem with only the parts that one method uses, or the reason why the method cannot run."""
     method = requested.method
-    if scene.lagrangian is not None and initial.is_degenerate(scene):
+    if derived.degenerate:
         return Unavailable(_DEGENERATE)
     if method in USES_ACCELERATIONS:
         return with_accelerations(scene, derived)
@@ -150,12 +155,12 @@ def with_accelerations(scene: Scene, derived: Derived) -> Problem | Unavailable:
     return Problem(names, values, constraints=scene.constraints, accelerations=derived.accelerations)
 
 
-def _exact(scene: Scene) -> motions.ExactMotion | motions.NoExactMotion:
+def _exact(scene: Scene, degenerate: bool) -> motions.ExactMotion | motions.NoExactMotion:
     if scene.lagrangian is None:
         return motions.NoExactMotion("The system is given by its equations.")
     if scene.forces or any(event.acts for event in scene.events):
         return motions.NoExactMotion("Additional forces or events act on the motion.")
-    if initial.is_degenerate(scene):
+    if degenerate:
         return motions.NoExactMotion(_DEGENERATE)
     return motions.motion_by_quadrature(scene.coordinates, scene.lagrangian, scene.constraints, scene.values)
 

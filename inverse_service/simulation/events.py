@@ -695,6 +695,9 @@ class _Run:
         )
         begun: data.Start | None = start
         sides, outcome = self._sides(state, {}, self._zeros(state, {})), None
+        if sides is not None and (kinds := self._at_start(state, sides)):
+            begun, (state, outcome) = None, self._act(state, kinds, sides)
+            sides = self._sides(state, sides, self._zeros(state, sides))
         place, count = 0, FIRST
         while sides is not None and outcome is None and place < grid.steps:
             if self.stop is not None and self.stop():
@@ -848,19 +851,10 @@ class _Run:
             event = self.scene.events[index]
             self.seen[index].append((time, q, v))
             if event.acts:
-                q, v = q.copy(), v.copy()
-                targets = self.motion.at([on_sides(tree, sides) for _, tree in event.sets], state)
-                for (target, _), value in zip(event.sets, targets, strict=True):
-                    (v if isinstance(target, ex.Velocity) else q)[self._place(target)] = value
+                q, v = self._after(event, (time, q, v), state, sides)
                 if not (np.isfinite(q).all() and np.isfinite(v).all()):
                     text = f"what the event {printing.to_text(event.formula)} = 0 sets, which has no value"
                     return (time, q, v), Outcome("off_domain", None, time, text, None, BEGIN_ELSEWHERE)
-                if self.scene.constraints:
-                    given = dict(zip(self.scene.coordinates, map(float, v), strict=True))
-                    v = initial.initial_velocities(
-                        self.scene.coordinates, self.scene.constraints, self.scene.lagrangian, self.motion.values, q,
-                        given, project=True,
-                    )  # fmt: skip
                 if sense := self._sense_held(event, state, (time, q, v), sides):
                     self.held[index] = sense
             if len(self.seen[index]) >= event.most:
@@ -872,6 +866,32 @@ class _Run:
         if len(self.acted) > 8 and self.acted[-1] - self.acted[-5] < soon:
             return (time, q, v), self._zeno(time, None)
         return (time, q, v), None
+
+    def _at_start(self, state: Point, sides: Sides) -> list[int | ex.Expression]:
+        """The events at which the motion begins, goes on in their direction, and is turned back: a ball on a floor."""
+        return [
+            k
+            for k, event in enumerate(self.scene.events)
+            if event.acts
+            and event.direction
+            and abs(self.motion.value(event.formula, sides, state)) <= NOISE * _size(state)
+            and self.motion.goes(sides | {event.formula: event.direction}, [event.formula], state)
+            and self._sense_held(event, state, (state[0], *self._after(event, state, state, sides)), sides)
+        ]
+
+    def _after(self, event: data.Event, old: Point, state: Point, sides: Sides) -> tuple[Array, Array]:
+        """Position and velocity with what the event sets at `state` in the place of the old ones."""
+        q, v = old[1].copy(), old[2].copy()
+        targets = self.motion.at([on_sides(tree, sides) for _, tree in event.sets], state)
+        for (target, _), value in zip(event.sets, targets, strict=True):
+            (v if isinstance(target, ex.Velocity) else q)[self._place(target)] = value
+        if self.scene.constraints and np.isfinite([*q, *v]).all():
+            given = dict(zip(self.scene.coordinates, map(float, v), strict=True))
+            v = initial.initial_velocities(
+                self.scene.coordinates, self.scene.constraints, self.scene.lagrangian, self.motion.values, q, given,
+                project=True,
+            )  # fmt: skip
+        return q, v
 
     def _zeno(self, time: float, place: int | None) -> Outcome:
         gap = self.acted[-1] - self.acted[-2] if len(self.acted) > 1 else 0.0

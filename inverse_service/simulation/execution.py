@@ -14,7 +14,7 @@ import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 import symengine
@@ -477,7 +477,8 @@ def initial(f: Formulas, choice: MethodChoice, start: Start, step: float, parame
     q = _named("q", start.positions)
     if choice.method in method_table.POINT_METHODS:
         state = {**q, **_named("v", start.velocities)}
-        return Initial(state, missing=no_one_motion(f, choice, {**parameters, **state}))
+        at = (*parameters.items(), *state.items())
+        return Initial(state, missing=no_one_motion(f, choice.method in BY_SLOPES, at))
     if start.convention == "discrete_constraint":
         if choice.order > 2:
             raise InputError("A composition starts from momenta: the discrete constraint is that of the plain step.")
@@ -556,17 +557,19 @@ def _divides_by_zero(formula: Formula, table: Mapping[str, float]) -> bool:
     return any(real_value(base, table) == 0 for base in divided)
 
 
-def no_one_motion(f: Formulas, choice: MethodChoice, table: Mapping[str, float]) -> Outcome | None:
+@lru_cache(maxsize=64)
+def no_one_motion(f: Formulas, by_slopes: bool, at: tuple[tuple[str, float], ...]) -> Outcome | None:
     """The outcome where an acceleration has no value at the start, or is no Lipschitz function there.
 
     x'' = sqrt(x) has the motions x = 0 and x = (t - s)^4/144 for t > s, one for each s, from x = x' = 0. Where the
     motion leaves such a place at once it is the only one, but a method that solves by slopes may take another.
     """
+    table = dict(at)
     undefined = undefined_force(f, f.accelerations, table)
     if undefined is not None or not f.walls_of(f.problem.accelerations or ()):
         return undefined
     steep = _steep(f, table)
-    if any(steep) and choice.method not in BY_SLOPES:
+    if any(steep) and not by_slopes:
         steep &= _steep(f, _a_little_later(f, table))
     for name, is_steep in zip(f.problem.coordinates, steep, strict=True):
         if is_steep:

@@ -27,7 +27,7 @@ LOOSEST, TIGHTEST = 1e-3, 1e-15  # tolerances
 MOST_STEPS = 4_000_000
 ROUND_OFF, NOISE = 1e-12, 4.0  # errors below this share of the motion are round-off, whose noise is about this factor
 STALLED = 0.5  # of the error before: less gain than this, twice, is the round-off floor
-SECONDS = 0.2  # for each of the repeats: of the first runs of all methods together, and of their later ones
+SECONDS, LATER_SECONDS = 0.2, 0.1  # for each of the repeats: of the first runs of all methods, and of later ones
 SHARE_OF_FIRST, SHARE_OF_REPEATS, SHARE_OF_ONE = 0.6, 0.2, 0.05  # of the time limit, the last for a single run
 LONG = 100  # times the time of the scene
 PARTS = 20  # of a long run: the first and the last are compared
@@ -145,7 +145,7 @@ def measure(
         else:
             settings += _by_halves(run, requested, length, scene.grid.step, truth, scale, seconds)
     settings = _repeated(
-        plain, derived, settings, length, repeats, min(SHARE_OF_REPEATS * time_limit, SECONDS * repeats)
+        plain, derived, settings, length, repeats, min(SHARE_OF_REPEATS * time_limit, LATER_SECONDS * repeats)
     )
     settings = _with_floor(settings, scale, truth.uncertainty)
     found = Precision(scene, truth, scale, tuple(settings))

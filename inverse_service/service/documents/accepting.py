@@ -19,7 +19,6 @@ from inverse_service.field import reduction
 from inverse_service.mechanics import reading, second_order_system
 from inverse_service.reading import document_names, reader
 from inverse_service.reading.names import Names
-from inverse_service.search import row_factors
 from inverse_service.service.documents import plain_data, preparing
 
 if TYPE_CHECKING:
@@ -76,6 +75,8 @@ def to_solvable(schema: SystemDocument) -> second_order_system.SecondOrderSystem
     """
     if schema.special_cases or schema.kinds or schema.clock or schema.near or isinstance(schema.equations, Mapping):
         return to_system(schema)
+    from inverse_service.search import row_factors  # a simulation needs no solver
+
     system = None
     try:
         system = to_system(schema)

@@ -7,9 +7,10 @@ from typing import Any
 import matplotlib
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter
 
 from inverse_service.service.figures import style as styles
-from inverse_service.service.scenes.prices import best_first
+from inverse_service.service.scenes.prices import best_first, power
 
 FAMILIES = {"geometric": "#0072B2", "explicit": "#D55E00", "implicit": "#009E73", "taylor": "#CC79A7"}
 BY_ORDER = ((2, ":"), (4, "-."), (6, "--"), (99, "-"))
@@ -34,6 +35,9 @@ def precision_figure(result: Mapping[str, Any], evaluations: bool = False) -> tu
             axes.set(xscale="log", yscale="log", xlabel="relative error of the trajectory, smaller to the right")
             axes.set_ylabel(label)
             axes.invert_xaxis()
+            for axis in (axes.xaxis, axes.yaxis):  # plain numbers: matplotlib parses each formula as long as it draws
+                axis.set_major_formatter(lambda value, _: power(value))
+                axis.set_minor_formatter(NullFormatter())
             _label_ends(axes, [end for end in ends if end is not None])
     title = f"{result['name']}. " if result["name"] else ""
     return figure, f"{title}{result['sentences'][0]} Lower is better; curves end at the round-off floor."

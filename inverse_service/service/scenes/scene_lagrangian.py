@@ -13,7 +13,6 @@ import numpy as np
 
 from api_schemas.scene import SceneDocument
 from inverse_service import catalogue
-from inverse_service.decision.solutions import SolveOptions
 from inverse_service.errors import InputError, InverseServiceError
 from inverse_service.expressions import derivative, printing, tree as ex
 from inverse_service.field.exact_field import TooLarge
@@ -23,7 +22,7 @@ from inverse_service.mechanics.legendre.transform import legendre
 from inverse_service.mechanics.paper_class import KINDS, AssociatedSystem, associated, recognized
 from inverse_service.reading.names import Names
 from inverse_service.reading.reader import read_condition
-from inverse_service.service.documents import documents, plain_data
+from inverse_service.service.documents import plain_data
 from inverse_service.service.scenes import scene_reading, scene_system
 from inverse_service.simulation import derivation, motions
 from inverse_service.simulation.numeric_formulas import array_value, switching_functions, table_of, walls
@@ -276,7 +275,10 @@ def _solved(question: dict[str, Any], names: Names) -> tuple[tuple[scene_system.
 
 @lru_cache(maxsize=16)
 def _answer(question: str, seconds: float) -> dict[str, Any] | str:
-    """The answer of the solver, or the reason why there is none."""
+    """The answer of the solver, or the reason why there is none; the solver is imported where it is asked only."""
+    from inverse_service.decision.solutions import SolveOptions
+    from inverse_service.service.documents import documents
+
     try:
         return documents.solve_system(json.loads(question), SolveOptions(time_limit=seconds))
     except InverseServiceError as error:

@@ -20,13 +20,13 @@ from inverse_service.expressions.printing import to_text
 from inverse_service.integrators.trajectory import Array, Trajectory
 from inverse_service.service.scenes import scene_lagrangian, scene_reading
 from inverse_service.simulation.advice import advice, by_itself
-from inverse_service.simulation.derivation import Derived, derive, derived_for_truth
+from inverse_service.simulation.derivation import derive, derived_for_truth
 from inverse_service.simulation.ensemble_runs import EnsembleRun
 from inverse_service.simulation.estimates import order_of
 from inverse_service.simulation.events import Found, Switch, where_ended
 from inverse_service.simulation.observing import columns_of, last_point, velocities_at_points, why_energy_varies
 from inverse_service.simulation.running import MethodRun, SceneRun, run_scene
-from inverse_service.simulation.scene_data import FreeLagrangian, Progress, Requested, Scene, Truth, Unavailable
+from inverse_service.simulation.scene_data import Progress, Requested, Scene, Truth, Unavailable
 
 FORMAT = "inverse-service/simulation/1"
 # Points of a trajectory in a result document; files hold all that were recorded.
@@ -118,8 +118,8 @@ def run_document(document: Any, progress: Progress | None, time_limit: float) ->
         progress("deriving")
     find = scene_lagrangian.finder(schema, system, catalogue_name(schema))
     derived = derive(scene, find)
-    if not schema.methods and isinstance(derived.accelerations, tuple):
-        scene = by_itself(scene, derived.accelerations)
+    if not schema.methods:
+        scene = by_itself(scene, derived)
     if "energy" in scene.observe and (scene.accelerations is not None or why_energy_varies(scene)):
         scene = replace(
             scene, conserved=scene_lagrangian.conserved(scene, system, derived_for_truth(scene, derived).accelerations)
@@ -169,7 +169,7 @@ def simulation_document(found: SceneRun, stages: Mapping[str, float]) -> dict[st
             *(_requested(run.requested) | ensemble_document(scene, run) for run in found.members),
         ],
         "truth": _truth(found.truth),
-        "advice": advice_of(scene, found.derived),
+        "advice": advice(scene, found.derived),
         **({} if found.lyapunov is None else {"lyapunov": dict(found.lyapunov)}),
         "circle_coordinates": None if scene.circle is None else [scene.coordinates[k] for k in scene.circle],
         "derived": sorted(found.derived.seconds),
@@ -179,13 +179,6 @@ def simulation_document(found: SceneRun, stages: Mapping[str, float]) -> dict[st
     }
     plain: dict[str, Any] = as_plain(document)
     return plain
-
-
-def advice_of(scene: Scene, derived: Derived) -> dict[str, Any] | None:
-    """The recommended method for the scene, judged by the derived formulas."""
-    free = derived.free.get(None)
-    known = free if isinstance(free, FreeLagrangian) and scene.accelerations is not None else None
-    return advice(scene, derived.accelerations if isinstance(derived.accelerations, tuple) else None, known)
 
 
 def _system(scene: Scene) -> dict[str, Any]:

@@ -43,7 +43,7 @@ def work_precision(
     measured = precision.measure(compared, derived, steps, schema.repeats, left, progress, schema.long)
     if isinstance(measured, scene_data.Unavailable):
         raise errors.InputError(f"the errors of this scene cannot be measured: {measured.reason}", "/system")
-    plain: dict[str, Any] = simulating.as_plain(_document(measured, simulating.advice_of(scene, derived)))
+    plain: dict[str, Any] = simulating.as_plain(_document(measured, advising.advice(scene, derived)))
     return plain
 
 
@@ -55,8 +55,7 @@ def _suitable(scene: scene_data.Scene) -> list[SceneMethod]:
         separable = method_advice.is_separable(scene.lagrangian, scene.coordinates) and not scene.forces
         own = "nonholonomic" if scene.constraints else "stormer-verlet" if separable else "variational"
         chosen += [{"method": own, "order": order} for order in (2, 4, 8)]
-    accelerations = derivation.accelerations_of(scene)
-    if isinstance(accelerations, tuple) and advising.is_stiff(scene, accelerations):
+    if advising.is_stiff(scene, derivation.accelerations_of(scene)):
         chosen.append({"method": "stiff"})
     return [SceneMethod.model_validate(one) for one in chosen]
 
