@@ -170,25 +170,24 @@ class PointwiseConditions:
 
 @dataclass(frozen=True, slots=True)
 class LocalTensors:
-    """The tensors of the hierarchy to a depth and the terms of its equations, as series about a point."""
+    """The tensors of the hierarchy to a depth, and the equations, as series about a point: registers of a program."""
 
     size: int
     program: machine.SeriesProgram
     tensors: Mapping[ConditionName, Tensor11[machine.Series] | Tensor12[machine.Series]]
-    equations: Mapping[EquationName, list[tuple[tuple[int, int], int, machine.Series]]]
+    equations: Mapping[EquationName, Sequence[tuple[Unknown, int, int]]]
 
     @classmethod
     def of(cls, analysis: deciding.Analysis, depth: int) -> LocalTensors:
         """Raises TooLarge where the series would take too much memory."""
         program, motion = deciding.motion_of_series(analysis, analysis.system.depends_on_time, depth + 2)
         tensors = tensors_to_depth(motion, depth)
-        found: dict[EquationName, list[tuple[tuple[int, int], int, machine.Series]]] = {}
-        for condition, tensor in tensors.items():
-            found |= equation_terms(condition, tensor, motion.size)
-        for terms in found.values():
-            for _, _, series in terms:
-                _ = series.register  # written before the first run
-        return cls(motion.size, program, tensors, found)
+        written = {
+            name: [(pair, sign, series.register) for pair, sign, series in terms]
+            for condition, tensor in tensors.items()
+            for name, terms in equation_terms(condition, tensor, motion.size).items()
+        }
+        return cls(motion.size, program, tensors, written)
 
     def at(self, point: Point) -> tuple[machine.Registers, PointwiseConditions]:
         """All series about the point, and the equations there; SingularPoint where a denominator vanishes."""
@@ -199,8 +198,8 @@ class LocalTensors:
         rows: dict[EquationName, Row] = {}
         for name, terms in self.equations.items():
             row = [0] * len(position)
-            for pair, sign, series in terms:
-                row[position[pair]] += sign * registers.value(series.register)
+            for pair, sign, register in terms:
+                row[position[pair]] += sign * registers.value(register)
             rows[name] = tuple(entry % point.prime for entry in row)
         return registers, PointwiseConditions(self.size, point.prime, rows)
 

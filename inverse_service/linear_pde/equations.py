@@ -23,7 +23,6 @@ from inverse_service.field import modular
 from inverse_service.field.dense_series import (
     MonomialKeys,
     Registers,
-    Series,
     SparseSeries,
     exponents_of_degree,
     freeze,
@@ -229,12 +228,12 @@ def _starts(parts: list[npt.NDArray[np.generic]] | list[Places] | list[Integers]
 
 @dataclass(frozen=True, slots=True)
 class Term:
-    """A summand of one equation: sign * series * entry, or sign * series * d_a entry."""
+    """A summand of one equation: sign * series * entry, or sign * series * d_a entry; the series has a register."""
 
     equation: int
     entry: int
     derivative: int
-    series: Series
+    register: int
     negative: bool = False
 
 
@@ -253,9 +252,9 @@ class TermTable:
 
 def term_table(unknowns: Unknowns, terms: Sequence[Term], equations: int, registers: Registers, most: int) -> TermTable:
     """The terms, their series to degree `most` after a run."""
-    used = {term.series.register: None for term in terms}
+    used = dict.fromkeys(term.register for term in terms)
     places = {register: place for place, register in enumerate(used)}
-    rows = [(t.equation, places[t.series.register], t.negative, t.entry, t.derivative) for t in terms]
+    rows = [(t.equation, places[t.register], t.negative, t.entry, t.derivative) for t in terms]
     series = registers.coefficients(np.array([*used], np.int64), most)
     return TermTable(unknowns, equations, series, np.array(rows, np.int64).reshape(-1, 5))
 

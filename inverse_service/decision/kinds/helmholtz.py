@@ -257,7 +257,7 @@ def added_equations(among: Among, program: machine.SeriesProgram, n: int) -> tup
             for k, (_, f) in enumerate(gamma[size - n :]):
                 turned = machine.along(gamma, field.get(size - n + k, machine.Series(program)))
                 shifts.append(machine.along(field.items(), f) - turned - f.scaled(Fraction(derivation.weight, 2)))
-            terms = [pde.Term(i, entry, pde.NO_DERIVATIVE, shifts[k]) for (i, k), entry in _entries(n).items()]
+            terms = [pde.Term(i, entry, pde.NO_DERIVATIVE, shifts[k].register) for (i, k), entry in _entries(n).items()]
             found.append(Added(f"S{place}", tuple((i, i) for i in range(n)), 0, tuple(terms)))
     return tuple(found)
 
@@ -269,14 +269,14 @@ def _register(program: machine.SeriesProgram, register: int, lost: int = 0) -> m
 def _curl(program: machine.SeriesProgram, n: int) -> Iterator[Added]:
     """C and D, for each k."""
     size, entry = len(program.variables), _entries(n)
-    q, v, two = size - 2 * n, size - n, machine.series_of(program, ex.number(2))
+    q, v, two = size - 2 * n, size - n, program.expand(ex.number(2))
     slopes = [[_register(program, _matrix(n, q, 0, i, j), 1) for j in range(n)] for i in range(n)]
 
     def slope(equation: int, i: int, j: int, by: int) -> Iterator[pde.Term]:
         """d_by (g_il df^l/dv^j - g_jl df^l/dv^i)."""
         for (a, b), row in product(((i, j), (j, i)), range(n)):
-            yield pde.Term(equation, entry[a, row], by, slopes[row][b], a != i)
-            yield pde.Term(equation, entry[a, row], pde.NO_DERIVATIVE, slopes[row][b].derivative(by), a != i)
+            yield pde.Term(equation, entry[a, row], by, slopes[row][b].register, a != i)
+            yield pde.Term(equation, entry[a, row], pde.NO_DERIVATIVE, slopes[row][b].derivative(by).register, a != i)
 
     for k in range(n):
         pairs = tuple(combinations(range(n), 2))
@@ -296,11 +296,11 @@ def _lie(
 ) -> Iterator[pde.Term]:
     size, entry = len(program.variables), _entries(n)
     for equation, (i, j) in enumerate(pairs_of("H2", n)):
-        yield from (pde.Term(equation, equation, a, part) for a, part in field.items())
+        yield from (pde.Term(equation, equation, a, part.register) for a, part in field.items())
         if weight:
-            number = machine.series_of(program, ex.number(-weight))
-            yield pde.Term(equation, equation, pde.NO_DERIVATIVE, number)
+            yield pde.Term(equation, equation, pde.NO_DERIVATIVE, program.expand(ex.number(-weight)))
         for a, part in field.items():
             k = a - (size - n)
             for b, c in ((i, j), (j, i)) if k >= 0 else ():
-                yield pde.Term(equation, entry[b, k], pde.NO_DERIVATIVE, part.derivative(size - n + c))
+                slope = part.derivative(size - n + c).register
+                yield pde.Term(equation, entry[b, k], pde.NO_DERIVATIVE, slope)
