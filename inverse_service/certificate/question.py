@@ -174,7 +174,7 @@ class Question:
         self.set_of_claim(claim or {})
         self.integrals = dict[str, Integral]()
         self.kinds_of_rows = self.listed_rows()
-        self.held = False
+        self.held = False  # whether all that has to hold at a point of `look_around` is read
         self.partly = False  # whether a matrix is regular for some choices of the roots only
         self.claimed: tuple[Callable[[Expansion], Claims], int] = (no_claims, 0)
         self.generic: Generic | None = None  # the proof, once it is found right
@@ -267,7 +267,6 @@ class Question:
             ring.elementary(
                 "log", ring.add([Reader(ring, more).value, Reader(ring, less).value], [1, -1])
             )
-        self.held = True  # the conditions
         for root, said in self.roots if hinted else ():
             value = Reader(ring, said).value
             ring.elementary("log", value)
@@ -333,7 +332,7 @@ class Question:
     def look_around(self) -> int:
         """Try random points where the conditions hold, near and far.
 
-        There every formula has a value and all zeros hold.
+        There every formula read once these are `held` has a value, and all zeros hold.
         """
         (claims, degree), seen = self.claimed, 0
         for attempt in range(LOOKS):

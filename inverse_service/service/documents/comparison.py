@@ -307,7 +307,6 @@ def _agreed(certificate: Mapping[str, Any], shown: Any, notes: dict[str, bool], 
     before = list[cell.Need]()  # of L, the momenta, and what the stated domain says is positive
 
     def parts(ring: Any) -> Any:
-        question.held = False  # L and p need not be defined everywhere
         whole, p = formulas.Reader(ring, lagrangian).value, {}
         for name, text in momenta.items():
             p[name] = formulas.Reader(ring, text).value
@@ -317,7 +316,7 @@ def _agreed(certificate: Mapping[str, Any], shown: Any, notes: dict[str, bool], 
         stated = [ring.add([formulas.Reader(ring, side, **p).value for side in pair], [1, -1]) for pair in conditions]
         for value in () if question.rational else stated:
             ring.elementary("log", value)
-        question.held = True
+        question.held = True  # f, L, and p need not be defined everywhere
         if isinstance(ring, cell.Letters):
             ring.needs = {}
         work = [ring.multiply(ring.names[v], x, ring.degree) for v, x in zip(speeds, p.values(), strict=True)]
