@@ -221,18 +221,15 @@ def _form_of_velocities(matrix: blocks.Matrix, names: Sequence[str]) -> ex.Expre
 def _root_parts(function: ex.Expression) -> tuple[ex.Expression, ex.Expression, ex.Expression] | None:
     """(k, b, s) of k sqrt(b + s S), else None."""
     terms = collecting.expand(function)
-    if len(terms) != 1:
+    roots = {pair for monomial, _ in terms for pair in monomial if pair[1] == ex.HALF.value and _holds_s(pair[0])}
+    if len(roots) != 1 or not all(roots <= {*monomial} for monomial, _ in terms):
         return None
-    monomial, value = terms[0]
-    roots = [base for base, exponent in monomial if exponent == ex.HALF.value and _holds_s(base)]
-    rest = tuple(pair for pair in monomial if pair[0] not in roots)
-    if len(roots) != 1 or _holds_s(collecting.monomial_tree(rest)):
+    ((root, _),) = roots
+    factor = collecting.terms_tree([(tuple(p for p in monomial if p not in roots), c) for monomial, c in terms])
+    slope, start = derivative.differentiate(root, _S), ex.substitute(root, {_S: ex.ZERO})
+    if _holds_s(factor) or _holds_s(slope) or start == ex.ZERO:
         return None
-    slope = derivative.differentiate(roots[0], _S)
-    start = ex.substitute(roots[0], {_S: ex.ZERO})
-    if _holds_s(slope) or start == ex.ZERO:
-        return None
-    return value * collecting.monomial_tree(rest), start, short_forms.simplified(slope)
+    return factor, start, short_forms.simplified(slope)
 
 
 def _holds_s(tree: ex.Expression) -> bool:
@@ -245,7 +242,8 @@ def _of_root(
     """F = k sqrt(b + s S): H_u^2 = b (k^2 - 2 R/s), sign(H_u) = -sign(k b), u = -2 b G^-1 p/(s H_u)."""
     momenta = [block.momenta[name] for name in block.names]
     form = blocks.quadratic_form(radial.inverse, momenta)
-    square = short_forms.simplified(b * (k**2 - 2 * form / s))
+    apart = b * k**2 + collecting.collect(-2 * b * form / s)
+    square = short_forms.shortest([short_forms.simplified(apart), apart])
     lead = short_forms.simplified(k * b)
     for sign in (1, -1):
         energy = sign * ex.square_root(square)
