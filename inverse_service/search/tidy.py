@@ -499,6 +499,7 @@ def _with_springs(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expressi
         if isinstance(p, ex.Apply) and p.function in ("sin", "cos"):
             (other,) = material.companions(p)
             squares.append({tm.times(tm.EMPTY, tm.monomial(other), 2): Fraction(-1)})
+        squares = [{key: c for key, c in one.items() if not constants.issuperset(p for p, _ in key)} for one in squares]
         linear = {key: c for key, c in terms.items() if u <= key and constants.issuperset(q for q, _ in key - u)}
         for square, key in product(squares, terms if len(linear) == 1 else ()):
             found = _spring(terms, u, linear, square, key, constants)
