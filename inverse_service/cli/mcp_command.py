@@ -17,7 +17,7 @@ from mcp.server.mcpserver.exceptions import ToolError
 from pydantic import BaseModel, Field
 
 from inverse_service import __version__, errors, settings
-from inverse_service.service.documents import answers, plain_data
+from inverse_service.service.documents import answers, growing, plain_data
 from inverse_service.service.jobs import model, tasks
 from inverse_service.service.jobs.tasks import Call, Outcome, value_of
 from inverse_service.service.jobs.workers import Workers
@@ -107,7 +107,7 @@ class Tools:
 
         def hear(value: Any) -> None:
             if isinstance(value, dict):
-                so_far.update(so_far=so_far.get("so_far", {}) | value["value"], seconds=value["seconds"])
+                so_far.update(growing.grown(so_far, value))
 
         call = Call(tasks.solve_task, (document, asked), options.time_limit, options.memory_limit, reports=True)
         outcome = await asyncio.wrap_future(self._workers.submit(call, hear).outcome)

@@ -17,14 +17,6 @@ from inverse_service.service.jobs import tasks, workers
 from inverse_service.service.scenes import prices
 
 DEFAULT_SECONDS, MEASURING_SECONDS = 600.0, 300.0
-QUANTITIES = (
-    "max_energy_error",
-    "max_constraint",
-    "max_momentum_drift",
-    "max_phase_error",
-    "estimated_error",
-    "max_error",
-)
 COLUMNS = ("method", "order", "step", "tolerance", "error", "seconds", "evaluations", "at_floor", "reason")
 LONG = ("seconds", "energy_error", "energy_drift", "constraint_error", "shape_change")
 NARROWEST = 80
@@ -141,9 +133,10 @@ def file_name(label: str) -> str:
 
 def page(summary: Mapping[str, Any]) -> str:
     """One line per method: outcome and observed quantities."""
-    rows = [["method", "outcome", "steps", *map(_heading, _columns(summary))]]
+    columns = text_page.quantities(summary)
+    rows = [["method", "outcome", "steps", *(heading for _, heading in columns)]]
     for method in summary["methods"]:
-        numbers = [_number(value) for value in _values(method, _columns(summary))]
+        numbers = [_number(text_page.value_at(method, key)) for key, _ in columns]
         rows.append([method["label"], method["outcome"], str(method["steps"]), *numbers])
     lines = [*_aligned(rows), *_reasons(summary), *_effects(summary), *_costs(summary), *summary["notes"]]
     return "\n".join(lines) + "\n"
@@ -161,24 +154,7 @@ def _effects(summary: Mapping[str, Any]) -> list[str]:
     return lines
 
 
-def _columns(summary: Mapping[str, Any]) -> list[str]:
-    found = [name for name in QUANTITIES if any(method.get(name) is not None for method in summary["methods"])]
-    return [*found, *(["circle"] if any(method.get("circle") for method in summary["methods"]) else [])]
-
-
-def _heading(name: str) -> str:
-    return "radius first, last, center drift" if name == "circle" else name
-
-
-def _values(method: Mapping[str, Any], columns: list[str]) -> list[Any]:
-    circle = method.get("circle")
-    numbers = None if not circle else [circle[key] for key in ("radius_first", "radius_last", "centre_drift")]
-    return [numbers if name == "circle" else method.get(name) for name in columns]
-
-
 def _number(value: Any) -> str:
-    if isinstance(value, list):
-        return ", ".join(_number(part) for part in value)
     return "-" if value is None else f"{value or 0:.4g}"
 
 
@@ -208,13 +184,8 @@ def _reasons(summary: Mapping[str, Any]) -> list[str]:
 
     lines = []
     for method in summary["methods"]:
-        stopped = method.get("stopped")
-        if method.get("reason"):
-            lines.append(f"{method['label']}: {method['reason']}")
-        elif stopped:
-            lines.append(f"{method['label']}: {stopped['sentence']}")
-        lines += [f"{method['label']}: {method[key]}" for key in ("note", "doubt") if method.get(key)]
-        lines += [f"{method['label']}: {note}" for note in text_page.notes_of_formulas(method)]
+        told = (text_page.why(method), method.get("note"), method.get("doubt"), *text_page.notes_of_formulas(method))
+        lines += [f"{method['label']}: {text}" for text in dict.fromkeys(filter(None, told))]
     return lines
 
 

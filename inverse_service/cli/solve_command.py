@@ -217,8 +217,7 @@ class _Shown:
                 show_stage(value)
             self._say()
             return
-        before = {} if self.so_far is None else self.so_far["so_far"]
-        self.so_far = {"so_far": before | value["value"], "seconds": value["seconds"]}
+        self.so_far = growing.grown(self.so_far or {}, value)
         self._finished |= dict.fromkeys(value["parts"])
         self._say()
 

@@ -38,8 +38,6 @@ _LETTERS = (("L", "lagrangian"), ("H", "hamiltonian"))
 
 _Part = TypeVar("_Part")
 
-COLUMNS = ("id", "line", "verdict", "verdict_with_time", "checked", "question", "reason")
-
 STEPS = 1000
 START = 0.6  # of the first position; each next one is a third larger, velocities are 0
 LONGEST = 10.0  # s
@@ -505,8 +503,8 @@ class Answers(Iterator[Result | dict[str, Any]]):
         return next(self._answers)
 
     def to_pandas(self) -> Any:
-        """A DataFrame with one row a result, see `row_of`; needs pandas."""
-        return _frame([row_of(answer) for answer in self])
+        """A DataFrame with one row a result, see `text_page.row_of`; needs pandas."""
+        return _frame([_pages().row_of(answer) for answer in self])
 
 
 class Run(dict[str, Any]):
@@ -583,33 +581,10 @@ def _answered(lines: list[str], workers: int, output: Path | None, time_limit: f
 
 def table_of(results: Iterable[Mapping[str, Any]]) -> Any:
     """One row a result."""
-    rows = [row_of(result) for result in results]
+    rows = [_pages().row_of(result) for result in results]
     if importlib.util.find_spec("pandas") is None:
         return rows
     return importlib.import_module("pandas").DataFrame(rows)
-
-
-def row_of(result: Mapping[str, Any]) -> dict[str, Any]:
-    """The columns that are compared first: verdicts, L, H, where they hold, how many multipliers, seconds, size.
-
-    All of them are of the first of the `branches`, but the verdicts: "differs" where the branches differ.
-    """
-    pages = _pages()
-    if not isinstance(result, Mapping):
-        raise errors.InputError("A table needs results.")
-    row = {key: result.get(key) for key in COLUMNS}
-    for key in ("verdict", "verdict_with_time"):
-        row[key] = pages.common_verdict(pages.branches_of(result), key)
-    if error := result.get("error"):
-        row |= {"verdict": "error", "reason": error["detail"]}
-    first = pages.first_answer(result)
-    for letter, key in _LETTERS:
-        row[letter] = (first.get(key) or {}).get("text")
-    space, system = result.get("solution_space") or {}, result.get("system") or {}
-    seconds = (result.get("provenance") or {}).get("seconds") or {}
-    row |= {"statement": space.get("statement"), "n": len(system.get("coordinates", ())), "order": space.get("order")}
-    row |= {"seconds": sum(seconds.values()) if seconds else None}
-    return row | {"where": ", ".join(pages.conditions_of(first)), "branches": len(pages.branches_of(result))}
 
 
 def draw_motion(
@@ -624,10 +599,9 @@ def draw_motion(
     states, reason = motion(result, start, parameters, time)
     if axes is None:
         axes = Figure(figsize=(4, 3), layout="constrained").subplots()
-    columns, labels = ((0, 1), (names[0], f"{names[0]}'")) if len(names) == 1 else ((0, 1), (names[0], names[1]))
-    axes.plot(states[:, columns[0]], states[:, columns[1]], linewidth=1)
-    axes.plot(*states[0, list(columns)], "o", markersize=4)
-    axes.set(xlabel=labels[0], ylabel=labels[1])
+    axes.plot(states[:, 0], states[:, 1], linewidth=1)
+    axes.plot(*states[0, :2], "o", markersize=4)
+    axes.set(xlabel=names[0], ylabel=names[1] if names[1:] else f"{names[0]}'")
     if reason:
         axes.set_title(reason, fontsize="x-small", wrap=True)
     if names[1:]:
@@ -668,7 +642,7 @@ def motion(
     }
     found = simulating.simulate_tables(scene, time_limit=LONGEST)
     (method,), (columns,) = found["result"]["methods"], [*found["tables"].values()] or [None]
-    reason = (method.get("stopped") or {}).get("sentence") or method.get("reason") or method.get("doubt") or ""
+    reason = _pages().why(method)
     if columns is None:
         raise errors.InputError(f"The motion cannot be drawn: {reason}")
     return np.column_stack([columns[name] for name in (*names, *(f"v_{name}" for name in names))]), reason

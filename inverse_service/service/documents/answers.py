@@ -13,13 +13,6 @@ from inverse_service.service.documents import growing
 from inverse_service.service.jobs.tasks import Outcome, value_of
 
 UNDERSTAND_DEADLINE = 2.0
-_ENDINGS = {
-    "deadline": "The time limit of {time:g} s was reached.",
-    "memory": "The memory limit of {memory} MiB was reached.",
-    "killed": "The worker process was killed repeatedly, most likely because it ran out of memory.",
-    "crash": "The worker process died repeatedly.",
-    "cancelled": "The job was dismissed.",
-}
 PREFIX = "urn:inverse-service:problem:"
 TITLES = {
     400: "The document cannot be read",
@@ -36,14 +29,18 @@ TITLES = {
     500: "Internal error",
     503: "The service is busy",
 }
-# Status and kind of a task that ended so; all others are faults.
+FAULT = "this is an error in the program"
+# How a task ended without a value: status and kind of its problem, what happened, what to do. All others are faults.
 ENDS = {
-    "deadline": (422, "time-limit"),
-    "memory": (422, "memory-limit"),
-    "killed": (422, "memory-limit"),
-    "cancelled": (410, "dismissed"),
-    "unstarted": (503, "not-ready"),
-}
+    "deadline": (422, "time-limit", "The time limit of {time:g} s was reached",
+                 "simplify the request, or raise the limit"),
+    "memory": (422, "memory-limit", "The memory limit of {memory} MiB was reached", "simplify the request"),
+    "killed": (422, "memory-limit", "The worker process was killed repeatedly, probably for lack of memory",
+               "simplify the request"),
+    "crash": (500, "fault", "The worker process died repeatedly on this document", FAULT),
+    "cancelled": (410, "dismissed", "The job was dismissed", ""),
+    "unstarted": (503, "not-ready", "No worker process could be started for a long time", "submit the request again"),
+}  # fmt: skip
 
 
 def with_understood(outcome: Outcome, understood: Outcome) -> Outcome:
@@ -65,8 +62,9 @@ def result_document(
     how the system was understood. Raises DocumentRefused with the places of the faults, WorkerFailed where the program
     is at fault (its details go to the log only).
     """
-    reason = _ENDINGS.get(outcome.status, "").format(time=options.time_limit, memory=memory_limit)
-    if reason and so_far is not None:
+    happened = ENDS[outcome.status][2] if outcome.status in ENDS else ""
+    reason = f"{happened.format(time=options.time_limit, memory=memory_limit)}."
+    if happened and so_far is not None:
         result = growing.cut_off(so_far["so_far"], reason, so_far["seconds"], outcome.spent.wall)
         result["provenance"] |= {"options": {"time_limit": options.time_limit, "seed": options.seed}}
         return result
@@ -133,15 +131,8 @@ def of_outcome(outcome: Outcome, time_limit: float, memory_limit: int) -> dict[s
     """The problem of a task that ended without a value; its details stay in the log."""
     if outcome.status == "refused":
         return problem_document(422, outcome.places[0].code, outcome.places[0].detail, outcome.places)
-    sentences = {
-        "deadline": f"The time limit of {time_limit:g} s was reached; simplify the request, or raise the limit.",
-        "memory": f"The memory limit of {memory_limit} MiB was reached; simplify the request.",
-        "killed": "The worker process was killed repeatedly, probably for lack of memory; simplify the request.",
-        "crash": "The worker process died repeatedly on this document; this is an error in the program.",
-        "cancelled": "The job was dismissed.",
-        "unstarted": "No worker process could be started for a long time; submit the request again.",
-    }
     kind = f" ({outcome.value})" if isinstance(outcome.value, str) and outcome.value else ""
-    fault = f"The program failed on this document{kind}; this is an error in the program."
-    status, short = ENDS.get(outcome.status, (500, "fault"))
-    return problem_document(status, short, sentences.get(outcome.status, fault))
+    fault = (500, "fault", f"The program failed on this document{kind}", FAULT)
+    status, short, happened, cure = ENDS.get(outcome.status, fault)
+    detail = "; ".join(filter(None, (happened.format(time=time_limit, memory=memory_limit), cure)))
+    return problem_document(status, short, f"{detail}.")

@@ -30,7 +30,7 @@ from inverse_service.service.documents import accepting, canonical, comparison, 
 from inverse_service.service.documents.comparison import compared_claim, compared_with_document
 from inverse_service.service.documents.own_lagrangian import check_lagrangian
 from inverse_service.service.documents.plain_data import read_json
-from inverse_service.service.documents.preparing import inward, is_motion, is_nonholonomic, prepared
+from inverse_service.service.documents.preparing import asks_motion_alone, inward, is_motion, is_nonholonomic, prepared
 
 LONGER = 6  # times as long as what people type may be what we printed
 TIME_LIMIT = 60.0  # of processor time, so that the load of the machine decides no verdict
@@ -134,12 +134,7 @@ def _of_certificate(certificate: dict[str, Any], document: object, end: float) -
     proof = check_certificate(certificate, time_limit=max(1.0, end - now()))
     found, reasons = proof, proof.reasons
     if document is not None and proof.verdict == "valid":
-        moving = "velocities" in _object(certificate.get("system"))
-        compared = (
-            compared_claim(document, certificate, end - now())
-            if moving
-            else compared_with_document(document, Canonical(_system(certificate), certificate), end - now())
-        )
+        compared = _compared(document, certificate, "velocities" in _object(certificate.get("system")), end - now())
         reasons = (*reasons, *compared.reasons)
         found = compared if compared.verdict != "valid" else proof
         proof = comparison.narrowed(certificate, proof, compared.cell, end - now())
@@ -273,8 +268,7 @@ class Examination:
         self.others(document, plain, own)
         if not moving:
             self.cases(document)
-        only = isinstance(plain, dict) and ("motion" in plain or plain.get("associated") == "any")
-        if not main and not (only and result.get("any_associated")):
+        if not main and not (asks_motion_alone(plain) and result.get("any_associated")):
             self.unsettled(_OPEN)
         if moving:
             self.associated(plain, own)
@@ -290,7 +284,7 @@ class Examination:
 
     def question(self, plain: Any, own: dict[str, Any]) -> bool:
         """Whether the main fields answer L(t, q, q')."""
-        contains = any("t" in read_tokens(text, "equations") for text in own["equations"].values())
+        contains = _contains_time(own["equations"])
         asked = isinstance(plain, dict) and plain.get("time_dependent_lagrangian") is True
         timed, stated = contains or asked, self.result.get("question")
         if stated is not None:
@@ -486,13 +480,7 @@ class Examination:
         parts = [moving, *(certificate.get(key) for key in ("system", "near", "conditions", "roots"))]
         key = json.dumps(parts, sort_keys=True)
         if key not in self.compared:
-            left = self.end - now()
-            self.compared[key] = (
-                compared_claim(document, certificate, left)
-                if moving
-                else compared_with_document(document, Canonical(_system(certificate), certificate), left)
-            )
-            found = self.compared[key]
+            found = self.compared[key] = _compared(document, certificate, moving, self.end - now())
             if found.verdict == "invalid":
                 self.contradict("/system", "", found.reasons[0])
             elif found.verdict != "valid":
@@ -513,7 +501,7 @@ class Examination:
             schema = accepting.to_schema(plain)
             asked = derived.to_kinds(schema, accepting.to_solvable(schema))
             known = {one.name: translate.plain(one.among) for one in asked}
-        contains = any("t" in read_tokens(text, "equations") for text in own["equations"].values())
+        question = "time_dependent" if _contains_time(own["equations"]) else "autonomous"
         for name, part in listed.items():
             at, among = f"/kinds/{name}", _object(part.get("certificate")).get("among")
             if name not in (*KINDS.split("|"), "invariant"):
@@ -522,7 +510,6 @@ class Examination:
             if "given" in self.result["system"] or self.handed is not None:
                 good = name in known and among in (None, known[name])
                 self.agree(f"{at}/certificate/among", good, str(among), "The document requests other types.")
-            question = "time_dependent" if contains else "autonomous"
             around = self.result.get("domain") or []
             settled = self.answer(Shown(at, part, question, part.get("verdict"), own, name, around))
             if part.get("verdict") != "undetermined" and settled is None:
@@ -534,8 +521,7 @@ class Examination:
             return
         kind = part.get("kind")
         if kind in ("time", "rayleigh"):
-            contains = kind == "time" or any("t" in _tokens(text) for text in own["equations"].values())
-            asked = "time_dependent" if contains else "autonomous"
+            asked = "time_dependent" if kind == "time" or _contains_time(own["equations"]) else "autonomous"
             around = self.result.get("domain") or []
             if self.answer(Shown("/instead", part, asked, "variational", own, kind, around)) is None:
                 self.unsettled("/instead: no certificate proves it.")
@@ -586,7 +572,7 @@ class Examination:
         if verdict == "undetermined" and not part.get("certificate") and not part.get("equations"):
             self.claim(f"{at}/{key}", f"{at}/factor")  # nothing was found
             return
-        own = None if system is None else _fields_of(system)
+        own = None if system is None else translate.plain_fields(system)
         if system is None or own is None or part.get("equations") != own["equations"]:
             self.contradict(at, verdict, "It is not about the system that follows from the document's.")
             return
@@ -646,8 +632,7 @@ class Examination:
             self.narrow(certificate, self.with_document(certificate, moving=True))
             self.further.append(canonical.of_certificate(certificate, proof))
         parts = [one["system"].get(key) or {} for one in certificates for key in ("equations", "velocities")]
-        texts = [text for formulas in parts for text in formulas.values()]
-        timed = timed or any("t" in _tokens(text) for text in texts)
+        timed = timed or any(map(_contains_time, parts))
         same = all(one["system"] == certificates[0]["system"] for one in certificates)
         if not same:
             self.contradict(f"{at}/certificate_with_time/system", "", "It is about two motions.")
@@ -672,20 +657,18 @@ class Examination:
             self.agree(f"{at}/checked", part["checked"] == "valid", part["checked"], "The checker says valid.")
         found = [one for certificate in certificates for one in self.proof(certificate).exceptions]
         self.exceptions(at, part.get("exceptions", found), found)
-        if "undetermined" in (part.get("verdict"), part.get("verdict_with_time")):
-            only = isinstance(plain, dict) and ("motion" in plain or plain.get("associated") == "any")
-            if only:
-                self.unsettled(_OPEN)
+        if "undetermined" in (part.get("verdict"), part.get("verdict_with_time")) and asks_motion_alone(plain):
+            self.unsettled(_OPEN)
 
     def associated(self, plain: Any, own: dict[str, Any]) -> None:
         """The associated system of the main fields is the one that the document names; the image of D is that of D."""
         result = self.result
         asked = plain.get("associated") if isinstance(plain, dict) else None
-        if self.has_document and (is_motion(plain) or asked == "any"):
+        if self.has_document and asks_motion_alone(plain):
             from inverse_service.service.documents.documents import use_cases
 
             cases = use_cases(plain)
-            made = _fields_of(cases.system(cases.look(plain)))
+            made = translate.plain_fields(cases.system(cases.look(plain)))
             for name in ("coordinates", "parameters", "functions"):
                 self.agree(
                     f"/system/{name}", own[name] == made[name], str(own[name]), f"The document has {made[name]}."
@@ -743,6 +726,13 @@ class Examination:
                 self.claim("/guessed")
 
 
+def _compared(document: Any, certificate: dict[str, Any], moving: bool, limit: float) -> CheckResult:
+    """Whether a certificate is about the system of a document, or about its motion on constraints."""
+    if moving:
+        return compared_claim(document, certificate, limit)
+    return compared_with_document(document, Canonical(_system(certificate), certificate), limit)
+
+
 def unclaimed(value: Any, at: str, claimed: set[str]) -> Iterator[str]:
     """The pointers of what says something and was not compared, each as far up as nothing below was."""
     if at in claimed or value in (None, "", [], {}):
@@ -780,6 +770,10 @@ def _tokens(text: Any) -> tuple[str, ...]:
     return read_tokens(text, "formula")
 
 
+def _contains_time(formulas: Mapping[str, str]) -> bool:
+    return any("t" in _tokens(text) for text in formulas.values())
+
+
 def _is_defined(formula: str, domain: Sequence[str], names: Names) -> bool:
     """Whether a formula has a value wherever a stated domain holds, whatever values its names have."""
     try:
@@ -802,12 +796,6 @@ def _system(holder: Mapping[str, Any]) -> dict[str, Any]:
     system = _object(holder.get("system"))
     empty: dict[str, Any] = {"coordinates": [], "equations": {}, "parameters": [], "functions": {}}
     return {key: system.get(key) or other for key, other in empty.items()}
-
-
-def _fields_of(system: SecondOrderSystem) -> dict[str, Any]:
-    """The same of a system."""
-    return {"coordinates": list(system.coordinates), "equations": translate.equation_fields(system)["equations"],
-            "parameters": list(system.parameters), "functions": translate.function_fields(system)}  # fmt: skip
 
 
 def _object(value: Any) -> dict[str, Any]:

@@ -18,14 +18,14 @@ from api_schemas.result import KindPart, ResultDocument
 from api_schemas.system import InvariantKind, SystemDocument
 from inverse_service import deadline, errors
 from inverse_service.deadline import left
-from inverse_service.decision import certify, deciding
+from inverse_service.decision import deciding
 from inverse_service.decision.kinds.helmholtz import LagrangianKind, invariant, kind_named
 from inverse_service.decision.solutions import Answer, Solution, SolveOptions
 from inverse_service.errors import InputError, IrreducibleAtoms
 from inverse_service.explanation import positive
 from inverse_service.expressions import collecting, derivative, printing, tree as ex
 from inverse_service.field import real_point
-from inverse_service.mechanics import second_order_system
+from inverse_service.mechanics import reading, second_order_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading import reader
 from inverse_service.reading.names import Names
@@ -209,23 +209,17 @@ def left_out(result: Mapping[str, Any]) -> Iterator[tuple[str, dict[str, Any] | 
 
 
 def _there(system: Mapping[str, Any], text: str) -> dict[str, Any] | None:
-    names, parameters = certify.names_of(system), list(system["parameters"])
-    *sides, last = [reader.read_formula(side, names) for side in text.split("=")]
+    keys = ("coordinates", "equations", "parameters", "functions")
+    whole = reading.read_system(**{key: system[key] for key in keys if system.get(key)})
+    *sides, last = [reader.read_formula(side, whole.names) for side in text.split("=")]
     values = dict[ex.Expression, ex.Expression]()
     for side in sides:
-        found = next(filter(None, (_root(collecting.collect(side - last), name) for name in parameters)), None)
+        roots = (_root(collecting.collect(side - last), name) for name in whole.parameters)
+        found = next(filter(None, roots), None)
         if found is None:
             return None
         values |= found
-    trees = {name: reader.read_formula(formula, names) for name, formula in system["equations"].items()}
-    return {
-        "coordinates": system["coordinates"],
-        "equations": {
-            name: printing.to_text(collecting.collect(ex.substitute(tree, values))) for name, tree in trees.items()
-        },
-        "parameters": [name for name in parameters if ex.Symbol(name) not in values],
-        "functions": system.get("functions") or {},
-    }
+    return translate.plain_fields(specialised(whole, values))
 
 
 def _root(tree: ex.Expression, name: str) -> dict[ex.Expression, ex.Expression] | None:

@@ -163,6 +163,11 @@ def merged(values: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
     return whole
 
 
+def grown(so_far: Mapping[str, Any], message: Mapping[str, Any]) -> dict[str, Any]:
+    """{"so_far", "seconds"} of the messages up to this one; nothing before the first."""
+    return {"so_far": so_far.get("so_far", {}) | message["value"], "seconds": message["seconds"]}
+
+
 def cut_off(so_far: Mapping[str, Any], reason: str, seconds: Mapping[str, float], wall: float) -> dict[str, Any]:
     """The result of a run that was ended, with all that was finished; what was to come is named with the reason."""
     left = [one | {"reason": reason} for one in so_far["incomplete"]]

@@ -8,9 +8,11 @@ from inverse_service import errors
 from inverse_service.expressions import tree as ex
 from inverse_service.reading import reader
 from inverse_service.reading.names import Names
-from inverse_service.service.documents import canonical, growing
+from inverse_service.service.documents import canonical, growing, preparing
 
 LONG = 300
+# Of the table of many results, as they are in each.
+COLUMNS = ("id", "line", "verdict", "verdict_with_time", "checked", "question", "reason")
 MOST_OF_CONDITIONS = 5_000
 CONDITIONS = (
     "Conditions: g Phi and g nabla_Phi must be symmetric, and the cyclic sums of g R must vanish. Entries not 0:"
@@ -21,6 +23,18 @@ SENTENCES = {
     "not_variational": "Not variational{where}: no regular Lagrangian {question} exists.",
     "undetermined": "Undetermined{where}: the program could not decide whether a regular Lagrangian {question} exists.",
 }
+# The numbers of a run, with their headings in a table.
+QUANTITIES = (
+    ("max_energy_error", "energy error"),
+    ("max_constraint", "constraint"),
+    ("max_momentum_drift", "momentum drift"),
+    ("max_phase_error", "phase error"),
+    ("estimated_error", "estimated error"),
+    ("max_error", "error"),
+    ("circle.radius_first", "radius, first circle"),
+    ("circle.radius_last", "radius, last circle"),
+    ("circle.centre_drift", "drift of the center"),
+)
 Side = str | Mapping[str, Any]  # a formula; or its "text", and its "latex" or what this is made of, the "whole"
 Formula = Side | tuple[Side, Side]
 _YES_OR_NO = {"variational": "yes", "not_variational": "no", "undetermined": "undetermined"}
@@ -111,14 +125,32 @@ def outline(result: dict[str, Any], explain: bool) -> Iterator[Line]:
 
 def asks_motion_alone(result: Mapping[str, Any]) -> bool:
     """Whether only the motion was asked about, so that the main fields decide nothing."""
-    given = (result.get("system") or {}).get("given") or {}
-    named = given if isinstance(given, dict) else {}
-    return bool(result.get("any_associated")) and ("motion" in named or named.get("associated") == "any")
+    given = (result.get("system") or {}).get("given")
+    return bool(result.get("any_associated")) and preparing.asks_motion_alone(given)
 
 
 def branches_of(result: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     """The answers on each branch; the result itself where there is one."""
     return result.get("branches") or [result]
+
+
+def quantities(result: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """(key, heading) of the numbers that some method of a run has."""
+    methods = result["methods"]
+    return [pair for pair in QUANTITIES if any(value_at(method, pair[0]) is not None for method in methods)]
+
+
+def value_at(method: Mapping[str, Any], key: str) -> Any:
+    """The value of a method under a key, or under "outer.inner"."""
+    outer, _, inner = key.partition(".")
+    found = method.get(outer)
+    return found.get(inner) if inner and isinstance(found, Mapping) else found
+
+
+def why(method: Mapping[str, Any]) -> str:
+    """Why a method stopped or did not begin, or where what it did is not the motion."""
+    stopped = (method.get("stopped") or {}).get("sentence")
+    return stopped or method.get("reason") or method.get("doubt") or ""
 
 
 def notes_of_formulas(method: Mapping[str, Any]) -> list[str]:
@@ -218,6 +250,28 @@ def conditions_of(answer: Mapping[str, Any]) -> tuple[str, ...]:
     """Where the answer holds and its L is one."""
     conditions = (*(answer.get("domain") or ()), *(answer.get("lagrangian") or {}).get("domain", ()))
     return tuple(dict.fromkeys(conditions))
+
+
+def row_of(result: Mapping[str, Any]) -> dict[str, Any]:
+    """The columns that are compared first: verdicts, L, H, where they hold, how many multipliers, seconds, size.
+
+    All of them are of the first of the `branches`, but the verdicts: "differs" where the branches differ.
+    """
+    if not isinstance(result, Mapping):
+        raise errors.InputError("A table needs results.")
+    row = {key: result.get(key) for key in COLUMNS}
+    for key in ("verdict", "verdict_with_time"):
+        row[key] = common_verdict(branches_of(result), key)
+    if error := result.get("error"):
+        row |= {"verdict": "error", "reason": error["detail"]}
+    first = first_answer(result)
+    for letter, key in (("L", "lagrangian"), ("H", "hamiltonian")):
+        row[letter] = (first.get(key) or {}).get("text")
+    space, system = result.get("solution_space") or {}, result.get("system") or {}
+    seconds = (result.get("provenance") or {}).get("seconds") or {}
+    row |= {"statement": space.get("statement"), "n": len(system.get("coordinates", ())), "order": space.get("order")}
+    row |= {"seconds": sum(seconds.values()) if seconds else None}
+    return row | {"where": ", ".join(conditions_of(first)), "branches": len(branches_of(result))}
 
 
 def answers_of(branch: Mapping[str, Any], result: Mapping[str, Any]) -> list[tuple[Mapping[str, Any], bool]]:

@@ -77,6 +77,16 @@ def equation_fields(system: SecondOrderSystem) -> dict[str, Any]:
     }
 
 
+def plain_fields(system: SecondOrderSystem) -> dict[str, Any]:
+    """What says the same in a document, a result, and a certificate."""
+    return {
+        "coordinates": list(system.coordinates),
+        "equations": equation_fields(system)["equations"],
+        "parameters": list(system.parameters),
+        "functions": function_fields(system),
+    }
+
+
 def function_fields(system: SecondOrderSystem | NonholonomicSystem) -> dict[str, list[str]]:
     """The arbitrary functions with what they depend on."""
     return {name: list(arguments) for name, arguments in system.functions}

@@ -61,8 +61,7 @@ CLOCK_SHARE = 0.5
 def described(report: Any, before: Mapping[str, Any]) -> dict[str, Any]:
     """The progress after a report; parts of a result (see `growing`) are merged into `so_far`."""
     if isinstance(report, Mapping) and "parts" in report:
-        so_far = growing.merged((before.get("so_far", {}), report["value"]))
-        return {**before, "so_far": so_far, "seconds": report["seconds"]}
+        return {**before, **growing.grown(before, report)}
     if isinstance(report, Mapping):
         return {**before, **{str(key): value for key, value in report.items()}}
     text = str(report)

@@ -10,6 +10,7 @@ import hmac
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
+from functools import partial
 from typing import Any
 from urllib.parse import parse_qsl, urlencode
 
@@ -22,7 +23,7 @@ from inverse_service import errors
 from inverse_service.decision.solutions import SolveOptions
 from inverse_service.expressions import tree as ex
 from inverse_service.reading import reader
-from inverse_service.service.documents import plain_data, text_page
+from inverse_service.service.documents import text_page
 from inverse_service.service.jobs import model, tasks
 from inverse_service.web import clients
 from inverse_service.web.engine import Engine
@@ -83,13 +84,8 @@ def _judged_existence(verdict: str, answer: str) -> sheets.Judged:
 
 def judged_of(document: Mapping[str, Any], own: str, ask: str, names: Any) -> sheets.Judged:
     """The checker's verdict on a student's L, or on the L that belongs to a student's H."""
-    try:
-        lagrangian = lagrangian_of(own, names) if ask == "hamiltonian" else forms.right_side(own)
-        found = tasks.check_task(plain_data.write_json({"system": document, "lagrangian": lagrangian}))
-    except errors.InputError as error:
-        reasons = [forms.sentence(place) for place in error.places] or [str(error)]
-        return sheets.judged_of({"verdict": "unread", "lagrangian": own, "reasons": reasons}, names)
-    judged = sheets.judged_of({**found, "lagrangian": lagrangian}, names)
+    means = partial(lagrangian_of, names=names) if ask == "hamiltonian" else forms.right_side
+    judged = sheets.judged_of(result_tasks.check_of(document, own, means), names)
     letter = "H" if ask == "hamiltonian" else "L"
     lines = [Markup(str(line).replace("Your L", f"Your {letter}")) for line in judged.lines]
     return sheets.Judged(

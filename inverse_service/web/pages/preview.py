@@ -47,13 +47,23 @@ def preview_task(document: Mapping[str, Any]) -> dict[str, Any]:
     formulas = (*(found or ()), *scene.constraints)
     if found is None or sum(map(trees.node_count, formulas)) > MOST_NODES:
         return {"reason": LONG}
+    return _played(scene.coordinates, dict(scene.values), found, scene.constraints)
+
+
+def _played(
+    coordinates: Sequence[str],
+    values: Mapping[str, float],
+    accelerations: Sequence[trees.Expression],
+    constraints: Sequence[trees.Expression],
+) -> dict[str, Any]:
+    """What the script needs of any motion; InputError for a function without a formula."""
     return {
-        "coordinates": list(scene.coordinates),
-        "labels": labels_of((*scene.coordinates, *scene.values)),
-        "values": dict(scene.values),
-        "equations": [listed(formula) for formula in found],
-        "constraints": [listed(formula) for formula in scene.constraints],
-        "angles": angles_of(scene.coordinates, formulas),
+        "coordinates": list(coordinates),
+        "labels": labels_of((*coordinates, *values)),
+        "values": values,
+        "equations": [listed(tree) for tree in accelerations],
+        "constraints": [listed(tree) for tree in constraints],
+        "angles": angles_of(coordinates, (*accelerations, *constraints)),
     }
 
 
@@ -158,28 +168,21 @@ def motion_of_result(result: Mapping[str, Any], domain: Sequence[str] = ()) -> d
     formulas = (*moving.accelerations, *moving.constraints)
     if sum(map(trees.node_count, formulas)) > MOST_NODES:
         return None
-    try:
-        equations, constraints = (
-            [listed(tree) for tree in part] for part in (moving.accelerations, moving.constraints)
-        )
-        sides = [listed(moving.read(text)) for text in domain]
-    except (errors.InputError, ValueError):
-        return None
     system = result["system"]
     given = system["given"].get("parameters") if isinstance(system.get("given"), Mapping) else None
     values = given if isinstance(given, Mapping) else {}
+    numbers = {name: float(Fraction(values[name])) if values.get(name) else 1 for name in system["parameters"]}
     constrained = (result.get("nonholonomic") or {}).get("equations_of_motion")
-    return {
-        "coordinates": list(system["coordinates"]),
-        "labels": labels_of((*system["coordinates"], *system["parameters"])),
+    try:
+        played = _played(system["coordinates"], numbers, moving.accelerations, moving.constraints)
+        sides = [listed(moving.read(text)) for text in domain]
+    except (errors.InputError, ValueError):
+        return None
+    return played | {
         "time": system.get("time", "t"),
-        "values": {name: float(Fraction(values[name])) if values.get(name) else 1 for name in system["parameters"]},
-        "equations": equations,
-        "constraints": constraints,
         "free": constrained["free"] if constrained else None,
         "domain": sides,
         "signs": [" > " in text or " < " in text for text in domain],
-        "angles": angles_of(system["coordinates"], formulas),
     }
 
 

@@ -117,13 +117,17 @@ def embed_task(store: str, id: str, visitor: rendering.Visitor) -> HTMLResponse:
 
 def own_lagrangian_task(store: str, id: str, text: str) -> dict[str, Any]:
     """The verdict on a visitor's Lagrangian for the equations of a stored result, with the `lagrangian` itself."""
-    given = _result(store, id)["system"]["given"]
+    return {**check_of(_result(store, id)["system"]["given"], text, forms.right_side), "lagrangian": text}
+
+
+def check_of(document: Any, text: str, to_lagrangian: Callable[[str], str]) -> dict[str, Any]:
+    """The checker's verdict on the L that a text means, with this `lagrangian`; "unread" where there is none."""
     try:
-        found = tasks.check_task(plain_data.write_json({"system": given, "lagrangian": forms.right_side(text)}))
+        lagrangian = to_lagrangian(text)
+        found = tasks.check_task(plain_data.write_json({"system": document, "lagrangian": lagrangian}))
     except errors.InputError as error:
-        reasons = [forms.sentence(place) for place in error.places]
-        found = {"verdict": "unread", "reasons": reasons, "residual": None, "equations": None}
-    return {**found, "lagrangian": text}
+        return {"verdict": "unread", "reasons": [forms.sentence(place) for place in error.places], "lagrangian": text}
+    return {**found, "lagrangian": lagrangian}
 
 
 def figure_data_task(store: str, id: str) -> bytes:

@@ -265,12 +265,8 @@ def asked_of(document: Any) -> list[str]:
     found: list[str] = []
     inner = [document] + [document.get(key) for key in ("system", "document")] if isinstance(document, dict) else []
     for part in (part for part in inner if isinstance(part, dict)):
-        for key in ("name", "catalogue", "equations", "lagrangian", "constraints"):
-            given = part.get(key)
-            if isinstance(given, dict):
-                found += [f"{name}'' = {text}" for name, text in given.items()]
-            else:
-                found += [str(line) for line in (given if isinstance(given, list) else [given]) if line]
+        texts = (part.get(key) or "" for key in ("name", "catalogue", "equations", "lagrangian", "constraints"))
+        found += [line for text in texts for line in forms.equations_text(text).split("\n") if line]
     return found[:ASKED]
 
 
@@ -410,12 +406,9 @@ def row_of(answer: BatchAnswer) -> Row:
     name = "\u2013" if found["id"] is None else str(found["id"])
     if "error" in found:
         return Row(answer.number, name, "failed", "failed", sheets.NO, reason=found["detail"])
-    first = text_page.first_answer(found)
-    lagrangian = (first.get("lagrangian") or {}).get("text", "")
-    where = ", ".join(text_page.conditions_of(first))
-    others = len(found.get("branches") or ()) - 1
-    where += f"; {others} more {'case' if others == 1 else 'cases'}" if others > 0 else ""
-    verdict = text_page.common_verdict(text_page.branches_of(found)) or "done"  # results of other kinds have none
+    row, others = text_page.row_of(found), len(found.get("branches") or ()) - 1
+    where = row["where"] + (f"; {others} more {'case' if others == 1 else 'cases'}" if others > 0 else "")
+    verdict = row["verdict"] or "done"  # results of other kinds have none
     word, shade = (sheets.badge_of(found), sheets.verdict_of(found)) if "verdict" in found else ("done", "")
-    checked = sheets.proof_of(first) or ""
-    return Row(answer.number, name, verdict, word, shade, lagrangian, found.get("reason", ""), checked, where)
+    checked = sheets.proof_of(text_page.first_answer(found)) or ""
+    return Row(answer.number, name, verdict, word, shade, row["L"] or "", row["reason"] or "", checked, where)

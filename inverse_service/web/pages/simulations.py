@@ -11,7 +11,7 @@ from markupsafe import Markup
 from starlette.responses import HTMLResponse
 
 from inverse_service.reading.names import Names
-from inverse_service.service.documents.text_page import notes_of_formulas
+from inverse_service.service.documents import text_page
 from inverse_service.service.figures import views
 from inverse_service.service.scenes import prices
 from inverse_service.web.pages import preview, rendering, typesetting
@@ -21,19 +21,13 @@ TABLES = {"csv": "text/csv", "npz": "application/zip"}
 PRIME = "\u2032"
 MOST_MEMBERS = 200  # of an ensemble on the page; the JSON has all
 FIELD = "See `conserved`: "  # of the JSON
-QUANTITIES = (
-    ("max_energy_error", "energy error"),
-    ("max_constraint", "constraint"),
-    ("estimated_error", "estimated error"),
-    ("max_error", "error"),
-)
 CHARACTER, LINE = 6.6, 15.0  # of a label of a curve
 
 
 def simulation_result(address: str, job: Mapping[str, Any], document: str) -> HTMLResponse:
     """The page of a job of kind "simulate"; `address` is that of the service."""
     result = job["result"]
-    columns, tables = quantities(result), views.tables_of(result)
+    columns, tables = text_page.quantities(result), views.tables_of(result)
     return rendering.page(
         "simulation.html",
         active="/simulate",
@@ -42,10 +36,7 @@ def simulation_result(address: str, job: Mapping[str, Any], document: str) -> HT
         headings=[heading for _, heading in columns],
         formulas=typesetting.formulas_of(result["system"]),
         start={name: f"{v or 0:.10g}" for name, v in start_of(result).items()},
-        rows=[
-            (m, [prices.short_number(_value(m, key)) for key, _ in columns], _why(m), m["label"] in tables)
-            for m in result["methods"]
-        ],
+        rows=[(m, _numbers(m, columns), text_page.why(m), m["label"] in tables) for m in result["methods"]],
         ensembles=[(m["label"], *_members(of)) for m in result["methods"] if (of := m.get("members_columns"))],
         free=free_lagrangians(result),
         costs=costs(result),
@@ -56,6 +47,10 @@ def simulation_result(address: str, job: Mapping[str, Any], document: str) -> HT
         scene=document,
         curl=f"curl -s {address}/v1/simulate -H 'Content-Type: application/json' -d @scene.json",
     )
+
+
+def _numbers(method: Mapping[str, Any], columns: Sequence[tuple[str, str]]) -> list[str]:
+    return [prices.short_number(text_page.value_at(method, key)) for key, _ in columns]
 
 
 def _members(columns: Mapping[str, Sequence[Any]]) -> tuple[list[str], list[tuple[int, list[str]]]]:
@@ -229,26 +224,10 @@ def table_of(result: Mapping[str, Any]) -> list[tuple[Any, ...]]:
         keys = ("error", "method", "order", "step", "tolerance", "seconds", "ratio", "evaluations")
         rows = [{**row, "error": target["error"]} for target in result["targets"] for row in target["rows"]]
         return [keys, *(tuple(row[key] for key in keys) for row in rows)]
-    columns = [("label", "method"), ("outcome", "outcome"), ("steps", "steps"), *quantities(result)]
+    columns = [("label", "method"), ("outcome", "outcome"), ("steps", "steps"), *text_page.quantities(result)]
     columns += [("seconds.run", "seconds")]
-    lines = [tuple(_value(method, key) for key, _ in columns) for method in result["methods"]]
+    lines = [tuple(text_page.value_at(method, key) for key, _ in columns) for method in result["methods"]]
     return [tuple(heading for _, heading in columns), *lines]
-
-
-def quantities(result: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """(key, heading) of the numbers that some method has; a circle's under "circle.NAME"."""
-    methods = result["methods"]
-    found = [(key, heading) for key, heading in QUANTITIES if any(m.get(key) is not None for m in methods)]
-    if any(method.get("circle") for method in methods):
-        found += [("circle.radius_first", "radius, first circle"), ("circle.radius_last", "radius, last circle")]
-        found += [("circle.centre_drift", "drift of the center")]
-    return found
-
-
-def _why(method: Mapping[str, Any]) -> str:
-    """Why a method stopped or did not begin, or where what it did is not the motion."""
-    stopped = (method.get("stopped") or {}).get("sentence")
-    return stopped or method.get("reason") or method.get("doubt") or ""
 
 
 def notes_of(result: Mapping[str, Any]) -> list[str]:
@@ -256,7 +235,8 @@ def notes_of(result: Mapping[str, Any]) -> list[str]:
     found: dict[str, list[str]] = {}
     for method in result["methods"]:
         own = [str(method[key]) for key in ("note", "energy_note", "error_note", "phase_note") if method.get(key)]
-        for text in (*(typesetting.capitalized(text).replace(FIELD, "") for text in own), *notes_of_formulas(method)):
+        own = [typesetting.capitalized(text).replace(FIELD, "") for text in own]
+        for text in (*own, *text_page.notes_of_formulas(method)):
             found.setdefault(text, []).append(method["label"])
     return [
         *result["notes"],
@@ -282,12 +262,6 @@ def _named(source: str) -> str:
     for index, below in (("1", "\u2081"), ("2", "\u2082"), ("3", "\u2083"), ("", "")):
         source = source.replace(f"L~{index}", f"L\u0303{below}")
     return source
-
-
-def _value(method: Mapping[str, Any], key: str) -> Any:
-    outer, _, inner = key.partition(".")
-    found = method.get(outer)
-    return found.get(inner) if inner and isinstance(found, dict) else found
 
 
 def costs(result: Mapping[str, Any]) -> dict[str, Any]:
