@@ -100,7 +100,7 @@ def test_a_run_that_is_to_be_doubted_is_told_and_done(call: Any, tmp_path: Path)
     scene |= {"initial": {"positions": {"x": 1}, "velocities": {"x": 0}}, "methods": ["stormer-verlet"]}
     code, out, _ = call("simulate", "-", "--no-figures", "--output", str(tmp_path), given=json.dumps(scene).encode())
     assert code == 0
-    assert "estimated_error" in out.splitlines()[0]
+    assert "estimated error" in out.splitlines()[0]
     assert "stormer-verlet: The energy" in out
     assert "doubt" in json.loads((tmp_path / "summary.json").read_text())["methods"][0]
 
