@@ -133,6 +133,8 @@ def file_name(label: str) -> str:
 
 def page(summary: Mapping[str, Any]) -> str:
     """One line per method: outcome and observed quantities."""
+    from inverse_service.service.documents import text_page  # which loads the reader of formulas
+
     columns = text_page.quantities(summary)
     rows = [["method", "outcome", "steps", *(heading for _, heading in columns)]]
     for method in summary["methods"]:

@@ -28,9 +28,10 @@ from inverse_service.reading.names import Names
 from inverse_service.reading.reader import read_condition, read_formula
 from inverse_service.service.documents import accepting, canonical, comparison, derived, translate
 from inverse_service.service.documents.comparison import compared_claim, compared_with_document
+from inverse_service.service.documents.growing import asks_motion_alone
 from inverse_service.service.documents.own_lagrangian import check_lagrangian
 from inverse_service.service.documents.plain_data import read_json
-from inverse_service.service.documents.preparing import asks_motion_alone, inward, is_motion, is_nonholonomic, prepared
+from inverse_service.service.documents.preparing import inward, is_motion, is_nonholonomic, prepared
 
 LONGER = 6  # times as long as what people type may be what we printed
 TIME_LIMIT = 60.0  # of processor time, so that the load of the machine decides no verdict

@@ -192,6 +192,11 @@ def _with_reason(value: Any, reason: str) -> Any:
     return found | {"reason": reason} if found.get("reason") == deadline.NOT_YET else found
 
 
+def asks_motion_alone(document: Any) -> bool:
+    """Whether a document asks about the motion on constraints and about no associated system."""
+    return isinstance(document, dict) and ("motion" in document or document.get("associated") == "any")
+
+
 def motions_of(result: Mapping[str, Any]) -> list[dict[str, Any]]:
     """The answers about a motion on constraints, one for each branch; none for another document."""
     parts = [one.get("any_associated") for one in result.get("branches") or ()]

@@ -103,11 +103,6 @@ def is_motion(document: Any) -> bool:
     return isinstance(document, dict) and "motion" in document
 
 
-def asks_motion_alone(document: Any) -> bool:
-    """Whether a document asks about the motion on constraints and about no associated system."""
-    return isinstance(document, dict) and ("motion" in document or document.get("associated") == "any")
-
-
 def is_nonholonomic(document: Any) -> bool:
     """Whether a document is meant as a Lagrangian with constraints."""
     return isinstance(document, dict) and ("lagrangian" in document or "constraints" in document)

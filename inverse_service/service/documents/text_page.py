@@ -8,7 +8,7 @@ from inverse_service import errors
 from inverse_service.expressions import tree as ex
 from inverse_service.reading import reader
 from inverse_service.reading.names import Names
-from inverse_service.service.documents import canonical, growing, preparing
+from inverse_service.service.documents import canonical, growing
 
 LONG = 300
 # Of the table of many results, as they are in each.
@@ -126,7 +126,7 @@ def outline(result: dict[str, Any], explain: bool) -> Iterator[Line]:
 def asks_motion_alone(result: Mapping[str, Any]) -> bool:
     """Whether only the motion was asked about, so that the main fields decide nothing."""
     given = (result.get("system") or {}).get("given")
-    return bool(result.get("any_associated")) and preparing.asks_motion_alone(given)
+    return bool(result.get("any_associated")) and growing.asks_motion_alone(given)
 
 
 def branches_of(result: Mapping[str, Any]) -> list[Mapping[str, Any]]:
