@@ -23,10 +23,10 @@ from inverse_service.mechanics.conditions import conditions
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading.names import Names as FormulaNames, declared_name
 from inverse_service.reading.reader import read_formula
-from inverse_service.reading.sympy_trees import Leaves, from_sympy, to_sympy
 from inverse_service.service.documents.accepting import to_schema, to_system
 from inverse_service.service.documents.preparing import Prepared, prepared
 from inverse_service.sympy import asked
+from inverse_service.sympy.trees import Leaves, from_sympy, to_sympy
 
 if TYPE_CHECKING:
     from inverse_service.sympy.result_objects import Answer, Verification
