@@ -1,28 +1,26 @@
-"""Which conditions on the multiplier suffice for a negative verdict, and their exact elimination.
+"""Which conditions on the multiplier g suffice for a negative verdict, and their exact elimination.
 
-The hierarchy, each tensor T of type (1, 1) giving "g T is symmetric" and each curvature the cyclic
-condition g_ij R^j_kl + g_lj R^j_ik + g_kj R^j_li = 0:
+Each tensor T of type (1, 1) of the hierarchy says that g T is symmetric, each curvature R that
+g_ij R^j_kl + g_lj R^j_ik + g_kj R^j_li = 0:
 
     Phi, nabla Phi, nabla^2 Phi, …;   R, nabla R, …;   R[nabla Phi], R[nabla^2 Phi], …
 
-with the tensors of `mechanics.conditions`. At a point each is a linear condition on the n(n+1)/2
-entries of g. A set suffices if every symmetric g that satisfies it at a generic point is singular.
-Values are taken at random points modulo a prime, from Taylor series of f.
+with the tensors of `mechanics.conditions`. At a point each is a linear condition on the n(n+1)/2 entries of g. A set
+suffices if every symmetric g that satisfies it at a generic point is singular; values are taken at random points
+modulo a prime, from Taylor series of f.
 
 `eliminate` solves chosen conditions for g_11, g_12, … one after the other, exactly, as by hand. Every pivot is checked
 modulo a prime: the minor of the used equations and solved unknowns must not vanish at the random point, so that no
-coefficient whose vanishing went unrecognised is divided by.
+coefficient whose vanishing went unrecognized is divided by.
 
-`differential_obstruction` is for systems whose multiplier is known up to a factor, g = e^u G, but whose factor does not
-exist. (H1) and (H2) give the derivatives of u:
+`differential_obstruction` is for a multiplier that is known up to a factor, g = e^u G, where the factor does not exist.
+(H1) and (H2) give the derivatives of u, the third from [d/dv^k, Gamma] = d/dq^k + (df^m/dv^k) d/dv^m; there is a
+multiplier only if all mixed derivatives agree, and tau = 0 where L may not contain t:
 
     u_(v^k) = mu_k = -sum_i (G^-1)^(ji) (dG_ij/dv^k - dG_ik/dv^j)   for any j other than k
     Gamma(u) = a                   a G = G N + (G N)^T - Gamma(G)
     u_(q^k) = nu_k = da/dv^k - Gamma(mu_k) - (df^m/dv^k) mu_m
     u_t     = tau  = a - v^k nu_k - f^k mu_k
-
-(the third from [d/dv^k, Gamma] = d/dq^k + (df^m/dv^k) d/dv^m). There is a multiplier only if all the
-mixed derivatives agree, and tau = 0 where L may not contain t.
 """
 
 from __future__ import annotations

@@ -1,11 +1,10 @@
 """Why a system is not variational, in steps for pencil and paper.
 
-Conditions that are too long to write out are shown in numbers at one point.
-
-A minor that is not zero there is not zero on an open dense set (f is analytic), so g = 0 at the point is g = 0
-at every generic point. The same holds for values that no real point has but that satisfy all algebraic relations among
-the functions: the minor is not the zero element of their field. If some g remain, all singular, the numbers show
-how; `hierarchy` checked at random points that this is generic.
+Conditions that are too long to write out are shown in numbers at one point. A minor that is not zero there is not zero
+on an open dense set (f is analytic), so g = 0 at the point is g = 0 at every generic point. The same holds for values
+that no real point has but that satisfy all algebraic relations among the functions: the minor is not the zero element
+of their field. If some g remain, all singular, the numbers show how; `hierarchy` checked at random points that this is
+generic.
 
 `rational_points` finds points at which variables and atoms of f have small rational values that respect all relations
 among them. Coordinates, velocities, parameters and the free generators of f (tan of a half angle, the root of an

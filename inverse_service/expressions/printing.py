@@ -1,6 +1,7 @@
 """Trees to canonical plain text, LaTeX, and presentation MathML, which today's browsers show without a script.
 
-The text is a small part of what `reader.py` reads:
+The text reads back to the same value, and printing that value gives the same text; so does the LaTeX, except for
+partial derivatives. The text is a small part of what `reader.py` reads:
 
     formula   = ["-"] term {(" + " | " - ") term}
     term      = factors ["/" (factor | "(" factors ")")]
@@ -12,13 +13,10 @@ The text is a small part of what `reader.py` reads:
               | "diff(" name "(" name {", " name} "), " name {", " name} ")"
               | name "[" integer {"," integer} "](" formula {", " formula} ")"
 
-`sqrt` is the only function besides those of `functions.py` and the declared ones; integers have no sign;
-rational numbers are written as quotients. A'(u) is the derivative of a declared function of one
-argument; for several, diff(B(x, y), x) where the arguments are different names, else B[1,0](u, w),
-with the order of the derivative in each argument. The text reads back to the same value, and
-printing that value gives the same text.
-
-The LaTeX also reads back, except for partial derivatives.
+`sqrt` is the only function besides those of `functions.py` and the declared ones; integers have no sign; rational
+numbers are written as quotients. A'(u) is the derivative of a declared function of one argument; for several,
+diff(B(x, y), x) where the arguments are different names, else B[1,0](u, w), with the order of the derivative in each
+argument.
 """
 
 from collections import Counter

@@ -1,32 +1,23 @@
-"""The exact field over Q with its atoms: quotients, derivations, formulas in, trees out.
+"""The exact field over Q in which a system is differentiated: quotients, derivations, formulas in, trees out.
 
-Quotients are N / (D_1^e_1 ... D_m^e_m) over Q in generators with simple algebraic relations.
+A `QuotientField` has quotients N / (D_1^e_1 ... D_m^e_m) in a fixed supply of generators (lexicographic order, the
+first one greatest), and two growing lists: monic relations g^q = P, P in smaller generators (a root,
+sin^2 = 1 - cos^2), and denominators. Denominators are never multiplied out: a derivation only raises exponents of
+known ones, so trial division replaces the gcd, which dominates for n = 4 systems when fractions are kept expanded
+(Phi, nabla Phi and R of a rational n = 4 system: about 20 ms). The relations have coprime leading terms g^q, so they
+are a Groebner basis, and the remainder decides zero whenever the ideal is prime; where atoms have relations that were
+not found, zero may go unrecognized but every identity stays true.
 
-A `QuotientField` holds a fixed supply of generators (lexicographic order, the first one greatest)
-and two growing lists: monic relations g^q = P, P in smaller generators (a root, sin^2 = 1 - cos^2),
-and denominators. Denominators are never multiplied out: a derivation only raises exponents of known
-ones, so trial division replaces the gcd, which dominates for n = 4 systems when fractions are kept
-expanded (Phi, nabla Phi and R of a rational n = 4 system: about 20 ms).
+An `ExactRing` adds what its generators print as, and their derivatives. `quotient_tree` writes an element for people:
+factored, roots and exponentials merged.
 
-The relations have coprime leading terms g^q, so they are a Groebner basis and the remainder decides
-zero whenever the ideal is prime; where atoms have relations that were not found, zero may go
-unrecognised but every identity stays true.
-
-An `ExactRing` is the field in which a system is differentiated: its generators, what they print as, and their
-derivatives. `quotient_tree` writes an element for people: factored, roots and exponentials merged.
-
-`exact_ring` takes formulas into the field. Their functions become generators, level by level of nesting. Within a
-level the arguments of exp, log and the trigonometric functions are first written in a basis over Q, so that exp(x +
-y), exp(x) and exp(y) or sin(2x) and cos(x) share generators.
-
-Each partial derivative of an arbitrary function is a separate generator.
-
-sin and cos, and sinh and cosh, are one pair of generators for each basis argument. With sign = -1 for the
-trigonometric and +1 for the hyperbolic pair (s, c): ds = c du, dc = sign s du and c^2 - sign s^2 = 1. Where only the
-tangent of an argument occurs it is the generator itself: dT = (1 - sign T^2) du.
-
-exp(2x) and exp(x), sin(a - b) and sin a, sin b are dependent because their arguments are. A basis of
-the arguments, scaled so that every argument is an integer combination, gives independent generators.
+`exact_ring` takes formulas into the field. Their functions become generators, level by level of nesting; each partial
+derivative of an arbitrary function is one of its own. exp(2x) and exp(x), sin(a - b) and sin a, sin b are dependent
+because their arguments are: within a level the arguments of exp, log and the trigonometric functions are first written
+in a basis over Q, scaled so that each is an integer combination, which gives independent generators. sin and cos, and
+sinh and cosh, are one pair (s, c) for each argument of the basis, with sign = -1 for the trigonometric and +1 for the
+hyperbolic one: ds = c du, dc = sign s du, c^2 - sign s^2 = 1. Where only the tangent of an argument occurs it is the
+generator itself: dT = (1 - sign T^2) du.
 """
 
 from __future__ import annotations

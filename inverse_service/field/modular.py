@@ -1,16 +1,13 @@
-"""Safe primes P = 2Q + 1 and the group of "positive" residues modulo them.
+"""Arithmetic modulo a safe prime P = 2Q + 1 below 2^62, on 64-bit words, compiled, with a root for every square.
 
-Modulo a safe prime P = 3 mod 4 the quadratic residues form a group of odd prime order Q, in which
-every element has exactly one k-th root for each k < Q, and exactly one of w, -w is a residue. Residues
-therefore behave under products and rational powers as positive reals do: sqrt(xy) = sqrt(x) sqrt(y)
-for positive x, y, (x^2)^(1/2) = |x|, x^(1/2) x^(1/3) = x^(5/6). Taking every root there respects all
-multiplicative relations among roots without knowing them. P = -1 modulo 4 l makes the prime l a
-residue, so that sqrt(2), sqrt(3), … exist.
+Modulo P = 3 mod 4 the quadratic residues form a group of odd prime order Q, in which every element has exactly one
+k-th root for each k < Q, and exactly one of w, -w is a residue. Residues therefore behave under products and rational
+powers as positive reals do: sqrt(xy) = sqrt(x) sqrt(y) for positive x, y, (x^2)^(1/2) = |x|, x^(1/2) x^(1/3) = x^(5/6).
+Taking every root there respects all multiplicative relations among roots without knowing them. P = -1 modulo 4 l makes
+the prime l a residue, so that sqrt(2), sqrt(3), … exist.
 
-Arithmetic modulo a prime below 2^62 on 64-bit words, compiled.
-
-Montgomery form: x stands for x R modulo P, R = 2^64; a product costs three multiplications
-(Montgomery, Math. Comp. 44 (1985) 519). Compiled by numba, whose wheels carry their compiler, and kept.
+In Montgomery form x stands for x R modulo P, R = 2^64; a product costs three multiplications (Montgomery, Math. Comp.
+44 (1985) 519). The functions are compiled by numba, whose wheels carry their compiler, and kept.
 """
 
 import math

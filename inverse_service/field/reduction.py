@@ -2,8 +2,7 @@
 
 Trees become fractions of polynomials over Q, so that radicands can be factored. Generators are the variables, e^(u/m)
 for free exponentials, tan(phi/2m) for free angles (sin and cos are rational in it), the other free atoms, and roots of
-irreducible factors. Without roots the generators are algebraically independent and the ring is factorial, which is
-what the factors are used for.
+irreducible factors. Without roots the generators are algebraically independent and the ring is factorial.
 
 Branches of even roots say which residues must be "positive" for a point to represent the real domain. Every
 irreducible factor of a radicand gets the sign it has at the real point. A factor that itself contains roots may be a
@@ -11,11 +10,9 @@ square in disguise (5 + 2 sqrt(6)); it shows by having a constant residue symbol
 sqrt((A + e)/2) +- sqrt((A - e)/2) with e^2 = A^2 - B^2 c where e exists (Landau, SIAM J. Comput. 21 (1992), section
 2), and the sign of that sum is fixed too.
 
-Roots of squares (`sign_cases`) are different formulas on the two sides of a zero: sqrt(u^2) is u where u > 0 and -u
-where u < 0.
-
-|u| is written sqrt(u^2) and sign(u) is u/sqrt(u^2). A root of T^2 O is |T| sqrt(O); its sides are those of the part
-of T with odd exponents. Roots whose product is a root of a square (sqrt(xy) and sqrt(x/y)) are taken apart in the same
+`sign_cases` lists what has another formula on the two sides of a zero. sqrt(u^2) is u where u > 0 and -u where u < 0;
+|u| is written sqrt(u^2) and sign(u) is u/sqrt(u^2). A root of T^2 O is |T| sqrt(O); its sides are those of the part of
+T with odd exponents. Roots whose product is a root of a square (sqrt(xy) and sqrt(x/y)) are taken apart in the same
 way: the signs of their factors are cases. asin(sin u) and similar are u and pi - u on neighboring intervals.
 """
 

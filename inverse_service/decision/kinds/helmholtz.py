@@ -1,38 +1,35 @@
-"""Is there a regular L(q, v), or L(t, q, v)? The Helmholtz conditions for g_ij = d2L/dv_i dv_j, so that (H1) holds.
+"""The conditions on g_ij = d2L/dv_i dv_j for a regular L(q, v) or L(t, q, v), for one of a kind, and with friction.
 
-With x = (t?, q, v) and X = (1, v, f) the components of Gamma
+g is symmetric and of rank n, (H1) holds because g is a Hessian. Coordinates are x = (t?, q, v), X = (1, v, f) are the
+components of Gamma. The sections follow in this order.
+
+A Lagrangian of q'' = f (Helmholtz 1887; Douglas, Trans. AMS 50 (1941), section 2; signs as in Mestdag, Bloch and
+Fernandez), with N = -1/2 df/dv and Phi = Gamma(df/dv) - 2 df/dq - 1/2 (df/dv)(df/dv):
 
     H2_ij  sum_a X^a d_a g_ij - sum_k (g_ik N^k_j + g_jk N^k_i)    i <= j
     H3_ij  sum_k (g_ik Phi^k_j - g_jk Phi^k_i)                     i <  j
 
-with N = -1/2 df/dv, Phi = Gamma(df/dv) - 2 df/dq - 1/2 (df/dv)(df/dv) (Helmholtz 1887; Douglas,
-Trans. AMS 50 (1941), section 2; signs as in Mestdag, Bloch and Fernandez); g has to be of rank n.
-The instructions for N and Phi follow those for f. Their registers are the first ones: X, then df/dv, N, Phi (n, n
+The instructions for N and Phi follow those for f. Their registers are the first ones: X, then df/dv, N, Phi (n x n
 each), and one for derivatives in between.
 
-Is there a regular L of one kind (`LagrangianKind`)? The kinds are given by derivations Y that multiply L by a number.
-
-Y = Y^x d/dx over (t, q, v), Y^q free of v and Y^v affine in v, with Y(L) = c L. For g_ij = d2L/dv_i dv_j that is
+A Lagrangian of one kind (`LagrangianKind`). A kind is given by derivations Y = Y^x d/dx over (t, q, v), with Y^q free
+of v and Y^v affine in v, that multiply L by a number: Y(L) = c L. For g that is K; it holds where Y(L) = c L up to
+terms affine in v. Where Y(L) = c L holds exactly, Y is a symmetry of the motion, up to its speed, which is S:
 
     K_ij   Y(g_ij) + g_ik dY_v^k/dv^j + g_jk dY_v^k/dv^i - c g_ij = 0,          i <= j
+    S_i    g_ij s^j = 0,   s = Y(f) - Gamma(Y_v) - c f/2
 
-(it holds where Y(L) = c L up to terms affine in v), and where Y(L) = c L holds exactly, Y is a symmetry of the motion,
-up to its speed:
+    natural (T + A v - V, T quadratic in v)   d/dv^k, c = 0, not exact: dg/dv = 0
+    finsler (L homogeneous of degree 2)       v^k d/dv^k, c = 2: v dg/dv = 0, and f is homogeneous of degree 2
+    riemannian (L = g v v/2)                  both
+    invariant under X(q)                      X^c = X^i d/dq^i + v^k dX^i/dq^k d/dv^i, c = 0
 
-    S_i    g_ij s^j = 0,   s = Y(f) - Gamma(Y_v) - c f/2.
-
-natural (T + A v - V, T quadratic in v)   d/dv^k, c = 0, not exact: dg/dv = 0
-finsler (L homogeneous of degree 2)       v^k d/dv^k, c = 2: v dg/dv = 0, and f is homogeneous of degree 2
-riemannian (L = g v v/2)                  both
-invariant under X(q)                      X^c = X^i d/dq^i + v^k dX^i/dq^k d/dv^i, c = 0
-
-With any friction D(t, q, v), E_i = Gamma(dL/dv^i) - dL/dq^i = dD/dv^i, H does not hold, as E need not vanish. dE_i/dv^j
-is symmetric iff 2 (d2L/dq^j dv^i - d2L/dq^i dv^j) = P_ij is minus the antisymmetric part of g_il df^l/dv^j, for g iff
+A Lagrangian with any friction D(t, q, v): E_i = Gamma(dL/dv^i) - dL/dq^i = dD/dv^i need not vanish, so H2 and H3 need
+not hold. dE_i/dv^j is symmetric iff 2 (d2L/dq^j dv^i - d2L/dq^i dv^j) = P_ij is minus the antisymmetric part of
+g_il df^l/dv^j. C is dP/dv; D says that P at one v is closed, so that it is that of some A_i(q) v^i; t is a parameter:
 
     C_ijk  2 (d_(q^j) g_ik - d_(q^i) g_jk) + d_(v^k) (g_il df^l/dv^j - g_jl df^l/dv^i) = 0,    i < j
     D_ijk  the sum of d_(q^k) (g_il df^l/dv^j - g_jl df^l/dv^i) over the cyclic permutations = 0,    i < j < k
-
-(C: dP/dv; then D: P at one v is closed, and is that of some A_i(q) v^i). t is a parameter of these.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
