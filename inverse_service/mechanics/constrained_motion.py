@@ -411,14 +411,25 @@ class EliminatedMotion:
 
 
 def equations_of_motion(system: NonholonomicSystem) -> EquationsOfMotion:
-    """The equations of motion in the most convenient free coordinates.
+    """The equations of motion in the most convenient free coordinates; errors as in `eliminated`."""
+    return written(eliminated(system))
+
+
+def accelerations(system: NonholonomicSystem) -> tuple[Expression, ...]:
+    """The accelerations of `equations_of_motion` alone, which need not wait for the multipliers to be written."""
+    motion = eliminated(system)
+    return tuple(map(motion.geometry.tree, motion.accelerations))
+
+
+def eliminated(system: NonholonomicSystem) -> EliminatedMotion:
+    """The motion in the most convenient free coordinates.
 
     InputError where L or a constraint is outside what `geometry` accepts, or where L is singular on
     the distribution of the constraints; LimitError where the equations are too large.
     """
     parts = geometry(system)
     try:
-        return written(eliminate_multipliers(parts, frames(parts)[0]))
+        return eliminate_multipliers(parts, frames(parts)[0])
     except exact_field.TooLarge as error:
         raise too_large(error) from None
 

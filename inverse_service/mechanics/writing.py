@@ -12,12 +12,16 @@ from inverse_service.expressions import collecting, inequalities, tree as ex
 from inverse_service.field import exact_field
 
 _MOST_PRODUCTS = 64
+# Terms of a quotient that is still made shorter, which takes 1 ms a term; a longer one is not read by people.
+_MOST_TERMS = 200
 _QUOTIENTS = {("sin", "cos"): "tan", ("cos", "sin"): "cot", ("sinh", "cosh"): "tanh", ("cosh", "sinh"): "coth"}
 _CIRCULAR = {"sin": "cos", "cos": "sin"}
 
 
 def readable(ring: exact_field.ExactRing, element: exact_field.Quotient) -> ex.Expression:
     """The element as one quotient, or as a sum over the products of velocities, whichever is shorter."""
+    if len(element.numerator) > _MOST_TERMS:
+        return exact_field.quotient_tree(ring, element)
     whole = _in_order(joined(exact_field.quotient_tree(ring, element)))
     parts = velocity_parts(ring, element)
     if len(parts) < 2:

@@ -38,12 +38,9 @@ _SPELLED = {
 _HAMILTONIAN = re.compile(r"\s*(?:\\(?:mathcal|mathscr)\s*\{?\s*H\s*\}?|H)\s*(?:\([^()]*\))?\s*=")
 _NO_MOTION = "H = … alone holds no motion: write its equations beside it, such as x' = dH/dp, p' = -dH/dx."
 _NO_VELOCITY = "the Lagrangian contains no velocity such as x': write kinetic minus potential energy."
-# Names with time derivatives.
-_LONGEST_ARGUMENTS = 400
 # Factors before an acceleration without a sign: m, ml, I, r.
 _FACTOR_OF_MOTION = re.compile("([mMIJLCRlrabckghqGQ][0-9]?){1,4}")
-# Undeclared names: constants or functions.
-# Refused as functions or as numbers, so a guess would not make them parameters either.
+# Refused as functions or as numbers, so a guess does not make them parameters either.
 NEVER_GUESSED = (
     nm.RESERVED
     | nm.FUNCTIONS
@@ -52,9 +49,9 @@ NEVER_GUESSED = (
     | (nm.REFUSED_UNLESS_DECLARED.keys() - {"I", "gamma", "Gamma", "zeta", *nm.MAY_BE_CONSTANTS})
 )
 CALLED_LETTERS = nm.FUNCTION_LETTERS | {"g", "G", "phi", "Phi", "psi", "Psi", "P", "Q"}
-# As functions of t these are usually impulses and steps.
 Call = tuple[str, tuple[str, ...]]  # a name with the names in the brackets after it
 _PROGRAMS = re.compile(r"\b(?:Eq|diff|Derivative|Mul|Add)\s*\(|\[")  # where E is Euler's number
+# As functions of t these are usually impulses and steps.
 _IMPULSES = frozenset(("delta", "theta", "Theta", "H"))
 # Names in order of appearance, functions with their arguments, and runs of letters that are products.
 _Guess = tuple[tuple[str, ...], dict[str, tuple[str, ...]], dict[str, tuple[str, ...]]]
@@ -277,7 +274,7 @@ def document_names(
         names = _with_guessed(texts, names, {argument for name in called for argument in functions[name]})
     if not pairs:
         nm.check_clashes(names, keyed)
-    nm.refuse_two_spellings(texts, names.declared())
+    nm.refuse_two_spellings({place: reader.without_words(text) for place, text in texts.items()}, names.declared())
     return replace(names, functions=_checked_functions(names, texts))
 
 
@@ -708,6 +705,8 @@ def _slopes(lines: Iterable[Sequence[Token]], declared: nm.Names) -> dict[str, t
         if called.text not in nm.DERIVATIVE_NAMES or name.kind != "name" or name.order:
             continue
         by = [token.text for token in inside[2:] if not token.is_operator(",")]
+        if not called.value and any(each.endswith(("_i", "_j")) for each in by):
+            continue  # \partial V/\partial x_i, of all x_1, x_2, …
         if comma.is_operator(",") and by and {*by} <= {*declared.coordinates} and not declared.role(name.text):
             found.setdefault(name.text, set()).update(by)
             partial |= set() if called.value else {name.text}

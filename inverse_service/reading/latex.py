@@ -15,19 +15,34 @@ from inverse_service.reading.tokens import FACTOR, FRACTION, PARTIAL, TOTAL, Tok
 _WRAPPERS = (("$$", "$$"), ("$", "$"), (r"\[", r"\]"), (r"\(", r"\)"))
 _NO_LETTER = "(?![A-Za-z])"
 # Spacing, which becomes blanks before anything else is read; a wide gap is a line end. A \\\\ is none.
-_ENVIRONMENTS = "alignat|aligned|align|array|d?cases|equation|gathered|gather|split|eqnarray"
+_ENVIRONMENTS = "alignat|aligned|align|equation|flalign|gathered|gather|multline|split|eqnarray|subequations"
 _SPACE = re.compile(
-    rf"(?P<row>\\\\)|(?P<line>\\q?quad{_NO_LETTER})|[{''.join(letters.SPACES)}~]|\\[,;:! \n]"
+    rf"(?P<row>\\\\)|(?P<line>\\(?:q?quad|hfill?){_NO_LETTER}|\\hspace\*?\s*\{{[^{{}}]*\}})"
+    rf"|[{''.join(letters.SPACES)}~]|\\[,;:! \n]"
     rf"|\\(?:displaystyle|textstyle|limits|nonumber|notag|(?:big|Big|bigg|Bigg)[lr]?){_NO_LETTER}"
-    r"|\\(?:label|tag\*?)\s*\{[^{}]*\}"
+    rf"|\\(?:enspace|enskip|(?:neg)?(?:thin|med|thick)space|noindent|strut|mathstrut){_NO_LETTER}"
+    r"|\\(?:label|tag\*?|l?eqno|vspace\*?)\s*(?:\{[^{}]*\}|\([^()]*\))"
+    r"|\\(?:stackrel|overset)\s*\{[^{}]*\}(?=\s*\{\s*=)"
     rf"|\\(?:begin|end)\s*\{{\s*(?:{_ENVIRONMENTS})\*?\s*\}}(?:\s*\{{[lcr| ]*\}})?"
 )
-_MATRIX = re.compile(rf"\\(begin|end)\s*\{{\s*(?:{'|'.join(components.MATRICES)})\*?\s*\}}(?:\s*\{{[lcr| ]*\}})?")
+_MATRIX = re.compile(
+    rf"\\(begin|end)\s*\{{\s*(?:({'|'.join(components.MATRICES)})|array|d?cases)\*?\s*\}}"
+    r"(?:\s*\{(?:[lcr| ]|@\{[^{}]*\})*\})?"
+)
+# In the second column of cases.
+_CONDITIONS = {
+    **dict.fromkeys(("if", "for", "when", "where")),
+    **{
+        word: Token("operator", sign, 0)
+        for word, sign in (("otherwise", "true"), ("else", "true"), ("and", "&"), ("or", "|"))
+    },
+}
+_CONNECTIVES = {"land": "and", "wedge": "and", "lor": "or", "vee": "or"}
 _ROW_SPACE = r"(?:\s*\[\s*-?[0-9.]+\s*(?:pt|pc|em|ex|mm|cm|in|jot|\\jot)\s*\])?"
 _COMMAND = re.compile(rf"\\(?:(operatorname\*|[A-Za-z]+)|(\\){_ROW_SPACE}|(.))", re.DOTALL)
 _MARKED_LETTER = re.compile(f"[A-Za-z{''.join(letters.GREEK)}][{''.join((*letters.DOTS, *letters.SUBSCRIPTS))}]+")
 _INNER = r"(?:[^{}]|\{(?:[^{}]|\{[^{}]*\})*\})*"  # of braces, with two levels of others in them
-_FONT = r"\\(?:mathrm|operatorname\*?|textrm|text|mathit|rm)" + _NO_LETTER
+_FONT = r"\\(?:mathrm|operatorname\*?|textrm|textnormal|text|mbox|mathit|rm)" + _NO_LETTER
 _UPRIGHT = rf"(?:{_FONT}|\\(?:bar|tilde|widetilde){_NO_LETTER})"
 _ROMAN = re.compile(rf"\{{\s*\\rm{_NO_LETTER}")
 _SIDE = re.compile(rf"\\(left|right){_NO_LETTER}\s*(.)", re.DOTALL)
@@ -36,25 +51,6 @@ _BRACKET = re.compile(r"\\(?:[A-Za-z]+|.)|[][(){}+\u2212-]", re.DOTALL)
 _INDEX = r"(?:\{[^{}]*\}|\\[A-Za-z]+|.)"
 _INTO, _OUT = rf"(?:\s|\{{|\\left{_NO_LETTER})*", rf"(?:\s|\}}|\\right{_NO_LETTER})*"
 _RAISED_BRACKETS = re.compile(rf"\{{{_INTO}[(\[]{_INTO}\\?(\w+){_OUT}[)\]]{_OUT}\}}")
-# \begin{cases} -x & x > 0 \\ x & \text{otherwise} \end{cases} is one formula if it contains no equation.
-_COLUMNS = r"(?:\s*\{[lcr@{}| ]*\})?"
-_CASES = re.compile(rf"\\begin\s*\{{(d?cases|array)\}}{_COLUMNS}((?:(?!\\begin).)*?)\\end\s*\{{\1\}}", re.DOTALL)
-_EQUATION = re.compile(r"(?<![<>!=])=(?!=)")
-_WORD_IN_CASES = r"\\(?:text|textrm|mathrm|mbox)\s*\{\s*"
-_CONDITIONS = {
-    "piecewise": r"\\begin\s*\{\w+\}" + _COLUMNS,
-    ")": r"[,.;]?\s*(?:\\\\\s*)?\\end\s*\{\w+\}",
-    ";": r"[,.;]?\s*\\\\(?:\s*\[[^]]*\])?",
-    ",": r",?\s*&",
-    "": _WORD_IN_CASES + r"(?:if|for|when|where)?\s*\}",
-    "true": _WORD_IN_CASES + r"(?:otherwise|else)\s*\}",
-    "and": rf"\\(?:land|wedge)(?![a-z])|{_WORD_IN_CASES}and\s*\}}",
-    "or": rf"\\(?:lor|vee)(?![a-z])|{_WORD_IN_CASES}or\s*\}}",
-    "<": r"<=?|\\(?:leqslant|leq|le|lt)(?![a-z])|\u2264",
-    ">": r">=?|\\(?:geqslant|geq|ge|gt)(?![a-z])|\u2265",
-}
-_CONDITION = re.compile("|".join(f"({pattern})" for pattern in _CONDITIONS.values()))
-_ROWS = {"piecewise": ("piecewise", "(", "("), ")": "))", ";": "),(", "and": "&", "or": "|", "": ""}
 _ACCENTS = {"bar": "bar", "tilde": "tilde", "widetilde": "tilde"}  # \bar{x} is the name x_bar
 _PART_OF_NAME = re.compile(
     rf"(?P<none>(?P<opens>{_FONT}|\{{)|\}}|\s)"
@@ -70,7 +66,7 @@ _COMMANDS = frozenset(
 _SIGNS = {
     "div": "/",
     "\\": ";",
-    "equiv": "=",
+    **dict.fromkeys(("equiv", "triangleq", "coloneqq"), "="),
     **dict.fromkeys(("cdot", "times", "ast"), "*"),
     **dict.fromkeys(("lbrace", "{"), "("),
     **dict.fromkeys(("rbrace", "}"), ")"),
@@ -102,18 +98,28 @@ _INDICES = _after_blanks(rf"{_INDEX}(?:\s*_\s*{_INDEX})*")
 _RAISED_ONE = _after_blanks(r"(?:\{\s*(?=1\s*\})|(?=1(?![\w.+-])))")
 
 
-def _conditions(text: str) -> dict[int, tuple[Tokens, int]]:
-    """By place: piecewise((a, x > 0), (b, true)) for the rows of cases, and the places after its parts."""
-    found: dict[int, tuple[Tokens, int]] = {}
-    for cases in _CASES.finditer(text):
-        marks = [(mark, [*_CONDITIONS][(mark.lastindex or 1) - 1])
-                 for mark in _CONDITION.finditer(text, cases.start(), cases.end())]  # fmt: skip
-        compares = {"<", ">"} & {word for _, word in marks}
-        for mark, word in marks if compares and not _EQUATION.search(cases[2]) else ():
-            written = [Token("name" if part == word == "piecewise" else "operator", part, mark.start() + 1, True)
-                       for part in _ROWS.get(word, (word,))]  # fmt: skip
-            found[mark.start()] = written, mark.end()
-    return found
+def _cases(inner: Tokens, here: Token, end: Token) -> Tokens:
+    """piecewise((a, x > 0), (b, true)) for the rows a & x > 0; b & otherwise; rows that are equations as they are."""
+    compares = any(token.is_operator("<", ">") for token in plain.walk(inner))
+    if not compares or any(token.is_operator("=") for token in inner):
+        return [token for token in inner if not token.is_operator("&")]
+    begins, separates = (Token("operator", sign, here.column, True) for sign in "(,")
+    ends = Token("operator", ")", end.column)
+    found: Tokens = []
+    for row in plain.split_at(";", inner):
+        if any(token.kind != "newline" for token in row):
+            cells = plain.split_at("&", row)
+            last = [_CONDITIONS.get(token.text, token) for token in _without_comma(cells[-1])]
+            first = [*_without_comma(cells[0]), separates] if len(cells) > 1 else []
+            found += [separates, begins, *first, *filter(None, last), ends]
+    return [Token("name", "piecewise", here.column, True), begins, *found[1:], ends]
+
+
+def _without_comma(cell: Tokens) -> Tokens:
+    """The cell without the comma and the line ends after it."""
+    while cell and (cell[-1].kind == "newline" or cell[-1].is_operator(",")):
+        cell = cell[:-1]
+    return cell
 
 
 def _formula(text: str) -> tuple[int, str]:
@@ -138,20 +144,22 @@ class _Translator:
     def __init__(self, text: str, names: nm.Names) -> None:
         self._place, text = _formula(text)
         self._names = names
-        self._cases = _conditions(text)
         self._text = _SPACE.sub(_blank, text)
         self._tokens: Tokens = []
         self._spaced = False
         self._seen = self._depth = 0
-        self._matrices: Tokens = []  # that are not ended yet
+        # The matrices and cases that are not ended yet: where they begin, and the name of a matrix.
+        self._matrices: list[tuple[Token, Tokens, int, str | None]] = []
 
     def all(self) -> Tokens:
         """The tokens of the whole formula."""
         while self._ahead().kind != "end":
             self._one()
             at_most(len(self._tokens), LIMITS.tokens, "the formula has too many parts", self._place + 1)
-        if self._matrices:
-            raise refusal("a matrix is never ended", self._matrices[-1].column, "add the missing \\end")
+        for here, line, start, matrix in self._matrices:
+            if matrix:
+                raise refusal("a matrix is never ended", here.column, "add the missing \\end")
+            line[start:] = [token for token in line[start:] if not token.is_operator("&")]
         return self._tokens
 
     def _take(self, pattern: re.Pattern[str]) -> re.Match[str] | None:
@@ -165,13 +173,12 @@ class _Translator:
         start, text = self._place, self._text
         spaced = self._spaced and start == self._seen
         while self._place < len(text):
-            written, end = self._cases.get(self._place, (None, 0))
             here = text[self._place]
-            if written or not (here.isspace() or written == [] or (here == "&" and not self._matrices)):
+            if not here.isspace() and (here != "&" or self._matrices):
                 break
             if here == "\n" and not self._depth:
                 self._tokens.append(Token("newline", here, self._place + 1))
-            self._place = end or self._place + 1
+            self._place += 1
         self._seen, self._spaced = self._place, spaced or self._place > start
         kind: plain.Kind = "operator" if self._place < len(text) else "end"
         return Token(kind, text[self._place : self._place + 1], self._place + 1, self._spaced)
@@ -187,10 +194,7 @@ class _Translator:
         """Translate the next piece."""
         here, text = self._ahead(), self._text
         character = here.text
-        if self._place in self._cases:
-            written, self._place = self._cases[self._place]
-            self._tokens += written
-        elif character == "\\":
+        if character == "\\":
             self._command(here)
         elif marked := _MARKED_LETTER.match(text, self._place):
             self._tokens += plain.next_tokens(text[: marked.end()], self._place, here.space_before)[0]
@@ -257,7 +261,7 @@ class _Translator:
         if len(inner) == 1 and called and first.is_bracket():  # the arguments in A^{2}{\left(x \right)}
             self._tokens.append(replace(first, space_before=False))
         elif len(inner) == 1 and (
-            first.is_operator(",")  # 0{,}5
+            first.is_operator(",", "=")  # 0{,}5
             or first.is_fraction()
             or (first.kind == "name" and not after_function)
         ):
@@ -290,10 +294,8 @@ class _Translator:
         return self._enclosed([over, Token("operator", "/", here.column), under], here, FRACTION)
 
     def _command(self, here: Token) -> None:
-        if matrix := self._take(_MATRIX):
-            opens = matrix[1] == "begin"
-            self._matrices = [*self._matrices, here] if opens else self._matrices[:-1]
-            self._emit("[" if opens else "]", here)
+        if environment := self._take(_MATRIX):
+            self._environment(environment, here)
             return
         command = self._take(_COMMAND)
         if command is None:
@@ -323,12 +325,25 @@ class _Translator:
             self._emit_name(self._with_subscript(self._name_part()), here, kind="vector")
         elif name == "partial":
             self._partial(here)
+        elif self._matrices and name in _CONNECTIVES:
+            self._emit_name(_CONNECTIVES[name], here)
         else:
             what, reason = f"the command \\{shorten(name)} is not accepted", _REASONS.get(name)
             if not reason and name in nm.REFUSED:
                 raise nm.refused(what, nm.REFUSED[name], here.column)
             what = "this environment is not accepted" if name in ("begin", "end") else what
             raise refusal(what, here.column, reason.instead if reason else "write the formula without it")
+
+    def _environment(self, mark: re.Match[str], here: Token) -> None:
+        """The beginning or the end of a matrix, which becomes a square bracket, or of cases."""
+        if mark[1] == "begin":
+            self._matrices.append((here, self._tokens, len(self._tokens), mark[2]))
+        elif self._matrices and self._matrices[-1][1] is self._tokens:
+            begins, line, start, _ = self._matrices.pop()
+            if not mark[2]:
+                line[start:] = _cases(line[start:], begins, here)
+        if mark[2]:
+            self._emit("[" if mark[1] == "begin" else "]", here)
 
     def _letter(self, name: str, here: Token) -> None:
         declared = self._names.role(name) is not None  # then \varphi is not \phi
@@ -355,9 +370,12 @@ class _Translator:
             and len(name) > 1
             and re.fullmatch("[a-z]+", name)
             and not (self._names.role(name) or name in _WORDS | _IN_TEXT or name in letters.LETTER_COMMANDS)
+            and not (self._matrices and name in _CONDITIONS)
         )
         if words:
             raise refusal("words occur", here.column, "write the equations alone, separated by ;")
+        if not inside.strip() and self._matrices:
+            return
         if name == "d" and self._names.role("d") is None:
             self._emit(TOTAL, here)
             return
@@ -373,7 +391,7 @@ class _Translator:
             self._emit("(" if side == "left" else ")", here, space=True)
         elif text == "|":
             self._emit("|", here)
-        elif not (text == "." and side == "right"):
+        elif text != "." or (side == "left" and self._closes_later()):
             raise refusal(f"this delimiter after \\{side} is not accepted", here.column, "write ( and )")
 
     def _closes_later(self) -> bool:

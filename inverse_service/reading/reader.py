@@ -40,6 +40,19 @@ _RAISED_FIRST = re.compile(
     r"|[\u2070\u00b9\u00b2\u00b3\u2074-\u2079]+|\^(?:\d|\{-?\d+\}))"
     r"(_(?:\{\w+\}|[A-Za-z](?!\w)|\d+(?![\d_']))|[\u2080-\u2089]+)"
 )
+# m g. \quad (2) and y^{2} .\end{array}: the full stop after an equation.
+_FULL_STOP = re.compile(r"(?<![\d.\s])(?<!\\left)(?<!\\right)(\s*)\.(?=\s+\S|\s*\\(?:q?quad|\\|right|end))")
+# $x'' = -x$ where words, or other formulas, are beside it; not Maple's t$2.
+_MATHEMATICS = re.compile(
+    r"(?<![\w)\\])(\$\$?)([^$]+)\1(?!\w)|(?<!\\)(?<!\\!)(\\\(|\\\[)(.+?)(?<!\\)\\[)\]]", re.DOTALL
+)
+_COMMENT = re.compile(r"(?<!\\)%.*")
+_COMPARES = re.compile(r"[=<>\u2264\u2265]|\\(?:le|ge|ne|equiv)")
+_PROSE = re.compile(r"(?<![_^]\{)(?<![_^])(\(\s*)?\\(?:text|textrm|mbox|intertext)\s*\{([^{}$\\]*)\}(?(1)\s*\))")
+_ITEM = re.compile(r"\((?:[a-h]|[ivx]+)\)")  # (a), (ii)
+_BINDING = re.compile(r"\b(?:if|when|while|for|unless|otherwise|else|not|or|except|either|only)\b", re.I)
+# The y'' of y''_{xx} = x y.
+_BY_INDEX = re.compile(r"('')_?(?:\{([xts])\2\}|([xts])\3(?!\w))")
 _ACCELERATION = re.compile(r"(?<!')''(?!['(])")
 _LETTER_OF_A_FORM = re.compile(rf"(?:[A-Za-z]|{'|'.join(sorted(GREEK_NAMES))})(?:_?[0-9]+)?")
 _OF_PROGRAMS = re.compile(r"[A-Za-z']\[|==|\.diff\(")
@@ -62,7 +75,7 @@ _DOTS_APART = re.compile(r"(?<=\w)( +)([\u0307\u0308]+)")
 def is_latex(formula: str) -> bool:
     """Whether the formula is read as LaTeX."""
     braces = "{" in formula and not _OF_PROGRAMS.search(formula)
-    return "\\" in formula or braces or formula.lstrip().startswith("$")
+    return "\\" in formula or braces or formula.lstrip().startswith("$") or bool(_MATHEMATICS.search(formula))
 
 
 def read_formula(formula: str, names: Names) -> ex.Expression:
@@ -120,12 +133,11 @@ def read_equations(formula: str, names: Names) -> list[tuple[ex.Expression, ex.E
 
 def read_tokens(formula: str, names: Names | None = None) -> list[Token]:
     """The tokens, before any name is looked up."""
-    formula = _GREEK_OF_MATHEMATICA.sub(_greek, formula)
-    formula = _SUBJECT_TO.sub(lambda words: ";".ljust(len(words[0])), formula)
-    formula = _RAISED_FIRST.sub(r"\2\1", _with_dots_after_letters(_LABEL.sub(_without_label, formula)))
-    names = names or Names()
-    in_our_words = notations.with_derivatives if is_latex(formula) else notations.in_our_words
-    tokens = in_our_words(_with_products(_scanned(formula, names), names), names)
+    formula, names = _GREEK_OF_MATHEMATICA.sub(_greek, formula), names or Names()
+    latex, formula = is_latex(formula), _with_dots_after_letters(without_words(formula))
+    formula = _RAISED_FIRST.sub(r"\2\1", _BY_INDEX.sub(lambda index: index[1].ljust(len(index[0])), formula))
+    in_our_words = notations.with_derivatives if latex else notations.in_our_words
+    tokens = in_our_words(_with_products(_scanned(formula, names, latex), names), names)
     tk.refuse_decimal_commas(tokens)
     if names.forms:
         _ask_about_displacements(tokens, names)
@@ -218,13 +230,14 @@ def _without_names_of_forms(tokens: list[Token], names: Names) -> list[Token]:
     """
     found: list[Token] = []
     for line, end in tk.split(tokens, lambda _, token: token.is_operator(";", ",")):
-        named = len(line) > 2 and line[0].kind == "name" and line[1].is_operator("=")
-        last = [token.text for token in line[-2:]] == ["=", "0"] and len(line) > 4
-        form = any(token.order and token.value == OF_A_FORM for token in tk.walk(line))
+        equal = 1 + at(line, 1).is_bracket()  # phi(q, q') = ... too
+        named = len(line) > equal + 1 and line[0].kind == "name" and line[equal].is_operator("=")
+        last = [token.text for token in line[-2:]] == ["=", "0"] and len(line) > equal + 3
+        form = any(token.order and token.value == OF_A_FORM for token in tk.walk(line[equal:]))
         if named and (last or form) and names.role(names.spelling(line[0].text)) != "coordinate":
             note(f"{line[0].text} =", LEFT_OUT)
-            zero = [] if last else [Token("number", "0", line[0].column), line[1]]
-            line = [*zero, *line[2:]]
+            zero = [] if last else [Token("number", "0", line[0].column), line[equal]]
+            line = [*zero, *line[equal + 1 :]]
         found += [*line, *([end] if end else [])]
     return found
 
@@ -236,8 +249,8 @@ def tokens_if_any(formula: str, names: Names) -> list[Token]:
     return []
 
 
-def _scanned(formula: str, names: Names) -> list[Token]:
-    if not is_latex(formula):
+def _scanned(formula: str, names: Names, is_latex: bool) -> list[Token]:
+    if not is_latex:
         return tk.tokenize(formula, names.declared())
     from inverse_service.reading import latex
 
@@ -252,10 +265,7 @@ def _without_remarks(tokens: list[Token], formula: str, names: Names) -> list[To
     """
     marks = {token.text for token in tk.walk(tokens)}
     tokens = _with_definitions_apart(tokens) if "=" in marks else tokens
-    if not (
-        marks & {*tk.COMPARED, *_JOINS, *_CONSTANT}
-        or (("=" in marks or names.energy) and any(token.kind == "number" for token in tk.walk(tokens)))
-    ):
+    if not (marks & {*tk.COMPARED, *_JOINS, *_CONSTANT, "="} or names.energy):
         return tokens
 
     def ends(place: int, token: Token) -> bool:
@@ -339,9 +349,13 @@ def _is_initial(group: Sequence[Token]) -> bool:
 def _without_number(group: list[Token], formula: str, names: Names) -> list[Token]:
     """The equation without the (1) or 1. before it and the (1) after it, which are usually its number."""
     first, second, number = at(group, 0), at(group, 1), at(group, len(group) - 1)
-    if _is_number(group[:1]) and len(first.inside) == 1 and (second.kind == "name" or second.is_bracket()):
+    named = second.kind == "name" or second.is_bracket()
+    if named and (_is_item(group) or (_is_number(group[:1]) and len(first.inside) == 1)):
         note(tk.spelled(group[:1]), LEFT_OUT)
         return group[1:]
+    if _is_phrase(group):
+        note(tk.source(group[-1:]), LEFT_OUT)
+        return group[:-1]
     if first.kind == "number" and first.text.endswith(".") and second.space_before:
         note(first.text, LEFT_OUT)
         return group[1:]
@@ -354,12 +368,27 @@ def _without_number(group: list[Token], formula: str, names: Names) -> list[Toke
     ends = formula[number.column - 1] == "(" and number.space_before
     if not ends or called or before.kind == "operator":
         return group
-    if len(number.inside) == 2:
+    if number.inside[-1].kind == "name":
         if "." not in shown or (names.role(number.inside[1].text) and not names.guesses):
             return group
         raise refusal(f"{shown} could be an equation number", number.column, "leave it out, or write * before a factor")
     note(shown, LEFT_OUT)
     return group[:-1]
+
+
+def _is_item(group: Sequence[Token]) -> bool:
+    """Whether it begins with (a) or (ii), a letter that does not occur again."""
+    letter = tk.spelled(group[0].inside)
+    again = any(token.text == letter for token in tk.walk(group[1:]))
+    return group[1].space_before and bool(_ITEM.fullmatch(tk.spelled(group[:1]))) and not again
+
+
+def _is_phrase(group: Sequence[Token]) -> bool:
+    """Whether it ends in words such as (harmonic oscillator)."""
+    words = group[-1].inside if len(group) > 2 and group[-1].is_bracket() and group[-1].space_before else ()
+    plain = all(word.kind == "name" and word.text.isalpha() and not word.order for word in words)
+    long = any(len(word.text) >= SHORTEST_REMARK and word.text not in GREEK_NAMES | FUNCTIONS for word in words)
+    return len(words) > 1 and plain and long and _ends_factor(group[-2])
 
 
 def _is_number(group: Sequence[Token]) -> bool:
@@ -420,6 +449,40 @@ def _with_dots_after_letters(formula: str) -> str:
 def _without_label(match: re.Match[str]) -> str:
     note(match[0].strip(), LEFT_OUT)
     return " " * len(match[0])
+
+
+def without_words(formula: str) -> str:
+    """The formula with separators and blanks for the words, labels and full stops of a text, at the same columns."""
+    formula = _COMMENT.sub(_without_label, formula) if is_latex(formula) else formula
+    formula = _SUBJECT_TO.sub(lambda words: ";".ljust(len(words[0])), _mathematics(formula))
+    return _FULL_STOP.sub(r"\1;", _LABEL.sub(_without_label, _PROSE.sub(_without_prose, formula)))
+
+
+def _mathematics(formula: str) -> str:
+    """The equations and comparisons between dollars, where a text has several or words beside one."""
+    parts = [*_MATHEMATICS.finditer(formula)]
+    outside = _MATHEMATICS.sub(" ", formula)
+    kept = [(part.start(k), part.end(k)) for part in parts for k in (2, 4) if part[k] and _COMPARES.search(part[k])]
+    if not kept or "$" in outside or (len(parts) == 1 and not outside.strip(" \t\n.,;")):
+        return formula
+    found = [" "] * len(formula)
+    for start, end in kept:
+        found[start : end + 1] = f"{formula[start:end]};"
+    if words := " ".join(outside.split()).strip(".,; "):
+        note(words, LEFT_OUT)
+    return "".join(found)
+
+
+def _without_prose(match: re.Match[str]) -> str:
+    r"""A line end for \text{and the constraint}, \text{(ii)} and (\text{pendulum}).
+
+    Words that may be a condition are kept, and refused; a single word may be a name.
+    """
+    words = match[2].strip()
+    if not (match[1] or " " in words or _ITEM.fullmatch(words)) or _BINDING.search(words):
+        return match[0]
+    note(words, LEFT_OUT)
+    return "\n".ljust(len(match[0]))
 
 
 def _greek(match: re.Match[str]) -> str:

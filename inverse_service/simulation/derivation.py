@@ -181,7 +181,7 @@ def accelerations_of(scene: Scene) -> tuple[Expression, ...] | Unavailable:
     system = constrained_motion.NonholonomicSystem(
         scene.coordinates, scene.lagrangian, scene.constraints, tuple(scene.values)
     )
-    return constrained_motion.equations_of_motion(system).accelerations
+    return constrained_motion.accelerations(system)
 
 
 @contextmanager

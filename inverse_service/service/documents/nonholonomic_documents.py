@@ -627,7 +627,7 @@ def parse(schema: schemas.NonholonomicDocument) -> schemas.NonholonomicParseAnsw
     """Lagrangian, constraints, and the accelerations that follow; raises InputError."""
     system = to_nonholonomic(schema)
     to_families(schema, system)
-    forces = constrained_motion.equations_of_motion(system).accelerations
+    forces = constrained_motion.accelerations(system)
     motion = SecondOrderSystem(system.coordinates, forces, system.parameters, system.functions, system.name)
     return schemas.NonholonomicParseAnswer(
         **dict(translate.to_parse_answer(motion, schema)),

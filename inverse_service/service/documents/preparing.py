@@ -46,23 +46,26 @@ KEYS = frozenset((
     *("time_dependent_lagrangian", "ansatz", "series_order", "special_cases", "clock", "kinds", "near", "associated"),
     *("multiples", "time", "id", "options", "metadata", "search", "first_integrals", "catalogue", "format"),
 ))  # fmt: skip
+_SCRIPT_L = r"\\(?:mathcal|mathscr|mathrm|cal)\s*(?:\{L\}|L)(?![A-Za-z])"
 _LETTER_L = re.compile(
-    r"(?:\\(?:mathcal|mathscr|mathrm)\s*(?:\{L\}|L)(?![A-Za-z])|\u2112)"
+    rf"(?:\{{\s*{_SCRIPT_L}\s*\}}|{_SCRIPT_L}|\u2112)"
     r"|(?P<named>\bL(?:agrangian)?\s*:(?:\s*L\s*)?=?|\bLagrangian\s*=)"
 )
 # L, T, and V with an argument perhaps, and =; half of 2 T = … is meant.
 _ENERGY = re.compile(
     r"(?:\$+|\\\[|\s|\\begin\s*\{\w+\*?\})*(?P<twice>2\s*)?(?:(?P<whole>L)|(?P<kinetic>[TK]|E_\{?k(?:in)?\}?)"
-    r"|(?P<potential>[UV]|E_\{?p(?:ot)?\}?))(?P<arguments>\s*\([^()=]*\))?\s*&?\s*=(?!=)"
+    r"|(?P<potential>[UV]|E_\{?p(?:ot)?\}?))(?P<arguments>\s*\([^()=]*\))?\s*&?\s*"
+    r"(?:=(?!=)|\u2261|\\(?:equiv|triangleq|coloneqq)(?![A-Za-z])|\\(?:stackrel|overset)\s*\{[^{}]*\}\s*\{\s*=\s*\})"
 )
 # The components of a vector, \mathbf{r} = (x, y, z)
 _VECTOR = re.compile(
     rf"\\(?:{'|'.join(components.BOLD)})\s*(?:\{{\s*\\?\w+\s*\}}|\\?\w)\s*=\s*(?:\\left\s*)?\([^()=]*\)"
 )
 # d/dt ∂L/∂x' - ∂L/∂x = 0 beside L = …
+_D = r"(?:d|\\(?:mathrm|text)\s*\{\s*d\s*\}|\\(?:rm|mathrm)\s+d)"
 _DL = r"(?:\u2202|\\partial)\s{0,9}L\b[^;,\n=]{0,120}"
 _LAGRANGES_EQUATION = re.compile(
-    rf"(?:\\[dt]?frac\s*\{{\s*d\s*\}}\s*\{{\s*dt\s*\}}|d\s*/\s*dt)[^;,\n=]{{0,120}}?{_DL}=(?:\s*0|\s*\\?[dt]?\w*\{{?{_DL})\s*(?=$|[;,.\n\\])"
+    rf"(?:\\[dt]?frac\s*\{{\s*{_D}\s*\}}\s*\{{\s*{_D}\s*t\s*\}}|d\s*/\s*dt)[^;,\n=]{{0,120}}?{_DL}=(?:\s*0|\s*\\?[dt]?\w*\{{?{_DL})\s*(?=$|[;,.\n\\])"
 )
 _WRAPPER_ENDS = re.compile(r"(?:\$+|\\[\],;:! ]|\\end\s*\{\w+\*?\}|[\s;,.])*$")
 # dx and d\theta, in dz = y dx and dz = ydx; \delta x is a virtual displacement, or asked about
@@ -71,6 +74,7 @@ _OF_A_FORM = re.compile(r"\s*(?:d|\u03b4)")
 _DEFINED = re.compile(
     r"\s*\\?([A-Za-z\u0391-\u03c9][^\W\u00b2]*(?:_\{\w+\})?)(?:(\([^()]*\))|(\^2|\^\{2\}|\u00b2))?\s*"
 )
+_IS_NUMBER = re.compile(r"[^=]*=[\s\d./-]*")
 _LAMBDA = re.compile(r"lambda|Lambda|\bmu|\\mu|[\u03bb\u03bc\u039b]")
 _STRUCTURE = frozenset(("text", "latex"))
 # Equations of motion with multipliers as L and constraints: x'' = lambda sin(u), ..., x' sin(u) = y' cos(u). Without
@@ -200,14 +204,15 @@ def _with_lagrangian(plain: dict[str, Any]) -> tuple[dict[str, Any], dict[str, s
     places, where = {"/lagrangian": next(iter(energies.values()))[2]}, {}
     held = plain.get("constraints") or []
     constraints = [held] if isinstance(held, str) else list(held)
+    definitions: dict[str, str] = {}  # omega = psi' cos(theta) + phi', omega = 0: the second line is a constraint
+    for _, line in others:
+        if (name := _defined(line, moving)[0]) and _IS_NUMBER.fullmatch(definitions.get(name, "=")):
+            definitions[name] = line
     for pointer, line in others:
-        left, equal, right = line.partition("=")
-        displaced = _OF_A_FORM.match(left) and _FORM.search(right)
-        form = displaced or reader.names_in_forms(left) or moving & reader.names_in_forms(right)
-        defined = _DEFINED.fullmatch(left) if equal and not form else None
-        if defined and not document_names.derived_stem(defined[1]):
-            root = ("(", ")^{1/2}" if reader.is_latex(right) else ")^(1/2)") if defined[3] else ("", "")
-            name = defined[1] + (defined[2] or "")
+        name, squared = _defined(line, moving)
+        if name and definitions[name] is line:
+            left, _, right = line.partition("=")
+            root = ("(", ")^{1/2}" if reader.is_latex(right) else ")^(1/2)") if squared else ("", "")
             where[name] = root[0].rjust(len(left) + 1) + right + root[1]
             places[f"/where/{name}"] = pointer
         else:
@@ -224,6 +229,17 @@ def _with_lagrangian(plain: dict[str, Any]) -> tuple[dict[str, Any], dict[str, s
     if len(others) > len(where):
         found["constraints"] = constraints
     return found, places, notes
+
+
+def _defined(line: str, moving: Collection[str]) -> tuple[str, bool]:
+    """The name, with its argument, that a line defines, and whether it gives its square; no name for a constraint."""
+    left, equal, right = line.partition("=")
+    displaced = _OF_A_FORM.match(left) and _FORM.search(right)
+    form = displaced or reader.names_in_forms(left) or {*moving} & reader.names_in_forms(right)
+    found = _DEFINED.fullmatch(left) if equal and not form else None
+    if found is None or document_names.derived_stem(found[1]):
+        return "", False
+    return found[1] + (found[2] or ""), found[3] is not None
 
 
 def _ask_about_rate(line: str, pointer: str, lagrangian: str, known: Collection[str]) -> None:
@@ -286,9 +302,16 @@ def _lines(text: str) -> list[str]:
         groups = reader.split_equations(text, Names(forms=True))
     except errors.InputError:
         return [text]
-    places = [(group.tokens[0].column - 1, group.end_column - 1) for group in groups]
+    places = [(_start(text, group), group.end_column - 1) for group in groups]
     lines = [" " * start + _VECTOR.sub(lambda match: " " * len(match[0]), text[start:end]) for start, end in places]
     return [shown for line in lines if (shown := _WRAPPER_ENDS.sub("", line)).strip()]
+
+
+def _start(text: str, group: reader.EquationTokens) -> int:
+    r"""The place where an equation begins, with the { of a {\dot x} there."""
+    start = group.tokens[0].column - 1
+    written = text[start : group.end_column - 1]
+    return max(text.rfind("{", 0, start), 0) if written.count("}") > written.count("{") else start
 
 
 def prepared(document: Any) -> Prepared:
@@ -425,10 +448,9 @@ def _with_time_apart(plain: Mapping[str, Any], time: str) -> tuple[dict[str, Any
     for pointer, text in texts.items():
         for word in _PLAIN_WORD.finditer("" if reader.is_latex(text) else text):
             name, column = word[0], word.start() + 1
-            plain_name = (
-                name not in FUNCTIONS and name not in found and not known.role(name) and name[0] != "d" and time in name
-            )
-            if not plain_name:
+            index = name == 2 * time and text[: word.start()].endswith("''")  # y''xx
+            known_name = name in FUNCTIONS or name in found or known.role(name) or name[0] == "d" or time not in name
+            if known_name or index:
                 continue
             if parts := only_split(name, known):
                 found[name] = written_product(parts, known)
