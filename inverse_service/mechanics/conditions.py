@@ -1,4 +1,4 @@
-"""The tensors of the inverse problem, over any commutative ring with the derivations of a system.
+"""The tensors N, Phi, nabla Phi, R of the inverse problem, over any commutative ring with the derivations of a system.
 
     Gamma = d/dt + v^i d/dq^i + f^i d/dv^i
     N     = -1/2 df/dv
@@ -7,11 +7,9 @@
     nabla T^i_kl = Gamma(T^i_kl) + N^i_m T^m_kl - T^i_ml N^m_k - T^i_km N^m_l
     R[T]^i_kl    = dT^i_k/dv^l - dT^i_l/dv^k                                     (R = R[Phi])
 
-Source: J. Douglas, Solution of the inverse problem of the calculus of variations, 1941; W. Sarlet, The
-Helmholtz conditions revisited, 1982; the sign of N in nabla is that of the definition of N here.
-
-The tensors N, Phi, nabla Phi, R of a system as exact expressions for display, and what follows where they leave one
-matrix.
+They are exact expressions for display, with what follows where they leave one matrix. Source: J. Douglas, Solution of
+the inverse problem of the calculus of variations, 1941; W. Sarlet, The Helmholtz conditions revisited, 1982; the sign
+of N in nabla is that of the definition of N here.
 """
 
 from collections.abc import Callable, Sequence

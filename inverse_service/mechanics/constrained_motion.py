@@ -1,14 +1,15 @@
-"""A Lagrangian with constraints on the velocities: read, written in exact functions of (t, q), and its motion.
+"""A Lagrangian with constraints on the velocities, written in exact functions of (t, q), and its motion.
 
     L = 1/2 g_ij v^i v^j + b_i v^i - V,     w^a = w^a_i v^i + c^a = 0,     v = B u + drift
 
-with g, b, V, w, c functions of (t, q); u are the velocities of the free coordinates, the columns of
-B span the distribution of the constraints.
+with g, b, V, w, c functions of (t, q); u are the velocities of the free coordinates, the columns of B span the
+distribution of the constraints. The multipliers of d'Alembert's principle, d/dt(dL/dv) - dL/dq = lambda_a w^a, are
+eliminated exactly: the free accelerations follow from
 
-The multipliers are eliminated exactly by d'Alembert's principle: d/dt(dL/dv) - dL/dq = lambda_a w^a with w^a(v) + c^a
-= 0. With v = B u + drift the free accelerations follow from B^T (g a - F) = 0, a = B u' + (dB/dt) u + d(drift)/dt, so
-that g needs to be regular on the distribution of the constraints only. Source: A. M. Bloch, Nonholonomic Mechanics and
-Control, 2003, chapter 5.
+    B^T (g a - F) = 0,  a = B u' + (dB/dt) u + d(drift)/dt,
+
+so that g needs to be regular on the distribution of the constraints only. Source: A. M. Bloch, Nonholonomic Mechanics
+and Control, 2003, chapter 5.
 """
 
 from collections.abc import Mapping, Sequence

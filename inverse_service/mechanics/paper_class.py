@@ -1,45 +1,31 @@
-"""The class of the paper, its associated systems, and their Lagrangians and Hamiltonians.
+"""The class L = (I_1 r1'^2 + I_2 r2'^2 + sum I_a s_a'^2)/2 - V, s_a' = -A_a(r1) r2', seen by its structure.
 
-The class L = (I_1 r1'^2 + I_2 r2'^2 + sum I_a s_a'^2)/2 - V, s_a' = -A_a(r1) r2', seen by its structure.
+With N = (I_2 + sum I_a A_a^2)^(-1/2) and K = sum I_a A_a A_a' its motion without V is r1'' = 0, r2'' = -N^2 K r1' r2',
+and w = (r2', s_1', …, s_k') = c u(r1) with u = N (1, -A_1, …, -A_k) and c constant.
 
-With N = (I_2 + sum I_a A_a^2)^(-1/2) and K = sum I_a A_a A_a' its motion without V is r1'' = 0,
-r2'' = -N^2 K r1' r2', and (r2', s_1', ..., s_k') = c u(r1) with u = N (1, -A_1, ..., -A_k) and c constant.
-Source: T. Mestdag, A. M. Bloch, O. E. Fernandez, Hamiltonization and geometric integration of
-nonholonomic mechanical systems, 2009.
+Associated systems are second-order systems whose motion on the constraints is that one; forces without velocities stay:
 
-The third associated system: (r2', s')' = r1' M(r1) (r2', s') with M skew for the masses.
+    first    the accelerations as they come, all velocities written by the free ones
+    second   in s'', where s' = c(q) u_j with one free velocity u_j, each term with u_j has s'/c in its place
+    third    w' = r1' M(r1) w with M skew for the masses, a rotation
 
-On the constraints w = (r2', s_1', ..., s_k') = c u(r1), u = N (1, -A), u^T D u = 1, D = diag(I_2, I_a).
-Any symmetric regular S(r1) with S u = constant gives the system w' = r1' M w, M = -S^-1 S', that holds
-the motion, and it is variational:
+Without a force the last two are variational. With D = diag(I_2, I_a), a symmetric regular S(r1) with S u = constant,
+and F the places that are not coupled:
 
-    L = I_1 r1'^2/2 + w^T S w/(2 r1'),  H = (p_r1 + p_w^T S^-1 p_w/2)^2/(2 I_1),  p_w ~ S u on the constraints.
+    w' = r1' M w, M = -S^-1 S',  L = I_1 r1'^2/2 + sum over F of I_i w_i^2/2 + w^T S w/(2 r1'),
+    H = (p_r1 + p^T S^-1 p/2)^2/(2 I_1) + sum over F of p_i^2/(2 I_i).
 
-The second system has S = diag(1/u_i). The third has for S a reflection in the metric D, so that M is a
-rotation, and constraints with constant coefficients in the momenta. Entries of u that are constant are
-left alone; J are the others, rho = sum over J of I_i u_i^2 (a constant), e the first of J:
-    two in J     S = ((I_e u_e, I_j u_j), (I_j u_j, -I_j u_e)), rational in u
-    more in J    S_ee = I_e u_e, S_ej = I_j u_j sqrt(I_e)/..., see `_matrix`; regular where u_e sqrt(I_e) > -sqrt(rho)
-In both cases S u = (rho, 0, ..., 0) up to a constant. With one in J u would be constant too.
-Derived here; for one constraint in M. Mestdag's systems see docs/explanation/constrained-systems.md.
+    second   S = diag(1/u_i), F empty (L1 of Proposition 1), or F = {r2} where N is constant (L2)
+    third    S a reflection in the metric D, F the constant entries of u; J are the others, e the first of J:
+             two in J     S = ((I_e u_e, I_j u_j), (I_j u_j, -I_j u_e)), rational in u
+             more in J    S_ej = sqrt(I_e) I_j u_j, the others as in `_fill_space`; regular where
+                          sqrt(I_e) u_e > -sqrt(rho)
 
-Associated systems are second-order systems whose motion on the constraints is the nonholonomic one:
-
-first    the accelerations as they come, all velocities written by the free ones
-second   in s'', where s' = c(q) u_j with one free velocity u_j, each term with u_j has s'/c in its place
-third    (r2', s')' = r1' M(r1) (r2', s') with M a rotation, in the class of the paper (see `rotation`)
-A velocity-free force stays what it is.
-
-Free Lagrangians of the class for its second and third associated systems (without a force), with H:
-
-    L = I_1 r1'^2/2 + sum over the places F of I_i w_i^2/2 + w^T S w/(2 r1')       w = (r2', s_1', ...)
-    H = (p_r1 + p^T S^-1 p/2)^2/(2 I_1) + sum over F of p_i^2/(2 I_i)
-
-second   S = diag(1/u_i), F empty (L1 of Proposition 1), or F = {r2} where N is constant (L2)
-third    S and F of `rotation`
-On the constraints S u is constant on the places coupled, so that their image is linear in the momenta.
-They are proposals: nothing is claimed of them until the checker has confirmed them.
-Source: Propositions 1 and 2 of the paper named above; `rotation` for the third.
+rho = sum over J of I_i u_i^2 is constant, and S u = (rho, 0, …, 0) up to a constant, so that the image of the
+constraints is linear in the momenta. With one in J, u would be constant too. These are proposals: nothing is claimed of
+them until the checker has confirmed them. Source: T. Mestdag, A. M. Bloch, O. E. Fernandez, Hamiltonization and
+geometric integration of nonholonomic mechanical systems, 2009, Propositions 1 and 2; the rotation is derived here (for
+one constraint in T. Mestdag's systems see docs/explanation/constrained-systems.md).
 """
 
 from collections.abc import Sequence

@@ -1,12 +1,9 @@
-"""The linear equations of an ansatz: values at points modulo a prime, and the multipliers among combinations.
+"""Which combinations of terms have a multiplier as Hessian: the linear equations of an ansatz.
 
-Values of generators and their logarithmic derivatives at random points of one prime field.
-
-Which combinations of terms have a multiplier as Hessian: the ansatz without its potentials.
-
-The Hessian g of a combination has to fulfil (H2) Gamma(g) = g N + (g N)^T and (H3) g Phi symmetric;
-(H1) holds. Terms linear in the velocities do not enter, so this small problem shows whether a family
-contains a regular Lagrangian before its potentials are searched for.
+The Hessian g of a combination has to fulfil (H2) Gamma(g) = g N + (g N)^T and (H3) g Phi symmetric; (H1) holds. The
+equations are formed from values of the generators and their logarithmic derivatives at random points of a prime field.
+Terms linear in the velocities do not enter, so this small problem shows whether a family contains a regular Lagrangian
+before its potentials are searched for.
 """
 
 import itertools

@@ -1,9 +1,7 @@
-"""Integrating factors, and the functions of t and position that an ansatz multiplies with.
+"""What an ansatz multiplies its functions of the velocities with: functions of time and of position.
 
-The factor e^(ct) follows from the divergence of f. (H2) gives Gamma(log det g) = 2 tr N = -div_v f, so that n c is its
+The factor e^(ct) follows from the divergence of f: (H2) gives Gamma(log det g) = 2 tr N = -div_v f, so that n c is its
 constant part.
-
-Functions of position and time that multiply the velocity shapes of an ansatz.
 """
 
 from collections.abc import Iterable, Mapping, Sequence

@@ -1,15 +1,11 @@
-"""The rows of the ansatz: functions of the velocities, their coefficients, and the terms that must accompany them.
-
-What has a multiplier as Hessian has Euler-Lagrange expressions that are affine in the velocities: those of
-A_i(t, q) v_i - V(t, q), which are integrated.
-
-The ansatz, deepened by weight: functions of the velocities times functions of position.
+"""The rows of the ansatz: functions of the velocities times functions of position, of growing weight.
 
 Which functions of the velocities a multiplier can be made of is seen at one place: for g = sum_k c_k(t, q) Hessian(s_k)
 the coefficients and their derivatives are numbers at one place (t, q), and (H2), (H3) are linear in them for every v
 there. Functions s_k with c_k = 0 in all solutions are dropped before coefficients are guessed; where no solution is
 regular, no ansatz in these shapes contains a Lagrangian. The remaining functions are multiplied by short products of
-generators of f.
+generators of f. What has a multiplier as Hessian has Euler-Lagrange expressions that are affine in the velocities:
+those of A_i(t, q) v_i - V(t, q), which are integrated.
 """
 
 import itertools

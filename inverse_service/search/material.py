@@ -1,7 +1,4 @@
-"""The generators of a system that the search uses, and antiderivatives of its terms.
-
-The factors of ansätze: the generators of f, their antiderivatives and integrating factors.
-"""
+"""The generators of f that the search makes its ansätze of, their antiderivatives, and integrating factors."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress

@@ -1,8 +1,4 @@
-"""Which member of a space of Lagrangians is shown.
-
-From a space of Lagrangians to the simplest regular one.
-
-The members of a space of Lagrangians that are worth having: regular, definite where possible, simple.
+"""From a space of Lagrangians to the members worth showing: regular, definite where possible, simple.
 
 Where the simplest regular sums are indefinite, weights that make a positive definite Hessian of several are found by
 alternating projections at one real point: onto the span of the Hessians, and onto the matrices whose eigenvalues are at

@@ -1,18 +1,15 @@
-"""One coordinate: Lagrangians by Jacobi's last multiplier.
+"""One coordinate: Lagrangians by Jacobi's last multiplier, which obeys Gamma(g) + g df/dv = 0 for x'' = f.
 
-K with d2K/dv2 = g comes from two integrations; E(K) = f K_vv + v K_vx + K_vt - K_x then is free of v, since
-dE/dv = Gamma(g) + g df/dv = 0, and L = K + U with dU/dx = E(K) satisfies the Euler-Lagrange equation.
+Multipliers are products of Darboux polynomials of Gamma = v d/dx + f d/dv: with g = phi(x) P(x, v)^e the equation
 
-Darboux polynomials of Gamma = v d/dx + f d/dv with a cofactor fitted to a multiplier.
+    e Gamma(P) + (df/dv + Gamma(log phi)) P = 0
 
-For x'' = f a multiplier obeys Gamma(g) + g df/dv = 0. With g = phi(x) P(x, v)^e this is
-    e Gamma(P) + (df/dv + Gamma(log phi)) P = 0,
-for given phi and e linear in P (Darboux 1878; Prelle and Singer 1983; Duarte, Duarte, da Mota and
-Skea 2001). P is taken as a polynomial in v whose terms are closed under what cancels residuals;
-the linear equations are solved at random points modulo a prime.
-
-The multipliers tried are such powers of one polynomial, its irreducible factors, and what the factors of f itself
-suggest.
+is linear in P for given phi and e. P is taken as a polynomial in v whose terms are closed under what cancels residuals,
+and the equations are solved at random points modulo a prime. The multipliers tried are such powers of one polynomial,
+its irreducible factors, and what the factors of f itself suggest. K with d2K/dv2 = g comes from two integrations;
+E(K) = f K_vv + v K_vx + K_vt - K_x then is free of v, since dE/dv = Gamma(g) + g df/dv = 0, and L = K + U with
+dU/dx = E(K) satisfies the Euler-Lagrange equation. Source: G. Darboux, 1878; M. J. Prelle, M. F. Singer, 1983;
+L. G. S. Duarte, S. E. S. Duarte, L. A. C. P. da Mota, J. E. F. Skea, 2001.
 """
 
 from collections.abc import Iterator, Sequence

@@ -1,28 +1,26 @@
-"""One matrix: g = phi G with G computed from the algebraic conditions.
-
-The Lagrangian where the conditions leave one matrix G(t, q) up to a factor: computed, with nothing guessed.
+"""The Lagrangian of the one matrix that the algebraic conditions leave: g = phi G, with G(t, q) and phi computed.
 
 At points modulo a prime the conditions g T = (g T)^T for T = Phi, nabla Phi, … at several velocities over one (t, q)
-leave one vector of entries G_11 : … : G_nn. It is interpolated as a whole. Then (H2) gives, by any entry that is not 0,
+leave one vector of entries G_11 : … : G_nn, which is interpolated as a whole. (H2) is, by any entry e of G that is not
+0,
 
-    S = Gamma(log phi) = ((G N + N^T G)_e - Gamma G_e)/G_e = Q_k v_k + T
+    S = Gamma(log phi) = ((G N + N^T G)_e - Gamma G_e)/G_e = Q_k v_k + T.
 
-for the factor phi(t, q) of g = phi G: in most systems S = 0 and phi = 1. Where one entry of g is constant, phi is
-1/G_e; else (1 : Q : T) is interpolated and integrated. The remaining terms of L are A_i v_i - V with
+In most systems S = 0 and phi = 1. Where one entry of g is constant, phi is 1/G_e; else (1 : Q : T) is interpolated and
+integrated. The remaining terms of L are A_i v_i - V with
 
     d_i V = -phi W_i,  d_i A_j - d_j A_i = phi F_ij,  W = G f at v = 0,  F = G f_v + d_t G + T G at v = 0,
 
-and (1 : W : F) is interpolated as well: determinants of mass matrices cancel in it.
+where (1 : W : F) is interpolated as well: determinants of mass matrices cancel in it.
 
-The matrix G(t, q) of least degree in the atoms, where the conditions leave more than one up to a factor.
+Where the conditions leave more than one matrix, as for carts with pendulums, whose multipliers are M_t g + p p^T with a
+conserved momentum p, G is the one of least degree, as in a book. With the constants fixed, (H2) and (H3) are linear in
+the coefficients of
 
-Carts with pendulums have a family of multipliers g, as M_t g + p p^T for a conserved momentum p; the one of a book is
-of lowest degree. With the constants fixed, (H2) and (H3) themselves are linear equations for the coefficients of
+    g_ij = sum of c_ijm m(t, q),  m a product of at most `degree` generators: cos, sin of angles, coordinates.
 
-    g_ij = sum of c_ijm m(t, q),  m a product of at most `degree` letters: cos, sin of angles, coordinates,
-
-at random points modulo a prime. At the least degree with a solution, if it is the only one, its support is kept, and
-its coefficients are interpolated as one vector in the constants.
+At the least degree with a solution, if it is the only one, its terms are kept, and their coefficients are interpolated
+as one vector in the constants.
 """
 
 from __future__ import annotations

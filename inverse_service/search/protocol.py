@@ -1,11 +1,7 @@
-"""The parts of the search, its results, and which other Lagrangians are shown.
+"""The parts of the search and its results, and which Lagrangians are shown besides the first.
 
-The parts of the search and its results: leaves propose Lagrangians, some by smaller systems.
-
-A reduction makes smaller systems, and `lift` transforms their Lagrangians back. The search itself finds the
-Lagrangians in between, limits the work, and verifies the lifted Lagrangians.
-
-Lagrangians besides the one that is shown: which ones differ from it, and which of those a reader wants to see.
+Leaves propose Lagrangians. A reduction makes smaller systems, and `lift` transforms their Lagrangians back: the search
+finds those in between, limits the work, and verifies the lifted ones.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""Antiderivatives by one variable; formulas in t, x and v over one denominator, factored, their roots and signs.
+"""Antiderivatives by one variable, and formulas over one denominator, factored, with their roots and signs.
 
-Antiderivatives of monomials with a power of a letter p that is quadratic in the variable v.
+A sum is integrated by linear algebra over what may have its terms as a part (`primitive`). For a power of a generator p
+that is quadratic in the variable v, with p' = dp/dv, p'' and D = 2 p p'' - p'^2, which does not hold v,
 
-With p' = dp/dv, p'' and D = 2 p p'' - p'^2, which does not hold v,
     d/dv (p' p^e) = (1 + 2 e) p'' p^e - e D p^(e-1)
 steps through the powers, down from p^(3/2) and up from p^(-5/2) or 1/p^2, until there is left
     d/dv atan(p'/sqrt D) = sqrt(D)/(2 p),    d/dv log(p' + sqrt(2 p'' p)) = sqrt(p''/(2 p)).

@@ -1,12 +1,8 @@
-"""Sums of monomials in generators, and the motion in them.
-
-Sums of Laurent monomials in generators: the form in which ansätze are made and combined.
+"""Sums of Laurent monomials in generators, and the motion and Euler-Lagrange expressions in them.
 
 A generator (`letter` in the code) is any tree (x, x', sin(x), x^2 + y^2, A(r1), exp(x)); a monomial is a product of
-generators with rational exponents; terms map monomials to rational coefficients. Nothing is assumed about
-relations among generators: an identity found here holds, but one not found may hold, too.
-
-The equations of motion as terms, and the Euler-Lagrange expressions of monomials along them.
+generators with rational exponents; terms map monomials to rational coefficients. Nothing is assumed about relations
+among generators: an identity found here holds, but one not found may hold, too.
 """
 
 from collections.abc import Callable, Container, Iterable, Mapping, Sequence
