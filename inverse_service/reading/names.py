@@ -203,7 +203,8 @@ def unknown_name(name: str, names: Names, column: int, follows: str = "") -> Inp
     if follows[:1] == "'" and (meant := readings(name, names)):
         return refusal(shown, column, f"did you mean {meant[-1]}'? else add its equation too", meant[-1:])
     if follows[:1] == "'":
-        return refusal(shown, column, f"add its equation too; the coordinates are {joined(names.coordinates)}")
+        instead = f"add its equation too, with {name}'' in it, as in (r^2*phi')' = 0 for r^2*phi' = l"
+        return refusal(shown, column, f"{instead}; the coordinates are {joined(names.coordinates)}")
     if follows == "(":
         close = difflib.get_close_matches(name.lower(), sorted(FUNCTIONS | set(names.functions)), 1)
         hint = f" (did you mean {close[0]}?)" if close else ""
