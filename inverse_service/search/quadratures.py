@@ -191,7 +191,7 @@ def _of_letter(
     p, bend = tm.tree_of(slope), tm.tree_of(second)
     falling = _is_negative(D if e.denominator == 1 else bend, table)
     if e.denominator == 1:
-        root = extracted_root(ex.negated(D) if falling else D)
+        root = tm.tree_of(tm.terms_of(extracted_root(ex.negated(D) if falling else D)))
         inner = ex.Apply("atanh" if falling else "atan", shortest(p / root, ()))
         function = tm.times(monomial_of(1 / root), tm.monomial(inner))
     elif falling:
