@@ -35,7 +35,7 @@ from inverse_service.constrained.lagrangian import (
 )
 from inverse_service.deadline import OutOfTime, now, share, until
 from inverse_service.decision import certify
-from inverse_service.decision.deciding import RationalSeries, as_tree, is_irrational, reconstructed, solution
+from inverse_service.decision.deciding import RationalSeries, as_tree, is_irrational, reconstructed
 from inverse_service.decision.solutions import Answer, Lagrangian, Step, Verdict
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.explanation.wording import said, separated
@@ -43,8 +43,7 @@ from inverse_service.expressions.notation import row
 from inverse_service.expressions.tree import TIME, Expression, Number, Power, Symbol, Velocity, walk
 from inverse_service.field.modular import safe_prime
 from inverse_service.field.point import Point, SingularPoint, Variable
-from inverse_service.linear_pde.equations import advance, start, unknown_names
-from inverse_service.linear_pde.involution import Finding, matrix_at
+from inverse_service.linear_pde.involution import Finding, Unknown, halved_squares, prolonged, solution_of
 from inverse_service.mechanics.constrained_motion import ConstrainedMotion, EquationsOfMotion
 from inverse_service.mechanics.legendre.transform import legendre
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
@@ -58,7 +57,6 @@ OUT_OF_TIME = "The time for this question was over."
 _NOT_CONFIRMED = "the independent check could not confirm it"
 
 _QUESTION = {False: "L(q, q')", True: "L(t, q, q')"}
-Place = tuple[int, tuple[int, ...]]  # of a coefficient: which function, which exponents
 
 
 @dataclass(frozen=True, slots=True)
@@ -467,32 +465,22 @@ def series_steps(analyzed: AnalyzedMotion, found: Finding, with_time: bool) -> t
 
 def _coefficients(
     analyzed: AnalyzedMotion, found: Finding, with_time: bool, values: Mapping[Variable, int]
-) -> dict[Place, Fraction] | None:
+) -> dict[Unknown, Fraction] | None:
     card = ConstrainedAt(analyzed, with_time, lambda seed: Point(safe_prime(seed), seed, variables=dict(values)))
     return reconstructed(lambda seed: _residues(card, found, seed))
 
 
-def _residues(card: ConstrainedAt, found: Finding, seed: int) -> tuple[int, dict[Place, int] | None]:
+def _residues(card: ConstrainedAt, found: Finding, seed: int) -> tuple[int, dict[Unknown, int] | None]:
     """A solution of full rank modulo a prime; squares have the coefficient 1/2, all else that is free is zero."""
-    prolongation = start(card.at(seed, found.order))
-    for _ in range(found.order + 1):
-        advance(prolongation)
-    prime = prolongation.local.prime
-    if prolongation.dimension(found.degree) != found.history[found.order][found.degree]:
+    prolongation = prolonged(card, seed, found.order)
+    prime, generic = prolongation.local.prime, found.history[found.order][found.degree]
+    if prolongation.dimension(found.degree) != generic:
         return prime, None
-    places = [place for degree in range(found.degree + 1) for place in unknown_names(card.unknowns, degree)]
-    half = pow(2, -1, prime)
-    values = solution(prolongation.echelon, len(places), lambda k: half if _is_square(places[k]) else 0)
-    regular = matrix_at(card.unknowns, card.matrix, values, prime).rank() == card.matrix.rank
-    return prime, {place: values[k] for k, place in enumerate(places)} if regular else None
-
-
-def _is_square(place: Place) -> bool:
-    return sum(place[1]) == 2 and 2 in place[1]
+    return prime, solution_of(card, prolongation, found.degree, halved_squares)
 
 
 def _written(
-    variables: list[Variable], values: Mapping[Variable, int], found: Mapping[Place, Fraction], dependent: int
+    variables: list[Variable], values: Mapping[Variable, int], found: Mapping[Unknown, Fraction], dependent: int
 ) -> Step:
     def series(function: int) -> Expression:
         chosen = {index: a for (which, index), a in found.items() if which == function and a}

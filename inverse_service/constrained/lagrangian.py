@@ -23,7 +23,7 @@ from inverse_service.deadline import OutOfTime, check, left, now, until, within
 from inverse_service.decision import deciding
 from inverse_service.decision.solutions import Lagrangian, SolveOptions
 from inverse_service.expressions import collecting, derivative, tree as ex
-from inverse_service.field import exact_field, matrices, modular, null_vectors, point, tower
+from inverse_service.field import exact_field, matrices, modular, null_vectors, tower
 from inverse_service.field.echelon import Words
 from inverse_service.field.modular import Field, compiled, minus, multiply, plus
 from inverse_service.mechanics import euler_lagrange
@@ -290,7 +290,7 @@ def _solve_ansatz(sampler: ansatz.Sampler, candidates: Sequence[Monomial], seed:
     """The space of Lagrangians in the span of the candidates (simple ones first).
 
     Each basis element has its most complicated candidate to itself. Combinations whose coefficients
-    are not small rationals, or that fail at control points over another prime, are left out.
+    are not small rationals are left out; the checker confirms what is chosen of the others.
     """
     letters, n = ansatz.letters_of(candidates), len(sampler.analysis.accelerations)
 
@@ -300,8 +300,7 @@ def _solve_ansatz(sampler: ansatz.Sampler, candidates: Sequence[Monomial], seed:
 
     # Equations of cyclic coordinates can be trivial, so the first samples need not suffice.
     found = null_vectors.rational_vectors(len(candidates), null_vectors.SampledRows(equations, n), sampler.prime(seed))
-    kept = _that_hold(sampler, candidates, found, seed + 77_777)
-    return ansatz.LagrangianSpace(sampler, tuple({candidates[k]: a for k, a in vector.items()} for vector in kept))
+    return ansatz.LagrangianSpace(sampler, tuple({candidates[k]: a for k, a in vector.items()} for vector in found))
 
 
 def _euler_lagrange_matrix(
@@ -335,27 +334,6 @@ def _fill(values: Words, candidates: ansatz.Exponents, d: ansatz.Derivatives, fi
                     rest = plus(rest, multiply(e, other, field), field)
                 total = plus(multiply(velocity, along, field), rest, field)
                 result[s * n + i, c] = multiply(values[s, c], total, field)
-
-
-def _that_hold(
-    sampler: ansatz.Sampler, candidates: Sequence[Monomial], vectors: list[dict[int, Fraction]], seed: int
-) -> list[dict[int, Fraction]]:
-    """Those whose Euler-Lagrange expressions vanish at fresh points over another prime."""
-    used = sorted({k for vector in vectors for k in vector})
-    if not used:
-        return []
-    chosen = [candidates[k] for k in used]
-    letters = ansatz.letters_of(chosen)
-    table = ansatz.table_at(sampler.points(seed), letters, bounds.FEW)
-    prime = table.prime
-    rows = _euler_lagrange_matrix(table, letters, chosen).tolist()
-    place = {k: position for position, k in enumerate(used)}
-
-    def holds(vector: dict[int, Fraction]) -> bool:
-        weights = [(place[k], point.number_value(a, prime)) for k, a in vector.items()]
-        return all(sum(row[k] * w for k, w in weights) % prime == 0 for row in rows)
-
-    return [vector for vector in vectors if holds(vector)]
 
 
 def _squares(motion: ConstrainedMotion) -> list[dict[Monomial, Fraction]]:

@@ -30,7 +30,6 @@ from inverse_service.decision import solutions
 from inverse_service.decision.kinds import helmholtz
 from inverse_service.expressions import printing, tree as ex
 from inverse_service.field import dense_series as machine, modular, point as ps, reduction
-from inverse_service.field.echelon import Echelon
 from inverse_service.field.real_point import RealTable, find_real_point
 from inverse_service.field.tower import Tower, draw_point, to_kernels
 from inverse_service.linear_pde import equations as pde, involution
@@ -51,9 +50,6 @@ _VERDICTS: Mapping[bool | None, solutions.Verdict] = {
 }
 Progress = Callable[[str], None]
 
-_ByColumn = dict[int, int]  # by column
-# The value of a free coefficient, from its multi-index and the prime.
-Choice = Callable[[tuple[int, ...], int], int]
 _MOST_PRIMES = 12
 
 Index = tuple[int, ...]
@@ -327,54 +323,26 @@ def regular_series(analysis: Analysis, with_time: bool, order: int, seed: int, s
     raise ValueError("no regular solution was met at any point tried")
 
 
-def _at_random(seed: str) -> Choice:
+def _at_random(seed: str) -> involution.Choice:
     generator = random.Random(seed)
-    return lambda index, prime: generator.randrange(prime)
+    return lambda _, prime: generator.randrange(prime)
 
 
 def regular_at(
-    analysis: Analysis, point: ps.Point, with_time: bool, orders: tuple[int, int], choose: Choice
+    analysis: Analysis, point: ps.Point, with_time: bool, orders: tuple[int, int], choose: involution.Choice
 ) -> dict[tuple[int, ...], int] | None:
     """{multi-index: coefficient} of a solution at the point to the first order, prolonged by the second.
 
-    `choose(multi-index, prime)` gives the free coefficients. None where the solution is singular.
+    `choose` gives the free coefficients. None where the solution is singular.
     """
-    order, spare = orders
-    prolongation = prolonged(analysis, point, with_time, order + spare)
-    indices = [index for degree in range(order + 1) for _, index in pde.unknown_names(prolongation.unknowns, degree)]
-    prime = point.prime
-    found = solution(prolongation.echelon, len(indices), lambda column: choose(indices[column], prime))
-    if not is_regular(prolongation, len(analysis.system.coordinates), found):
-        return None
-    return {index: found[column] for column, index in enumerate(indices)}
+    card = HelmholtzAt(analysis, with_time, draw=lambda _: point)
+    found = involution.solution_of(card, involution.prolonged(card, 0, sum(orders)), orders[0], choose)
+    return None if found is None else {index: value for (_, index), value in found.items()}
 
 
 def prolonged(analysis: Analysis, point: ps.Point, with_time: bool, order: int) -> pde.Prolongation:
     """All rows up to the order at the point; raises SingularPoint where f has no value there."""
-    prolongation = pde.start(HelmholtzAt(analysis, with_time, draw=lambda _: point).at(0, order))
-    for _ in range(order + 1):
-        pde.advance(prolongation)
-    return prolongation
-
-
-def solution(echelon: Echelon, width: int, choose: Callable[[int], int]) -> _ByColumn:
-    """A solution on the first `width` columns: columns without pivot are chosen, pivots follow in order."""
-    rows = {max(row): row for row in echelon.rows_within(0, width).values()}
-    found: _ByColumn = {}
-    for column in range(width):
-        if column not in rows:
-            found[column] = choose(column) % echelon.prime
-            continue
-        # The entry of the pivot is 1.
-        total = sum(value * found[k] for k, value in rows[column].items() if k != column)
-        found[column] = -total % echelon.prime
-    return found
-
-
-def is_regular(prolongation: pde.Prolongation, n: int, found: Mapping[int, int]) -> bool:
-    """Whether g(p) is a regular matrix."""
-    matrix = helmholtz.matrix_of(n, prolongation.size)
-    return bool(involution.matrix_at(prolongation.unknowns, matrix, found, prolongation.local.prime).rank() == n)
+    return involution.prolonged(HelmholtzAt(analysis, with_time, draw=lambda _: point), 0, order)
 
 
 def symbols_of(analysis: Analysis) -> list[ex.Symbol | ex.Velocity]:
@@ -435,7 +403,7 @@ def _reconstructed(
 
     def residues(k: int) -> tuple[int, dict[Index, int] | None]:
         here = _at(values, k)
-        return here.prime, regular_at(analysis, here, with_time, orders, _squares)
+        return here.prime, regular_at(analysis, here, with_time, orders, involution.halved_squares)
 
     return reconstructed(residues)
 
@@ -464,11 +432,6 @@ def reconstructed(residues_of: Callable[[int], tuple[int, Mapping[Key, int] | No
         if len(fractions) < len(found):
             fractions = None
     return None
-
-
-def _squares(index: Index, prime: int) -> int:
-    """1/2 for the square of a velocity, zero for all else."""
-    return pow(2, -1, prime) if sum(index) == 2 and 2 in index else 0
 
 
 def as_tree(series: RationalSeries) -> ex.Expression:

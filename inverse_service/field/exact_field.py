@@ -26,7 +26,7 @@ import dataclasses
 import functools
 import itertools
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Any
@@ -948,19 +948,11 @@ def _adjoin_exponentials(ring: ExactRing, nodes: Sequence[ex.Apply], powers: Seq
 
 
 def _of_exponential(function: str, e: Quotient) -> Quotient:
-    """The hyperbolic function of u, given exp(u)."""
+    """exp u, or a hyperbolic function of u, given exp(u)."""
+    if function == "exp":
+        return e
     other = e.inverse()
-    sine, cosine = (e - other).scaled(Fraction(1, 2)), (e + other).scaled(Fraction(1, 2))
-    table: dict[str, Callable[[], Quotient]] = {
-        "exp": lambda: e,
-        "sinh": lambda: sine,
-        "cosh": lambda: cosine,
-        "tanh": lambda: sine / cosine,
-        "coth": lambda: cosine / sine,
-        "sech": lambda: cosine.inverse(),
-        "csch": lambda: sine.inverse(),
-    }
-    return table[function]()
+    return _of_pair(function, Pair((e - other).scaled(Fraction(1, 2)), (e + other).scaled(Fraction(1, 2))))
 
 
 @dataclass(frozen=True, slots=True)

@@ -37,6 +37,9 @@ _GROWTH = 3
 # The beginning of the reason of a finding that the deadline left undetermined.
 OUT_OF_TIME = "the time limit came before order"
 Integers = npt.NDArray[np.int64]
+# A Taylor coefficient: of which function, of which monomial. The value of one that is free, modulo a prime.
+Unknown = tuple[int, tuple[int, ...]]
+Choice = Callable[[Unknown, int], int]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -408,3 +411,34 @@ class Coefficients:
             self.constants[seed] = (point.prime, constants_at(series, point))
         prime, constants = self.constants[seed]
         return prime, run(series, instructions, constants, prime, self.degree(order))
+
+
+def prolonged(card: Card, seed: int, order: int) -> pde.Prolongation:
+    """All rows up to the order at the point of this seed; SingularPoint where the coefficients have no value there."""
+    prolongation = pde.start(card.at(seed, order))
+    for _ in range(order + 1):
+        pde.advance(prolongation)
+    return prolongation
+
+
+def solution_of(card: Card, prolongation: pde.Prolongation, degree: int, choose: Choice) -> dict[Unknown, int] | None:
+    """A solution of all rows, in the unknowns up to this degree; None where its matrix is below the rank asked for.
+
+    An unknown that is the pivot of a row follows from those before it, the others are chosen.
+    """
+    names = [name for d in range(degree + 1) for name in pde.unknown_names(prolongation.unknowns, d)]
+    prime, values = prolongation.local.prime, dict[int, int]()
+    rows = {max(row): row for row in prolongation.echelon.rows_within(0, len(names)).values()}
+    for column, name in enumerate(names):
+        if column in rows:  # the entry of the pivot is 1
+            values[column] = -sum(x * values[k] for k, x in rows[column].items() if k != column) % prime
+        else:
+            values[column] = choose(name, prime) % prime
+    if matrix_at(card.unknowns, card.matrix, values, prime).rank() < card.matrix.rank:
+        return None
+    return {name: values[column] for column, name in enumerate(names)}
+
+
+def halved_squares(unknown: Unknown, prime: int) -> int:
+    """1/2 for the square of a displacement, 0 for all else: a choice."""
+    return pow(2, -1, prime) if sum(unknown[1]) == 2 and 2 in unknown[1] else 0
