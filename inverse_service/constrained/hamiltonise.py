@@ -7,6 +7,7 @@ nonholonomic motion. It is taken apart into identities; each is tested at random
 
 from __future__ import annotations
 
+import math
 import random
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -19,10 +20,10 @@ from numpy.typing import NDArray
 
 from inverse_service import bounds, errors
 from inverse_service.expressions import derivative, printing, tree as ex
+from inverse_service.expressions.functions import FUNCTION
 from inverse_service.field import real_point, reduction
 from inverse_service.field.point import Point, SingularPoint, Variable, evaluate
 from inverse_service.field.tower import draw_point, to_kernels
-from inverse_service.kernels.codegen import symengine_trees as se
 from inverse_service.mechanics import writing
 from inverse_service.mechanics.constrained_motion import EquationsOfMotion
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_sums
@@ -34,6 +35,18 @@ Verdict = Literal["holds", "fails", "not settled"]
 STEPS, STEP = 100, 0.01
 _STARTS = 12
 _LARGE = 1e6
+_FUNCTIONS: dict[str, Callable[[float], float]] = {
+    **{name: getattr(math, name) for name in FUNCTION if hasattr(math, name)},
+    "abs": abs,
+    "sign": lambda u: float((u > 0) - (u < 0)),
+    "Heaviside": lambda u: float(u > 0),
+    "cot": lambda u: 1 / math.tan(u),
+    "sec": lambda u: 1 / math.cos(u),
+    "csc": lambda u: 1 / math.sin(u),
+    "coth": lambda u: 1 / math.tanh(u),
+    "sech": lambda u: 1 / math.cosh(u),
+    "csch": lambda u: 1 / math.sinh(u),
+}
 State = NDArray[np.float64]
 
 
@@ -296,10 +309,51 @@ def sample_functions(trees: Sequence[ex.Expression], seed: int = 1) -> derivativ
 
 def numerical(trees: Sequence[ex.Expression], variables: Sequence[ex.Expression]) -> Callable[[State], State]:
     """The trees as one function of the state; InputError for a name that is not among the variables."""
-    names = [f"x{k}" for k in range(len(variables))]
-    table = se.names_of((), ()) | dict(zip(variables, map(se.symbol, names), strict=True))
-    values = se.closure(names, [se.translate(tree, table) for tree in trees])
-    return lambda state: np.array(values(state), float)
+    places: dict[ex.Expression, int] = {}
+    steps: list[Callable[[list[float]], float]] = []
+    for tree in trees:
+        for node in reversed(list(ex.walk(tree))):  # parts before what they are parts of
+            if node not in places and node not in variables:
+                steps.append(_step(node, places, variables))
+                places[node] = len(variables) + len(steps) - 1
+    wanted = [variables.index(tree) if tree in variables else places[tree] for tree in trees]
+
+    def function(state: State) -> State:
+        values = state.tolist()
+        for step in steps:
+            values.append(step(values))
+        return np.array([values[place] for place in wanted])
+
+    return function
+
+
+def _step(
+    node: ex.Expression, places: Mapping[ex.Expression, int], variables: Sequence[ex.Expression]
+) -> Callable[[list[float]], float]:
+    """The value of a node from those before it."""
+
+    def place(part: ex.Expression) -> int:
+        return variables.index(part) if part in variables else places[part]
+
+    match node:
+        case ex.Number(value):
+            constant = float(value)
+            return lambda values: constant
+        case ex.Sum(terms):
+            parts = [place(term) for term in terms]
+            return lambda values: math.fsum(values[k] for k in parts)
+        case ex.Product(factors):
+            parts = [place(factor) for factor in factors]
+            return lambda values: math.prod(values[k] for k in parts)
+        case ex.Power(base, exponent):
+            below, above = place(base), place(exponent)
+            return lambda values: math.pow(values[below], values[above])
+        case ex.Apply(name, argument) if name in _FUNCTIONS:
+            function, inner = _FUNCTIONS[name], place(argument)
+            return lambda values: function(values[inner])
+        case _ if node == ex.PI:
+            return lambda values: math.pi
+    raise errors.InputError(f"{printing.to_text(node)} has no value in floats.")
 
 
 def integrated(flow: Flow, start: State) -> list[State]:

@@ -13,14 +13,9 @@ modulo a prime, from Taylor series of f.
 modulo a prime: the minor of the used equations and solved unknowns must not vanish at the random point, so that no
 coefficient whose vanishing went unrecognized is divided by.
 
-`differential_obstruction` is for a multiplier that is known up to a factor, g = e^u G, where the factor does not exist.
-(H1) and (H2) give the derivatives of u, the third from [d/dv^k, Gamma] = d/dq^k + (df^m/dv^k) d/dv^m; there is a
-multiplier only if all mixed derivatives agree, and tau = 0 where L may not contain t:
-
-    u_(v^k) = mu_k = -sum_i (G^-1)^(ji) (dG_ij/dv^k - dG_ik/dv^j)   for any j other than k
-    Gamma(u) = a                   a G = G N + (G N)^T - Gamma(G)
-    u_(q^k) = nu_k = da/dv^k - Gamma(mu_k) - (df^m/dv^k) mu_m
-    u_t     = tau  = a - v^k nu_k - f^k mu_k
+`contradiction` is for a multiplier that is known up to a factor, g = e^u G, where the factor does not exist: there is
+a multiplier only if all mixed derivatives of u agree (`conditions.factor_slopes` gives the first ones), and
+u_t = 0 where L may not contain t.
 """
 
 from __future__ import annotations
@@ -41,6 +36,7 @@ from inverse_service.expressions import notation, tree as ex
 from inverse_service.field import dense_series as machine, exact_field, matrices, null_vectors, tower
 from inverse_service.field.point import Point, SingularPoint, evaluate
 from inverse_service.mechanics.conditions import (
+    FactorSlopes,
     Motion,
     MotionInRing,
     S,
@@ -48,6 +44,7 @@ from inverse_service.mechanics.conditions import (
     Tensor12,
     connection,
     curvature,
+    factor_slopes,
     jacobi_endomorphism,
     nabla,
     nabla_of_curvature,
@@ -457,7 +454,7 @@ def contradiction(
     analysis: deciding.Analysis, exact: MotionInRing, direction: Matrix, with_time: bool, seed: int
 ) -> Contradiction:
     """The first integrability condition of u that fails; TooLarge where none is found."""
-    slopes = _slopes(exact, direction)
+    slopes = factor_slopes(exact, direction)
     point = tower.draw_point(analysis.tower, seed)
     names = analysis.system.coordinates
     for formula, note, difference, held in _conditions(exact, slopes, with_time, names):
@@ -466,50 +463,8 @@ def contradiction(
     raise exact_field.TooLarge("no integrability condition of the factor fails")
 
 
-@dataclass(frozen=True, slots=True)
-class _Slopes:
-    """mu, Gamma(u) = a, nu and tau, as in the module's formulas."""
-
-    by_velocity: tuple[exact_field.Quotient, ...]
-    along: exact_field.Quotient
-    by_coordinate: tuple[exact_field.Quotient, ...]
-    by_time: exact_field.Quotient
-
-
-def _slopes(exact: MotionInRing, direction: Matrix) -> _Slopes:
-    motion, span = exact.motion, range(exact.motion.size)
-    mu = tuple(_velocity_slope(exact, direction, k) for k in span)
-    a = _slope_along(exact, direction)
-    nu = []
-    for k in span:
-        rest = [motion.by_velocity[k](f) * mu[m] for m, f in enumerate(motion.accelerations)]
-        nu.append(motion.by_velocity[k](a) - motion.along(mu[k]) - exact_field.sum_of(motion.zero, rest))
-    speeds = [exact.ring.atoms[v] for v in exact.ring.variables[1 + motion.size :]]
-    products = [speeds[k] * nu[k] for k in span] + [motion.accelerations[k] * mu[k] for k in span]
-    return _Slopes(mu, a, tuple(nu), a - exact_field.sum_of(motion.zero, products))
-
-
-def _velocity_slope(exact: MotionInRing, direction: Matrix, k: int) -> exact_field.Quotient:
-    motion, span = exact.motion, range(exact.motion.size)
-    j = 0 if k else 1
-    inverse = matrices.solve_square(direction, [exact.ring.constant(int(i == j)) for i in span])
-    if inverse is None:
-        raise ZeroDivisionError("the matrix is singular")
-    by = motion.by_velocity
-    terms = [inverse[i] * (by[k](direction[i][j]) - by[j](direction[i][k])) for i in span]
-    return -exact_field.sum_of(motion.zero, terms)
-
-
-def _slope_along(exact: MotionInRing, direction: Matrix) -> exact_field.Quotient:
-    motion, span = exact.motion, range(exact.motion.size)
-    n: Tensor11[exact_field.Quotient] = connection(motion)
-    i, j = next((i, j) for i in span for j in span if not direction[i][j].is_zero)
-    terms = [direction[i][m] * n[m][j] + direction[j][m] * n[m][i] for m in span]
-    return (exact_field.sum_of(motion.zero, terms) - motion.along(direction[i][j])) / direction[i][j]
-
-
 def _conditions(
-    exact: MotionInRing, slopes: _Slopes, with_time: bool, names: tuple[str, ...]
+    exact: MotionInRing, slopes: FactorSlopes, with_time: bool, names: tuple[str, ...]
 ) -> Iterator[tuple[notation.Formula, str, exact_field.Quotient, frozenset[ex.Symbol | ex.Velocity]]]:
     """Expressions that vanish if u exists, with reason and variables of their slopes, simplest first."""
     motion = exact.motion
@@ -537,7 +492,7 @@ def _mixed(inner: ex.Symbol | ex.Velocity, outer: ex.Symbol | ex.Velocity) -> no
 
 
 def _lines(
-    slopes: _Slopes, with_time: bool, held: frozenset[ex.Symbol | ex.Velocity], names: tuple[str, ...]
+    slopes: FactorSlopes, with_time: bool, held: frozenset[ex.Symbol | ex.Velocity], names: tuple[str, ...]
 ) -> tuple[Line, ...]:
     """The known derivatives of u in the order in which they are found, with those that they depend on."""
     of_velocities = all(isinstance(variable, ex.Velocity) for variable in held)

@@ -216,16 +216,49 @@ def matrix_trees(ring: exact_field.ExactRing, matrix: tuple[tuple[exact_field.Qu
     return tuple(tuple(exact_field.quotient_tree(ring, entry) for entry in row) for row in matrix)
 
 
+@dataclass(frozen=True, slots=True)
+class FactorSlopes:
+    """The derivatives of u, where a multiplier is g = e^u G: by v^k, along the motion, by q^k, and by t."""
+
+    by_velocity: tuple[exact_field.Quotient, ...]
+    along: exact_field.Quotient
+    by_coordinate: tuple[exact_field.Quotient, ...]
+    by_time: exact_field.Quotient
+
+
+def factor_slopes(exact: MotionInRing, direction: Tensor11[exact_field.Quotient]) -> FactorSlopes:
+    """Those that (H1) and (H2) give for a regular G, shape (n, n), n > 1; ZeroDivisionError where it is singular.
+
+    u_(v^k) = mu_k = -sum_i (G^-1)^(ji) (dG_ij/dv^k - dG_ik/dv^j)   for any j other than k
+    Gamma(u) = a                   a G = G N + (G N)^T - Gamma(G)
+    u_(q^k) = nu_k = da/dv^k - Gamma(mu_k) - (df^m/dv^k) mu_m
+    u_t     = tau  = a - v^k nu_k - f^k mu_k
+
+    The third follows from [d/dv^k, Gamma] = d/dq^k + (df^m/dv^k) d/dv^m.
+    """
+    motion, span, zero = exact.motion, range(exact.motion.size), exact.motion.zero
+    by, half, mu = motion.by_velocity, connection(motion), list[exact_field.Quotient]()
+    for k in span:
+        j = 0 if k else 1
+        inverse = matrices.solve_square(direction, [exact.ring.constant(int(i == j)) for i in span])
+        if inverse is None:
+            raise ZeroDivisionError("the matrix is singular")
+        mu.append(total(zero, [inverse[i] * (by[j](direction[i][k]) - by[k](direction[i][j])) for i in span]))
+    i, j = next((i, j) for i in span for j in span if not direction[i][j].is_zero)
+    turned = [direction[i][m] * half[m][j] + direction[j][m] * half[m][i] for m in span]
+    a = (exact_field.sum_of(zero, turned) - motion.along(direction[i][j])) / direction[i][j]
+    slopes = [[by[k](f) for f in motion.accelerations] for k in span]
+    nu = [by[k](a) - motion.along(mu[k]) - matrices.dot(zero, slopes[k], mu) for k in span]
+    speeds = [exact.ring.atoms[v] for v in exact.ring.variables[1 + motion.size :]]
+    tau = a - matrices.dot(zero, speeds, nu) - matrices.dot(zero, motion.accelerations, mu)
+    return FactorSlopes(tuple(mu), a, tuple(nu), tau)
+
+
 def one_matrix(system: SecondOrderSystem) -> tuple[Matrix, tuple[tuple[ex.Expression, ex.Expression], ...]] | None:
-    """(G, (variable, d log phi by it), …) where g T = (g T)^T for T = Phi, nabla Phi leaves one matrix, g = phi G.
+    """(G, (variable, du by it), …) where g T = (g T)^T for T = Phi, nabla Phi leaves one matrix, g = e^u G.
 
-    With X_k = d log phi/dv^k from (H1) and S = Gamma(log phi) from (H2), both contracted with G^-1,
-
-        X_k = G^ij (dG_ik/dv^j - dG_ij/dv^k)/(n - 1),  S = G^ij (2 G N - Gamma G)_ij/n,
-        Q_k = dS/dv^k - Gamma(X_k) - X_j df^j/dv^k,  T = S - v^k Q_k - f^k X_k,
-
-    Q_k and T the slopes by q^k and t; those that are 0 are left out. None where more matrices are left, or a formula is
-    too large.
+    The derivatives by q, v, and t that are 0 are left out. None where more matrices are left, or a formula is too
+    large.
     """
     n = len(system.coordinates)
     places = list(combinations_with_replacement(range(n), 2))
@@ -245,30 +278,11 @@ def one_matrix(system: SecondOrderSystem) -> tuple[Matrix, tuple[tuple[ex.Expres
         if len(found) != 1:
             return None
         entries = dict(zip(places, found[0], strict=True))
-        g = [[entries[min(i, j), max(i, j)] for j in range(n)] for i in range(n)]
-        unit = [[ring.constant(int(i == j)) for j in range(n)] for i in range(n)]
-        inverse = [matrices.solve_square(g, row) for row in unit]
-
-        def contracted(entry: Callable[[int, int], exact_field.Quotient], divisor: int) -> exact_field.Quotient:
-            parts = [row[j] * entry(i, j) for i, row in enumerate(inverse) if row is not None for j in range(n)]
-            return total(zero, parts).scaled(Fraction(1, divisor))
-
-        by, along = motion.by_velocity, motion.along
-        turned = [[matrices.dot(zero, row, [line[j] for line in half]) for j in range(n)] for row in g]
-        x = [contracted(lambda i, j, k=k: by[j](g[i][k]) - by[k](g[i][j]), n - 1) for k in range(n)]  # type: ignore[misc]
-        s = contracted(lambda i, j: turned[i][j].scaled(2) - along(g[i][j]), n)
-        slopes = [[by[k](f) for f in motion.accelerations] for k in range(n)]
-        q = [by[k](s) - along(x[k]) - matrices.dot(zero, slopes[k], x) for k in range(n)]
-        v = [ring.atoms[ex.Velocity(name)] for name in system.coordinates]
-        t = s - matrices.dot(zero, v, q) - matrices.dot(zero, motion.accelerations, x)
-        names: list[ex.Expression] = [
-            *map(ex.Symbol, system.coordinates),
-            *map(ex.Velocity, system.coordinates),
-            ex.TIME,
-        ]
-        pairs = [
-            (a, exact_field.quotient_tree(ring, b)) for a, b in zip(names, [*q, *x, t], strict=True) if not b.is_zero
-        ]
-        return matrix_trees(ring, tuple(map(tuple, g))), tuple(pairs)
+        g = tuple(tuple(entries[min(i, j), max(i, j)] for j in range(n)) for i in range(n))
+        of = factor_slopes(exact, g)
+        slopes, coordinates = [*of.by_coordinate, *of.by_velocity, of.by_time], system.coordinates
+        names: list[ex.Expression] = [*map(ex.Symbol, coordinates), *map(ex.Velocity, coordinates), ex.TIME]
+        pairs = zip(names, slopes, strict=True)
+        return matrix_trees(ring, g), tuple((x, exact_field.quotient_tree(ring, u)) for x, u in pairs if not u.is_zero)
     except (exact_field.TooLarge, ZeroDivisionError):
         return None
