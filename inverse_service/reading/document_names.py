@@ -629,6 +629,8 @@ def _guessed(texts: Mapping[str, str], declared: nm.Names, dummies: Collection[s
                 continue
             if error := _refused_operator(line, place, outer, coordinates, calls, slopes):
                 raise error.at(pointer)
+            if after.is_bracket() and not after.space_before and nm.misspelt(token.text):
+                raise nm.unknown_name(token.text, declared, token.column, "(").at(pointer)
             if count := _elliptic_arguments(line, place):
                 wanted = '["u", "k"]' if count > 1 else '["u"]'
                 if error := nm.reason_against(token.text, token.column, wanted):

@@ -206,7 +206,8 @@ def unknown_name(name: str, names: Names, column: int, follows: str = "") -> Inp
         instead = f"add its equation too, with {name}'' in it, as in (r^2*phi')' = 0 for r^2*phi' = l"
         return refusal(shown, column, f"{instead}; the coordinates are {joined(names.coordinates)}")
     if follows == "(":
-        close = difflib.get_close_matches(name.lower(), sorted(FUNCTIONS | set(names.functions)), 1)
+        known_functions = sorted(FUNCTIONS | set(names.functions))
+        close = misspelt(name) or difflib.get_close_matches(name.lower(), known_functions, 1)
         hint = f" (did you mean {close[0]}?)" if close else ""
         return refusal(
             shown,
@@ -278,6 +279,16 @@ def readings(name: str, names: Names) -> tuple[str, ...]:
     inverse = cut[0][:1] == "a" and cut[0] in FUNCTIONS and len(cut) > 1  # asinx may be a*sin(x)
     separate = (f"a*{written_product([cut[0][1:], *cut[1:]], names)}",) if inverse else ()
     return (*motion, written_product(cut, names), *separate)
+
+
+def misspelt(name: str) -> list[str]:
+    """The function of which letters are in another order, or one is missing: sin for isn, cos for cs."""
+    return [
+        known
+        for known in ENDINGS
+        if len(known) > 2
+        and (sorted(name) == sorted(known) or name in [known[:k] + known[k + 1 :] for k in range(len(known))])
+    ][:1]
 
 
 def split_at_function(name: str, names: Names) -> tuple[str, ...]:
