@@ -12,7 +12,6 @@ from inverse_service.reading import components, names as nm, tokens as plain
 from inverse_service.reading.reasons import reasons
 from inverse_service.reading.tokens import FACTOR, FRACTION, PARTIAL, TOTAL, Token, Tokens, bracket
 
-_WRAPPERS = (("$$", "$$"), ("$", "$"), (r"\[", r"\]"), (r"\(", r"\)"))
 _NO_LETTER = "(?![A-Za-z])"
 # Spacing, which becomes blanks before anything else is read; a wide gap is a line end. A \\\\ is none.
 _ENVIRONMENTS = "alignat|aligned|align|equation|flalign|gathered|gather|multline|split|eqnarray|subequations"
@@ -122,18 +121,6 @@ def _without_comma(cell: Tokens) -> Tokens:
     return cell
 
 
-def _formula(text: str) -> tuple[int, str]:
-    """Where the formula inside $ $ or \\[ \\] begins, and the text up to its end."""
-    start, stop = 0, len(text)
-    for opening, closing in _WRAPPERS:
-        inner = text[start:stop]
-        lead, tail = len(inner) - len(inner.lstrip()), len(inner) - len(inner.rstrip())
-        inner = inner.strip()
-        if inner.startswith(opening) and inner.endswith(closing) and len(inner) >= len(opening + closing):
-            return start + lead + len(opening), text[: stop - tail - len(closing)]
-    return start, text
-
-
 def _blank(space: re.Match[str]) -> str:
     return space[0] if space["row"] else ("\n" if space["line"] else "").ljust(len(space[0]))
 
@@ -142,7 +129,7 @@ class _Translator:
     """Translates a formula from left to right. A method for a part begins at its place and ends after it."""
 
     def __init__(self, text: str, names: nm.Names) -> None:
-        self._place, text = _formula(text)
+        self._place = 0
         self._names = names
         self._text = _SPACE.sub(_blank, text)
         self._tokens: Tokens = []
@@ -459,60 +446,44 @@ class _Translator:
         self._emit_name(self._with_subscript(name), inside if bold else here, order, "vector" if bold else "name")
 
     def _power(self, caret: Token) -> None:
+        r"""x^2, e^x, e^{u}, and the primes of x^{\prime}."""
         self._refuse_indices(caret)
         with self._nested(caret.column):
             here = self._ahead()
+        braces, short = here.text == "{", here.text.isascii() and here.text.isalnum()
+        self._place += braces
         if _PRIME.match(self._text, self._place):
             self._primes()
-        elif here.text == "{":
+            if not braces or self._take(_CLOSE):
+                return
+        elif braces or short:
+            self._refuse_exponent(here)
+        self._emit("^", caret)
+        start = len(self._tokens)
+        if braces:
+            self._braces(here)
+        elif here.text.isalpha() and short:
+            self._emit_name(self._with_subscript(self._word()), here)
+        elif short:
             self._place += 1
-            if _PRIME.match(self._text, self._place):
-                self._primes()
-                if self._take(_CLOSE):
-                    return
-                self._emit("^", caret)
-                self._braces(here)
-            else:
-                self._raised_group(caret, here)
-        elif here.text.isascii() and here.text.isalnum():
-            self._short_power(caret, here)
-        else:
-            self._emit("^", caret)
-        if self._tokens[-1].kind != "prime" and (second := self._take(_RAISED)):
+            self._tokens.append(plain.number_token(here.text, here.column, False))
+        if braces or short:
+            self._tokens[start:] = [self._enclosed(self._tokens[start:], here, space=False)]
+        if second := self._take(_RAISED):
             raise refusal("a second power occurs", second.start(1) + 1, "write x^{a^b} or (x^a)^b")
 
-    def _raised_group(self, caret: Token, here: Token) -> None:
-        """The power in braces; InputError for q^{1}, and for f^{(2)}, usually a derivative or a component."""
-        self._refuse_raised_one(here.column - 1)
-        raised = _RAISED_BRACKETS.match(self._text, here.column - 1)
-        base = plain.at(self._tokens, len(self._tokens) - 1)
+    def _refuse_exponent(self, here: Token) -> None:
+        """InputError for q^{1}, a component; x^23, which is x^2 3; f^{(2)}, usually a derivative or a component."""
+        place, base = here.column - 1, plain.at(self._tokens, len(self._tokens) - 1)
+        if one := _RAISED_ONE.match(self._text, place):
+            raise refusal("a raised 1 occurs", one.end() + 1, "an index? write it below, as in q_1 and q_2")
+        if re.match("[0-9]{2}", self._text[place:]):
+            raise refusal("a power of several digits has no braces", here.column, "write x^{23} or x^{2} \\cdot 3")
+        raised = _RAISED_BRACKETS.match(self._text, place)
         if raised and base.kind != "number" and base.text not in ("e", "E"):  # e^{(x)} is exp(x)
             instead = "write x^{2} for a power, f''(x) for a derivative, q_1 for an index"
             kind = "number" if raised[1].isdigit() else "name"
             raise refusal(f"a raised {kind} in brackets occurs", here.column + 1, instead)
-        self._emit("^", caret)
-        start = len(self._tokens)
-        self._braces(here)
-        self._tokens[start:] = [self._enclosed(self._tokens[start:], here, space=False)]
-
-    def _short_power(self, caret: Token, here: Token) -> None:
-        """x^2, e^x: one digit or one name; x^23 is refused, because LaTeX reads x^2 3 and others read x^(23)."""
-        self._emit("^", caret)
-        start = len(self._tokens)
-        if here.text.isalpha():
-            self._emit_name(self._with_subscript(self._word()), here)
-        else:
-            self._refuse_raised_one(here.column - 1)
-            digits = self._name_part()
-            if len(digits) > 1:
-                raise refusal("a power of several digits has no braces", here.column, "write x^{23} or x^{2} \\cdot 3")
-            self._tokens.append(plain.number_token(digits, here.column, False))
-        self._tokens[start:] = [self._enclosed(self._tokens[start:], here, space=False)]
-
-    def _refuse_raised_one(self, place: int) -> None:
-        """InputError for q^1, which is a component rather than a power."""
-        if one := _RAISED_ONE.match(self._text, place):
-            raise refusal("a raised 1 occurs", one.end() + 1, "an index? write it below, as in q_1 and q_2")
 
     def _refuse_indices(self, caret: Token) -> None:
         r"""InputError for the indices of tensors, \Gamma^x_{xx} and g^{tt}, which are not powers."""

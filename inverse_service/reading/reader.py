@@ -459,17 +459,18 @@ def without_words(formula: str) -> str:
 
 
 def _mathematics(formula: str) -> str:
-    """The equations and comparisons between dollars, where a text has several or words beside one."""
+    """The formula between dollars; the equations and comparisons where a text has several, or words beside one."""
     parts = [*_MATHEMATICS.finditer(formula)]
-    outside = _MATHEMATICS.sub(" ", formula)
-    kept = [(part.start(k), part.end(k)) for part in parts for k in (2, 4) if part[k] and _COMPARES.search(part[k])]
-    if not kept or "$" in outside or (len(parts) == 1 and not outside.strip(" \t\n.,;")):
+    outside = " ".join(_MATHEMATICS.sub(" ", formula).split()).strip(".,; ")
+    alone = len(parts) == 1 and not outside
+    kept = [part.span(k) for part in parts for k in (2, 4) if part[k] and (alone or _COMPARES.search(part[k]))]
+    if not kept or "$" in outside:
         return formula
     found = [" "] * len(formula)
     for start, end in kept:
-        found[start : end + 1] = f"{formula[start:end]};"
-    if words := " ".join(outside.split()).strip(".,; "):
-        note(words, LEFT_OUT)
+        found[start : end + 1] = f"{formula[start:end]}{' ' if alone else ';'}"
+    if outside:
+        note(outside, LEFT_OUT)
     return "".join(found)
 
 
