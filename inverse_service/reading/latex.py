@@ -1,7 +1,7 @@
 r"""LaTeX to the tokens of the plain-text grammar, each with its column in the original."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from fractions import Fraction
@@ -46,7 +46,6 @@ _UPRIGHT = rf"(?:{_FONT}|\\(?:bar|tilde|widetilde){_NO_LETTER})"
 _ROMAN = re.compile(rf"\{{\s*\\rm{_NO_LETTER}")
 _SIDE = re.compile(rf"\\(left|right){_NO_LETTER}\s*(.)", re.DOTALL)
 _RUN = re.compile("[A-Za-z0-9]+")
-_BRACKET = re.compile(r"\\(?:[A-Za-z]+|.)|[][(){}+\u2212-]", re.DOTALL)
 _INDEX = r"(?:\{[^{}]*\}|\\[A-Za-z]+|.)"
 _INTO, _OUT = rf"(?:\s|\{{|\\left{_NO_LETTER})*", rf"(?:\s|\}}|\\right{_NO_LETTER})*"
 _RAISED_BRACKETS = re.compile(rf"\{{{_INTO}[(\[]{_INTO}\\?(\w+){_OUT}[)\]]{_OUT}\}}")
@@ -198,9 +197,9 @@ class _Translator:
             if not self._tokens or self._ahead().kind != "end":
                 instead = "a dot belongs to a number such as 0.5"
                 raise refusal("a dot without a number occurs", here.column, instead)
-        elif character in "{^(":
+        elif character in "{^":
             self._place += 1
-            (self._bracket if character == "(" else self._power if character == "^" else self._braces)(here)
+            (self._power if character == "^" else self._braces)(here)
         else:
             self._sign(here)
 
@@ -219,21 +218,6 @@ class _Translator:
                 raise refusal(f"'{token.text}' is not expected", token.column, "something is missing here")
             brackets = {"[": "(", "]": ")"}
             self._tokens.append(replace(token, text=brackets.get(token.text, token.text)))
-
-    def _bracket(self, here: Token) -> None:
-        """A round bracket; with a sum in it, it is a factor unless the name before it is that of a function."""
-        called = bool(self._tokens) and self._tokens[-1].text in nm.FUNCTION_LETTERS
-        self._emit("(", here, space=here.space_before or (not called and self._holds_a_sum()))
-
-    def _holds_a_sum(self) -> bool:
-        """Whether a + or - is between the ( just read and its ): r(r - 2M) is a product, f(x) may not be one."""
-        depth, found = 1, False
-        for sign in _BRACKET.finditer(self._text, self._place):
-            depth += (sign[0] in "([{") - (sign[0] in ")]}")
-            found |= depth == 1 and sign[0] in "+-\u2212"
-            if depth == 0:
-                return found
-        return False
 
     def _braces(self, here: Token) -> None:
         """{ … } as a bracket; { } is empty, and a single name in braces is that name."""
@@ -574,8 +558,20 @@ class _Translator:
         return "" if is_below else name
 
 
+def _with_factors_apart(line: Iterable[Token]) -> Tokens:
+    """The tokens with a space before each bracket with a sum: r(r - 2M) is a product, f(x - y) may not be one."""
+    found: Tokens = []
+    for token in line:
+        sums = token.is_bracket() and any(part.is_operator("+", "-") for part in token.inside)
+        before = plain.at(found, len(found) - 1)
+        apart = sums and before.kind in ("name", "number", "bracket") and before.text not in nm.FUNCTION_LETTERS
+        inside = tuple(_with_factors_apart(token.inside))
+        found.append(replace(token, space_before=token.space_before or apart, inside=inside))
+    return found
+
+
 def tokenize(text: str, names: nm.Names | None = None) -> Tokens:
     """The tokens of a LaTeX formula; without `names` every letter is a separate name."""
     plain.check_length(text)
-    found = plain.nested(_Translator(text, names or nm.Names()).all())
+    found = _with_factors_apart(plain.nested(_Translator(text, names or nm.Names()).all()))
     return components.by_components(plain.with_line_ends(found, latex=True))
