@@ -94,7 +94,7 @@ class ConstrainedAt:
         def write(order: int) -> tuple[SeriesProgram, Integers]:
             series = constrained.written(shape, variables, field, order)
             self._first = constrained.write_brackets(shape, series)
-            return series, np.array(series.instructions, np.int64).ravel()
+            return series, series.listed
 
         self._series = Coefficients(
             write,
@@ -228,7 +228,7 @@ class _Along:
         self._series, self._point = SeriesProgram((TIME,), degree), point
         self._series.known.update({name: self._series.register() for name in own})
         self._places = [self._series.expand(tree) for tree in trees]
-        self._given = np.array(self._series.instructions, np.int64).ravel(), constants_at(self._series, point)
+        self._given = self._series.listed, constants_at(self._series, point)
 
     def at(self, solution: Sequence[Sequence[int]], degree: int) -> list[list[int]]:
         found = run(self._series, *self._given, self._point.prime, degree, solution)

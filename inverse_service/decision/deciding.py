@@ -23,8 +23,6 @@ from fractions import Fraction
 from math import comb, isqrt
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
-import numpy as np
-
 from inverse_service import bounds, deadline, errors
 from inverse_service.decision import solutions
 from inverse_service.decision.kinds import helmholtz
@@ -33,7 +31,7 @@ from inverse_service.field import dense_series as machine, modular, point as ps,
 from inverse_service.field.real_point import RealTable, find_real_point
 from inverse_service.field.tower import Tower, draw_point, to_kernels
 from inverse_service.linear_pde import equations as pde, involution
-from inverse_service.mechanics import conditions, second_order_system
+from inverse_service.mechanics import second_order_system
 
 if TYPE_CHECKING:
     from inverse_service.certificate.checker import CheckResult
@@ -122,27 +120,6 @@ def is_irrational(node: ex.Expression) -> bool:
     return isinstance(node, ex.Apply | ex.Arbitrary)
 
 
-def motion_of_series(
-    analysis: Analysis, with_time: bool, order: int
-) -> tuple[machine.SeriesProgram, conditions.Motion[machine.Series]]:
-    """The motion about a point, as a program for series to this order in the displacements (t?, q, v)."""
-    variables, names = moving_variables(analysis.system, with_time), analysis.system.coordinates
-    program = machine.SeriesProgram(variables, order)
-    rates = [*[ex.ONE] * with_time, *map(ex.Velocity, names), *analysis.accelerations]
-    field = list(enumerate(machine.series_of(program, rate) for rate in rates))
-
-    def partial(place: int) -> Callable[[machine.Series], machine.Series]:
-        return lambda series: series.derivative(place)
-
-    places, n = [program.places[x] for x in variables[with_time:]], len(names)
-    partials = tuple(map(partial, places))
-    forces = tuple(force for _, force in field[-n:])
-    motion = conditions.Motion(
-        forces, partials[:n], partials[n:], lambda series: machine.along(field, series), machine.Series(program)
-    )
-    return program, motion
-
-
 @dataclass(frozen=True, slots=True)
 class Decision:
     """The verdict on one question with its proof.
@@ -169,7 +146,7 @@ class HelmholtzAt:
 
     others: tuple[involution.Matrix, ...] = ()
 
-    __slots__ = ("_added", "_among", "_n", "_series", "matrix", "unknowns")
+    __slots__ = ("_added", "_among", "_n", "_registers", "_series", "matrix", "unknowns")
 
     def __init__(
         self,
@@ -178,28 +155,23 @@ class HelmholtzAt:
         among: helmholtz.Among = (),
         draw: Callable[[int], ps.Point] | None = None,
     ) -> None:
-        velocities = [ex.Velocity(name) for name in analysis.system.coordinates]
         variables = moving_variables(analysis.system, with_time)
-        n, size, self._among = len(velocities), len(variables), among
+        n, size, self._among = len(analysis.accelerations), len(variables), among
         self._n, self._added = n, tuple[helmholtz.Added, ...]()
         self.unknowns: pde.Unknowns = helmholtz.unknowns_of(n, size)
         self.matrix: involution.Matrix = helmholtz.matrix_of(n, size)
 
         def write(order: int) -> tuple[machine.SeriesProgram, involution.Integers]:
-            program, instructions = helmholtz.written(variables, velocities, analysis.accelerations, order)
-            if among:
-                first = len(program.instructions)
-                self._added = helmholtz.added_equations(among, program, n)
-                further = np.array(program.instructions[first:], np.int64).ravel()
-                instructions = np.concatenate([instructions, further])
-            return program, instructions
+            given = helmholtz.written(variables, analysis.accelerations, order)
+            self._registers, self._added = given.registers, helmholtz.added_equations(among, given)
+            return given.program, given.program.listed
 
         self._series = involution.Coefficients(write, draw or (lambda seed: draw_point(analysis.tower, seed)))
 
     def at(self, seed: int, order: int) -> pde.LocalEquations:
         """With the equations of the kind of L that is asked for."""
-        prime, registers = self._series.at(seed, order)
-        found = helmholtz.compiled_equations(self._n, self.unknowns.size, prime, order, registers)
+        _, registers = self._series.at(seed, order)
+        found = helmholtz.compiled_equations(self._registers, self._n, order, registers)
         if not self._among:
             return found
         more = [

@@ -27,11 +27,11 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, cast
 
-import numpy as np
 from flint import nmod_mat
 
 from inverse_service import bounds, errors
 from inverse_service.decision import deciding
+from inverse_service.decision.kinds import helmholtz
 from inverse_service.expressions import notation, tree as ex
 from inverse_service.field import dense_series as machine, exact_field, matrices, null_vectors, tower
 from inverse_service.field.point import Point, SingularPoint, evaluate
@@ -175,7 +175,8 @@ class LocalTensors:
     @classmethod
     def of(cls, analysis: deciding.Analysis, depth: int) -> LocalTensors:
         """Raises TooLarge where the series would take too much memory."""
-        program, motion = deciding.motion_of_series(analysis, analysis.system.depends_on_time, depth + 2)
+        variables = deciding.moving_variables(analysis.system, analysis.system.depends_on_time)
+        program, _, motion = helmholtz.motion_of_series(variables, analysis.accelerations, depth + 2)
         tensors = tensors_to_depth(motion, depth)
         written = {
             name: [(pair, sign, series.register) for pair, sign, series in terms]
@@ -186,7 +187,7 @@ class LocalTensors:
 
     def at(self, point: Point) -> tuple[machine.Registers, PointwiseConditions]:
         """All series about the point, and the equations there; SingularPoint where a denominator vanishes."""
-        instructions = np.array(self.program.instructions, np.int64).ravel()
+        instructions = self.program.listed
         constants = machine.constants_at(self.program, point)
         registers = machine.run(self.program, instructions, constants, point.prime, self.program.order)
         position = {pair: column for column, pair in enumerate(unknowns(self.size))}

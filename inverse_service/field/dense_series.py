@@ -448,6 +448,11 @@ class SeriesProgram:
         if products(len(self.variables), self.order) > _MOST_PRODUCTS:
             raise TooLarge("its series would take too many words")
 
+    @property
+    def listed(self) -> Integers:
+        """The instructions in one array, as a run takes them."""
+        return np.array(self.instructions, np.int64).ravel()
+
     def register(self, count: int = 1) -> int:
         """The first of so many new registers, whose series are 0."""
         self.registers += count
@@ -460,11 +465,11 @@ class SeriesProgram:
         self.recipes.append(recipe)
         return len(self.recipes) - 1
 
-    def number(self, value: Fraction) -> int:
+    def number(self, value: int | Fraction) -> int:
         """The place of a number."""
         key = (value.numerator, value.denominator)
         if key not in self.numbers:
-            self.numbers[key] = self.constant(lambda point, known: ps.number_value(value, point.prime))
+            self.numbers[key] = self.constant(lambda point, known: ps.number_value(Fraction(value), point.prime))
         return self.numbers[key]
 
     def write(self, operation: int, out: int, a: int = 0, b: int = 0, c: int = _ONE) -> int:
@@ -620,7 +625,7 @@ def _taylor_coefficient(tree: ex.Arbitrary, more: tuple[int, ...]) -> Recipe:
     return value
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Series:
     """A sum of products of registers, each times a number: a scalar of `mechanics.conditions`, written when it is used.
 
@@ -628,8 +633,9 @@ class Series:
     """
 
     program: SeriesProgram
-    terms: tuple[tuple[Fraction, int, int | None], ...] = ()
+    terms: tuple[tuple[int | Fraction, int, int | None], ...] = ()
     lost: int = 0
+    place: int | None = None  # its register, once it is written
 
     @property
     def is_zero(self) -> bool:
@@ -640,14 +646,16 @@ class Series:
         return Series(self.program, self.terms + other.terms, max(self.lost, other.lost))
 
     def __sub__(self, other: Series) -> Series:
-        return self + other.scaled(-1)
+        terms = tuple((-weight, a, b) for weight, a, b in other.terms)
+        return Series(self.program, self.terms + terms, max(self.lost, other.lost))
 
     def __mul__(self, other: Series) -> Series:
         (factor, a), (times, b) = self.multiple(), other.multiple()
         return Series(self.program, ((factor * times, a, b),), max(self.lost, other.lost))
 
     def scaled(self, factor: int | Fraction) -> Series:
-        return Series(self.program, tuple((factor * weight, a, b) for weight, a, b in self.terms), self.lost)
+        terms = tuple((factor if weight == 1 else factor * weight, a, b) for weight, a, b in self.terms)
+        return Series(self.program, terms, self.lost)
 
     def derivative(self, place: int) -> Series:
         """By a displacement."""
@@ -657,31 +665,31 @@ class Series:
             self.program.known[key] = self.program.write(DERIVATIVE, self.program.register(), a, place)
         return Series(self.program, ((factor, self.program.known[key], None),), self.lost + 1)
 
-    def multiple(self) -> tuple[Fraction, int]:
+    def multiple(self) -> tuple[int | Fraction, int]:
         """A number and a register whose product it is."""
-        match self.terms:
-            case ((factor, a, None),):
-                return factor, a
-        return Fraction(1), self.register
+        if len(self.terms) == 1 and self.terms[0][2] is None:
+            return self.terms[0][:2]
+        return 1, self.register
 
     @property
     def register(self) -> int:
         """That of the sum, which is written once."""
-        key = ("sum", self.terms, self.lost)
-        match self.terms:
-            case ((factor, a, None),) if factor == 1:
-                return a
-        if key not in self.program.known:
-            out = self.program.known[key] = self.program.register()
-            for factor, a, b in self.terms:
-                operation = (ADD, out, a, 0) if b is None else (PRODUCT, out, a, b)
-                self.program.instructions.append((*operation, self.program.number(Fraction(factor)), self.lost))
-        return self.program.known[key]
+        if self.place is None:
+            factor, a, b = self.terms[0] if len(self.terms) == 1 else (0, 0, 0)
+            self.place = a if factor == 1 and b is None else self._written()
+        return self.place
+
+    def _written(self) -> int:
+        out = self.program.register()
+        for factor, a, b in self.terms:
+            operation = (ADD, out, a, 0) if b is None else (PRODUCT, out, a, b)
+            self.program.instructions.append((*operation, self.program.number(factor), self.lost))
+        return out
 
 
 def series_of(program: SeriesProgram, tree: ex.Expression) -> Series:
     """The Taylor series of a tree."""
-    return Series(program, ((Fraction(1), program.expand(tree), None),))
+    return Series(program, ((1, program.expand(tree), None),))
 
 
 def along(components: Iterable[tuple[int, Series]], series: Series) -> Series:
@@ -696,8 +704,8 @@ def along(components: Iterable[tuple[int, Series]], series: Series) -> Series:
     spare = program.known["spare"]
     for place, _, times, x in parts:
         program.write(DERIVATIVE, spare, y, place)
-        program.instructions.append((PRODUCT, out, x, spare, program.number(Fraction(factor * times)), lost))
-    return Series(program, ((Fraction(1), out, None),), lost)
+        program.instructions.append((PRODUCT, out, x, spare, program.number(factor * times), lost))
+    return Series(program, ((1, out, None),), lost)
 
 
 @dataclass(frozen=True, slots=True)

@@ -71,7 +71,7 @@ def _program(
     series = SeriesProgram([variables[k] for k in names], order)
     registers = np.array([series.expand(letter) for letter in letters], np.int64)
     work = sum(map(ex.node_count, letters))
-    return _LetterProgram(letters, series, np.ravel(series.instructions), np.array(names, np.int64), registers, work)
+    return _LetterProgram(letters, series, series.listed, np.array(names, np.int64), registers, work)
 
 
 class _Displaced(NamedTuple):

@@ -18,12 +18,12 @@ import numpy as np
 from inverse_service import bounds
 from inverse_service.deadline import STEP, check
 from inverse_service.decision.deciding import Analysis, variables_of
-from inverse_service.decision.kinds.helmholtz import tensors, written
+from inverse_service.decision.kinds.helmholtz import Written, tensors_after, written
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.tree import PI, Apply, Expression, Symbol, Velocity, distinct_nodes, node_count
 from inverse_service.field import modular, null_vectors, reduction
-from inverse_service.field.dense_series import SeriesProgram, constants_at, run
+from inverse_service.field.dense_series import constants_at, run
 from inverse_service.field.echelon import Words
 from inverse_service.field.exact_field import TooLarge
 from inverse_service.field.modular import Field, compiled, minus, multiply, plus, positive_power
@@ -333,17 +333,15 @@ def connection_and_endomorphism(sampler: Sampler, point: Point) -> tuple[Matrix,
         evaluate(f, point, known)  # SingularPoint where it has no value
         slope = evaluate(differentiate(f, sampler.variables[2]), point, known)
         return [[-slope * pow(2, -1, point.prime) % point.prime]], [[0]]
-    series, instructions = _written(tuple(sampler.variables), tuple(sampler.analysis.accelerations))
-    registers = run(series, instructions, constants_at(series, point), point.prime, order=2)
-    return tensors(len(sampler.analysis.accelerations), len(sampler.variables), registers)
+    given = _written(tuple(sampler.variables), tuple(sampler.analysis.accelerations))
+    constants = constants_at(given.program, point)
+    return tensors_after(given, run(given.program, given.program.listed, constants, point.prime, order=2))
 
 
 @lru_cache(maxsize=32)
-def _written(
-    variables: tuple[Symbol | Velocity, ...], forces: tuple[Expression, ...]
-) -> tuple[SeriesProgram, Integers]:
+def _written(variables: tuple[Symbol | Velocity, ...], forces: tuple[Expression, ...]) -> Written:
     try:
-        return written(variables, variables[1 + len(forces) :], forces, order=2)
+        return written(variables, forces, order=2)
     except TooLarge as problem:
         raise IrreducibleAtoms("the forces are too long for their series") from problem
 

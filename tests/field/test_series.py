@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from fractions import Fraction
 
-import numpy as np
 import pytest
 
 from inverse_service.expressions.derivative import differentiate
@@ -43,7 +42,7 @@ def point_of(trees: list[Expression]) -> Point:
 
 
 def coefficients(program: SeriesProgram, point: Point, *registers: int) -> list[list[int]]:
-    instructions = np.array(program.instructions, np.int64).ravel()
+    instructions = program.listed
     found = run(program, instructions, constants_at(program, point), point.prime, program.order)
     return [found.numbers(register) for register in registers]
 

@@ -132,7 +132,7 @@ def lagrangian_terms(text: str, names: list[str], order: int) -> dict[tuple[int,
     """Taylor coefficients of a Lagrangian about the point used by `prolongation_of`."""
     tree = read_system(names, {name: text if name == names[0] else "0" for name in names}).accelerations[0]
     program = SeriesProgram([*map(Symbol, names), *map(Velocity, names)], order)
-    register, instructions = program.expand(tree), np.array(program.instructions, np.int64).ravel()
+    register, instructions = program.expand(tree), program.listed
     found = run(program, instructions, constants_at(program, Point(P, 5)), P, order).numbers(register)
     rows = [row for degree in range(order + 1) for row in exponents_of_degree(2 * len(names), degree).tolist()]
     return {tuple(row): value for row, value in zip(rows, found, strict=True)}

@@ -37,7 +37,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
 from itertools import combinations, combinations_with_replacement, product
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -47,6 +47,7 @@ from inverse_service.expressions.derivative import differentiate_in_time
 from inverse_service.field import dense_series as machine, point as ps, tower
 from inverse_service.linear_pde import equations as pde
 from inverse_service.linear_pde.involution import Matrix
+from inverse_service.mechanics import conditions
 
 Integers = npt.NDArray[np.int64]
 Kind = Literal["H2", "H3"]
@@ -77,86 +78,63 @@ def pairs_of(kind: Kind, n: int) -> tuple[tuple[int, int], ...]:
     return tuple(combinations_with_replacement(range(n), 2) if kind == "H2" else combinations(range(n), 2))
 
 
-def compiled_equations(n: int, size: int, prime: int, order: int, registers: machine.Registers) -> pde.LocalEquations:
-    """H2, then H3, from the registers of `written`, for prolongation to this order."""
-    series = registers.coefficients(_series(n, size - 2 * n), order)
-    unknowns = unknowns_of(n, size)
-    blocks = ((kind, k, pairs_of(kind, n)) for kind, k in KINDS)
-    return pde.LocalEquations(
-        unknowns,
-        prime,
-        tuple(
-            pde.Equations(kind, pairs, k, pde.TermTable(unknowns, len(pairs), series, _terms(kind, n, size)))
-            for kind, k, pairs in blocks
-        ),
+class Written(NamedTuple):
+    """X, N and Phi about a point as a program, and the registers of all of them in this order."""
+
+    program: machine.SeriesProgram
+    field: tuple[machine.Series, ...]
+    tensors: tuple[conditions.Tensor11[machine.Series], ...]
+    registers: Integers
+
+
+def written(variables: Sequence[ps.Variable], forces: Sequence[ex.Expression], order: int) -> Written:
+    """For f to this order at most, in (t?, q, v); Phi comes out to order D - 2. TooLarge for too much memory."""
+    program, field, motion = motion_of_series(variables, forces, order)
+    tensors = conditions.connection(motion), conditions.jacobi_endomorphism(motion)
+    entries = [entry for tensor in tensors for row in tensor for entry in row]
+    registers = np.array([series.register for series in (*field, *entries)], np.int64)
+    return Written(program, field, tensors, registers)
+
+
+def motion_of_series(
+    variables: Sequence[ps.Variable], forces: Sequence[ex.Expression], order: int
+) -> tuple[machine.SeriesProgram, tuple[machine.Series, ...], conditions.Motion[machine.Series]]:
+    """X and the motion about a point, as a program for series to this order in the displacements (t?, q, v)."""
+    program, size, n = machine.SeriesProgram(variables, order), len(variables), len(forces)
+    rates = [*[ex.ONE] * (size - 2 * n), *variables[size - n :], *forces]
+    field = tuple(machine.series_of(program, rate) for rate in rates)
+
+    def partial(place: int) -> Callable[[machine.Series], machine.Series]:
+        return lambda series: series.derivative(place)
+
+    def along(series: machine.Series) -> machine.Series:
+        return machine.along(enumerate(field), series)
+
+    partials = tuple(map(partial, range(size)))[size - 2 * n :]
+    motion = conditions.Motion(field[size - n :], partials[:n], partials[n:], along, machine.Series(program))
+    return program, field, motion
+
+
+def compiled_equations(registers: Integers, n: int, order: int, found: machine.Registers) -> pde.LocalEquations:
+    """H2, then H3, from the registers of X, N and Phi after a run, for prolongation to this order."""
+    size = len(registers) - 2 * n * n
+    series, unknowns = found.coefficients(registers, order), unknowns_of(n, size)
+    blocks = tuple(
+        pde.Equations(kind, pairs, k, pde.TermTable(unknowns, len(pairs), series, _terms(kind, n, size)))
+        for kind, k, pairs in ((kind, k, pairs_of(kind, n)) for kind, k in KINDS)
     )
+    return pde.LocalEquations(unknowns, found.prime, blocks)
 
 
-def written(
-    variables: Sequence[ps.Variable], velocities: Sequence[ps.Variable], forces: Sequence[ex.Expression], order: int
-) -> tuple[machine.SeriesProgram, Integers]:
-    """X, N, Phi for f to this order at most, in (t?, q, v); TooLarge where they take too much memory."""
-    n, m = len(velocities), len(variables)
-    offset = m - 2 * n
-    series = machine.SeriesProgram(variables, order)
-    series.register(m + 3 * n * n + 1)
-    half, two = series.number(Fraction(-1, 2)), series.number(Fraction(-2))
-    if offset:
-        series.write(machine.CONSTANT, 0)
-    for register, tree in enumerate([*velocities, *forces], start=offset):
-        series.write(machine.ADD, register, series.expand(tree))
-    instructions = np.array(series.instructions, np.int64).ravel()
-    return series, np.concatenate([instructions, _geometry(n, offset, half, two)])
-
-
-@lru_cache(maxsize=64)
-def _geometry(n: int, offset: int, half: int, two: int) -> Integers:
-    """The instructions for df/dv, N and Phi; Phi comes out to order D - 2."""
-    size, last = range(n), 2 * n + offset + 3 * n * n
-    found: list[tuple[int, int, int, int, int, int]] = []
-    for i in size:
-        for j in size:
-            slope, N = _matrix(n, offset, 0, i, j), _matrix(n, offset, 1, i, j)
-            found.append((machine.DERIVATIVE, slope, offset + n + i, offset + n + j, 0, 0))
-            found.append((machine.ADD, N, slope, 0, half, 0))
-    for i in size:
-        for j in size:
-            slope, Phi = _matrix(n, offset, 0, i, j), _matrix(n, offset, 2, i, j)
-            for a in range(2 * n + offset):
-                found.append((machine.DERIVATIVE, last, slope, a, 0, 0))
-                found.append((machine.PRODUCT, Phi, a, last, 0, 2))
-            found.append((machine.DERIVATIVE, last, offset + n + i, offset + j, 0, 0))
-            found.append((machine.ADD, Phi, last, 0, two, 2))
-            for k in size:
-                product = (_matrix(n, offset, 0, i, k), _matrix(n, offset, 0, k, j))
-                found.append((machine.PRODUCT, Phi, *product, half, 2))
-    return np.array(found, np.int64).ravel()
-
-
-def tensors(n: int, size: int, registers: machine.Registers) -> tuple[list[list[int]], list[list[int]]]:
-    """(N, Phi) at the point, each (n, n), from the registers of `written`."""
-    N, Phi = (
-        [[registers.value(_matrix(n, size - 2 * n, number, i, j)) for j in range(n)] for i in range(n)]
-        for number in (1, 2)
-    )
+def tensors_after(written: Written, found: machine.Registers) -> tuple[list[list[int]], list[list[int]]]:
+    """(N, Phi) at the point of a run, each (n, n)."""
+    N, Phi = ([[found.value(entry.register) for entry in row] for row in tensor] for tensor in written.tensors)
     return N, Phi
-
-
-def _matrix(n: int, offset: int, number: int, i: int, j: int) -> int:
-    """The register of an entry of df/dv, N or Phi (number 0, 1, 2)."""
-    return offset + 2 * n + number * n * n + i * n + j
-
-
-@lru_cache(maxsize=64)
-def _series(n: int, offset: int) -> Integers:
-    """The registers of X, N and Phi."""
-    first = _matrix(n, offset, 1, 0, 0)
-    return np.array([*range(offset + 2 * n), *range(first, first + 2 * n * n)], np.int64)
 
 
 @lru_cache(maxsize=64)
 def _terms(kind: Kind, n: int, size: int) -> Integers:
-    """The summands of the equations of a kind, as a `TermTable` has them, their series numbered as by `_series`."""
+    """The summands of the equations of a kind, as a `TermTable` has them, their series numbered as in `Written`."""
     entry, first = _entries(n), size + (0 if kind == "H2" else n * n)
     rows: list[tuple[int, int, bool, int, int]] = []
     for equation, (i, j) in enumerate(pairs_of(kind, n)):
@@ -241,11 +219,11 @@ class Added:
     terms: tuple[pde.Term, ...]
 
 
-def added_equations(among: Among, program: machine.SeriesProgram, n: int) -> tuple[Added, ...]:
-    """K and S of each, C and D, written after `written`; their series take two orders more than the prolongation."""
-    size = len(program.variables)
-    gamma = [(a, _register(program, a)) for a in range(size)]
-    found = [*_curl(program, n)] if ANY_FRICTION in among else []
+def added_equations(among: Among, given: Written) -> tuple[Added, ...]:
+    """K and S of each, C and D; their series take two orders more than the prolongation."""
+    program, gamma = given.program, list(enumerate(given.field))
+    n, size = len(given.tensors[0]), len(gamma)
+    found = [*_curl(given, n)] if ANY_FRICTION in among else []
     for place, derivation in enumerate(each for each in among if not isinstance(each, str)):
         field = {program.places[x]: machine.series_of(program, part) for x, part in derivation.parts.items()}
         found.append(Added(f"K{place}", pairs_of("H2", n), 1, tuple(_lie(program, field, derivation.weight, n))))
@@ -259,15 +237,11 @@ def added_equations(among: Among, program: machine.SeriesProgram, n: int) -> tup
     return tuple(found)
 
 
-def _register(program: machine.SeriesProgram, register: int, lost: int = 0) -> machine.Series:
-    return machine.Series(program, ((Fraction(1), register, None),), lost)
-
-
-def _curl(program: machine.SeriesProgram, n: int) -> Iterator[Added]:
+def _curl(given: Written, n: int) -> Iterator[Added]:
     """C and D, for each k."""
-    size, entry = len(program.variables), _entries(n)
-    q, v, two = size - 2 * n, size - n, program.expand(ex.number(2))
-    slopes = [[_register(program, _matrix(n, q, 0, i, j), 1) for j in range(n)] for i in range(n)]
+    size, entry = len(given.field), _entries(n)
+    q, v, two = size - 2 * n, size - n, given.program.expand(ex.number(2))
+    slopes = [[f.derivative(v + j) for j in range(n)] for f in given.field[v:]]
 
     def slope(equation: int, i: int, j: int, by: int) -> Iterator[pde.Term]:
         """d_by (g_il df^l/dv^j - g_jl df^l/dv^i)."""
