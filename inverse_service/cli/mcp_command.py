@@ -112,8 +112,7 @@ class Tools:
         call = Call(tasks.solve_task, (document, asked), options.time_limit, options.memory_limit, reports=True)
         outcome = await asyncio.wrap_future(self._workers.submit(call, hear).outcome)
         result = _value(lambda: answers.result_document(outcome, asked, options.memory_limit, so_far or None))
-        place = self._kept(result)
-        return _forward(result, place) if "verdict" not in result else _solved(result, place)
+        return _solved(result, self._kept(result))
 
     async def check(
         self,
@@ -193,29 +192,23 @@ def _solved(result: dict[str, Any], resource: str) -> Solved:
     about = result.get("any_associated") or {}
     best = about if about.get("lagrangian") and not result.get("lagrangian") else result
     lagrangian, hamiltonian = (_short((best.get(key) or {}).get("text")) for key in ("lagrangian", "hamiltonian"))
+    reason = result.get("reason") or ""
+    if "verdict" not in result:  # a Lagrangian was given, which is its own answer
+        equations = ", ".join(f"{name}'' = {formula['text']}" for name, formula in result["equations"].items())
+        reason = f"The equations of this Lagrangian: {equations}"
     return Solved(
-        verdict=result["verdict"],
-        verdict_with_time=result.get("verdict_with_time"),
+        verdict=result.get("verdict", "variational"),
+        verdict_with_time=result.get("verdict_with_time", "variational"),
         motion=about.get("verdict"),
         lagrangian=lagrangian,
         hamiltonian=hamiltonian,
         domain=result.get("domain") or [],
         checked=result.get("checked"),
-        reason=result.get("reason") or "",
+        reason=reason,
         proof=[_short(step["text"]) or "" for step in (result.get("explanation") or [])[:8]],
         incomplete=[entry["part"] for entry in result.get("incomplete") or []],
         resource=resource,
     )
-
-
-def _forward(result: dict[str, Any], resource: str) -> Solved:
-    """The answer where a Lagrangian was given: it is its own."""
-    equations = ", ".join(f"{name}'' = {formula['text']}" for name, formula in result["equations"].items())
-    texts = {key: _short(result[key]["text"]) for key in ("lagrangian", "hamiltonian")}
-    return Solved(
-        verdict="variational", verdict_with_time="variational", motion=None, **texts, domain=[], checked=None,
-        reason=f"The equations of this Lagrangian: {equations}", proof=[], incomplete=[], resource=resource,
-    )  # fmt: skip
 
 
 def server() -> MCPServer[Any]:

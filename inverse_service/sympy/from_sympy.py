@@ -222,9 +222,13 @@ def read(
 ) -> Reading:
     """The document of a system; InputError if it is ambiguous."""
     if hasattr(system, "form_lagranges_equations"):
+        if len(system.coneqs) and system.forcelist:
+            raise InputError("This LagrangesMethod has forces and constraints: give its motion, see nonholonomic().")
         if len(system.coneqs):
-            return _of_constrained(system, questions)
-        system, coordinates = _of_lagrange(system)
+            return read_constrained(system._L[0], list(system.coneqs), list(system.q), questions)
+        if system.eom is None or not len(system.eom):
+            system.form_lagranges_equations()
+        system, coordinates = list(system.eom), list(system.q)
     elif hasattr(system, "kanes_equations"):
         return _of_kane(system, questions)
     if isinstance(system, Mapping):
@@ -319,20 +323,6 @@ def read_constrained(
 def table_name(table: Table, found: Any) -> str:
     """The name of a coordinate."""
     return next(name for name, each in table.coordinates.items() if each == found)
-
-
-def _of_lagrange(method: Any) -> tuple[list[Any], list[Any]]:
-    """The equations and coordinates of a LagrangesMethod."""
-    if method.eom is None or not len(method.eom):
-        method.form_lagranges_equations()
-    return list(method.eom), list(method.q)
-
-
-def _of_constrained(method: Any, questions: Mapping[str, Any]) -> Reading:
-    """The Lagrangian of a LagrangesMethod with its constraints on the velocities."""
-    if method.forcelist:
-        raise InputError("This LagrangesMethod has forces and constraints: give its motion, see nonholonomic().")
-    return read_constrained(method._L[0], list(method.coneqs), list(method.q), questions)
 
 
 def _of_kane(method: Any, questions: Mapping[str, Any]) -> Reading:

@@ -846,14 +846,11 @@ def compare_motion(result: dict[str, Any], time_limit: float) -> None:
             found = compared_claim(result["system"]["given"], part[key], time_limit)
             if found.verdict != "valid":
                 why = f"An answer was found, but its motion could not be compared with the document: {found.reasons[0]}"
-                holder["any_associated"] = _open_motion(holder["any_associated"], why)
+                kept: dict[str, Any] = {"statement": OPEN_MOTION, "reason": why, "freedom": ""}
+                kept |= dict.fromkeys(("verdict", "verdict_with_time"), "undetermined")
+                kept |= {name: [] for name in ("parts", "image", "explanation", "exceptions")}
+                holder["any_associated"] = dict.fromkeys(part, None) | kept
                 break
-
-
-def _open_motion(part: dict[str, Any], why: str) -> dict[str, Any]:
-    kept = {"statement": OPEN_MOTION, "reason": why, "freedom": ""}
-    kept |= dict.fromkeys(("verdict", "verdict_with_time"), "undetermined")
-    return dict.fromkeys(part, None) | {key: [] for key in ("parts", "image", "explanation", "exceptions")} | kept
 
 
 def _systems(result: dict[str, Any]) -> Iterator[Canonical]:

@@ -34,6 +34,7 @@ CHOSEN: dict[str, tuple[str, ...]] = {
 LONGEST_LINK = 6_000
 TIME = {"no": False, "yes": True}
 _CHOICE = re.compile(r"(equations|lagrangian|constraints|parameters):(\d{1,4}):(\d{1,5})(?:\+(\d{1,5}))?:(.{1,200})")
+_WORD = re.compile(r"(?:\\?\w+)?")
 _IDENTIFIER = re.compile(r"^\\?\w+")
 _LEFT_SIDE = re.compile(r"\s*(?:L|\\mathcal ?(?:L|\{L\}))\s*=(?!=)")
 FIELD_NAMES: dict[str, str] = words.TABLES["fields"]
@@ -365,12 +366,8 @@ class ShownPlace:
     at: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class Problem:
-    """A refusal with its places."""
-
-    title: str
-    places: list[ShownPlace]
+# A refusal with its places.
+Problem = list[ShownPlace]
 
 
 def understood(answer: Mapping[str, Any], time: str = "t") -> Understood:
@@ -396,14 +393,13 @@ def _as_a_name(text: str, meant: str) -> str:
 
 
 def problem_of(body: Mapping[str, Any], fields: Mapping[str, str]) -> Problem:
-    """A problem document of the service."""
-    places = [_place(_fault(p), fields) for p in body.get("errors", [])]
-    return Problem("There is a problem with your input", places or [ShownPlace(body["detail"])])
+    """The places of a problem document of the service."""
+    return [_place(_fault(p), fields) for p in body.get("errors", [])] or [ShownPlace(body["detail"])]
 
 
 def problem_of_error(error: errors.InputError, fields: Mapping[str, str]) -> Problem:
-    """A fault found while the form was read."""
-    return Problem("There is a problem with your input", [_place(place, fields) for place in error.places])
+    """Those of a fault that was found while the form was read."""
+    return [_place(place, fields) for place in error.places]
 
 
 def sentence(place: errors.Place, fields: Collection[str] = (), is_marked: bool = False) -> str:
@@ -433,7 +429,7 @@ def _place(error: errors.Place, fields: Mapping[str, str]) -> ShownPlace:
     steps = error.pointer.split("/")[1:]
     field = steps[0] if steps else ""
     name = ", ".join([FIELD_NAMES.get(field, field), *(steps[-1:] if field in NAMED and len(steps) > 1 else ())])
-    text = _text_at(steps, fields)
+    text, before_it = _text_at(steps, fields)
     if column is None or text is None or column > len(text) + 1:
         return ShownPlace(sentence(error, fields), name, pointer=error.pointer)
     start = text.rfind("\n", 0, column - 1) + 1
@@ -446,7 +442,7 @@ def _place(error: errors.Place, fields: Mapping[str, str]) -> ShownPlace:
         before = "\u2026" + before[-AROUND:]
     if len(after) > AROUND:
         after = after[:AROUND] + "\u2026"
-    number = text.count("\n", 0, start) + 1 + _lines_before(steps)
+    number = text.count("\n", 0, start) + 1 + before_it
     choices = _choices(error, text, start, line, f"{field}:{number}")
     detail = sentence(error, fields, is_marked=True)
     return ShownPlace(detail, name, number, place + 1, before, marked, after, choices, at=field)
@@ -458,8 +454,8 @@ def _choices(error: errors.Place, text: str, start: int, line: str, at: str) -> 
     Those of a name end with one that declares it a constant. In LaTeX an interpretation is written as LaTeX.
     """
     first, last = (one - 1 for one in error.span) if error.span else ((error.column or 1) - 1,) * 2
-    piece = _AFTER_FORMULA.sub("", text[first:last]) if error.span else _word_at(text, first)
-    readings = dict.fromkeys(_as_latex(one) if "\\" in text else one for one in error.instead)
+    piece = _AFTER_FORMULA.sub("", text[first:last]) if error.span else _WORD.match(text, first)[0]  # type: ignore[index]
+    readings = dict.fromkeys(_LETTER.sub(r"\\\g<0>", one) if "\\" in text else one for one in error.instead)
     if piece == "[":  # it is closed by its own kind
         readings = {f"{one.removesuffix('(')}[" if one.endswith("(") else one: None for one in readings}
     if text[:first][-1:].isalnum():
@@ -476,27 +472,16 @@ def _choices(error: errors.Place, text: str, start: int, line: str, at: str) -> 
     return (*found, *([(f"a constant {piece}", f"parameters:0:0:{piece}")] if is_name else []))
 
 
-def _word_at(text: str, place: int) -> str:
-    word = re.compile(r"\\?\w+").match(text, place)
-    return word.group() if word else ""
-
-
-def _as_latex(reading: str) -> str:
-    return _LETTER.sub(r"\\\g<0>", reading)
-
-
-def _text_at(steps: list[str], fields: Mapping[str, str]) -> str | None:
-    """The typed text that a pointer refers to; None if it was not typed."""
-    if steps == ["equations"] or steps == ["lagrangian"]:
-        return fields.get(steps[0])
-    if len(steps) == 2 and steps[0] == "constraints" and steps[1].isdigit():
-        lines = [line.strip() for line in fields.get("constraints", "").replace(";", "\n").split("\n") if line.strip()]
-        return lines[int(steps[1])] if int(steps[1]) < len(lines) else None
-    return None
-
-
-def _lines_before(steps: list[str]) -> int:
-    return int(steps[1]) if len(steps) == 2 and steps[0] == "constraints" else 0
+def _text_at(steps: list[str], fields: Mapping[str, str]) -> tuple[str | None, int]:
+    """The typed text that a pointer refers to, None if it was not typed; the lines of its field before it."""
+    match steps:
+        case ["equations" | "lagrangian" as name]:
+            return fields.get(name), 0
+        case ["constraints", number] if number.isdigit():
+            given = fields.get("constraints", "").replace(";", "\n").split("\n")
+            lines = dict(enumerate(line.strip() for line in given if line.strip()))
+            return lines.get(int(number)), int(number)
+    return None, 0
 
 
 @dataclass(frozen=True, slots=True)

@@ -91,7 +91,7 @@ def price_task(document: Mapping[str, Any]) -> dict[str, Any]:
         if method["outcome"] != "completed":
             return {"reason": f"{name}: {method['outcome'].replace('_', ' ')}"}
         columns = method["points"]["columns"]
-        ends.append([columns[name] for name in _positions(columns)])
+        ends.append([columns[name] for name in columns if name != "t" and not name.startswith(("v_", "p_"))])
         if part == 1:
             seconds, until = method["seconds"]["run"] * steps / count, columns["t"][-1]
     coarse, fine = (_distance(*pair) for pair in itertools.pairwise(ends))
@@ -105,11 +105,6 @@ def price_task(document: Mapping[str, Any]) -> dict[str, Any]:
         "seconds": seconds,
         "until": until,
     }
-
-
-def _positions(columns: Mapping[str, Any]) -> list[str]:
-    """The columns of positions."""
-    return [name for name in columns if name != "t" and not name.startswith(("v_", "p_"))]
 
 
 def _distance(left: Sequence[Sequence[float]], right: Sequence[Sequence[float]]) -> float:

@@ -502,7 +502,8 @@ def _solved(part: Mapping[str, Any], names: Names) -> Markup:
 
 def _general(exceptions: Sequence[str], result: Mapping[str, Any], names: Names) -> Markup:
     """For which parameters the answer was proven, with a link to a form that asks about the others."""
-    system, listed = result["system"], Markup(", ").join(_equation_or_words(one, names) for one in exceptions)
+    system = result["system"]
+    listed = Markup(", ").join(_listed([one], names) if "=" in one else Markup.escape(one) for one in exceptions)
     parameters = _listed(system["parameters"], names)
     if (result.get("special_cases") or {}).get("complete"):
         return Markup('For general {}; <a href="#more">special values</a> are decided, too.').format(parameters)
@@ -511,10 +512,6 @@ def _general(exceptions: Sequence[str], result: Mapping[str, Any], names: Names)
     decide = Markup(' <a href="{}">Decide special values</a>.').format(address) if address else Markup("")
     left_out = Markup(" (not decided here: {})").format(listed) if canonical.are_found(exceptions) else ""
     return Markup("For general {}{}.{}").format(parameters, left_out, decide)
-
-
-def _equation_or_words(text: str, names: Names) -> Markup:
-    return _listed([text], names) if "=" in text else Markup("{}").format(text)
 
 
 def _special(cases: Mapping[str, Any], names: Names) -> Iterable[Markup]:

@@ -69,7 +69,10 @@ async def run(request: Request) -> Response:
     filled, base = await _sent_form(request, sent)
     try:
         scene = changed_scene(base, scene_document(filled, base["system"]))
-        await _refuse_unreadable(request, scene)
+        # A value that cannot be read is reported next to its field, and no job is created.
+        outcome = await results.quick(request, preview_task, scene)
+        if outcome.places:
+            raise errors.DocumentRefused(tuple(outcome.places))
     except errors.InputError as error:
         return simulate_page(filled, forms.problem_of_error(error, {}), 422)
     kind = "work-precision" if sent.text("kind") == "work-precision" else "simulate"
@@ -79,13 +82,6 @@ async def run(request: Request) -> Response:
     if answer.is_error:
         return simulate_page(filled, forms.problem_of(answer.json(), {}), answer.status_code)
     return RedirectResponse(results.result_address(answer), 303)
-
-
-async def _refuse_unreadable(request: Request, scene: dict[str, Any]) -> None:
-    """InputError if a value of the form cannot be read: it is reported next to its field, and no job is created."""
-    outcome = await results.quick(request, preview_task, scene)
-    if outcome.places:
-        raise errors.DocumentRefused(tuple(outcome.places))
 
 
 def field_of(pointer: str) -> str:
@@ -149,7 +145,7 @@ def simulate_page(form: SceneForm, problem: forms.Problem | None = None, status:
         methods=METHODS,
         observables=OBSERVABLES,
         problem=problem,
-        faults={field_of(place.pointer): place.detail for place in problem.places} if problem else {},
+        faults={field_of(place.pointer): place.detail for place in problem or ()},
     )
 
 

@@ -112,18 +112,15 @@ async def echo(request: Request) -> Response:
     is_fragment = bool(request.query_params.get("fragment"))
     try:
         fields, found = await results.read_sent(request, forms.echo_sent_task)
+        status = 200
     except Refusal as refusal:
-        if is_fragment:
-            status = _status_of_busy(refusal)
-            return rendering.page("understood.html", status, problem=_too_heavy(refusal), understood=None)
-        return _not_read(refusal)
+        if not is_fragment:
+            return _not_read(refusal)
+        fields, found, status = {}, {"problem": [forms.ShownPlace(refusal.detail)]}, _status_of_busy(refusal)
     if is_fragment:
-        return rendering.page("understood.html", **({"problem": None, "understood": None} | found))
-    return (
-        solve_page(fields, **found)
-        if not forms.is_whole(fields)
-        else RedirectResponse(forms.link_of_fields(fields), 303)
-    )
+        return rendering.page("understood.html", status, **({"problem": None, "understood": None} | found))
+    is_whole = forms.is_whole(fields)
+    return RedirectResponse(forms.link_of_fields(fields), 303) if is_whole else solve_page(fields, **found)
 
 
 async def _refused(request: Request, fields: dict[str, str], problem: forms.Problem | None, status: int) -> Response:
@@ -159,11 +156,8 @@ def _not_read(refusal: Refusal) -> HTMLResponse:
     """The form at its start, where what was sent is too heavy to be read; anything else is refused as everywhere."""
     if refusal.kind != "limit":
         raise refusal
-    return solve_page(forms.fields_from({"equations": START}), problem=_too_heavy(refusal), status=refusal.status)
-
-
-def _too_heavy(refusal: Refusal) -> forms.Problem | None:
-    return forms.problem_of({"detail": refusal.detail}, {})
+    problem = [forms.ShownPlace(refusal.detail)]
+    return solve_page(forms.fields_from({"equations": START}), problem=problem, status=refusal.status)
 
 
 async def understand(request: Request, fields: dict[str, str], patience: float | None = None) -> dict[str, Any]:
