@@ -79,16 +79,10 @@ def solve(
 ) -> cli.ExitCode:
     """Solve one system. Exit 0 definite verdict, 1 undetermined, 2 invalid input, 3 internal error."""
     named = {"parameters": parameters, "functions": functions, "coordinates": coordinates, "time": time}
+    asked_too = {"special_cases": special_cases or None, "kinds": kind or None, "clock": clock}
     settings = read_settings()
-    document, given = model.split_options(with_declared(given_document(file, guess), named))
+    document, given = model.split_options(with_declared(given_document(file, guess), named | asked_too))
     asked = model.read_options(given, model.JobOptions(time_limit or settings.time_limit, settings.memory_limit, seed))
-    if isinstance(document, dict):
-        document = {
-            **document,
-            **({"special_cases": True} if special_cases else {}),
-            **({"kinds": [*document.get("kinds", ()), *map(kind_of_option, kind)]} if kind else {}),
-            **({} if clock is None else {"clock": clock}),
-        }
     warm_alone(settings.memory_limit)
     options = SolveOptions(seed=asked.seed, time_limit=asked.time_limit)
     try:
@@ -156,12 +150,14 @@ def given_document(name: str, guess: bool | None) -> Any:
     return document_names.with_guess(document) if guess and isinstance(document, dict) else document
 
 
-def with_declared(document: Any, named: Mapping[str, str | None]) -> Any:
-    """The document with the names of the options --parameters, --functions, --coordinates and --time."""
+def with_declared(document: Any, named: Mapping[str, Any]) -> Any:
+    """The document with what the options declare and ask; None where one was not given."""
     given = {key: text for key, text in named.items() if text is not None}
     if not given or not isinstance(document, dict):
         return document
     found = document | given
+    if "kinds" in given:
+        found["kinds"] = [*document.get("kinds", ()), *map(kind_of_option, given["kinds"])]
     if "functions" in given:
         found["functions"] = {**document.get("functions", {}), **document_names.functions_of(given["functions"])}
     if "parameters" in given:

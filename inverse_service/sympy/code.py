@@ -35,21 +35,12 @@ if TYPE_CHECKING:
 
 
 QUANTITIES = ("accelerations", "lagrangian", "momenta", "hamiltonian", "multiplier")
-# Names that mean something in Mathematica or Maple; an underscore there is a pattern.
-_RESERVED = frozenset(("C", "D", "E", "I", "K", "N", "O", "Pi", "gamma", "Gamma", "Zeta", "Psi", "Chi"))
-# Words of JavaScript, Julia, MATLAB, Octave and Maple that are none of C, C++, Rust and Python.
-_FURTHER = """
-    arguments await debugger eval finally function implements instanceof interface package typeof undefined var with
-    abstract baremodule begin elseif end export global import isa local macro module mutable outer primitive quote
-    using where classdef endfor endfunction endif otherwise parfor persistent spmd until by description done elif fi
-    intersect minus mod od option proc stop subset then to union use
-"""
-# What the programs themselves call and define.
-_CALLED = "out math Math dummy pow fabs abs sign merge powi powf signum cbrt hypot M_PI M_E"
+_TABLES = tomllib.loads((Path(__file__).parent / "languages.toml").read_text(encoding="utf-8"))
+_NAMES = _TABLES.pop("names")
 # Names that no variable of a program may have.
-_WORDS = frozenset(
-    (*keyword.kwlist, *c.reserved_words, *cxx.reserved["C++11"], *rust.reserved_words, *_FURTHER.split())
-) | {*_CALLED.split(), *QUANTITIES}
+_WORDS = {*keyword.kwlist, *c.reserved_words, *cxx.reserved["C++11"], *rust.reserved_words, *QUANTITIES}
+_WORDS |= {*_NAMES["words"].split(), *_NAMES["called"].split()}
+_RESERVED = {*_NAMES["reserved"].split()}
 _JAX_FUNCTIONS = ("lagrangian", "momenta", "hamiltonian")
 _JAX_HEAD = """import jax
 import jax.numpy as jnp
@@ -70,6 +61,7 @@ class Language:
     """How a function is written: a row of languages.toml, which says what each key is."""
 
     printed: Callable[[Any], str]
+    printer: str  # the name of `printed`
     opening: str
     assignment: str
     scalar: str
@@ -161,14 +153,10 @@ _PRINTERS: dict[str, Callable[[Any], str]] = {
 }  # fmt: skip
 
 
-def _languages() -> Iterator[tuple[str, Language]]:
-    """The languages of languages.toml."""
-    for name, row in tomllib.loads((Path(__file__).parent / "languages.toml").read_text(encoding="utf-8")).items():
-        printer = row.pop("printer")
-        yield name, Language(_PRINTERS.get(printer) or getattr(sympy, printer), **row)
-
-
-LANGUAGES: dict[str, Language] = dict(_languages())
+LANGUAGES = {
+    name: Language(_PRINTERS.get(row["printer"]) or getattr(sympy, row["printer"]), **row)
+    for name, row in _TABLES.items()
+}
 
 
 def program(answer: Answer, language: str) -> str:
@@ -189,13 +177,13 @@ def program(answer: Answer, language: str) -> str:
     return chosen.start + "\n\n".join(parts) + "\n"
 
 
-def known_quantities(answer: Answer) -> Iterator[tuple[str, str]]:
-    """What the answer has, each with why it is left out of a program, which is empty where it is not.
+def known_quantities(answer: Answer, wanted: Sequence[str] = QUANTITIES) -> Iterator[tuple[str, str]]:
+    """What the answer has of these, each with why it is left out of a program, which is empty where it is not.
 
     That is an integral in it, for which only SymPy's program has a class.
     """
     integrals = (answer._shown.get("integrals") or {}).keys()
-    for what in QUANTITIES:
+    for what in wanted:
         quantity = quantity_of(answer, what)
         if quantity is not None:
             functions = sympy.Tuple(*sympy.flatten([quantity])).atoms(sympy.Function)
@@ -408,12 +396,10 @@ def jax_program(answer: Answer) -> str:
     table = answer._table
     field = [*(table.velocity(name) for name in table.coordinates), *answer.accelerations]
     parts = [_jax_function(answer, "vector_field", field)]
-    for what, left_out in known_quantities(answer):
-        if left_out and what in _JAX_FUNCTIONS:
-            parts.append(f"# {left_out}")
-        elif what in _JAX_FUNCTIONS:
-            lines = [f"# {what}: where {one}" for one in conditions_of(answer, what)]
-            parts.append("\n".join([*lines, _jax_function(answer, what, quantity_of(answer, what))]))
+    for what, left_out in known_quantities(answer, _JAX_FUNCTIONS):
+        lines = [f"# {what}: where {one}" for one in conditions_of(answer, what)]
+        written = "" if left_out else _jax_function(answer, what, quantity_of(answer, what))
+        parts.append(f"# {left_out}" if left_out else "\n".join([*lines, written]))
     return _JAX_HEAD + "\n\n" + "\n\n\n".join(parts) + "\n"
 
 
@@ -454,14 +440,14 @@ def modelingtoolkit_program(answer: Answer) -> str:
     lines += ["equations = [", *(f"    D(D({name})) ~ {text(f)}," for name, f in pairs), "]"]
     lines.append("@named motion = System(equations, t)")
     hamiltonian = answer.hamiltonian
-    for what, left_out in known_quantities(answer):
-        if what in ("lagrangian", "hamiltonian") and left_out:
+    for what, left_out in known_quantities(answer, ("lagrangian", "hamiltonian")):
+        if left_out:
             lines.append(f"# {left_out}")
-        elif what in ("lagrangian", "hamiltonian"):
-            if what == "hamiltonian" and hamiltonian is not None and not hamiltonian.implicit:
-                lines.append(f"@variables {' '.join(map(str, hamiltonian.momenta))}")
-            lines += [f"# where {one}" for one in conditions_of(answer, what)]
-            lines.append(f"{what} = {text(quantity_of(answer, what))}")
+            continue
+        if what == "hamiltonian" and hamiltonian is not None and not hamiltonian.implicit:
+            lines.append(f"@variables {' '.join(map(str, hamiltonian.momenta))}")
+        lines += [f"# where {one}" for one in conditions_of(answer, what)]
+        lines.append(f"{what} = {text(quantity_of(answer, what))}")
     return "\n".join(lines) + "\n"
 
 

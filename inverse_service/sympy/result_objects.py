@@ -538,8 +538,14 @@ def answers_to_many(
 ) -> Iterator[Result | dict[str, Any]]:
     """The answers in the order of the systems."""
     from inverse_service.service.documents.answers import of_input_error
+    from inverse_service.sympy import asked
 
-    readings = [_asked(system) for system in systems]
+    readings = list[tuple[dict[str, Any], Any] | errors.InputError]()
+    for system in systems:
+        try:
+            readings.append(asked(system))
+        except errors.InputError as error:
+            readings.append(error)
     lines = [
         json.dumps({**reading[0], "id": place}, default=str)
         for place, reading in enumerate(readings)
@@ -554,15 +560,6 @@ def answers_to_many(
             yield result_of(answers[place], reading[1])
         else:
             yield answers[place]
-
-
-def _asked(system: Any) -> tuple[dict[str, Any], Any] | errors.InputError:
-    from inverse_service.sympy import asked
-
-    try:
-        return asked(system)
-    except errors.InputError as error:
-        return error
 
 
 def _answered(lines: list[str], workers: int, output: Path | None, time_limit: float) -> list[dict[str, Any]]:

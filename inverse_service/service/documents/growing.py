@@ -6,47 +6,24 @@ and parts, as {"parts": names, "value": fields of the result that are new, "seco
 the result of a run that a limit, a crash or a cancellation ended.
 """
 
+import json
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
 from typing import Any, Final
 
 from inverse_service import deadline
 
 Tell = Callable[[Any], None]
-# Which fields of a result a part is; the first message brings all others.
-FIELDS: Final[dict[str, tuple[str, ...]]] = {
-    "motion": ("nonholonomic",),
-    "conditions": ("conditions",),
-    "existence": ("verdict", "reason", "checked", "domain", "question"),
-    "existence_with_time": ("verdict_with_time",),
-    "certificate": ("certificate",),
-    "lagrangian": ("lagrangian", "multiplier", "integrals", "solution_space"),
-    "lagrangian_with_time": ("with_time",),
-    "hamiltonian": ("hamiltonian",),
-    "first_integrals": ("first_integrals",),
-    "any_associated": ("any_associated",),
-    "reduced": ("reduced",),
-    "clock": ("with_clock",),
-    "kinds": ("kinds", "instead"),
-    "explanation": ("explanation", "details"),
-}
-# Where the time of a stage counts; one that is not named continues the part before.
-_STAGES: Final = {
-    "conditions": "conditions", "the equations as given": "lagrangian", "decision": "existence",
-    "decision with time": "existence_with_time", "Hamiltonian": "hamiltonian", "explanation": "explanation",
-    "ansatz": "lagrangian", "method": "lagrangian", "any": "any_associated",
-    "first integrals": "first_integrals",
-}  # fmt: skip
+# The parts of a result in the order of wanting: its fields, where the first message brings all others; the stages whose
+# time is its own, where one that is not named continues the part before; what more time would do; how a page names it.
+PARTS: Final[dict[str, dict[str, Any]]] = json.loads((Path(__file__).parent / "parts.json").read_text("utf-8"))
+FIELDS: Final[dict[str, list[str]]] = {part: row["fields"] for part, row in PARTS.items()}
+_STAGES: Final = {stage: part for part, row in PARTS.items() for stage in row.get("stages", ())}
 # What is finished sooner after a message waits for the next part to begin: to make a result so far takes some ms; s of
 # processor time, so that it costs a busy machine no larger share.
 AT_ONCE = 0.1
 _TO_COME = "The computation is in progress."
-_MORE: Final = {
-    "existence": "A longer time limit lets the decision continue.",
-    "existence_with_time": "A longer time limit lets the decision continue.",
-    "lagrangian": "A longer time limit lets the search for a closed form continue.",
-    "lagrangian_with_time": "A longer time limit lets the search for a closed form continue.",
-}
 _MORE_OF_OTHERS = "A longer time limit allows this."
 
 
@@ -137,7 +114,7 @@ def _is_ruled_out(part: str, found: Mapping[str, Any]) -> bool:
 
 def entry(part: str, reason: str) -> dict[str, str]:
     """The entry of `incomplete` for a part."""
-    return {"part": part, "reason": reason, "more_time": _MORE.get(part, _MORE_OF_OTHERS)}
+    return {"part": part, "reason": reason, "more_time": PARTS.get(part, {}).get("more_time", _MORE_OF_OTHERS)}
 
 
 def events(message: Mapping[str, Any]) -> list[dict[str, Any]]:

@@ -31,7 +31,6 @@ CHECKED = "An independent checker verified the proof."
 DOUBTED = words.TABLES["doubted"]
 QUESTIONS = frozenset(("existence", "existence_with_time"))
 SOUGHT = (("L", "lagrangian"), ("H", "hamiltonian"))
-PARTS: dict[str, str] = words.TABLES["parts"]
 MOST_SOUGHT = 3
 INSTEAD = words.TABLES["instead"]
 KIND_NAMES: dict[str, str] = words.TABLES["kinds"]
@@ -420,7 +419,8 @@ def _missing(result: Mapping[str, Any], grows: bool) -> tuple[str, ...]:
     verdict = verdict_of(result)
     if not grows and (verdict == OPEN or (verdict == YES and is_constrained(result))):  # the headline says it
         found = [part for part in found if part not in (*QUESTIONS, "any_associated")]
-    words = list(dict.fromkeys(PARTS.get(part, part.replace("_", " ")) for part in found))
+    named = (growing.PARTS.get(part, {}).get("words") or part.replace("_", " ") for part in found)
+    words = list(dict.fromkeys(named))
     return (*words[:MOST_SOUGHT], *(["more"] if len(words) > MOST_SOUGHT else [])) if grows else tuple(words)
 
 
