@@ -1,8 +1,6 @@
-"""Results as dictionaries with attributes, many of them as a table, and a motion as a picture.
+"""Results as dictionaries with attributes in SymPy, many of them in order or as a table, and motions as pictures.
 
 SymPy is imported by the first attribute that is an expression.
-
-`answers_to_many` solves many systems in order.
 """
 
 from __future__ import annotations
@@ -37,7 +35,6 @@ VARIATIONAL = {"variational": True, "not_variational": False}
 _LETTERS = (("L", "lagrangian"), ("H", "hamiltonian"))
 
 _Part = TypeVar("_Part")
-
 STEPS = 1000
 START = 0.6  # of the first position; each next one is a third larger, velocities are 0
 LONGEST = 10.0  # s

@@ -88,14 +88,10 @@ def to_families(
     schema: schemas.NonholonomicDocument, system: constrained_motion.NonholonomicSystem
 ) -> list[tuple[ex.Expression, ...]]:
     """The families of multiples, each one tree for each coordinate; raises InputError."""
-    if schema.multiples is None:
-        return []
-    if isinstance(schema.multiples, dict):
-        return [constrained_motion.read_multiples(schema.multiples, system, schema.parameters)]
-    return [
-        constrained_motion.read_multiples(family, system, schema.parameters, f"/multiples/{place}")
-        for place, family in enumerate(schema.multiples)
-    ]
+    given = schema.multiples or []
+    families = {"": given} if isinstance(given, dict) else {f"/{place}": one for place, one in enumerate(given)}
+    read = constrained_motion.read_multiples
+    return [read(family, system, schema.parameters, f"/multiples{place}") for place, family in families.items()]
 
 
 def to_nonholonomic_part(study: nonholonomic_study.Study, kept: Sequence[FirstIntegral]) -> schemas.NonholonomicPart:
@@ -607,20 +603,19 @@ def _unasked(one: AssociatedSystem, reason: str = ONLY_THE_MOTION) -> nonholonom
 
 def _with_images(main: nonholonomic_study.AssociatedAnswer) -> solutions.Solution:
     """The solution, its Hamiltonian with the constraints in phase space."""
+    images = {each.found.lagrangian: each.found.images for each in reversed(main.reports)}
+
+    def imaged(answer: solutions.Answer | None) -> solutions.Answer | None:
+        if answer is None or answer.lagrangian is None or answer.hamiltonian is None:
+            return answer
+        found = images.get(answer.lagrangian.expression)
+        if found is None or answer.hamiltonian.implicit:  # without momenta there is no image in phase space
+            return answer
+        return dataclasses.replace(answer, hamiltonian=dataclasses.replace(answer.hamiltonian, constraints=found))
+
     solution = main.solution
     assert solution is not None
-    autonomous, with_time = _imaged(main, solution.autonomous), _imaged(main, solution.with_time)
-    return dataclasses.replace(solution, autonomous=autonomous, with_time=with_time)
-
-
-def _imaged(main: nonholonomic_study.AssociatedAnswer, answer: solutions.Answer | None) -> solutions.Answer | None:
-    if answer is None or answer.lagrangian is None or answer.hamiltonian is None:
-        return answer
-    expression = answer.lagrangian.expression
-    images = next((each.found.images for each in main.reports if each.found.lagrangian == expression), None)
-    if images is None or answer.hamiltonian.implicit:  # without momenta there is no image in phase space
-        return answer
-    return dataclasses.replace(answer, hamiltonian=dataclasses.replace(answer.hamiltonian, constraints=images))
+    return dataclasses.replace(solution, autonomous=imaged(solution.autonomous), with_time=imaged(solution.with_time))
 
 
 def parse(schema: schemas.NonholonomicDocument) -> schemas.NonholonomicParseAnswer:

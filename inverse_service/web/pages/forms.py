@@ -1,6 +1,4 @@
-"""Forms as browsers send them; the way from their fields to a document and back; what was understood, and refusals
-with their places. The last two are made in workers, which read forms.
-"""
+"""From the fields of a form to a document and back, how a document was understood, and the places of a refusal."""
 
 import email
 import math

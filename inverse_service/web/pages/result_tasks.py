@@ -1,6 +1,6 @@
 """Pages, pictures and files of results, made inside worker processes, which read the result in the store themselves.
 
-With them: what to try next where an answer stayed open, the tree of special cases, and the texts to take along.
+With them: what to try next where an answer stayed open, the texts to take along, and the answer next to a form.
 """
 
 import gzip

@@ -33,9 +33,6 @@ from inverse_service.web.problems import Refusal, known
 
 T = TypeVar("T")
 router = APIRouter()
-
-# The service's own calls.
-
 # What says who asks; everything else of the browser's request is the page's own business.
 PASSED_ON = ("authorization", "x-api-key", "cookie", "host")
 ORIGIN = "http://pages.invalid"
