@@ -121,10 +121,8 @@ def _exception_lines(one: dict[str, Any]) -> Iterator[str]:
 
 
 def _read(name: str) -> dict[str, Any]:
-    text = plain_data.decode(cli.read_bytes(name, MAX_RESULT_BYTES))
-    if name.lower().endswith((".yaml", ".yml", ".toml")):
-        text = plain_data.write_json(plain_data.read_document(text, name))
-    found = plain_data.read_json(text)
+    data, is_json = cli.read_bytes(name, MAX_RESULT_BYTES), not name.lower().endswith((".yaml", ".yml", ".toml"))
+    found = plain_data.read_json(data) if is_json else plain_data.read_document(data, name)
     if not isinstance(found, dict):
         detail = "The file is not a result: a JSON object with verdict, system and certificate is needed."
         raise errors.InputError(detail)

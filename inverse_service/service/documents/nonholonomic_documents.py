@@ -88,7 +88,7 @@ def to_families(
     schema: schemas.NonholonomicDocument, system: constrained_motion.NonholonomicSystem
 ) -> list[tuple[ex.Expression, ...]]:
     """The families of multiples, each one tree for each coordinate; raises InputError."""
-    given = schema.multiples or []
+    given = [] if schema.multiples is None else schema.multiples
     families = {"": given} if isinstance(given, dict) else {f"/{place}": one for place, one in enumerate(given)}
     read = constrained_motion.read_multiples
     return [read(family, system, schema.parameters, f"/multiples{place}") for place, family in families.items()]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -168,25 +167,23 @@ def _form_of_result(result: Mapping[str, Any], job: str) -> tuple[SceneForm, dic
     given = (result.get("system") or {}).get("given")
     if not given:
         return None
-    starts = importlib.import_module("inverse_service.web.pages.starts")
-    is_forward = "verdict" not in result
+    from inverse_service.web.pages import starts  # which needs the extras of simulations
+
+    answer: Mapping[str, Any] = {}
+    found, is_forward = dict[str, str](), "verdict" not in result
     if result.get("nonholonomic") or is_forward:
         # Names that were left to be found in the text are taken from what was found.
         names = {key: list(result["system"][key]) for key in ("coordinates", "parameters")
                  if not isinstance(given.get(key), list | dict)}  # fmt: skip
-        system_of_it = {"document": {key: given[key] for key in CONSTRAINED if key in given} | names}
-        if is_forward:
-            form = form_of_system(system_of_it, job=job)
-            return starts.with_good_start(form, system_of_it, {}), {"system": system_of_it}
+        system: dict[str, Any] = {"document": {key: given[key] for key in CONSTRAINED if key in given} | names}
         # A Lagrangian with arbitrary functions is looked for again, with the functions that the scene gives.
-        known = result.get("lagrangian") and not given.get("functions")
-        found = {"free_lagrangian": result["lagrangian"]["text"]} if known else {}
-        form = starts.with_good_start(form_of_system(system_of_it, job=job), system_of_it, {}, found)
-        return form, {"system": system_of_it, **found}
-    base = {"system": {"result": result}}
-    form = form_of_system(base["system"], job=job)
-    with_lagrangian = [answer for answer, _ in text_page.answers_of(result, result) if answer["lagrangian"]]
-    return starts.with_good_start(form, base["system"], with_lagrangian[0] if with_lagrangian else {}), base
+        if not is_forward and result.get("lagrangian") and not given.get("functions"):
+            found = {"free_lagrangian": result["lagrangian"]["text"]}
+    else:
+        system = {"result": result}
+        answer = next((one for one, _ in text_page.answers_of(result, result) if one["lagrangian"]), answer)
+    form = starts.with_good_start(form_of_system(system, job=job), system, answer, found)
+    return form, {"system": system, **found}
 
 
 def form_of_system(system: Mapping[str, Any], **address: str) -> SceneForm:
