@@ -18,7 +18,6 @@ _SAYS: Final = {
 
 def cell(
     system: Mapping[str, Any],
-    question: str,
     verdict: str,
     certificate: Mapping[str, Any],
     proof: CheckResult,
@@ -52,16 +51,14 @@ def cell(
 def of_certificate(certificate: Mapping[str, Any], proof: CheckResult) -> dict[str, Any]:
     """The statement that one certificate proves."""
     system = certificate["system"]
-    return _statement(system, cell(system, certificate["question"], certificate["claim"], certificate, proof))
+    return _statement(system, cell(system, certificate["claim"], certificate, proof))
 
 
 def cell_of(statement: Mapping[str, Any]) -> dict[str, Any]:
     return {key: statement[key] for key in ("domain", "near", "verdict")}
 
 
-def of_cells(
-    result: Mapping[str, Any], system: Mapping[str, Any], cells: Sequence[Mapping[str, Any]]
-) -> dict[str, Any] | None:
+def of_cells(system: Mapping[str, Any], cells: Sequence[Mapping[str, Any]]) -> dict[str, Any] | None:
     """The statement of a result: of its main fields, with the other cells in words."""
     if not cells:
         return None

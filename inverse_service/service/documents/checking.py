@@ -264,9 +264,9 @@ class Examination:
                         self.contradict(f"{at}/{key}", value, "The first branch does not agree with the main fields.")
             main = self.main(branch, at, timed, own) and main
         self.kinds(plain, own, moving)
-        self.instead(document, plain, own)
-        self.motions(document, plain, timed)
-        self.others(document, plain, own)
+        self.instead(document, own)
+        self.motions(plain, timed)
+        self.others(document, own)
         if not moving:
             self.cases(document)
         if not main and not (asks_motion_alone(plain) and result.get("any_associated")):
@@ -277,7 +277,7 @@ class Examination:
             self.covered(plain)
         self.named(plain, own)
         if not self.contradictions:
-            self.statement = canonical.joined([canonical.of_cells(result, own, self.cells), *self.further])
+            self.statement = canonical.joined([canonical.of_cells(own, self.cells), *self.further])
 
     def differ(self, key: str) -> bool:
         """Whether the cells have different verdicts."""
@@ -325,7 +325,7 @@ class Examination:
             proof = self.proof(certificates[0])
             energy = part.get("hamiltonian") if f"{at}/hamiltonian/text" in self.claimed else None
             whole = f"{at}/hamiltonian/domain" in self.claimed
-            self.cells.append(canonical.cell(own, asked, str(verdict), certificates[0], proof, energy, whole))
+            self.cells.append(canonical.cell(own, str(verdict), certificates[0], proof, energy, whole))
         return good and None not in certificates and "undetermined" not in (verdict, later)
 
     def proof(self, certificate: dict[str, Any]) -> CheckResult:
@@ -516,7 +516,7 @@ class Examination:
             if part.get("verdict") != "undetermined" and settled is None:
                 self.unsettled(f"{at}: no certificate proves the verdict.")
 
-    def instead(self, document: Any, plain: Any, own: dict[str, Any]) -> None:
+    def instead(self, document: Any, own: dict[str, Any]) -> None:
         part = _object(self.result.get("instead"))
         if not part:
             return
@@ -586,7 +586,7 @@ class Examination:
         if found is None and verdict != "undetermined":
             self.unsettled(f"{at}: no certificate proves it.")
 
-    def others(self, document: Any, plain: Any, own: dict[str, Any]) -> None:
+    def others(self, document: Any, own: dict[str, Any]) -> None:
         """The system with another clock, and the reduced one."""
         if clock := _object(self.result.get("with_clock")):
             self.about_another("/with_clock", clock, derived.system_with_clock(document, clock))
@@ -599,7 +599,7 @@ class Examination:
             if clock := _object(reduced.get("with_clock")):
                 self.about_another("/reduced/with_clock", clock, clocked)
 
-    def motions(self, document: Any, plain: Any, timed: bool) -> None:
+    def motions(self, plain: Any, timed: bool) -> None:
         """The statements about a motion on constraints, on each branch."""
         branches = self.result.get("branches") or []
         for at, holder in [("", self.result), *((f"/branches/{k}", one) for k, one in enumerate(branches))]:

@@ -300,7 +300,7 @@ def _case(
     if shown.get("exceptions") and result.get("system"):
         notes.append(_general(shown["exceptions"], result, names))
     notes += _checked([shown])
-    notes += [_other_note(shown, other) for other in others if verdict == YES and not QUESTIONS.intersection(pending)]
+    notes += [_other_note(other) for other in others if verdict == YES and not QUESTIONS.intersection(pending)]
     more = [_other_row(other, result, names) for other in others if other.get("lagrangian")]
     if not brief:
         more += _answer_rows(shown, result, names)
@@ -320,7 +320,7 @@ def _case(
     )
 
 
-def _other_note(shown: Mapping[str, Any], other: Mapping[str, Any]) -> Markup:
+def _other_note(other: Mapping[str, Any]) -> Markup:
     """The sentence about the question that is not shown large."""
     kind = "containing" if other["timed"] else "without"
     if other["verdict"] == "variational":
