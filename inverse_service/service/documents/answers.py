@@ -37,7 +37,7 @@ ENDS = {
     "memory": (422, "memory-limit", "The memory limit of {memory} MiB was reached", "simplify the request"),
     "killed": (422, "memory-limit", "The worker process was killed repeatedly, probably for lack of memory",
                "simplify the request"),
-    "crash": (500, "fault", "The worker process died repeatedly on this document", FAULT),
+    "crash": (500, "fault", "The worker process died repeatedly", FAULT),
     "cancelled": (410, "dismissed", "The job was dismissed", ""),
     "unstarted": (503, "not-ready", "No worker process could be started for a long time", "submit the request again"),
 }  # fmt: skip
