@@ -297,8 +297,9 @@ class _Integrals:
         first = int(np.argmax(points.good))
         fixed = {key: int(x[first]) for key, x in points.values.items() if not ex.holds(key[1], *moving)}
         wanted = len(ansatz.terms) + _SPARE
+        count = (wanted + _SPARE) * points.count // int(points.good.sum())
         for doubling in range(_DOUBLED):
-            points, jets = self._along(kernels, fixed, (wanted + _SPARE) << doubling)
+            points, jets = self._along(kernels, fixed, count << doubling)
             good = np.flatnonzero(points.good)[:wanted]
             if len(good) == wanted:
                 break
