@@ -250,6 +250,9 @@ def primitive(x: Variable, wanted: tm.Terms, table: real_point.RealTable | None 
     """
     columns: dict[tm.Monomial, tm.Terms] = {}
     wanted = _proper(wanted, x)
+    poles = {p for key in wanted for p, e in key if e < 0 and isinstance(p, ex.Sum) and ex.holds(p, x)}
+    if len(poles) == 1 and (found := _by_partial_fractions(x, wanted)) is not None:
+        return found  # the steps below divide by the discriminant of the sum, at length where that has letters
     fresh, most = list(wanted), 2 * bounds.COLUMNS + 4 * len(wanted)
     for _ in range(bounds.FEW):
         raised = dict.fromkeys(m for key in fresh for m in material.antiderivatives(key, x))
