@@ -44,7 +44,6 @@ _INNER = r"(?:[^{}]|\{(?:[^{}]|\{[^{}]*\})*\})*"  # of braces, with two levels o
 _FONT = r"\\(?:mathrm|operatorname\*?|textrm|textnormal|text|mbox|mathit|rm)" + _NO_LETTER
 _UPRIGHT = rf"(?:{_FONT}|\\(?:bar|tilde|widetilde){_NO_LETTER})"
 _ROMAN = re.compile(rf"\{{\s*\\rm{_NO_LETTER}")
-_SIDE = re.compile(rf"\\(left|right){_NO_LETTER}\s*(.)", re.DOTALL)
 _RUN = re.compile("[A-Za-z0-9]+")
 _INDEX = r"(?:\{[^{}]*\}|\\[A-Za-z]+|.)"
 _INTO, _OUT = rf"(?:\s|\{{|\\left{_NO_LETTER})*", rf"(?:\s|\}}|\\right{_NO_LETTER})*"
@@ -134,6 +133,7 @@ class _Translator:
         self._tokens: Tokens = []
         self._spaced = False
         self._seen = self._depth = 0
+        self._lefts: list[tuple[str, Tokens, int]] = []  # each \left: its sign, and the place of the bracket
         # The matrices and cases that are not ended yet: where they begin, and the name of a matrix.
         self._matrices: list[tuple[Token, Tokens, int, str | None]] = []
 
@@ -356,23 +356,17 @@ class _Translator:
         match = self._take(_DELIMITER)
         name = match[match.lastindex or 0] if match else ""
         text = _SIGNS.get(name, name)
+        if side == "left":
+            self._lefts.append((name, self._tokens, len(self._tokens)))
+        opening, line, start = self._lefts.pop() if side == "right" and self._lefts else ("", self._tokens, 0)
         if text and text in (_OPENING if side == "left" else _CLOSING):
-            if name in ("{", "lbrace") and not self._closes_later():
-                return  # \left\{ before a list of equations; it is ended by \right.
             self._emit("(" if side == "left" else ")", here, space=True)
         elif text == "|":
             self._emit("|", here)
-        elif text != "." or (side == "left" and self._closes_later()):
+        elif text != ".":
             raise refusal(f"this delimiter after \\{side} is not accepted", here.column, "write ( and )")
-
-    def _closes_later(self) -> bool:
-        """Whether the \\left just read is ended by a real bracket and not by \\right."""
-        depth = 1
-        for match in _SIDE.finditer(self._text, self._place):
-            depth += 1 if match[1] == "left" else -1
-            if depth == 0:
-                return match[2] != "."
-        return True
+        elif opening in ("{", "lbrace") and line is self._tokens:
+            del line[start]  # \left\{ before a list of equations that \right. ends
 
     def _argument(self, at: Token) -> Tokens:
         """One argument: a group, or one piece as in \\frac12."""

@@ -31,7 +31,8 @@ _NUMBER = r"\(?[\d.]*\d[a-z]?\)?"
 _NUMBERED = rf"[Ee]q(?:uation|n)?(?:\.\s*|\s+|\s*(?=\()){_NUMBER}"
 _LABEL = re.compile(
     rf"(?:^|(?<=[;\n]))[ \t]*(?:[A-Z][\w -]{{2,40}}[\w]|{_NUMBERED}|eq\d+)\s*:(?![=:])"
-    rf"|[ \t](?:,?[ \t]*(?:\({_NUMBERED}\)|\[{_NUMBERED}\]|{_NUMBERED})|(?:\.{{3,}}|\u2026)[ \t]*{_NUMBER})"
+    rf"|(?<![ \t])[ \t]+(?:(?:,[ \t]*)?(?:\({_NUMBERED}\)|\[{_NUMBERED}\]|{_NUMBERED})"
+    rf"|(?:\.{{3,}}|\u2026)[ \t]*{_NUMBER})"
     r"(?=[ \t]*(?:[.;\n]|$))"
 )
 # q''_1, \omega^2_0 and \u03c9\u00b2\u2080, whose order TeX does not show; \Gamma^x_{xx} is a tensor.
@@ -43,9 +44,7 @@ _RAISED_FIRST = re.compile(
 # m g. \quad (2) and y^{2} .\end{array}: the full stop after an equation.
 _FULL_STOP = re.compile(r"(?<![\d.\s])(?<!\\left)(?<!\\right)(\s*)\.(?=\s+\S|\s*\\(?:q?quad|\\|right|end))")
 # $x'' = -x$ where words, or other formulas, are beside it; not Maple's t$2.
-_MATHEMATICS = re.compile(
-    r"(?<![\w)\\])(\$\$?)([^$]+)\1(?!\w)|(?<!\\)(?<!\\!)(\\\(|\\\[)(.+?)(?<!\\)\\[)\]]", re.DOTALL
-)
+_MATHEMATICS = re.compile(r"(?<![\w)\\])(\$\$?)([^$]+)\1(?!\w)|(?<!\\)(?<!\\!)\\[(\[]((?:[^\\]|\\[^()\[\]])*)\\[)\]]")
 _COMMENT = re.compile(r"(?<!\\)%.*")
 _COMPARES = re.compile(r"[=<>\u2264\u2265]|\\(?:le|ge|ne|equiv)")
 _PROSE = re.compile(r"(?<![_^]\{)(?<![_^])(\(\s*)?\\(?:text|textrm|mbox|intertext)\s*\{([^{}$\\]*)\}(?(1)\s*\))")
@@ -463,7 +462,7 @@ def _mathematics(formula: str) -> str:
     parts = [*_MATHEMATICS.finditer(formula)]
     outside = " ".join(_MATHEMATICS.sub(" ", formula).split()).strip(".,; ")
     alone = len(parts) == 1 and not outside
-    kept = [part.span(k) for part in parts for k in (2, 4) if part[k] and (alone or _COMPARES.search(part[k]))]
+    kept = [part.span(k) for part in parts for k in (2, 3) if part[k] and (alone or _COMPARES.search(part[k]))]
     if not kept or "$" in outside:
         return formula
     found = [" "] * len(formula)
