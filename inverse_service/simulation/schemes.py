@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 
 from inverse_service.errors import InputError
-from inverse_service.integrators.method_table import PAIRS, RODAS, TABLEAUX, Tableau, collocation
+from inverse_service.integrators.method_table import GAUSS_LEGENDRE, PAIRS, RODAS, TABLEAUX, Tableau
 from inverse_service.integrators.trajectory import Array
 from inverse_service.integrators.variational import (
     between,
@@ -409,24 +409,19 @@ def _named(statements: list[programs.Statement], formulas: Sequence[Formula], pr
 
 def gauss_legendre(f: Formulas, choice: MethodChoice, observation: Observation) -> programs.Program:
     """Unknowns u = h q'' at the stages, by fixed-point iteration."""
-    matrix, squared, weights, position_weights, nodes = collocation()
-    q, v = f.symbols("q"), f.symbols("v")
-    stages = range(len(nodes))
+    tableau, q, v = GAUSS_LEGENDRE, f.symbols("q"), f.symbols("v")
+    stages = range(len(tableau.nodes))
     u = [[symbol(f"u{j}_{k}") for k in range(f.size)] for j in stages]
     values: list[Formula] = []
-    for j in stages:
-        place = [
-            q[k] + STEP * (number(nodes[j]) * v[k] + sum((number(squared[j][i]) * u[i][k] for i in stages), number(0)))
-            for k in range(f.size)
-        ]
-        speed = [v[k] + sum((number(matrix[j][i]) * u[i][k] for i in stages), number(0)) for k in range(f.size)]
-        table = dict(zip([*q, *v, MOMENT], [*place, *speed, moment_at(number(nodes[j]))], strict=True))
+    for node, row, places in zip(tableau.nodes.tolist(), tableau.rows, tableau.places, strict=True):
+        moved = [number(node) * x + pull for x, pull in zip(v, _combined(places, u, f.size), strict=True)]
+        point = [*between(q, moved, STEP), *between(v, _combined(row, u, f.size), 1)]
+        table = dict(zip([*q, *v, MOMENT], [*point, moment_at(number(node))], strict=True))
         values += [STEP * a.subs(table) for a in f.accelerations]
     names = tuple(str(name) for row in u for name in row)
     block = programs.Iterate(names, tuple(values), tuple(f"v{k}" for _ in stages for k in range(f.size)))
-    changes = [
-        STEP * (v[k] + sum((number(position_weights[i]) * u[i][k] for i in stages), number(0))) for k in range(f.size)
-    ] + [sum((number(weights[i]) * u[i][k] for i in stages), number(0)) for k in range(f.size)]
+    moves = between(v, _combined(tableau.ends, u, f.size), 1)
+    changes = [*(STEP * move for move in moves), *_combined(tableau.weights, u, f.size)]
     watches = motion_walls(f, point_after(f, changes)) if choice.guard else []
     return _point_program(f, observation, (block,), changes, watches, 0)
 

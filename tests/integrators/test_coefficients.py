@@ -25,13 +25,12 @@ def test_compositions_are_symmetric_and_cancel_odd_powers(order: int) -> None:
 
 
 def test_gauss_legendre_integrates_all_polynomials_of_its_order() -> None:
-    matrix, squared, weights, position_weights, nodes = method_table.collocation()
-    for power in range(2 * method_table.STAGES):
-        value = sum(b * c**power for b, c in zip(weights, nodes, strict=True))
-        assert value == pytest.approx(1 / (power + 1), rel=1e-14)
-    assert np.allclose(np.array(matrix) @ np.array(matrix), squared, atol=1e-16)
-    assert np.allclose(np.array(weights) @ np.array(matrix), position_weights, atol=1e-16)
-    assert np.allclose(np.array(matrix).sum(axis=1), nodes, atol=1e-16)
+    one = method_table.GAUSS_LEGENDRE
+    for power in range(2 * len(one.nodes)):
+        assert one.weights @ one.nodes**power == pytest.approx(1 / (power + 1), rel=1e-14)
+    assert np.allclose(one.rows @ one.rows, one.places, atol=1e-16)
+    assert np.allclose(one.weights @ one.rows, one.ends, atol=1e-16)
+    assert np.allclose(one.rows.sum(axis=1), one.nodes, atol=1e-16)
 
 
 Tree = tuple["Tree", ...]
