@@ -20,8 +20,10 @@ import numpy as np
 from inverse_service.expressions.tree import add
 from inverse_service.reading.names import Names
 from inverse_service.reading.reader import read_formula
+from inverse_service.simulation.costs import operations as operations_of
 from inverse_service.simulation.derivation import derive, lagrangian_parts, problem_of
-from inverse_service.simulation.running import MethodRun, observed_problem, operations as operations_of, run_method
+from inverse_service.simulation.observing import observed_problem
+from inverse_service.simulation.running import MethodRun, run_method
 from inverse_service.simulation.scene_data import (
     FreeLagrangian,
     Grid,
@@ -88,13 +90,13 @@ def costs(steps: int, repeats: int) -> list[Cost]:
         begun = time.perf_counter()
         derived = derive(scene, _no_free)
         derived_in.append(time.perf_counter() - begun)
-        firsts.append(run_method(replace(scene, grid=Grid(0.01, 10)), METHOD, derived, None))
+        firsts.append(run_method(replace(scene, grid=Grid(0.01, 10)), METHOD, derived, None, None, _no_free))
     best = [float("inf")] * len(scenes)
     last: list[MethodRun] = list(firsts)
     for turn in range(repeats):
         order = range(len(scenes)) if turn % 2 == 0 else range(len(scenes) - 1, -1, -1)
         for k in order:
-            last[k] = run_method(scenes[k], METHOD, derive(scenes[k], _no_free), None)
+            last[k] = run_method(scenes[k], METHOD, derive(scenes[k], _no_free), None, None, _no_free)
             best[k] = min(best[k], last[k].seconds["run"])
     rows = zip(ROWS, derived_in, firsts, best, last, strict=True)
     return [

@@ -145,6 +145,12 @@ def problem_of(scene: Scene, requested: Requested, derived: Derived) -> Problem 
     )
 
 
+def free_of(requested: Requested, derived: Derived) -> FreeLagrangian | None:
+    """The free Lagrangian that a method uses, where it uses one and there is one."""
+    found = derived.free.get(requested.free) if requested.method in USES_FREE else None
+    return found if isinstance(found, FreeLagrangian) else None
+
+
 def with_accelerations(scene: Scene, derived: Derived) -> Problem | Unavailable:
     """The problem for methods that integrate q'' = f."""
     if derived.accelerations is None or isinstance(derived.accelerations, Unavailable):

@@ -10,11 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inverse_service.errors import InputError
-from inverse_service.integrators.method_table import USES_FREE
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.kernels.codegen.program import NOT_STARTED, STATUS
 from inverse_service.simulation import initial, observing, scene_data as data, truth
-from inverse_service.simulation.derivation import Derived, problem_of
+from inverse_service.simulation.derivation import Derived, free_of, problem_of
 from inverse_service.simulation.ensembles import ALL_METHODS, Many, run_ensemble
 from inverse_service.simulation.estimates import TOO_LARGE, errors_of, finer
 from inverse_service.simulation.numeric_formulas import NoValue, array_value, table_of
@@ -49,9 +48,7 @@ def run_members(scene: data.Scene, derived: Derived, requested: data.Requested, 
     if isinstance(problem, data.Unavailable):
         return EnsembleRun(requested, Outcome("unavailable", remedy=problem.reason), None)
     problem = problem.with_used_parameters()
-    free = derived.free.get(requested.free) if requested.method in USES_FREE else None
-    known = free if isinstance(free, data.FreeLagrangian) else None
-    members = scene.ensemble
+    known, members = free_of(requested, derived), scene.ensemble
     values: dict[str, float | Array] = {**scene.values, **(known.constants if known else {})}
     values |= dict(requested.constants) | dict(members.values)
     begun = time.perf_counter()

@@ -1,6 +1,6 @@
 """Ensembles: arrays of starts and parameters, trajectories in parallel SIMD lanes, groups of lanes on all cores.
 
-The members of an ensemble of a scene: started, run and observed.
+`ensemble_runs` starts, runs and observes the members of the ensemble of a scene.
 """
 
 from collections.abc import Mapping

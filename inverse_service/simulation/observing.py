@@ -107,6 +107,30 @@ def observables(scene: data.Scene) -> data.Observation:
     return tuple(found)
 
 
+def observed_problem(scene: data.Scene, problem: data.Problem) -> tuple[data.Problem, data.Observation]:
+    """The problem with the parameters that the observed formulas need, and the recorded formulas."""
+    observation = observables(scene)
+    if observation and "energy" in scene.observe:
+        problem = replace(problem, parameters=(*problem.parameters, ENERGY_START))
+    return problem.with_used_parameters([one.expression for one in observation]), observation
+
+
+def beginning(
+    scene: data.Scene, requested: data.Requested, free: data.FreeLagrangian | None
+) -> tuple[dict[str, float], data.Start]:
+    """Numbers of all parameters, the free constants of the method and the energy to compare with among them, and the
+    start: momenta where L~ gives them itself (they may be 0/0 in the velocities)."""
+    values = dict(scene.values) | (dict(free.constants) if free else {}) | dict(requested.constants)
+    if "energy" in scene.observe and scene.lagrangian is not None:
+        values[ENERGY_START] = start_energy(scene) or 0.0
+    momenta = None
+    if free is not None and free.start_momenta is not None and requested.convention == "momenta":
+        found = free.start_momenta(scene.positions, scene.velocities, values)
+        momenta = tuple(map(float, found)) if np.isfinite(found).all() else None
+    positions, velocities = tuple(map(float, scene.positions)), tuple(map(float, scene.velocities))
+    return values, data.Start(positions, velocities, momenta, requested.convention)
+
+
 def conserved_momenta(scene: data.Scene, problem: data.Problem) -> list[int]:
     """Indices of the cyclic coordinates of the method's Lagrangian, whose momenta are constant."""
     lagrangian = problem.free_lagrangian or problem.lagrangian

@@ -273,7 +273,7 @@ def _repeated(
             if turn == 0:
                 times[k].append(one.best_seconds or 0.0)
                 continue
-            run = running.observed_run(replace(scene, grid=_grid(length, one.steps)), one.requested, derived, None)
+            run = running.observed_run(replace(scene, grid=_grid(length, one.steps)), one.requested, derived)
             if run.trajectory is not None and run.outcome.completed:
                 times[k].append(run.trajectory.run_seconds)
     return [
@@ -393,7 +393,7 @@ def _long_run(scene: data.Scene, one: Setting, derived: derivation.Derived) -> L
     requested = one.requested
     if requested.choice is not None:  # a long run is not checked a second time
         requested = replace(requested, choice=replace(requested.choice, guard=False))
-    run = running.observed_run(scene, requested, derived, None)
+    run = running.observed_run(scene, requested, derived)
     if run.trajectory is None or not run.outcome.completed or run.observed is None:
         return LongRun(one, reason=reason_of(run))
     at, velocities = run.trajectory, observing.velocities_at_points(run.observed)

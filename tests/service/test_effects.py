@@ -13,7 +13,7 @@ from inverse_service.service.scenes.scene_reading import read_scene, scene_schem
 from inverse_service.service.scenes.simulating import simulate
 from inverse_service.simulation.derivation import derive, problem_of
 from inverse_service.simulation.numeric_formulas import Formulas
-from inverse_service.simulation.running import observed_problem
+from inverse_service.simulation.observing import observed_problem
 from inverse_service.simulation.scene_data import Problem, Unavailable
 from inverse_service.simulation.schemes import program_of
 

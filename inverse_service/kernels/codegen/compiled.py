@@ -35,7 +35,7 @@ def code_digest() -> str:
     digest = hashlib.sha256()
     root = Path(__file__).parents[2]
     for room in _ROOMS:
-        for path in sorted([*(root / room).rglob("*.py"), *(root / room).rglob("*.toml")]):
+        for path in sorted(path for ending in ("py", "toml", "ll") for path in (root / room).rglob(f"*.{ending}")):
             digest.update(path.name.encode() + b"\0" + path.read_bytes())
     digest.update(loading.processor_name().encode())
     return digest.hexdigest()

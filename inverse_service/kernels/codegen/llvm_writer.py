@@ -10,6 +10,7 @@ import struct
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import lru_cache
+from pathlib import Path
 
 import symengine
 
@@ -33,31 +34,7 @@ HARDLY_EVER = '!0 = !{!"branch_weights", i32 1000000, i32 1}'
 _ROUND = 6755399441055744.0  # 1.5 * 2^52: adding it rounds to an integer and shows its last bits
 
 SIGNATURE = "ptr noalias %memory, ptr noalias %weights, ptr noalias %control, ptr noalias %record"
-# Kernel after kernel: to call each from Python costs 20 to 40 microseconds, as threads wait for Python's lock.
-GROUPS = f"""define void @groups({SIGNATURE}, i64 %count, ptr %strides) nounwind {{
-entry:
-  %has = icmp sgt i64 %count, 0
-  %at1 = getelementptr i64, ptr %strides, i64 1
-  %at2 = getelementptr i64, ptr %strides, i64 2
-  %by0 = load i64, ptr %strides, align 8
-  %by1 = load i64, ptr %at1, align 8
-  %by2 = load i64, ptr %at2, align 8
-  br i1 %has, label %again, label %end
-again:
-  %group = phi i64 [ 0, %entry ], [ %next, %again ]
-  %off0 = mul i64 %group, %by0
-  %off1 = mul i64 %group, %by1
-  %off2 = mul i64 %group, %by2
-  %m = getelementptr i8, ptr %memory, i64 %off0
-  %c = getelementptr i8, ptr %control, i64 %off1
-  %r = getelementptr i8, ptr %record, i64 %off2
-  call void @kernel(ptr %m, ptr %weights, ptr %c, ptr %r) noinline
-  %next = add i64 %group, 1
-  %more = icmp slt i64 %next, %count
-  br i1 %more, label %again, label %end
-end:
-  ret void
-}}"""
+GROUPS = (Path(__file__).parent / "groups.ll").read_text(encoding="utf-8")  # runs kernel after kernel
 _OPERATIONS = {"+": "fadd", "-": "fsub", "*": "fmul", "/": "fdiv"}
 _INTRINSICS = frozenset(("sqrt", "exp", "log", "pow"))
 _LIBRARY = frozenset(("sinh", "cosh", "tanh", "asin", "acos", "atan", "asinh", "acosh", "atanh"))

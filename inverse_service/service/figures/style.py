@@ -11,21 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 TRUE_COLOR = "#222222"
-SETTINGS: Any = {
-    "font.size": 9.5,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.grid": True,
-    "grid.color": "#e4e4e4",
-    "grid.linewidth": 0.6,
-    "axes.axisbelow": True,
-    "axes.titlesize": 10,
-    "axes.titleweight": "bold",
-    "axes.titlelocation": "left",
-    "legend.frameon": False,
-    "svg.hashsalt": "inverse-service",
-    "svg.fonttype": "path",
-}
+SETTINGS: Any = matplotlib.rc_params_from_file(Path(__file__).parent / "figures.mplstyle", use_default_template=False)
 RESOLUTION = 160
 CAPTION_SIZE = 9
 

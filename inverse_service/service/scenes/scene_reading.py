@@ -6,10 +6,12 @@ Each error is one sentence with its location.
 
 import math
 import re
+import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
 from itertools import product
+from pathlib import Path
 from typing import Any, get_args
 
 import numpy as np
@@ -36,7 +38,7 @@ from inverse_service.integrators.trajectory import Array
 from inverse_service.reading.document_names import Declared
 from inverse_service.reading.names import Names, declared_name
 from inverse_service.reading.reader import read_formula
-from inverse_service.service.documents.accepting import FORMULA, Steps, Wording, validated, without
+from inverse_service.service.documents.accepting import Steps, Wording, validated, without
 from inverse_service.service.documents.plain_data import escape
 from inverse_service.service.documents.preparing import prepared_scene
 from inverse_service.service.scenes import scene_system
@@ -46,75 +48,14 @@ from inverse_service.simulation.initial import check_constraints, initial_veloci
 from inverse_service.simulation.numeric_formulas import NoValue, array_value
 
 HIDDEN = frozenset({*TAGS, "[key]", "quantity", "formulas", "columns", "list"})
-NUMBER = 'a number, or a text such as "1/2" or "pi/4"'
-EXPECTED: dict[Steps, str] = {
-    (): "an object with system, initial, step, steps and methods",
-    ("name",): "a text",
-    ("system",): scene_system.SYSTEM,
-    ("system", "catalogue"): 'the name of a system, such as "vertically-rolling-disk"',
-    ("system", "document"): "a document with coordinates and lagrangian or equations",
-    ("system", "result"): "the result that solve gave",
-    ("parameters",): 'an object with values, such as {"M": 1, "R": "1/2"}',
-    ("parameters", "*"): NUMBER,
-    ("functions",): 'an object with formulas, such as {"A": "cos(r1)"}',
-    ("functions", "*"): FORMULA,
-    ("effects",): 'a list of names such as ["constraints", "potential"]',
-    ("effects", "*"): "a name",
-    ("terms",): """an object of terms of L by name, such as {"spring": "-k*x^2/2"}""",
-    ("terms", "*"): FORMULA,
-    ("initial",): "an object with positions and velocities or momenta",
-    ("initial", "positions"): "an object with a number for each coordinate",
-    ("initial", "velocities"): "an object with numbers by coordinate",
-    ("initial", "momenta"): "an object with a number for each coordinate",
-    **{("initial", key, "*"): NUMBER for key in ("positions", "velocities", "momenta")},
-    ("initial", "project"): "true or false",
-    ("step",): "a positive number, the size of a step",
-    ("steps",): f"an integer from 1 to {MAX_STEPS}",
-    ("time",): "a positive number, the length of time",
-    ("record_every",): f"an integer from 1 to {MAX_STEPS}",
-    ("methods",): f'a list of 1 to {MAX_METHODS} methods such as {{"method": "variational", "alpha": "1/2"}}',
-    ("methods", "*"): 'an object such as {"method": "variational", "alpha": "1/2"}',
-    ("methods", "*", "method"): "one of " + ", ".join(get_args(MethodName)),
-    ("methods", "*", "alpha"): "a number from 0 to 1",
-    ("methods", "*", "symmetrised"): "true or false",
-    ("methods", "*", "order"): "2, 4, 6 or 8 ({} for runge-kutta)".format(", ".join(map(str, RUNGE_KUTTA))),
-    ("methods", "*", "form"): '"hamiltonian" or "raw"',
-    ("methods", "*", "start"): '"momenta" or "discrete_constraint"',
-    ("methods", "*", "constants"): "an object with numbers",
-    ("observe",): "a list of names of quantities",
-    ("observe", "*"): "one of " + ", ".join(get_args(Observed)) + """, or formulas by name: {"Lz": "x*y' - y*x'"}""",
-    ("forces",): """an object with a force for each coordinate, such as {"x": "-c*x'"}""",
-    ("forces", "*"): FORMULA,
-    ("rayleigh",): FORMULA,
-    ("start_time",): NUMBER,
-    ("restart",): "the result of a scene, as simulate gave it",
-    ("events",): 'a list of events such as {"when": "y = 0", "direction": -1, "do": "stop"}',
-    ("events", "*"): 'an object such as {"when": "y = 0", "direction": -1, "do": "stop"}',
-    ("events", "*", "direction"): "1, -1 or 0",
-    ("events", "*", "do"): '"record" or "stop"',
-    ("ensemble",): 'an object with initial and parameters, such as {"parameters": {"k": [1, 2]}}',
-    ("as_lagrangian",): "true or false",
-    ("start",): '"momenta" or "discrete_constraint"',
-    ("free_lagrangian",): 'a formula written as text, or "first", "second" or "third" for that associated system',
-    ("constants",): 'an object with numbers, such as {"C_x": "1/100"}',
-    ("units",): 'an object of units by name, such as {"x": "m", "t": "s"}',
-    ("circle",): 'two coordinates such as ["x", "y"]',
-    ("step_sizes",): "a list of positive numbers",
-    ("repeats",): "an integer from 1 to 50",
-}
-
-IMPACTS = """Write an impact as an event: {"when": "y", "direction": -1, "do": {"set": {"y'": "-0.8*y'"}}}."""
-NOISE = (
-    "Noise is not simulated, since every motion is deterministic. Write each force as a formula of t and of the state."
-)
-DELAYS = "Delays are not simulated: a force may depend only on t and on the state at t."
-NOT_SIMULATED = {
-    **dict.fromkeys(("contact", "contacts", "impact", "impacts", "collision", "collisions"), IMPACTS),
-    **dict.fromkeys(("noise", "random", "stochastic"), NOISE),
-    **dict.fromkeys(("delay", "delays"), DELAYS),
-}
 MOST_ACTS = 10_000
 FORCES, RAYLEIGH = "forces", "rayleigh"
+TABLE = tomllib.loads((Path(__file__).parent / "wording.toml").read_text(encoding="utf-8"))
+FILLED = {
+    "methods": ", ".join(get_args(MethodName)), "quantities": ", ".join(get_args(Observed)),
+    "orders": ", ".join(map(str, RUNGE_KUTTA)), "most steps": MAX_STEPS, "most methods": MAX_METHODS,
+    "system": scene_system.SYSTEM,
+}  # fmt: skip
 TAKEN = frozenset({"t", "energy", "discrete_energy", "error", "phase_error", "power", "work"})
 NO_INITIAL = "The key 'initial' is missing; it must be an object with positions and velocities or momenta."
 Constraints = tuple[Expression, ...]
@@ -145,9 +86,16 @@ def _steps(loc: Steps) -> Steps:
 
 
 def _unknown(steps: Steps, where: str) -> str:
-    if steps[-1] in NOT_SIMULATED:
-        return NOT_SIMULATED[str(steps[-1])]
-    return f"The key {where} is not known here; the keys are {', '.join(_keys(steps))}."
+    known = f"The key {where} is not known here; the keys are {', '.join(_keys(steps))}."
+    return str(TABLE["not_simulated"].get(steps[-1], known))
+
+
+def _expected() -> dict[Steps, str]:
+    """What each place takes."""
+    return {
+        tuple(filter(None, place.split("."))): re.sub("<(.+?)>", lambda name: str(FILLED[name[1]]), text)
+        for place, text in TABLE["expected"].items()
+    }
 
 
 def _keys(steps: Steps) -> list[str]:
@@ -158,7 +106,7 @@ def _keys(steps: Steps) -> list[str]:
     return list(SceneMethod.model_fields) if steps[0] == "methods" else [str(steps[0])]
 
 
-WORDING = Wording("The scene", EXPECTED, _unknown, _steps)
+WORDING = Wording("The scene", _expected(), _unknown, _steps)
 
 
 def _read(text: str, system: scene_system.MechanicalSystem, definitions: Definitions, pointer: str) -> Expression:

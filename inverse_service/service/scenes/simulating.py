@@ -126,7 +126,7 @@ def run_document(document: Any, progress: Progress | None, time_limit: float) ->
         )
     done = time.perf_counter()
     half = (now() + end) / 2
-    found = run_scene(scene, derived, progress, lambda: now() > end, find, lambda: now() > half)
+    found = run_scene(scene, derived, find, progress, lambda: now() > end, lambda: now() > half)
     stages = {"read": read - begun, "derive": done - read, "run": time.perf_counter() - done}
     return found, stages
 

@@ -1,0 +1,141 @@
+"""What the parts of a step cost: each effect and each observed quantity as the difference to the scene without it."""
+
+import re
+from contextlib import suppress
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from inverse_service.errors import InputError
+from inverse_service.integrators import method_table
+from inverse_service.integrators.trajectory import Trajectory
+from inverse_service.kernels.codegen import compiled
+from inverse_service.simulation import derivation, execution, observing, scene_data as data, schemes
+from inverse_service.simulation.numeric_formulas import Formulas
+
+IN_KERNEL = ("energy", "constraints")
+TIMED_STEPS, MORE_STEPS = 20_000, 8  # steps that are timed at most, and how many times as many where they are too few
+REPEATS, LEAST_REPEATS, LONG_ENOUGH = 15, 3, 0.03  # runs for one measurement, and their seconds
+LARGE = 8  # coordinates beyond which the operations of effects are counted where the cost is observed only
+NOT_IN_STEPS = "The cost of parts is measured only for methods that step with a kernel."
+TOO_SHORT = "The run is too short to time its steps: take more steps."
+TOGETHER = "The free Lagrangian belongs to all effects together, so single effects cannot be removed from it."
+_OPERATION = re.compile(r"= (?:fadd|fsub|fmul|fdiv|fneg|fcmp|(?:tail )?call)\b")
+
+
+def part_costs(
+    scene: data.Scene, requested: data.Requested, derived: derivation.Derived, find: derivation.Find,
+    stop: data.Stop | None,
+) -> dict[str, Any]:  # fmt: skip
+    """The key `cost` of a method: the whole step, and each part of it as the difference to the scene without it; no
+    time where that is below the noise. A step is timed as a run of many less that of one, each the best of several: to
+    call a kernel takes longer than many steps."""
+    if not method_table.METHODS[requested.method].has_kernel:
+        return {"note": NOT_IN_STEPS}
+
+    def price(variant: data.Scene, derived: derivation.Derived) -> tuple[float, int, int] | data.Unavailable:
+        """(ns of a step or nan, operations, steps that were timed)."""
+        problem, choice = derivation.problem_of(variant, requested, derived), requested.choice
+        if isinstance(problem, data.Unavailable) or choice is None:
+            return problem if isinstance(problem, data.Unavailable) else data.Unavailable(NOT_IN_STEPS)
+        own, observation = observing.observed_problem(variant, problem)
+        try:
+            execution.check(own, choice)
+            values, start = observing.beginning(variant, requested, derivation.free_of(requested, derived))
+            ready = execution.prepared(own, choice, start, variant.grid, values, observation)
+        except InputError as error:
+            return data.Unavailable(error.detail)
+        if isinstance(ready, Trajectory):
+            return data.Unavailable("no step is made.")
+        begun, steps = _fastest(ready, variant, 1, stop), min(scene.grid.steps, TIMED_STEPS)
+        whole = _fastest(ready, variant, steps, stop)
+        while not whole[0] > 2 * begun[0] and whole[1] == steps < TIMED_STEPS:
+            steps = min(MORE_STEPS * steps, TIMED_STEPS)
+            whole = _fastest(ready, variant, steps, stop)
+        is_long = whole[0] > 2 * begun[0] and whole[1] > 1
+        step = 1e9 * (whole[0] - begun[0]) / (whole[1] - 1) if is_long else np.nan
+        return step, operations(own, observation, requested), whole[1]
+
+    whole = price(scene, derived)
+    if isinstance(whole, data.Unavailable):
+        return {"note": whole.reason}
+    together = _belongs_together(scene, requested)
+    variants = [] if together else [(part.name, "effect", turned(scene, part)) for part in scene.parts if part.acts]
+    for name in (name for name in scene.observe if name in IN_KERNEL):
+        others = tuple(one for one in scene.observe if one != name)
+        variants.append((name, "observed", replace(scene, observe=others)))
+    parts = []
+    for name, kind, variant in variants:
+        found = price(variant, derivation.derive(_alone(variant, requested), find))
+        part: dict[str, Any] = {"name": name, "kind": kind, "step_ns": None, "operations": None}
+        if isinstance(found, data.Unavailable):
+            part["note"] = f"Without it: {found.reason}"
+        else:
+            part["operations"] = whole[1] - found[1]
+            part |= {"step_ns": whole[0] - found[0]} if whole[0] > found[0] else {"note": "Its time is below noise."}
+        parts.append(part)
+    note = TOO_SHORT if np.isnan(whole[0]) else TOGETHER if together and scene.parts else ""
+    numbers = dict(zip(("step_ns", "operations", "steps"), whole, strict=True))
+    return numbers | ({"note": note} if note else {}) | {"parts": parts}
+
+
+def _fastest(ready: execution.Prepared, scene: data.Scene, steps: int, stop: data.Stop | None) -> tuple[float, int]:
+    """(seconds of the fastest run with so many steps, steps that it makes)."""
+    least, spent, done = float("inf"), 0.0, 0
+    for turn in range(REPEATS):
+        if (turn >= LEAST_REPEATS and spent > LONG_ENOUGH) or (turn and stop is not None and stop()):
+            break
+        ran = ready.go(replace(scene.grid, steps=steps))
+        least, spent, done = min(least, ran.seconds), spent + ran.seconds, ran.done
+    return least, done
+
+
+def _belongs_together(scene: data.Scene, requested: data.Requested) -> bool:
+    """Whether the effects of a method are in one free Lagrangian, from which none can be removed."""
+    return bool(scene.constraints) and requested.method in method_table.USES_FREE
+
+
+def turned(scene: data.Scene, part: data.Effect) -> data.Scene:
+    """The scene without the effect, where it acts, or with it."""
+    names = (name for name in scene.effects if name != part.name)
+    effects = tuple(names) if part.acts else (*scene.effects, part.name)
+    return replace(scene, lagrangian=part.lagrangian, constraints=part.constraints, forces=part.forces, effects=effects)
+
+
+def _alone(scene: data.Scene, requested: data.Requested) -> data.Scene:
+    """The scene with one method and what its kernel observes."""
+    return replace(scene, methods=(requested,), observe=tuple(name for name in scene.observe if name in IN_KERNEL))
+
+
+def effects_of(scene: data.Scene, derived: derivation.Derived, find: derivation.Find) -> dict[str, Any]:
+    """{acting, left_out, method}: each effect with the operations of a step that it adds, or would add, to the first
+    method that steps with a kernel; None if that cannot be determined."""
+    method = next((one for one in scene.methods if method_table.METHODS[one.method].has_kernel
+                   and not _belongs_together(scene, one)), None)  # fmt: skip
+
+    def count(variant: data.Scene, known: derivation.Derived | None) -> int | None:
+        if method is None or len(scene.coordinates) > LARGE:
+            return None
+        alone = _alone(variant, method)
+        problem = derivation.problem_of(variant, method, known or derivation.derive(alone, find))
+        with suppress(InputError):  # the method may be for other scenes
+            if isinstance(problem, data.Problem):
+                return operations(*observing.observed_problem(alone, problem), method)
+        return None
+
+    whole = count(scene, derived)
+    found: dict[bool, list[dict[str, Any]]] = {True: [], False: []}
+    for part in scene.parts:
+        other = None if whole is None else count(turned(scene, part), None)
+        more = None if whole is None or other is None else (whole - other if part.acts else other - whole)
+        found[part.acts].append({"name": part.name, "operations": more})
+    label = None if whole is None or method is None else method.label
+    return {"acting": found[True], "left_out": found[False], "method": label, "operations": whole}
+
+
+def operations(problem: data.Problem, observation: data.Observation, requested: data.Requested) -> int:
+    """Floating-point instructions and calls in the kernel of a method, each counted once: no load changes them."""
+    assert requested.choice is not None
+    text = compiled.kernel_text(schemes.program_of(Formulas(problem), requested.choice, observation))
+    return len(_OPERATION.findall(text.partition("next_step:")[2]))

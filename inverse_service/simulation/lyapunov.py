@@ -1,0 +1,75 @@
+"""The largest Lyapunov exponent of a motion, from its variational equations
+
+    w_i'' = sum_j (df_i/dq_j) w_j + (df_i/dq_j') w_j'
+
+integrated with q'' = f by `adaptive`; w is brought back to length 1 after each of PARTS parts of the run. The mean
+of log |w| over time is the exponent. G. Benettin, L. Galgani, A. Giorgilli, J.-M. Strelcyn, Meccanica 15 (1980) 9.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from inverse_service.expressions.collecting import collect
+from inverse_service.expressions.derivative import differentiate
+from inverse_service.expressions.tree import Expression, Symbol, Velocity, add
+from inverse_service.integrators.trajectory import Array
+from inverse_service.simulation import execution, numeric_formulas as nf, scene_data as data
+
+PARTS = 200
+CHOICE = data.MethodChoice("adaptive", tolerance=1e-10)
+OVER = "The time limit was reached before the exponent was found. Take fewer methods or steps, or a longer time limit."
+ENDED = "The motion ends at t = {:.6g}, before the exponent has converged."
+
+
+def largest_exponent(scene: data.Scene, motion: data.Problem, stop: data.Stop | None = None) -> dict[str, Any]:
+    """{largest, half, time}: the exponent over the whole run and over its first half, which shows its convergence."""
+    problem = with_tangent(scene, motion.accelerations or ())
+    n, length = len(scene.coordinates), scene.grid.step * scene.grid.steps
+    positions, velocities = scene.positions, scene.velocities
+    names: list[Expression] = [*map(Symbol, scene.coordinates), *map(Velocity, scene.coordinates)]
+    slopes = [[differentiate(one, name) for name in names] for one in scene.constraints]
+    tangent = _on_constraints(np.ones(2 * n), scene, slopes, positions, velocities)
+    tangent /= np.linalg.norm(tangent)
+    total, halves = 0.0, []
+    for part in range(PARTS):
+        begin = scene.grid.begin + part * length / PARTS
+        start = data.Start((*positions, *tangent[:n]), velocities=(*velocities, *tangent[n:]))
+        found = execution.run(
+            problem, CHOICE, start, data.Grid(length / PARTS, 1, 1, begin), dict(scene.values), (), stop
+        )
+        if stop is not None and stop():
+            return {"largest": None, "note": OVER}
+        if not found.outcome.completed or found.velocities is None:
+            return {"largest": None, "note": ENDED.format(begin)}
+        positions, velocities = found.positions[-1, :n], found.velocities[-1, :n]
+        tangent = np.concatenate([found.positions[-1, n:], found.velocities[-1, n:]])
+        tangent = _on_constraints(tangent, scene, slopes, positions, velocities)
+        size = float(np.linalg.norm(tangent))
+        total, tangent = total + float(np.log(size)), tangent / size
+        halves.append(total)
+    return {"largest": total / length, "half": halves[PARTS // 2 - 1] / (length / 2), "time": length}
+
+
+def _on_constraints(
+    tangent: Array, scene: data.Scene, slopes: list[list[Expression]], positions: Array, velocities: Array
+) -> Array:
+    """The tangent to motions that keep the constraints, (2 n,): others, which the accelerations have too, may part."""
+    if not slopes:
+        return tangent
+    table = nf.table_of(scene.coordinates, positions[None], velocities[None], scene.values)
+    rows = np.array([[float(nf.array_value(one, table).ravel()[0]) for one in row] for row in slopes])
+    found: Array = tangent - np.linalg.pinv(rows) @ (rows @ tangent)
+    return found
+
+
+def with_tangent(scene: data.Scene, accelerations: tuple[Expression, ...]) -> data.Problem:
+    """The motion with its variational equations; the tangent of x has a name that no formula uses."""
+    names = scene.coordinates
+    tangents = tuple(f"tangent_of_{name}" for name in names)
+    rows = []
+    for force in accelerations:
+        terms = [differentiate(force, Symbol(x)) * Symbol(w) for x, w in zip(names, tangents, strict=True)]
+        terms += [differentiate(force, Velocity(x)) * Velocity(w) for x, w in zip(names, tangents, strict=True)]
+        rows.append(collect(add(*terms)))
+    return data.Problem((*names, *tangents), tuple(scene.values), accelerations=(*accelerations, *rows))
