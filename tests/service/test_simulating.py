@@ -105,7 +105,7 @@ def kernel(document: dict[str, Any]) -> str:
     """The text of the kernel of the first method."""
     schema = scene_schema(document)
     found, system = read_scene(schema)
-    derived = derive(found, finder(schema, system, None))
+    derived = derive(found, finder(schema, system))
     problem, choice = problem_of(found, found.methods[0], derived), found.methods[0].choice
     assert isinstance(problem, Problem)
     assert choice is not None

@@ -5,7 +5,7 @@ The solver and the simulation exchange text: the answer of the solver is parsed 
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
@@ -30,6 +30,9 @@ from inverse_service.simulation.scene_data import FreeLagrangian, Observable, Sc
 
 SOLVE_SECONDS, CONSERVED_SECONDS = 15.0, 3.0  # of processor time
 MOST_CONSERVED = 3  # coordinates, and constants of the motion
+FORCED = "With added forces the constrained motion has no free Lagrangian here: use nonholonomic."
+ELSEWHERE = "The Lagrangian that is {} is valid where {}, but the motion begins elsewhere."
+OTHER = "the motion of this scene does not solve the equations of this Lagrangian"
 NO_INVERSE = (
     "The momenta at the start do not reproduce its velocities: the Lagrangian is singular there, or its Hamiltonian "
     "belongs to another branch. Begin elsewhere, or take another method."
@@ -37,13 +40,12 @@ NO_INVERSE = (
 Exact = motions.ExactMotion | motions.NoExactMotion
 
 
-def finder(schema: SceneDocument, system: scene_system.MechanicalSystem, catalogue_name: str | None) -> derivation.Find:
+def finder(schema: SceneDocument, system: scene_system.MechanicalSystem) -> derivation.Find:
     """The function that `derive` calls for the free Lagrangian of a method."""
 
     def find(scene: Scene, name: str | None, exact: Exact) -> FreeLagrangian | Unavailable:
         wanted = name if name is not None else schema.free_lagrangian
-        pointer = "/free_lagrangian" if name is None else _pointer(schema, name)
-        found = _found(scene, system, catalogue_name, wanted, exact, _constants(schema), pointer)
+        found = _Search(scene, system, _constants(schema)).found(wanted, exact, _pointer(schema, name))
         if isinstance(found, FreeLagrangian):
             _refuse_unknown_constants(schema, found)
         return found
@@ -51,87 +53,89 @@ def finder(schema: SceneDocument, system: scene_system.MechanicalSystem, catalog
     return find
 
 
-def _found(
-    scene: Scene,
-    system: scene_system.MechanicalSystem,
-    catalogue_name: str | None,
-    wanted: str | None,
-    exact: Exact,
-    constants: Mapping[str, float],
-    pointer: str,
-) -> FreeLagrangian | Unavailable:
-    if wanted is not None and wanted not in KINDS:
-        return _given(scene, system, wanted, constants, pointer, "given in the scene")
-    if not scene.constraints and scene.lagrangian is not None:
-        found = _with_hamiltonian(scene, scene.lagrangian, {}, "the Lagrangian of the scene")
-        return replace(found, forced=bool(scene.forces)) if isinstance(found, FreeLagrangian) else found
-    if scene.forces:
-        return Unavailable("With added forces the constrained motion has no free Lagrangian here: use nonholonomic.")
-    if wanted is None and system.known:
-        return _first_fitting(scene, system, system.known, constants, system.source)
-    if wanted in (None, "second") and isinstance(exact, motions.ExactMotion):
-        known = motions.class_lagrangian(exact, tuple(scene.values))
-        if known is not None:
-            return _of_class(known, exact, constants)
-    found = _of_associated(scene, system, catalogue_name, wanted or "second", constants)
-    if wanted is not None or scene.lagrangian is None or isinstance(found, FreeLagrangian):
-        return found
-    others = (_of_associated(scene, system, catalogue_name, which, constants) for which in ("first", "third"))
-    return next((other for other in others if isinstance(other, FreeLagrangian)), found)
+@dataclass(frozen=True, slots=True)
+class _Search:
+    """For a scene of a system, with values of free constants."""
 
+    scene: Scene
+    system: scene_system.MechanicalSystem
+    constants: Mapping[str, float]
 
-def _first_fitting(
-    scene: Scene,
-    system: scene_system.MechanicalSystem,
-    known: Sequence[scene_system.KnownLagrangian],
-    constants: Mapping[str, float],
-    source: str,
-) -> FreeLagrangian | Unavailable:
-    """The first Lagrangian that has the motion and whose domain contains the start; else why the last one fails."""
-    found: FreeLagrangian | Unavailable = Unavailable("")
-    for one in known:
-        found = _given(scene, system, one.text, constants, "/system", source, one.domain)
-        if isinstance(found, FreeLagrangian):
-            break
-    return found
-
-
-def _given(
-    scene: Scene,
-    system: scene_system.MechanicalSystem,
-    text: str,
-    constants: Mapping[str, float],
-    pointer: str,
-    source: str,
-    conditions: Sequence[str] = (),
-) -> FreeLagrangian | Unavailable:
-    names = system.names
-    extra = tuple(name for name in constants if name not in names.parameters)
-    given = scene_system.formula(text, Names(names.coordinates, (*names.parameters, *extra), names.functions), pointer)
-    tree = derivative.define_functions(given, system.definitions)
-    scene_system.refuse_open_functions([tree], names)
-    used = {node.name for node in ex.walk(tree) if isinstance(node, ex.Symbol)}
-    own = {name: value for name, value in constants.items() if name in used and name not in scene.values}
-    values = dict(scene.values) | own
-    accelerations = scene.accelerations
-    if accelerations is None and scene.lagrangian is not None:
-        try:
-            accelerations = motions.regular_accelerations(
-                scene.coordinates, scene.lagrangian, scene.constraints, scene.forces
+    def found(self, wanted: str | None, exact: Exact, pointer: str) -> FreeLagrangian | Unavailable:
+        """L~ as `wanted`: a formula, or the name of an associated system; None for the best one known."""
+        scene = self.scene
+        if wanted is not None and wanted not in KINDS:
+            return self.given(wanted, pointer, "given in the scene")
+        if not scene.constraints and scene.lagrangian is not None:
+            found = _with_hamiltonian(scene, scene.lagrangian, {}, "the Lagrangian of the scene")
+            return replace(found, forced=bool(scene.forces)) if isinstance(found, FreeLagrangian) else found
+        if scene.forces:
+            return Unavailable(
+                "With added forces the constrained motion has no free Lagrangian here: use nonholonomic."
             )
-        except InputError as error:
-            return Unavailable(error.detail[:1].upper() + error.detail[1:])
-    domain = _domain(scene, system, conditions, values)
-    if domain is None:
-        where = ", ".join(conditions)
-        return Unavailable(f"The Lagrangian that is {source} is valid where {where}, but the motion begins elsewhere.")
-    if accelerations is not None and motions.keeps_motion(scene, tree, accelerations, values, domain) is False:
-        detail = "the motion of this scene does not solve the equations of this Lagrangian"
-        if pointer == "/system":
-            return Unavailable(f"For the Lagrangian that is {source}, {detail}: the effects of the scene changed it.")
-        raise InputError(f"{detail}: give one of an associated system of it, or leave it out.", pointer)
-    found = _with_hamiltonian(scene, tree, own, source)
-    return replace(found, domain=domain) if isinstance(found, FreeLagrangian) else found
+        if wanted is None and self.system.known:
+            return self.first_fitting(self.system.known, self.system.source)
+        if wanted in (None, "second") and isinstance(exact, motions.ExactMotion):
+            known = motions.class_lagrangian(exact, tuple(scene.values))
+            if known is not None:
+                return _of_class(known, exact, self.constants)
+        found = self.of_associated(wanted or "second")
+        if wanted is not None or scene.lagrangian is None or isinstance(found, FreeLagrangian):
+            return found
+        others = (self.of_associated(which) for which in ("first", "third"))
+        return next((other for other in others if isinstance(other, FreeLagrangian)), found)
+
+    def first_fitting(self, known: Sequence[scene_system.KnownLagrangian], source: str) -> FreeLagrangian | Unavailable:
+        """The first that has the motion and whose domain contains the start; else why the last one fails."""
+        found: FreeLagrangian | Unavailable = Unavailable("")
+        for one in known:
+            found = self.given(one.text, "/system", source, one.domain)
+            if isinstance(found, FreeLagrangian):
+                break
+        return found
+
+    def given(
+        self, text: str, pointer: str, source: str, conditions: Sequence[str] = ()
+    ) -> FreeLagrangian | Unavailable:
+        """The L~ of a text, tested against the motion."""
+        scene, names, constants = self.scene, self.system.names, self.constants
+        extra = tuple(name for name in constants if name not in names.parameters)
+        known = Names(names.coordinates, (*names.parameters, *extra), names.functions)
+        tree = derivative.define_functions(scene_system.formula(text, known, pointer), self.system.definitions)
+        scene_system.refuse_open_functions([tree], names)
+        used = {node.name for node in ex.walk(tree) if isinstance(node, ex.Symbol)}
+        own = {name: value for name, value in constants.items() if name in used and name not in scene.values}
+        values = dict(scene.values) | own
+        accelerations = derivation.accelerations_of(scene)
+        if isinstance(accelerations, Unavailable):
+            return accelerations
+        domain = _domain(scene, self.system, conditions, values)
+        if domain is None:
+            return Unavailable(ELSEWHERE.format(source, ", ".join(conditions)))
+        if motions.keeps_motion(scene, tree, accelerations, values, domain) is False:
+            if pointer == "/system":
+                detail = f"For the Lagrangian that is {source}, {OTHER}: the effects of the scene changed it."
+                return Unavailable(detail)
+                    f"For the Lagrangian that is {source}, {OTHER}: the effects of the scene changed it."
+                )
+            raise InputError(f"{OTHER}: give one of an associated system of it, or leave it out.", pointer)
+        found = _with_hamiltonian(scene, tree, own, source)
+        return replace(found, domain=domain) if isinstance(found, FreeLagrangian) else found
+
+    def of_associated(self, which: str) -> FreeLagrangian | Unavailable:
+        """The L~ of an associated system: that of the catalogue, or what the solver finds."""
+        if (catalogued := _catalogued(self.system.catalogue_name, which)) is not None:
+            found = self.given(catalogued, "/system", f"the known Lagrangian of the {which} associated system")
+            if isinstance(found, FreeLagrangian):
+                return found
+        question = _question(self.scene, which)
+        if isinstance(question, Unavailable):
+            return question
+        known, reason = _solved(question, self.system.names)
+        what = f"the {which} associated system" if self.scene.lagrangian is not None else "the system"
+        if not known:
+            return Unavailable(f"No free Lagrangian was found for {what}: {reason} Use the other methods.")
+        return self.first_fitting(known, f"found by the solver for {what}")
 
 
 def _domain(
@@ -186,29 +190,6 @@ def _of_class(
 
     source = f"{known.kind} of the second associated system"
     return FreeLagrangian(known.lagrangian, known.hamiltonian, chosen, source, momenta)
-
-
-def _of_associated(
-    scene: Scene,
-    system: scene_system.MechanicalSystem,
-    catalogue_name: str | None,
-    which: str,
-    constants: Mapping[str, float],
-) -> FreeLagrangian | Unavailable:
-    catalogued = _catalogued(catalogue_name, which)
-    if catalogued is not None:
-        source = f"the known Lagrangian of the {which} associated system"
-        found = _given(scene, system, catalogued, constants, "/system", source)
-        if isinstance(found, FreeLagrangian):
-            return found
-    question = _question(scene, which)
-    if isinstance(question, Unavailable):
-        return question
-    known, reason = _solved(question, system.names)
-    what = f"the {which} associated system" if scene.lagrangian is not None else "the system"
-    if not known:
-        return Unavailable(f"No free Lagrangian was found for {what}: {reason} Use the other methods.")
-    return _first_fitting(scene, system, known, constants, f"found by the solver for {what}")
 
 
 def _question(scene: Scene, which: str) -> dict[str, Any] | Unavailable:
@@ -322,6 +303,6 @@ def _refuse_unknown_constants(schema: SceneDocument, found: FreeLagrangian) -> N
             )
 
 
-def _pointer(schema: SceneDocument, name: str) -> str:
+def _pointer(schema: SceneDocument, name: str | None) -> str:
     places = [k for k, method in enumerate(schema.methods) if method.free_lagrangian == name]
     return f"/methods/{places[0]}/free_lagrangian" if places else "/free_lagrangian"

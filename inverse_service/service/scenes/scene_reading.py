@@ -31,7 +31,7 @@ from api_schemas.scene import (
 from api_schemas.system import TAGS
 from inverse_service.errors import InputError, LimitError
 from inverse_service.expressions import collecting, refusals
-from inverse_service.expressions.derivative import Definitions, define_functions, differentiate
+from inverse_service.expressions.derivative import define_functions, differentiate
 from inverse_service.expressions.tree import TIME, ZERO, Expression, Number, Symbol, Velocity, add, holds, walk
 from inverse_service.integrators.method_table import GEOMETRIC, METHODS, OWN_STEPS, RUNGE_KUTTA
 from inverse_service.integrators.trajectory import Array
@@ -59,6 +59,7 @@ FILLED = {
 TAKEN = frozenset({"t", "energy", "discrete_energy", "error", "phase_error", "power", "work"})
 NO_INITIAL = "The key 'initial' is missing; it must be an object with positions and velocities or momenta."
 Constraints = tuple[Expression, ...]
+System = scene_system.MechanicalSystem
 TIME_REFUSED = (
     "constraints that depend on the time t are not simulated: add a coordinate for t with its own kinetic "
     "energy, and start it at 0 with velocity 1."
@@ -109,15 +110,14 @@ def _keys(steps: Steps) -> list[str]:
 WORDING = Wording("The scene", _expected(), _unknown, _steps)
 
 
-def _read(text: str, system: scene_system.MechanicalSystem, definitions: Definitions, pointer: str) -> Expression:
-    tree = scene_system.without_steps(define_functions(scene_system.formula(text, system.names, pointer), definitions))
+def _read(text: str, system: System, pointer: str) -> Expression:
+    given = scene_system.formula(text, system.names, pointer)
+    tree = scene_system.without_steps(define_functions(given, system.definitions))
     scene_system.refuse_open_functions([tree], system.names)
     return tree
 
 
-def read_forces(
-    schema: SceneDocument, system: scene_system.MechanicalSystem, definitions: Definitions, effects: tuple[str, ...]
-) -> tuple[Expression, ...]:
+def read_forces(schema: SceneDocument, system: System, effects: tuple[str, ...]) -> tuple[Expression, ...]:
     """Q_i = forces_i - dR/dq_i' of the active effects, (n,); empty if there are none."""
     names = system.names
     found: dict[str, Expression] = {}
@@ -126,9 +126,9 @@ def read_forces(
         if name not in names.coordinates:
             known = ", ".join(names.coordinates)
             raise InputError(f"a force acts on a coordinate: the coordinates are {known}.", pointer)
-        found[name] = _read(text, system, definitions, pointer)
+        found[name] = _read(text, system, pointer)
     if schema.rayleigh is not None and RAYLEIGH in effects:
-        function = _read(schema.rayleigh, system, definitions, "/rayleigh")
+        function = _read(schema.rayleigh, system, "/rayleigh")
         for name in names.coordinates:
             slope = differentiate(function, Velocity(name))
             found[name] = collecting.collect(found.get(name, ZERO) - slope)
@@ -136,9 +136,7 @@ def read_forces(
     return forces if any(force != ZERO for force in forces) else ()
 
 
-def read_observables(
-    schema: SceneDocument, system: scene_system.MechanicalSystem, definitions: Definitions
-) -> tuple[data.Observable, ...]:
+def read_observables(schema: SceneDocument, system: System) -> tuple[data.Observable, ...]:
     """The observables that the scene gives by formula, in its order; each name is a separate column."""
     found: dict[str, data.Observable] = {}
     taken = _columns(system.names.coordinates).union(system.names.coordinates)
@@ -147,11 +145,11 @@ def read_observables(
             pointer = f"/observe/{place}/{escape(name)}"
             if name in taken or name in found:
                 raise InputError("another column already has this name: rename the observable.", pointer)
-            found[name] = data.Observable(name, _read(text, system, definitions, pointer))
+            found[name] = data.Observable(name, _read(text, system, pointer))
     for body, texts in schema.points.items():
         for axis, text in zip("xy", texts, strict=True):
             pointer = f"/points/{escape(body)}/{'xy'.index(axis)}"
-            found[f"{body}_{axis}"] = data.Observable(f"{body}_{axis}", _read(text, system, definitions, pointer))
+            found[f"{body}_{axis}"] = data.Observable(f"{body}_{axis}", _read(text, system, pointer))
     return tuple(found.values())
 
 
@@ -160,9 +158,7 @@ def _columns(coordinates: Sequence[str]) -> frozenset[str]:
     return TAKEN.union(f"{kind}_{name}" for kind in ("v", "p") for name in coordinates)
 
 
-def read_events(
-    schema: SceneDocument, system: scene_system.MechanicalSystem, definitions: Definitions
-) -> tuple[data.Event, ...]:
+def read_events(schema: SceneDocument, system: System) -> tuple[data.Event, ...]:
     """The events of a scene; `when` may be an equation with 0 on its right."""
     found = []
     for place, event in enumerate(schema.events):
@@ -170,24 +166,22 @@ def read_events(
         left, equals, right = event.when.partition("=")
         if equals and right.strip() not in ("0", "0.0"):
             raise InputError('write the event as a formula, or as "formula = 0".', pointer)
-        formula = _read(left, system, definitions, pointer)
+        formula = _read(left, system, pointer)
         sets: tuple[tuple[Expression, Expression], ...] = ()
         if not isinstance(event.do, str):
-            sets = tuple(_set(key, text, system, definitions, place) for key, text in event.do.set.items())
+            sets = tuple(_set(key, text, system, place) for key, text in event.do.set.items())
         stops = event.do == "stop" or (event.do == "record" and event.count is not None)
         found.append(data.Event(formula, event.direction, stops, sets, event.count or (MOST_ACTS if sets else 1)))
     return tuple(found)
 
 
-def _set(
-    key: str, text: str, system: scene_system.MechanicalSystem, definitions: Definitions, place: int
-) -> tuple[Expression, Expression]:
+def _set(key: str, text: str, system: System, place: int) -> tuple[Expression, Expression]:
     """A coordinate or velocity and the formula of its new value."""
     pointer = f"/events/{place}/do/set/{escape(key)}"
     target, names = scene_system.formula(key, system.names, pointer), system.names.coordinates
     if target not in (*map(Symbol, names), *map(Velocity, names)):
         raise InputError(f"an event sets coordinates and velocities: {', '.join(names)}, {names[0]}'.", pointer)
-    return target, _read(text, system, definitions, pointer)
+    return target, _read(text, system, pointer)
 
 
 def beginning(schema: SceneDocument) -> tuple[float, SceneInitial]:
@@ -222,7 +216,7 @@ def _final(result: dict[str, Any]) -> dict[str, Any]:
                      "/restart")  # fmt: skip
 
 
-def _refuse_other_halves(initial: SceneInitial, system: scene_system.MechanicalSystem) -> None:
+def _refuse_other_halves(initial: SceneInitial, system: System) -> None:
     """InputError for a start of p in first-order equations x' = h, p' = F, of which x alone is a coordinate."""
     equations, known = str((system.document or {}).get("equations")), ", ".join(system.names.coordinates)
     for part in ("positions", "velocities", "momenta"):
@@ -235,7 +229,7 @@ def _refuse_other_halves(initial: SceneInitial, system: scene_system.MechanicalS
                 )
 
 
-def read_scene(schema: SceneDocument) -> tuple[data.Scene, scene_system.MechanicalSystem]:
+def read_scene(schema: SceneDocument) -> tuple[data.Scene, System]:
     """The scene and its system; InputError with a pointer to the error."""
     extra = [declared_name(name, f"/parameters/{escape(name)}", "parameter") for name in schema.parameters]
     system = scene_system.mechanical_system(schema.system, extra)
@@ -244,10 +238,10 @@ def read_scene(schema: SceneDocument) -> tuple[data.Scene, scene_system.Mechanic
     if taken := _columns(names.coordinates).intersection(names.coordinates):
         raise InputError(f"the motion already has a column {min(taken)}: rename the coordinate.", "/system")
     values = _values(schema, system)
-    definitions = scene_system.read_definitions(schema.functions, names)
-    lagrangian, constraints, forces, effects, parts = _with_effects(schema, system, definitions)
-    accelerations = system.accelerations and tuple(define_functions(tree, definitions) for tree in system.accelerations)
-    formulas = [tree for tree in (lagrangian, *constraints, *(accelerations or ())) if tree is not None]
+    system = replace(system, definitions=scene_system.read_definitions(schema.functions, names))
+    lagrangian, constraints, forces, effects, parts = _with_effects(schema, system)
+    accelerations = tuple(define_functions(tree, system.definitions) for tree in system.accelerations or ())
+    formulas = [tree for tree in (lagrangian, *constraints, *accelerations) if tree is not None]
     scene_system.refuse_open_functions(formulas, names)
     if any(holds(tree, TIME) for tree in constraints):
         raise InputError(TIME_REFUSED, "/system")
@@ -272,14 +266,14 @@ def read_scene(schema: SceneDocument) -> tuple[data.Scene, scene_system.Mechanic
         notes=notes,
         parts=parts,
         forces=forces,
-        own=read_observables(schema, system, definitions),
-        events=read_events(schema, system, definitions),
+        own=read_observables(schema, system),
+        events=read_events(schema, system),
         bodies={body: (f"{body}_x", f"{body}_y") for body in schema.points},
         units={names.spelling(name): unit for name, unit in schema.units.items()},
     )
     if schema.ensemble is not None:
         scene = replace(scene, ensemble=read_members(schema.ensemble, initial, names, scene))
-    return scene, replace(system, definitions=definitions)
+    return scene, system
 
 
 def _has_formulas(schema: SceneDocument) -> bool:
@@ -296,7 +290,7 @@ def _has_formulas(schema: SceneDocument) -> bool:
     return any(own) or any(isinstance(item, dict) for item in schema.observe) or _method_lagrangians(schema)
 
 
-def _refuse_unknown(system: scene_system.MechanicalSystem, extra: Sequence[str], formulas: bool) -> None:
+def _refuse_unknown(system: System, extra: Sequence[str], formulas: bool) -> None:
     """Reject a parameter that neither the system nor an additional formula of the scene can use."""
     parameters, trees = system.names.parameters, (system.lagrangian, *system.constraints, *(system.accelerations or ()))
     known = {node.name for tree in trees if tree is not None for node in walk(tree) if isinstance(node, Symbol)}
@@ -313,7 +307,7 @@ def _method_lagrangians(schema: SceneDocument) -> bool:
     return any(method.free_lagrangian for method in schema.methods)
 
 
-def _values(schema: SceneDocument, system: scene_system.MechanicalSystem) -> dict[str, float]:
+def _values(schema: SceneDocument, system: System) -> dict[str, float]:
     names = system.names
     texts = dict(system.values)
     for given, text in schema.parameters.items():
@@ -337,7 +331,7 @@ def _refuse_dissipation(schema: SceneDocument) -> None:
 
 
 def _with_effects(
-    schema: SceneDocument, system: scene_system.MechanicalSystem, definitions: Definitions
+    schema: SceneDocument, system: System
 ) -> tuple[Expression | None, Constraints, Constraints, tuple[str, ...], tuple[data.Effect, ...]]:
     """L with the effects named, the constraints and forces that act, all names in effect, and each effect that the
     system has turned round."""
@@ -345,7 +339,7 @@ def _with_effects(
     texts = {
         name: scene_system.formula(text, system.names, f"/terms/{escape(name)}") for name, text in schema.terms.items()
     }
-    terms = {name: define_functions(tree, definitions) for name, tree in texts.items()}
+    terms = {name: define_functions(tree, system.definitions) for name, tree in texts.items()}
     further = [name for name, given in ((FORCES, schema.forces), (RAYLEIGH, schema.rayleigh)) if given]
     known = (*BUILT_IN, *terms, *further)
     named = tuple(dict.fromkeys(schema.effects if schema.effects is not None else known))
@@ -359,12 +353,12 @@ def _with_effects(
             detail = "effects, terms and forces need a Lagrangian, and this system has equations: leave them out."
             raise InputError(detail, pointer)
         return None, (), (), (), ()
-    whole = define_functions(system.lagrangian, definitions)
+    whole = define_functions(system.lagrangian, system.definitions)
     parts = [*lagrangian_parts(whole, system.names.coordinates).items(), *terms.items()]
-    given = tuple(define_functions(w, definitions) for w in system.constraints)
+    given = tuple(define_functions(w, system.definitions) for w in system.constraints)
 
     def acting(names: Sequence[str]) -> tuple[Expression, Constraints, Constraints]:
-        forces = read_forces(schema, system, definitions, tuple(names))
+        forces = read_forces(schema, system, tuple(names))
         chosen = (tree for name, tree in parts if name in (KINETIC, *names))  # all other parts are left out completely
         return add(*chosen), given if CONSTRAINTS in names else (), forces
 

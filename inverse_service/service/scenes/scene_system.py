@@ -100,7 +100,7 @@ class MechanicalSystem:
 
     `values` are the parameters that its document gives a value. `known` are the L~ that come with the system, the best
     first, `source` says from where. `document` is what `solve` would be asked about. `definitions` are the
-    formulas that the scene gives to its functions.
+    formulas that the scene gives to its functions. `catalogue_name` is there where it comes from the catalogue.
     """
 
     names: Names
@@ -113,6 +113,7 @@ class MechanicalSystem:
     source: str = ""
     document: Mapping[str, Any] | None = None
     definitions: derivative.Definitions = field(default_factory=dict)
+    catalogue_name: str | None = None
 
 
 def mechanical_system(given: Any, extra: Sequence[str]) -> MechanicalSystem:
@@ -145,7 +146,7 @@ def _at(pointer: str, read: Any, *arguments: Any) -> MechanicalSystem:
 def _of_catalogue(name: str, extra: Sequence[str]) -> MechanicalSystem:
     entry = catalogue.entry(name)
     known = entry.get("expected", {}).get("lagrangians", [])
-    found = _of_document(entry["document"], extra)
+    found = replace(_of_document(entry["document"], extra), catalogue_name=name)
     if found.accelerations is not None and known:
         return replace(found, known=(KnownLagrangian(known[0]),), source="the known Lagrangian of the catalogue")
     return found

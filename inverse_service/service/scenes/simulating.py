@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from api_schemas.scene import SceneDocument
 from inverse_service import __version__, deadline
 from inverse_service.errors import InputError
 from inverse_service.expressions.printing import to_text
@@ -116,7 +115,7 @@ def run_document(document: Any, progress: Progress | None, time_limit: float) ->
     read = time.perf_counter()
     if progress is not None:
         progress("deriving")
-    find = scene_lagrangian.finder(schema, system, catalogue_name(schema))
+    find = scene_lagrangian.finder(schema, system)
     derived = derive(scene, find)
     if not schema.methods:
         scene = by_itself(scene, derived)
@@ -129,12 +128,6 @@ def run_document(document: Any, progress: Progress | None, time_limit: float) ->
     found = run_scene(scene, derived, find, progress, lambda: now() > end, lambda: now() > half)
     stages = {"read": read - begun, "derive": done - read, "run": time.perf_counter() - done}
     return found, stages
-
-
-def catalogue_name(schema: SceneDocument) -> str | None:
-    """The name in the catalogue, if the scene gives one."""
-    name = getattr(schema.system, "catalogue", None)
-    return name if isinstance(name, str) else None
 
 
 def table_of_run(scene: Scene, run: MethodRun) -> dict[str, Any]:

@@ -38,7 +38,7 @@ def work_precision(
         scene = dataclasses.replace(scene, methods=scene_reading.read_methods(schema))
     # Errors are always compared, even if the scene does not observe them, so the true motion is always derived.
     compared = dataclasses.replace(scene, observe=("error",), methods=(*scene.methods, *_peers(scene)))
-    derived = derivation.derive(compared, scene_lagrangian.finder(schema, system, simulating.catalogue_name(schema)))
+    derived = derivation.derive(compared, scene_lagrangian.finder(schema, system))
     left = time_limit - (time.monotonic() - begun)
     measured = precision.measure(compared, derived, steps, schema.repeats, left, progress, schema.long)
     if isinstance(measured, scene_data.Unavailable):
