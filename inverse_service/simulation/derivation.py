@@ -15,15 +15,15 @@ from inverse_service.expressions import collecting, derivative
 from inverse_service.expressions.tree import ZERO, Expression, Sum, Velocity, add, walk
 from inverse_service.integrators.method_table import USES_ACCELERATIONS, USES_FREE
 from inverse_service.mechanics import constrained_motion
-from inverse_service.simulation import initial, motions, numeric_formulas
+from inverse_service.simulation import accelerations as accelerating, exact_motion, initial, numeric_formulas
 from inverse_service.simulation.scene_data import EXACT, FreeLagrangian, Problem, Requested, Scene, Unavailable
 
 KINETIC, POTENTIAL, MAGNETIC, CONSTRAINTS = "kinetic", "potential", "magnetic", "constraints"
 BUILT_IN = (CONSTRAINTS, POTENTIAL, MAGNETIC, KINETIC)
 COMPARED = frozenset({"error", "phase"})
 USES_EXACT = COMPARED | {"matching_circle"}
-_DEGENERATE = motions.DEGENERATE[:1].upper() + motions.DEGENERATE[1:]
-Find = Callable[[Scene, str | None, motions.ExactMotion | motions.NoExactMotion], FreeLagrangian | Unavailable]
+_DEGENERATE = accelerating.DEGENERATE[:1].upper() + accelerating.DEGENERATE[1:]
+Find = Callable[[Scene, str | None, exact_motion.Exact], FreeLagrangian | Unavailable]
 
 
 def lagrangian_parts(lagrangian: Expression, coordinates: Sequence[str]) -> dict[str, Expression]:
@@ -60,7 +60,7 @@ class Derived:
     `degenerate`: the masses of the scene's Lagrangian do not determine the accelerations.
     """
 
-    exact: motions.ExactMotion | motions.NoExactMotion | None
+    exact: exact_motion.Exact | None
     accelerations: tuple[Expression, ...] | Unavailable | None
     free: Mapping[str | None, FreeLagrangian | Unavailable]
     seconds: Mapping[str, float]
@@ -75,11 +75,11 @@ def derive(scene: Scene, find: Find) -> Derived:
     wanted = dict.fromkeys(requested.free for requested in scene.methods if requested.method in USES_FREE)
     if scene.accelerations is not None and "energy" in scene.observe:
         wanted[None] = None
-    exact: motions.ExactMotion | motions.NoExactMotion | None = None
+    exact: exact_motion.Exact | None = None
     if EXACT in used or USES_EXACT & set(scene.observe) or wanted:
         with timed(seconds, "exact motion"):
             exact = _exact(scene, degenerate)
-    compares = bool(COMPARED & set(scene.observe)) and not isinstance(exact, motions.ExactMotion)
+    compares = bool(COMPARED & set(scene.observe)) and not isinstance(exact, exact_motion.ExactMotion)
     accelerations = None
     if (
         used & USES_ACCELERATIONS
@@ -94,7 +94,7 @@ def derive(scene: Scene, find: Find) -> Derived:
     free: dict[str | None, FreeLagrangian | Unavailable] = {}
     for name in wanted:
         with timed(seconds, "free Lagrangian"):
-            free[name] = find(scene, name, exact or motions.NoExactMotion("No exact motion is known."))
+            free[name] = find(scene, name, exact or exact_motion.NoExactMotion("No exact motion is known."))
     return Derived(exact, accelerations, free, seconds, degenerate)
 
 
@@ -161,14 +161,14 @@ def with_accelerations(scene: Scene, derived: Derived) -> Problem | Unavailable:
     return Problem(names, values, constraints=scene.constraints, accelerations=derived.accelerations)
 
 
-def _exact(scene: Scene, degenerate: bool) -> motions.ExactMotion | motions.NoExactMotion:
+def _exact(scene: Scene, degenerate: bool) -> exact_motion.Exact:
     if scene.lagrangian is None:
-        return motions.NoExactMotion("The system is given by its equations.")
+        return exact_motion.NoExactMotion("The system is given by its equations.")
     if scene.forces or any(event.acts for event in scene.events):
-        return motions.NoExactMotion("Additional forces or events act on the motion.")
+        return exact_motion.NoExactMotion("Additional forces or events act on the motion.")
     if degenerate:
-        return motions.NoExactMotion(_DEGENERATE)
-    return motions.motion_by_quadrature(scene.coordinates, scene.lagrangian, scene.constraints, scene.values)
+        return exact_motion.NoExactMotion(_DEGENERATE)
+    return exact_motion.motion_by_quadrature(scene.coordinates, scene.lagrangian, scene.constraints, scene.values)
 
 
 def accelerations_of(scene: Scene) -> tuple[Expression, ...] | Unavailable:
@@ -177,7 +177,7 @@ def accelerations_of(scene: Scene) -> tuple[Expression, ...] | Unavailable:
     if scene.lagrangian is None:
         return Unavailable("The scene has neither a Lagrangian nor equations of motion.")
     try:
-        found = motions.regular_accelerations(scene.coordinates, scene.lagrangian, scene.constraints, scene.forces)
+        found = accelerating.regular_accelerations(scene.coordinates, scene.lagrangian, scene.constraints, scene.forces)
     except InputError as error:
         return Unavailable(error.detail[:1].upper() + error.detail[1:])
     if found is not None:

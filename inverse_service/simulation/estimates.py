@@ -18,7 +18,14 @@ from numpy.typing import NDArray
 
 from inverse_service.expressions import tree as ex
 from inverse_service.integrators import method_table, trajectory
-from inverse_service.simulation import initial, motions, numeric_formulas as nf, observing, scene_data as data, schemes
+from inverse_service.simulation import (
+    accelerations as accelerating,
+    initial,
+    numeric_formulas as nf,
+    observing,
+    scene_data as data,
+    schemes,
+)
 
 MOST_STEPS = 1_000_000
 CHANGED, TIGHTER, TIGHTEST, LEAST_RANGE, ROUND_OFF = 0.1, 0.1, 1e-14, 0.01, 1e-15
@@ -226,10 +233,10 @@ def other_motion(run: observing.Observed) -> trajectory.Outcome | None:
     if velocities is None:
         return None
     table = nf.table_of(scene.coordinates, at.positions, velocities, run.values, at.times)
-    apart = motions.distance_of_motion(problem.free_lagrangian, scene.coordinates, scene.accelerations, table)
+    apart = accelerating.distance_of_motion(problem.free_lagrangian, scene.coordinates, scene.accelerations, table)
     apart += np.sum([0 * nf.array_value(f, table) for f in scene.accelerations], axis=0)  # no number where one has none
     apart[0] = 0.0  # where the start was looked at, which may be a pole that the motion leaves
-    places = np.flatnonzero(~(apart <= motions.NOTICED))
+    places = np.flatnonzero(~(apart <= accelerating.NOTICED))
     if not len(places):
         return None
     point = int(places[0])

@@ -34,9 +34,9 @@ from inverse_service.expressions import derivative, printing, tree as ex
 from inverse_service.integrators import method_table
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.simulation import (
+    accelerations as accelerating,
     ensembles,
     initial,
-    motions,
     numeric_formulas as nf,
     observing,
     scene_data as data,
@@ -554,7 +554,7 @@ class _Motion:
              for slope in slopes]
             for w in surfaces
         ]  # fmt: skip
-        whole = motions.determinant(tuple(map(tuple, rows)))
+        whole = accelerating.determinant(tuple(map(tuple, rows)))
         if whole == ex.ZERO:
             return tuple(middle), {}
         found = {}
@@ -562,7 +562,7 @@ class _Motion:
             changed = [
                 tuple(right[i] if k == j else entry for k, entry in enumerate(row)) for i, row in enumerate(rows)
             ]
-            found[u] = motions.determinant(tuple(changed)) / whole
+            found[u] = accelerating.determinant(tuple(changed)) / whole
         forces = [middle[k] + ex.add(*(found[u] * slopes[j][k] for j, u in enumerate(stuck))) for k in range(n)]
         # By the formulas alone round-off would move what sticks: one coordinate follows from the others.
         free = list(range(n))

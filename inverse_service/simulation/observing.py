@@ -1,4 +1,4 @@
-"""The observed quantities of a scene: formulas for the kernel, and numbers computed from the recorded points.
+"""The observed quantities of a run: formulas for the kernel, and numbers and columns from the recorded points.
 
 energy        E = v L_v - L of the original system; max_energy_error = max |E_k/E_0 - 1|, E_0 that of the initial
               data, at the recorded points with their velocities (those of the momenta), for every method alike;
@@ -6,24 +6,12 @@ energy        E = v L_v - L of the original system; max_energy_error = max |E_k/
 constraints   max_constraint = max |w((1-alpha) q_k + alpha q_(k+1)) (q_(k+1) - q_k)/h| over all steps, and
               max_constraint_at_points = max |w(q_k) v_k| with v_k from the momenta of a variational method
 momenta       the momenta that the method's Lagrangian conserves (cyclic coordinates): max |p_k - p_0|
-matching_circle   circles of the first and last revolution, distance to the exact circle
-phase         angle by which the chords of the path are ahead of those of the true path
+phase         angle by which the chords of the path are ahead of those of the true path (`circles`)
 error         max |q_k - q(t_k)| against the exact solution or the reference, coordinate by coordinate
 
-Velocities at the points of a trajectory, from the momenta of its method.
-
-variational     v = dH~/dp(q_k, p_k)
-nonholonomic    v = g^-1 (p_k - b) with L_v = g v + b, put on the constraints: p_k still holds half a reaction
-
-They are as accurate as the method. Methods of order 2 without them have differences of the positions about each point.
-
-The observed quantities of one run: which numbers belong to which name, and what each cost.
-
-Circles that match a plane path: through three points, by least squares, and how they change.
-
-The paper matches the variational solution by the circle through three of its points,
-(x - a)^2 + (y - b)^2 = c^2; the least-squares circle uses all of them.
-Source: Mestdag, Bloch, Fernandez (2009), section 4; Kasa (1976) for the start of the fit.
+Velocities at the points come from the momenta of the method and are as accurate as it is: v = dH~/dp(q_k, p_k) of the
+variational method; of the nonholonomic one v = g^-1 (p_k - b) with L_v = g v + b, put on the constraints, as p_k still
+holds half a reaction. Methods of order 2 without momenta have differences of the positions about each point.
 """
 
 from __future__ import annotations
@@ -38,7 +26,13 @@ import numpy as np
 from inverse_service.expressions import collecting, derivative, printing, tree as ex
 from inverse_service.integrators.trajectory import Array, Trajectory
 from inverse_service.mechanics import euler_lagrange
-from inverse_service.simulation import derivation, motions, numeric_formulas as nf, scene_data as data
+from inverse_service.simulation import (
+    accelerations as accelerating,
+    circles,
+    derivation,
+    numeric_formulas as nf,
+    scene_data as data,
+)
 
 WITH_TIME = "The Lagrangian contains t, so its energy changes."
 FORCED = "Forces do work, so the energy T + V changes: see its balance with the work."
@@ -54,16 +48,6 @@ _NO_VELOCITIES = "The method has no velocities at the recorded points: record ev
 _NO_ENERGY = "The system is given by its equations and no Lagrangian was found, so no energy is defined."
 _NO_VALUE = "The formula has no value at {} of the {} recorded points, the first at t = {:.7g}."
 _WALL = "The energy is that of a Lagrangian that was found, which {}."
-# Below this sine of the largest angle three points are taken to lie on a line.
-COLLINEAR = 1e-10
-# Squares of larger numbers overflow.
-LARGEST = 1e150
-MOST_CORRECTIONS = 30
-SHARE = 0.01
-FEWEST_POINTS = 30
-# Below pi the turning of a chord is no other angle; the margin is for rates that change.
-LARGEST_TURN = 2.0
-SAME_CHORD = 0.2
 
 
 def greatest(values: Array) -> float | None:
@@ -213,8 +197,8 @@ def end_of_energy(scene: data.Scene, positions: Array, velocities: Array, times:
         values = nf.array_value(wall, table)
         if not (np.isfinite(values).all() and (values.min() > 0 or values.max() < 0)):
             return f"ends where {printing.to_text(wall)} = 0, and the motion passes there"
-    apart = motions.distance_of_motion(scene.found.lagrangian, scene.coordinates, scene.accelerations or (), table)
-    return "does not give the motion of the equations everywhere" if (apart > motions.NOTICED).any() else None
+    apart = accelerating.distance_of_motion(scene.found.lagrangian, scene.coordinates, scene.accelerations or (), table)
+    return "does not give the motion of the equations everywhere" if (apart > accelerating.NOTICED).any() else None
 
 
 def point_constraints(scene: data.Scene, positions: Array, velocities: Array) -> dict[str, Any]:
@@ -223,52 +207,6 @@ def point_constraints(scene: data.Scene, positions: Array, velocities: Array) ->
     defects = [greatest(nf.array_value(w, table)) for w in scene.constraints]
     known = [defect for defect in defects if defect is not None]
     return {"max_constraint_at_points": max(known) if len(known) == len(defects) else None}
-
-
-def circle_numbers(points: Array, exact: Array | None, every: int = 1, reach: float = np.inf) -> dict[str, Any]:
-    """The `circle` part of a summary; {"circle": None} where the path is not round (a line, too few points).
-
-    `every` says which steps were recorded, `reach` how long the way between two of them is at the start: a revolution
-    is seen only where that turns by less than half of one.
-    """
-    drift = circle_drift(points, 0.0 if every == 1 else reach)
-    if drift is None:
-        return {"circle": None}
-    numbers: dict[str, Any] = {
-        "radius_first": drift.first.radius,
-        "radius_last": drift.last.radius,
-        "radius_change": drift.last.radius / drift.first.radius - 1,
-        "centre_drift": drift.centre_drift,
-        "misfit": drift.first.misfit,
-        "shape_misfit": _shape(points),
-        "revolutions": None if np.isnan(drift.revolutions) else drift.revolutions,
-        "through_three_points": _three(points, drift),
-    }
-    if np.isnan(drift.revolutions):
-        numbers["note"] = (
-            "Too few steps are recorded to count revolutions: the circles are fitted to the first and last 1 % of them."
-        )
-    elif drift.revolutions < 1:
-        numbers["note"] = "The path is less than one revolution, so both circles are fitted to the whole path."
-    reference = None if exact is None else least_squares_circle(exact)
-    if reference is not None and reference.misfit <= 1e-6 * reference.radius:
-        numbers["exact_radius"] = reference.radius
-        numbers["max_radial_distance"] = float(radial_distance(points, reference).max())
-    return {"circle": numbers}
-
-
-def _shape(points: Array) -> float | None:
-    """The greatest distance of the path from its least-squares circle, relative to the radius."""
-    whole = least_squares_circle(points)
-    return None if whole is None else float(radial_distance(points, whole).max())
-
-
-def _three(points: Array, drift: CircleDrift) -> dict[str, Any] | None:
-    """The paper's matching circle: through three points a third of a revolution apart (or of the path)."""
-    last = len(points) - 1
-    third = max(1, int(last / max(1.0, drift.revolutions) / 3)) if np.isfinite(drift.revolutions) else 1
-    circle = circle_through(points[[0, third, 2 * third]])
-    return None if circle is None else {"radius": circle.radius, "center": list(circle.center)}
 
 
 def error_numbers(
@@ -483,7 +421,7 @@ def _quantity(name: str, run: Observed, true: Array | None) -> tuple[dict[str, A
         pair = list(scene.circle)
         every = scene.grid.record_every
         reach = float(np.hypot(*scene.velocities[pair])) * abs(scene.grid.step) * every
-        return circle_numbers(positions[:, pair], None if true is None else true[:, pair], every, reach), {}
+        return circles.circle_numbers(positions[:, pair], None if true is None else true[:, pair], every, reach), {}
     if name == "constraint_forces":
         return _constraint_forces(run)
     if name in ("phase", "error"):
@@ -497,7 +435,9 @@ def _constraint_forces(run: Observed) -> tuple[dict[str, Any], dict[str, Array]]
     if velocities is None or scene.lagrangian is None or not scene.constraints:
         note = _NO_VELOCITIES if velocities is None else "There are no constraints."
         return {"constraint_forces": None, "constraint_forces_note": note}, {}
-    found = motions.accelerations_and_multipliers(scene.coordinates, scene.lagrangian, scene.constraints, scene.forces)
+    found = accelerating.accelerations_and_multipliers(
+        scene.coordinates, scene.lagrangian, scene.constraints, scene.forces
+    )
     if found is None:
         return {"constraint_forces": None, "constraint_forces_note": "The constraints are too many for a formula."}, {}
     table = nf.table_of(scene.coordinates, run.trajectory.positions, velocities, dict(run.values), run.trajectory.times)
@@ -607,7 +547,7 @@ def _compared(
     if scene.circle is None:
         return {"max_phase_error": None}, {}
     pair = list(scene.circle)
-    angles = phase_error(positions[:, pair], true[:, pair])
+    angles = circles.phase_error(positions[:, pair], true[:, pair])
     return {"max_phase_error": greatest(angles), "final_phase_error": float(angles[-1])}, {"phase_error": angles}
 
 
@@ -621,163 +561,3 @@ def last_point(run: Observed) -> tuple[float, Array, Array | None]:
 def columns_of(scene: data.Scene, table: Array, prefix: str = "") -> dict[str, Any]:
     """The entries of a table (m, n), or of one row, by coordinate."""
     return {f"{prefix}{name}": table[..., k] for k, name in enumerate(scene.coordinates)}
-
-
-@dataclass(frozen=True, slots=True)
-class Circle:
-    """Center (x, y) and radius in the unit of the coordinates; `misfit` is the root mean square of |p - c| - r."""
-
-    center: tuple[float, float]
-    radius: float
-    misfit: float = 0.0
-
-
-@dataclass(frozen=True, slots=True)
-class CircleDrift:
-    """The matching circles of the first and of the last revolution.
-
-    `revolutions` is the turning of the path over 2 pi; below one the whole path is both windows, and
-    nothing can be said on a drift: `first` and `last` are then equal.
-    """
-
-    first: Circle
-    last: Circle
-    revolutions: float
-
-    @property
-    def centre_drift(self) -> float:
-        """The distance of the two centers."""
-        return float(np.hypot(*np.subtract(self.last.center, self.first.center)))
-
-
-def circle_through(points: Array) -> Circle | None:
-    """The circle through three points, (3, 2); None where they lie on a line or coincide."""
-    first = np.asarray(points, dtype=float)[0]
-    (bx, by), (cx, cy) = points[1] - first, points[2] - first
-    lengths = np.hypot(bx, by), np.hypot(cx, cy), np.hypot(cx - bx, cy - by)
-    cross = bx * cy - by * cx
-    longest = max(lengths)
-    if not np.isfinite(cross) or longest == 0 or abs(cross) <= COLLINEAR * longest * longest:
-        return None
-    squares = bx * bx + by * by, cx * cx + cy * cy
-    shift = np.array([cy * squares[0] - by * squares[1], bx * squares[1] - cx * squares[0]]) / (2 * cross)
-    center = first + shift
-    return Circle((float(center[0]), float(center[1])), float(np.hypot(*shift)))
-
-
-def least_squares_circle(points: Array) -> Circle | None:
-    """The circle that minimizes sum (|p_k - c| - r)^2 over (m, 2) points; None for fewer than three, or a line.
-
-    Started from the algebraic fit sum (|p_k - c|^2 - r^2)^2, then Gauss-Newton.
-    """
-    points = np.asarray(points, dtype=float)
-    if len(points) < 3 or not np.isfinite(points).all():
-        return None
-    mean = points.mean(axis=0)
-    scale = float(np.abs(points - mean).max())
-    if not 0 < scale < LARGEST:
-        return None
-    reduced = (points - mean) / scale
-    matrix = np.column_stack([reduced, np.ones(len(points))])
-    if np.linalg.svd(reduced, compute_uv=False)[-1] <= COLLINEAR * np.sqrt(len(points)):
-        return None
-    solution = np.linalg.lstsq(matrix, (reduced**2).sum(axis=1), rcond=None)[0]
-    center = solution[:2] / 2
-    found = _corrected(reduced, center)
-    distances = np.hypot(*(reduced - found).T)
-    radius = distances.mean()
-    misfit = float(np.sqrt(((distances - radius) ** 2).mean()))
-    absolute = mean + scale * found
-    return Circle((float(absolute[0]), float(absolute[1])), float(scale * radius), scale * misfit)
-
-
-def _corrected(points: Array, center: Array) -> Array:
-    """Gauss-Newton on the center, the radius being the mean distance; stops where it no longer gains."""
-    best = _cost(points, center)
-    for _ in range(MOST_CORRECTIONS):
-        difference = points - center
-        distances = np.hypot(*difference.T)
-        if not distances.all():
-            break
-        directions = -difference / distances[:, None]
-        slopes = directions - directions.mean(axis=0)
-        step = np.linalg.lstsq(slopes, -(distances - distances.mean()), rcond=None)[0]
-        tried = center + step
-        cost = _cost(points, tried)
-        if not cost < best:
-            break
-        center, best = tried, cost
-    return center
-
-
-def _cost(points: Array, center: Array) -> float:
-    distances = np.hypot(*(points - center).T)
-    return float(((distances - distances.mean()) ** 2).sum())
-
-
-def circle_drift(points: Array, reach: float = 0.0) -> CircleDrift | None:
-    """Matching circles of the first and the last revolution of a path, (m, 2); None where there is no circle.
-
-    A revolution has as many points as steps fit into it, the chords turning by less than 2 pi: no direction counts
-    twice. The first point is given and not computed: the first revolution starts after it. `reach` is the length of
-    the way between two points, where not every step is known: chords that turn by more than LARGEST_TURN do not show
-    revolutions, which are nan then, and the circles are those of the first and the last SHARE of the points.
-    """
-    points = np.asarray(points, dtype=float)
-    whole = least_squares_circle(points)
-    if whole is None:
-        return None
-    turning, back = np.abs(turned(points)), np.abs(turned(points[::-1]))
-    revolutions = float(turning[-1]) / (2 * np.pi)
-    full = 2 * np.pi * (1 - 1e-9)
-    counts = [int((np.maximum.accumulate(angles) < full).sum()) - 1 for angles in (turning, back)]
-    if reach:
-        share = max(FEWEST_POINTS, int(SHARE * len(points)))
-        near = least_squares_circle(points[1 : 1 + share]) or whole
-        angle, chord = reach / near.radius, float(np.hypot(*(points[2] - points[1])))
-        expected = 2 * near.radius * np.sin(angle / 2)
-        if not (angle < LARGEST_TURN and abs(chord - expected) <= SAME_CHORD * expected):
-            revolutions, counts = float("nan"), [share, share]
-    if max(counts) + 2 >= len(points) or min(counts) < 3:
-        return CircleDrift(whole, whole, revolutions)
-    first, last = least_squares_circle(points[1 : 1 + counts[0]]), least_squares_circle(points[-counts[1] :])
-    return None if first is None or last is None else CircleDrift(first, last, revolutions)
-
-
-def turned(points: Array) -> Array:
-    """The angle in radians by which the chords p_k -> p_(k+1) have turned since the first, (m - 1,).
-
-    Chords of length zero keep the direction of the one before.
-    """
-    chords = np.diff(points, axis=0)
-    moving = np.hypot(*chords.T) > 0
-    if not moving.any():
-        return np.zeros(len(chords))
-    places = np.maximum.accumulate(np.where(moving, np.arange(len(chords)), -1))
-    places[places < 0] = int(np.argmax(moving))
-    directions = np.arctan2(chords[:, 1], chords[:, 0])[places]
-    angles = np.unwrap(directions)
-    turning: Array = angles - angles[0]
-    return turning
-
-
-def radial_distance(points: Array, circle: Circle) -> Array:
-    """| |p_k - c| - r | / r for each of (m, 2) points, dimensionless."""
-    distances = np.hypot(*(np.asarray(points, dtype=float) - np.asarray(circle.center)).T)
-    found: Array = np.abs(distances - circle.radius) / circle.radius
-    return found
-
-
-def phase_error(points: Array, exact: Array) -> Array:
-    """The angle in radians by which the path runs ahead of the exact one, (m,) for (m, 2) points.
-
-    It is read off the directions of the chords, so that a center that drifts and a radius that changes do not
-    enter; row 0 is that of the first chord.
-    """
-    if len(points) < 2:
-        return np.zeros(len(points))
-    own, true = np.diff(points, axis=0), np.diff(exact, axis=0)
-    difference = np.unwrap(np.arctan2(own[:, 1], own[:, 0]) - np.arctan2(true[:, 1], true[:, 0]))
-    difference -= 2 * np.pi * np.round(difference[0] / (2 * np.pi))
-    together: Array = np.concatenate([difference[:1], difference])
-    return together

@@ -15,10 +15,10 @@ from inverse_service.simulation import (
     ensemble_runs,
     estimates,
     events as happening,
+    exact_motion,
     execution,
     initial,
     lyapunov,
-    motions,
     numeric_formulas,
     observing,
     scene_data as data,
@@ -221,6 +221,6 @@ def _with_series(scene: data.Scene, exact: Trajectory | data.Unavailable) -> Tra
 
 def _truth(scene: data.Scene, derived: derivation.Derived, stop: data.Stop | None) -> data.Truth | data.Unavailable:
     """The true motion; circles are compared with the exact solution only, so they cost no reference run."""
-    if derivation.COMPARED & set(scene.observe) or isinstance(derived.exact, motions.ExactMotion):
+    if derivation.COMPARED & set(scene.observe) or isinstance(derived.exact, exact_motion.ExactMotion):
         return truths.true_motion(scene, derived, stop)
     return data.Unavailable("No exact solution is known here.")

@@ -18,9 +18,9 @@ from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.simulation import (
     derivation,
     estimates,
+    exact_motion,
     execution,
     initial,
-    motions,
     observing,
     scene_data,
     schemes,
@@ -49,7 +49,7 @@ def true_motion(
     scene: scene_data.Scene, derived: derivation.Derived, stop: scene_data.Stop | None = None
 ) -> scene_data.Truth | scene_data.Unavailable:
     """The true motion at the recorded times of the scene, or why it is not known."""
-    if not isinstance(derived.exact, motions.ExactMotion):
+    if not isinstance(derived.exact, exact_motion.ExactMotion):
         return _references(scene, derived, stop)
     found = exact_trajectory(scene, derived)
     if isinstance(found, scene_data.Unavailable) or found.velocities is None:
@@ -60,7 +60,7 @@ def true_motion(
 
 def exact_trajectory(scene: scene_data.Scene, derived: derivation.Derived) -> Trajectory | scene_data.Unavailable:
     """The exact solution as a trajectory, at the recorded times."""
-    if not isinstance(derived.exact, motions.ExactMotion):
+    if not isinstance(derived.exact, exact_motion.ExactMotion):
         reason = derived.exact.reason if derived.exact is not None else "It was not requested."
         return scene_data.Unavailable(f"No exact solution is known for this scene. {reason}")
     if initial.ended_at_start(scene) is not None:
@@ -68,7 +68,7 @@ def exact_trajectory(scene: scene_data.Scene, derived: derivation.Derived) -> Tr
     begun = time.perf_counter()
     times = scene.grid.times
     try:
-        rows = motions.positions_of(derived.exact, scene.positions, scene.velocities, times - scene.grid.begin)
+        rows = exact_motion.positions_of(derived.exact, scene.positions, scene.velocities, times - scene.grid.begin)
     except ValueError as error:
         return scene_data.Unavailable(f"The exact solution ends: {error}.")
     seconds = time.perf_counter() - begun

@@ -7,7 +7,7 @@ import pytest
 
 from inverse_service.reading.names import Names
 from inverse_service.reading.reader import read_formula
-from inverse_service.simulation.motions import ExactMotion, NoExactMotion, motion_by_quadrature, positions_of
+from inverse_service.simulation.exact_motion import ExactMotion, NoExactMotion, motion_by_quadrature, positions_of
 
 TIMES = np.linspace(0, 50, 401)
 

@@ -9,8 +9,8 @@ import pytest
 
 from benchmarks.hard_cases import particle_start
 from benchmarks.problems import DISK, DISK_CONSTRAINTS, DISK_ENERGY, KNIFE, PARTICLE
+from inverse_service.simulation.circles import circle_drift
 from inverse_service.simulation.execution import run
-from inverse_service.simulation.observing import circle_drift
 from inverse_service.simulation.scene_data import Grid, MethodChoice, Start
 
 # method, alpha, radial distance / R, R_last / R_first - 1, energy, discrete constraint; None where it is round-off.

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from inverse_service.errors import InputError
 from inverse_service.integrators.trajectory import Array
 from inverse_service.service.figures import price_curves, style as styles, views
-from inverse_service.simulation import observing
+from inverse_service.simulation import circles
 
 PALE, REACH_SIGNED = "#9aa3b2", 8.0
 DASHES: Any = {
@@ -254,7 +254,7 @@ def _is_round(result: Mapping[str, Any], tables: Mapping[str, Mapping[str, Array
     if pair is None:
         return False
     paths = [np.column_stack([table[name] for name in pair]) for table in tables.values() if len(table["t"]) > 2]
-    return "matching_circle" in result["observe"] or any(abs(observing.turned(path)[-1]) >= 2 * np.pi for path in paths)
+    return "matching_circle" in result["observe"] or any(abs(circles.turned(path)[-1]) >= 2 * np.pi for path in paths)
 
 
 def path_figure(

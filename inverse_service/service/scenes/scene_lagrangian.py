@@ -24,7 +24,7 @@ from inverse_service.reading.names import Names
 from inverse_service.reading.reader import read_condition
 from inverse_service.service.documents import plain_data
 from inverse_service.service.scenes import scene_reading, scene_system
-from inverse_service.simulation import derivation, motions
+from inverse_service.simulation import accelerations as accelerating, derivation, exact_motion
 from inverse_service.simulation.numeric_formulas import array_value, switching_functions, table_of, walls
 from inverse_service.simulation.scene_data import FreeLagrangian, Observable, Scene, Unavailable
 
@@ -37,13 +37,12 @@ NO_INVERSE = (
     "The momenta at the start do not reproduce its velocities: the Lagrangian is singular there, or its Hamiltonian "
     "belongs to another branch. Begin elsewhere, or take another method."
 )
-Exact = motions.ExactMotion | motions.NoExactMotion
 
 
 def finder(schema: SceneDocument, system: scene_system.MechanicalSystem) -> derivation.Find:
     """The function that `derive` calls for the free Lagrangian of a method."""
 
-    def find(scene: Scene, name: str | None, exact: Exact) -> FreeLagrangian | Unavailable:
+    def find(scene: Scene, name: str | None, exact: exact_motion.Exact) -> FreeLagrangian | Unavailable:
         wanted = name if name is not None else schema.free_lagrangian
         found = _Search(scene, system, _constants(schema)).found(wanted, exact, _pointer(schema, name))
         if isinstance(found, FreeLagrangian):
@@ -61,7 +60,7 @@ class _Search:
     system: scene_system.MechanicalSystem
     constants: Mapping[str, float]
 
-    def found(self, wanted: str | None, exact: Exact, pointer: str) -> FreeLagrangian | Unavailable:
+    def found(self, wanted: str | None, exact: exact_motion.Exact, pointer: str) -> FreeLagrangian | Unavailable:
         """L~ as `wanted`: a formula, or the name of an associated system; None for the best one known."""
         scene = self.scene
         if wanted is not None and wanted not in KINDS:
@@ -75,8 +74,8 @@ class _Search:
             )
         if wanted is None and self.system.known:
             return self.first_fitting(self.system.known, self.system.source)
-        if wanted in (None, "second") and isinstance(exact, motions.ExactMotion):
-            known = motions.class_lagrangian(exact, tuple(scene.values))
+        if wanted in (None, "second") and isinstance(exact, exact_motion.ExactMotion):
+            known = exact_motion.class_lagrangian(exact, tuple(scene.values))
             if known is not None:
                 return _of_class(known, exact, self.constants)
         found = self.of_associated(wanted or "second")
@@ -112,12 +111,10 @@ class _Search:
         domain = _domain(scene, self.system, conditions, values)
         if domain is None:
             return Unavailable(ELSEWHERE.format(source, ", ".join(conditions)))
-        if motions.keeps_motion(scene, tree, accelerations, values, domain) is False:
+        if accelerating.keeps_motion(scene, tree, accelerations, values, domain) is False:
             if pointer == "/system":
                 detail = f"For the Lagrangian that is {source}, {OTHER}: the effects of the scene changed it."
                 return Unavailable(detail)
-                    f"For the Lagrangian that is {source}, {OTHER}: the effects of the scene changed it."
-                )
             raise InputError(f"{OTHER}: give one of an associated system of it, or leave it out.", pointer)
         found = _with_hamiltonian(scene, tree, own, source)
         return replace(found, domain=domain) if isinstance(found, FreeLagrangian) else found
@@ -181,12 +178,12 @@ def _with_hamiltonian(
 
 
 def _of_class(
-    known: motions.ClassLagrangian, exact: motions.ExactMotion, constants: Mapping[str, float]
+    known: exact_motion.ClassLagrangian, exact: exact_motion.ExactMotion, constants: Mapping[str, float]
 ) -> FreeLagrangian:
     chosen = {name: constants.get(name, 1.0) for name in known.constants if name is not None}
 
     def momenta(positions: Array, velocities: Array, values: Mapping[str, float]) -> Array:
-        return motions.start_momenta(known, replace(exact, values=values), positions, velocities)
+        return exact_motion.start_momenta(known, replace(exact, values=values), positions, velocities)
 
     source = f"{known.kind} of the second associated system"
     return FreeLagrangian(known.lagrangian, known.hamiltonian, chosen, source, momenta)

@@ -1,36 +1,21 @@
-"""Exact motions by quadrature, for systems recognized by their structure and not by their name.
+"""Exact motions by quadrature, and the free Lagrangian of their class, for systems recognized by their structure.
 
-Let L have constant coefficients, let the constraints omega_a(r) v = 0 depend on one coordinate r only,
-contain no r', and leave one direction to the n - 1 other coordinates. Then r'' = 0, and the others have
-the velocity c e(r), e(r) being that direction with e M e = 1: reactions do no work, so c is constant.
+Let L have constant coefficients, let the constraints omega_a(r) v = 0 depend on one coordinate r only, contain no r',
+and leave one direction d(r) to the n - 1 other coordinates. Then r'' = 0, and the others have the velocity c d/n with
+n = sqrt(d M d): reactions do no work, so c is constant. With e = d/n
 
     r(t) = r_0 + u t,    q(t) = q_0 + c * integral of e(r_0 + u s) for s from 0 to t
 
-That holds for the class of the paper with V = 0 (disk, knife edge: circles) and needs no A != 0.
-Without constraints, or with constant ones, the motion is straight. Source: own computation; for the
-class Mestdag, Bloch, Fernandez (2009), section 2.
-
-`class_lagrangian` is the free Lagrangian L~ of the second associated system, with H~. Where the exact motion is q_i' =
-c d_i(r)/n(r), n = sqrt(d M d), r'' = 0 (as above), the second associated system r'' = 0, q_i'' = (d_i/n)' (n/d_i) r'
-q_i' is variational for every d:
+That holds for the class of the paper with V = 0 (disk, knife edge: circles) and needs no A != 0; without constraints,
+or with constant ones, the motion is straight. The second associated system r'' = 0, q_i'' = (d_i/n)' (n/d_i) r' q_i'
+is variational for every d:
 
     L~ = r'^2/2 + (n/2r') sum C_i q_i'^2/d_i,        H~ = (p_r + (1/2n) sum d_i p_i^2/C_i)^2/2
 
-and where n is constant, coordinates with constant d_i may have q_i'^2/2 instead (the paper's L~2).
-Constant factors and signs of d_i are left to the free constants C_i; H~ is smooth through d_i = 0.
-Source: Mestdag, Bloch, Fernandez (2009), proposition 1.2, for d = (1, -A_a); the general d by own computation.
-
-`keeps_motion` tests at points on the constraints whether a Lagrangian has the true motion among its solutions. The
-Euler-Lagrange residual L_vv f + L_vq v - L_q is computed with the accelerations f of the true motion. It need
-only vanish on the constraints: the free system may differ from the true one elsewhere.
-
-`accelerations_and_multipliers` is in a form that is regular wherever the constraints are independent. With g = L_vv, F
-= L_q - L_vq v - L_vt + Q and constraints w v = 0:
-
-    a = g^-1 (F + w^T lambda),   lambda = -(w g^-1 w^T)^-1 (w' v + w g^-1 F)
-
-Unlike the equations in independent velocities they have no singular points such as cos(phi) = 0.
-Source: A. M. Bloch, Nonholonomic Mechanics and Control, 2003, chapter 5; adjugates by Laplace expansion.
+Where n is constant, coordinates with constant d_i may have q_i'^2/2 instead (the paper's L~2). Constant factors and
+signs of d_i are left to the free constants C_i; H~ is smooth through d_i = 0.
+Source: Mestdag, Bloch, Fernandez (2009), section 2 and proposition 1.2, for d = (1, -A_a); the general d by own
+computation.
 """
 
 from collections.abc import Mapping, Sequence
@@ -39,12 +24,11 @@ from typing import Any
 
 import numpy as np
 
-from inverse_service import errors
-from inverse_service.expressions import collecting, derivative, graphs, tree as ex
+from inverse_service.expressions import collecting, derivative, tree as ex
 from inverse_service.integrators.trajectory import Array
 from inverse_service.mechanics import euler_lagrange
-from inverse_service.simulation import initial, numeric_formulas
-from inverse_service.simulation.scene_data import Scene
+from inverse_service.simulation import numeric_formulas
+from inverse_service.simulation.accelerations import determinant
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(10)
 MOST_PIECES = 4096
@@ -57,16 +41,6 @@ RANK_LOST = (
 )
 SAMPLES = 32
 CONSTANT = 1e-13
-POINTS = 24
-ENOUGH = 4
-SAME_MOTION = 1e-7
-NOTICED = 1e-3  # of the motion of a run, whose velocities come from momenta
-DEGENERATE = (
-    "the matrix of the velocities is singular (d2L/dv_i dv_j, or constraints that depend on one another), so no "
-    "accelerations follow: give every coordinate its kinetic energy, with other parameters or effects of the scene."
-)
-# Beyond this size the expansion of a full determinant would fill pages.
-MOST_FULL_ROWS = 5
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,12 +65,15 @@ class NoExactMotion:
     reason: str
 
 
+Exact = ExactMotion | NoExactMotion
+
+
 def motion_by_quadrature(
     coordinates: Sequence[str],
     lagrangian: ex.Expression,
     constraints: Sequence[ex.Expression],
     values: Mapping[str, float],
-) -> ExactMotion | NoExactMotion:
+) -> Exact:
     """The exact motion of a system of the class above, or the reason why it is not in that class."""
     names = tuple(coordinates)
     inertia = euler_lagrange.hessian(lagrangian, names)
@@ -117,7 +94,7 @@ def motion_by_quadrature(
     return found if not turning else _with_one_direction(found)
 
 
-def _with_one_direction(found: ExactMotion) -> ExactMotion | NoExactMotion:
+def _with_one_direction(found: ExactMotion) -> Exact:
     k, names = found.turning or 0, found.coordinates
     if any(row[k] != ex.ZERO for row in found.constraints):
         return NoExactMotion(f"A constraint contains the velocity of {names[k]}, on which it depends.")
@@ -366,146 +343,3 @@ def _start_momenta(found: ClassLagrangian, motion: ExactMotion, positions: Array
         shift += numeric_formulas.array_value(found.directions[i], table) * momenta[:, i] ** 2 / (2 * norm * constant)
     momenta[:, k] = rate - shift
     return momenta
-
-
-def keeps_motion(
-    scene: Scene,
-    lagrangian: ex.Expression,
-    accelerations: tuple[ex.Expression, ...],
-    values: dict[str, float],
-    domain: tuple[ex.Expression, ...] = (),
-) -> bool | None:
-    """True or False where enough points of the domain, where its formulas are positive, have values; None elsewhere."""
-    positions, velocities = _points(scene)
-    times = np.random.default_rng(5).uniform(0, scene.grid.step * scene.grid.steps, len(positions)) + scene.grid.begin
-    table = numeric_formulas.table_of(scene.coordinates, positions, velocities, values, times)
-    worst = distance_of_motion(lagrangian, scene.coordinates, accelerations, table)
-    inside = np.all([numeric_formulas.array_value(end, table) > 0 for end in domain], axis=0)
-    finite = worst[np.isfinite(worst) & inside]
-    return None if len(finite) < ENOUGH else bool((finite < SAME_MOTION).all())
-
-
-def distance_of_motion(
-    lagrangian: ex.Expression,
-    coordinates: tuple[str, ...],
-    accelerations: tuple[ex.Expression, ...],
-    table: dict[ex.Expression, Array | float],
-) -> Array:
-    """The greatest Euler-Lagrange residual at each of m points (m,), measured by its largest term."""
-    residuals = euler_lagrange.euler_lagrange_residual(lagrangian, coordinates, accelerations)
-    sizes = [np.abs(numeric_formulas.array_value(residual, table)) / _size(residual, table) for residual in residuals]
-    worst: Array = np.max(sizes, axis=0)
-    return worst
-
-
-def _size(residual: ex.Expression, table: dict[ex.Expression, Array | float]) -> Array:
-    """The size of the largest term, relative to which the residual is measured."""
-    terms = residual.terms if isinstance(residual, ex.Sum) else (residual,)
-    size = np.ones(len(numeric_formulas.array_value(residual, table)))
-    for term in terms:
-        size = np.maximum(size, np.abs(numeric_formulas.array_value(term, table)))
-    return size
-
-
-def _points(scene: Scene) -> tuple[Array, Array]:
-    random = np.random.default_rng(7)
-    n = len(scene.coordinates)
-    found_q, found_v = [scene.positions], [scene.velocities]
-    for _ in range(POINTS):
-        q = scene.positions + random.normal(0, 0.3, n)
-        v = scene.velocities + 0.2 * (1 + np.abs(scene.velocities)) * random.normal(0, 1, n)
-        given = dict(zip(scene.coordinates, map(float, v), strict=True))
-        try:
-            v = initial.initial_velocities(
-                scene.coordinates, scene.constraints, scene.lagrangian, scene.values, q, given, project=True
-            )
-        except errors.InputError:
-            continue
-        found_q.append(q)
-        found_v.append(v)
-    return np.array(found_q), np.array(found_v)
-
-
-def regular_accelerations(
-    coordinates: Sequence[str],
-    lagrangian: ex.Expression,
-    constraints: Sequence[ex.Expression],
-    forces: Sequence[ex.Expression] = (),
-) -> tuple[ex.Expression, ...] | None:
-    """All n accelerations over (q, v), with additional forces Q; None if the matrices are too large to invert."""
-    found = accelerations_and_multipliers(coordinates, lagrangian, constraints, forces)
-    return None if found is None else found[0]
-
-
-def accelerations_and_multipliers(
-    coordinates: Sequence[str],
-    lagrangian: ex.Expression,
-    constraints: Sequence[ex.Expression],
-    forces: Sequence[ex.Expression] = (),
-) -> tuple[tuple[ex.Expression, ...], tuple[ex.Expression, ...]] | None:
-    """a and lambda; the constraints exert the forces w^T lambda."""
-    names = tuple(coordinates)
-    inertia = inverse(euler_lagrange.hessian(lagrangian, names))
-    if inertia is None:
-        return None
-    own = tuple(-e for e in euler_lagrange.euler_lagrange_sums(lagrangian, names, [ex.ZERO] * len(names)))
-    free = _applied(inertia, tuple(map(ex.add, own, forces)) if forces else own)
-    if not constraints:
-        return free, ()
-    rows = tuple(
-        tuple(collecting.collect(derivative.differentiate(w, ex.Velocity(name))) for name in names) for w in constraints
-    )
-    lifted = tuple(_applied(inertia, row) for row in rows)
-    gram = inverse(tuple(tuple(ex.dot(row, lift) for lift in lifted) for row in rows))
-    if gram is None:
-        return None
-    defects = [_rate(w, names) + ex.dot(row, free) for w, row in zip(constraints, rows, strict=True)]
-    multipliers = tuple(-ex.dot(line, defects) for line in gram)
-    moved = (free[i] + ex.dot([lift[i] for lift in lifted], multipliers) for i in range(len(names)))
-    return tuple(moved), multipliers
-
-
-def inverse(matrix: euler_lagrange.Matrix) -> euler_lagrange.Matrix | None:
-    """The inverse of a symmetric matrix, block by block; None where a block is larger than MOST_FULL_ROWS.
-
-    InputError where it is singular everywhere.
-    """
-    span = range(len(matrix))
-    found: list[list[ex.Expression]] = [[ex.ZERO for _ in span] for _ in span]
-    for block in graphs.components({i: [j for j in span if matrix[i][j] != ex.ZERO] for i in span}):
-        if len(block) > MOST_FULL_ROWS:
-            return None
-        inner = tuple(tuple(matrix[i][j] for j in block) for i in block)
-        whole = determinant(inner)
-        if whole == ex.ZERO:
-            raise errors.InputError(DEGENERATE)
-        for a, i in enumerate(block):
-            for b, j in enumerate(block):
-                found[i][j] = _cofactor(inner, b, a) / whole
-    return tuple(map(tuple, found))
-
-
-def determinant(matrix: euler_lagrange.Matrix) -> ex.Expression:
-    """The determinant by expansion along the first row; 1 for a matrix without rows."""
-    if not matrix:
-        return ex.ONE
-    terms = [entry * _cofactor(matrix, 0, j) for j, entry in enumerate(matrix[0]) if entry != ex.ZERO]
-    return collecting.collect(ex.add(*terms))
-
-
-def _cofactor(matrix: euler_lagrange.Matrix, row: int, column: int) -> ex.Expression:
-    minor = tuple(
-        tuple(entry for j, entry in enumerate(line) if j != column) for i, line in enumerate(matrix) if i != row
-    )
-    value = determinant(minor)
-    return -value if (row + column) % 2 else value
-
-
-def _rate(expression: ex.Expression, names: tuple[str, ...]) -> ex.Expression:
-    """The part of the derivative in time that holds no acceleration."""
-    along = (derivative.differentiate(expression, ex.Symbol(name)) * ex.Velocity(name) for name in names)
-    return collecting.collect(ex.add(*along, derivative.differentiate(expression, ex.TIME)))
-
-
-def _applied(matrix: euler_lagrange.Matrix, vector: Sequence[ex.Expression]) -> tuple[ex.Expression, ...]:
-    return tuple(ex.dot(row, vector) for row in matrix)

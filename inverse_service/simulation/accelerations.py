@@ -1,0 +1,174 @@
+"""The accelerations of a motion with constraints and its multipliers; whether a Lagrangian has that motion.
+
+In a form that is regular wherever the constraints w v = 0 are independent, unlike equations in independent velocities,
+which have singular points such as cos(phi) = 0. With g = L_vv, F = L_q - L_vq v - L_vt + Q
+
+    a = g^-1 (F + w^T lambda),   lambda = -(w g^-1 w^T)^-1 (w' v + w g^-1 F)
+
+Source: A. M. Bloch, Nonholonomic Mechanics and Control, 2003, chapter 5; adjugates by Laplace expansion.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from inverse_service import errors
+from inverse_service.expressions import collecting, derivative, graphs, tree as ex
+from inverse_service.integrators.trajectory import Array
+from inverse_service.mechanics import euler_lagrange
+from inverse_service.simulation import initial, numeric_formulas
+from inverse_service.simulation.scene_data import Scene
+
+POINTS = 24
+ENOUGH = 4
+SAME_MOTION = 1e-7
+NOTICED = 1e-3  # of the motion of a run, whose velocities come from momenta
+DEGENERATE = (
+    "the matrix of the velocities is singular (d2L/dv_i dv_j, or constraints that depend on one another), so no "
+    "accelerations follow: give every coordinate its kinetic energy, with other parameters or effects of the scene."
+)
+MOST_FULL_ROWS = 5  # beyond this size the expansion of a full determinant would fill pages
+
+
+def regular_accelerations(
+    coordinates: Sequence[str],
+    lagrangian: ex.Expression,
+    constraints: Sequence[ex.Expression],
+    forces: Sequence[ex.Expression] = (),
+) -> tuple[ex.Expression, ...] | None:
+    """All n accelerations over (q, v), with additional forces Q; None if the matrices are too large to invert."""
+    found = accelerations_and_multipliers(coordinates, lagrangian, constraints, forces)
+    return None if found is None else found[0]
+
+
+def accelerations_and_multipliers(
+    coordinates: Sequence[str],
+    lagrangian: ex.Expression,
+    constraints: Sequence[ex.Expression],
+    forces: Sequence[ex.Expression] = (),
+) -> tuple[tuple[ex.Expression, ...], tuple[ex.Expression, ...]] | None:
+    """a and lambda; the constraints exert the forces w^T lambda."""
+    names = tuple(coordinates)
+    inertia = inverse(euler_lagrange.hessian(lagrangian, names))
+    if inertia is None:
+        return None
+    own = tuple(-e for e in euler_lagrange.euler_lagrange_sums(lagrangian, names, [ex.ZERO] * len(names)))
+    free = _applied(inertia, tuple(map(ex.add, own, forces)) if forces else own)
+    if not constraints:
+        return free, ()
+    rows = tuple(
+        tuple(collecting.collect(derivative.differentiate(w, ex.Velocity(name))) for name in names) for w in constraints
+    )
+    lifted = tuple(_applied(inertia, row) for row in rows)
+    gram = inverse(tuple(tuple(ex.dot(row, lift) for lift in lifted) for row in rows))
+    if gram is None:
+        return None
+    defects = [_rate(w, names) + ex.dot(row, free) for w, row in zip(constraints, rows, strict=True)]
+    multipliers = tuple(-ex.dot(line, defects) for line in gram)
+    moved = (free[i] + ex.dot([lift[i] for lift in lifted], multipliers) for i in range(len(names)))
+    return tuple(moved), multipliers
+
+
+def inverse(matrix: euler_lagrange.Matrix) -> euler_lagrange.Matrix | None:
+    """The inverse of a symmetric matrix, block by block; None where a block is larger than MOST_FULL_ROWS.
+
+    InputError where it is singular everywhere.
+    """
+    span = range(len(matrix))
+    found: list[list[ex.Expression]] = [[ex.ZERO for _ in span] for _ in span]
+    for block in graphs.components({i: [j for j in span if matrix[i][j] != ex.ZERO] for i in span}):
+        if len(block) > MOST_FULL_ROWS:
+            return None
+        inner = tuple(tuple(matrix[i][j] for j in block) for i in block)
+        whole = determinant(inner)
+        if whole == ex.ZERO:
+            raise errors.InputError(DEGENERATE)
+        for a, i in enumerate(block):
+            for b, j in enumerate(block):
+                found[i][j] = _cofactor(inner, b, a) / whole
+    return tuple(map(tuple, found))
+
+
+def determinant(matrix: euler_lagrange.Matrix) -> ex.Expression:
+    """The determinant by expansion along the first row; 1 for a matrix without rows."""
+    if not matrix:
+        return ex.ONE
+    terms = [entry * _cofactor(matrix, 0, j) for j, entry in enumerate(matrix[0]) if entry != ex.ZERO]
+    return collecting.collect(ex.add(*terms))
+
+
+def _cofactor(matrix: euler_lagrange.Matrix, row: int, column: int) -> ex.Expression:
+    minor = tuple(
+        tuple(entry for j, entry in enumerate(line) if j != column) for i, line in enumerate(matrix) if i != row
+    )
+    value = determinant(minor)
+    return -value if (row + column) % 2 else value
+
+
+def _rate(expression: ex.Expression, names: tuple[str, ...]) -> ex.Expression:
+    """The part of the derivative in time that holds no acceleration."""
+    along = (derivative.differentiate(expression, ex.Symbol(name)) * ex.Velocity(name) for name in names)
+    return collecting.collect(ex.add(*along, derivative.differentiate(expression, ex.TIME)))
+
+
+def _applied(matrix: euler_lagrange.Matrix, vector: Sequence[ex.Expression]) -> tuple[ex.Expression, ...]:
+    return tuple(ex.dot(row, vector) for row in matrix)
+
+
+def keeps_motion(
+    scene: Scene,
+    lagrangian: ex.Expression,
+    accelerations: tuple[ex.Expression, ...],
+    values: dict[str, float],
+    domain: tuple[ex.Expression, ...] = (),
+) -> bool | None:
+    """Whether the Lagrangian has the motion among its solutions, tested at points on the constraints, off which the
+    free system may differ; None where too few points of the domain, whose formulas are positive, have values."""
+    positions, velocities = _points(scene)
+    times = np.random.default_rng(5).uniform(0, scene.grid.step * scene.grid.steps, len(positions)) + scene.grid.begin
+    table = numeric_formulas.table_of(scene.coordinates, positions, velocities, values, times)
+    worst = distance_of_motion(lagrangian, scene.coordinates, accelerations, table)
+    inside = np.all([numeric_formulas.array_value(end, table) > 0 for end in domain], axis=0)
+    finite = worst[np.isfinite(worst) & inside]
+    return None if len(finite) < ENOUGH else bool((finite < SAME_MOTION).all())
+
+
+def distance_of_motion(
+    lagrangian: ex.Expression,
+    coordinates: tuple[str, ...],
+    accelerations: tuple[ex.Expression, ...],
+    table: dict[ex.Expression, Array | float],
+) -> Array:
+    """The greatest residual L_vv f + L_vq v - L_q at each of m points (m,), measured by its largest term."""
+    residuals = euler_lagrange.euler_lagrange_residual(lagrangian, coordinates, accelerations)
+    sizes = [np.abs(numeric_formulas.array_value(residual, table)) / _size(residual, table) for residual in residuals]
+    worst: Array = np.max(sizes, axis=0)
+    return worst
+
+
+def _size(residual: ex.Expression, table: dict[ex.Expression, Array | float]) -> Array:
+    """The size of the largest term, relative to which the residual is measured."""
+    terms = residual.terms if isinstance(residual, ex.Sum) else (residual,)
+    size = np.ones(len(numeric_formulas.array_value(residual, table)))
+    for term in terms:
+        size = np.maximum(size, np.abs(numeric_formulas.array_value(term, table)))
+    return size
+
+
+def _points(scene: Scene) -> tuple[Array, Array]:
+    random = np.random.default_rng(7)
+    n = len(scene.coordinates)
+    found_q, found_v = [scene.positions], [scene.velocities]
+    for _ in range(POINTS):
+        q = scene.positions + random.normal(0, 0.3, n)
+        v = scene.velocities + 0.2 * (1 + np.abs(scene.velocities)) * random.normal(0, 1, n)
+        given = dict(zip(scene.coordinates, map(float, v), strict=True))
+        try:
+            v = initial.initial_velocities(
+                scene.coordinates, scene.constraints, scene.lagrangian, scene.values, q, given, project=True
+            )
+        except errors.InputError:
+            continue
+        found_q.append(q)
+        found_v.append(v)
+    return np.array(found_q), np.array(found_v)
