@@ -22,6 +22,7 @@ from inverse_service.simulation import (
     numeric_formulas,
     observing,
     scene_data as data,
+    switching,
     truth as truths,
 )
 
@@ -47,7 +48,7 @@ class MethodRun:
     free: data.FreeLagrangian | None = None
     events: tuple[happening.Found, ...] = ()
     observed: observing.Observed | None = None
-    pieces: happening.Pieces | None = None
+    pieces: switching.Pieces | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,7 +117,7 @@ def run_method(
 
     def again(scene: data.Scene, requested: data.Requested) -> Trajectory | data.Unavailable:
         found = _integrated(scene, requested, problem, derived, stop)
-        return found.trajectory if isinstance(found, happening.Pieces) else found
+        return found.trajectory if isinstance(found, switching.Pieces) else found
 
     if outcome.completed:
         with derivation.timed(seconds, "half the step"):
@@ -155,15 +156,15 @@ def observed_run(
     if (lost := initial.ended_at_start(scene)) is not None:
         return MethodRun(requested, lost.outcome, lost, free=free)
     problem = None if requested.method == data.EXACT else derivation.problem_of(scene, requested, derived)
-    ran: Trajectory | happening.Pieces | data.Unavailable
+    ran: Trajectory | switching.Pieces | data.Unavailable
     if problem is None:
         ran = _with_series(scene, truths.exact_trajectory(scene, derived))
     else:
         ran = _integrated(scene, requested, problem, derived, stop)
     if isinstance(ran, data.Unavailable) or isinstance(problem, data.Unavailable):
         return MethodRun(requested, Outcome("unavailable", remedy=getattr(ran, "reason", None)), None)
-    pieces = ran if isinstance(ran, happening.Pieces) else None
-    found = ran.trajectory if isinstance(ran, happening.Pieces) else ran
+    pieces = ran if isinstance(ran, switching.Pieces) else None
+    found = ran.trajectory if isinstance(ran, switching.Pieces) else ran
     seconds = {"compile": found.compile_seconds, "run": found.run_seconds}
     values, _ = observing.beginning(scene, requested, free)
     observed = observing.Observed(scene, requested, found, problem, values, truth, pieces is not None)
@@ -189,7 +190,7 @@ def observed_run(
 def _integrated(
     scene: data.Scene, requested: data.Requested, problem: data.Problem | data.Unavailable,
     derived: derivation.Derived, stop: data.Stop | None,
-) -> Trajectory | happening.Pieces | data.Unavailable:  # fmt: skip
+) -> Trajectory | switching.Pieces | data.Unavailable:  # fmt: skip
     """The run of a method, in pieces where the scene has some."""
     if isinstance(problem, data.Unavailable):
         return problem
@@ -203,7 +204,7 @@ def _integrated(
 
     try:
         motion = derivation.with_accelerations(scene, derived)
-        return happening.run_motion(scene, requested, problem, motion, start, values, piece, stop)
+        return switching.run_motion(scene, requested, problem, motion, start, values, piece, stop)
     except InputError as error:
         return data.Unavailable(error.detail)
 

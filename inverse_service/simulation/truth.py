@@ -25,7 +25,7 @@ from inverse_service.simulation import (
     scene_data,
     schemes,
 )
-from inverse_service.simulation.events import run_motion
+from inverse_service.simulation.switching import run_motion
 
 ENOUGH = 1e-12  # two solutions agree if their distance over the size of the motion is less
 USELESS = 1e-3  # if they differ by more than this share of the motion, the true motion is unknown

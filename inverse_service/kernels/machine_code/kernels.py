@@ -4,13 +4,10 @@ The code comes from the library of the installation (`shipped`), or from the use
 digest of all it is made from and loaded by LLVM; numba is imported only where neither has it. A call takes 2 us, and
 1 us more for each array that is not held.
 
-What a kernel is called with: each argument's kind, which decides the machine code that takes it.
-
 Kinds are texts: "int64", "uint64", "bool", and arrays such as "int64[2]" (element type, dimensions) or
-"const int64[2]", which the kernel only reads. A NamedTuple of such arguments is one argument, which the kernel reads by
-its names; its kind is the class with the kinds of its parts. Machine code takes one address: that of the words of all
-parts, one after another. The words of arrays that stay where they are, are held: of small read-only ones, and of a
-`Kept` struct.
+"const int64[2]", which the kernel only reads. A NamedTuple of such arguments is one argument, whose kind is the class
+with the kinds of its parts. Machine code takes one address: that of the words of all parts, one after another. The
+words of arrays that stay where they are, are held: of small read-only ones, and of a `Kept` struct.
 """
 
 from __future__ import annotations

@@ -29,6 +29,7 @@ DASHES: Any = {
     "solid": "-", "dash": "--", "dashdot": "-.", "dot": ":", "longdash": (0, (8, 2)), "longdashdot": (0, (8, 2, 1, 2)),
 }  # fmt: skip
 DRAWN = 24  # members drawn as lines
+MOST_COORDINATES = MOST_PANELS = 6
 Tables = Mapping[str, Mapping[str, Array]]
 # A path that extends beyond this multiple of the true one leaves the picture, as its axis says.
 REACH = 1.6
@@ -117,22 +118,6 @@ def _with_truth(
     return {**result, "methods": [*result["methods"], {"label": label, "method": "exact"}]}, {**tables, label: truth}
 
 
-def _finding(result: Mapping[str, Any]) -> str:
-    """Say which method is nearest to the true motion at the end, and which methods stopped early."""
-    own = [m for m in result["methods"] if m["method"] not in ("exact", "reference")]
-    errors = {m["label"]: m["final_error"] for m in own if m.get("final_error") and m["outcome"] == "completed"}
-    words = ""
-    if errors:
-        best, worst = min(errors, key=errors.__getitem__), max(errors, key=errors.__getitem__)
-        words = f" At the end {best} is nearest to the true motion ({styles.shown(errors[best])} away)"
-        words += "." if best == worst else f", {worst} farthest ({styles.shown(errors[worst])})."
-    stopped = [f"{m['label']} ends at t = {styles.shown(m['stopped']['time'])}" for m in own if m.get("stopped")]
-    return words + (f" {'; '.join(stopped)}." if stopped else "")
-
-
-MOST_COORDINATES = MOST_PANELS = 6
-
-
 def ensemble_figure(result: Mapping[str, Any], tables: Mapping[str, Mapping[str, Array]]) -> tuple[Figure, str]:
     """One panel per coordinate and method: the median, the band from least to greatest, and lines of some members."""
     methods = [(k, method) for k, method in enumerate(result["methods"]) if method["label"] in tables]
@@ -213,7 +198,7 @@ def draw_simulation(
         if observed & {"trajectory", "matching_circle"} and _is_round(result, tables):
             drawn["path"] = path_figure(result, tables, truth)
         elif "trajectory" in observed:
-            caption = f"{result['name'] or 'Motion'}: {styles.run_of(result)}.{_finding(result)}{_bands(tables)}"
+            caption = f"{result['name'] or 'Motion'}: {styles.run_of(result)}.{_bands(tables)}"
             drawn["coordinates"] = _with_caption(
                 view_figure([views.time_view(name, shown, columns) for name in names], 1), caption
             )

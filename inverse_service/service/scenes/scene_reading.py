@@ -1,5 +1,5 @@
-"""Translate scene documents: values, effects, forces, observables and events; the grid of times, the methods with
-their settings and labels; initial data on the constraints, and the members of an ensemble.
+"""Translate scene documents, in this order: effects, forces, observables and events; the whole scene; the grid of
+times, methods with their settings and labels, initial data on the constraints, and the members of an ensemble.
 
 Each error is one sentence with its location.
 """

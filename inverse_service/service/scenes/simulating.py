@@ -1,6 +1,6 @@
 """Simulation as it runs inside a worker process: scene document in, result document out.
 
-An ensemble in a result document: outcomes counted, last points and numbers of every member, arrays for files.
+Of an ensemble the result counts outcomes, and has last points and numbers of every member.
 """
 
 import io
@@ -22,10 +22,11 @@ from inverse_service.simulation.advice import advice, by_itself
 from inverse_service.simulation.derivation import derive, derived_for_truth
 from inverse_service.simulation.ensemble_runs import EnsembleRun
 from inverse_service.simulation.estimates import order_of
-from inverse_service.simulation.events import Found, Switch, where_ended
+from inverse_service.simulation.events import Found, where_ended
 from inverse_service.simulation.observing import columns_of, last_point, velocities_at_points, why_energy_varies
 from inverse_service.simulation.running import MethodRun, SceneRun, run_scene
 from inverse_service.simulation.scene_data import Progress, Requested, Scene, Truth, Unavailable
+from inverse_service.simulation.switching import Switch
 
 FORMAT = "inverse-service/simulation/1"
 # Points of a trajectory in a result document; files hold all that were recorded.

@@ -1,0 +1,609 @@
+"""Motions in pieces: events that act on the state, and switches of sign, abs and pieces.
+
+Between two switches every sqrt(u^2) is s u with s = 1 or -1, so that a piece of the motion is smooth; it is run by the
+method itself to the event, which `events` locates. With f+ and f- on both sides of u = 0 and u' along each:
+
+    u'+ and u'- of one sign     the motion passes to that side
+    u'+ < 0 < u'-               it sticks: f = ((1 + s) f+ + (1 - s) f-)/2 with u' = 0, until |s| = 1
+    u'- < 0 < u'+               more than one motion begins there: the run ends by name
+
+Where u depends on positions only, and u' = 0, u'' decides. Source: A. F. Filippov, Differential Equations with
+Discontinuous Righthand Sides, 1988, chapter 2; several functions at once as V. I. Utkin's equivalent control.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from fractions import Fraction
+from itertools import combinations, product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from inverse_service.expressions import derivative, printing, tree as ex
+from inverse_service.integrators import method_table
+from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
+from inverse_service.simulation import (
+    accelerations as accelerating,
+    initial,
+    numeric_formulas as nf,
+    observing,
+    scene_data as data,
+)
+from inverse_service.simulation.events import CONTINUED, ENDED, NOISE, Found, Point, located
+
+FIRST, MOST = 16, 4096  # steps of a piece that is looked at for events at once
+SAME, AT_ZERO = 1e-12, 1e-9  # of a step: events at one time; of the size of u' times the step: u is zero there
+SOON = 1e-10  # of a step or of the time: events closer than this are taken to accumulate
+MOST_TOGETHER = 3  # switching functions that are zero at once
+STICKS = 0
+ZENO = "the times between two such events, which become ever shorter"
+ZENO_REMEDY = "stop before, or let the motion continue without the event from there"
+MANY = "After {} events the run was ended at t = {:.12g}."
+NO_MOTION = "the motion has several continuations, or none, where {} = 0"
+BEGIN_ELSEWHERE = "begin elsewhere"
+Integrate = Callable[[data.Problem, data.MethodChoice, data.Start, data.Grid], Trajectory | data.Unavailable]
+Sides = dict[ex.Expression, int]  # of each switching function: 1 above zero, -1 below, 0 where the motion sticks
+
+
+@dataclass(frozen=True, slots=True)
+class Switch:
+    """At time t a switching function passed to a side: 1, -1, or 0 if it sticks."""
+
+    function: ex.Expression
+    time: float
+    side: int
+
+
+@dataclass(frozen=True, slots=True)
+class Pieces:
+    """A run in pieces: velocities at its points, no momenta. `final` is the state at the end."""
+
+    trajectory: Trajectory
+    events: tuple[Found, ...]
+    switches: tuple[Switch, ...]
+    final: Point | None
+
+    def thinned(self, grid: data.Grid) -> Pieces:
+        """With the points that the grid records."""
+        found, every = self.trajectory, grid.record_every
+        rows = grid.recorded if found.outcome.completed else np.arange(0, len(found.times), every)
+        return replace(self, trajectory=found.part(rows[rows < len(found.times)]))
+
+
+def on_sides(tree: ex.Expression, sides: Mapping[ex.Expression, int]) -> ex.Expression:
+    """The tree with s u for each sqrt(u^2)."""
+
+    def replaced(part: ex.Expression) -> ex.Expression:
+        if not (nf.is_root(part) and isinstance(part, ex.Power) and isinstance(part.exponent, ex.Number)):
+            return _gathered(ex.rebuild(part, replaced))
+        outside, inside = [], []
+        for factor in ex.factors_of(part.base):
+            square, power = factor, part.exponent.value
+            if nf.is_root(factor) and isinstance(factor, ex.Power) and isinstance(factor.exponent, ex.Number):
+                square, power = factor.base, power * factor.exponent.value
+            side = sides.get(square.base) if nf.is_square(square) and isinstance(square, ex.Power) else None
+            if side and isinstance(square, ex.Power) and isinstance(square.exponent, ex.Number):
+                power, u = square.exponent.value * power, replaced(square.base)
+                # A root of u remains a root of u^2, so that a step beyond u = 0 has a value.
+                outside.append(ex.number(side) ** power * u**power if power.denominator == 1 else (u**2) ** (power / 2))
+            else:
+                inside.append(replaced(factor))
+        return _gathered(ex.multiply(*outside, ex.multiply(*inside) ** part.exponent))
+
+    return replaced(tree)
+
+
+def _gathered(tree: ex.Expression) -> ex.Expression:
+    """A product with each base once, so that u/u has a value where u is zero."""
+    if not isinstance(tree, ex.Product | ex.Power):
+        return tree
+    powers: dict[ex.Expression, Fraction] = {}
+    for base, exponent in _powers(tree, Fraction(1)):
+        powers[base] = powers.get(base, Fraction(0)) + exponent
+    return ex.multiply(*(base**exponent for base, exponent in powers.items()))
+
+
+def _powers(tree: ex.Expression, outer: Fraction) -> Iterator[tuple[ex.Expression, Fraction]]:
+    """(base, exponent) of the factors of tree^outer, an integer; integers inside of others are taken together."""
+    for base, exponent in ex.powers_of(tree):
+        if exponent.denominator == 1 and isinstance(base, ex.Product | ex.Power) and base != tree:
+            yield from _powers(base, outer * exponent)
+        else:
+            yield base, outer * exponent
+
+
+def _size(state: Point) -> float:
+    """The greatest position or velocity, not 0."""
+    return float(np.abs(np.concatenate(state[1:])).max()) + 1e-300
+
+
+def has_pieces(scene: data.Scene, problem: data.Problem) -> bool:
+    """Whether a run of this problem consists of pieces. A Lagrangian found for given equations is valid on one side,
+    and its run ends there."""
+    if any(event.acts or event.most > 1 for event in scene.events):
+        return True
+    return bool(switches_of(problem, scene)) and not (scene.accelerations and problem.free_lagrangian is not None)
+
+
+def switches_of(problem: data.Problem, scene: data.Scene) -> tuple[ex.Expression, ...]:
+    trees = (
+        scene.lagrangian, *scene.forces, *(scene.accelerations or ()), problem.free_lagrangian,
+        *(problem.accelerations or ()),
+    )  # fmt: skip
+    return nf.switching_functions(trees, scene.coordinates)
+
+
+@dataclass
+class _Motion:
+    """The formulas of a motion on each side, made when they are first needed, and their values at a state."""
+
+    scene: data.Scene
+    values: Mapping[str, float]
+    problem: data.Problem
+    accelerations: tuple[ex.Expression, ...]
+    functions: tuple[ex.Expression, ...]
+    known: dict[tuple[object, ...], object] = field(default_factory=dict)
+
+    def at(self, trees: Sequence[ex.Expression], state: Point) -> Array:
+        time, q, v = state
+        table = nf.table_of(self.scene.coordinates, q[None], v[None], dict(self.values), np.array([time]))
+        return np.array([float(nf.array_value(tree, table)[0]) for tree in trees])
+
+    def value(self, u: ex.Expression, sides: Sides, state: Point) -> float:
+        """A switching function there, with those that it contains on their sides."""
+        return float(self.at([on_sides(u, sides)], state)[0])
+
+    def rate(self, u: ex.Expression, forces: Sequence[ex.Expression]) -> ex.Expression:
+        """u' along q'' = forces."""
+        terms = [derivative.differentiate(u, ex.TIME)]
+        for name, force in zip(self.scene.coordinates, forces, strict=True):
+            terms += [
+                derivative.differentiate(u, ex.Symbol(name)) * ex.Velocity(name),
+                derivative.differentiate(u, ex.Velocity(name)) * force,
+            ]
+        return ex.add(*terms)
+
+    def surface(self, u: ex.Expression, sides: Sides) -> ex.Expression:
+        """u, or u' if u contains no velocity: the function that stays zero while the motion sticks."""
+        own = on_sides(u, sides)
+        if any(ex.holds(own, ex.Velocity(name)) for name in self.scene.coordinates):
+            return own
+        return self.rate(own, [ex.ZERO] * len(self.scene.coordinates))
+
+    def forces(self, sides: Sides) -> tuple[ex.Expression, ...]:
+        """The accelerations, with those of sticking functions such that they stay zero."""
+        return self._made(sides)[0]
+
+    def shares(self, sides: Sides) -> dict[ex.Expression, ex.Expression]:
+        """The s in [-1, 1] of each function that sticks."""
+        return self._made(sides)[1]
+
+    def _made(self, sides: Sides) -> tuple[tuple[ex.Expression, ...], dict[ex.Expression, ex.Expression]]:
+        key = ("forces", *sides.items())
+        if key not in self.known:
+            self.known[key] = self._make(sides)
+        return self.known[key]  # type: ignore[return-value]
+
+    def _make(self, sides: Sides) -> tuple[tuple[ex.Expression, ...], dict[ex.Expression, ex.Expression]]:
+        stuck = [u for u, side in sides.items() if side == STICKS]
+        if not stuck:
+            return tuple(on_sides(force, sides) for force in self.accelerations), {}
+        corners = []
+        for signs in product((1, -1), repeat=len(stuck)):
+            own = sides | dict(zip(stuck, signs, strict=True))
+            corners.append((signs, [on_sides(force, own) for force in self.accelerations]))
+        share = ex.number(1) / ex.number(len(corners))
+        n = len(self.accelerations)
+        middle = [share * ex.add(*(forces[k] for _, forces in corners)) for k in range(n)]
+        slopes = [[share * ex.add(*(signs[j] * forces[k] for signs, forces in corners)) for k in range(n)]
+                  for j in range(len(stuck))]  # fmt: skip
+        surfaces = [self.surface(u, sides) for u in stuck]
+        right = [-self.rate(w, middle) for w in surfaces]
+        rows = [
+            [ex.dot([derivative.differentiate(w, ex.Velocity(name)) for name in self.scene.coordinates], slope)
+             for slope in slopes]
+            for w in surfaces
+        ]  # fmt: skip
+        whole = accelerating.determinant(tuple(map(tuple, rows)))
+        if whole == ex.ZERO:
+            return tuple(middle), {}
+        found = {}
+        for j, u in enumerate(stuck):
+            changed = [
+                tuple(right[i] if k == j else entry for k, entry in enumerate(row)) for i, row in enumerate(rows)
+            ]
+            found[u] = accelerating.determinant(tuple(changed)) / whole
+        forces = [middle[k] + ex.add(*(found[u] * slopes[j][k] for j, u in enumerate(stuck))) for k in range(n)]
+        # By the formulas alone round-off would move what sticks: one coordinate follows from the others.
+        free = list(range(n))
+        for w in surfaces:
+            weights = [derivative.differentiate(w, ex.Velocity(name)) for name in self.scene.coordinates]
+            held = [k for k in free if isinstance(weights[k], ex.Number) and weights[k] != ex.ZERO]
+            for k in held[:1]:
+                free.remove(k)
+                forces[k] = ex.ZERO
+                forces[k] = -self.rate(w, forces) / weights[k]
+        return tuple(forces), found
+
+    def problem_on(self, sides: Sides, by_forces: bool) -> data.Problem:
+        """The problem of the method with s u for sqrt(u^2); that of the accelerations where something sticks."""
+        key = ("problem", by_forces, *sides.items())
+        if key not in self.known:
+            problem = self.problem
+            if by_forces:
+                found = replace(
+                    problem, lagrangian=None, free_lagrangian=None, free_hamiltonian=None, forces=(), domain=(),
+                    accelerations=self.forces(sides),
+                )  # fmt: skip
+            else:
+                trees = (problem.lagrangian, problem.free_lagrangian, problem.free_hamiltonian)
+                own = [None if tree is None else on_sides(tree, sides) for tree in trees]
+                found = replace(
+                    problem, lagrangian=own[0], free_lagrangian=own[1], free_hamiltonian=own[2],
+                    forces=tuple(on_sides(force, sides) for force in problem.forces),
+                    accelerations=problem.accelerations and self.forces(sides),
+                )  # fmt: skip
+            self.known[key] = found
+        return self.known[key]  # type: ignore[return-value]
+
+    def sides_at(self, state: Point, before: Sides, zero: Sequence[ex.Expression], known: Sides) -> Sides | None:
+        """The sides on which the motion continues if the functions `zero` are zero and others are on `known` sides;
+        None if there is no such choice or more than one."""
+        found: Sides = {}
+        for u in self.functions:
+            value = self.value(u, before | found, state)
+            found[u] = before.get(u, STICKS) if u in zero else known.get(u, 1 if value > 0 else -1)
+        if not zero:
+            return found
+        if len(zero) > MOST_TOGETHER:
+            return None
+        passing = [found | dict(zip(zero, signs, strict=True)) for signs in product((1, -1), repeat=len(zero))]
+        fits = [sides for sides in passing if self.goes(sides, zero, state)]
+        if len(fits) == 1:
+            return fits[0]
+        if fits:  # from one side only crossing is a motion
+            onward = [sides for sides in fits if all(sides[u] == -before.get(u, 0) for u in zero)]
+            return onward[0] if len(onward) == 1 else None
+        if self._is_continuous(passing, state):  # at rest on a kink: nothing moves it away, or it is seen later
+            return found | {u: before.get(u) or 1 for u in zero}
+        for count in range(1, len(zero) + 1):
+            for stuck in combinations(zero, count):
+                others = [u for u in zero if u not in stuck]
+                for signs in product((1, -1), repeat=len(others)):
+                    sides = found | dict.fromkeys(stuck, STICKS) | dict(zip(others, signs, strict=True))
+                    shares = self.at(list(self.shares(sides).values()), state)
+                    inside = len(shares) == count and bool((np.abs(shares) <= 1 + AT_ZERO).all())
+                    if inside and self.goes(sides, others, state):
+                        return sides
+        return None
+
+    def _is_continuous(self, passing: Sequence[Sides], state: Point) -> bool:
+        """Whether the forces have one value on all sides."""
+        values = np.array([self.at(self.forces(sides), state) for sides in passing])
+        return bool((np.ptp(values, axis=0) <= 1e-12 * np.abs(values).max(initial=0.0)).all())
+
+    def goes(self, sides: Sides, zero: Sequence[ex.Expression], state: Point) -> bool:
+        """Whether the motion on these sides moves away from each zero to its side."""
+        for u in zero:
+            own, forces = on_sides(u, sides), self.forces(sides)
+            first = self.rate(own, forces)
+            rates = self.at([first, self.rate(first, forces)], state)
+            scale = 1e-9 * (abs(rates[1]) + float(np.abs(state[2]).max()) + 1e-300)
+            slow = abs(rates[0]) <= scale and not any(
+                ex.holds(own, ex.Velocity(name)) for name in self.scene.coordinates
+            )
+            if not sides[u] * rates[1 if slow else 0] > 0:
+                return False
+        return True
+
+
+def run_motion(
+    scene: data.Scene,
+    requested: data.Requested,
+    problem: data.Problem,
+    motion: data.Problem | data.Unavailable,
+    start: data.Start,
+    values: Mapping[str, float],
+    integrate: Integrate,
+    stop: data.Stop | None = None,
+) -> Trajectory | Pieces | data.Unavailable:
+    """The run of a method by `integrate`, in pieces where it has some; `motion` has the accelerations."""
+    if requested.choice is None or not has_pieces(scene, problem):
+        return integrate(problem, requested.choice or CONTINUED, start, scene.grid)
+    if isinstance(motion, data.Unavailable) or motion.accelerations is None:
+        return motion if isinstance(motion, data.Unavailable) else data.Unavailable("The accelerations are not known.")
+    functions = switches_of(problem, scene)
+    formulas = _Motion(scene, values, problem, motion.accelerations, functions)
+    every_point = replace(scene, grid=replace(scene.grid, record_every=1))
+    found = _Run(every_point, requested, formulas, integrate, stop).go(start)
+    return found.thinned(scene.grid) if isinstance(found, Pieces) else found
+
+
+@dataclass
+class _Run:
+    scene: data.Scene
+    requested: data.Requested
+    motion: _Motion
+    integrate: Integrate
+    stop: data.Stop | None
+
+    def __post_init__(self) -> None:
+        self.parts: list[Trajectory] = []
+        self.seen: dict[int, list[Point]] = {k: [] for k in range(len(self.scene.events))}
+        self.notes: dict[int, str] = {}
+        self.switches: list[Switch] = []
+        self.acted: list[float] = []
+        self.settled: set[ex.Expression] = set()  # functions whose sides at the last event are known
+        self.held: dict[int, float] = {}  # the sense in which each event was reached that turned the motion back
+
+    def go(self, start: data.Start) -> Pieces | data.Unavailable:
+        scene, grid = self.scene, self.scene.grid
+        state = (
+            grid.begin,
+            np.array(start.positions, dtype=float),
+            np.array(start.velocities, dtype=float),
+        )
+        begun: data.Start | None = start
+        sides, outcome = self._sides(state, {}, self._zeros(state, {})), None
+        if sides is not None and (kinds := self._at_start(state, sides)):
+            begun, (state, outcome) = None, self._act(state, kinds, sides)
+            sides = self._sides(state, sides, self._zeros(state, sides))
+        place, count = 0, FIRST
+        while sides is not None and outcome is None and place < grid.steps:
+            if self.stop is not None and self.stop():
+                outcome = Outcome("cancelled", place, state[0])
+                break
+            # If a piece begins between two grid points, first step to the next one; then take many steps at once.
+            ahead = grid.begin + (place + 1) * grid.step - state[0]
+            between = abs(ahead - grid.step) > SAME * (abs(grid.step) + abs(state[0]))
+            many = 1 if between else min(count, grid.steps - place)
+            piece = data.Grid(ahead if between else grid.step, many, 1, state[0])
+            stuck = STICKS in sides.values()
+            by_forces = stuck and self.requested.method not in method_table.POINT_METHODS
+            choice = CONTINUED if by_forces else self.requested.choice
+            assert choice is not None
+            what = self.motion.problem_on(sides, by_forces)
+            begin = begun or data.Start(tuple(map(float, state[1])), velocities=tuple(map(float, state[2])))
+            ran = self.integrate(what, choice, begin, piece)
+            if isinstance(ran, data.Unavailable):
+                return ran
+            if len(ran.times) < 2:
+                outcome = replace(ran.outcome, step=place, time=state[0])
+                break
+            observed = observing.Observed(
+                replace(scene, grid=piece), replace(self.requested, method=choice.method, choice=choice,
+                alpha=None if by_forces else self.requested.alpha), ran, what, self.motion.values, None,
+            )  # fmt: skip
+            velocities = observing.velocities_at_points(observed)
+            if velocities is None:
+                return data.Unavailable("The method has no velocities at its points, which events need.")
+            ran = replace(ran, velocities=velocities, momenta=None)
+            if (turned := self._turned(ran, velocities, sides)) is not None:
+                sides = turned
+                continue
+            # What follows the first passage of a switch is no motion, and may end where none can be followed.
+            last = self._passed(ran, velocities, sides)
+            if last < len(ran.times):
+                ran = replace(ran.part(slice(last)), outcome=Outcome("completed"))
+                observed = replace(observed, trajectory=observed.trajectory.part(slice(last)))
+                velocities = velocities[:last]
+            found = self._first(observed, replace(self.motion.problem, accelerations=self.motion.forces(sides)), sides)
+            begun = None
+            if self._fell_through(ran, velocities, np.inf if found is None else found[0][0]):
+                outcome = self._zeno(state[0], place)
+                break
+            if found is None:
+                self._keep(ran, np.ones(len(ran.times), dtype=bool))
+                place += len(ran.times) - 1
+                state = (grid.begin + place * grid.step, ran.positions[-1], velocities[-1])
+                count = min(2 * count, MOST)
+                if not ran.outcome.completed:
+                    outcome = replace(ran.outcome, step=place, time=state[0])
+                continue
+            state, kinds = found
+            kept = ran.times < state[0] - SAME * abs(grid.step)
+            kept[0] = True
+            self._keep(ran, kept)
+            place += int(kept.sum()) - 1
+            count = max(FIRST // 2, 2 * int(kept.sum()))
+            state, ended = self._act(state, kinds, sides)
+            here, row = grid.begin + (place + 1) * grid.step, int(kept.sum())
+            if abs(state[0] - here) <= SAME * (abs(grid.step) + abs(here)) and row < len(ran.times):
+                # The event is at a grid point, which is recorded with the state after the event.
+                at = ran.part(slice(row, row + 1))
+                self.parts.append(replace(at, positions=state[1][None], velocities=state[2][None]))
+                place, state = place + 1, (here, state[1], state[2])
+            if ended is not None:
+                outcome = replace(ended, step=place)
+                break
+            zero = [one for one in kinds if isinstance(one, ex.Expression)]
+            sides = self._sides(state, sides, zero)
+        if sides is None:
+            text = printing.to_text(self.motion.functions[-1]) if self.motion.functions else ""
+            outcome = Outcome("singular", place, state[0], NO_MOTION.format(text), 0.0, BEGIN_ELSEWHERE)
+        whole = self._joined(outcome or Outcome("completed", grid.steps, grid.begin + grid.steps * grid.step), start)
+        return Pieces(whole, tuple(self._events()), tuple(self.switches), state)
+
+    def _passed(self, ran: Trajectory, velocities: Array, sides: Sides) -> int:
+        """How many points lead to the first beyond a switch, or all."""
+        table = nf.table_of(self.scene.coordinates, ran.positions, velocities, self.motion.values, ran.times)
+        values = [side * nf.array_value(on_sides(u, sides), table) for u, side in sides.items() if side]
+        passed = np.any([value[1:] < 0 for value in values], axis=0) if values else np.zeros(1, dtype=bool)
+        return int(passed.argmax()) + 2 if passed.any() else len(ran.times)
+
+    def _turned(self, ran: Trajectory, velocities: Array, sides: Sides) -> Sides | None:
+        """The sides, where a function that was zero at the start of a piece went to the other one at once: its sides
+        have the same force there, and what moves it is of a higher order."""
+        for u, side in sides.items():
+            rows = range(min(3, len(ran.times)))
+            values = [self.motion.value(u, sides, (ran.times[k], ran.positions[k], velocities[k])) for k in rows]
+            turns = side and u not in self.settled and values[0] == 0 and all(side * value < 0 for value in values[1:])
+            if turns and not self.motion.goes(sides, [u], (float(ran.times[0]), ran.positions[0], velocities[0])):
+                self.settled.add(u)
+                return sides | {u: -side}
+        return None
+
+    def _zeros(self, state: Point, sides: Sides) -> list[ex.Expression]:
+        """The switching functions that are zero at the start."""
+        return [u for u in self.motion.functions if abs(self.motion.value(u, sides, state)) <= NOISE * _size(state)]
+
+    def _sides(self, state: Point, before: Sides, zero: Sequence[ex.Expression]) -> Sides | None:
+        released = {}
+        for u in zero:
+            if before.get(u) == STICKS:  # it is released to the side to which its share has come
+                released[u] = 1 if self.motion.at([self.motion.shares(before)[u]], state)[0] > 0 else -1
+        self.settled = set(released)
+        # What sticks elsewhere is decided with them: its force may not hold any more, and an event may have moved it.
+        stuck = [u for u, side in before.items() if side == STICKS and u not in zero
+                 and abs(self.motion.value(u, before, state)) <= AT_ZERO * _size(state)]  # fmt: skip
+        found = self.motion.sides_at(state, before, [u for u in (*zero, *stuck) if u not in released], released)
+        if found is not None and before:
+            self.switches += [Switch(u, state[0], found[u]) for u in (*zero, *stuck) if found[u] != before[u]]
+        return found
+
+    def _first(
+        self, run: observing.Observed, motion: data.Problem, sides: Sides
+    ) -> tuple[Point, list[int | ex.Expression]] | None:
+        """The state at the first event of a piece that acts, stops or switches, and all events at that time."""
+        shares = self.motion.shares(sides)
+        watched: list[tuple[int | ex.Expression, data.Event]] = list(enumerate(self.scene.events))
+        for u, side in sides.items():
+            formula = ex.ONE - shares[u] ** 2 if side == STICKS and u in shares else on_sides(u, sides)
+            if side != STICKS or u in shares:
+                watched.append((u, data.Event(formula, -side or -1, True)))
+        at, least = run.trajectory, SAME * abs(self.scene.grid.step)
+        ends: list[tuple[float, int | ex.Expression, Point]] = []
+        records: list[tuple[float, int, Point]] = []
+        for (kind, event), found in zip(watched, located(run, [e for _, e in watched], motion), strict=True):
+            if isinstance(kind, int) and found.note:
+                self.notes[kind] = found.note
+            for row in range(len(found.times)):
+                state = (float(found.times[row]), found.positions[row], found.velocities[row])
+                new = state[0] > at.times[0] + (least if len(self.parts) else -least)
+                if new and isinstance(kind, int) and not (event.acts or event.stops):
+                    records.append((state[0], kind, state))
+                elif new:
+                    ends.append((state[0], kind, state))
+                    break
+        end = min((time for time, _, _ in ends), default=np.inf)
+        for time, index, state in records:
+            if time <= end:
+                self.seen[index].append(state)
+        if not ends:
+            return None
+        first = min(ends, key=lambda one: one[0])
+        return first[2], [kind for time, kind, _ in ends if time <= end + least]
+
+    def _act(self, state: Point, kinds: Sequence[int | ex.Expression], sides: Sides) -> tuple[Point, Outcome | None]:
+        """The state after the events, and the outcome where they end the run."""
+        time, q, v = state
+        for index in (kind for kind in kinds if isinstance(kind, int)):
+            event = self.scene.events[index]
+            self.seen[index].append((time, q, v))
+            if event.acts:
+                q, v = self._after(event, (time, q, v), state, sides)
+                if not (np.isfinite(q).all() and np.isfinite(v).all()):
+                    text = f"what the event {printing.to_text(event.formula)} = 0 sets, which has no value"
+                    return (time, q, v), Outcome("off_domain", None, time, text, None, BEGIN_ELSEWHERE)
+                if sense := self._sense_held(event, state, (time, q, v), sides):
+                    self.held[index] = sense
+            if len(self.seen[index]) >= event.most:
+                note = ENDED.format(time) if event.most == 1 else MANY.format(event.most, time)
+                return (time, q, v), Outcome("completed", None, time, note=note)
+        self.acted.append(time)
+        # The time is known only to round-off, so much shorter times have no meaning.
+        soon = SOON * max(abs(self.scene.grid.step), abs(time))
+        if len(self.acted) > 8 and self.acted[-1] - self.acted[-5] < soon:
+            return (time, q, v), self._zeno(time, None)
+        return (time, q, v), None
+
+    def _at_start(self, state: Point, sides: Sides) -> list[int | ex.Expression]:
+        """The events at which the motion begins, goes on in their direction, and is turned back: a ball on a floor."""
+        return [
+            k
+            for k, event in enumerate(self.scene.events)
+            if event.acts
+            and event.direction
+            and abs(self.motion.value(event.formula, sides, state)) <= NOISE * _size(state)
+            and self.motion.goes(sides | {event.formula: event.direction}, [event.formula], state)
+            and self._sense_held(event, state, (state[0], *self._after(event, state, state, sides)), sides)
+        ]
+
+    def _after(self, event: data.Event, old: Point, state: Point, sides: Sides) -> tuple[Array, Array]:
+        """Position and velocity with what the event sets at `state` in the place of the old ones."""
+        q, v = old[1].copy(), old[2].copy()
+        targets = self.motion.at([on_sides(tree, sides) for _, tree in event.sets], state)
+        for (target, _), value in zip(event.sets, targets, strict=True):
+            (v if isinstance(target, ex.Velocity) else q)[self._place(target)] = value
+        if self.scene.constraints and np.isfinite([*q, *v]).all():
+            given = dict(zip(self.scene.coordinates, map(float, v), strict=True))
+            v = initial.initial_velocities(
+                self.scene.coordinates, self.scene.constraints, self.scene.lagrangian, self.motion.values, q, given,
+                project=True,
+            )  # fmt: skip
+        return q, v
+
+    def _zeno(self, time: float, place: int | None) -> Outcome:
+        gap = self.acted[-1] - self.acted[-2] if len(self.acted) > 1 else 0.0
+        return Outcome("zeno", place, time, ZENO, gap, ZENO_REMEDY)
+
+    def _sense_held(self, event: data.Event, before: Point, after: Point, sides: Sides) -> float:
+        """1 or -1: the sense in which the formula reached its zero, if it is still zero and the event has stopped or
+        reversed it; 0 elsewhere. The rate is noise where events come ever faster: against the event's own direction it
+        shows that this one was not located."""
+        own, forces = on_sides(event.formula, sides), self.motion.forces(sides)
+        rate = self.motion.rate(own, forces)
+        (old,), (value, new) = self.motion.at([rate], before), self.motion.at([own, rate], after)
+        sense = float(event.direction or np.sign(old))
+        return sense if abs(value) <= AT_ZERO * _size(before) and (sense * new <= 0 or sense * old < 0) else 0.0
+
+    def _fell_through(self, ran: Trajectory, velocities: Array, until: float) -> bool:
+        """Whether the motion passes in the sense in which an event has just turned it back: the next event, sooner
+        than can be located, is missed."""
+        held, self.held = self.held, {}
+        if not held or ran.times[1] >= until:
+            return False
+        state = (float(ran.times[1]), ran.positions[1], velocities[1])
+        return any(sense * self.motion.at([self.scene.events[k].formula], state)[0] > 0 for k, sense in held.items())
+
+    def _place(self, target: ex.Expression) -> int:
+        name = target.coordinate if isinstance(target, ex.Velocity) else getattr(target, "name", "")
+        return self.scene.coordinates.index(name)
+
+    def _keep(self, ran: Trajectory, rows: NDArray[np.bool_]) -> None:
+        """The points of a piece, without its start unless it is the first."""
+        if self.parts:
+            rows = rows.copy()
+            rows[0] = False
+        self.parts.append(ran.part(np.flatnonzero(rows)))
+
+    def _joined(self, outcome: Outcome, start: data.Start) -> Trajectory:
+        parts = self.parts
+        if not parts:
+            return Trajectory.of_start(self.scene.grid.begin, start.positions, self.scene.velocities, outcome)
+        grid, count = self.scene.grid, sum(len(part.times) for part in parts)
+        names = parts[0].series
+        series = {name: np.concatenate([part.series[name] for part in parts]) for name in names}
+        return Trajectory(
+            times=np.asarray(grid.begin + grid.step * np.arange(count), dtype=np.float64),
+            positions=np.concatenate([part.positions for part in parts]),
+            momenta=None,
+            velocities=np.concatenate([np.asarray(part.velocities) for part in parts]),
+            outcome=outcome,
+            force_evaluations=sum(part.force_evaluations for part in parts),
+            newton_iterations=sum(part.newton_iterations for part in parts),
+            compile_seconds=sum(part.compile_seconds for part in parts),
+            run_seconds=sum(part.run_seconds for part in parts),
+            series=series,
+            maxima={name: float(np.abs(column).max(initial=0.0)) for name, column in series.items()},
+        )
+
+    def _events(self) -> Iterator[Found]:
+        n = len(self.scene.coordinates)
+        for k, event in enumerate(self.scene.events):
+            rows = sorted(self.seen[k], key=lambda state: state[0])
+            times = np.array([time for time, _, _ in rows])
+            positions, velocities = (np.array([row[j] for row in rows]).reshape(-1, n) for j in (1, 2))
+            yield Found(event, times, positions, velocities, self.notes.get(k, ""))
