@@ -9,7 +9,6 @@ import re
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from fractions import Fraction
 from itertools import product
 from pathlib import Path
 from typing import Any, get_args
@@ -32,7 +31,7 @@ from api_schemas.system import TAGS
 from inverse_service.errors import InputError, LimitError
 from inverse_service.expressions import collecting, refusals
 from inverse_service.expressions.derivative import define_functions, differentiate
-from inverse_service.expressions.tree import TIME, ZERO, Expression, Number, Symbol, Velocity, add, holds, walk
+from inverse_service.expressions.tree import TIME, ZERO, Expression, Symbol, Velocity, add, holds, walk
 from inverse_service.integrators.method_table import GEOMETRIC, METHODS, OWN_STEPS, RUNGE_KUTTA
 from inverse_service.integrators.trajectory import Array
 from inverse_service.reading.document_names import Declared
@@ -278,16 +277,9 @@ def read_scene(schema: SceneDocument) -> tuple[data.Scene, System]:
 
 def _has_formulas(schema: SceneDocument) -> bool:
     """Whether the scene adds formulas to those of its system, which may use additional parameters."""
-    own = (
-        schema.terms,
-        schema.functions,
-        schema.free_lagrangian,
-        schema.forces,
-        schema.rayleigh,
-        schema.events,
-        schema.points,
-    )
-    return any(own) or any(isinstance(item, dict) for item in schema.observe) or _method_lagrangians(schema)
+    keys = ("terms", "functions", "free_lagrangian", "forces", "rayleigh", "events", "points")
+    observed = any(isinstance(item, dict) for item in schema.observe)
+    return observed or any(getattr(one, key, None) for one in (schema, *schema.methods) for key in keys)
 
 
 def _refuse_unknown(system: System, extra: Sequence[str], formulas: bool) -> None:
@@ -301,10 +293,6 @@ def _refuse_unknown(system: System, extra: Sequence[str], formulas: bool) -> Non
             names = ", ".join(name for name in parameters if name in known) or "none"
             detail = f"the system has no parameter '{name}': its parameters are {names}."
             raise InputError(detail, f"/parameters/{escape(name)}")
-
-
-def _method_lagrangians(schema: SceneDocument) -> bool:
-    return any(method.free_lagrangian for method in schema.methods)
 
 
 def _values(schema: SceneDocument, system: System) -> dict[str, float]:
@@ -454,7 +442,9 @@ def _requested(schema: SceneDocument, given: SceneMethod, pointer: str) -> data.
     choice_of = data.MethodChoice(method, alpha, given.symmetrised, order, given.form, given.guard, tolerance)
     if verlet:
         choice_of = replace(choice_of, alpha=0.0, symmetrised=True, form="verlet")
-    shown = ("0" if verlet else _shown(given.alpha, alpha)) if method in GEOMETRIC else None
+    short = "0" if verlet else f"{alpha:g}"
+    written = short if verlet or float(short) == alpha else given.alpha or short  # as it is written: 1/3
+    shown = written if method in GEOMETRIC else None
     constants = [
         (key, number_of(text, f"{pointer}/constants/{escape(key)}")) for key, text in (given.constants or {}).items()
     ]
@@ -479,21 +469,6 @@ def _tolerance(given: SceneMethod, method: str, pointer: str) -> float:
     if not 1e-18 <= tolerance <= 0.1:
         raise InputError("the tolerance must be a number from 1e-18 to 0.1.", f"{pointer}/tolerance")
     return tolerance
-
-
-def _shown(text: str | None, alpha: float) -> str:
-    """alpha in the usual notation: 0.5, 1/3."""
-    if text is None:
-        return f"{alpha:g}"
-    tree = read_formula(text, Names(time=False))
-    value = tree.value if isinstance(tree, Number) else None
-    if value is None or not _is_short(value):
-        return f"{value}" if value is not None else f"{alpha:g}"
-    return f"{alpha:g}"
-
-
-def _is_short(value: Fraction) -> bool:
-    return Fraction(f"{float(value):g}") == value
 
 
 def _label(given: SceneMethod, alpha: str | None, order: int) -> str:
