@@ -182,8 +182,7 @@ class _Work:
     @property
     def variables(self) -> list[ex.Symbol | ex.Velocity]:
         """t, q, v and the parameters."""
-        found: list[ex.Symbol | ex.Velocity] = [ex.TIME, *map(ex.Symbol, self.names), *map(ex.Velocity, self.names)]
-        return [*found, *map(ex.Symbol, self.associated.parameters)]
+        return [*self.associated.variables, *map(ex.Symbol, self.associated.parameters)]
 
     @property
     def lifted(self) -> dict[ex.Expression, ex.Expression]:

@@ -28,7 +28,7 @@ from inverse_service.field.echelon import Words
 from inverse_service.field.modular import Field, compiled, minus, multiply, plus
 from inverse_service.mechanics import euler_lagrange
 from inverse_service.mechanics.constrained_motion import ConstrainedMotion
-from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.mechanics.second_order_system import SecondOrderSystem, system_of
 from inverse_service.search import ansatz, protocol
 from inverse_service.search.factors import position_monomials, products
 from inverse_service.search.material import Material, distinct, gather
@@ -194,10 +194,8 @@ def _without(
     if not all(ring.partial(place)(value).is_zero for place in range(len(others)) for value in values):
         return None
     nowhere: dict[ex.Expression, ex.Expression] = {ex.Symbol(name): ex.ZERO for name in others}
-    plain = tuple(ex.substitute(exact_field.quotient_tree(ring, value), nowhere) for value in values)
-    held = {node.name for tree in plain for node in ex.walk(tree) if isinstance(node, ex.Arbitrary)}
-    kept = tuple(function for function in motion.functions if function[0] in held)
-    return SecondOrderSystem(tuple(names), plain, motion.parameters, kept)
+    plain = [ex.substitute(exact_field.quotient_tree(ring, value), nowhere) for value in values]
+    return system_of(names, plain, motion.parameters, motion.functions)
 
 
 def lagrangian_of_closed(
@@ -261,13 +259,9 @@ def find_lagrangians(motion: ConstrainedMotion, with_time: bool, seed: int, dead
 def _plain(system: SecondOrderSystem, deadline: float) -> SecondOrderSystem:
     """The same accelerations over sines and cosines, all relations used: 1/(1 + tan(x)^2) as cos(x)^2."""
     trees = [tower.to_kernels(f) for f in system.accelerations]
-    variables: list[ex.Symbol | ex.Velocity] = [
-        ex.TIME,
-        *map(ex.Symbol, system.coordinates),
-        *map(ex.Velocity, system.coordinates),
-    ]
+    budget = exact_field.Budget(bounds.TERMS, deadline)
     try:
-        ring = exact_field.exact_ring(trees, variables, 0, exact_field.Budget(bounds.TERMS, deadline), slopes=False)
+        ring = exact_field.exact_ring(trees, system.variables, 0, budget, slopes=False)
         return replace(system, accelerations=tuple(exact_field.quotient_tree(ring, ring.value(tree)) for tree in trees))
     except (exact_field.TooLarge, ZeroDivisionError):
         return system

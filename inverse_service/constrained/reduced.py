@@ -29,7 +29,7 @@ from inverse_service.linear_pde.involution import Limits
 from inverse_service.mechanics import constrained_motion, writing
 from inverse_service.mechanics.legendre.transform import LegendreTransform, legendre
 from inverse_service.mechanics.nonholonomic_integrals import MeasureDensity
-from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.mechanics.second_order_system import SecondOrderSystem, system_of
 from inverse_service.search import protocol
 from inverse_service.solving import clock, solving
 
@@ -67,9 +67,7 @@ def reduced_system(motion: constrained_motion.ConstrainedMotion) -> SecondOrderS
     trees = (*motion.free_accelerations, *motion.dependent_velocities)
     if any(ex.holds(tree, *others) for tree in trees):
         return None
-    names = {node.name for tree in trees for node in ex.walk(tree) if isinstance(node, ex.Arbitrary)}
-    functions = tuple(function for function in motion.functions if function[0] in names)
-    return SecondOrderSystem(motion.free, motion.free_accelerations, motion.parameters, functions)
+    return system_of(motion.free, motion.free_accelerations, motion.parameters, motion.functions)
 
 
 def decide_reduced(
@@ -138,9 +136,7 @@ def _with_free(parts: constrained_motion.Geometry, chosen: Sequence[int]) -> Sec
     held = any(ex.holds(tree, *map(ex.Symbol, others), *map(ex.Velocity, others)) for tree in accelerations)
     if held or accelerations == (ex.ZERO,):
         return None
-    functions = {node.name for tree in accelerations for node in ex.walk(tree) if isinstance(node, ex.Arbitrary)}
-    kept = tuple(function for function in system.functions if function[0] in functions)
-    return SecondOrderSystem(coordinates, accelerations, system.parameters, kept)
+    return system_of(coordinates, accelerations, system.parameters, system.functions)
 
 
 def answer_closed(system: SecondOrderSystem, options: solutions.SolveOptions) -> Reduced:

@@ -56,9 +56,7 @@ def _factors_of_lines(analysis: deciding.Analysis, lagrangian: ex.Expression) ->
         entry, below = next((g, line[q]) for q, g in zip(system.coordinates, row, strict=True) if q in line)
         quotients.append(entry / below)
     with suppress(exact_field.TooLarge, ZeroDivisionError, KeyError):
-        factors = exact_field.factored(
-            quotients, deciding.variables_of(system)[: 1 + 2 * len(system.coordinates)], exact_field.Budget.long()
-        )
+        factors = exact_field.factored(quotients, system.variables, exact_field.Budget.long())
         return {} if all(c == ex.ONE for c in factors) else {"factors": [printing.to_text(c) for c in factors]}
     return {}
 
@@ -245,8 +243,7 @@ def _square_roots(radicands: Sequence[ex.Expression], table: real_point.RealTabl
     for under in radicands if table is not None else ():
         with suppress(errors.IrreducibleAtoms, evaluation.NoRealValue):
             if (value := _root_here(under, table or {})) is not None:
-                root = ex.square_root(collecting.collect(under))
-                found.append({"root": printing.to_text(root), "is": printing.to_text(value)})
+                found.append(_root_entry(ex.square_root(collecting.collect(under)), value))
     return found
 
 
@@ -277,8 +274,7 @@ def _nested_roots(formulas: Sequence[ex.Expression], table: real_point.RealTable
                 first, second = (ex.square_root(collecting.collect((a + d) / 2)) for d in (value, -value))
                 value = first + second if real_point.are_positive([b], table or {}) else first - second
             if value is not None and not any(letter in ex.walk(part) for part in (a, b)):
-                root = ex.square_root(under)
-                found.append({"root": printing.to_text(root), "is": printing.to_text(collecting.collect(value))})
+                found.append(_root_entry(ex.square_root(under), collecting.collect(value)))
     return found
 
 
@@ -307,9 +303,7 @@ def _circular_roots(formulas: Sequence[ex.Expression], table: real_point.RealTab
             factor = _factor(node.base, value**2, table or {})
             if factor is not None:
                 sign = 1 if real_point.are_positive([value], table or {}) else -1
-                root = printing.to_text(ex.square_root(node.base))
-                said = sign * ex.square_root(ex.number(factor)) * value
-                found.append({"root": root, "is": printing.to_text(said)})
+                found.append(_root_entry(ex.square_root(node.base), sign * ex.square_root(ex.number(factor)) * value))
                 break
     return found
 
@@ -470,8 +464,12 @@ def _head(
 
 def _roots(system: SecondOrderSystem) -> list[dict[str, str]]:
     found = () if system.branch is None else system.branch.roots
-    pairs = [_root(*pair) for pair in found]
-    return [{"root": printing.to_text(pair[0]), "is": printing.to_text(pair[1])} for pair in pairs if pair]
+    return [_root_entry(*pair) for root in found if (pair := _root(*root)) is not None]
+
+
+def _root_entry(root: ex.Expression, value: ex.Expression) -> dict[str, str]:
+    """An entry of the roots of a certificate."""
+    return {"root": printing.to_text(root), "is": printing.to_text(value)}
 
 
 def _signs(analysis: deciding.Analysis) -> list[dict[str, str]]:
@@ -517,7 +515,7 @@ def _nested(analysis: deciding.Analysis) -> Iterator[dict[str, str]]:
             continue
         if found and found[0]:
             terms = (Fraction(-a, found[0]) * b for a, b in zip(found[1:], known, strict=True))
-            yield {"root": printing.to_text(whole), "is": printing.to_text(ex.add(*terms))}
+            yield _root_entry(whole, ex.add(*terms))
 
 
 def _root(node: ex.Expression, value: ex.Expression) -> tuple[ex.Expression, ex.Expression] | None:

@@ -73,13 +73,7 @@ class Analysis:
 
 def variables_of(system: second_order_system.SecondOrderSystem) -> tuple[ps.Variable, ...]:
     """t, q, v and the parameters, and accelerations that are symbols."""
-    return (
-        ex.TIME,
-        *(ex.Symbol(name) for name in system.coordinates),
-        *(ex.Velocity(name) for name in system.coordinates),
-        *(ex.Symbol(name) for name in system.parameters),
-        *system.letters,
-    )
+    return (*system.variables, *map(ex.Symbol, system.parameters), *system.letters)
 
 
 def moving_variables(system: second_order_system.SecondOrderSystem, with_time: bool) -> tuple[ps.Variable, ...]:

@@ -97,7 +97,7 @@ def divided(polynomial: fmpq_mpoly, divisors: Sequence[Divisor], budget: exact_f
     """Pseudo-division by one divisor after the other."""
     multiplier, rest, cofactors = polynomial * 0 + 1, polynomial, dict[str, tuple[fmpq_mpoly, Fact]]()
     for divisor in divisors:
-        scale, quotient, rest = _pseudo_division(rest, divisor, budget)
+        scale, quotient, rest = exact_field.pseudo_division(rest, divisor.fact.polynomial, divisor.index, budget)
         if not scale.is_one():
             multiplier, cofactors = multiplier * scale, {k: (c * scale, f) for k, (c, f) in cofactors.items()}
         known = cofactors.get(divisor.fact.name, (polynomial * 0, divisor.fact))[0]
@@ -105,30 +105,9 @@ def divided(polynomial: fmpq_mpoly, divisors: Sequence[Divisor], budget: exact_f
     return Remainder(multiplier, tuple(term for term in cofactors.values() if not term[0].is_zero()), rest)
 
 
-def _pseudo_division(
-    rest: fmpq_mpoly, divisor: Divisor, budget: exact_field.Budget
-) -> tuple[fmpq_mpoly, fmpq_mpoly, fmpq_mpoly]:
-    """(scale, quotient, rest) with scale * P = quotient * divisor + rest, of lower degree in the generator."""
-    by, index = divisor.fact.polynomial, divisor.index
-    degree = by.degrees()[index]
-    leading, scale, quotient = coefficient(by, index, degree), rest * 0 + 1, rest * 0
-    while not rest.is_zero() and (top := rest.degrees()[index]) >= degree:
-        head = coefficient(rest, index, top)
-        common = leading if leading.is_constant() else leading.gcd(head)
-        up, step = leading / common, head / common * rest.context().gen(index) ** (top - degree)
-        budget.charge(len(rest) * len(up) + len(step) * len(by))
-        scale, quotient, rest = scale * up, quotient * up + step, rest * up - step * by
-    return scale, quotient, rest
-
-
-def coefficient(polynomial: fmpq_mpoly, index: int, power: int) -> fmpq_mpoly:
-    """The coefficient of that power of a generator, a polynomial in the others."""
-    return exact_field.coefficients_of(polynomial, [index]).get((power,), polynomial * 0)
-
-
 def content(polynomial: fmpq_mpoly, unknowns: Iterable[int]) -> fmpq_mpoly:
     """The greatest common divisor of the coefficients of a polynomial that is linear in the unknowns."""
-    parts = [coefficient(polynomial, index, 1) for index in unknowns]
+    parts = [exact_field.coefficient(polynomial, index, 1) for index in unknowns]
     return functools.reduce(lambda a, b: a.gcd(b), parts)
 
 
@@ -242,7 +221,7 @@ def _factored(
     whole = exact_field.sum_of(
         ring.constant(0), [c * ring.atoms[symbols[unknown]] for unknown, c in row.items()]
     ).numerator
-    parts = {unknown: coefficient(whole, places[symbols[unknown]], 1) for unknown in row}
+    parts = {unknown: exact_field.coefficient(whole, places[symbols[unknown]], 1) for unknown in row}
     shared = functools.reduce(lambda a, b: a.gcd(b), parts.values())
     split = {unknown: exact_field.factor_polynomial(part / shared) for unknown, part in parts.items()}
     return {unknown: (shared * 0 + fmpq(*n.as_integer_ratio()), found) for unknown, (n, found) in split.items()}
@@ -410,7 +389,7 @@ class _Elimination:
         """g k = 0, and k_m det g = sum over j of the cofactor (j, m) times (g k)_j."""
         span, places = range(self.size), [self.places[0, j] for j in range(self.size)]
         row = exact_field.sum_of(self.ring.constant(0), [k * self._entry(0, j) for j, k in enumerate(vector)]).numerator
-        k = [coefficient(row, place, 1) for place in places]
+        k = [exact_field.coefficient(row, place, 1) for place in places]
         m = min((j for j in span if not k[j].is_zero()), key=lambda j: len(k[j]))
         terms = []
         for j in span:

@@ -283,6 +283,30 @@ def coefficients_of(polynomial: fmpq_mpoly, generators: Sequence[int]) -> dict[t
     return {powers: polynomial.context().from_dict(table) for powers, table in tables.items()}
 
 
+def coefficient(polynomial: fmpq_mpoly, index: int, power: int) -> fmpq_mpoly:
+    """The coefficient of that power of a generator, a polynomial in the others."""
+    return coefficients_of(polynomial, [index]).get((power,), polynomial * 0)
+
+
+def pseudo_division(
+    rest: fmpq_mpoly, divisor: fmpq_mpoly, index: int, budget: Budget | None = None
+) -> tuple[fmpq_mpoly, fmpq_mpoly, fmpq_mpoly]:
+    """(scale, quotient, rest) with scale * P = quotient * divisor + rest, of lower degree in one generator.
+
+    The scale divides a power of the leading coefficient of the divisor.
+    """
+    degree = divisor.degrees()[index]
+    leading, scale, quotient = coefficient(divisor, index, degree), rest * 0 + 1, rest * 0
+    while not rest.is_zero() and (top := rest.degrees()[index]) >= degree:
+        head = coefficient(rest, index, top)
+        common = leading if leading.is_constant() else leading.gcd(head)
+        up, step = leading / common, head / common * rest.context().gen(index) ** (top - degree)
+        if budget is not None:
+            budget.charge(len(rest) * len(up) + len(step) * len(divisor))
+        scale, quotient, rest = scale * up, quotient * up + step, rest * up - step * divisor
+    return scale, quotient, rest
+
+
 def _constant_ratio(left: fmpq_mpoly, right: fmpq_mpoly) -> Fraction | None:
     """left / right where that is a number."""
     if len(left) != len(right) or left.is_zero():

@@ -104,6 +104,16 @@ def _name(node: ex.Expression) -> str:
     return node.name if isinstance(node, ex.Symbol) else ""
 
 
+def system_of(
+    coordinates: Sequence[str], accelerations: Sequence[ex.Expression], parameters: Sequence[str], functions: Functions
+) -> SecondOrderSystem:
+    """The system, with those of the functions that occur in it."""
+    nodes = ex.distinct_nodes(accelerations)
+    held = {node.name for node in nodes if isinstance(node, ex.Arbitrary)}
+    kept = tuple(function for function in functions if function[0] in held)
+    return SecondOrderSystem(tuple(coordinates), tuple(accelerations), tuple(parameters), kept)
+
+
 def branches_of(system: SecondOrderSystem) -> tuple[SecondOrderSystem, ...]:
     """The system itself, where it has one formula everywhere, or one for each of the cases that have a real point.
 

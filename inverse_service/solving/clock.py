@@ -99,11 +99,10 @@ def _factors(system: second_order_system.SecondOrderSystem) -> list[ex.Expressio
 def _density(system: second_order_system.SecondOrderSystem, deadline: float) -> ex.Expression | None:
     """rho(q) with rho dq dq' invariant: that of the motion with these accelerations and no constraint."""
     names, n = system.coordinates, len(system.coordinates)
-    variables: list[ex.Symbol | ex.Velocity] = [ex.TIME, *map(ex.Symbol, names), *map(ex.Velocity, names)]
     try:
         ring = exact_field.exact_ring(
             list(system.given),
-            variables,
+            system.variables,
             constrained_motion.ORDERS,
             exact_field.Budget(constrained_motion.TERM_LIMIT, deadline),
         )

@@ -184,9 +184,8 @@ def regularity(
 ) -> SideConditions:
     """Where a Lagrangian of the system may be none, or singular; raises TooLarge or ZeroDivisionError."""
     entries = euler_lagrange.hessian(lagrangian, system.coordinates)
-    names = system.coordinates
-    variables: list[ex.Symbol | ex.Velocity] = [ex.TIME, *map(ex.Symbol, names), *map(ex.Velocity, names)]
-    ring = exact_field.exact_ring([*(entry for row in entries for entry in row), lagrangian], variables, 0, budget)
+    trees = [*(entry for row in entries for entry in row), lagrangian]
+    ring = exact_field.exact_ring(trees, system.variables, 0, budget)
     matrix = [[ring.value(entry) for entry in row] for row in entries]
     # The value of L itself lists its denominators.
     ring.value(lagrangian)

@@ -111,7 +111,7 @@ class Stratum:
             polynomial = put_in(polynomial, index, value)
         for index, a, b, c in self.roots:
             x = self.space.context.gen(index)
-            polynomial = pseudo_remainder(polynomial, a * x * x + b * x + c, index)
+            polynomial = exact_field.pseudo_division(polynomial, a * x * x + b * x + c, index)[2]
         return polynomial
 
     def contains(self, other: Stratum) -> bool:
@@ -136,15 +136,6 @@ def put_in(polynomial: fmpq_mpoly, index: int, value: Fraction, power: int = 0) 
     for degree, part in enumerate(parts):
         total += part * value.numerator**degree * value.denominator ** (most - degree)
     return total
-
-
-def pseudo_remainder(polynomial: fmpq_mpoly, divisor: fmpq_mpoly, index: int) -> fmpq_mpoly:
-    """A remainder of lower degree in one generator, after multiplying by powers of the leading coefficient."""
-    leading = coefficients_in(divisor, index)
-    degree, x = len(leading) - 1, polynomial.context().gen(index)
-    while not polynomial.is_zero() and len(parts := coefficients_in(polynomial, index)) > degree:
-        polynomial = polynomial * leading[-1] - parts[-1] * x ** (len(parts) - 1 - degree) * divisor
-    return polynomial
 
 
 def factors(polynomial: fmpq_mpoly) -> list[fmpq_mpoly]:
@@ -302,7 +293,7 @@ def _solved_quadratic(equations: list[fmpq_mpoly], stratum: Stratum) -> list[_Op
     if is_nowhere_positive(discriminant):
         squares = [equation.context().from_dict({e: 1}) for e, _ in discriminant.terms()]
         return [_Open((*squares, high * x * 2 + middle, equation, *rest), stratum)] if squares else []
-    reduced = [pseudo_remainder(p, equation, index) for p in rest]
+    reduced = [exact_field.pseudo_division(p, equation, index)[2] for p in rest]
     if any(p.degrees()[index] for p in reduced if not p.is_zero()):
         return [_Open((equation, *reduced), stratum)]
     solved = replace(
