@@ -60,7 +60,7 @@ GREEK_NAMES = frozenset(GREEK.values())
 FUNCTION_LETTERS = frozenset("fFhHUVW")  # of functions, where a bracket follows at once
 # Letters after which a bracket is usually an argument: f(x - y), V(x + 1).
 MAY_BE_FUNCTIONS = frozenset("fFgGhHpPuUvVwW") | {"phi", "Phi", "psi", "Psi", "chi"}
-POTENTIALS = frozenset(("U", "V"))
+POTENTIALS = frozenset(("U", "V", "Omega"))
 _CALLED_WITH_A_NUMBER = re.compile(r"(ln|[A-Za-z]{3,}?)([0-9]+)([A-Za-z]*)")  # sqrt2, sin2x
 _NUMBERED = re.compile(r"([A-Za-z]+)_?([0-9]+)")
 # Greek names in a run of letters. Capitals count only if they differ from Latin letters: Mu in GMu is M and u.
