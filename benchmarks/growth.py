@@ -10,7 +10,7 @@ from benchmarks.decision_benchmark import read
 from benchmarks.families import GROWING, Document
 from benchmarks.isolated import measure
 from inverse_service.decision.deciding import HelmholtzAt, analyze
-from inverse_service.linear_pde.equations import advance, start
+from inverse_service.linear_pde.involution import prolonged
 
 Report = Callable[[str], None]
 
@@ -65,9 +65,7 @@ def against_order(document: Document, highest: int, limit: float, report: Report
     for order in range(highest + 1):
         report(f"{document['name']}, order {order}")
         began = time.perf_counter()
-        prolongation = start(HelmholtzAt(analysis, with_time=False).at(1, order))
-        for _ in range(order + 1):
-            advance(prolongation)
+        prolongation = prolonged(HelmholtzAt(analysis, with_time=False), 1, order)
         seconds = time.perf_counter() - began
         n = len(analysis.system.coordinates)
         rows.append(OrderRow(document["name"], n, order, prolongation.width(order), seconds))
