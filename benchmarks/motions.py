@@ -19,11 +19,8 @@ from inverse_service.constrained.existence import analyze_motion, decide_motion
 from inverse_service.decision.solutions import SolveOptions
 from inverse_service.linear_pde.involution import Finding
 from inverse_service.mechanics.constrained_motion import equations_of_motion
-from inverse_service.service.documents.nonholonomic_documents import (
-    solve_nonholonomic,
-    to_nonholonomic,
-    to_nonholonomic_schema,
-)
+from inverse_service.service.documents.motion_documents import nonholonomic_of
+from inverse_service.service.documents.nonholonomic_documents import solve_nonholonomic
 
 QUESTIONS, PAGE = Path("docs/questions/motions.ndjson"), Path("docs/records/motions.md")
 HEAD = (
@@ -60,7 +57,7 @@ def documents(chosen: str = "") -> Iterator[dict[str, Any]]:
 def measure(document: Mapping[str, Any], limit: float) -> Row:
     """Both, one after the other, each with a limit in processor seconds."""
     began = time.process_time()
-    motion = equations_of_motion(to_nonholonomic(to_nonholonomic_schema(document)))
+    motion = equations_of_motion(nonholonomic_of(document))
     found = decide_motion(analyze_motion(motion), False, 1, time.thread_time() + limit, lambda _: None)
     decided = time.process_time()
     options = SolveOptions(time_limit=limit)

@@ -14,6 +14,7 @@ from starlette.responses import JSONResponse, Response, StreamingResponse
 from api_schemas.job import Batch as BatchDocument, Job as JobDocument, JobList
 from inverse_service import errors
 from inverse_service.service.jobs import model, statements, supervisor, tasks
+from inverse_service.service.jobs.batch import batch_task
 from inverse_service.web import asking, clients, job_answers, openapi
 from inverse_service.web.engine import KEEP_ALIVE, LONG_DEADLINE, Engine
 from inverse_service.web.journal import StreamCut
@@ -235,7 +236,7 @@ async def create(request: Request, kind: KindName = "solve") -> Response:
     try:
         async with asking.body_of(request, asking.FACTORS["batch"] * engine.settings.max_body, NDJSON_TYPES) as body:
             form = (body, asking.is_json(request), terms)
-            lines = await engine.read_body(client, tasks.batch_task, *form, seconds=LONG_DEADLINE)
+            lines = await engine.read_body(client, batch_task, *form, seconds=LONG_DEADLINE)
             stored = await engine.create_batch(kind, clients.viewer_of(request), lines, key)
     except errors.InputError as error:
         if error.code != "limit":

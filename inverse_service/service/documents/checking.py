@@ -592,9 +592,9 @@ class Examination:
             self.about_another("/with_clock", clock, derived.system_with_clock(document, clock))
         reduced = _object(self.result.get("reduced"))
         if reduced and document is not own:
-            from inverse_service.service.documents.nonholonomic_documents import systems_of_reduced
+            from inverse_service.service.documents import motion_documents
 
-            found, clocked = systems_of_reduced(document, reduced)
+            found, clocked = motion_documents.systems_of_reduced(document, reduced)
             self.about_another("/reduced", reduced, found)
             if clock := _object(reduced.get("with_clock")):
                 self.about_another("/reduced/with_clock", clock, clocked)
@@ -666,10 +666,9 @@ class Examination:
         result = self.result
         asked = plain.get("associated") if isinstance(plain, dict) else None
         if self.has_document and asks_motion_alone(plain):
-            from inverse_service.service.documents.documents import use_cases
+            from inverse_service.service.documents import motion_documents
 
-            cases = use_cases(plain)
-            made = translate.plain_fields(cases.system(cases.look(plain)))
+            made = translate.plain_fields(motion_documents.asked_system(plain))
             for name in ("coordinates", "parameters", "functions"):
                 self.agree(
                     f"/system/{name}", own[name] == made[name], str(own[name]), f"The document has {made[name]}."
@@ -678,12 +677,9 @@ class Examination:
             if same is not None:
                 self.agree("/system/equations", same, "", "They are not those of the document.")
         if asked in ("first", "second", "third") and "multiples" not in plain:
-            from inverse_service.service.documents.nonholonomic_documents import (
-                parse_associated,
-                to_nonholonomic_schema,
-            )
+            from inverse_service.service.documents import motion_documents
 
-            found = parse_associated(to_nonholonomic_schema(plain)) or {}
+            found = motion_documents.parse_associated(motion_documents.to_nonholonomic_schema(plain)) or {}
             wanted = {name: one["text"] for name, one in found.get("equations", {}).items()}
             same = comparison.same_formulas(own["equations"], wanted, certify.names_of(own))
             if same is None:

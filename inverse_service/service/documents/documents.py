@@ -20,12 +20,11 @@ from inverse_service.deadline import now, whole
 from inverse_service.decision.solutions import SolveOptions, questions
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading import reader
-from inverse_service.service.documents import accepting, answers, checking, derived, preparing, translate
+from inverse_service.service.documents import accepting, answers, derived, leaving, preparing, translate
 from inverse_service.service.documents.growing import Growing
 from inverse_service.solving import solving
 
 if TYPE_CHECKING:
-    from api_schemas.result import ResultDocument
     from api_schemas.system import SystemDocument
     from inverse_service.decision.cells import Left
     from inverse_service.decision.solutions import Solution
@@ -37,13 +36,10 @@ REASONS = {
     "this is an error in the program.",
 }
 Progress = Callable[[Any], None]
-# The solver stops by itself a little before its process is killed, so that it can say how far it came.
-SHARE_OF_SOLVER = 0.8
 # What the solver may take where special cases or kinds are wanted too.
 SHARE_BESIDE_CASES = 0.4
 # What a system without a Lagrangian has instead is looked for so long, in s of processor time.
 QUICKLY = 2.0
-FIRST_FIELDS = ("format", "system", "question", "verdict", "verdict_with_time", "reason", "checked")
 ENDED: tuple[type[Exception], ...] = tuple(REASONS)
 log = logging.getLogger(__name__)
 
@@ -115,17 +111,17 @@ class UseCases:
 def use_cases(document: Any) -> UseCases:
     """Those of the kind that a prepared document is of, imported now."""
     if preparing.is_motion(document):
-        from inverse_service.service.documents import nonholonomic_documents as held
+        from inverse_service.service.documents import motion_documents as read, nonholonomic_documents as held
 
-        return UseCases(held.look_motion, held.parse_motion, held.system_of_motion, held.solve_motion)
+        return UseCases(read.look_motion, read.parse_motion, read.system_of_motion, held.solve_motion)
     if preparing.is_forward(document):
         from inverse_service.service.documents import own_lagrangian as alone
 
         return UseCases(alone.look_forward, alone.parse, alone.system_of, alone.solve_forward)
     if preparing.is_nonholonomic(document):
-        from inverse_service.service.documents import nonholonomic_documents as held
+        from inverse_service.service.documents import motion_documents as read, nonholonomic_documents as held
 
-        return UseCases(held.to_nonholonomic_schema, held.parse, held.system_of, held.solve_nonholonomic)
+        return UseCases(read.to_nonholonomic_schema, read.parse, read.system_of, held.solve_nonholonomic)
     return UseCases(accepting.to_schema, parse_system, accepting.to_system, solve_system)
 
 
@@ -157,7 +153,7 @@ def solve_system(document: Any, options: SolveOptions, grow: Growing | None = No
     grow, end = grow or Growing(None), now() + options.time_limit
     schema = accepting.to_schema(document)
     system = accepting.to_solvable(schema)
-    share = SHARE_BESIDE_CASES if schema.special_cases or schema.kinds or schema.clock else SHARE_OF_SOLVER
+    share = SHARE_BESIDE_CASES if schema.special_cases or schema.kinds or schema.clock else leaving.SHARE_OF_SOLVER
     asked = dataclasses.replace(
         options,
         time_dependent=schema.time_dependent_lagrangian,
@@ -174,41 +170,35 @@ def solve_system(document: Any, options: SolveOptions, grow: Growing | None = No
     def tell(parts: Sequence[str], make: Callable[[], tuple[tuple[Solution, ...], tuple[Left, ...]]]) -> None:
         def so_far() -> dict[str, Any]:
             known, open_ones = make()
-            return with_one_verdict(checked(translate.to_result(known[0], schema, known[1:], open_ones), 1.0))
+            return leaving.with_one_verdict(
+                leaving.checked(translate.to_result(known[0], schema, known[1:], open_ones), 1.0)
+            )
 
         grow.hand_over(parts, so_far)
 
     solutions, left = solving.solve_branches(system, dataclasses.replace(asked, hand_over=tell), grow.stage)
     solution, grow.cut = solutions[0], {part: why for each in solutions for part, why in each.cut.items()}
     result = translate.to_result(solution, schema, solutions[1:], left)
-    limit = now() + SHARE_OF_SOLVER * (end - now())
+    limit = now() + leaving.SHARE_OF_SOLVER * (end - now())
     if result.verdict == "not_variational":
         grow.begin("kinds")
         result = derived.with_instead(result, solution, asked, min(limit, now() + QUICKLY))
     if kinds:
         grow.begin("kinds")
         result = derived.with_kinds(result, solution, schema, kinds, asked, limit)
-        grow.hand_over(("explanation", "kinds"), partial(checked, result, 1.0))
+        grow.hand_over(("explanation", "kinds"), partial(leaving.checked, result, 1.0))
     if schema.clock is not None:
         grow.begin("clock")
-        part = derived.clock_part(system, factor, asked, SHARE_OF_SOLVER * (end - now()))
+        part = derived.clock_part(system, factor, asked, leaving.SHARE_OF_SOLVER * (end - now()))
         result = result.model_copy(update={"with_clock": part})
-        grow.hand_over(("explanation", "clock"), partial(checked, result, 1.0))
+        grow.hand_over(("explanation", "clock"), partial(leaving.checked, result, 1.0))
     if schema.special_cases:
         grow.begin("special_cases")
-        limit = now() + SHARE_OF_SOLVER * (end - now())
+        limit = now() + leaving.SHARE_OF_SOLVER * (end - now())
         cases = derived.special_cases(system, asked, limit, grow.stage)
         result = result.model_copy(update={"special_cases": cases})
     grow.begin("certificate")
-    return with_one_verdict(ordered(grow.end(checked(result, end - now()))))
-
-
-def with_one_verdict(document: dict[str, Any]) -> dict[str, Any]:
-    """The main verdicts are `differs` where those of the cells do."""
-    for key in ("verdict", "verdict_with_time"):
-        if len({branch[key] for branch in document["branches"]}) > 1:
-            document[key] = "differs"
-    return document
+    return leaving.with_one_verdict(leaving.ordered(grow.end(leaving.checked(result, end - now()))))
 
 
 def _wanted(schema: SystemDocument, system: SecondOrderSystem, kinds: bool) -> tuple[str, ...]:
@@ -228,22 +218,3 @@ def parse_system(schema: SystemDocument) -> ParseAnswer:
     if schema.clock is not None:
         derived.to_clock(schema, system)
     return translate.to_parse_answer(system, schema)
-
-
-def checked(result: ResultDocument, time_limit: float) -> dict[str, Any]:
-    """The document, its system compared with the document as given; CertificateRefused where an answer is unchecked.
-
-    The solver has its certificates checked itself: no definite verdict leaves that the checker did not call valid.
-    """
-    document = result.model_dump(mode="json")
-    answers = [document, *document["branches"]]
-    for answer in filter(None, [*answers, *(one["with_time"] for one in answers)]):
-        if answer["verdict"] != "undetermined" and answer["checked"] != "valid":
-            raise errors.CertificateRefused("an answer was left unchecked")
-    checking.compare_before_leaving(document, time_limit)
-    return document
-
-
-def ordered(document: dict[str, Any]) -> dict[str, Any]:
-    """The fields in the order of the contract, which is the order in which a person reads them."""
-    return {key: document[key] for key in FIRST_FIELDS} | document

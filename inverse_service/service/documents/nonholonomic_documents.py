@@ -1,4 +1,4 @@
-"""Motions on constraints: documents to systems, the use cases, and findings as parts of a result.
+"""Motions on constraints: the use cases, and what is found as parts of a result.
 
 Of a Lagrangian with constraints, and of a motion that is given as it is; the key `reduced` of either.
 """
@@ -10,7 +10,6 @@ from functools import partial
 from typing import Any, TypeVar
 
 from api_schemas import nonholonomic as schemas
-from api_schemas.base import ParseAnswer
 from api_schemas.result import AdvicePart, HamiltonianPart
 from inverse_service import errors
 from inverse_service.constrained import answering, nonholonomic_study, reduced as deciding
@@ -24,10 +23,9 @@ from inverse_service.field.exact_field import TooLarge
 from inverse_service.mechanics import constrained_motion, method_advice
 from inverse_service.mechanics.first_integrals import FirstIntegral, first_integrals
 from inverse_service.mechanics.paper_class import AssociatedSystem
-from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading import reader
 from inverse_service.reading.names import Names
-from inverse_service.service.documents import accepting, checking, derived, documents, preparing, translate
+from inverse_service.service.documents import accepting, checking, derived, leaving, motion_documents, translate
 from inverse_service.service.documents.growing import Growing
 
 T = TypeVar("T")
@@ -52,46 +50,8 @@ SHARE_OF_ANY = 0.7
 OPEN = answering.MotionAnswer("undetermined", "undetermined", NOT_YET)
 # What first integrals may take, s and of the time.
 FOR_INTEGRALS, SHARE_OF_INTEGRALS = 5.0, 0.1
-# What looking at a document again may take for an associated system that is only shown, s.
-SHOWN_AT_ONCE = 0.3
 # And what is left for checking all answers at the end.
 SHARE_LEFT = 0.1
-
-
-def to_nonholonomic_schema(document: Any) -> schemas.NonholonomicDocument:
-    """The document in its schema; raises DocumentRefused with every fault found."""
-    if isinstance(document, dict) and "equations" in document:
-        sentence = "'equations' and a Lagrangian or constraints are both given: keep only one of the two."
-        raise errors.DocumentRefused((errors.Place(sentence, "/equations"),))
-    return accepting.validated(document, schemas.NonholonomicDocument)
-
-
-def to_nonholonomic(schema: schemas.NonholonomicDocument) -> constrained_motion.NonholonomicSystem:
-    """The system that a document describes; raises InputError with pointer and column."""
-    return constrained_motion.read_nonholonomic(
-        schema.coordinates,
-        schema.lagrangian,
-        schema.constraints,
-        schema.parameters,
-        schema.functions,
-        schema.name,
-        where=schema.where,
-    )
-
-
-def nonholonomic_of(document: Any) -> constrained_motion.NonholonomicSystem:
-    """The system of a prepared document; raises InputError."""
-    return to_nonholonomic(to_nonholonomic_schema(document))
-
-
-def to_families(
-    schema: schemas.NonholonomicDocument, system: constrained_motion.NonholonomicSystem
-) -> list[tuple[ex.Expression, ...]]:
-    """The families of multiples, each one tree for each coordinate; raises InputError."""
-    given = [] if schema.multiples is None else schema.multiples
-    families = {"": given} if isinstance(given, dict) else {f"/{place}": one for place, one in enumerate(given)}
-    read = constrained_motion.read_multiples
-    return [read(family, system, schema.parameters, f"/multiples{place}") for place, family in families.items()]
 
 
 def to_nonholonomic_part(study: nonholonomic_study.Study, kept: Sequence[FirstIntegral]) -> schemas.NonholonomicPart:
@@ -299,20 +259,15 @@ def _trajectory(comparison: Comparison) -> schemas.TrajectoryPart:
     return translate.part_of(schemas.TrajectoryPart, comparison, functions=functions)
 
 
-def look_motion(document: Any) -> schemas.MotionDocument:
-    """The document in its schema; raises DocumentRefused with every fault found."""
-    return accepting.validated(document, schemas.MotionDocument)
-
-
 def solve_motion(document: Any, options: solutions.SolveOptions, grow: Growing) -> dict[str, Any]:
     """The result, all of it in `any_associated`; raises InputError."""
-    end = now() + documents.SHARE_OF_SOLVER * options.time_limit
-    schema = look_motion(document)
+    end = now() + leaving.SHARE_OF_SOLVER * options.time_limit
+    schema = motion_documents.look_motion(document)
     if schema.special_cases:
         raise errors.InputError(
             "special cases are not available where the motion itself is given. Leave this key out.", "/special_cases"
         )
-    motion = read_given_motion(schema)
+    motion = motion_documents.read_given_motion(schema)
     question = schema.time_dependent_lagrangian
     grow.wanted = ("any_associated", "reduced")
     grow.begin("reduced")
@@ -340,29 +295,7 @@ def compared(whole: schemas.NonholonomicResult, time_limit: float) -> dict[str, 
     """A result whose main fields leave open what was not asked; its motion is that of the document."""
     found = whole.model_dump(mode="json")
     checking.compare_motion(found, time_limit)
-    return documents.ordered(found)
-
-
-def system_of_motion(schema: schemas.MotionDocument) -> SecondOrderSystem:
-    """The accelerations on the constraints, by the free velocities, as a system; raises InputError."""
-    return first_system(read_given_motion(schema))
-
-
-def parse_motion(schema: schemas.MotionDocument) -> ParseAnswer:
-    """The interpretation of the document; raises InputError."""
-    return translate.to_parse_answer(system_of_motion(schema), schema)
-
-
-def read_given_motion(schema: schemas.MotionDocument) -> constrained_motion.ConstrainedMotion:
-    """The motion that a document describes; raises InputError."""
-    return constrained_motion.read_motion(
-        schema.coordinates, schema.motion, schema.constraints, schema.parameters, schema.functions, schema.where
-    )
-
-
-def motion_of(document: Any) -> constrained_motion.ConstrainedMotion:
-    """The motion that a prepared document gives; raises InputError."""
-    return read_given_motion(look_motion(document))
+    return leaving.ordered(found)
 
 
 def _for_reduced(options: solutions.SolveOptions, time_limit: float) -> solutions.SolveOptions:
@@ -384,26 +317,6 @@ def _part(found: deciding.Reduced) -> schemas.ReducedPart:
     )
 
 
-def systems_of_reduced(
-    document: Any, part: dict[str, Any]
-) -> tuple[SecondOrderSystem | None, SecondOrderSystem | None]:
-    """The reduced system of the document, and this in the clock of `with_clock`; None where there is none."""
-    clock = part.get("with_clock")
-    try:
-        document = preparing.prepared(document).document
-        if preparing.is_motion(document):
-            system = deciding.reduced_system(motion_of(document))
-        else:
-            report = nonholonomic_study.motion_report(nonholonomic_of(document))
-            system = deciding.reduced_system(report.motion) or deciding.closed_subsystem(report.exact, report.motion)
-        if system is None or not isinstance(clock, dict):
-            return system, None
-        factor = derived.read_clock(system, str(clock.get("factor")))
-    except errors.InputError:
-        return None, None
-    return system, derived.in_clock(clock, system, factor)
-
-
 def solve_nonholonomic(document: Any, options: solutions.SolveOptions, grow: Growing | None = None) -> dict[str, Any]:
     """The result document of a Nonholonomic document; the main fields answer one associated system.
 
@@ -411,9 +324,9 @@ def solve_nonholonomic(document: Any, options: solutions.SolveOptions, grow: Gro
     finds our own certificate invalid.
     """
     grow, end = grow or Growing(None), now() + options.time_limit
-    schema = to_nonholonomic_schema(document)
-    system = to_nonholonomic(schema)
-    families = to_families(schema, system)
+    schema = motion_documents.to_nonholonomic_schema(document)
+    system = motion_documents.to_nonholonomic(schema)
+    families = motion_documents.to_families(schema, system)
     grow.begin("motion")
     report = nonholonomic_study.motion_report(
         system, min(constrained_motion.TIME_LIMIT, SHARE_OF_MOTION * options.time_limit)
@@ -439,7 +352,7 @@ def solve_nonholonomic(document: Any, options: solutions.SolveOptions, grow: Gro
         "explanation",
     )
     last = end - SHARE_LEFT * options.time_limit
-    made = _Made(schema, report, options, grow, last, documents.checked)
+    made = _Made(schema, report, options, grow, last, leaving.checked)
     first = [nonholonomic_study.Study(report, (_unasked(defined, NOT_YET),), 0)]
     made.tell(("motion",), first)
     asked = dataclasses.replace(
@@ -463,13 +376,13 @@ def solve_nonholonomic(document: Any, options: solutions.SolveOptions, grow: Gro
     if schema.special_cases:
         assert main.associated.system is not None
         grow.begin("special_cases")
-        limit = now() + documents.SHARE_OF_SOLVER * (end - now())
+        limit = now() + leaving.SHARE_OF_SOLVER * (end - now())
         cases = derived.special_cases(main.associated.system, asked, limit, grow.stage)
         whole = whole.model_copy(update={"special_cases": cases})
     if whole.verdict == "not_variational" and not whole.branches and made.answers[0].verdict != "variational":
         whole = whole.model_copy(update={"instead": derived.of_reduced(whole.reduced)})
     grow.begin("certificate")
-    return documents.with_one_verdict(documents.ordered(grow.end(documents.checked(whole, end - now()))))
+    return leaving.with_one_verdict(leaving.ordered(grow.end(leaving.checked(whole, end - now()))))
 
 
 @dataclasses.dataclass(slots=True)
@@ -616,39 +529,3 @@ def _with_images(main: nonholonomic_study.AssociatedAnswer) -> solutions.Solutio
     solution = main.solution
     assert solution is not None
     return dataclasses.replace(solution, autonomous=imaged(solution.autonomous), with_time=imaged(solution.with_time))
-
-
-def parse(schema: schemas.NonholonomicDocument) -> schemas.NonholonomicParseAnswer:
-    """Lagrangian, constraints, and the accelerations that follow; raises InputError."""
-    system = to_nonholonomic(schema)
-    to_families(schema, system)
-    forces = constrained_motion.accelerations(system)
-    motion = SecondOrderSystem(system.coordinates, forces, system.parameters, system.functions, system.name)
-    return schemas.NonholonomicParseAnswer(
-        **dict(translate.to_parse_answer(motion, schema)),
-        lagrangian=translate.parsed(system.lagrangian),
-        constraints=[translate.parsed(tree) for tree in system.constraints],
-    )
-
-
-def parse_associated(schema: schemas.NonholonomicDocument) -> dict[str, Any] | None:
-    """The equations of the one associated system that is asked for, or why it is not defined; None for another
-    question."""
-    if schema.associated not in ("first", "second", "third"):
-        return None
-    system = to_nonholonomic(schema)
-    report = nonholonomic_study.motion_report(system, SHOWN_AT_ONCE)
-    one = nonholonomic_study.associated_systems(report, schema.associated, to_families(schema, system))[0]
-    found = one.system
-    pairs = zip(found.coordinates, found.accelerations, strict=True) if found else ()
-    equations = {name: translate.parsed(f).model_dump() for name, f in pairs}
-    return {"kind": one.kind, "explanation": "" if found else one.explanation, "equations": equations}
-
-
-def system_of(schema: schemas.NonholonomicDocument) -> SecondOrderSystem:
-    """The first associated system; raises InputError."""
-    first, *_ = nonholonomic_study.associated_systems(
-        nonholonomic_study.motion_report(to_nonholonomic(schema)), "first"
-    )
-    assert first.system is not None
-    return first.system

@@ -10,6 +10,7 @@ the run (`jobs/locks.py`).
 import contextlib
 import gzip
 import hashlib
+import io
 import itertools
 import json
 import stat
@@ -165,6 +166,11 @@ def lines_of_array(values: Any) -> Iterator[Line]:
         raise InputError("The batch must be a JSON array of documents; one document alone goes to POST /v1/solve.")
     first_with: dict[str | int, int] = {}
     return (marked(line_of(number, value), first_with) for number, value in enumerate(values, 1))
+
+
+def batch_task(body: bytes, is_array: bool, terms: tasks.Terms) -> list[statements.BatchLine]:
+    """A body with a batch to its lines."""
+    return batch_lines(lines_of_array(tasks.read_body(body)) if is_array else read_lines(io.BytesIO(body)), terms)
 
 
 def batch_lines(lines: Iterable[Line], terms: tasks.Terms) -> list[statements.BatchLine]:

@@ -7,7 +7,6 @@ the process; without slots, with which a frozen class takes several times as lon
 from __future__ import annotations
 
 import importlib
-import io
 import json
 import logging
 import signal
@@ -22,7 +21,7 @@ from inverse_service.service.documents import plain_data
 from inverse_service.service.jobs import model
 
 if TYPE_CHECKING:
-    from inverse_service.service.jobs.statements import BatchLine
+    pass
 
 log = logging.getLogger(__name__)
 Status = Literal["done", "refused", "deadline", "memory", "killed", "crash", "fault", "cancelled", "unstarted"]
@@ -222,7 +221,7 @@ class Terms:
 
 def ask_task(body: bytes, terms: Terms, look: Look | None = None) -> model.JobRequest:
     """A question to its JobRequest; the time limit of the call goes before that of the document."""
-    document, given = model.split_options(_read(body))
+    document, given = model.split_options(read_body(body))
     options = model.read_options(given, terms.server)
     options = replace(options, time_limit=terms.time_limit or options.time_limit)
     return request_of(terms.kind, document, options, terms.client, fresh=terms.fresh, look=look)
@@ -231,27 +230,20 @@ def ask_task(body: bytes, terms: Terms, look: Look | None = None) -> model.JobRe
 def parse_task(body: bytes) -> bytes:
     """A System document to the JSON of what was understood."""
     understood = Late("inverse_service.service.documents.documents", "parse_document")(
-        model.split_options(_read(body))[0]
+        model.split_options(read_body(body))[0]
     )
     return json.dumps(understood, ensure_ascii=False, allow_nan=False).encode()
 
 
 def check_body_task(body: bytes) -> Any:
     """A result or a certificate to the checker's verdict."""
-    if not isinstance(_read(body), dict):
+    if not isinstance(read_body(body), dict):
         raise errors.InputError(NO_RESULT)
     return check_task(plain_data.decode(body))
 
 
-def batch_task(body: bytes, is_array: bool, terms: Terms) -> list[BatchLine]:
-    """A batch to its lines."""
-    from inverse_service.service.jobs import batch
-
-    lines = batch.lines_of_array(_read(body)) if is_array else batch.read_lines(io.BytesIO(body))
-    return batch.batch_lines(lines, terms)
-
-
-def _read(body: bytes) -> Any:
+def read_body(body: bytes) -> Any:
+    """The value of a body of JSON; raises DocumentRefused."""
     try:
         return plain_data.read_json(body)
     except errors.InputError as error:

@@ -1,0 +1,145 @@
+"""Documents of motions on constraints: their schema, the system that they describe, and what is understood.
+
+Of a Lagrangian with constraints, and of a motion that is given as it is.
+"""
+
+from typing import Any
+
+from api_schemas import nonholonomic as schemas
+from api_schemas.base import ParseAnswer
+from inverse_service import errors
+from inverse_service.constrained import nonholonomic_study, reduced
+from inverse_service.constrained.lagrangian import first_system
+from inverse_service.expressions import tree as ex
+from inverse_service.mechanics import constrained_motion
+from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.service.documents import accepting, derived, preparing, translate
+
+# What looking at a document again may take for an associated system that is only shown, s.
+SHOWN_AT_ONCE = 0.3
+
+
+def to_nonholonomic_schema(document: Any) -> schemas.NonholonomicDocument:
+    """The document in its schema; raises DocumentRefused with every fault found."""
+    if isinstance(document, dict) and "equations" in document:
+        sentence = "'equations' and a Lagrangian or constraints are both given: keep only one of the two."
+        raise errors.DocumentRefused((errors.Place(sentence, "/equations"),))
+    return accepting.validated(document, schemas.NonholonomicDocument)
+
+
+def nonholonomic_of(document: Any) -> constrained_motion.NonholonomicSystem:
+    """The system of a prepared document; raises InputError."""
+    return to_nonholonomic(to_nonholonomic_schema(document))
+
+
+def to_nonholonomic(schema: schemas.NonholonomicDocument) -> constrained_motion.NonholonomicSystem:
+    """The system that a document describes; raises InputError with pointer and column."""
+    return constrained_motion.read_nonholonomic(
+        schema.coordinates,
+        schema.lagrangian,
+        schema.constraints,
+        schema.parameters,
+        schema.functions,
+        schema.name,
+        where=schema.where,
+    )
+
+
+def to_families(
+    schema: schemas.NonholonomicDocument, system: constrained_motion.NonholonomicSystem
+) -> list[tuple[ex.Expression, ...]]:
+    """The families of multiples, each one tree for each coordinate; raises InputError."""
+    given = [] if schema.multiples is None else schema.multiples
+    families = {"": given} if isinstance(given, dict) else {f"/{place}": one for place, one in enumerate(given)}
+    read = constrained_motion.read_multiples
+    return [read(family, system, schema.parameters, f"/multiples{place}") for place, family in families.items()]
+
+
+def look_motion(document: Any) -> schemas.MotionDocument:
+    """The document in its schema; raises DocumentRefused with every fault found."""
+    return accepting.validated(document, schemas.MotionDocument)
+
+
+def motion_of(document: Any) -> constrained_motion.ConstrainedMotion:
+    """The motion that a prepared document gives; raises InputError."""
+    return read_given_motion(look_motion(document))
+
+
+def read_given_motion(schema: schemas.MotionDocument) -> constrained_motion.ConstrainedMotion:
+    """The motion that a document describes; raises InputError."""
+    return constrained_motion.read_motion(
+        schema.coordinates, schema.motion, schema.constraints, schema.parameters, schema.functions, schema.where
+    )
+
+
+def parse(schema: schemas.NonholonomicDocument) -> schemas.NonholonomicParseAnswer:
+    """Lagrangian, constraints, and the accelerations that follow; raises InputError."""
+    system = to_nonholonomic(schema)
+    to_families(schema, system)
+    forces = constrained_motion.accelerations(system)
+    motion = SecondOrderSystem(system.coordinates, forces, system.parameters, system.functions, system.name)
+    return schemas.NonholonomicParseAnswer(
+        **dict(translate.to_parse_answer(motion, schema)),
+        lagrangian=translate.parsed(system.lagrangian),
+        constraints=[translate.parsed(tree) for tree in system.constraints],
+    )
+
+
+def parse_associated(schema: schemas.NonholonomicDocument) -> dict[str, Any] | None:
+    """The equations of the one associated system that is asked for, or why it is not defined; None for another
+    question."""
+    if schema.associated not in ("first", "second", "third"):
+        return None
+    system = to_nonholonomic(schema)
+    report = nonholonomic_study.motion_report(system, SHOWN_AT_ONCE)
+    one = nonholonomic_study.associated_systems(report, schema.associated, to_families(schema, system))[0]
+    found = one.system
+    pairs = zip(found.coordinates, found.accelerations, strict=True) if found else ()
+    equations = {name: translate.parsed(f).model_dump() for name, f in pairs}
+    return {"kind": one.kind, "explanation": "" if found else one.explanation, "equations": equations}
+
+
+def system_of(schema: schemas.NonholonomicDocument) -> SecondOrderSystem:
+    """The first associated system; raises InputError."""
+    first, *_ = nonholonomic_study.associated_systems(
+        nonholonomic_study.motion_report(to_nonholonomic(schema)), "first"
+    )
+    assert first.system is not None
+    return first.system
+
+
+def parse_motion(schema: schemas.MotionDocument) -> ParseAnswer:
+    """The interpretation of the document; raises InputError."""
+    return translate.to_parse_answer(system_of_motion(schema), schema)
+
+
+def system_of_motion(schema: schemas.MotionDocument) -> SecondOrderSystem:
+    """The accelerations on the constraints, by the free velocities, as a system; raises InputError."""
+    return first_system(read_given_motion(schema))
+
+
+def systems_of_reduced(
+    document: Any, part: dict[str, Any]
+) -> tuple[SecondOrderSystem | None, SecondOrderSystem | None]:
+    """The reduced system of the document, and this in the clock of `with_clock`; None where there is none."""
+    clock = part.get("with_clock")
+    try:
+        document = preparing.prepared(document).document
+        if preparing.is_motion(document):
+            system = reduced.reduced_system(motion_of(document))
+        else:
+            report = nonholonomic_study.motion_report(nonholonomic_of(document))
+            system = reduced.reduced_system(report.motion) or reduced.closed_subsystem(report.exact, report.motion)
+        if system is None or not isinstance(clock, dict):
+            return system, None
+        factor = derived.read_clock(system, str(clock.get("factor")))
+    except errors.InputError:
+        return None, None
+    return system, derived.in_clock(clock, system, factor)
+
+
+def asked_system(document: Any) -> SecondOrderSystem:
+    """The system of a prepared document that asks about the motion alone; raises InputError."""
+    if preparing.is_motion(document):
+        return system_of_motion(look_motion(document))
+    return system_of(to_nonholonomic_schema(document))
