@@ -21,7 +21,7 @@ from inverse_service.reading.reader import read_condition, read_formula
 from inverse_service.service.scenes.simulating import simulate
 from inverse_service.simulation.numeric_formulas import array_value, table_of, walls
 from inverse_service.web.pages.preview import accelerations_of, moving_of
-from inverse_service.web.pages.simulate import SceneForm, scene_document
+from inverse_service.web.pages.scene_form import SceneForm, scene_document
 
 # Positions and velocities of the first coordinates; the last of each serves for all later ones.
 STARTS = (
