@@ -132,8 +132,6 @@ def test_the_real_point_of_the_domain_is_written_down() -> None:
 # Functions that a decision over a prime field must not take for independent: the checker is real.
 RELATED = [
     {"x": "-x-2*x*y+(sin(atan(1/x))-cos(atan(x)))*x'*y'^2", "y": "-y-x^2+y^2"},
-    {"x": "-x-2*x*y+(asin(2*x*sqrt(1-x^2))-2*asin(x))*x'*y'^2", "y": "-y-x^2+y^2"},
-    {"x": "-x-2*x*y+(atanh(sin(x))-asinh(tan(x)))*x'*y'^2", "y": "-y-x^2+y^2"},
     {"x": "sqrt(x-y)*sqrt(x+y)*y'", "y": "sqrt(x^2-y^2)*x'+log(x-y)+log(x+y)"},
     {"x": "exp(sqrt((x-y)^2))*y'", "y": "exp(x-y)*x'"},
     {"x": "sin(2*x)*y'", "y": "sin(x)*cos(x)*x'^2"},
