@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import httpx
+import pytest
 
 from tests.attacks.harness import attacked
 from tests.serving import HARD, until
@@ -24,6 +25,7 @@ def answered(client: httpx.Client, address: str) -> dict[str, Any]:
     return found
 
 
+@pytest.mark.slow
 def test_runs_at_their_limit_and_cancelled_ones_are_charged(tmp_path: Path) -> None:
     with attacked(tmp_path, client_daily_seconds="3") as service, service.client() as alice:
         for _ in range(2):  # made, and from memory

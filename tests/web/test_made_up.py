@@ -52,6 +52,7 @@ def test_a_hundred_thousand_documents(service: str, seed: int) -> None:
     assert ask(service, made_up.lines(5_000, seed)).total() == 5_000
 
 
+@pytest.mark.slow
 def test_numbers_of_all_sizes_are_an_answer_or_a_refusal(service: str) -> None:
     assert ask(service, made(15, 1, made_up.with_extreme_numbers))["undetermined"] < 15
     assert ask(service, made(15, 1, made_up.scene), "simulate")["done"] > 0

@@ -127,6 +127,7 @@ def test_a_student(visit: Visit) -> None:
     expect(box).to_have_value(DAMPED)  # what was typed is kept
 
 
+@pytest.mark.slow
 def test_a_researcher(pages: Pages, service: str, tmp_path: Path) -> None:
     """One table and one sentence for a sleigh, the proof of a no, special cases, many systems, the atlas."""
     for visit in visited(pages(Look(scheme="dark")), service):
@@ -186,7 +187,8 @@ def test_a_researcher(pages: Pages, service: str, tmp_path: Path) -> None:
         expect(equations(page)).to_have_value(re.compile("r''"))
 
 
-@pytest.mark.parametrize("scripts", [True, pytest.param(False, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("scripts", [True, False])
 def test_a_teacher_and_a_class(visit: Visit, plain: Visit, scripts: bool) -> None:
     """An exercise is made from an answer, solved wrong and right, and its code is verified."""
     at = visit if scripts else plain
@@ -242,6 +244,7 @@ PIXELS = """(node, [red, green, blue]) => {
 BLUE, ORANGE = [0, 114, 178], [213, 94, 0]
 
 
+@pytest.mark.slow
 def test_one_who_simulates(visit: Visit) -> None:
     """The scene is in the address; methods side by side, values at the cursor, a zoom; the scene changed."""
     page = visit.page
@@ -276,6 +279,7 @@ def test_one_who_simulates(visit: Visit) -> None:
     expect(page.get_by_label("Steps")).to_have_value("200")
 
 
+@pytest.mark.slow
 def test_one_with_a_phone(pages: Pages, service: str) -> None:
     """The verdict is a strip at the bottom edge and a link; a refusal is seen; the answer fits the screen."""
     for visit in visited(pages(Look(narrow=True, scheme="dark")), service):
