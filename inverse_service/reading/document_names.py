@@ -629,12 +629,12 @@ def _guessed(texts: Mapping[str, str], declared: nm.Names, dummies: Collection[s
                 continue
             if error := _refused_operator(line, place, outer, coordinates, calls, slopes):
                 raise error.at(pointer)
-            if after.is_bracket() and not after.space_before and nm.misspelt(token.text):
-                raise nm.unknown_name(token.text, declared, token.column, "(").at(pointer)
             if count := _elliptic_arguments(line, place):
                 wanted = '["u", "k"]' if count > 1 else '["u"]'
                 if error := nm.reason_against(token.text, token.column, wanted):
                     raise error.at(pointer)
+            if after.is_bracket() and not after.space_before and nm.misspelt(token.text):
+                raise nm.unknown_name(token.text, declared, token.column, "(").at(pointer)
             timed = (*coordinates, "t") if _may_depend_on_time(token.text) else coordinates
             arguments = _call_arguments(_after_power_of_time(line, place + 1), timed)
             if not arguments and token.text not in alone and (count := _called_with(line, place, declared)):
