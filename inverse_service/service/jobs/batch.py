@@ -482,7 +482,7 @@ def run_batch(plan: BatchPlan, summary: Summary, report: Callable[[Line], None] 
                     count(line, output.add(answer))
                 summary.duplicates = store.repeated(BATCH)
         bad = summary.labels["error"]
-        if first is not None and bad >= UNUSABLE and bad == summary.labels.total():
+        if bad >= UNUSABLE and bad == summary.labels.total():
             raise InputError(f"All {bad} lines are error lines; the first says: {summary.first['error']}")
         summary.replaced = output.superseded
 
