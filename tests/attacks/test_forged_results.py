@@ -130,6 +130,7 @@ def test_what_is_there_instead_is_believed_of_nobody(kind: str) -> None:
     assert check(result | {"instead": instead})["verdict"] != "valid"
 
 
+@pytest.mark.slow
 def test_the_kind_of_what_is_there_instead_is_one_of_four() -> None:
     result = json.loads(json.dumps(dict(solve("x'' = -g*x*y; y'' = -x'^2"))))
     assert result["instead"]["kind"] == "parameters"

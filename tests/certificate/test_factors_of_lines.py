@@ -44,6 +44,7 @@ def test_without_factors_it_proves_nothing(certificate: dict[str, Any]) -> None:
     assert inverse_service.check(plain)["verdict"] != "valid"
 
 
+@pytest.mark.slow
 def test_lines_come_in_any_order() -> None:
     """The line of x is typed first, where x is the last coordinate."""
     document = {"coordinates": ["a", "b", "c", "x"], "equations": LINES, "parameters": "guess"}

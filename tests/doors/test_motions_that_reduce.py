@@ -41,6 +41,7 @@ def test_a_certificate_of_another_reduced_system_is_refused() -> None:
     assert inverse_service.check(forged)["verdict"] == "invalid"
 
 
+@pytest.mark.slow
 def test_the_knife_edge_in_a_central_spring_has_a_lagrangian_in_closed_form() -> None:
     """R = x cos phi + y sin phi follows R'' = -(2 + phi'^2) R, and phi'' = 0."""
     document = {
