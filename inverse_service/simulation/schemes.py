@@ -4,6 +4,7 @@ First the methods on (q, p), then those on (q, v): Runge-Kutta, Gauss-Legendre, 
 the formulas watched at every step, so that a run ends where its formulas end.
 """
 
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 
@@ -305,13 +306,25 @@ def _squared_norm(
     if f.depends_on_time:
         lost = (number(ROUND_OFF) * STEP / ALPHA) ** 2
         ends = [force.subs({MOMENT: moment_at(number(1.0))}) for force in f.accelerations]
-        noise = [lost * sum((term**2 for term in end.args if end.is_Add), number(0)) for end in ends]
+        noise = [lost * _squared_terms(end) if _is_sum(end) else number(0) for end in ends]
         sizes = [a + b for a, b in zip(sizes, [*(STEP**2 * one for one in noise), *noise], strict=True)]
     wholes = [sum(part, number(0)) for part in (sizes[: f.size], sizes[f.size :])]
     total = number(0)
     for k, (size, error) in enumerate(zip(sizes, errors, strict=True)):
         total += error**2 / (size + wholes[k // f.size] * number(FAR_END**2) + number(SMALLEST))
     return total / (2 * f.size * ALPHA**2)
+
+
+def _is_sum(formula: Formula) -> bool:
+    """Whether it is a sum, or a product with one among its factors."""
+    return formula.is_Add or (formula.is_Mul and any(map(_is_sum, formula.args)))
+
+
+def _squared_terms(formula: Formula) -> Formula:
+    """The sum of the squares of the terms, multiplied out."""
+    if formula.is_Add:
+        return sum(map(_squared_terms, formula.args), number(0))
+    return math.prod(map(_squared_terms, formula.args), start=ONE) if formula.is_Mul else formula**2
 
 
 def stiff(f: Formulas, choice: MethodChoice, observation: Observation) -> programs.Program:

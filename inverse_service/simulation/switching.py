@@ -34,7 +34,8 @@ from inverse_service.simulation import (
 from inverse_service.simulation.events import CONTINUED, ENDED, NOISE, Found, Point, located
 
 FIRST, MOST = 16, 4096  # steps of a piece that is looked at for events at once
-SAME, AT_ZERO = 1e-12, 1e-9  # of a step: events at one time; of the size of u' times the step: u is zero there
+SAME = 1e-12  # of a step: events at one time; of the size of a state: what does not move
+AT_ZERO = 1e-9  # of the size of a state: what sticks is zero
 SOON = 1e-10  # of a step or of the time: events closer than this are taken to accumulate
 MOST_TOGETHER = 3  # switching functions that are zero at once
 STICKS = 0
@@ -42,7 +43,9 @@ ZENO = "the times between two such events, which become ever shorter"
 ZENO_REMEDY = "stop before, or let the motion continue without the event from there"
 MANY = "After {} events the run was ended at t = {:.12g}."
 NO_MOTION = "the motion has several continuations, or none, where {} = 0"
+MOST_TRIES = 64  # shorter steps up to a switch where the formulas of one side end behind it
 BEGIN_ELSEWHERE = "begin elsewhere"
+ENDS_BEYOND = ("singular", "not_finite", "off_domain", "no_convergence")  # of a step that may lead beyond a switch
 Integrate = Callable[[data.Problem, data.MethodChoice, data.Start, data.Grid], Trajectory | data.Unavailable]
 Sides = dict[ex.Expression, int]  # of each switching function: 1 above zero, -1 below, 0 where the motion sticks
 
@@ -351,6 +354,7 @@ class _Run:
             begun, (state, outcome) = None, self._act(state, kinds, sides)
             sides = self._sides(state, sides, self._zeros(state, sides))
         place, count = 0, FIRST
+        share, tries, failed = 1.0, 0, None
         while sides is not None and outcome is None and place < grid.steps:
             if self.stop is not None and self.stop():
                 outcome = Outcome("cancelled", place, state[0])
@@ -358,8 +362,8 @@ class _Run:
             # If a piece begins between two grid points, first step to the next one; then take many steps at once.
             ahead = grid.begin + (place + 1) * grid.step - state[0]
             between = abs(ahead - grid.step) > SAME * (abs(grid.step) + abs(state[0]))
-            many = 1 if between else min(count, grid.steps - place)
-            piece = data.Grid(ahead if between else grid.step, many, 1, state[0])
+            many = 1 if between or share < 1 else min(count, grid.steps - place)
+            piece = data.Grid(share * (ahead if between else grid.step), many, 1, state[0])
             stuck = STICKS in sides.values()
             by_forces = stuck and self.requested.method not in method_table.POINT_METHODS
             choice = CONTINUED if by_forces else self.requested.choice
@@ -370,7 +374,11 @@ class _Run:
             if isinstance(ran, data.Unavailable):
                 return ran
             if len(ran.times) < 2:
-                outcome = replace(ran.outcome, step=place, time=state[0])
+                failed, share, tries = failed or (ran.outcome, state), share / 2, tries + 1
+                if self.motion.functions and ran.outcome.kind in ENDS_BEYOND and tries < MOST_TRIES:
+                    continue
+                state = failed[1]
+                outcome = replace(failed[0], step=place, time=state[0])
                 break
             observed = observing.Observed(
                 replace(scene, grid=piece), replace(self.requested, method=choice.method, choice=choice,
@@ -394,14 +402,19 @@ class _Run:
             if self._fell_through(ran, velocities, np.inf if found is None else found[0][0]):
                 outcome = self._zeno(state[0], place)
                 break
+            if found is None and share < 1:
+                self._keep(ran, np.arange(len(ran.times)) == 0)
+                state, tries = (float(ran.times[-1]), ran.positions[-1], velocities[-1]), tries + 1
+                continue
             if found is None:
                 self._keep(ran, np.ones(len(ran.times), dtype=bool))
                 place += len(ran.times) - 1
                 state = (grid.begin + place * grid.step, ran.positions[-1], velocities[-1])
                 count = min(2 * count, MOST)
-                if not ran.outcome.completed:
+                if not (ran.outcome.completed or ran.outcome.kind in ENDS_BEYOND):
                     outcome = replace(ran.outcome, step=place, time=state[0])
                 continue
+            share, tries, failed = 1.0, 0, None
             state, kinds = found
             kept = ran.times < state[0] - SAME * abs(grid.step)
             kept[0] = True
@@ -422,7 +435,7 @@ class _Run:
             sides = self._sides(state, sides, zero)
         if sides is None:
             text = printing.to_text(self.motion.functions[-1]) if self.motion.functions else ""
-            outcome = Outcome("singular", place, state[0], NO_MOTION.format(text), 0.0, BEGIN_ELSEWHERE)
+            outcome = Outcome("singular", place, state[0], NO_MOTION.format(text), None, BEGIN_ELSEWHERE)
         whole = self._joined(outcome or Outcome("completed", grid.steps, grid.begin + grid.steps * grid.step), start)
         return Pieces(whole, tuple(self._events()), tuple(self.switches), state)
 
@@ -455,13 +468,22 @@ class _Run:
             if before.get(u) == STICKS:  # it is released to the side to which its share has come
                 released[u] = 1 if self.motion.at([self.motion.shares(before)[u]], state)[0] > 0 else -1
         self.settled = set(released)
-        # What sticks elsewhere is decided with them: its force may not hold any more, and an event may have moved it.
-        stuck = [u for u, side in before.items() if side == STICKS and u not in zero
-                 and abs(self.motion.value(u, before, state)) <= AT_ZERO * _size(state)]  # fmt: skip
+        # What else is zero and stays so is decided with them: its force may not hold any more, and an event may have
+        # moved it. That is what sticks, and what slides although the greatest friction just holds it.
+        stuck = [u for u, side in before.items() if u not in zero and self._stays(u, side, before, state)]
         found = self.motion.sides_at(state, before, [u for u in (*zero, *stuck) if u not in released], released)
         if found is not None and before:
             self.switches += [Switch(u, state[0], found[u]) for u in (*zero, *stuck) if found[u] != before[u]]
         return found
+
+    def _stays(self, u: ex.Expression, side: int, before: Sides, state: Point) -> bool:
+        """Whether a function that is zero is so for more than a moment: it sticks, or does not move in a step."""
+        value, size = abs(self.motion.value(u, before, state)), _size(state)
+        if side == STICKS:
+            return value <= AT_ZERO * size
+        rate = self.motion.rate(on_sides(u, before), self.motion.forces(before))
+        moved = abs(self.scene.grid.step) * abs(float(self.motion.at([rate], state)[0]))
+        return value + moved <= SAME * size
 
     def _first(
         self, run: observing.Observed, motion: data.Problem, sides: Sides
