@@ -7,7 +7,7 @@ from typing import Any
 import sympy
 
 from inverse_service.expressions.tree import Expression
-from inverse_service.sympy import trees
+from inverse_service.sympy import from_sympy
 from inverse_service.sympy.from_sympy import Table
 
 SympyExpression = Any  # SymPy has no types
@@ -25,7 +25,7 @@ _NAMES = _Names(sympy.Symbol("t"))
 
 def to_sympy(expression: Expression) -> SympyExpression:
     """The same formula; the velocity of x is the symbol named x'. KeyError for an acceleration."""
-    return trees.to_sympy(expression, _NAMES.leaf)
+    return from_sympy.to_sympy(expression, _NAMES.leaf)
 
 
 def velocity(coordinate: str) -> SympyExpression:

@@ -86,7 +86,7 @@ def asked(
 
 def _is_misspelt(key: str) -> bool:
     """Whether it is a long key of documents nearly, and so no coordinate."""
-    from inverse_service.service.documents.preparing import near_key
+    from inverse_service.service.documents.accepting import near_key
 
     long = ("equations", "lagrangian", "constraints")
     return key.lower() in long or near_key(key.lower()) in long or key.lower().startswith("lagrang")

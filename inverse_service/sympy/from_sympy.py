@@ -1,4 +1,4 @@
-"""Systems of SymPy objects to documents, and the formulas of results back to SymPy objects.
+"""Between SymPy and the documents of this package: systems in, formulas of results out, trees node by node.
 
 A `Table` says which SymPy object each name of a document represents. `conditions_of` gives the Helmholtz tensors as
 matrices and arrays; `verification` is a third opinion, by SymPy itself, on L and H.
@@ -9,7 +9,8 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from fractions import Fraction
+from functools import cached_property, reduce
 from typing import TYPE_CHECKING, Any
 
 import sympy
@@ -17,16 +18,13 @@ from sympy.core.function import AppliedUndef
 from sympy.logic.boolalg import BooleanAtom
 
 from inverse_service.errors import InputError
+from inverse_service.expressions import functions as elementary, pieces, tree as ex
 from inverse_service.expressions.printing import to_text
-from inverse_service.expressions.tree import TIME, Acceleration, Arbitrary, Expression, Symbol, Velocity
 from inverse_service.mechanics.conditions import conditions
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.reading.names import Names as FormulaNames, declared_name
-from inverse_service.reading.reader import read_formula
-from inverse_service.service.documents.accepting import to_schema, to_system
-from inverse_service.service.documents.preparing import Prepared, prepared
+from inverse_service.reading import names as nm, parser, reader
+from inverse_service.service.documents import accepting
 from inverse_service.sympy import asked
-from inverse_service.sympy.trees import Leaves, from_sympy, to_sympy
 
 if TYPE_CHECKING:
     from inverse_service.sympy.result_objects import Answer, Verification
@@ -34,6 +32,133 @@ if TYPE_CHECKING:
 
 _GOOD = re.compile(r"[A-Za-z][A-Za-z0-9]*(_[A-Za-z0-9]+)*")
 _RELATIONS = ((" >= ", sympy.Ge), (" <= ", sympy.Le), (" != ", sympy.Ne), (" > ", sympy.Gt), (" < ", sympy.Lt))
+
+
+def to_sympy(tree: ex.Expression, leaf: Callable[[ex.Expression], Any]) -> Any:
+    """The tree as a SymPy expression; `leaf` gives the objects of names and of arbitrary functions."""
+    match tree:
+        case ex.Number(value):
+            return sympy.Rational(value.numerator, value.denominator)
+        case _ if tree == ex.PI:
+            return sympy.pi
+        case ex.Sum(terms):
+            return sympy.Add(*(to_sympy(term, leaf) for term in terms))
+        case ex.Product(factors):
+            return sympy.Mul(*(to_sympy(factor, leaf) for factor in factors))
+        case ex.Power(base, exponent):
+            return sympy.Pow(to_sympy(base, leaf), to_sympy(exponent, leaf))
+        case ex.Apply(function, argument):
+            return getattr(sympy, function)(to_sympy(argument, leaf))
+    return leaf(tree)
+
+
+@dataclass(frozen=True)
+class Leaves:
+    """The trees of the SymPy objects in formulas, and the names of their arbitrary functions."""
+
+    trees: Mapping[Any, ex.Expression]
+    functions: Mapping[Any, str]
+
+
+def from_sympy(expression: Any, leaves: Leaves) -> ex.Expression:
+    """The expression as a tree; InputError for a part without an exact real meaning."""
+    if expression in leaves.trees:
+        return leaves.trees[expression]
+    match expression:
+        case sympy.Float():
+            raise _refused("a Float occurs", "write the exact number, such as Rational(1, 3)")
+        case sympy.Rational():
+            return ex.Number(Fraction(int(expression.p), int(expression.q)))
+        case sympy.Symbol():
+            raise _refused(f"the symbol {expression} occurs with different assumptions", "use one symbol")
+        case sympy.Add():
+            return ex.add(*(from_sympy(term, leaves) for term in expression.args))
+        case sympy.Mul():
+            return ex.multiply(*(from_sympy(factor, leaves) for factor in expression.args))
+        case sympy.Pow():
+            return from_sympy(expression.base, leaves) ** from_sympy(expression.exp, leaves)
+        case sympy.exp():
+            return ex.Apply("exp", from_sympy(expression.args[0], leaves))
+        case _ if expression == sympy.pi:
+            return ex.PI
+        case _ if expression == sympy.E:
+            return ex.Apply("exp", ex.ONE)
+        case sympy.Derivative() | sympy.Subs():
+            return _derivative(expression, leaves)
+        case AppliedUndef():
+            return _arbitrary(expression, [0] * len(expression.args), expression.args, leaves)
+        case sympy.Abs() | sympy.sign():
+            return nm.call(type(expression).__name__.lower(), [from_sympy(expression.args[0], leaves)], 1)
+        case sympy.Piecewise():
+            return pieces.piecewise(
+                [(from_sympy(value, leaves), _condition(held, leaves)) for value, held in expression.args], 1
+            )
+        case sympy.Heaviside():
+            return pieces.step(from_sympy(expression.args[0], leaves), 1)
+        case sympy.Function():
+            return _elementary(expression, leaves)
+    if expression is sympy.I:
+        raise _refused("complex numbers occur", "write the equations of the real and imaginary parts")
+    if expression.is_finite is False or expression is sympy.nan:
+        raise _refused(f"{expression} is not a number", "write a finite number")
+    if isinstance(expression, sympy.Integral):
+        raise InputError("an integral occurs: evaluate it, or declare a function of your own.")
+    raise InputError(f"{type(expression).__name__} is not accepted: write elementary functions.")
+
+
+def _condition(held: Any, leaves: Leaves) -> ex.Expression:
+    """1 where the condition of a piece holds, 0 elsewhere."""
+    match held:
+        case sympy.logic.boolalg.BooleanTrue():
+            return ex.ONE
+        case sympy.And():
+            return ex.multiply(*(_condition(part, leaves) for part in held.args))
+        case sympy.Or():
+            return reduce(pieces.either, (_condition(part, leaves) for part in held.args))
+        case sympy.Not():
+            return 1 - _condition(held.args[0], leaves)
+        case sympy.Gt() | sympy.Ge() | sympy.Lt() | sympy.Le():
+            return pieces.step(from_sympy(held.gts - held.lts, leaves), 1)
+    raise _refused(f"the condition {held} occurs", "write inequalities of polynomials, joined by &, | and ~")
+
+
+def _refused(what: str, instead: str) -> InputError:
+    return InputError(f"{what}: {instead}.", "/equations")
+
+
+def _elementary(expression: Any, leaves: Leaves) -> ex.Expression:
+    name = type(expression).__name__
+    if name not in elementary.FUNCTION or len(expression.args) != 1:
+        raise _refused(f"the function {name} occurs", "write elementary functions, or a function of your own")
+    return ex.Apply(name, from_sympy(expression.args[0], leaves))
+
+
+def _derivative(expression: Any, leaves: Leaves) -> ex.Expression:
+    """Derivative(A(x), x), and Subs of it at other arguments."""
+    inner, replaced = expression, {}
+    if isinstance(expression, sympy.Subs):
+        inner, replaced = expression.expr, dict(zip(expression.variables, expression.point, strict=True))
+    if not isinstance(inner, sympy.Derivative) or not isinstance(inner.expr, AppliedUndef):
+        done = expression.doit()
+        if done == expression:
+            raise _refused("an unevaluated derivative occurs", "call doit()")
+        return from_sympy(done, leaves)
+    if inner.expr in leaves.trees:
+        raise _refused("a third derivative occurs", parser.OF_SECOND_ORDER)
+    orders = [0] * len(inner.expr.args)
+    for variable, count in inner.variable_count:
+        places = [place for place, argument in enumerate(inner.expr.args) if argument == variable]
+        if len(places) != 1:
+            raise _refused(f"a derivative by {variable} occurs", "differentiate by the arguments of the function")
+        orders[places[0]] += int(count)
+    return _arbitrary(inner.expr, orders, [argument.subs(replaced) for argument in inner.expr.args], leaves)
+
+
+def _arbitrary(applied: Any, orders: list[int], arguments: Any, leaves: Leaves) -> ex.Expression:
+    name = leaves.functions.get(applied.func)
+    if name is None:
+        raise _refused(f"the function {applied} occurs", "give the coordinates, and functions of them")
+    return ex.Arbitrary(name, tuple(from_sympy(argument, leaves) for argument in arguments), tuple(orders))
 
 
 @dataclass(frozen=True)
@@ -62,22 +187,22 @@ class Table:
             return self.time
         return sympy.Symbol(name)
 
-    def leaf(self, node: Expression) -> Any:
+    def leaf(self, node: ex.Expression) -> Any:
         """The object that represents a name or an arbitrary function in a formula."""
         match node:
-            case _ if node == TIME and "t" not in self.coordinates and "t" not in self.parameters:
+            case _ if node == ex.TIME and "t" not in self.coordinates and "t" not in self.parameters:
                 return self.time
-            case Symbol(name):
+            case ex.Symbol(name):
                 return self.symbol(name)
-            case Velocity(name):
+            case ex.Velocity(name):
                 return self.velocity(name)
-            case Acceleration(name):
+            case ex.Acceleration(name):
                 return self.acceleration(name)
-            case Arbitrary():
+            case ex.Arbitrary():
                 return self._applied(node)
         raise TypeError(f"{type(node).__name__} is not a leaf")
 
-    def _applied(self, tree: Arbitrary) -> Any:
+    def _applied(self, tree: ex.Arbitrary) -> Any:
         """A(u), its derivatives taken at dummies and then put at the arguments."""
         function = self.functions.get(tree.name, sympy.Function(tree.name))
         arguments = [to_sympy(argument, self.leaf) for argument in tree.arguments]
@@ -100,12 +225,12 @@ class Table:
         found = self.coordinates[name]
         return sympy.Symbol(f"{found}_ddot") if name in self.velocities else found.diff(self.time, 2)
 
-    def of_formulas(self) -> FormulaNames:
+    def of_formulas(self) -> nm.Names:
         """The names as the reader of formulas wants them."""
         more = [self.time_name] if self.time_name != "t" else []
         taken = {*self.coordinates, *self.functions}
         words = (*self.parameters, *self.momenta, *more)
-        return FormulaNames(
+        return nm.Names(
             tuple(self.coordinates), tuple(word for word in dict.fromkeys(words) if word not in taken), self.arguments
         )
 
@@ -150,14 +275,14 @@ def _wanted(word: str) -> str:
     if not _GOOD.fullmatch(plain):
         return "s"
     try:
-        return declared_name(plain, "") if plain not in ("e", "E", "I") else f"{plain}_0"
+        return nm.declared_name(plain, "") if plain not in ("e", "E", "I") else f"{plain}_0"
     except InputError:
         return f"var_{plain}"[:40]
 
 
 def expression(text: str, table: Table) -> Any:
     """A formula of a result."""
-    return to_sympy(read_formula(text, table.of_formulas()), table.leaf)
+    return to_sympy(reader.read_formula(text, table.of_formulas()), table.leaf)
 
 
 def with_integrals(table: Table, integrals: Mapping[str, Any]) -> Table:
@@ -301,11 +426,11 @@ def _of_pairs(found: Reading, given: _Given) -> Reading:
     return Reading(whole, replace(table, coordinates={name: table.coordinates[name] for name in chosen}))
 
 
-def _system_of(document: Mapping[str, Any]) -> tuple[Prepared, SecondOrderSystem]:
+def _system_of(document: Mapping[str, Any]) -> tuple[accepting.Prepared, SecondOrderSystem]:
     """The document prepared for its schema, and its system; InputError in the words of the document."""
-    ready = prepared(document)
+    ready = accepting.prepared(document)
     try:
-        return ready, to_system(to_schema(ready.document))
+        return ready, accepting.to_system(accepting.to_schema(ready.document))
     except InputError as error:
         raise ready.error(error) from None
 
@@ -476,16 +601,16 @@ def _names(given: _Given) -> tuple[Table, Leaves]:
 
 
 def _leaves(given: _Given, names: Mapping[Any, str], classes: Sequence[Any]) -> Leaves:
-    trees: dict[Any, Expression] = {}
+    trees: dict[Any, ex.Expression] = {}
     for each, name in names.items():
         if each in given.coordinates:
-            trees[each] = Symbol(name)
+            trees[each] = ex.Symbol(name)
             speed = given.velocities.get(each) if each in given.velocities else each.diff(given.time)
-            trees[speed] = Velocity(name)
+            trees[speed] = ex.Velocity(name)
             if isinstance(each, AppliedUndef):
-                trees[each.diff(given.time, 2)] = Acceleration(name)
+                trees[each.diff(given.time, 2)] = ex.Acceleration(name)
         elif each not in classes:
-            trees[each] = Symbol(name)
+            trees[each] = ex.Symbol(name)
     return Leaves(trees, {each: names[each] for each in classes})
 
 
@@ -595,7 +720,7 @@ def _conditions(matrices: Sequence[Any], blocks: Any, convert: Callable[[Any], A
     return Conditions(Phi, nabla_Phi, R, N, reason)
 
 
-def _inside(names: Table | None, ready: Prepared, motion: SecondOrderSystem) -> Table:
+def _inside(names: Table | None, ready: accepting.Prepared, motion: SecondOrderSystem) -> Table:
     """The objects by the names that the system has inside, where its time is t; new ones for those of a text."""
     functions = dict(motion.functions)
     parts = {"coordinates": motion.coordinates, "parameters": motion.parameters, "functions": functions}

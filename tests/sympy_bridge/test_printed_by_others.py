@@ -16,8 +16,7 @@ from inverse_service.errors import InputError
 from inverse_service.expressions.tree import Expression
 from inverse_service.reading.names import Names
 from inverse_service.reading.reader import read_formula
-from inverse_service.sympy.from_sympy import Table
-from inverse_service.sympy.trees import to_sympy
+from inverse_service.sympy.from_sympy import Table, to_sympy
 
 t = sp.Symbol("t")
 x, y, theta = (sp.Function(name)(t) for name in ("x", "y", "theta"))

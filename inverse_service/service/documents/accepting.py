@@ -1,10 +1,18 @@
-"""From a prepared document to its schema and the system that it describes; each fault is one sentence and its place."""
+"""From a document as people write it to its schema and to the system that it describes.
+
+`prepared` converts the looser notation of users: a text that gives L, or T and V, or equations with multipliers; and
+another name of the time. Inside, the time is t: a document that calls it tau (`"time": "tau"`, or y''(tau) in every
+equation) is renamed on the way in and its result on the way out; a coordinate called t then has a name that the
+document does not use. `to_schema` and `to_system` take the prepared document; each fault is one sentence and its place.
+"""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Container, Mapping
-from dataclasses import dataclass, replace
+import re
+from collections.abc import Callable, Collection, Container, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import combinations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -14,27 +22,83 @@ from pydantic_core import ErrorDetails
 from api_schemas import base
 from api_schemas.system import MAX_SERIES_ORDER, TAGS, NamedDocument, SystemDocument
 from inverse_service import errors
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import collecting, derivative, letters, printing, refusals, tree as ex
 from inverse_service.field import reduction
-from inverse_service.mechanics import reading, second_order_system
-from inverse_service.reading import document_names, reader
+from inverse_service.mechanics import euler_lagrange, reading, second_order_system
+from inverse_service.reading import components, document_names, names as nm, reader
 from inverse_service.reading.names import Names
-from inverse_service.service.documents import plain_data, preparing
+from inverse_service.reading.tokens import spelled, walk
+from inverse_service.service.documents import plain_data
 
 if TYPE_CHECKING:
     from api_schemas.nonholonomic import MotionDocument, NonholonomicDocument
 
     Asking = SystemDocument | NonholonomicDocument | MotionDocument
 
-# Nodes of all accelerations, beyond which they are unreadable; on a cart two links have 1,748, three 14,834.
-_MOST_NODES = 5_000
 Read = TypeVar("Read", bound=base.Document)
 Steps = tuple[int | str, ...]
+FORMULAS = ("equations", "lagrangian", "constraints", "ansatz", "multiples", "where", "clock", "motion", "kinds")
+SCENE_FORMULAS = ("forces", "rayleigh", "observe", "events", "terms", "functions", "free_lagrangian")
+NAMES = ("coordinates", "parameters", "functions")
+# Not for people, or not ours to change.
+KEPT = frozenset(("certificate", "provenance", "given", "format", "question", "id", "kind", "time", "verdict"))
+_LETTERS = "wzkbcudhgnalsTYZWJKBUDGNCP"
+_TIMED = re.compile(r"(?<![A-Za-z\\])d?t(?![A-Za-z])")
+_PLAIN_WORD = re.compile(r"[A-Za-z][A-Za-z0-9_\u2080-\u2089]*")
+_LATEX_WORD = re.compile(r"(_\{?)?(\\?[A-Za-z]+)")
+# A name at the beginning of a word, behind a number; one inside. No long word may take time that grows with its square.
+_FIRST = r"\b\d*([A-Za-z\u0391-\u03c9]\w*)"
+_MOVING = re.compile(rf"{_FIRST}(?:\s*['\u2032\u2033]|_?d?dot\b)")
+_MOVES = re.compile(rf"{_MOVING.pattern}|\\dot|[\u0307\u1e8b\u1e8f\u017c]|d[A-Za-z]\w*\s*/\s*dt")
+_BARE = re.compile(rf"{_FIRST}(?:''|\u2033)(?!\s*[\[(])|\\ddot\s*\{{?\\?([A-Za-z]+)|{_FIRST}_?ddot\b")
+# Of documents of every kind.
+KEYS = frozenset((
+    *("name", "coordinates", "parameters", "functions", "where", "equations", "lagrangian", "constraints", "motion"),
+    *("time_dependent_lagrangian", "ansatz", "series_order", "special_cases", "clock", "kinds", "near", "associated"),
+    *("multiples", "time", "id", "options", "metadata", "search", "first_integrals", "catalogue", "format"),
+))  # fmt: skip
+_SCRIPT_L = r"\\(?:mathcal|mathscr|mathrm|cal)\s*(?:\{L\}|L)(?![A-Za-z])"
+_LETTER_L = re.compile(
+    rf"(?:\{{\s*{_SCRIPT_L}\s*\}}|{_SCRIPT_L}|\u2112)"
+    r"|(?P<named>\bL(?:agrangian)?\s*:(?:\s*L\s*)?=?|\bLagrangian\s*=)"
+)
+# L, T, and V with an argument perhaps, and =; half of 2 T = … is meant.
+_ENERGY = re.compile(
+    r"(?:\$+|\\\[|\s|\\begin\s*\{\w+\*?\})*(?P<twice>2\s*)?(?:(?P<whole>L)|(?P<kinetic>[TK]|E_\{?k(?:in)?\}?)"
+    r"|(?P<potential>[UV]|E_\{?p(?:ot)?\}?))(?P<arguments>\s*\([^()=]*\))?\s*&?\s*"
+    r"(?:=(?!=)|\u2261|\\(?:equiv|triangleq|coloneqq)(?![A-Za-z])|\\(?:stackrel|overset)\s*\{[^{}]*\}\s*\{\s*=\s*\})"
+)
+# The components of a vector, \mathbf{r} = (x, y, z)
+_VECTOR = re.compile(
+    rf"\\(?:{'|'.join(components.BOLD)})\s*(?:\{{\s*\\?\w+\s*\}}|\\?\w)\s*=\s*(?:\\left\s*)?\([^()=]*\)"
+)
+# d/dt ∂L/∂x' - ∂L/∂x = 0 beside L = …
+_D = r"(?:d|\\(?:mathrm|text)\s*\{\s*d\s*\}|\\(?:rm|mathrm)\s+d)"
+_DL = r"(?:\u2202|\\partial)\s{0,9}L\b[^;,\n=]{0,120}"
+_LAGRANGES_EQUATION = re.compile(
+    rf"(?:\\[dt]?frac\s*\{{\s*{_D}\s*\}}\s*\{{\s*{_D}\s*t\s*\}}|d\s*/\s*dt)[^;,\n=]{{0,120}}?{_DL}=(?:\s*0|\s*\\?[dt]?\w*\{{?{_DL})\s*(?=$|[;,.\n\\])"
+)
+_WRAPPER_ENDS = re.compile(r"(?:\$+|\\[\],;:! ]|\\end\s*\{\w+\*?\}|[\s;,.])*$")
+# dx and d\theta, in dz = y dx and dz = ydx; \delta x is a virtual displacement, or asked about
+_FORM = re.compile(r"(?<![A-Za-z\\][A-Za-z])(?<!\\)d(?:[A-Za-z]|\s*\\)|(?:\u03b4|\bdelta\s)\s*[\w\\]")
+_OF_A_FORM = re.compile(r"\s*(?:d|\u03b4)")
+_DEFINED = re.compile(
+    r"\s*\\?([A-Za-z\u0391-\u03c9][^\W\u00b2]*(?:_\{\w+\})?)(?:(\([^()]*\))|(\^2|\^\{2\}|\u00b2))?\s*"
+)
+_IS_NUMBER = re.compile(r"[^=]*=[\s\d./-]*")
+_LAMBDA = re.compile(r"lambda|Lambda|\bmu|\\mu|[\u03bb\u03bc\u039b]")
+_STRUCTURE = frozenset(("text", "latex"))
+# Equations of motion with multipliers as L and constraints: x'' = lambda sin(u), ..., x' sin(u) = y' cos(u). Without
+# multipliers the lines are the Euler-Lagrange equations of a Lagrangian L, each times a factor. The force with each
+# multiplier has to be a multiple of the form w_i v^i of one constraint (d'Alembert's principle): then the motion is
+# that of L with the constraints.
+_MULTIPLIER = re.compile(r"(?:lambda|mu|Lambda)(?:_?\w+)?")
+# Nodes of all accelerations, beyond which they are unreadable; on a cart two links have 1,748, three 14,834.
+_MOST_NODES = 5_000
 MAX_PLACES = 10
 NOT_IN_THE_DOCUMENT = frozenset({*TAGS, "[key]"})
 ALSO = ("time", "id", "options")
 TITLES = {"NonholonomicDocument": "nonholonomic system", "LagrangianDocument": "Lagrangian"}
-FORMULA = "a formula written as text"
 _IN_WORDS = (Path(base.__file__).parent / "expected.json").read_text(encoding="utf-8")
 # The values allowed at these steps, in words; "*" is any key or place.
 EXPECTED: dict[Steps, str] = {
@@ -49,6 +113,619 @@ BESIDE = {
     "clock": "With constraints the clock is found, see 'reduced' of the result: leave 'clock' out, or give the "
     "equations of the reduced system.",
 }
+
+
+def near_key(key: str) -> str:
+    """The key that was meant by one with at most two wrong letters, and less than half of them; else nothing."""
+    most = min(2, (len(key) - 1) // 2)
+    return next((known for known in sorted(KEYS) if 0 < _distance(key, known) <= most), "")
+
+
+def _distance(first: str, second: str) -> int:
+    """How many letters are put in, left out or changed (Levenshtein); 3 where it is more than two."""
+    if abs(len(first) - len(second)) > 2:
+        return 3
+    row = list(range(len(second) + 1))
+    for place, letter in enumerate(first, 1):
+        before, row[0] = row[0], place
+        for column, other in enumerate(second, 1):
+            before, row[column] = row[column], min(row[column] + 1, row[column - 1] + 1, before + (letter != other))
+    return row[-1]
+
+
+def is_motion(document: Any) -> bool:
+    """Whether a document gives a motion on constraints as it is."""
+    return isinstance(document, dict) and "motion" in document
+
+
+def is_nonholonomic(document: Any) -> bool:
+    """Whether a document is meant as a Lagrangian with constraints."""
+    return isinstance(document, dict) and ("lagrangian" in document or "constraints" in document)
+
+
+def is_forward(document: Any) -> bool:
+    """Whether a document is a Lagrangian and nothing else that says what moves."""
+    if not isinstance(document, dict) or "equations" in document:
+        return False
+    return "lagrangian" in document and document.get("constraints") in (None, [], "")
+
+
+@dataclass(frozen=True, slots=True)
+class Prepared:
+    """A document for the schemas, what its time and a coordinate t were called, its id, and whence formulas come.
+
+    `places` are the pointers of the texts that formulas were taken from.
+    """
+
+    document: Any
+    time: str = "t"
+    other: str = ""
+    extra: Mapping[str, Any] = field(default_factory=dict)
+    readings: Mapping[str, str] = field(default_factory=dict)
+    places: Mapping[str, str] = field(default_factory=dict)
+
+    def outward(self, result: dict[str, Any]) -> dict[str, Any]:
+        """The result in the words of the writer."""
+        found = result
+        if self.time != "t":
+            found = _changed(result, {"t": self.time, self.other: "t"})
+            if isinstance(found.get("system"), dict):
+                found["system"] = {**found["system"], "time": self.time}
+        return {**found, **self.extra}
+
+    def error(self, error: errors.InputError) -> errors.InputError:
+        """The refusal in the words of the writer, at its place in what was written."""
+        error = error.placed(self.places[error.pointer]) if error.pointer in self.places else error
+        if self.time == "t" or type(error) not in (errors.InputError, errors.LimitError):
+            return error  # the shape of a document is refused in its own words
+        names = {"t": self.time, self.other: "t"}
+        texts = (error.detail, error.plain, *error.instead)
+        detail, plain, *instead = (_in_plain_text(text, names, pad=False) for text in texts)
+        return error.said(detail, plain, error.pointer, tuple(instead))
+
+
+def _with_lagrangian(plain: dict[str, Any]) -> tuple[dict[str, Any], dict[str, str], dict[str, str]]:
+    """A text that gives L, or T and V, as the document of that Lagrangian; its other lines define names or hold it.
+
+    With it, by the pointer of each of these formulas, that of the text that contains it at the same columns; and what
+    is read differently.
+    """
+    key = "lagrangian" if "lagrangian" in plain else "equations"
+    given = plain.get(key)
+    texts = {f"/{key}": given} if isinstance(given, str) else {}
+    if isinstance(given, list) and all(isinstance(text, str) for text in given):
+        texts = {f"/{key}/{place}": text for place, text in enumerate(given)}
+    vectors = "".join(f", {found[0]}" for text in texts.values() for found in _VECTOR.finditer(text))
+    energies: dict[str, tuple[re.Match[str], str, str]] = {}
+    others: list[tuple[str, str]] = []
+    notes: dict[str, str] = {}
+    for pointer, text in texts.items():
+        text = _LETTER_L.sub(_letter_l, text)
+        notes |= {match[0].strip(): reader.LEFT_OUT for match in _LAGRANGES_EQUATION.finditer(text)}
+        with reader.noted() as omitted:
+            lines = _lines(_LAGRANGES_EQUATION.sub(lambda match: " " * len(match[0]), text))
+        notes |= omitted
+        for line in lines:
+            named = _ENERGY.match(line)
+            kind = next((kind for kind in ("whole", "kinetic", "potential") if named and named[kind]), "")
+            if named is None or kind in energies or named[kind] in _declared(plain):
+                others.append((pointer, line))
+            else:
+                energies[kind] = named, line[named.end() :], pointer
+    formulas = [*(line for _, line in others), *(text for _, text, _ in energies.values())]
+    moves = "kinetic" in energies and any(map(_MOVES.search, formulas))
+    if not ("whole" in energies or moves) or any(map(_BARE.search, formulas)):
+        return (
+            _with_multipliers(plain, texts)
+            if key == "equations" and any(map(_LAMBDA.search, texts.values()))
+            else (plain, {}, {})
+        )
+    lagrangian = ""
+    if "whole" in energies:
+        others += [
+            (pointer, named[0] + formula) for kind, (named, formula, pointer) in energies.items() if kind != "whole"
+        ]
+        named, formula, _ = energies["whole"]
+        lagrangian = f"{'.5*('.rjust(named.end())}{formula})" if named["twice"] else " " * named.end() + formula
+    else:
+        for named, formula, _ in energies.values():
+            sign = ("-" if named["potential"] else "+") + (".5*(" if named["twice"] else "(")
+            lagrangian = lagrangian.ljust(named.end() - len(sign)) + sign + formula + ")"
+    moving = {*document_names.moving_names(reader.tokens_if_any(lagrangian, Names()), 1)}
+    places, where = {"/lagrangian": next(iter(energies.values()))[2]}, {}
+    held = plain.get("constraints") or []
+    constraints = [held] if isinstance(held, str) else list(held)
+    definitions: dict[str, str] = {}  # omega = psi' cos(theta) + phi', omega = 0: the second line is a constraint
+    for _, line in others:
+        if (name := _defined(line, moving)[0]) and _IS_NUMBER.fullmatch(definitions.get(name, "=")):
+            definitions[name] = line
+    for pointer, line in others:
+        name, squared = _defined(line, moving)
+        if name and definitions[name] is line:
+            left, _, right = line.partition("=")
+            root = ("(", ")^{1/2}" if reader.is_latex(right) else ")^(1/2)") if squared else ("", "")
+            where[name] = root[0].rjust(len(left) + 1) + right + root[1]
+            places[f"/where/{name}"] = pointer
+        else:
+            places[f"/constraints/{len(constraints)}"] = pointer
+            constraints.append(line)
+    for pointer, line in others:
+        _ask_about_rate(line, pointer, lagrangian, {"t", *_declared(plain)})
+    lagrangian, *constraints = (
+        f"{text}{vectors}" if components.holds_vector(text) else text for text in (lagrangian, *constraints)
+    )
+    found = {**{name: value for name, value in plain.items() if name != key}, "lagrangian": lagrangian}
+    if where:
+        found["where"] = {**plain.get("where", {}), **where}
+    if len(others) > len(where):
+        found["constraints"] = constraints
+    return found, places, notes
+
+
+def _defined(line: str, moving: Collection[str]) -> tuple[str, bool]:
+    """The name, with its argument, that a line defines, and whether it gives its square; no name for a constraint."""
+    left, equal, right = line.partition("=")
+    displaced = _OF_A_FORM.match(left) and _FORM.search(right)
+    form = displaced or reader.names_in_forms(left) or {*moving} & reader.names_in_forms(right)
+    found = _DEFINED.fullmatch(left) if equal and not form else None
+    if found is None or document_names.derived_stem(found[1]):
+        return "", False
+    return found[1] + (found[2] or ""), found[3] is not None
+
+
+def _ask_about_rate(line: str, pointer: str, lagrangian: str, known: Collection[str]) -> None:
+    """InputError for phi' = omega where L has omega and no phi': it defines omega, or holds phi' constant.
+
+    Names that are known, or move in L, have one meaning.
+    """
+    try:
+        line_tokens, inside = reader.read_tokens(line), reader.read_tokens(lagrangian)
+    except errors.InputError:
+        return  # reported where it is read
+    if [(token.kind, token.order) for token in line_tokens] != [("name", 1), ("operator", 0), ("name", 0)]:
+        return
+    moving, rate = line_tokens[0].text, line_tokens[2].text
+    occurs = rate in {token.text for token in walk(inside)} - {*known}
+    if occurs and not {moving, rate} & {*document_names.moving_names(inside, 1)}:
+        left, _, right = (part.strip() for part in line.partition("="))
+        meant, column = (f"{right} = {left}", f"{left} - {right} = 0"), line_tokens[0].column
+        what = f"{moving}' = {rate} could define {rate}, or hold {moving}' constant; it occurs"
+        instead = f"write {rate} = {moving}' or {moving}' - {rate} = 0"
+        raise refusals.refusal(what, column, instead, meant, (column, len(line.rstrip()) + 1)).at(pointer)
+
+
+def _with_multipliers(
+    plain: dict[str, Any], texts: Mapping[str, str]
+) -> tuple[dict[str, Any], dict[str, str], dict[str, str]]:
+    """The same for m x'' = lambda sin(theta), … with x' sin(theta) = y' cos(theta) or sin(theta) dx = cos(theta) dy."""
+
+    given = {key: plain[key] for key in ("coordinates", "parameters", "functions", "where") if plain.get(key)}
+    lines = [(pointer, line) for pointer, text in texts.items() for line in _lines(text)]
+    forms = [_is_form(line) for _, line in lines]
+    pointers = [f"/{'constraints' if form else 'equations'}/{k}" for k, form in enumerate(forms)] if any(forms) else []
+    origins = dict(zip(pointers, (pointer for pointer, _ in lines), strict=False))
+    texts = dict(zip(pointers, (line for _, line in lines), strict=False)) or texts
+    try:
+        found = None if "constraints" in plain else constrained(texts, document_names.Declared(**given))
+    except (TypeError, AttributeError):  # the shapes of declarations are refused by the schemas
+        found = None
+    if found is None:
+        return plain, {}, {}
+    kept = {key: part for key, part in plain.items() if key != "equations"}
+    made = {"coordinates": found.coordinates, "lagrangian": found.lagrangian, "constraints": found.constraints}
+    places = {f"/constraints/{k}": origins.get(pointer, pointer) for k, pointer in enumerate(found.pointers)}
+    return {**kept, **made}, places, dict.fromkeys(found.multipliers, "a multiplier of the constraints")
+
+
+def _is_form(line: str) -> bool:
+    """Whether it is dz = y dx, without a derivative dx/dt."""
+    return _FORM.search(line) is not None and not re.search(r"d\s*t|''", line)
+
+
+def _letter_l(match: re.Match[str]) -> str:
+    """L at the same columns, and L = for Lagrangian: and L := ."""
+    return f"{'L'.ljust(len(match[0]) - 1)}=" if match["named"] else "L".ljust(len(match[0]))
+
+
+def _lines(text: str) -> list[str]:
+    """The equations of a text, each after as many spaces that its columns hold."""
+    try:
+        groups = reader.split_equations(text, Names(forms=True))
+    except errors.InputError:
+        return [text]
+    places = [(_start(text, group), group.end_column - 1) for group in groups]
+    lines = [" " * start + _VECTOR.sub(lambda match: " " * len(match[0]), text[start:end]) for start, end in places]
+    return [shown for line in lines if (shown := _WRAPPER_ENDS.sub("", line)).strip()]
+
+
+def _start(text: str, group: reader.EquationTokens) -> int:
+    r"""The place where an equation begins, with the { of a {\dot x} there."""
+    start = group.tokens[0].column - 1
+    written = text[start : group.end_column - 1]
+    return max(text.rfind("{", 0, start), 0) if written.count("}") > written.count("{") else start
+
+
+def prepared(document: Any) -> Prepared:
+    """The document as the schemas want it; InputError for a result in its place, and for a bad name of the time."""
+    if not isinstance(document, Mapping):
+        return Prepared(document)
+    if str(document.get("format", "")).startswith("inverse-service/"):
+        raise errors.InputError("This is a result, not a document: its document is in system.given.", "/format")
+    plain = {key: value for key, value in document.items() if key not in ("id", "$schema") and key[:1] != "_"}
+    plain, places, read = _with_lagrangian(plain)
+    if is_forward(plain):
+        plain.pop("constraints", None)
+    extra = {key: document[key] for key in ("id", "metadata") if key in document}
+    if "id" in extra:  # the name of its own; "id", which jobs have too, is the older one
+        extra["document_id"] = extra["id"]
+    plain.pop("metadata", None)
+    if ignored := [key for key in plain if isinstance(key, str) and key not in KEYS and not near_key(key)]:
+        extra["ignored"] = ignored
+        plain = {key: value for key, value in plain.items() if key not in ignored}
+    plain = {key: _LOOSE[key](value) if key in _LOOSE else value for key, value in plain.items()}
+    time = _time_name(plain)
+    free = "" if time != "t" else _free_variable(plain)
+    notes = read | ({free: "the independent variable"} if free else {})
+    if time == free == "t" or not (time := free or time) or time == "t":
+        return Prepared(plain, extra=extra, readings=notes, places=places)
+    plain, products = _with_time_apart(plain, time)
+    other = next(letter for letter in _LETTERS if letter not in "".join(_texts(plain)))
+    inside = {key: _changed(plain[key], {time: "t", "t": other}, True) for key in (*FORMULAS, *NAMES) if key in plain}
+    return Prepared({**plain, **inside}, time, other, extra, notes | products, places)
+
+
+def prepared_scene(scene: Any) -> Any:
+    """A scene with its own formulas in the words of its prepared system: the name of the time is t in both."""
+    system = scene.get("system") if isinstance(scene, Mapping) else None
+    if not isinstance(system, Mapping) or "catalogue" in system:
+        return scene
+    result = system.get("result")
+    part = result.get("system") if isinstance(result, Mapping) else system.get("document", system)
+    given = part.get("time", "t") if isinstance(part, Mapping) and isinstance(result, Mapping) else None
+    try:
+        time = prepared(part).time if given is None else given
+    except errors.InputError:
+        return scene  # reported with its place when the system is read
+    if time == "t":
+        return scene
+    table = {time: "t"}
+    changed = {key: _changed(scene[key], table, True) for key in SCENE_FORMULAS if key in scene}
+    if isinstance(scene.get("methods"), list):
+        changed["methods"] = [
+            {key: _changed(value, table, True) if key == "free_lagrangian" else value for key, value in method.items()}
+            if isinstance(method, Mapping)
+            else method
+            for method in scene["methods"]
+        ]
+    return {**scene, **changed}
+
+
+def uses_the_letter_t(ready: Prepared) -> bool:
+    """Whether t is a name of the document's own, while its time has another name."""
+    return ready.time != "t" and any(ready.other in text for text in _texts(ready.document))
+
+
+def inward(result: Mapping[str, Any]) -> Mapping[str, Any]:
+    """A result as it was before `Prepared.outward`, so that it can be compared with its certificate."""
+    system = result.get("system")
+    time = system.get("time", "t") if isinstance(system, Mapping) else "t"
+    if time == "t" or not isinstance(system, Mapping) or not isinstance(time, str):
+        return result
+    other = prepared(system.get("given")).other
+    changed = _changed(dict(result), {time: "t", "t": other})
+    return {**changed, "system": {**changed["system"], "time": time}}
+
+
+def _time_name(plain: dict[str, Any]) -> str:
+    """The name in the key `time`, which is taken out, or the one that every equation gives the time; else t."""
+    given = plain.pop("time", None)
+    if given is None:
+        return _found_time(plain)
+    if not isinstance(given, str):
+        raise errors.InputError("'time' is not a text: write the name of the time, such as \"tau\".", "/time")
+    name = "t" if given == "t" else nm.declared_name(given, "/time", "time")
+    if name in _declared(plain):
+        raise errors.InputError(
+            f"{name} is the time here and is declared too: give one of the two another name.", "/time"
+        )
+    return name
+
+
+def _guesses(plain: Mapping[str, Any]) -> bool:
+    named = plain.get("parameters")
+    return named == document_names.GUESS or (isinstance(named, list | dict) and document_names.AND_GUESS in named)
+
+
+def _free_variable(plain: Mapping[str, Any]) -> str:
+    """The x of y'' = 6 y^2 + x, where names are guessed, one name moves, by primes, and neither t nor dots occur."""
+    texts = [text for _, text in _placed({key: plain[key] for key in FORMULAS if key in plain}, "")]
+    if not _guesses(plain) or not {*plain} <= {"equations", "parameters", "name", "functions"}:
+        return ""
+    equations = plain.get("equations")
+    keyed = [str(key).rstrip("'") for key in equations] if isinstance(equations, Mapping) else []
+    if "x" in _declared(plain) or "x" in keyed or len(keyed) > 1 or any("dot" in text for text in texts):
+        return ""
+    try:
+        known = Names(guesses=True)
+        known = replace(
+            known, splits=document_names.moving_products({str(k): text for k, text in enumerate(texts)}, known, 1)
+        )
+        tokens = [token for text in texts for token in reader.read_tokens(text, known)]
+    except errors.InputError:
+        return ""
+    moving = {*document_names.moving_names(tokens, 1)}
+    words = {token.text for token in walk(tokens) if token.kind == "name"}
+    names = Names((), ("x", *moving))
+    starts = (k for k in range(len(tokens)) if not k or tokens[k - 1].text in (";", ",", "\n"))
+    if any(spelled(tokens[k : k + 2]) == "x=" for k in starts):
+        return ""  # x = l sin(theta) is a definition
+    occurs = any(word == "x" or "x" in nm.only_split(word, names) for word in words)
+    timed = any(map(_TIMED.search, texts))
+    alone = len(moving) == 1 and not moving & {"x", "X", "z"} and not timed
+    siblings = {"z"} & words or any(re.fullmatch(r"x_?\d+", name) for name in moving)  # x may be a coordinate too
+    return "x" if occurs and alone and not siblings and "\u0307" not in "".join(texts) else ""
+
+
+def _with_time_apart(plain: Mapping[str, Any], time: str) -> tuple[dict[str, Any], dict[str, str]]:
+    """The document with x*y for xy, where names are guessed and x is the time; InputError where xy may be a name."""
+    if not _guesses(plain):
+        return dict(plain), {}
+    texts = dict(_placed({key: plain[key] for key in FORMULAS if key in plain}, ""))
+    moving = {match[1] for text in texts.values() for match in _MOVING.finditer(text)}
+    products = document_names.moving_products(texts, Names(guesses=True), 1)
+    moving = (moving - products.keys()) | {parts[-1] for parts in products.values()}
+    known = Names((), tuple({time, *_declared(plain, (*NAMES, "equations", "where")), *moving}))
+    found = {name: "*".join(parts) for name, parts in products.items() if time in parts}
+    for pointer, text in texts.items():
+        for word in _PLAIN_WORD.finditer("" if reader.is_latex(text) else text):
+            name, column = word[0], word.start() + 1
+            index = name == 2 * time and text[: word.start()].endswith("''")  # y''xx
+            known_name = name in nm.FUNCTIONS or name in found or known.role(name) or name[0] == "d" or time not in name
+            if known_name or index:
+                continue
+            if parts := nm.only_split(name, known):
+                found[name] = nm.written_product(parts, known)
+            elif meant := nm.readings(name, known):
+                raise nm.undeclared(name, column, meant).at(pointer)
+    changed = {key: _changed(plain[key], found) if key in FORMULAS and found else part for key, part in plain.items()}
+    return changed, found
+
+
+def _placed(value: Any, pointer: str) -> Iterator[tuple[str, str]]:
+    """Every text in a value with its pointer."""
+    if isinstance(value, str):
+        yield pointer, value
+    elif isinstance(value, Mapping | list):
+        parts = value.items() if isinstance(value, Mapping) else enumerate(value)
+        for key, part in parts:
+            yield from _placed(part, f"{pointer}/{key}")
+
+
+def _found_time(plain: Mapping[str, Any]) -> str:
+    """The x of y''(x), d^2y/dx^2, diff(y(x), x, 2), where all second derivatives are by the same name."""
+    found, moving = set(), set()
+    for text in _texts({key: plain[key] for key in FORMULAS if key in plain}):
+        tokens = reader.tokens_if_any(text, Names(guesses=True))
+        orders = document_names.derivatives(tokens)
+        found |= {by for name, by, order in orders if order == 2 and name not in _declared(plain, ("functions",))}
+        moving |= {name for name, by, order in orders if order == 2 or by == "t"}
+    name = found.pop() if len(found) == 1 else "t"
+    if name in _declared(plain) | moving or name in nm.FUNCTIONS | nm.DERIVATIVE_NAMES:
+        return "t"
+    letters = {match[1] for text in _texts(plain) for match in re.finditer(r"\\([A-Za-z]+)", text)}
+    return f"var{name}" if f"var{name}" in letters and name not in letters else name  # \varphi is read as phi
+
+
+def _declared(plain: Mapping[str, Any], keys: tuple[str, ...] = NAMES) -> set[str]:
+    """The names that a document declares under these keys; nothing where it holds something else."""
+    lists = (plain.get(key) for key in keys)
+    return {word for words in lists if isinstance(words, list | dict) for word in words if isinstance(word, str)}
+
+
+def _texts(value: Any) -> Iterator[str]:
+    """Every text in a document, keys included."""
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, Mapping):
+        for key, part in value.items():
+            yield from (str(key), *_texts(part))
+    elif isinstance(value, list | tuple):
+        for part in value:
+            yield from _texts(part)
+
+
+def _changed(value: Any, table: Mapping[str, str], pad: bool = False, latex: bool = False) -> Any:
+    """The value with the names of the table replaced in every text; `pad` keeps columns where they are."""
+    if isinstance(value, str):
+        if value.startswith("<math"):
+            return _in_mathml(value, table)
+        return (_in_latex if latex or reader.is_latex(value) else _in_plain_text)(value, table, pad)
+    if isinstance(value, Mapping):
+        return {
+            _in_plain_text(key, table, False) if key not in _STRUCTURE else key: part
+            if key in KEPT
+            else _changed(part, table, pad, latex or key == "latex")
+            for key, part in value.items()
+        }
+    return [_changed(part, table, pad, latex) for part in value] if isinstance(value, list | tuple) else value
+
+
+def _in_plain_text(text: str, table: Mapping[str, str], pad: bool) -> str:
+    names = "|".join(re.escape(name) for name in table if name)
+    forms = re.compile(rf"(d[2-9]?|[A-Za-z]\w*_)?({names})([2-9]|(?:_?dot){{1,2}}|_?ddot)?")
+
+    def replaced(match: re.Match[str]) -> str:
+        form = forms.fullmatch(match.group())
+        if form is None:
+            return match.group()
+        new = f"{form[1] or ''}{table[form[2]]}{form[3] or ''}"
+        return new.ljust(len(match.group())) if pad else new
+
+    found = _PLAIN_WORD.sub(replaced, text)
+    for character in {*text} & letters.GREEK.keys():
+        if pad and letters.GREEK[character] in table:
+            found = found.replace(character, table[letters.GREEK[character]])
+    return found
+
+
+def _in_latex(text: str, table: Mapping[str, str], pad: bool) -> str:
+    def replaced(match: re.Match[str]) -> str:
+        below, word = match[1] or "", match[2]
+        if below and word.lstrip("\\") not in table:
+            return match.group()
+        if word.startswith("\\"):
+            new = table.get(word[1:])
+            return match.group() if new is None else below + _spelled(new).rjust(len(word) if pad else 0)
+        if word in nm.FUNCTIONS:
+            return match.group()
+        return below + "".join(_spelled(table[letter]) if letter in table else letter for letter in word)
+
+    return _LATEX_WORD.sub(replaced, text)
+
+
+def _spelled(name: str) -> str:
+    """The name in LaTeX, kept apart from letters after a command."""
+    found = printing.name_latex(name)
+    return found + " " if found.startswith("\\") else found
+
+
+def _in_mathml(text: str, table: Mapping[str, str]) -> str:
+    names = {
+        letters.greek_letter(name) or name: letters.greek_letter(new) or new for name, new in table.items() if name
+    }
+    return re.sub(r"<mi>([^<]+)</mi>", lambda match: f"<mi>{names.get(match[1], match[1])}</mi>", text)
+
+
+def _words(value: Any) -> Any:
+    return document_names.words_of(value) if isinstance(value, str) else value
+
+
+def _parameters(value: Any) -> Any:
+    if isinstance(value, str) and "=" in value:
+        return document_names.parameters_of(value)
+    return value if value == document_names.GUESS else _words(value)
+
+
+def _functions(value: Any) -> Any:
+    """ "V(x, y)", ["V(x, y)"] and {"V": "x, y"} as {"V": ["x", "y"]}."""
+    if isinstance(value, list) and all(isinstance(entry, str) for entry in value):
+        value = ", ".join(value)
+    if isinstance(value, str):
+        return document_names.functions_of(value)
+    return {key: _words(part) for key, part in value.items()} if isinstance(value, dict) else value
+
+
+_LOOSE: dict[str, Callable[[Any], Any]] = {
+    "coordinates": _words,
+    "parameters": _parameters,
+    "functions": _functions,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Constrained:
+    """L and the constraints as texts, with the pointers of the texts that have the constraints."""
+
+    coordinates: list[str]
+    multipliers: list[str]
+    lagrangian: str
+    constraints: list[str]
+    pointers: list[str]
+
+
+def constrained(texts: Mapping[str, str], declared: document_names.Declared) -> Constrained | None:
+    """The Lagrangian and the constraints of equations with multipliers; None where they are no such equations."""
+    try:
+        names = document_names.known_names(declared, texts).names
+        kinds = {pointer: replace(names, forms=pointer.startswith("/constraints")) for pointer in texts}
+        lines = [(at, *pair) for at, text in texts.items() for pair in reader.read_equations(text, kinds[at])]
+    except errors.InputError:
+        return None
+    moving = [left - right for _, left, right in lines if _holds(left - right, ex.Acceleration)]
+    held = [line for line in lines if not _holds(line[1] - line[2], ex.Acceleration)]
+    forms = [_form(left - right, names.coordinates) for _, left, right in held]
+    multipliers = [
+        ex.Symbol(name)
+        for name in names.parameters
+        if _MULTIPLIER.fullmatch(name) and any(ex.holds(line, ex.Symbol(name)) for line in moving)
+    ]
+    if len(moving) != len(names.coordinates) or not held or len(multipliers) != len(held) or None in forms:
+        return None
+    lagrangian = _lagrangian(names, moving, multipliers, [form for form in forms if form])
+    if lagrangian is None:
+        return None
+    return Constrained(
+        list(names.coordinates),
+        [multiplier.name for multiplier in multipliers],
+        printing.to_text(lagrangian),
+        [f"{printing.to_text(left)} = {printing.to_text(right)}" for _, left, right in held],
+        [pointer for pointer, _, _ in held],
+    )
+
+
+def _holds(tree: ex.Expression, kind: type[ex.Expression]) -> bool:
+    return any(isinstance(node, kind) for node in ex.walk(tree))
+
+
+def _form(tree: ex.Expression, coordinates: Sequence[str]) -> list[ex.Expression] | None:
+    """w of w_i v^i + c = 0; None where no velocity occurs, or one occurs otherwise."""
+    slopes = [derivative.differentiate(tree, ex.Velocity(name)) for name in coordinates]
+    if not _holds(tree, ex.Velocity) or any(_holds(slope, ex.Velocity) for slope in slopes):
+        return None
+    return slopes
+
+
+def _lagrangian(
+    names: Names,
+    lines: Sequence[ex.Expression],
+    multipliers: Sequence[ex.Symbol],
+    forms: Sequence[Sequence[ex.Expression]],
+) -> ex.Expression | None:
+    from inverse_service.search.row_factors import lagrangian_as_given
+
+    none = dict[ex.Expression, ex.Expression](dict.fromkeys(multipliers, ex.ZERO))
+    free = [ex.substitute(line, none) for line in lines]
+    found = lagrangian_as_given(second_order_system.unsolved_system(names, free), free)
+    if found is None:
+        return None
+    accelerations = [ex.Acceleration(name) for name in names.coordinates]
+    equations = euler_lagrange.euler_lagrange_residual(found, names.coordinates, accelerations)
+    forces = [[derivative.differentiate(line, multiplier) for line in lines] for multiplier in multipliers]
+    if any(ex.holds(entry, *multipliers) for force in forces for entry in force):
+        return None
+    left = list(forms)
+    for force in forces:
+        scaled = [_scaled(*part) for part in zip(equations, free, accelerations, force, strict=True)]
+        if None in scaled:
+            return None
+        same = next((form for form in left if _are_parallel([one for one in scaled if one is not None], form)), None)
+        if same is None:
+            return None
+        left.remove(same)
+    return found
+
+
+def _scaled(
+    equation: ex.Expression, line: ex.Expression, acceleration: ex.Acceleration, force: ex.Expression
+) -> ex.Expression | None:
+    """The force times c where the equation of L is c times the line; None where it is no such multiple."""
+    over, under = (derivative.differentiate(tree, acceleration) for tree in (equation, line))
+    same = under != ex.ZERO and _is_zero(equation * under - line * over)
+    return force * over / under if same else None
+
+
+def _are_parallel(force: Sequence[ex.Expression], form: Sequence[ex.Expression]) -> bool:
+    pairs = combinations(range(len(form)), 2)
+    return any(not _is_zero(one) for one in force) and all(
+        _is_zero(force[i] * form[j] - force[j] * form[i]) for i, j in pairs
+    )
+
+
+def _is_zero(tree: ex.Expression) -> bool:
+    return collecting.collect(tree) == ex.ZERO
+
+
+# The prepared document to its schema and its system.
 
 
 def to_schema(document: Any) -> SystemDocument:
@@ -137,7 +814,7 @@ def validated(document: Any, schema: type[Read], wording: Wording | None = None)
         return schema.model_validate(document)
     except ValidationError as error:
         found = error.errors(include_url=False, include_input=False)
-        found.sort(key=lambda fault: fault["type"] != "extra_forbidden" or not preparing.near_key(str(fault["loc"][0])))
+        found.sort(key=lambda fault: fault["type"] != "extra_forbidden" or not near_key(str(fault["loc"][0])))
         found = found[:MAX_PLACES]
         raise errors.DocumentRefused(tuple(_place(fault, wording or _of_systems(schema)) for fault in found)) from None
 
@@ -165,7 +842,7 @@ def _of_systems(schema: type[base.Document]) -> Wording:
     def unknown(steps: Steps, where: str) -> str:
         if steps[0] in BESIDE and "constraints" in schema.model_fields:
             return BESIDE[str(steps[0])]
-        if len(steps) == 1 and (meant := preparing.near_key(str(steps[0]))):
+        if len(steps) == 1 and (meant := near_key(str(steps[0]))):
             return f"The key {where} is not known here: did you mean '{meant}'?"
         keys = ", ".join((*schema.model_fields, *ALSO))
         return f"The key {where} is not known here; a {TITLES.get(schema.__name__, 'system')} has the keys {keys}."

@@ -2,7 +2,8 @@
 
 The checker judges the certificates; from them a canonical statement is written. Each field of a result is derived from
 the certificates, or compared with them and with the document as given, or it is listed as not checked: `Examination`
-collects the JSON pointers that a comparison claimed, and every other leaf that says something is listed.
+collects the JSON pointers that a comparison claimed, and every other leaf that says something is listed. The solver
+compares what it found in the same way before it leaves (`checked`).
 """
 
 import json
@@ -12,9 +13,10 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from api_schemas.base import CHECK_FORMAT
+from api_schemas.result import ResultDocument
+from inverse_service.certificate import formulas
 from inverse_service.certificate.cell import Cell
 from inverse_service.certificate.checker import CheckResult, check_certificate, check_text, judged
-from inverse_service.certificate.formulas import FORMAT, MAX_MEMBERS, OLD_FORMAT, RESULT_FORMAT, Ended, read_tokens
 from inverse_service.certificate.kinds import KINDS, named
 from inverse_service.deadline import now
 from inverse_service.decision import certify
@@ -24,17 +26,18 @@ from inverse_service.expressions.printing import to_latex
 from inverse_service.field import real_point
 from inverse_service.mechanics.agreement import Canonical
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.reading import reader
 from inverse_service.reading.names import Names
-from inverse_service.reading.reader import read_condition, read_formula
 from inverse_service.service.documents import accepting, canonical, comparison, derived, translate
-from inverse_service.service.documents.comparison import compared_claim, compared_with_document
 from inverse_service.service.documents.growing import asks_motion_alone
 from inverse_service.service.documents.own_lagrangian import check_lagrangian
 from inverse_service.service.documents.plain_data import read_json
-from inverse_service.service.documents.preparing import inward, is_motion, is_nonholonomic, prepared
 
 LONGER = 6  # times as long as what people type may be what we printed
 TIME_LIMIT = 60.0  # of processor time, so that the load of the machine decides no verdict
+# The solver stops by itself a little before its process is killed, so that it can say how far it came.
+SHARE_OF_SOLVER = 0.8
+FIRST_FIELDS = ("format", "system", "question", "verdict", "verdict_with_time", "reason", "checked")
 OPEN_MOTION = "It is undecided whether any associated system gives this motion a Hamiltonian."
 # Answers without a verdict; each says what was computed and claims nothing that a certificate could prove.
 _WITHOUT_CLAIM: Final = ("inverse-service/forward/", "inverse-service/simulation/", "inverse-service/work-precision/")
@@ -95,17 +98,17 @@ def check_plain(result: object, document: object = None) -> dict[str, Any]:
     end = now() + TIME_LIMIT
     if claims_nothing(result):
         return _answer(CheckResult("incomplete", (_NO_CLAIM,)))
-    result = inward(result) if isinstance(result, dict) else result
-    if _object(result).get("format") in (FORMAT, OLD_FORMAT):
+    result = accepting.inward(result) if isinstance(result, dict) else result
+    if _object(result).get("format") in (formulas.FORMAT, formulas.OLD_FORMAT):
         return _of_certificate(_object(result), document, end)
     system = _object(_object(result).get("system"))
     verdict, coordinates = _object(result).get("verdict"), system.get("coordinates")
     good = (
-        _object(result).get("format") == RESULT_FORMAT
+        _object(result).get("format") == formulas.RESULT_FORMAT
         and verdict in (*_VERDICTS, "differs")
         and isinstance(coordinates, list)
     )
-    if not good or not isinstance(system.get("equations"), dict) or len(_object(result)) > MAX_MEMBERS:
+    if not good or not isinstance(system.get("equations"), dict) or len(_object(result)) > formulas.MAX_MEMBERS:
         return _answer(CheckResult("invalid", (_NO_RESULT,)))
     examination = Examination(_object(result), document, end)
     try:
@@ -113,8 +116,17 @@ def check_plain(result: object, document: object = None) -> dict[str, Any]:
             examination.examine()
     except LimitError as error:  # what we print may be longer than what we read
         examination.unsettled(f"A formula is too long to be read again: {error.detail}")
-    except (Ended, InputError, KeyError, TypeError, ValueError, AttributeError, IndexError, RecursionError) as error:
-        why = error.reasons[0] if isinstance(error, Ended) and error.reasons else "A part has another form."
+    except (
+        formulas.Ended,
+        InputError,
+        KeyError,
+        TypeError,
+        ValueError,
+        AttributeError,
+        IndexError,
+        RecursionError,
+    ) as error:
+        why = error.reasons[0] if isinstance(error, formulas.Ended) and error.reasons else "A part has another form."
         examination.contradict("", str(why)[:200], "")
     return examination.report()
 
@@ -226,7 +238,7 @@ class Examination:
         own = _system(result)
         given = system.get("given")
         document = given if self.handed is None else self.handed
-        self.agree("/format", result["format"] == RESULT_FORMAT, result["format"], RESULT_FORMAT)
+        self.agree("/format", result["format"] == formulas.RESULT_FORMAT, result["format"], formulas.RESULT_FORMAT)
         if self.handed is not None and given is not None:
             self.claim(*(["/system/given"] if given == self.handed else []))
         self.has_document = document is not None
@@ -235,7 +247,7 @@ class Examination:
             self.reasons.append("The equations as given were not compared: there is no document.")
         elif given is not None and self.handed is None and isinstance(given, dict):
             self.claim(*(f"/system/given/{key}" for key in given if key in _OF_DOCUMENT))
-        ready = prepared(document)
+        ready = accepting.prepared(document)
         plain = ready.document
         if "time" in system and (self.has_document or system["time"] == "t"):
             self.agree("/system/time", system["time"] == ready.time, system["time"], f"It is called {ready.time}.")
@@ -246,7 +258,7 @@ class Examination:
             self.claim("/system/given/id")
         if isinstance(document, dict) and system.get("name") and document.get("name") == system.get("name"):
             self.claim("/system/name", "/system/given/name")
-        moving = isinstance(plain, dict) and (is_nonholonomic(plain) or is_motion(plain))
+        moving = isinstance(plain, dict) and (accepting.is_nonholonomic(plain) or accepting.is_motion(plain))
         timed = self.question(plain, own)
         branches = result.get("branches") or []
         first = {key: branches[0].get(key) for key in ("verdict", "verdict_with_time") if self.differ(key)}
@@ -407,7 +419,7 @@ class Examination:
     def latex(self, at: str, part: dict[str, Any], certificate: dict[str, Any], system: dict[str, Any]) -> None:
         """Claim the LaTeX if it is that of the formula."""
         names = certify.names_of(system, certificate, part.get("momenta") or ())
-        if part.get("latex") and part["latex"] == to_latex(read_formula(part["text"], names)):
+        if part.get("latex") and part["latex"] == to_latex(reader.read_formula(part["text"], names)):
             self.claim(f"{at}/latex")
 
     def domains(self, shown: Shown, certificate: dict[str, Any], proof: CheckResult) -> None:
@@ -556,7 +568,7 @@ class Examination:
             if self.agree(f"{at}/{key}", node.get(key) == "variational", node.get(key), "It is variational."):
                 self.about_another(at, node, derived.system_there(document, texts), ("equations",), key)
                 for k, condition in enumerate(node["conditions"]):
-                    sides = [to_latex(read_formula(side, names)) for side in condition["text"].split(" = ")]
+                    sides = [to_latex(reader.read_formula(side, names)) for side in condition["text"].split(" = ")]
                     same = condition.get("latex") == " = ".join(sides)
                     self.claim(f"{at}/conditions/{k}/text", *[f"{at}/conditions/{k}/latex"] * same)
 
@@ -712,7 +724,7 @@ class Examination:
         latex, names = _object(self.result["system"].get("latex")), certify.names_of(own)
         for name, text in latex.items():
             with suppress(LimitError):  # too long to be read again: it is not compared
-                written = to_latex(read_formula(own["equations"].get(name, "0"), names))
+                written = to_latex(reader.read_formula(own["equations"].get(name, "0"), names))
                 if text.endswith(f" = {written}"):
                     self.claim(f"/system/latex/{name}")
         guessed = self.result.get("guessed")
@@ -726,8 +738,8 @@ class Examination:
 def _compared(document: Any, certificate: dict[str, Any], moving: bool, limit: float) -> CheckResult:
     """Whether a certificate is about the system of a document, or about its motion on constraints."""
     if moving:
-        return compared_claim(document, certificate, limit)
-    return compared_with_document(document, Canonical(_system(certificate), certificate), limit)
+        return comparison.compared_claim(document, certificate, limit)
+    return comparison.compared_with_document(document, Canonical(_system(certificate), certificate), limit)
 
 
 def unclaimed(value: Any, at: str, claimed: set[str]) -> Iterator[str]:
@@ -764,7 +776,7 @@ def _same_system(one: dict[str, Any], other: dict[str, Any]) -> bool:
 
 
 def _tokens(text: Any) -> tuple[str, ...]:
-    return read_tokens(text, "formula")
+    return formulas.read_tokens(text, "formula")
 
 
 def _contains_time(formulas: Mapping[str, str]) -> bool:
@@ -774,7 +786,10 @@ def _contains_time(formulas: Mapping[str, str]) -> bool:
 def _is_defined(formula: str, domain: Sequence[str], names: Names) -> bool:
     """Whether a formula has a value wherever a stated domain holds, whatever values its names have."""
     try:
-        tree, stated = read_formula(formula, names), [(read_condition(one, names), "!=" in one) for one in domain]
+        tree, stated = (
+            reader.read_formula(formula, names),
+            [(reader.read_condition(one, names), "!=" in one) for one in domain],
+        )
     except (InputError, ValueError):  # a chain a < b < c, for one
         return False
     nonzero, positive = ([one for one, unequal in stated if unequal is kind] for kind in (True, False))
@@ -800,7 +815,34 @@ def _object(value: Any) -> dict[str, Any]:
     return value if isinstance(value, dict) else {}
 
 
-# What the solver compares before an answer leaves it.
+# What a result goes through before it leaves: checked, one verdict over its cells, its fields in order.
+
+
+def checked(result: ResultDocument, time_limit: float) -> dict[str, Any]:
+    """The document, its system compared with the document as given; CertificateRefused where an answer is unchecked.
+
+    The solver has its certificates checked itself: no definite verdict leaves that the checker did not call valid.
+    """
+    document = result.model_dump(mode="json")
+    answers = [document, *document["branches"]]
+    for answer in filter(None, [*answers, *(one["with_time"] for one in answers)]):
+        if answer["verdict"] != "undetermined" and answer["checked"] != "valid":
+            raise CertificateRefused("an answer was left unchecked")
+    compare_before_leaving(document, time_limit)
+    return document
+
+
+def with_one_verdict(document: dict[str, Any]) -> dict[str, Any]:
+    """The main verdicts are `differs` where those of the cells do."""
+    for key in ("verdict", "verdict_with_time"):
+        if len({branch[key] for branch in document["branches"]}) > 1:
+            document[key] = "differs"
+    return document
+
+
+def ordered(document: dict[str, Any]) -> dict[str, Any]:
+    """The fields in the order of the contract, which is the order in which a person reads them."""
+    return {key: document[key] for key in FIRST_FIELDS} | document
 
 
 def compare_before_leaving(result: dict[str, Any], time_limit: float) -> None:
@@ -811,7 +853,7 @@ def compare_before_leaving(result: dict[str, Any], time_limit: float) -> None:
     end = now() + max(1.0, time_limit)
     compare_motion(result, end - now())
     for each in _systems(result):
-        found = compared_with_document(result["system"]["given"], each, max(1.0, end - now()))
+        found = comparison.compared_with_document(result["system"]["given"], each, max(1.0, end - now()))
         if found.verdict == "invalid":
             why = "; ".join(found.reasons)
             raise CertificateRefused(f"the solved system differs from the given one: {why}"[:500])
@@ -839,7 +881,7 @@ def compare_motion(result: dict[str, Any], time_limit: float) -> None:
         for key in ("certificate", "certificate_with_time"):
             if not _object(part.get(key)):
                 continue
-            found = compared_claim(result["system"]["given"], part[key], time_limit)
+            found = comparison.compared_claim(result["system"]["given"], part[key], time_limit)
             if found.verdict != "valid":
                 why = f"An answer was found, but its motion could not be compared with the document: {found.reasons[0]}"
                 kept: dict[str, Any] = {"statement": OPEN_MOTION, "reason": why, "freedom": ""}

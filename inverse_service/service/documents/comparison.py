@@ -21,7 +21,7 @@ from inverse_service.mechanics import second_order_system
 from inverse_service.mechanics.agreement import Canonical, GivenText, equations_agree, motion_agrees
 from inverse_service.reading import reader
 from inverse_service.reading.names import Names
-from inverse_service.service.documents import accepting, preparing
+from inverse_service.service.documents import accepting
 
 if TYPE_CHECKING:
     from api_schemas.system import SystemDocument
@@ -56,8 +56,8 @@ def compared_with_document(document: Any, canonical: Canonical, time_limit: floa
 
 def _compared(document: Any, canonical: Canonical, end: float) -> checker.CheckResult:
     try:
-        document = preparing.prepared(document).document
-        if preparing.is_nonholonomic(document):
+        document = accepting.prepared(document).document
+        if accepting.is_nonholonomic(document):
             return _compared_motion(document, canonical, end)
         schema = accepting.to_schema(document)
         given = accepting.to_given(schema)
@@ -84,9 +84,9 @@ def compared_claim(document: Any, certificate: Mapping[str, Any], time_limit: fl
     from inverse_service.constrained.lagrangian import first_system
 
     try:
-        document = preparing.prepared(document).document
+        document = accepting.prepared(document).document
         claimed = _claimed(_with_velocities(certificate["system"], document))
-        if preparing.is_motion(document):
+        if accepting.is_motion(document):
             given = _of_motions().motion_of(document)
             pairs = zip(given.free_accelerations, claimed.free_accelerations, strict=True)
             trees, differ = [ex.subtract(*pair) for pair in pairs], given.free != claimed.free
@@ -109,7 +109,7 @@ def compared_claim(document: Any, certificate: Mapping[str, Any], time_limit: fl
     if differ or not found:
         sentence = "The motion of a certificate is not that of the document as given."
         return checker.CheckResult("incomplete" if found is None and not differ else "invalid", (sentence,))
-    if preparing.is_motion(document):
+    if accepting.is_motion(document):
         return checker.CheckResult("valid", ("The motion is that of the document as given.",))
     whole = first_system(claimed)
     texts = {name: printing.to_text(f) for name, f in zip(whole.coordinates, whole.accelerations, strict=True)}
@@ -126,7 +126,7 @@ def _with_velocities(system: Mapping[str, Any], document: Any) -> Mapping[str, A
     from inverse_service.constrained.nonholonomic_study import motion_report
 
     read = _of_motions()
-    given = preparing.is_motion(document)
+    given = accepting.is_motion(document)
     motion = read.motion_of(document) if given else motion_report(read.nonholonomic_of(document)).motion
     rates = zip(motion.dependent, motion.dependent_velocities, strict=True)
     velocities = {name: printing.to_text(rate) for name, rate in rates if name not in system["coordinates"]}

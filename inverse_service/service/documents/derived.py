@@ -29,7 +29,7 @@ from inverse_service.mechanics import reading, second_order_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading import reader
 from inverse_service.reading.names import Names
-from inverse_service.service.documents import accepting, preparing, translate
+from inverse_service.service.documents import accepting, translate
 from inverse_service.solving import solving
 
 if TYPE_CHECKING:
@@ -299,7 +299,7 @@ def of_reduced(reduced: ReducedPart | None) -> schemas.InsteadPart | None:
 def system_with_clock(document: Any, part: Mapping[str, Any]) -> SecondOrderSystem | None:
     """That of the document, in the clock of `with_clock`, which is the one that the document names if it names one."""
     try:
-        schema = accepting.to_schema(preparing.prepared(document).document)
+        schema = accepting.to_schema(accepting.prepared(document).document)
         system = accepting.to_system(schema)
         factor = to_clock(schema, system) or read_clock(system, str(part.get("factor")), schema)
     except errors.InputError:
@@ -318,7 +318,7 @@ def system_there(document: Any, conditions: Any) -> SecondOrderSystem | None:
     if not isinstance(conditions, list):
         return None
     try:
-        system = accepting.to_system(accepting.to_schema(preparing.prepared(document).document))
+        system = accepting.to_system(accepting.to_schema(accepting.prepared(document).document))
         names = Names(parameters=system.parameters, time=False)  # constants: a = x is no condition
         pairs = [text.split(" = ") for text in conditions]
         values = {reader.read_formula(name, names): reader.read_formula(value, names) for name, value in pairs}

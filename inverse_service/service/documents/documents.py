@@ -20,7 +20,7 @@ from inverse_service.deadline import now, whole
 from inverse_service.decision.solutions import SolveOptions, questions
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading import reader
-from inverse_service.service.documents import accepting, answers, derived, leaving, preparing, translate
+from inverse_service.service.documents import accepting, answers, checking, derived, translate
 from inverse_service.service.documents.growing import Growing
 from inverse_service.solving import solving
 
@@ -52,12 +52,12 @@ def solve_document(document: Any, options: SolveOptions, progress: Progress | No
     Where the mathematics fails on it the answer is undetermined and says why; `provenance.fault` names the error.
     """
     try:
-        ready = preparing.prepared(document)
+        ready = accepting.prepared(document)
         grow = Growing(progress, lambda found: _with_given(ready.outward(found), document))
         with whole(options.time_limit):
             found = _in_own_words(ready, lambda cases: cases.solve(ready.document, options, grow))
     except ENDED as error:
-        if preparing.is_forward(document):
+        if accepting.is_forward(document):
             raise
         return _undetermined(document, error, options)
     return _with_given(found, document)
@@ -83,13 +83,13 @@ def _undetermined(document: Any, error: Exception, options: SolveOptions) -> dic
 
 def parse_document(document: Any) -> dict[str, Any]:
     """The interpretation of a document; raises InputError."""
-    ready = preparing.prepared(document)
+    ready = accepting.prepared(document)
     return _in_own_words(ready, lambda cases: cases.parse(cases.look(ready.document)).model_dump(mode="json"))
 
 
 def understand_document(document: Any) -> dict[str, Any]:
     """The `system` part of a result, with the document as JSON has it; raises InputError."""
-    ready = preparing.prepared(document)
+    ready = accepting.prepared(document)
 
     def understood(cases: UseCases) -> dict[str, Any]:
         schema = cases.look(ready.document)
@@ -110,22 +110,22 @@ class UseCases:
 
 def use_cases(document: Any) -> UseCases:
     """Those of the kind that a prepared document is of, imported now."""
-    if preparing.is_motion(document):
+    if accepting.is_motion(document):
         from inverse_service.service.documents import motion_documents as read, nonholonomic_documents as held
 
         return UseCases(read.look_motion, read.parse_motion, read.system_of_motion, held.solve_motion)
-    if preparing.is_forward(document):
+    if accepting.is_forward(document):
         from inverse_service.service.documents import own_lagrangian as alone
 
         return UseCases(alone.look_forward, alone.parse, alone.system_of, alone.solve_forward)
-    if preparing.is_nonholonomic(document):
+    if accepting.is_nonholonomic(document):
         from inverse_service.service.documents import motion_documents as read, nonholonomic_documents as held
 
         return UseCases(read.to_nonholonomic_schema, read.parse, read.system_of, held.solve_nonholonomic)
     return UseCases(accepting.to_schema, parse_system, accepting.to_system, solve_system)
 
 
-def _in_own_words(ready: preparing.Prepared, work: Callable[[UseCases], dict[str, Any]]) -> dict[str, Any]:
+def _in_own_words(ready: accepting.Prepared, work: Callable[[UseCases], dict[str, Any]]) -> dict[str, Any]:
     """The answer, or the refusal, in the names that the writer of the document uses."""
     try:
         with reader.noted() as notes:
@@ -139,7 +139,7 @@ def _in_own_words(ready: preparing.Prepared, work: Callable[[UseCases], dict[str
 
 def look(document: Any) -> None:
     """Raise DocumentRefused where a document has not the shape of one that is solved."""
-    plain = preparing.prepared(document).document
+    plain = accepting.prepared(document).document
     use_cases(plain).look(plain)
 
 
@@ -153,7 +153,7 @@ def solve_system(document: Any, options: SolveOptions, grow: Growing | None = No
     grow, end = grow or Growing(None), now() + options.time_limit
     schema = accepting.to_schema(document)
     system = accepting.to_solvable(schema)
-    share = SHARE_BESIDE_CASES if schema.special_cases or schema.kinds or schema.clock else leaving.SHARE_OF_SOLVER
+    share = SHARE_BESIDE_CASES if schema.special_cases or schema.kinds or schema.clock else checking.SHARE_OF_SOLVER
     asked = dataclasses.replace(
         options,
         time_dependent=schema.time_dependent_lagrangian,
@@ -170,8 +170,8 @@ def solve_system(document: Any, options: SolveOptions, grow: Growing | None = No
     def tell(parts: Sequence[str], make: Callable[[], tuple[tuple[Solution, ...], tuple[Left, ...]]]) -> None:
         def so_far() -> dict[str, Any]:
             known, open_ones = make()
-            return leaving.with_one_verdict(
-                leaving.checked(translate.to_result(known[0], schema, known[1:], open_ones), 1.0)
+            return checking.with_one_verdict(
+                checking.checked(translate.to_result(known[0], schema, known[1:], open_ones), 1.0)
             )
 
         grow.hand_over(parts, so_far)
@@ -179,26 +179,26 @@ def solve_system(document: Any, options: SolveOptions, grow: Growing | None = No
     solutions, left = solving.solve_branches(system, dataclasses.replace(asked, hand_over=tell), grow.stage)
     solution, grow.cut = solutions[0], {part: why for each in solutions for part, why in each.cut.items()}
     result = translate.to_result(solution, schema, solutions[1:], left)
-    limit = now() + leaving.SHARE_OF_SOLVER * (end - now())
+    limit = now() + checking.SHARE_OF_SOLVER * (end - now())
     if result.verdict == "not_variational":
         grow.begin("kinds")
         result = derived.with_instead(result, solution, asked, min(limit, now() + QUICKLY))
     if kinds:
         grow.begin("kinds")
         result = derived.with_kinds(result, solution, schema, kinds, asked, limit)
-        grow.hand_over(("explanation", "kinds"), partial(leaving.checked, result, 1.0))
+        grow.hand_over(("explanation", "kinds"), partial(checking.checked, result, 1.0))
     if schema.clock is not None:
         grow.begin("clock")
-        part = derived.clock_part(system, factor, asked, leaving.SHARE_OF_SOLVER * (end - now()))
+        part = derived.clock_part(system, factor, asked, checking.SHARE_OF_SOLVER * (end - now()))
         result = result.model_copy(update={"with_clock": part})
-        grow.hand_over(("explanation", "clock"), partial(leaving.checked, result, 1.0))
+        grow.hand_over(("explanation", "clock"), partial(checking.checked, result, 1.0))
     if schema.special_cases:
         grow.begin("special_cases")
-        limit = now() + leaving.SHARE_OF_SOLVER * (end - now())
+        limit = now() + checking.SHARE_OF_SOLVER * (end - now())
         cases = derived.special_cases(system, asked, limit, grow.stage)
         result = result.model_copy(update={"special_cases": cases})
     grow.begin("certificate")
-    return leaving.with_one_verdict(leaving.ordered(grow.end(leaving.checked(result, end - now()))))
+    return checking.with_one_verdict(checking.ordered(grow.end(checking.checked(result, end - now()))))
 
 
 def _wanted(schema: SystemDocument, system: SecondOrderSystem, kinds: bool) -> tuple[str, ...]:

@@ -13,7 +13,7 @@ from inverse_service.constrained.lagrangian import first_system
 from inverse_service.expressions import tree as ex
 from inverse_service.mechanics import constrained_motion
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.service.documents import accepting, derived, preparing, translate
+from inverse_service.service.documents import accepting, derived, translate
 
 # What looking at a document again may take for an associated system that is only shown, s.
 SHOWN_AT_ONCE = 0.3
@@ -124,8 +124,8 @@ def systems_of_reduced(
     """The reduced system of the document, and this in the clock of `with_clock`; None where there is none."""
     clock = part.get("with_clock")
     try:
-        document = preparing.prepared(document).document
-        if preparing.is_motion(document):
+        document = accepting.prepared(document).document
+        if accepting.is_motion(document):
             system = reduced.reduced_system(motion_of(document))
         else:
             report = nonholonomic_study.motion_report(nonholonomic_of(document))
@@ -140,6 +140,6 @@ def systems_of_reduced(
 
 def asked_system(document: Any) -> SecondOrderSystem:
     """The system of a prepared document that asks about the motion alone; raises InputError."""
-    if preparing.is_motion(document):
+    if accepting.is_motion(document):
         return system_of_motion(look_motion(document))
     return system_of(to_nonholonomic_schema(document))

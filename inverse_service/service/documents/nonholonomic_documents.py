@@ -25,7 +25,7 @@ from inverse_service.mechanics.first_integrals import FirstIntegral, first_integ
 from inverse_service.mechanics.paper_class import AssociatedSystem
 from inverse_service.reading import reader
 from inverse_service.reading.names import Names
-from inverse_service.service.documents import accepting, checking, derived, leaving, motion_documents, translate
+from inverse_service.service.documents import accepting, checking, derived, motion_documents, translate
 from inverse_service.service.documents.growing import Growing
 
 T = TypeVar("T")
@@ -261,7 +261,7 @@ def _trajectory(comparison: Comparison) -> schemas.TrajectoryPart:
 
 def solve_motion(document: Any, options: solutions.SolveOptions, grow: Growing) -> dict[str, Any]:
     """The result, all of it in `any_associated`; raises InputError."""
-    end = now() + leaving.SHARE_OF_SOLVER * options.time_limit
+    end = now() + checking.SHARE_OF_SOLVER * options.time_limit
     schema = motion_documents.look_motion(document)
     if schema.special_cases:
         raise errors.InputError(
@@ -295,7 +295,7 @@ def compared(whole: schemas.NonholonomicResult, time_limit: float) -> dict[str, 
     """A result whose main fields leave open what was not asked; its motion is that of the document."""
     found = whole.model_dump(mode="json")
     checking.compare_motion(found, time_limit)
-    return leaving.ordered(found)
+    return checking.ordered(found)
 
 
 def _for_reduced(options: solutions.SolveOptions, time_limit: float) -> solutions.SolveOptions:
@@ -352,7 +352,7 @@ def solve_nonholonomic(document: Any, options: solutions.SolveOptions, grow: Gro
         "explanation",
     )
     last = end - SHARE_LEFT * options.time_limit
-    made = _Made(schema, report, options, grow, last, leaving.checked)
+    made = _Made(schema, report, options, grow, last, checking.checked)
     first = [nonholonomic_study.Study(report, (_unasked(defined, NOT_YET),), 0)]
     made.tell(("motion",), first)
     asked = dataclasses.replace(
@@ -376,13 +376,13 @@ def solve_nonholonomic(document: Any, options: solutions.SolveOptions, grow: Gro
     if schema.special_cases:
         assert main.associated.system is not None
         grow.begin("special_cases")
-        limit = now() + leaving.SHARE_OF_SOLVER * (end - now())
+        limit = now() + checking.SHARE_OF_SOLVER * (end - now())
         cases = derived.special_cases(main.associated.system, asked, limit, grow.stage)
         whole = whole.model_copy(update={"special_cases": cases})
     if whole.verdict == "not_variational" and not whole.branches and made.answers[0].verdict != "variational":
         whole = whole.model_copy(update={"instead": derived.of_reduced(whole.reduced)})
     grow.begin("certificate")
-    return leaving.with_one_verdict(leaving.ordered(grow.end(leaving.checked(whole, end - now()))))
+    return checking.with_one_verdict(checking.ordered(grow.end(checking.checked(whole, end - now()))))
 
 
 @dataclasses.dataclass(slots=True)

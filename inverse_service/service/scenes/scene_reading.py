@@ -37,9 +37,8 @@ from inverse_service.integrators.trajectory import Array
 from inverse_service.reading.document_names import Declared
 from inverse_service.reading.names import Names, declared_name
 from inverse_service.reading.reader import read_formula
-from inverse_service.service.documents.accepting import Steps, Wording, validated, without
+from inverse_service.service.documents.accepting import Steps, Wording, prepared_scene, validated, without
 from inverse_service.service.documents.plain_data import escape
-from inverse_service.service.documents.preparing import prepared_scene
 from inverse_service.service.scenes import scene_system
 from inverse_service.simulation import scene_data as data
 from inverse_service.simulation.derivation import BUILT_IN, CONSTRAINTS, KINETIC, lagrangian_parts

@@ -15,7 +15,7 @@ from inverse_service.mechanics import constrained_motion, reading
 from inverse_service.reading import reader
 from inverse_service.reading.document_names import AND_GUESS, Declared, document_names, known_names
 from inverse_service.reading.names import Names
-from inverse_service.service.documents import accepting, preparing
+from inverse_service.service.documents import accepting
 from inverse_service.simulation import numeric_formulas
 
 SYSTEM = (
@@ -153,7 +153,7 @@ def _of_catalogue(name: str, extra: Sequence[str]) -> MechanicalSystem:
 
 
 def _of_result(result: Mapping[str, Any], extra: Sequence[str]) -> MechanicalSystem:
-    result = preparing.inward(result)
+    result = accepting.inward(result)
     system = result.get("system")
     if not isinstance(system, Mapping):
         raise errors.InputError("The result has no part 'system': give the whole result of solve.")
@@ -196,8 +196,8 @@ def _is_part(value: Any) -> bool:
 
 
 def _of_document(document: Mapping[str, Any], extra: Sequence[str]) -> MechanicalSystem:
-    ready = preparing.prepared(document)
-    if preparing.uses_the_letter_t(ready):
+    ready = accepting.prepared(document)
+    if accepting.uses_the_letter_t(ready):
         raise errors.InputError(
             "the motion already has a column t for the time: rename the coordinate t.", "/coordinates"
         )
