@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import copy
 import dataclasses
+import functools
+import itertools
 import json
+import operator
 import time
 from typing import Any
 
@@ -63,8 +66,7 @@ def told(document: dict[str, Any], **options: Any) -> tuple[list[dict[str, Any]]
 
 def states(messages: list[dict[str, Any]]) -> list[dict[str, Any]]:
     """The whole result after each message."""
-    values = [message["value"] for message in messages]
-    return [growing.merged(values[:k]) for k in range(1, len(values) + 1)]
+    return [*itertools.accumulate((message["value"] for message in messages), operator.or_)]
 
 
 @pytest.fixture(autouse=True)
@@ -152,7 +154,7 @@ def test_of_an_answer_that_was_there_at_once_each_part_is_told_too(monkeypatch: 
     monkeypatch.setattr(growing, "AT_ONCE", 60.0)
     found: list[tuple[str, Any]] = []
     result = inverse_service.solve(DAMPED, progress=lambda part, value: found.append((part, value)))
-    merged = growing.merged(value for _, value in found)
+    merged = functools.reduce(operator.or_, (value for _, value in found))
     assert merged["verdict"] == result["verdict"]
     assert [part for part, _ in found][:2] == ["conditions", "existence"]
 

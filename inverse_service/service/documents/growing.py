@@ -2,13 +2,13 @@
 
 A `Growing` is informed which part of the work begins and which are finished. Out of it come stages, as texts,
 and parts, as {"parts": names, "value": fields of the result that are new, "seconds": by part}. Merged in their order
-(`merged`) the values are a whole result document, whose `incomplete` lists what is still to come; `cut_off` makes of it
-the result of a run that a limit, a crash or a cancellation ended.
+the values are a whole result document, whose `incomplete` lists what is still to come; `cut_off` makes of it the result
+of a run that a limit, a crash or a cancellation ended.
 """
 
 import json
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -130,14 +130,6 @@ def at_once(result: Mapping[str, Any]) -> dict[str, Any]:
     missing = {one["part"] for one in result.get("incomplete", ())}
     names = [part for part, fields in FIELDS.items() if part not in missing and any(map(result.get, fields))]
     return {"parts": names, "value": result}
-
-
-def merged(values: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
-    """The result so far, of the values in their order."""
-    whole: dict[str, Any] = {}
-    for value in values:
-        whole |= value
-    return whole
 
 
 def grown(so_far: Mapping[str, Any], message: Mapping[str, Any]) -> dict[str, Any]:

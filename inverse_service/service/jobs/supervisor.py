@@ -134,7 +134,8 @@ class EventLog:
         so_far: dict[str, Any] = {}
         with contextlib.suppress(*AWAY):  # the job is claimed, and begins in any case
             if job.restarts and job.priority < model.BULK:
-                so_far = growing.merged(e.data["value"] for e in self._store.events(job.id) if e.kind == PART)
+                for event in (one for one in self._store.events(job.id) if one.kind == PART):
+                    so_far |= event.data["value"]
         return {"so_far": so_far, "seconds": {}} if so_far else {}
 
     def report(self, job: model.Job, began: float, value: Any) -> None:

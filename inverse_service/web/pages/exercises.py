@@ -27,10 +27,10 @@ from inverse_service.service.documents import text_page
 from inverse_service.service.jobs import model, tasks
 from inverse_service.web import clients
 from inverse_service.web.engine import Engine
-from inverse_service.web.pages import forms, preview, rendering, result_tasks, sheets, solve, typesetting, words
+from inverse_service.web.pages import WORDS, forms, preview, rendering, result_tasks, sheets, solve, typesetting
 
 router = APIRouter()
-ASKED: dict[str, tuple[str, str, str]] = words.TABLES["exercises"]
+ASKED: dict[str, tuple[str, str, str]] = WORDS["exercises"]
 FRICTION = "A Lagrangian with friction"  # the title of the example
 LATE = "Judging this takes longer than a page may. Try a shorter formula."
 

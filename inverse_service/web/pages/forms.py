@@ -15,7 +15,7 @@ from inverse_service.expressions import letters, notation
 from inverse_service.reading import document_names, reader
 from inverse_service.service.documents import plain_data, text_page
 from inverse_service.service.jobs import model, tasks
-from inverse_service.web.pages import typesetting, words
+from inverse_service.web.pages import WORDS, typesetting
 
 MAX_FIELDS = 120
 KINDS = ("equations", "nonholonomic")
@@ -35,7 +35,7 @@ _CHOICE = re.compile(r"(equations|lagrangian|constraints|parameters):(\d{1,4}):(
 _WORD = re.compile(r"(?:\\?\w+)?")
 _IDENTIFIER = re.compile(r"^\\?\w+")
 _LEFT_SIDE = re.compile(r"\s*(?:L|\\mathcal ?(?:L|\{L\}))\s*=(?!=)")
-FIELD_NAMES: dict[str, str] = words.TABLES["fields"]
+FIELD_NAMES: dict[str, str] = WORDS["fields"]
 # Fields with a box for each name.
 NAMED = ("parameters", "initial")
 # Characters of a long line that are shown on either side of the place.

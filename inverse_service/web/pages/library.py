@@ -20,7 +20,7 @@ from inverse_service.catalogue import atlas
 from inverse_service.reading.names import Names
 from inverse_service.service.documents import text_page
 from inverse_service.web import routes
-from inverse_service.web.pages import forms, rendering, typesetting, words
+from inverse_service.web.pages import WORDS, forms, rendering, typesetting
 from inverse_service.web.problems import Refusal
 
 router = APIRouter()
@@ -37,9 +37,9 @@ REFERENCE = re.compile(
     r"|github\.com/(?P<github>[\w./-]+)",
     re.I,
 )
-REFERRED: dict[str, str] = words.TABLES["references"]
-BODIES: list[tuple[str, str]] = words.TABLES["bodies"]
-PICTURES: list[str] = words.TABLES["pictures"]
+REFERRED: dict[str, str] = WORDS["references"]
+BODIES: list[tuple[str, str]] = WORDS["bodies"]
+PICTURES: list[str] = WORDS["pictures"]
 MOST_PICTURES = 20
 LONGEST_LINE = 120  # characters of the equations in a list
 

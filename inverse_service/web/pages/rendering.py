@@ -8,7 +8,6 @@ import html
 import importlib.util
 import io
 import re
-import sys
 from collections.abc import Iterable, Mapping
 from contextvars import ContextVar
 from dataclasses import dataclass
@@ -18,19 +17,16 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-import jinja2
-from jinja2 import BytecodeCache, Environment, PackageLoader, StrictUndefined
-from jinja2.bccache import Bucket
+from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 from starlette.requests import Request
 from starlette.responses import HTMLResponse, Response
 
 from inverse_service.expressions import letters
-from inverse_service.kernels.machine_code import code_store
 from inverse_service.service.jobs import tasks
 from inverse_service.service.scenes import prices
 from inverse_service.web import clients
-from inverse_service.web.pages import typesetting, words
+from inverse_service.web.pages import WORDS, typesetting
 from inverse_service.web.problems import Refusal
 
 TYPES = {"css": "text/css", "js": "text/javascript", "svg": "image/svg+xml", "png": "image/png", "woff2": "font/woff2"}
@@ -48,12 +44,10 @@ FOREVER = "public, max-age=31536000, immutable"
 THEMES = ("light", "dark")
 THEME_COOKIE = "theme"
 NAVIGATE = ("navigate", "")
-NAVIGATION: list[tuple[str, str]] = words.TABLES["navigation"]
+NAVIGATION: list[tuple[str, str]] = WORDS["navigation"]
 # Scripts and styles of our own files only; images of the figures are made on the page (blob:, data:).
 WORTH_COMPRESSING = 2_000
 OK, NOT_MODIFIED = 200, 304
-OPTIONS: dict[str, Any] = {"autoescape": True, "auto_reload": False, "trim_blocks": True, "lstrip_blocks": True}
-TEMPLATE = "template"
 
 
 @dataclass(frozen=True, slots=True)
@@ -189,34 +183,16 @@ POLICY = (
 )
 
 
-class CompiledTemplates(BytecodeCache):
-    """Templates as Python compiled them once, next to the program: filling one in takes a tenth of that time."""
-
-    def load_bytecode(self, bucket: Bucket) -> None:
-        """The code of a template, if it exists."""
-        found = code_store.read(_digest(bucket), TEMPLATE)
-        if found is not None:
-            bucket.bytecode_from_string(found[1])
-
-    def dump_bytecode(self, bucket: Bucket) -> None:
-        """Keep it."""
-        code_store.write(_digest(bucket), {}, bucket.bytecode_to_string(), TEMPLATE)
-
-
-def _digest(bucket: Bucket) -> str:
-    """Another text, other options, another jinja2 or another Python need other code."""
-    about = (bucket.key, bucket.checksum, repr(OPTIONS), jinja2.__version__, sys.implementation.cache_tag)
-    return hashlib.sha256("\x00".join(map(str, about)).encode()).hexdigest()
-
-
 @lru_cache(maxsize=1)
 def environment() -> Environment:
     """All templates; every value is escaped unless it is markup of our own."""
     found = Environment(
         loader=PackageLoader("inverse_service.web", "templates"),
-        bytecode_cache=CompiledTemplates(),
         undefined=StrictUndefined,
-        **OPTIONS,
+        autoescape=True,
+        auto_reload=False,
+        trim_blocks=True,
+        lstrip_blocks=True,
     )
     found.policies["json.dumps_kwargs"] = {"sort_keys": False}  # sliders stand in the order of the parameters
     shown = [(href, label) for href, label in NAVIGATION if href != "/simulate" or can_simulate()]

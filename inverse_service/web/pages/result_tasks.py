@@ -17,10 +17,10 @@ from starlette.responses import HTMLResponse
 
 from inverse_service import errors
 from inverse_service.decision.solutions import SolveOptions
-from inverse_service.service.documents import growing, latex_page, plain_data, text_page
+from inverse_service.service.documents import latex_page, plain_data, text_page
 from inverse_service.service.figures import views
 from inverse_service.service.jobs import model, opening, tasks
-from inverse_service.web.pages import forms, preview, rendering, sheets, simulations, words
+from inverse_service.web.pages import WORDS, forms, preview, rendering, sheets, simulations
 
 T = TypeVar("T")
 OFFER_TERMS = "Offer terms that L may contain, in \u201cAsk in detail\u201d: for example {}."
@@ -28,7 +28,7 @@ ONE_QUESTION = "Ask one question instead of two, in \u201cAsk in detail\u201d: L
 # Of a time limit; the remaining time is for the work after the search.
 MUCH_OF = 0.8
 LONG_RUN = "Run the system on your own computer: `inverse-service solve --time-limit 3600 system.json`"
-EXPORTS: dict[str, tuple[str, str]] = words.TABLES["exports"]
+EXPORTS: dict[str, tuple[str, str]] = WORDS["exports"]
 GLANCE = 3.0  # s of processor time; no one who is still typing waits longer
 
 
@@ -305,13 +305,12 @@ def glance_of(document: Mapping[str, Any]) -> dict[str, Any] | None:
 
     The work ends with the first L and H that the checker has confirmed.
     """
-    values: list[Mapping[str, Any]] = []
+    so_far: dict[str, Any] = {}
 
     def look(report: Any) -> None:
         if isinstance(report, str):  # a stage
             return
-        values.append(report["value"])
-        so_far = growing.merged(values)
+        so_far.update(report["value"])
         # With a domain there are other branches to come.
         is_whole = not (so_far.get("domain") or sheets.is_constrained(so_far))
         cases = sheets.sheet_of(so_far, brief=True).cases if is_whole else ()
@@ -321,6 +320,6 @@ def glance_of(document: Mapping[str, Any]) -> dict[str, Any] | None:
     try:
         found = tasks.solve_task(model.split_options(document)[0], SolveOptions(time_limit=GLANCE), look)
     except _Enough:
-        found = growing.merged(values)
+        found = so_far
     sheet = sheets.sheet_of(found, brief=True)
     return None if sheet.verdict == sheets.OPEN else {"sheet": sheet, "motion": preview.motion_of_result(found)}

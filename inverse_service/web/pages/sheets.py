@@ -16,7 +16,7 @@ from inverse_service.reading import reader
 from inverse_service.reading.names import Names
 from inverse_service.service.documents import canonical, growing, text_page
 from inverse_service.service.scenes import prices
-from inverse_service.web.pages import forms, typesetting, words
+from inverse_service.web.pages import WORDS, forms, typesetting
 
 ARROW = "\u2192"
 YES, NO, OPEN, DIFFERS = "yes", "no", "open", "differs"
@@ -28,17 +28,17 @@ MAX_STEPS = 200  # on a page; the whole is in the JSON
 LONGEST_MATRICES = 6_000  # characters of all matrices on a page: typeset they weigh 25 times that
 TENSORS = (("Phi", "<mi>Φ</mi>"), ("nabla_Phi", "<mi>∇</mi><mi>Φ</mi>"))
 CHECKED = "An independent checker verified the proof."
-DOUBTED = words.TABLES["doubted"]
+DOUBTED = WORDS["doubted"]
 QUESTIONS = frozenset(("existence", "existence_with_time"))
 SOUGHT = (("L", "lagrangian"), ("H", "hamiltonian"))
 MOST_SOUGHT = 3
-INSTEAD = words.TABLES["instead"]
-KIND_NAMES: dict[str, str] = words.TABLES["kinds"]
+INSTEAD = WORDS["instead"]
+KIND_NAMES: dict[str, str] = WORDS["kinds"]
 SEEKING = "Being decided"
-WORDS = {YES: "Yes", NO: "No", OPEN: "Undetermined"}
+ANSWERS = {YES: "Yes", NO: "No", OPEN: "Undetermined"}
 OF_OTHERS = ("Reduced", "Another clock")
-HINTS: dict[str, str] = words.TABLES["hints"]
-OWN: dict[str, tuple[str, str]] = words.TABLES["own"]
+HINTS: dict[str, str] = WORDS["hints"]
+OWN: dict[str, tuple[str, str]] = WORDS["own"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -464,7 +464,7 @@ def _more(result: Mapping[str, Any], names: Names) -> Iterable[Row]:
         told = Markup.escape(typesetting.capitalized(part.get("reason") or ""))
         if part.get("exceptions"):
             told += Markup(". " * bool(told)) + _general(part["exceptions"], result, names)
-        yield Row(KIND_NAMES.get(name, typesetting.capitalized(name)), told, verdict, WORDS[verdict], found)
+        yield Row(KIND_NAMES.get(name, typesetting.capitalized(name)), told, verdict, ANSWERS[verdict], found)
     if clock := result.get("with_clock"):
         yield _clock_row(clock, result, names)
     if cases := result.get("special_cases"):
@@ -487,7 +487,7 @@ def _row(
 ) -> Row:  # fmt: skip
     """The row of an answer: its verdict, its formulas, and its proof between other sentences."""
     found = _common((part.get("verdict"), part.get("verdict_with_time")))
-    word = "Yes, with t" if found == YES and part.get("verdict") != "variational" else WORDS[found]
+    word = "Yes, with t" if found == YES and part.get("verdict") != "variational" else ANSWERS[found]
     reason = [Markup.escape(typesetting.capitalized(part["reason"]))] if part.get("reason") else []
     domain = _listed((part.get("lagrangian") or {}).get("domain") or (), names)
     where = [Markup("L is defined where {}.").format(domain)] if domain else []
@@ -639,7 +639,7 @@ def _rows(
             after.append(Markup("L along the constraints depends on {}.").format(motion["freedom"]))
         row = _row("Any", "all associated systems at once", motion, result, names, after=after, is_main=True)
         if row.verdict == OPEN and _verdict_of_branch({}, result) == YES:  # one of those above is enough
-            row = replace(row, verdict=YES, word=WORDS[YES], steps=())
+            row = replace(row, verdict=YES, word=ANSWERS[YES], steps=())
         yield replace(row, word=SEEKING) if row.verdict == OPEN and "any_associated" in pending else row
     reduced = result.get("reduced")
     if not reduced:

@@ -3,25 +3,38 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from fractions import Fraction
 from functools import partial
+from itertools import chain, combinations, islice
 from typing import Any
 
 from fastapi import APIRouter
+from markupsafe import Markup
 from starlette.requests import Request
 from starlette.responses import HTMLResponse, JSONResponse, RedirectResponse, Response
 
 from inverse_service import catalogue, errors
+from inverse_service.deadline import now
+from inverse_service.expressions.tree import Expression, Symbol
 from inverse_service.reading import reader
+from inverse_service.reading.names import Names
 from inverse_service.service.documents import text_page
-from inverse_service.web.pages import forms, library, rendering, result_tasks, results, scene_form, solve
-from inverse_service.web.pages.forms import Form
-from inverse_service.web.pages.preview import preview_task, price_task
-from inverse_service.web.pages.scene_form import SceneForm
+from inverse_service.web.pages import WORDS, forms, library, preview, rendering, result_tasks, results, solve
+from inverse_service.web.pages.typesetting import formulas_of
 from inverse_service.web.problems import Refusal, known
 
 router = APIRouter()
+METHODS: list[tuple[str, str, str, bool]] = WORDS["methods"]
+OBSERVABLES: list[tuple[str, str, str]] = WORDS["observables"]
+EFFECTS: list[tuple[str, str]] = WORDS["effects"]
+TICKED_METHODS = ("variational", "nonholonomic", "exact")
+TICKED_OBSERVABLES = ("trajectory", "energy", "constraints")
+# Of use with constraints only.
+OF_CONSTRAINTS = ("nonholonomic", "modified", "constraints")
+PLANE = ("x", "y")
 CONSTRAINED = ("name", "coordinates", "lagrangian", "constraints", "parameters", "functions")
 FIRST_SYSTEM = "vertically-rolling-disk"
 WITHOUT_LAGRANGIAN = ("runge-kutta", "reference")
@@ -30,6 +43,9 @@ COMPARED: tuple[dict[str, Any], ...] = (
     {"method": "adaptive"}, {"method": "runge-kutta"}, {"method": "runge-kutta", "order": 8}, {"method": "reference"},
 )  # fmt: skip
 CALLS = {"simulate": "/v1/simulate", "work-precision": "/v1/work-precision"}
+SHARE = 0.8  # of the steps that a motion lasts
+LONGEST_TRIAL = 3.0  # s
+MOST_CHOICES = 100  # of velocities that are given
 # Where a document says it, and the field of the form that is about it.
 FIELDS = (
     ("/parameters/", "parameter."),
@@ -37,6 +53,293 @@ FIELDS = (
     ("/initial/positions/", "position."),
     ("/initial/velocities/", "velocity."),
 )
+
+
+# The form as data, and the Scene document that it is.
+
+
+@dataclass(frozen=True, slots=True)
+class SceneForm:
+    """Everything that the form shows, as texts.
+
+    `system` names a catalogue entry, `job` a result, `scene` a scene that was run before: the form is about one of
+    them. `further` are methods of that scene that the form has no fields for, with those that stay ticked first.
+    """
+
+    system: str = ""
+    job: str = ""
+    scene: str = ""
+    title: str = ""
+    coordinates: tuple[str, ...] = ()
+    parameters: Mapping[str, str] = field(default_factory=dict)
+    functions: Mapping[str, tuple[str, str]] = field(default_factory=dict)
+    positions: Mapping[str, str] = field(default_factory=dict)
+    velocities: Mapping[str, str] = field(default_factory=dict)
+    step: str = "0.05"
+    steps: str = "600"
+    methods: tuple[str, ...] = TICKED_METHODS
+    alphas: Mapping[str, str] = field(default_factory=dict)
+    observe: tuple[str, ...] = TICKED_OBSERVABLES
+    further: tuple[Mapping[str, Any], ...] = ()
+    kept: tuple[int, ...] = ()
+    # Parts of L that may be left out, with what they are; `effects` are those that act. Empty without a Lagrangian.
+    parts: tuple[tuple[str, str], ...] = ()
+    effects: tuple[str, ...] = ()
+    # L and the constraints, or the equations, typeset.
+    formulas: tuple[Markup, ...] = ()
+
+    def offers(self, name: str) -> bool:
+        """Whether a method or an observed quantity can mean something here; what is ticked is shown in any case."""
+        is_constrained = "constraints" in dict(self.parts)
+        return is_constrained or name not in OF_CONSTRAINTS or name in (*self.methods, *self.observe)
+
+
+def form_for(document: Mapping[str, Any], title: str, system: str = "", job: str = "", scene: str = "") -> SceneForm:
+    """The form for a system, filled so that it can be run as it is.
+
+    The velocities beyond the first two are left to the constraints, or zero where there are none.
+    """
+    coordinates = tuple(document["coordinates"])
+    has_constraints = bool(document.get("constraints"))
+    given = document.get("parameters") or []
+    parameters = given if isinstance(given, dict) else dict.fromkeys(given)
+    functions = {name: tuple(arguments) for name, arguments in (document.get("functions") or {}).items()}
+    has_plane = set(PLANE) <= set(coordinates) and "z" not in coordinates
+    return SceneForm(
+        system,
+        job,
+        scene,
+        title,
+        coordinates,
+        {name: str(value or "1") for name, value in parameters.items()},
+        {name: (f"{name}({', '.join(of)})", f"1 + {of[0]}^2/4") for name, of in functions.items()},
+        {name: "0.1" if place == 0 else "0" for place, name in enumerate(coordinates)},
+        {name: "1" if k < 2 else ("" if has_constraints else "0") for k, name in enumerate(coordinates)},
+        methods=TICKED_METHODS if has_constraints else ("variational", "reference"),
+        observe=(*TICKED_OBSERVABLES, *(("matching_circle",) if has_plane and has_constraints else ()))
+        if has_constraints
+        else ("trajectory", "energy"),
+        parts=parts_of(document),
+        effects=tuple(name for name, _ in parts_of(document)),
+        formulas=formulas_of(document),
+    )
+
+
+def parts_of(document: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:
+    """The effects that a system can have."""
+    if "lagrangian" not in document:
+        return ()
+    return tuple(effect for effect in EFFECTS if effect[0] != "constraints" or document.get("constraints"))
+
+
+def with_sent(form: SceneForm, sent: forms.Form) -> SceneForm:
+    """The form with the values that were sent."""
+
+    def texts(prefix: str, names: Mapping[str, Any]) -> dict[str, str]:
+        return {name: sent.text(f"{prefix}.{name}") for name in names}
+
+    return replace(
+        form,
+        parameters=texts("parameter", form.parameters),
+        functions={name: (label, sent.text(f"function.{name}")) for name, (label, _) in form.functions.items()},
+        positions=texts("position", form.positions),
+        velocities=texts("velocity", form.velocities),
+        step=sent.text("step"),
+        steps=sent.text("steps"),
+        methods=tuple(name for name, *_ in METHODS if name in sent.every("method")),
+        alphas={name: sent.text(f"alpha.{name}") for name, _, _, takes_alpha in METHODS if takes_alpha},
+        observe=tuple(name for name, *_ in OBSERVABLES if name in sent.every("observe")),
+        kept=tuple(k for k in range(len(form.further)) if str(k) in sent.every("further")),
+        effects=tuple(name for name, _ in form.parts if name in sent.every("effect")),
+    )
+
+
+def scene_document(form: SceneForm, system: Mapping[str, Any]) -> dict[str, Any]:
+    """The Scene document of a system; errors.InputError if nothing is ticked."""
+    if not form.methods and not form.kept:
+        raise errors.InputError("Tick at least one method.", "/methods")
+    if not form.steps.isdigit() or len(form.steps) > 12:
+        raise errors.InputError("The number of steps must be a positive integer.", "/steps")
+    scene: dict[str, Any] = {
+        "system": dict(system),
+        "parameters": dict(form.parameters),
+        "initial": {"positions": _filled(form.positions), "velocities": _filled(form.velocities)},
+        "step": form.step,
+        "steps": int(form.steps),
+        "methods": [*(_method(name, form.alphas) for name in form.methods), *(form.further[k] for k in form.kept)],
+        "observe": list(form.observe),
+    }
+    if form.title:
+        scene["name"] = form.title
+    if len(form.effects) < len(form.parts):
+        scene["effects"] = list(form.effects)
+    if form.functions:
+        scene["functions"] = {name: text for name, (_, text) in form.functions.items()}
+    return scene
+
+
+def _method(name: str, alphas: Mapping[str, str]) -> dict[str, Any]:
+    alpha = alphas.get(name, "")
+    return {"method": name, "alpha": alpha} if alpha else {"method": name}
+
+
+def _filled(values: Mapping[str, str]) -> dict[str, str]:
+    return {name: value for name, value in values.items() if value}
+
+
+def form_of_scene(form: SceneForm, scene: Mapping[str, Any]) -> SceneForm:
+    """The form filled with a scene that was run before."""
+    initial = scene.get("initial", {})
+    methods = [entry if isinstance(entry, dict) else {"method": entry} for entry in scene.get("methods", [])]
+    fitting = _fitting(methods)
+    further = tuple(entry for entry in methods if entry not in fitting.values())
+    positions, velocities = initial.get("positions", {}), initial.get("velocities") or {}
+    functions, values = scene.get("functions", {}), scene.get("parameters") or {}
+    parts = (*form.parts, *((name, "a term of the scene") for name in scene.get("terms") or {})) if form.parts else ()
+    return replace(
+        form,
+        title=scene.get("name") or form.title,
+        parameters={name: str(values.get(name, value)) for name, value in form.parameters.items()},
+        functions={name: (label, str(functions.get(name, text))) for name, (label, text) in form.functions.items()},
+        positions={name: str(positions.get(name, "")) for name in form.coordinates},
+        velocities={name: str(velocities.get(name, "")) for name in form.coordinates},
+        step=str(scene.get("step", form.step)),
+        steps=_steps(scene, form.steps),
+        methods=tuple(fitting),
+        alphas={name: str(entry["alpha"]) for name, entry in fitting.items() if entry.get("alpha") is not None},
+        observe=tuple(scene.get("observe", form.observe)),
+        further=further,
+        kept=tuple(range(len(further))),
+        parts=parts,
+        effects=tuple(name for name, _ in parts if name in scene.get("effects", dict(parts))),
+    )
+
+
+def changed_scene(base: Mapping[str, Any], scene: Mapping[str, Any]) -> dict[str, Any]:
+    """A scene that was run before with what the form says; what the form does not show stays."""
+    kept = {key: value for key, value in base.items() if key not in ("time", "steps", "effects")}
+    initial = dict(scene["initial"])
+    before = base.get("initial") or {}
+    if before.get("project"):
+        initial["project"] = True
+    if before.get("momenta") and not initial["velocities"]:
+        initial = {key: value for key, value in initial.items() if key != "velocities"} | {"momenta": before["momenta"]}
+    return kept | dict(scene) | {"initial": initial}
+
+
+def _fitting(methods: Sequence[Mapping[str, Any]]) -> dict[str, Mapping[str, Any]]:
+    """The methods that the form has a line for: the first of each name, with no settings but alpha."""
+    names, found = {name for name, *_ in METHODS}, {}
+    for entry in methods:
+        name = str(entry["method"])
+        if name in names and name not in found and set(entry) <= {"method", "alpha"}:
+            found[name] = entry
+    return found
+
+
+def _steps(scene: Mapping[str, Any], otherwise: str) -> str:
+    """The number of steps, computed from the length of time if the scene gives that."""
+    if scene.get("steps") is not None or scene.get("time") is None:
+        return str(scene.get("steps") or otherwise)
+    try:
+        return str(max(1, round(Fraction(str(scene["time"])) / Fraction(str(scene["step"])))))
+    except (ValueError, ZeroDivisionError, KeyError):
+        return otherwise
+
+
+# A start from which a system can be run.
+
+
+def with_good_start(
+    form: SceneForm, system: Mapping[str, Any], answer: Mapping[str, Any], further: Mapping[str, Any] | None = None
+) -> SceneForm:
+    """The form with the start that lasts longest, and as many steps as it lasts; `further` is part of its scene.
+
+    On the way the conditions of the domain of the answer's Lagrangian hold, its Hessian stays regular, and no wall of
+    the accelerations is passed. With constraints it is the first start from which all methods can begin.
+    """
+    from inverse_service.simulation.numeric_formulas import walls
+    from inverse_service.web.pages import starts
+
+    domain = (answer.get("lagrangian") or {}).get("domain", ())
+    form = _with_velocities_that_fit(form, system)
+    try:
+        scene, found = preview.accelerations_of(scene_document(form, system))
+        names = Names(scene.coordinates, tuple(scene.values))
+        watched = tuple(reader.read_condition(condition, names) for condition in domain)
+        hessian = tuple(reader.read_formula(text, names) for line in answer.get("multiplier") or () for text in line)
+    except errors.InputError:
+        return form
+    if scene.constraints:
+        return _where_all_methods_begin(form, system, further or {})
+    if found is None:
+        return form
+    moving: set[Expression] = {Symbol(name) for name in scene.coordinates}
+    watched += tuple(dict.fromkeys(wall for tree in found for wall in walls(tree, moving)))
+    q, v = starts.every_start(len(scene.coordinates))
+    steps_lasted, evenness, _ = starts.lasted(scene, (*found, *watched), hessian, q, v, int(form.steps))
+    best = int((steps_lasted + evenness).argmax())
+    if not steps_lasted[best]:
+        return form
+    whole = steps_lasted[best] == int(form.steps)
+    steps = int(form.steps) if whole else max(1, int(SHARE * steps_lasted[best]))
+    return _as_long_as_it_runs(
+        replace(
+            form,
+            positions=_texts(scene.coordinates, q[best]),
+            velocities=_texts(scene.coordinates, v[best]),
+            steps=str(steps),
+        ),
+        system,
+    )
+
+
+def _with_velocities_that_fit(form: SceneForm, system: Mapping[str, Any]) -> SceneForm:
+    """The form with the first choice of velocities from which the constraints determine those left empty."""
+    if all(form.velocities.values()):
+        return form
+    names, most = form.coordinates, len(form.coordinates) - 1
+    chosen = (given for size in range(most, 0, -1) for given in combinations(names, size))
+    choices = (replace(form, velocities={name: "1" if name in given else "" for name in names}) for given in chosen)
+    for tried in islice(chain((form,), choices), MOST_CHOICES):
+        with suppress(errors.InputError):
+            preview.accelerations_of(scene_document(tried, system))
+            return tried
+    return form
+
+
+def _texts(names: Sequence[str], values: Iterable[float]) -> dict[str, str]:
+    return {name: f"{value or 0:g}" for name, value in zip(names, values, strict=True)}
+
+
+def _where_all_methods_begin(form: SceneForm, system: Mapping[str, Any], further: Mapping[str, Any]) -> SceneForm:
+    """The form at the first of some places at which each ticked method begins; as it is where there is none."""
+    from inverse_service.service.scenes.simulating import simulate
+    from inverse_service.web.pages.starts import every_start
+
+    places = [_texts(form.coordinates, place) for place in every_start(len(form.coordinates))[0]]
+    end = now() + LONGEST_TRIAL
+    for positions in (form.positions, *places):
+        if now() > end:
+            break
+        tried = replace(form, positions=positions, steps="1")
+        methods = simulate({**scene_document(tried, system), **further}, time_limit=LONGEST_TRIAL)["methods"]
+        if not {"unavailable", "off_domain"} & {method["outcome"] for method in methods}:
+            return replace(form, positions=positions)
+    return form
+
+
+def _as_long_as_it_runs(form: SceneForm, system: Mapping[str, Any]) -> SceneForm:
+    """The form with fewer steps where a method ends before the motion does: its steps are tried."""
+    from inverse_service.service.scenes.simulating import simulate
+
+    methods = simulate(scene_document(form, system), time_limit=LONGEST_TRIAL)["methods"]
+    # What a busy machine does not finish says nothing about the motion.
+    ended = [m["steps"] for m in methods if m["outcome"] not in ("completed", "unavailable", "cancelled")]
+    return replace(form, steps=str(max(1, int(SHARE * min(ended))))) if ended else form
+
+
+# The pages.
 
 
 @router.get("/simulate")
@@ -48,7 +351,7 @@ async def form(request: Request) -> HTMLResponse:
     found, _ = await _empty_form(request, query.get("system", FIRST_SYSTEM), query.get("job", ""))
     if "step" in query:  # a scene in the address, before it is run
         fields = {name: tuple(query.getlist(name)) for name in query}
-        found = scene_form.with_sent(found, Form(fields))
+        found = with_sent(found, forms.Form(fields))
     return simulate_page(found)
 
 
@@ -58,9 +361,9 @@ async def run(request: Request) -> Response:
     sent = await results.read_form(request)
     filled, base = await _sent_form(request, sent)
     try:
-        scene = scene_form.changed_scene(base, scene_form.scene_document(filled, base["system"]))
+        scene = changed_scene(base, scene_document(filled, base["system"]))
         # A value that cannot be read is reported next to its field, and no job is created.
-        outcome = await results.quick(request, preview_task, scene)
+        outcome = await results.quick(request, preview.preview_task, scene)
         if outcome.places:
             raise errors.DocumentRefused(tuple(outcome.places))
     except errors.InputError as error:
@@ -83,15 +386,15 @@ def field_of(pointer: str) -> str:
 
 
 @router.post("/simulate/preview")
-async def preview(request: Request) -> Response:
+async def moving(request: Request) -> Response:
     """The formulas and the start of the current form, for the script that animates them."""
-    return await _of_form(request, preview_task)
+    return await _of_form(request, preview.preview_task)
 
 
 @router.post("/simulate/price")
 async def price(request: Request) -> Response:
     """The cost of a step of the form."""
-    return await _of_form(request, price_task)
+    return await _of_form(request, preview.price_task)
 
 
 async def _of_form(request: Request, task: Callable[[Mapping[str, Any]], dict[str, Any]]) -> Response:
@@ -99,7 +402,7 @@ async def _of_form(request: Request, task: Callable[[Mapping[str, Any]], dict[st
     sent = await results.read_form(request)
     form, base = await _sent_form(request, sent)
     try:
-        scene = scene_form.changed_scene(base, scene_form.scene_document(form, base["system"]))
+        scene = changed_scene(base, scene_document(form, base["system"]))
         outcome = await results.quick(request, task, scene)
         found = outcome.value if outcome.status == "done" else _told(outcome.places)
     except errors.InputError as error:
@@ -113,13 +416,13 @@ def _told(places: Sequence[errors.Place]) -> dict[str, Any]:
     return {"reason": " ".join(faults.values()), "faults": {name: said for name, said in faults.items() if name}}
 
 
-async def _sent_form(request: Request, sent: Form) -> tuple[SceneForm, dict[str, Any]]:
+async def _sent_form(request: Request, sent: forms.Form) -> tuple[SceneForm, dict[str, Any]]:
     """The form as sent, and the base of its scenes."""
     if sent.text("scene"):
         empty, base = await _form_of_scene(request, sent.text("scene"))
     else:
         empty, base = await _empty_form(request, sent.text("system"), sent.text("job"))
-    return scene_form.with_sent(empty, sent), base
+    return with_sent(empty, sent), base
 
 
 def simulate_page(form: SceneForm, problem: forms.Problem | None = None, status: int = 200) -> HTMLResponse:
@@ -132,8 +435,8 @@ def simulate_page(form: SceneForm, problem: forms.Problem | None = None, status:
         form=form,
         body=library.body_of(form.system),
         systems=systems,
-        methods=scene_form.METHODS,
-        observables=scene_form.OBSERVABLES,
+        methods=METHODS,
+        observables=OBSERVABLES,
         problem=problem,
         faults={field_of(place.pointer): place.detail for place in problem or ()},
     )
@@ -158,8 +461,6 @@ def _form_of_result(result: Mapping[str, Any], job: str) -> tuple[SceneForm, dic
     given = (result.get("system") or {}).get("given")
     if not given:
         return None
-    from inverse_service.web.pages import starts  # which needs the extras of simulations
-
     answer: Mapping[str, Any] = {}
     found, is_forward = dict[str, str](), "verdict" not in result
     if result.get("nonholonomic") or is_forward:
@@ -173,7 +474,7 @@ def _form_of_result(result: Mapping[str, Any], job: str) -> tuple[SceneForm, dic
     else:
         system = {"result": result}
         answer = next((one for one, _ in text_page.answers_of(result, result) if one["lagrangian"]), answer)
-    form = starts.with_good_start(form_of_system(system, job=job), system, answer, found)
+    form = with_good_start(form_of_system(system, job=job), system, answer, found)
     return form, {"system": system, **found}
 
 
@@ -181,18 +482,18 @@ def form_of_system(system: Mapping[str, Any], **address: str) -> SceneForm:
     """The form for a scene's `system`: an entry of the catalogue, a document, a result, or a system written out."""
     if "catalogue" in system:
         name = system["catalogue"]
-        return scene_form.form_for(solve.example_document(name), catalogue.entry(name)["title"], system=name, **address)
+        return form_for(solve.example_document(name), catalogue.entry(name)["title"], system=name, **address)
     if "result" in system:
         shown = system["result"]["system"]
         kept = ("coordinates", "parameters", "functions", "equations")
         solved = {key: shown[key] for key in kept if key in shown}
         unsolved = any(reader.has_acceleration(text) for text in shown.get("equations", {}).values())
-        form = scene_form.form_for(shown["given"] if unsolved else solved, shown["name"] or "", **address)
+        form = form_for(shown["given"] if unsolved else solved, shown["name"] or "", **address)
         answers = (system["result"], system["result"].get("with_time") or {})
         # Without a Lagrangian there is nothing to discretize but the equations.
         return form if any(a.get("lagrangian") for a in answers) else replace(form, methods=WITHOUT_LAGRANGIAN)
     document = system.get("document", system)
-    return scene_form.form_for(document, document.get("name") or "", **address)
+    return form_for(document, document.get("name") or "", **address)
 
 
 async def _form_of_scene(request: Request, identifier: str) -> tuple[SceneForm, dict[str, Any]]:
@@ -204,4 +505,4 @@ async def _form_of_scene(request: Request, identifier: str) -> tuple[SceneForm, 
         empty = form_of_system(scene["system"], scene=identifier)
     except (AttributeError, KeyError, TypeError, ValueError):
         raise Refusal(422, "bad-input", "This scene names no coordinates; change its document instead.") from None
-    return scene_form.form_of_scene(empty, scene), scene
+    return form_of_scene(empty, scene), scene

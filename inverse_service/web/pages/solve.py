@@ -15,11 +15,11 @@ from api_schemas import base
 from inverse_service import catalogue, errors
 from inverse_service.web import clients
 from inverse_service.web.engine import LONG_DEADLINE, QUICK_DEADLINE, Engine
-from inverse_service.web.pages import forms, rendering, result_tasks, results, sheets, words
+from inverse_service.web.pages import WORDS, forms, rendering, result_tasks, results, sheets
 from inverse_service.web.problems import Refusal
 
 router = APIRouter()
-EXAMPLES: list[dict[str, Any]] = words.TABLES["examples"]
+EXAMPLES: list[dict[str, Any]] = WORDS["examples"]
 FROM_LAGRANGIAN = "m/2*(x'^2 + y'^2) - k/2*(x^2 + y^2)"
 FIRST_NONHOLONOMIC = "nonholonomic-particle"
 AT_ONCE = 0.1  # s

@@ -1,10 +1,7 @@
-"""Starts from which a system can be run; the picture of an answer as a file, for pages without scripts and links."""
+"""Motions from several starts, how long each lasts, and one as a picture file, for pages without scripts and links."""
 
 import io
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
-from dataclasses import replace
-from itertools import chain, combinations, islice
 from types import SimpleNamespace
 from typing import Any
 
@@ -12,16 +9,11 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
-from inverse_service.deadline import now
 from inverse_service.errors import InputError
-from inverse_service.expressions.tree import Expression, Symbol
+from inverse_service.expressions.tree import Expression
 from inverse_service.integrators.trajectory import Array
-from inverse_service.reading.names import Names
-from inverse_service.reading.reader import read_condition, read_formula
-from inverse_service.service.scenes.simulating import simulate
-from inverse_service.simulation.numeric_formulas import array_value, table_of, walls
-from inverse_service.web.pages.preview import accelerations_of, moving_of
-from inverse_service.web.pages.scene_form import SceneForm, scene_document
+from inverse_service.simulation.numeric_formulas import array_value, table_of
+from inverse_service.web.pages.preview import moving_of
 
 # Positions and velocities of the first coordinates; the last of each serves for all later ones.
 STARTS = (
@@ -36,100 +28,16 @@ STARTS = (
 LARGEST = 50.0  # of accelerations and of places
 NEAR = 0.02  # a condition of the domain that comes closer to zero
 LEAST_PART = 0.1  # of the determinant of the Hessian at the start
-SHARE = 0.8
-LONGEST_TRIAL = 3.0  # s
-MOST_CHOICES = 100  # of velocities that are given
 STEPS, STEP = 500, 0.04
 ACCENT, SOFT, PAPER = "#1b4f8f", "#565f70", "#fbfaf6"
 SIZES = {"svg": (4.1, 3.85), "png": (6.0, 3.15)}  # in inches; a shared link shows 1200 x 630 pixels
 RESOLUTION = 200
 
 
-def with_good_start(
-    form: SceneForm, system: Mapping[str, Any], answer: Mapping[str, Any], further: Mapping[str, Any] | None = None
-) -> SceneForm:
-    """The form with the start that lasts longest, and as many steps as it lasts; `further` is part of its scene.
-
-    On the way the conditions of the domain of the answer's Lagrangian hold, its Hessian stays regular, and no wall of
-    the accelerations is passed. With constraints it is the first start from which all methods can begin.
-    """
-    domain = (answer.get("lagrangian") or {}).get("domain", ())
-    form = _with_velocities_that_fit(form, system)
-    try:
-        scene, found = accelerations_of(scene_document(form, system))
-        names = Names(scene.coordinates, tuple(scene.values))
-        watched = tuple(read_condition(condition, names) for condition in domain)
-        hessian = tuple(read_formula(text, names) for line in answer.get("multiplier") or () for text in line)
-    except InputError:
-        return form
-    if scene.constraints:
-        return _where_all_methods_begin(form, system, further or {})
-    if found is None:
-        return form
-    moving: set[Expression] = {Symbol(name) for name in scene.coordinates}
-    watched += tuple(dict.fromkeys(wall for tree in found for wall in walls(tree, moving)))
-    q, v = every_start(len(scene.coordinates))
-    steps_lasted, evenness, _ = lasted(scene, (*found, *watched), hessian, q, v, int(form.steps))
-    best = int(np.argmax(steps_lasted + evenness))
-    if not steps_lasted[best]:
-        return form
-    whole = steps_lasted[best] == int(form.steps)
-    steps = int(form.steps) if whole else max(1, int(SHARE * steps_lasted[best]))
-    return _as_long_as_it_runs(
-        replace(
-            form,
-            positions=_texts(scene.coordinates, q[best]),
-            velocities=_texts(scene.coordinates, v[best]),
-            steps=str(steps),
-        ),
-        system,
-    )
-
-
-def _with_velocities_that_fit(form: SceneForm, system: Mapping[str, Any]) -> SceneForm:
-    """The form with the first choice of velocities from which the constraints determine those left empty."""
-    if all(form.velocities.values()):
-        return form
-    names, most = form.coordinates, len(form.coordinates) - 1
-    chosen = (given for size in range(most, 0, -1) for given in combinations(names, size))
-    choices = (replace(form, velocities={name: "1" if name in given else "" for name in names}) for given in chosen)
-    for tried in islice(chain((form,), choices), MOST_CHOICES):
-        with suppress(InputError):
-            accelerations_of(scene_document(tried, system))
-            return tried
-    return form
-
-
-def _where_all_methods_begin(form: SceneForm, system: Mapping[str, Any], further: Mapping[str, Any]) -> SceneForm:
-    """The form at the first of some places at which each ticked method begins; as it is where there is none."""
-    places = [_texts(form.coordinates, place) for place in every_start(len(form.coordinates))[0]]
-    end = now() + LONGEST_TRIAL
-    for positions in (form.positions, *places):
-        if now() > end:
-            break
-        tried = replace(form, positions=positions, steps="1")
-        methods = simulate({**scene_document(tried, system), **further}, time_limit=LONGEST_TRIAL)["methods"]
-        if not {"unavailable", "off_domain"} & {method["outcome"] for method in methods}:
-            return replace(form, positions=positions)
-    return form
-
-
-def _as_long_as_it_runs(form: SceneForm, system: Mapping[str, Any]) -> SceneForm:
-    """The form with fewer steps where a method ends before the motion does: its steps are tried."""
-    methods = simulate(scene_document(form, system), time_limit=LONGEST_TRIAL)["methods"]
-    # What a busy machine does not finish says nothing about the motion.
-    ended = [m["steps"] for m in methods if m["outcome"] not in ("completed", "unavailable", "cancelled")]
-    return replace(form, steps=str(max(1, int(SHARE * min(ended))))) if ended else form
-
-
 def every_start(n: int) -> Array:
     """Positions and velocities (2, m, n) of all starts."""
     return np.array([[[part[min(k, len(part) - 1)] for k in range(n)] for part in parts]
                      for parts in zip(*STARTS, strict=True)])  # fmt: skip
-
-
-def _texts(names: Sequence[str], values: Array) -> dict[str, str]:
-    return {name: f"{value or 0:g}" for name, value in zip(names, values, strict=True)}
 
 
 @np.errstate(all="ignore")
