@@ -21,7 +21,6 @@ UNBROKEN = 48
 SIGNS = {"-": "\u2212", "!=": "≠", ">=": "≥", "<=": "≤"}
 RELATIONS = ("!=", ">=", "<=", "=", ">", "<")
 _RELATION = re.compile(r" (!=|>=|<=|=|>|<) ")
-_BRACKETED = re.compile(r"\(((?:nabla )?Phi)\)(?=[_^])")
 _FENCE = re.compile(r"<mo>[()]</mo>")
 _TALL = re.compile(r"<(?:mfrac|msqrt|mtable)")
 # An invisible product sign with a little room, so that R sin x does not read Rsin x.
@@ -182,7 +181,7 @@ def _side_mathml(side: str, names: Names) -> str:
 
 def _theory(text: str) -> str:
     """The notation of the theory; dL/dx' is a fraction."""
-    text = _BRACKETED.sub(r"\1", text)
+    text = notation.BRACKETED.sub(r"\1", text)
     found: list[str] = []
     place = 0
     for match in notation.SLOPE.finditer(text):
