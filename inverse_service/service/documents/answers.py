@@ -3,6 +3,7 @@
 import dataclasses
 import json
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 from api_schemas import base
@@ -14,33 +15,12 @@ from inverse_service.service.jobs.tasks import Outcome, value_of
 
 UNDERSTAND_DEADLINE = 2.0
 PREFIX = "urn:inverse-service:problem:"
-TITLES = {
-    400: "The document cannot be read",
-    401: "A key is needed",
-    404: "Not found",
-    405: "Method not allowed",
-    410: "The job was dismissed",
-    413: "The body is too large",
-    415: "Unsupported content type",
-    421: "Another host is meant",
-    422: "The document cannot be accepted",
-    429: "Too many requests",
-    431: "The header is too large",
-    500: "Internal error",
-    503: "The service is busy",
-}
+# The title of each status; how a task ended without a value, as status and kind of its problem, what happened, and what
+# to do. All other ends are faults.
+_WORDS = json.loads((Path(__file__).parent / "problems.json").read_text("utf-8"))
+TITLES: dict[int, str] = {int(status): title for status, title in _WORDS["titles"].items()}
+ENDS: dict[str, tuple[int, str, str, str]] = _WORDS["ends"]
 FAULT = "this is an error in the program"
-# How a task ended without a value: status and kind of its problem, what happened, what to do. All others are faults.
-ENDS = {
-    "deadline": (422, "time-limit", "The time limit of {time:g} s was reached",
-                 "simplify the request, or raise the limit"),
-    "memory": (422, "memory-limit", "The memory limit of {memory} MiB was reached", "simplify the request"),
-    "killed": (422, "memory-limit", "The worker process was killed repeatedly, probably for lack of memory",
-               "simplify the request"),
-    "crash": (500, "fault", "The worker process died repeatedly", FAULT),
-    "cancelled": (410, "dismissed", "The job was dismissed", ""),
-    "unstarted": (503, "not-ready", "No worker process could be started for a long time", "submit the request again"),
-}  # fmt: skip
 
 
 def with_understood(outcome: Outcome, understood: Outcome) -> Outcome:
