@@ -80,8 +80,7 @@ def asked(
         return {"equations": list(system)} | given, None
     from inverse_service.sympy.from_sympy import read
 
-    found = read(system, coordinates, velocities, time, questions)
-    return found.document, found.names
+    return read(system, coordinates, velocities, time, questions)
 
 
 def _is_misspelt(key: str) -> bool:
@@ -142,8 +141,8 @@ def nonholonomic(
     from inverse_service import solve as solve_document
     from inverse_service.sympy.from_sympy import read_constrained
 
-    found = read_constrained(lagrangian, constraints, coordinates, questions)
-    return result_of(solve_document(found.document, time_limit=time_limit, seed=seed), found.names)
+    document, names = read_constrained(lagrangian, constraints, coordinates, questions)
+    return result_of(solve_document(document, time_limit=time_limit, seed=seed), names)
 
 
 def helmholtz(system: Any, coordinates: Sequence[Any] | None = None, **keys: Any) -> Conditions:

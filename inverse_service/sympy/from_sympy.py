@@ -314,12 +314,8 @@ def relation(text: str, table: Table) -> Any:
     return sympy.Symbol(text)
 
 
-@dataclass(frozen=True)
-class Reading:
-    """The document that is asked, and the objects of its names."""
-
-    document: dict[str, Any]
-    names: Table
+# The document that is asked, and the objects of its names.
+Meant = tuple[dict[str, Any], Table]
 
 
 @dataclass(frozen=True)
@@ -344,7 +340,7 @@ def read(
     velocities: Mapping[Any, Any] | None,
     time: Any,
     questions: Mapping[str, Any],
-) -> Reading:
+) -> Meant:
     """The document of a system; InputError if it is ambiguous."""
     if hasattr(system, "form_lagranges_equations"):
         if len(system.coneqs) and system.forcelist:
@@ -368,12 +364,12 @@ def read(
         return {"equations": dict(zip((table_name(table, x) for x in given.accelerations), texts, strict=True))}
 
     found = _reading(given, equations, questions)
-    return _of_pairs(found, given) if given.pairs else found
+    return _of_pairs(*found, given) if given.pairs else found
 
 
 def _reading(
     given: _Given, keys: Callable[[Table, Sequence[str]], dict[str, Any]], questions: Mapping[str, Any]
-) -> Reading:
+) -> Meant:
     """The document with these keys of the texts of what is given; terms of an ansatz may be expressions."""
     table, leaves = _names(given)
 
@@ -391,7 +387,7 @@ def _reading(
     found |= {key: value for key, value in questions.items() if value is not None}
     if "ansatz" in found:
         found["ansatz"] = list(map(text, found["ansatz"]))
-    return Reading(found, table)
+    return found, table
 
 
 def _moved(key: Any) -> Any:
@@ -409,7 +405,7 @@ def _lagrangian(system: Any) -> Any:
     return system if orders == {1} else None
 
 
-def _forward(lagrangian: Any, coordinates: Sequence[Any] | None, time: Any, questions: Mapping[str, Any]) -> Reading:
+def _forward(lagrangian: Any, coordinates: Sequence[Any] | None, time: Any, questions: Mapping[str, Any]) -> Meant:
     """The document that asks for the equations of motion of a Lagrangian."""
     zeros = (_expression(lagrangian),)
     time = time or _found_time(zeros)
@@ -417,13 +413,13 @@ def _forward(lagrangian: Any, coordinates: Sequence[Any] | None, time: Any, ques
     return _reading(given, lambda _, texts: {"lagrangian": texts[0]}, questions)
 
 
-def _of_pairs(found: Reading, given: _Given) -> Reading:
+def _of_pairs(document: Mapping[str, Any], table: Table, given: _Given) -> Meant:
     """The document of first-order equations x' = h, p' = F, and the objects of the x that its reader chooses."""
-    table, named = found.names, [table_name(found.names, each) for each in given.preferred]
-    whole = {key: value for key, value in found.document.items() if key != "coordinates"}
+    named = [table_name(table, each) for each in given.preferred]
+    whole = {key: value for key, value in document.items() if key != "coordinates"}
     whole |= {"coordinates": named} if named else {}
     chosen = _system_of(whole)[1].coordinates
-    return Reading(whole, replace(table, coordinates={name: table.coordinates[name] for name in chosen}))
+    return whole, replace(table, coordinates={name: table.coordinates[name] for name in chosen})
 
 
 def _system_of(document: Mapping[str, Any]) -> tuple[accepting.Prepared, SecondOrderSystem]:
@@ -437,7 +433,7 @@ def _system_of(document: Mapping[str, Any]) -> tuple[accepting.Prepared, SecondO
 
 def read_constrained(
     lagrangian: Any, constraints: Sequence[Any], coordinates: Sequence[Any] | None, questions: Mapping[str, Any]
-) -> Reading:
+) -> Meant:
     """The document of a Lagrangian with constraints; all of them may be expressions that are zero, or equations."""
     zeros = (_expression(lagrangian), *map(_zero, constraints))
     coordinates = coordinates or _moving(zeros, _found_time(zeros), 1)
@@ -450,7 +446,7 @@ def table_name(table: Table, found: Any) -> str:
     return next(name for name, each in table.coordinates.items() if each == found)
 
 
-def _of_kane(method: Any, questions: Mapping[str, Any]) -> Reading:
+def _of_kane(method: Any, questions: Mapping[str, Any]) -> Meant:
     """Kane's equations M(q, u) u' = F(q, u), with the speeds u(q, q') that follow from q' = h(q, u)."""
     if len(method.u) != len(method.q):
         raise InputError("This KanesMethod has fewer speeds than coordinates: use nonholonomic(L, constraints, q).")

@@ -197,25 +197,12 @@ def plot_of(curves: Sequence[Curve], width: int, height: int) -> Plot:
 def _labels(
     ends: Sequence[tuple[float, float]], names: Sequence[str], right: float, top: float
 ) -> tuple[list[tuple[float, float, str]], list[str]]:
-    """The names next to the ends of the curves, or in the margin where an end is near it, moved off each other."""
-    taken: list[tuple[float, float, float]] = []
-    placed: dict[int, tuple[float, float, str]] = {}
-    leaders = [""] * len(ends)
+    """The names in the margin, each moved down where it would lie on the one above, and lines to them from the ends."""
+    heights, lowest = dict[int, float](), top - LINE
     for k in sorted(range(len(ends)), key=lambda k: ends[k][1]):
-        x, y = ends[k]
-        length = CHARACTER * len(names[k])
-        start = right + 8 if x + length / 2 > right - 60 else x + 8
-        shifts = sorted((LINE / 3 * n for n in range(-60, 61)), key=abs)
-        shift = next(
-            shift for shift in shifts
-            if y + shift >= top
-            and all(abs(y + shift - b) >= LINE or start > a + reach or start + length < a for a, b, reach in taken)
-        )  # fmt: skip
-        taken.append((start, y + shift, length))
-        placed[k] = (start, round(y + shift, 1), names[k])
-        if shift or start - x > 20:
-            leaders[k] = f"M{x + 2} {y}L{start - 3} {round(y + shift, 1)}"
-    return [placed[k] for k in range(len(ends))], leaders
+        lowest = heights[k] = round(max(ends[k][1], lowest + LINE), 1)
+    labels = [(right + 8, heights[k], name) for k, name in enumerate(names)]
+    return labels, [f"M{x + 2} {y}L{right + 5} {heights[k]}" for k, (x, y) in enumerate(ends)]
 
 
 def table_of(result: Mapping[str, Any]) -> list[tuple[Any, ...]]:
