@@ -25,8 +25,8 @@ _SIGNS = {"-": "\u2212", "*": "\u2062", "!=": "≠", ">=": "≥", "<=": "≤"}
 _LATEX_SIGNS = {"*": " ", "\u2026": r"\dots", "!=": r"\neq ", ">=": r"\geq ", "<=": r"\leq "}
 # dL/dx' in a sentence: L, x, an index such as that of v^i, primes.
 SLOPE = re.compile(r"(?<![A-Za-z])d([LHFDTf])/d([A-Za-z][A-Za-z0-9_]*)(?:\^(\w))?('{0,2})")
-# Brackets around the name of a tensor with an index, as in (nabla Phi)_12.
-BRACKETED = re.compile(r"\(((?:nabla )?Phi)\)(?=[_^])")
+# Brackets around the name of a tensor with an index, as in (nabla Phi)_12 and (nabla^2 Phi)^1_1.
+BRACKETED = re.compile(r"\(((?:nabla(?:\^\d+)? )?Phi)\)(?=[_^])")
 # The symbol of the multiplier: g, unless the system uses that name.
 MULTIPLIER: ContextVar[str] = ContextVar("multiplier", default="g")
 # Between the sides of a proposition.
