@@ -13,8 +13,8 @@ partial derivatives. The text is a small part of what `reader.py` reads:
               | "diff(" name "(" name {", " name} "), " name {", " name} ")"
               | name "[" integer {"," integer} "](" formula {", " formula} ")"
 
-`sqrt` is the only function besides those of `functions.py` and the declared ones; integers have no sign; rational
-numbers are written as quotients. A'(u) is the derivative of a declared function of one argument; for several,
+`sqrt` and `sign` are the only functions besides those of `functions.py` and the declared ones; integers have no sign;
+rational numbers are written as quotients. A'(u) is the derivative of a declared function of one argument; for several,
 diff(B(x, y), x) where the arguments are different names, else B[1,0](u, w), with the order of the derivative in each
 argument.
 """
@@ -85,13 +85,22 @@ def ratio(expression: ex.Expression) -> Ratio:
     parts = _Parts()
     _collect(expression, False, parts)
     coefficient = abs(parts.coefficient)
-    return Ratio(
-        parts.coefficient < 0,
-        coefficient.numerator,
-        coefficient.denominator,
-        _gather(parts.numerators),
-        _gather(parts.denominators),
-    )
+    above, below = _with_signs(_gather(parts.numerators), _gather(parts.denominators))
+    return Ratio(parts.coefficient < 0, coefficient.numerator, coefficient.denominator, above, below)
+
+
+def _with_signs(
+    above: tuple[ex.Expression, ...], below: tuple[ex.Expression, ...]
+) -> tuple[tuple[ex.Expression, ...], tuple[ex.Expression, ...]]:
+    """sign(u) for u/sqrt(u^2)."""
+    kept: list[ex.Expression] = []
+    for factor in below:
+        match factor:
+            case ex.Power(ex.Power(base, ex.TWO), ex.HALF) if base in above:
+                above = tuple(ex.Apply("sign", base) if other == base else other for other in above)
+            case _:
+                kept.append(factor)
+    return above, tuple(kept)
 
 
 def _collect(expression: ex.Expression, inverse: bool, parts: _Parts) -> None:

@@ -653,10 +653,11 @@ def _constraints(constraints: Sequence[str] | str, names: Names, most: int) -> l
         with placed_at(pointer):
             pairs = read_equations(text, replace(names, forms=True))
         for left, right in pairs:
+            tree = substitute(left - right, dict(names.definitions))
             if len(pairs) == 1:
-                _refuse_holonomic(left - right, names, text, pointer, len(found) + 1)
-            tree = _multiplied_out(substitute(left - right, dict(names.definitions)))
-            found.append(_smooth(without_accelerations(tree, f"constraint {len(found) + 1}", pointer), pointer))
+                _refuse_holonomic(tree, names, text, pointer, len(found) + 1)
+            tree = without_accelerations(_multiplied_out(tree), f"constraint {len(found) + 1}", pointer)
+            found.append(_smooth(tree, pointer))
     if not found:
         raise InputError(
             "there are no constraints: give at least one, or send the equations of motion as a system.", "/constraints"

@@ -16,7 +16,7 @@ from inverse_service.expressions import derivative, refusals, tree as ex
 from inverse_service.mechanics import implicit_equations
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading import document_names, reader
-from inverse_service.reading.names import Names, check_clashes, escaped, is_momentum
+from inverse_service.reading.names import GREEK_NAMES, Names, check_clashes, escaped, is_momentum
 from inverse_service.reading.tokens import Token, at, spelled, walk
 
 MOST_PAIRS = 3  # of which every half is tried
@@ -28,10 +28,12 @@ Equations = Mapping[str, str] | Sequence[str] | str
 _EQUAL = re.compile("(?<![<>])=")  # and not a condition of a piece
 _Equation = tuple[ex.Expression, ex.Expression, str]  # left side, right side, pointer
 _Others = tuple[tuple[str, ex.Expression], ...]
-_DERIVATIVE = re.compile(r"_(\w)\1$|^dd?[a-z]")  # y_xx, dxdt: derivatives to the writer
+# y_xx, dxdt, dtheta: derivatives to the writer; delta and damping are names
+_DERIVATIVE = re.compile(rf"_(\w)\1$|^dd?(?:[a-z]|{'|'.join(GREEK_NAMES)})_?\d*(?:dt)?$|^diff$")
 _ACCELERATION = re.compile(r"([a-z]\w*?)_?(?:dd|pp)|dd([a-z]\w*)|[dD]2([a-z]\w*?)(?:dt2)?")  # xdd, ddx, d2x, d2xdt2
 DEFINITION = "a definition"
 ROOT = ", of the positive root"
+_DEFINES = re.compile(r"(:?==?|\\[a-z]+|.)")
 _END_OF_TEXT = re.compile(
     r"\\(?:quad|qquad|text|mbox|[,;]).*$|[\s.,;$]*(?:\\(?:\]|\)|end\s*\{\w+\*?\})\s*)*[\s.,;$]*$", re.DOTALL
 )
@@ -234,13 +236,13 @@ def _definitions(texts: Mapping[str, str], declared: document_names.Declared) ->
                 instead = f"leave out the equation with {first.text}'' and put {first.text} into the others"
                 raise refusals.refusal(what, first.column, instead).at(pointer)
             if len(rest) > 1:
-                formula = _END_OF_TEXT.sub("", text[rest[0].column : group.end_column - 1])
+                before = text[first.column - 1 : rest[0].column - 1]
+                _, sign, formula = _DEFINES.split(text[rest[0].column - 1 : group.end_column - 1], 1)
+                formula = _END_OF_TEXT.sub("", formula)
                 root = ("\\sqrt{%s}" if reader.is_latex(text) else "sqrt(%s)") if squared else "%s"
-                name = text[first.column - 1 : rest[0].column - 1].rstrip(" &") if called else first.text
+                name = before.rstrip(" &") if called else first.text
                 found[name.replace("\\left", "").replace("\\right", "")] = root % formula
-                reader.note(
-                    text[first.column - 1 : rest[0].column] + formula.rstrip(), DEFINITION + ROOT * bool(squared)
-                )
+                reader.note(f"{before}{sign}{formula.rstrip()}", DEFINITION + ROOT * bool(squared))
     return found
 
 

@@ -58,6 +58,8 @@ _Guess = tuple[tuple[str, ...], dict[str, tuple[str, ...]], dict[str, tuple[str,
 _MOST_ROUNDS = 4  # a run that is split may contain a name that splits others
 _COMPONENTS = frozenset("ABEFJPVpv")  # Fx and Fy are usually two components
 _CALL = re.compile(r"\s*([^\s(),;]+)\s*\(([^()]*)\)")  # A(r1), a function of one's own
+# A comma, or a blank before a name that is no part of a value such as 2 pi.
+_BETWEEN_PARAMETERS = re.compile(rf"[,;\n]|(?<![-+*/^(=\s])\s+(?=[^\W\d]|\\)(?!(?:{'|'.join(nm.RESERVED)})\b)")
 _WORDS_OF_MOTION = {"velocity": "'", "speed": "'", "position": "", "acceleration": "''"}
 
 
@@ -613,6 +615,7 @@ def _guessed(texts: Mapping[str, str], declared: nm.Names, dummies: Collection[s
         if (arguments := _call_arguments(at(line, place + 1), (*coordinates, "t"))) and not _is_apart(line, place)
     }
     alone = {line[place].text for line, place, outer in everywhere if _is_constant(line, place, outer)}
+    defined = {declared.spelling(place.removeprefix("/where/")) for place in texts if place.startswith("/where/")}
 
     def is_known(token: Token) -> bool:
         spellings = {token.text, declared.spelling(token.text), derived_stem(token.text)}
@@ -629,6 +632,9 @@ def _guessed(texts: Mapping[str, str], declared: nm.Names, dummies: Collection[s
                 continue
             if error := _refused_operator(line, place, outer, coordinates, calls, slopes):
                 raise error.at(pointer)
+            typed = texts[pointer][token.column - 1 : token.column + 1]
+            if "u" in coordinates and typed == token.text and token.text in ("mu", "nu"):  # 3mu^2
+                raise nm.undeclared(token.text, token.column, (f"{token.text[0]}*u",)).at(pointer)
             if count := _elliptic_arguments(line, place):
                 wanted = '["u", "k"]' if count > 1 else '["u"]'
                 if error := nm.reason_against(token.text, token.column, wanted):
@@ -637,7 +643,7 @@ def _guessed(texts: Mapping[str, str], declared: nm.Names, dummies: Collection[s
                 raise nm.unknown_name(token.text, declared, token.column, "(").at(pointer)
             timed = (*coordinates, "t") if _may_depend_on_time(token.text) else coordinates
             arguments = _call_arguments(_after_power_of_time(line, place + 1), timed)
-            if not arguments and token.text not in alone and (count := _called_with(line, place, declared)):
+            if not arguments and token.text not in alone and (count := _called_with(line, place, declared, defined)):
                 arguments = tuple(f"u{number}" for number in range(1, count + 1))
                 arguments = found_functions.get(token.text, arguments)
             if len(arguments) == 1 and _is_apart(line, place):
@@ -665,7 +671,13 @@ def _guessed(texts: Mapping[str, str], declared: nm.Names, dummies: Collection[s
     guessed = {name: at for name, at in found_parameters.items() if name not in found_functions}
     _ask_back(called, nm.Names(coordinates, (), {**declared.functions, **found_functions}))
     known_names = nm.Names(coordinates, declared.parameters, {**declared.functions, **found_functions})
-    held = [token.text for pointer, line in lines.items() if pointer.startswith("/constraints") for token in walk(line)]
+    held = [
+        token.text
+        for pointer, line in lines.items()
+        for part in split_at(";,", line)
+        if pointer.startswith("/constraints") or (pointer.startswith("/equations") and not moving_names(part, 2))
+        for token in walk(part)
+    ]
     angles = nm.GREEK_NAMES & {name.rstrip("_0123456789") for name in coordinates}
     rolls = "r" in held and angles  # then r is the radius of a wheel
     splits |= _ask_back({name: at for name, at in guessed.items() if name != "r" or not rolls}, known_names, raised)
@@ -745,14 +757,17 @@ def _is_constant(line: Sequence[Token], place: int, outer: Token) -> bool:
     return line[place].text in ("g", "G") and not differentiated and after.kind != "bracket"
 
 
-def _called_with(line: Sequence[Token], place: int, declared: nm.Names) -> int:
-    """The number of arguments of an undeclared F in F(x*y), F(x, x') or f(y/x); 0 if it may be a factor."""
+def _called_with(line: Sequence[Token], place: int, declared: nm.Names, defined: Collection[str]) -> int:
+    """The number of arguments of an undeclared F in F(x*y), F(x, x') or f(y/x); 0 if it may be a factor.
+
+    So is V(r) for a `defined` r, as in r = sqrt(x^2 + y^2).
+    """
     bracket, name = at(line, place + 1), line[place].text
     count = len(split_at(",", bracket.inside))
     if not bracket.is_bracket() or (name not in CALLED_LETTERS and (count == 1 or len(name) > 1)):
         return 0
-    inside = walk(bracket.inside)
-    moves = any(token.text == "t" or declared.role(declared.spelling(token.text)) == "coordinate" for token in inside)
+    names = [declared.spelling(token.text) for token in walk(bracket.inside)]
+    moves = any(each in ("t", *defined) or declared.role(each) == "coordinate" for each in names)
     heavy = at(line, place - 1).text in ("m", "M")
     weight = heavy or any([each.kind for each in term] == ["number"] for term in split_at("+-", bracket.inside))
     product = weight and name in ("g", "G")  # g(1 - x/l), mg(l - x)
@@ -916,9 +931,13 @@ def _is_apart(line: Sequence[Token], place: int) -> bool:
 
 
 def _looks_like_a_function(name: str) -> bool:
-    """Whether the name may be a known function, such as a mistyped sqrt, acot or gamma; then it is not guessed."""
+    """Whether the name may be a known function, such as a mistyped sqrt or acot; then it is not guessed.
+
+    gamma(t) and zeta(x) are usually coefficients; Gamma is the function.
+    """
     is_word = re.match("[A-Za-z]{3}", name) is not None and name not in nm.GREEK_NAMES
-    return is_word or {name, name.replace("_", "")} & nm.REFUSED_UNLESS_DECLARED.keys() != set()
+    known = nm.REFUSED_UNLESS_DECLARED.keys() - {"gamma", "zeta"}
+    return is_word or not known.isdisjoint((name, name.replace("_", "")))
 
 
 def _elliptic_arguments(line: Sequence[Token], place: int) -> int:
@@ -954,13 +973,9 @@ def words_of(text: str) -> list[str]:
 
 
 def parameters_of(text: str) -> dict[str, str | None]:
-    """ "m, k = 1/2" as names with their values, None for a generic one."""
-    found: dict[str, str | None] = {}
-    for part in re.split(r"[,;\n]", text):
-        named, _, value = part.partition("=")
-        *others, last = named.split() or [""]
-        found |= dict.fromkeys(others) | ({last: value.strip() or None} if last else {})
-    return found
+    """ "m, k = 1/2" and "k = 2 m" as names with their values, None for a generic one."""
+    pairs = [part.partition("=") for part in _BETWEEN_PARAMETERS.split(text)]
+    return {name.strip(): value.strip() or None for name, _, value in pairs if name.strip()}
 
 
 def functions_of(text: str) -> dict[str, list[str]]:

@@ -45,6 +45,8 @@ _FONT = r"\\(?:mathrm|operatorname\*?|textrm|textnormal|text|mbox|mathit|rm)" + 
 _UPRIGHT = rf"(?:{_FONT}|\\(?:bar|tilde|widetilde){_NO_LETTER})"
 _ROMAN = re.compile(rf"\{{\s*\\rm{_NO_LETTER}")
 _RUN = re.compile("[A-Za-z0-9]+")
+_SCRIPTED = re.compile(r"\\(?:mathcal|mathscr|mathfrak|mathsf)\s*\{\s*([A-NP-Za-z])\s*\}")
+_ANY_COMMAND = re.compile(r"\\[A-Za-z]+")
 _INDEX = r"(?:\{[^{}]*\}|\\[A-Za-z]+|.)"
 _INTO, _OUT = rf"(?:\s|\{{|\\left{_NO_LETTER})*", rf"(?:\s|\}}|\\right{_NO_LETTER})*"
 _RAISED_BRACKETS = re.compile(rf"\{{{_INTO}[(\[]{_INTO}\\?(\w+){_OUT}[)\]]{_OUT}\}}")
@@ -296,6 +298,9 @@ class _Translator:
             self._emit_name(self._with_subscript(self._name_part()), here, kind="vector")
         elif name == "partial":
             self._partial(here)
+        elif (letter := self._scripted(command)) is not None:
+            self._place = letter.end()
+            self._emit_name(self._with_subscript(letter[1]), here)
         elif self._matrices and name in _CONNECTIVES:
             self._emit_name(_CONNECTIVES[name], here)
         else:
@@ -331,6 +336,12 @@ class _Translator:
         sign = Token("operator", PARTIAL, here.column)
         variable = Token("name", by, here.column)
         self._tokens.append(self._quotient([sign], [sign, variable], here))
+
+    def _scripted(self, command: re.Match[str]) -> re.Match[str] | None:
+        r"""The J of \mathcal{J}, or None where the letter occurs in another font too."""
+        found = _SCRIPTED.match(self._text, command.start())
+        rest = _SCRIPTED.sub(" ", self._text)
+        return None if found is None or found[1] in _ANY_COMMAND.sub(" ", rest) else found
 
     def _font(self, here: Token) -> None:
         start = self._place

@@ -351,7 +351,12 @@ def _derivative(
         _refuse_fraction(token, names)
         return None
     if at(line, quotient.after).is_operator("^") and not quotient.fraction:
-        return None  # dx/dt^2: of the quotient, or of t?
+        written, last = tk.source(line[place : quotient.after]), line[quotient.after - 1]
+        span = (token.column, last.column + len(last.text))
+        if not quotient.operand or names.role(token.text) or at(quotient.operand, 0).order:
+            return None
+        what = f"the exponent after {written} could be that of the quotient"
+        raise refusal(what, token.column, f"write ({written})^2", (f"({written})",), span)
     if not quotient.operand:
         return _applied(line, quotient, place, names, depth)
     return _of_operand(line, quotient, place, names, beyond)
@@ -395,7 +400,9 @@ def _of_operand(
         instead = f"write {name.text}'({variables[0].text}), or * before a factor"
         raise refusal("a bracket follows a derivative", follows.column, instead)
     if declared or guessed:
-        return _carried_out([name], variables, first, not quotient.partial), after + (at_point and not outside)
+        point = [follows] if at_point and not outside else []
+        operand = [name, *(point if role != "parameter" else [])]
+        return _carried_out(operand, variables, first, not quotient.partial), after + len(point)
     if (role is None and {*by} <= {*names.coordinates}) or (quotient.fraction and not in_time):
         if not quotient.partial and names.role("d") is not None:
             return None

@@ -20,8 +20,11 @@ from inverse_service.reading.tokens import Token, at
 
 _GREEK_OF_MATHEMATICA = re.compile(r"\\\[(?:Curly)?(?:Capital)?([A-Z][a-z]+)\]")
 SHORTEST_REMARK = 4  # letters of a word that no constant needs
-_TO = r"subject\s+to|s\.\s?t\."
-_WORDS = rf"(?:(?:{_TO}|with|under)\s+(?:the\s+)?constraints?|{_TO}|constraints?(?=\s*:))"
+_TO = r"(?:subject\s+to|s\.\s?t\.)"
+_KIND = r"(?:(?:the|two|a|(?:non-?)?holonomic|rolling|kinematic|velocity|linear)\s+)*"
+_WORDS = (
+    rf"(?:(?:{_TO}|with|under)\s+{_KIND}constraints?|{_TO}|{_KIND}constraints?(?=\s*:|\s+[\w\\$]))(?:\s*\d(?=\s*:))?"
+)
 # The words between a Lagrangian and its constraints, in LaTeX in an upright font.
 _SUBJECT_TO = re.compile(
     rf"\\(?:text|textrm|mathrm|mbox)\s*\{{\s*(?:and\s+)?{_WORDS}\s*:?\s*\}}\s*:?|(?:\.\s+)?\b{_WORDS}\s*:?", re.I
@@ -45,6 +48,11 @@ _RAISED_FIRST = re.compile(
 _FULL_STOP = re.compile(r"(?<![\d.\s])(?<!\\left)(?<!\\right)(\s*)\.(?=\s+\S|\s*\\(?:q?quad|\\|right|end))")
 # $x'' = -x$ where words, or other formulas, are beside it; not Maple's t$2.
 _MATHEMATICS = re.compile(r"(?<![\w)\\])(\$\$?)([^$]+)\1(?!\w)|(?<!\\)(?<!\\!)\\[(\[]((?:[^\\]|\\[^()\[\]])*)\\[)\]]")
+# Solve x'' = …, Consider the Lagrangian L = …
+_BEFORE = re.compile(
+    r"^\s*(?i:(?:Solve|Find|Consider|Let|Given|Minimi[sz]e|Study|the|equations?|of|motion|for|system|Lagrangian)\s+)+"
+    r"(?=[\w\\])"
+)
 _COMMENT = re.compile(r"(?<!\\)%.*")
 _COMPARES = re.compile(r"[=<>\u2264\u2265]|\\(?:le|ge|ne|equiv)")
 _PROSE = re.compile(r"(?<![_^]\{)(?<![_^])(\(\s*)?\\(?:text|textrm|mbox|intertext)\s*\{([^{}$\\]*)\}(?(1)\s*\))")
@@ -54,7 +62,7 @@ _BINDING = re.compile(r"\b(?:if|when|while|for|unless|otherwise|else|not|or|exce
 _BY_INDEX = re.compile(r"('')_?(?:\{([xts])\2\}|([xts])\3(?!\w))")
 _ACCELERATION = re.compile(r"(?<!')''(?!['(])")
 _LETTER_OF_A_FORM = re.compile(rf"(?:[A-Za-z]|{'|'.join(sorted(GREEK_NAMES))})(?:_?[0-9]+)?")
-_OF_PROGRAMS = re.compile(r"[A-Za-z']\[|==|\.diff\(")
+_OF_PROGRAMS = re.compile(r"[A-Za-z']\[|==|\.diff\(|\w\$\d|:=\s*\{")
 _NOTES: ContextVar[dict[str, str] | None] = ContextVar("notes", default=None)
 OF_A_FORM = Fraction(1)  # the value of a name with a prime that stands for a differential
 LEFT_OUT, CONDITION = "left out", "a condition that is not used"
@@ -136,13 +144,39 @@ def read_tokens(formula: str, names: Names | None = None) -> list[Token]:
     latex, formula = is_latex(formula), _with_dots_after_letters(without_words(formula))
     formula = _RAISED_FIRST.sub(r"\2\1", _BY_INDEX.sub(lambda index: index[1].ljust(len(index[0])), formula))
     in_our_words = notations.with_derivatives if latex else notations.in_our_words
-    tokens = in_our_words(_with_products(_scanned(formula, names, latex), names), names)
+    scanned = _without_given_names(_scanned(formula, names, latex))
+    tokens = in_our_words(_with_products(scanned, names), names)
     tk.refuse_decimal_commas(tokens)
+    if names.energy:
+        _ask_about_primes(tokens)
     if names.forms:
         _ask_about_displacements(tokens, names)
         tokens = _with_forms(tokens, names, _moves(tokens))
     tokens = _without_remarks(tokens, formula, names)
     return _without_names_of_forms(tokens, names) if names.forms else tokens
+
+
+def _without_given_names(tokens: list[Token]) -> list[Token]:
+    """The tokens without the eq := of eq := x'' = -x, which is noted."""
+    found: list[Token] = []
+    for line, end in tk.split(tokens, lambda _, token: token.is_operator(";", ",")):
+        given = at(line, 0).kind == "name" and not line[0].order and at(line, 1).value == tk.GIVEN
+        if given and line[1].is_operator("=") and any(token.is_operator("=") for token in tk.walk(line[2:])):
+            note(f"{line[0].text} :=", LEFT_OUT)
+            line = line[2:]
+        found += [*line, *([end] if end else [])]
+    return found
+
+
+def _ask_about_primes(tokens: Sequence[Token]) -> None:
+    """InputError for the I' of a Lagrangian with dots, where the prime may be a mark or a derivative by a position."""
+    words = [(line[place], at(line, place + 1)) for line, place, _ in tk.places(tokens) if line[place].kind == "name"]
+    dotted = any(token.primed == token.column or token.text.endswith("dot") for token, _ in words)
+    marked = (token for token, after in words if token.primed > token.column and not after.is_bracket())
+    if dotted and (primed := next(marked, None)):
+        name, span = primed.text, (primed.column, primed.primed + primed.order)
+        instead = f"write {name}_1 for another name, a dot for a velocity"
+        raise refusal(f"a prime occurs beside dots: {name}'", primed.column, instead, (f"{name}_1",), span)
 
 
 def _with_forms(tokens: Sequence[Token], names: Names, moves: bool) -> list[Token]:
@@ -383,11 +417,11 @@ def _is_item(group: Sequence[Token]) -> bool:
 
 
 def _is_phrase(group: Sequence[Token]) -> bool:
-    """Whether it ends in words such as (harmonic oscillator)."""
+    """Whether it ends in words such as (harmonic oscillator) or (torsion)."""
     words = group[-1].inside if len(group) > 2 and group[-1].is_bracket() and group[-1].space_before else ()
     plain = all(word.kind == "name" and word.text.isalpha() and not word.order for word in words)
     long = any(len(word.text) >= SHORTEST_REMARK and word.text not in GREEK_NAMES | FUNCTIONS for word in words)
-    return len(words) > 1 and plain and long and _ends_factor(group[-2])
+    return plain and long and _ends_factor(group[-2])
 
 
 def _is_number(group: Sequence[Token]) -> bool:
@@ -454,7 +488,10 @@ def without_words(formula: str) -> str:
     """The formula with separators and blanks for the words, labels and full stops of a text, at the same columns."""
     formula = _COMMENT.sub(_without_label, formula) if is_latex(formula) else formula
     formula = _SUBJECT_TO.sub(lambda words: ";".ljust(len(words[0])), _mathematics(formula))
-    return _FULL_STOP.sub(r"\1;", _LABEL.sub(_without_label, _PROSE.sub(_without_prose, formula)))
+    formula = _PROSE.sub(_without_prose, formula)
+    for pattern in (_BEFORE, _LABEL):
+        formula = pattern.sub(_without_label, formula)
+    return _FULL_STOP.sub(r"\1;", formula)
 
 
 def _mathematics(formula: str) -> str:
@@ -545,7 +582,7 @@ def read_equation(equation: EquationTokens, names: Names) -> tuple[ex.Expression
 def remark(line: Sequence[Token], place: int) -> errors.InputError | None:
     """The refusal of names not meant as factors: a word after an equation, (spring) there, and (a) before one."""
     token = line[place]
-    if _is_word_at_the_end(line, place):
+    if _is_word_beside(line, place):
         shown = shorten(token.text)
         return refusal(f"{shown} could be a remark", token.column, "leave it out, or write * before a factor")
     if not token.is_bracket() or _moves(token.inside) or {each.kind for each in token.inside} != {"name"}:
@@ -560,19 +597,20 @@ def remark(line: Sequence[Token], place: int) -> errors.InputError | None:
     return refusal(f"{shown} could be a remark", token.column, "leave it out, or write * next to a factor")
 
 
-def _is_word_at_the_end(line: Sequence[Token], place: int) -> bool:
-    """Whether a word such as damping, and no letter such as omega, comes after a gap and ends the equation."""
-    word = line[place]
+def _is_word_beside(line: Sequence[Token], place: int) -> bool:
+    """Whether a word such as damping, and no letter such as omega, ends or begins an equation, with a gap beside it.
+
+    The first equation may begin with it, as in mass x'' = -k x.
+    """
+    word, before, after = line[place], at(line, place - 1), at(line, place + 1)
+    ends = _is_edge(after) and word.space_before and _ends_factor(before) and before.kind != "number"
     return (
         len(word.text) >= SHORTEST_REMARK
         and sum(token.text == word.text for token in tk.walk(line)) == 1
         and word.text.isalpha()
         and word.text.islower()
         and word.text not in letters.LETTER_COMMANDS
-        and word.space_before
-        and _ends_factor(at(line, place - 1))
-        and at(line, place - 1).kind != "number"
-        and _is_edge(at(line, place + 1))
+        and (ends or (place > 0 and _is_edge(before) and after.kind == "name" and after.space_before))
     )
 
 

@@ -33,6 +33,7 @@ from inverse_service.reading.reasons import Reason, reasons
 Kind = Literal["number", "name", "prime", "operator", "bracket", "newline", "end", "vector"]
 FACTOR, FRACTION = Fraction(1), Fraction(2)
 DOT, CROSS = Fraction(1), Fraction(2)
+GIVEN = Fraction(1)
 PARTIAL, TOTAL = "\u2202", "\u2146"  # TOTAL: the upright d of a derivative
 CLOSING = {"(": ")", "[": "]", "{": "}"}
 _OPENING = {closing: opening for opening, closing in CLOSING.items()}
@@ -49,7 +50,6 @@ _RAISED = re.compile(rf"\u207f|{SUPERSCRIPT_MINUS}?[{''.join(SUPERSCRIPTS)}]+")
 _ROOTS = {"\u221a": "sqrt", "\u221b": "cbrt"}
 _REFUSED_SIGNS = {
     "-- ": "write one sign, and leave remarks out",
-    ":=": "write =, and leave out a name that is given to an equation",
     "//": "write / for a quotient, # before a remark",
 }
 # Comparison signs, each as the one of <, > and \u2260 that is equivalent to it on an open set.
@@ -81,7 +81,7 @@ class Token:
     primes after a name or a bracket, the first of which is in the column `primed`.
     `value` is that of a number; for a prime it is the order of the derivative; for a bracket it is FACTOR where no
     arguments can stand in it, and FRACTION for ((above)/(below)) of LaTeX; for a * DOT or CROSS where LaTeX has
-    \\cdot or \\times.
+    \\cdot or \\times; for an = GIVEN where := is written.
     Operators are + - * / ^ , = ; |, and < > & ~ true in conditions of pieces.
     """
 
@@ -319,7 +319,7 @@ def unexpected(token: Token, wanted: str) -> InputError:
     return refusals.refusal(f"{shown} is not expected", token.column, f"{wanted} is expected")
 
 
-_SIGNS |= {"==": "=", "**": "^", ".*": "*", "./": "/", ".^": "^", "~": "="}
+_SIGNS |= {":=": "=", "==": "=", "**": "^", ".*": "*", "./": "/", ".^": "^", "~": "="}
 
 
 def check_length(text: str) -> None:
@@ -491,7 +491,7 @@ def _operator(text: str, place: int, space: bool) -> tuple[Tokens, int]:
             raise refusals.refusal(f"{refused.strip()} occurs", column, instead)
     for size in (2, 1):
         if sign := _SIGNS.get(text[place : place + size]):
-            return [Token("operator", sign, column, space)], place + size
+            return [Token("operator", sign, column, space, GIVEN * (text[place] == ":"))], place + size
     if other := _OTHER_PROGRAMS.match(text, place):
         return [Token("operator", each, column, space) for each in _OTHER_SIGNS[other.lastgroup]], other.end()
     what = f"the character {describe(text[place])} is not accepted"

@@ -27,7 +27,7 @@ from inverse_service.field import reduction
 from inverse_service.mechanics import euler_lagrange, reading, second_order_system
 from inverse_service.reading import components, document_names, names as nm, reader
 from inverse_service.reading.names import Names
-from inverse_service.reading.tokens import spelled, walk
+from inverse_service.reading.tokens import at, spelled, walk
 from inverse_service.service.documents import plain_data
 
 if TYPE_CHECKING:
@@ -65,8 +65,12 @@ _LETTER_L = re.compile(
 # L, T, and V with an argument perhaps, and =; half of 2 T = … is meant.
 _ENERGY = re.compile(
     r"(?:\$+|\\\[|\s|\\begin\s*\{\w+\*?\})*(?P<twice>2\s*)?(?:(?P<whole>L)|(?P<kinetic>[TK]|E_\{?k(?:in)?\}?)"
-    r"|(?P<potential>[UV]|E_\{?p(?:ot)?\}?))(?P<arguments>\s*\([^()=]*\))?\s*&?\s*"
+    r"|(?P<potential>[UV\u03a0]|\\Pi|Pi|E_\{?p(?:ot)?\}?))(?P<arguments>\s*\([^()=]*\))?\s*&?\s*"
     r"(?:=(?!=)|\u2261|\\(?:equiv|triangleq|coloneqq)(?![A-Za-z])|\\(?:stackrel|overset)\s*\{[^{}]*\}\s*\{\s*=\s*\})"
+)
+# The T - V of L = T - V = …
+_ENERGIES = re.compile(
+    r"(?:[\s&]*[-+\u2212]?[\s&]*(?:\\(?:mathcal|mathrm)\s*)?\{?[TKUVE]\}?(?:_\{?\w+\}?)?\s*(?:\([^()=]*\))?)+\s*&?\s*="
 )
 # The components of a vector, \mathbf{r} = (x, y, z)
 _VECTOR = re.compile(
@@ -78,6 +82,7 @@ _DL = r"(?:\u2202|\\partial)\s{0,9}L\b[^;,\n=]{0,120}"
 _LAGRANGES_EQUATION = re.compile(
     rf"(?:\\[dt]?frac\s*\{{\s*{_D}\s*\}}\s*\{{\s*{_D}\s*t\s*\}}|d\s*/\s*dt)[^;,\n=]{{0,120}}?{_DL}=(?:\s*0|\s*\\?[dt]?\w*\{{?{_DL})\s*(?=$|[;,.\n\\])"
 )
+_WORDS_AT_THE_END = re.compile(r"\s\([A-Za-z -]{4,}\)\s*$")
 _WRAPPER_ENDS = re.compile(r"(?:\$+|\\[\],;:! ]|\\end\s*\{\w+\*?\}|[\s;,.])*$")
 # dx and d\theta, in dz = y dx and dz = ydx; \delta x is a virtual displacement, or asked about
 _FORM = re.compile(r"(?<![A-Za-z\\][A-Za-z])(?<!\\)d(?:[A-Za-z]|\s*\\)|(?:\u03b4|\bdelta\s)\s*[\w\\]")
@@ -211,7 +216,9 @@ def _with_lagrangian(plain: dict[str, Any]) -> tuple[dict[str, Any], dict[str, s
             if named is None or kind in energies or named[kind] in _declared(plain):
                 others.append((pointer, line))
             else:
-                energies[kind] = named, line[named.end() :], pointer
+                formula = line[named.end() :]
+                summed = _ENERGIES.match(formula)
+                energies[kind] = named, formula[summed.end() :].rjust(len(formula)) if summed else formula, pointer
     formulas = [*(line for _, line in others), *(text for _, text, _ in energies.values())]
     moves = "kinetic" in energies and any(map(_MOVES.search, formulas))
     if not ("whole" in energies or moves) or any(map(_BARE.search, formulas)):
@@ -249,8 +256,13 @@ def _with_lagrangian(plain: dict[str, Any]) -> tuple[dict[str, Any], dict[str, s
         else:
             places[f"/constraints/{len(constraints)}"] = pointer
             constraints.append(line)
-    for pointer, line in others:
+    for place, (pointer, line) in enumerate(others):
         _ask_about_rate(line, pointer, lagrangian, {"t", *_declared(plain)})
+        if line in definitions.values():
+            energy = _ENERGY.match(line)
+            rest = [text for k, (_, text) in enumerate(others) if k != place]
+            whole = lagrangian if energy and energy["potential"] else ""
+            _ask_about_unused(line, pointer, [lagrangian, *rest], moving, whole)
     lagrangian, *constraints = (
         f"{text}{vectors}" if components.holds_vector(text) else text for text in (lagrangian, *constraints)
     )
@@ -271,6 +283,27 @@ def _defined(line: str, moving: Collection[str]) -> tuple[str, bool]:
     if found is None or document_names.derived_stem(found[1]):
         return "", False
     return found[1] + (found[2] or ""), found[3] is not None
+
+
+def _ask_about_unused(line: str, pointer: str, others: Sequence[str], moving: Collection[str], whole: str) -> None:
+    """InputError for a definition that no other line uses: F = -c x', or V = … beside an L, perhaps meant without V.
+
+    A constant changes nothing, nor does omega = theta'. `whole` is the L of a text that gives L, and V besides.
+    """
+    tokens = reader.tokens_if_any(line, Names())
+    first, formula = at(tokens, 0), [token for token in walk(tokens[2:]) if token.kind == "name"]
+    words = [token.text for text in others for token in walk(reader.tokens_if_any(text, Names()))]
+    used = any(word == first.text or (first.text in word and word.isalpha()) for word in words)
+    moves = any(token.order or any(name in token.text for name in moving) for token in formula)
+    if used or not moves or len(tokens) == len(formula) + 2 == 3:
+        return
+    what, written = f"{first.text} = … is given and nothing uses {first.text}", whole.rstrip(" \t\n.,;")
+    if not written.strip():
+        instead = "put it into L, or leave it out; a force belongs into equations of motion"
+        raise refusals.refusal(what, first.column, instead).at(pointer)
+    span = (len(written) - len(written.lstrip()) + 1, len(written) + 1)
+    meant, instead = f"{written.strip()} - {first.text}", f"write {first.text} into L, or leave it out"
+    raise refusals.refusal(what, first.column, instead, (meant,), span).at(pointer)
 
 
 def _ask_about_rate(line: str, pointer: str, lagrangian: str, known: Collection[str]) -> None:
@@ -333,7 +366,7 @@ def _lines(text: str) -> list[str]:
         groups = reader.split_equations(text, Names(forms=True))
     except errors.InputError:
         return [text]
-    places = [(_start(text, group), group.end_column - 1) for group in groups]
+    places = [(_start(text, group), _end(text, group)) for group in groups]
     lines = [" " * start + _VECTOR.sub(lambda match: " " * len(match[0]), text[start:end]) for start, end in places]
     return [shown for line in lines if (shown := _WRAPPER_ENDS.sub("", line)).strip()]
 
@@ -343,6 +376,13 @@ def _start(text: str, group: reader.EquationTokens) -> int:
     start = group.tokens[0].column - 1
     written = text[start : group.end_column - 1]
     return max(text.rfind("{", 0, start), 0) if written.count("}") > written.count("{") else start
+
+
+def _end(text: str, group: reader.EquationTokens) -> int:
+    """The place where an equation ends, before the words that are left out, as in (kinetic energy)."""
+    last, end = group.tokens[-1], group.end_column - 1
+    words = _WORDS_AT_THE_END.search(text, max(last.column, last.end), end)
+    return words.start() if words else end
 
 
 def prepared(document: Any) -> Prepared:
