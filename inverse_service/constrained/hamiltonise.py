@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from inverse_service import bounds, errors
 from inverse_service.expressions import derivative, printing, tree as ex
-from inverse_service.expressions.functions import FUNCTION
+from inverse_service.expressions.derivative import FUNCTION
 from inverse_service.field import real_point, reduction
 from inverse_service.field.point import Point, SingularPoint, Variable, evaluate
 from inverse_service.field.tower import draw_point, to_kernels

@@ -18,7 +18,7 @@ from typing import TypeVar
 from flint import fmpz
 
 from inverse_service import deadline
-from inverse_service.expressions import functions, printing, tree as ex
+from inverse_service.expressions import derivative, printing, tree as ex
 
 T = TypeVar("T", bound=Hashable)
 
@@ -225,7 +225,7 @@ def _number_power(value: Fraction, exponent: Fraction) -> Terms:
 
 
 def _function(tree: ex.Apply) -> Terms:
-    inner, row = tree.argument, functions.FUNCTION.get(tree.function)
+    inner, row = tree.argument, derivative.FUNCTION.get(tree.function)
     if isinstance(inner, ex.Apply) and row is not None:
         if row.undoes == inner.function:
             return _expand(inner.argument)

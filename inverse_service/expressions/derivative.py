@@ -1,20 +1,92 @@
-"""Derivatives of trees: partial ones and the one along time; the result is not simplified."""
+"""The elementary functions, and derivatives of trees: partial ones and the one along time, which are not simplified."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
 
 from inverse_service import errors
-from inverse_service.expressions import functions, tree as ex
+from inverse_service.expressions import tree as ex
 
 # For each arbitrary function the names of its arguments and its formula over them.
 Definitions = Mapping[str, tuple[tuple[str, ...], ex.Expression]]
+Rule = Callable[[ex.Expression], ex.Expression]
+_NOT_ZERO = (bool, "a number other than 0")
 
 
-def _rule(function: str) -> functions.Rule:
+@dataclass(frozen=True, slots=True)
+class Function:
+    """One function f of one real argument u.
+
+    `derivative` is f' as a tree of u. `parity` is 1 where f(-u) = f(u), -1 where f(-u) = -f(u), else 0. `reciprocal`
+    names g with f = 1/g, `undoes` g with f(g(u)) = u wherever g is real, `root` g with f(g(u)) = sqrt(a + b u^2) there,
+    and a, b. `holds` says whether f has a real value at a number, and `wanted` which numbers these are.
+    `command` is its LaTeX, `shown` its name in print.
+    """
+
+    name: str
+    derivative: Rule
+    parity: int = 0
+    reciprocal: str = ""
+    holds: Callable[[Fraction], bool] | None = None
+    wanted: str = ""
+    command: str = ""
+    shown: str = ""
+    undoes: str = ""
+    root: tuple[str, int, int] | None = None
+
+
+def _square(u: ex.Expression) -> ex.Expression:
+    return u**2
+
+
+def _inverse_root(u: ex.Expression) -> ex.Expression:
+    return u ** Fraction(-1, 2)
+
+
+def _other(function: str) -> Rule:
+    return lambda u: ex.apply(function, u)
+
+
+def _negative_product(first: str, second: str) -> Rule:
+    return lambda u: -1 * ex.apply(first, u) * ex.apply(second, u)
+
+
+_ROWS = (
+    Function("exp", _other("exp"), command="\\exp"),
+    Function("log", lambda u: u**-1, 0, "", lambda u: u > 0, "a positive number", "\\ln", "ln"),
+    Function("sin", _other("cos"), -1, command="\\sin", undoes="asin", root=("acos", 1, -1)),
+    Function("cos", lambda u: -ex.apply("sin", u), 1, command="\\cos", undoes="acos", root=("asin", 1, -1)),
+    Function("tan", lambda u: 1 + _square(ex.apply("tan", u)), -1, command="\\tan", undoes="atan"),
+    Function("cot", lambda u: -(1 + _square(ex.apply("cot", u))), -1, "tan", *_NOT_ZERO, "\\cot"),
+    Function("sec", lambda u: ex.apply("sec", u) * ex.apply("tan", u), 1, "cos", command="\\sec"),
+    Function("csc", _negative_product("csc", "cot"), -1, "sin", *_NOT_ZERO, "\\csc"),
+    Function("sinh", _other("cosh"), -1, command="\\sinh", undoes="asinh", root=("acosh", -1, 1)),
+    Function("cosh", _other("sinh"), 1, command="\\cosh", undoes="acosh", root=("asinh", 1, 1)),
+    Function("tanh", lambda u: 1 - _square(ex.apply("tanh", u)), -1, command="\\tanh", undoes="atanh"),
+    Function("coth", lambda u: 1 - _square(ex.apply("coth", u)), -1, "tanh", *_NOT_ZERO, "\\coth"),
+    Function("sech", _negative_product("sech", "tanh"), 1, "cosh"),
+    Function("csch", _negative_product("csch", "coth"), -1, "sinh", *_NOT_ZERO),
+    Function("asin", lambda u: _inverse_root(1 - _square(u)), -1, "", lambda u: abs(u) <= 1,
+             "a number between -1 and 1", "\\arcsin", "arcsin"),
+    Function("acos", lambda u: -_inverse_root(1 - _square(u)), 0, "", lambda u: abs(u) <= 1,
+             "a number between -1 and 1", "\\arccos", "arccos"),
+    Function("atan", lambda u: (1 + _square(u))**-1, -1, command="\\arctan", shown="arctan"),
+    Function("asinh", lambda u: _inverse_root(1 + _square(u)), -1, undoes="sinh"),
+    # Two roots, because sqrt(u^2 - 1) would also be real for u < -1, where acosh is not.
+    Function("acosh", lambda u: _inverse_root(u - 1) * _inverse_root(u + 1), 0, "",
+             lambda u: u >= 1, "a number not less than 1"),
+    Function("atanh", lambda u: (1 - _square(u))**-1, -1, "", lambda u: abs(u) < 1,
+             "a number between -1 and 1", undoes="tanh"),
+)  # fmt: skip
+FUNCTION: dict[str, Function] = {row.name: row for row in _ROWS}
+RECIPROCALS: dict[str, str] = {row.name: row.reciprocal for row in _ROWS if row.reciprocal}
+
+
+def _rule(function: str) -> Rule:
     """The derivative of a function; InputError for a step, which has no derivative where its pieces meet."""
-    if function in functions.FUNCTION:
-        return functions.FUNCTION[function].derivative
+    if function in FUNCTION:
+        return FUNCTION[function].derivative
     instead = "piecewise formulas are accepted in the right sides of equations; write one piece here"
     raise errors.InputError(f"a piecewise formula has no derivative where its pieces meet: {instead}.")
 
@@ -61,7 +133,7 @@ def differentiate_in_time(expression: ex.Expression, coordinates: Collection[str
     return along(expression)
 
 
-def _derivative(expression: ex.Expression, rate: functions.Rule) -> ex.Expression:
+def _derivative(expression: ex.Expression, rate: Rule) -> ex.Expression:
     """By the derivatives of the parts of a node."""
     match expression:
         case ex.Number():
@@ -80,7 +152,7 @@ def _derivative(expression: ex.Expression, rate: functions.Rule) -> ex.Expressio
     raise TypeError(f"{type(expression).__name__} has no derivative")
 
 
-def _of_product(factors: tuple[ex.Expression, ...], rate: functions.Rule) -> ex.Expression:
+def _of_product(factors: tuple[ex.Expression, ...], rate: Rule) -> ex.Expression:
     terms = []
     for place, factor in enumerate(factors):
         inner = rate(factor)
@@ -89,7 +161,7 @@ def _of_product(factors: tuple[ex.Expression, ...], rate: functions.Rule) -> ex.
     return ex.add(*terms)
 
 
-def _of_power(base: ex.Expression, exponent: ex.Expression, rate: functions.Rule) -> ex.Expression:
+def _of_power(base: ex.Expression, exponent: ex.Expression, rate: Rule) -> ex.Expression:
     """(u^w)' = w u^(w-1) u' + u^w log(u) w', without the parts that are zero."""
     terms = []
     inner = rate(base)
@@ -105,7 +177,7 @@ def _lowered(base: ex.Expression, exponent: ex.Expression) -> ex.Expression:
     return base ** Fraction(-1, 2) if exponent == ex.HALF else base ** (exponent - 1)
 
 
-def _of_function(function: ex.Arbitrary, rate: functions.Rule) -> ex.Expression:
+def _of_function(function: ex.Arbitrary, rate: Rule) -> ex.Expression:
     """By the partial derivatives, which are arbitrary functions too, unless an integral knows them as its slopes."""
     slopes = function.slopes if isinstance(function, ex.Integral) else (None,) * len(function.arguments)
     terms = []

@@ -13,7 +13,7 @@ partial derivatives. The text is a small part of what `reader.py` reads:
               | "diff(" name "(" name {", " name} "), " name {", " name} ")"
               | name "[" integer {"," integer} "](" formula {", " formula} ")"
 
-`sqrt` and `sign` are the only functions besides those of `functions.py` and the declared ones; integers have no sign;
+`sqrt` and `sign` are the only functions besides those of `derivative.py` and the declared ones; integers have no sign;
 rational numbers are written as quotients. A'(u) is the derivative of a declared function of one argument; for several,
 diff(B(x, y), x) where the arguments are different names, else B[1,0](u, w), with the order of the derivative in each
 argument.
@@ -26,7 +26,7 @@ from fractions import Fraction
 from functools import lru_cache
 from html import escape
 
-from inverse_service.expressions import functions, letters, tree as ex
+from inverse_service.expressions import derivative, letters, tree as ex
 
 _EXPONENTIAL = ex.Apply("exp", ex.ONE)
 # The denominator from which a decimal number can be much shorter than a fraction, and its number of digits.
@@ -134,11 +134,12 @@ def _as_written(base: ex.Expression) -> ex.Expression:
 
 def _gather(factors: Iterable[ex.Expression]) -> tuple[ex.Expression, ...]:
     """Equal bases with positive integer exponents combined at the place of the first."""
-    table: dict[ex.Expression, int] = {}
+    table: dict[ex.Expression, tuple[int, ex.Expression | None]] = {}  # the count, and the factor if it stays as it is
     for factor in factors:
         base, count = _base(factor)
-        table[base] = table.get(base, 0) + count
-    return tuple(_factor(base, count) for base, count in table.items())
+        stays = factor if base is (factor.base if isinstance(factor, ex.Power) else factor) else None
+        table[base] = (table[base][0] + count, None) if base in table else (count, stays)
+    return tuple(stays or _factor(base, count) for base, (count, stays) in table.items())
 
 
 def _base(factor: ex.Expression) -> tuple[ex.Expression, int]:
@@ -249,7 +250,7 @@ class _Notation:
 
     def product(self, coefficient: str, factors: Sequence[ex.Expression]) -> str:
         first = [self.number(coefficient)] if coefficient != "1" or not factors else []
-        return self.times.join([*first, *map(self.factor, factors)])
+        return self.times.join([*first, *(_written_factor(self, factor) for factor in factors)])
 
     def quotient(self, over: _Side, under: _Side) -> str:
         below = self.product(*under)
@@ -289,6 +290,11 @@ def _written(notation: _Notation, tree: ex.Expression, within: bool) -> str:
     return notation.joined(pieces)
 
 
+@lru_cache(maxsize=4096)
+def _written_factor(notation: _Notation, factor: ex.Expression) -> str:
+    return notation.factor(factor)
+
+
 _TEXT = _Notation()
 
 
@@ -306,7 +312,7 @@ class _Latex(_Notation):
     def product(self, coefficient: str, factors: Sequence[ex.Expression]) -> str:
         pieces = [coefficient] if coefficient != "1" or not factors else []
         for before, factor in zip((ex.ONE, *factors), factors, strict=False):
-            piece = self.factor(factor)
+            piece = _written_factor(self, factor)
             dot = pieces and (piece[0].isdigit() or _looks_like_a_call(before, piece, factor))
             pieces.append(f"\\cdot {piece}" if dot else piece)
         return " ".join(pieces)
@@ -368,7 +374,7 @@ def _looks_like_a_call(before: ex.Expression, piece: str, factor: ex.Expression)
 
 
 def _command(function: str) -> str:
-    row = functions.FUNCTION.get(function)
+    row = derivative.FUNCTION.get(function)
     return (row.command if row else "") or f"\\operatorname{{{function}}}"
 
 
@@ -413,7 +419,7 @@ class _Mathml(_Notation):
 
     def product(self, coefficient: str, factors: Sequence[ex.Expression]) -> str:
         pieces = [self.number(coefficient)] if coefficient != "1" or not factors else []
-        for factor in map(self.factor, factors):
+        for factor in (_written_factor(self, factor) for factor in factors):
             digit = factor.startswith(("<mn>", "<msup><mn>"))
             pieces += [_DOT if digit else _TIMES, factor] if pieces else [factor]
         return "".join(pieces)
@@ -457,7 +463,7 @@ class _Mathml(_Notation):
     def call(self, function: str, argument: ex.Expression) -> str:
         if function == "exp":
             return f"<msup><mi>e</mi>{self.exponent(argument)}</msup>"
-        row = functions.FUNCTION.get(function)
+        row = derivative.FUNCTION.get(function)
         name = escape((row.shown if row else "") or function)
         return f"<mrow><mi>{name}</mi>{_APPLY}{self.brackets(argument)}</mrow>"
 

@@ -129,7 +129,7 @@ class Power(_Node):
 
 @dataclass(frozen=True, slots=True)
 class Apply(_Node):
-    """An elementary function, a name in the table of `functions.py`, of one argument."""
+    """An elementary function, a name in the table of `derivative.py`, of one argument."""
 
     function: str
     argument: Expression

@@ -9,7 +9,6 @@ from fractions import Fraction
 from inverse_service.expressions import letters
 from inverse_service.expressions.refusals import LIMITS, at_most, refusal, shorten
 from inverse_service.reading import components, names as nm, tokens as plain
-from inverse_service.reading.reasons import reasons
 from inverse_service.reading.tokens import FACTOR, FRACTION, PARTIAL, TOTAL, Token, Tokens, bracket
 
 _NO_LETTER = "(?![A-Za-z])"
@@ -79,7 +78,7 @@ _OPENING, _CLOSING = "([", ")]"
 # Words in \text that are read, as everywhere.
 _IN_TEXT = frozenset(("where", "with", "given", "and", "for", "if", "when", "const", "constant"))
 _TENSORS = frozenset(("Gamma", "g", "R", "T", "F", "eta", "h", "delta", "epsilon", "varepsilon"))
-_REASONS = reasons("commands")
+_REASONS = nm.reasons("commands")
 _MISPLACED = {"_": "a subscript belongs to a name, as in r_1", "}": "it closes nothing, leave it out"}
 
 

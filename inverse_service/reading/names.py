@@ -1,20 +1,46 @@
 """The names that a formula may use, and which names can be declared at all."""
 
 import difflib
+import json
 import re
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import reduce
-from typing import Literal
+from pathlib import Path
+from typing import Literal, NamedTuple
 
 from inverse_service.errors import InputError, LimitError
-from inverse_service.expressions.functions import FUNCTION
+from inverse_service.expressions.derivative import FUNCTION
 from inverse_service.expressions.letters import ALIKE, GREEK, LETTER_COMMANDS, SCRIPT_L, letter
 from inverse_service.expressions.pieces import STEP, step
 from inverse_service.expressions.refusals import LIMITS, joined, refusal, shorten
 from inverse_service.expressions.tree import Expression, Number, apply, number, square_root
-from inverse_service.reading.reasons import Reason, reasons
+
+_REASONS = Path(__file__).with_name("refused.ndjson").read_text(encoding="utf-8")
+
+
+class Reason(NamedTuple):
+    """The problem with a word, what to write instead, the member that could declare it, and texts for its place."""
+
+    problem: str
+    instead: str
+    declare: str = ""
+    offers: tuple[str, ...] = ()
+
+
+def reasons(kind: str) -> dict[str, Reason]:
+    """The reasons by word, for words of one kind; WORD in a sentence is the word itself."""
+    rows = [row for row in map(json.loads, _REASONS.splitlines()) if row["of"] == kind]
+    return {
+        word: Reason(
+            row.get("problem", ""), row["instead"].replace("WORD", word), row.get("declare", ""),
+            tuple(row.get("offers", ())),
+        )
+        for row in rows
+        for word in row["words"]
+    }  # fmt: skip
+
 
 ALIASES = {
     "ln": "log", "arcsin": "asin", "arccos": "acos", "arctan": "atan", "tg": "tan", "ctg": "cot", "sh": "sinh",

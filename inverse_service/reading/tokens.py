@@ -28,7 +28,7 @@ from inverse_service.expressions.letters import (
     describe,
     letter,
 )
-from inverse_service.reading.reasons import Reason, reasons
+from inverse_service.reading.names import Reason, reasons
 
 Kind = Literal["number", "name", "prime", "operator", "bracket", "newline", "end", "vector"]
 FACTOR, FRACTION = Fraction(1), Fraction(2)

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from inverse_service import errors
-from inverse_service.expressions import functions, printing, tree as ex
+from inverse_service.expressions import derivative, printing, tree as ex
 from inverse_service.field import exact_field
 from inverse_service.integrators.trajectory import Array
 from inverse_service.kernels.codegen import symengine_trees as se
@@ -305,7 +305,7 @@ def _pivot(entries: Sequence[se.Formula]) -> int:
 
 
 def array_function(name: str, values: Any) -> Any:
-    below = functions.RECIPROCALS.get(name)
+    below = derivative.RECIPROCALS.get(name)
     return 1 / array_function(below, values) if below else getattr(np, _NUMPY.get(name, name))(values)
 
 

@@ -7,8 +7,8 @@ from fractions import Fraction
 import pytest
 from mpmath import mp, mpf
 
+from inverse_service.expressions.derivative import FUNCTION, RECIPROCALS, Function
 from inverse_service.expressions.evaluation import evaluate
-from inverse_service.expressions.functions import FUNCTION, RECIPROCALS, Function
 from inverse_service.expressions.tree import Symbol, apply
 
 U = Symbol("u")

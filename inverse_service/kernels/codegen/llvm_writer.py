@@ -15,7 +15,7 @@ from pathlib import Path
 import symengine
 
 from inverse_service import errors
-from inverse_service.expressions import functions
+from inverse_service.expressions import derivative
 from inverse_service.kernels.codegen.symengine_trees import Formula
 
 _SINE = (
@@ -441,8 +441,8 @@ class Emitter:
         }
         if name in special:
             return special[name]()
-        if name in functions.RECIPROCALS and name != "cot":
-            return self._reciprocal(self._function(functions.RECIPROCALS[name], argument))
+        if name in derivative.RECIPROCALS and name != "cot":
+            return self._reciprocal(self._function(derivative.RECIPROCALS[name], argument))
         if name in _LIBRARY:
             return self.writer.call(name, self._value(argument))
         raise errors.InputError(f"A simulation cannot compute the function {name}.")
