@@ -7,12 +7,12 @@ settings alternate, best and median of several. A curve ends at its least error:
 floor. A setting that failed is kept with its reason and has no error.
 """
 
+import itertools
 import math
 import statistics
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 
@@ -27,8 +27,8 @@ LOOSEST, TIGHTEST = 1e-3, 1e-15  # tolerances
 MOST_STEPS = 4_000_000
 ROUND_OFF, NOISE = 1e-12, 4.0  # errors below this share of the motion are round-off, whose noise is about this factor
 STALLED = 0.5  # of the error before: less gain than this, twice, is the round-off floor
-SECONDS, LATER_SECONDS = 0.2, 0.1  # for each of the repeats: of the first runs of all methods, and of later ones
-SHARE_OF_FIRST, SHARE_OF_REPEATS, SHARE_OF_ONE = 0.6, 0.2, 0.05  # of the time limit, the last for a single run
+SECONDS, LATER_SECONDS = 0.2, 0.06  # for each of the repeats: of the first runs of all methods, and of later ones
+SHARE_OF_FIRST, SHARE_OF_REPEATS, SHARE_OF_ONE = 0.6, 0.2, 0.05  # of the time limit, the last for a single one
 LONG = 100  # times the time of the scene
 PARTS = 20  # of a long run: the first and the last are compared
 TOO_SLOW = "not measured: the previous setting took {:.1g} s"
@@ -262,20 +262,18 @@ def reason_of(run: running.MethodRun) -> str:
 def _repeated(
     scene: data.Scene, derived: derivation.Derived, settings: list[Setting], length: float, repeats: int, budget: float
 ) -> list[Setting]:
-    """Steady times: rounds over all settings that worked, in alternating order, until the budget is used up."""
+    """Steady times: rounds over the settings that worked, in alternating order, until the budget is used up; a run that
+    takes a twentieth of it is not repeated."""
     begun = time.process_time()
-    times: dict[int, list[float]] = {k: [] for k, setting in enumerate(settings) if setting.error is not None}
-    for turn in range(repeats):
-        for k in list(times) if turn % 2 == 0 else list(times)[::-1]:
-            if time.process_time() - begun > budget and turn:
-                break
-            one = settings[k]
-            if turn == 0:
-                times[k].append(one.best_seconds or 0.0)
-                continue
-            run = running.observed_run(replace(scene, grid=_grid(length, one.steps)), one.requested, derived)
-            if run.trajectory is not None and run.outcome.completed:
-                times[k].append(run.trajectory.run_seconds)
+    times = {k: [one.best_seconds] for k, one in enumerate(settings) if one.error is not None and one.best_seconds}
+    short = [k for k, (first,) in times.items() if first < SHARE_OF_ONE * budget]
+    for k in itertools.chain.from_iterable((short[::-1], short)[turn % 2] for turn in range(repeats - 1)):
+        if time.process_time() - begun > budget:
+            break
+        one = settings[k]
+        run = running.observed_run(replace(scene, grid=_grid(length, one.steps)), one.requested, derived)
+        if run.trajectory is not None and run.outcome.completed:
+            times[k].append(run.trajectory.run_seconds)
     return [
         replace(s, best_seconds=min(found), median_seconds=statistics.median(found), repeats=len(found))
         if (found := times.get(k))
@@ -324,7 +322,7 @@ def measured_order(curve: Sequence[Setting], scale: float) -> float | None:
         return None
     slopes = [
         math.log(a.error / b.error) / math.log(a.step / b.step)
-        for a, b in pairwise(curve)
+        for a, b in itertools.pairwise(curve)
         if a.error and b.error and a.error < COARSEST * scale and b.error > ROUND_OFF * scale
     ]
     return sorted(slopes)[len(slopes) // 2] if slopes else None
@@ -333,7 +331,7 @@ def measured_order(curve: Sequence[Setting], scale: float) -> float | None:
 def price_of(curve: Sequence[Setting], coarsest: Setting, error: float) -> Price | None:
     """What it costs by a method to get below an error, interpolated between the points of its curve; None if it never
     reaches it. `coarsest` is its first setting: where that failed a longer step is not faster."""
-    for a, b in pairwise(curve):
+    for a, b in itertools.pairwise(curve):
         if a.error and b.error and a.best_seconds and b.best_seconds and a.error > error >= b.error:
             share = math.log(a.error / error) / math.log(a.error / b.error)
 

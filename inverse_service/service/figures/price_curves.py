@@ -65,8 +65,8 @@ def _label_ends(axes: Axes, ends: Sequence[End]) -> None:
     gap, top = LABEL_HEIGHT * (high - low), -math.inf
     for x, y, name, (color, faint) in sorted(ends, key=lambda end: end[1]):
         top = max(math.log10(y), top + gap)
-        axes.annotate(
-            styles.plain(name), (x, y), (1.02, (top - low) / (high - low)), textcoords="axes fraction", color=color,
-            alpha=max(faint, 0.6), fontsize=8.5, va="center", annotation_clip=False,
-            arrowprops={"arrowstyle": "-", "color": color, "alpha": 0.3 * faint, "linewidth": 0.6},
-        )  # fmt: skip
+        place = (top - low) / (high - low)
+        end = axes.transAxes.inverted().transform(axes.transData.transform((x, y)))
+        leader, faded = {"color": color, "clip_on": False, "transform": axes.transAxes}, max(faint, 0.6)
+        axes.plot([end[0], 1.01], [end[1], place], alpha=0.3 * faint, linewidth=0.6, **leader)
+        axes.text(1.02, place, styles.plain(name), alpha=faded, fontsize=8.5, va="center", **leader)
