@@ -84,7 +84,7 @@ def derive(scene: Scene, find: Find) -> Derived:
     if (
         used & USES_ACCELERATIONS
         or compares
-        or "lyapunov" in scene.observe
+        or {"lyapunov", "period"} & set(scene.observe)
         or (scene.events and used & {EXACT, "modified"})
         or any(event.acts or event.most > 1 for event in scene.events)
         or numeric_formulas.switching_functions([scene.lagrangian, *scene.forces], scene.coordinates)

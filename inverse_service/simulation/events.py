@@ -52,7 +52,8 @@ TOUCHED = "At t = {:.7g} the formula is 0 within round-off but does not change i
 ENDED = "The run was ended by an event at t = {:.12g}."
 NO_VALUE = "The formula has no value at {} of the {} points of the run, so no event is found there."
 NO_SIZE = "The formula is 0 within round-off during the whole run, so its changes of sign are not events."
-NO_PERIOD = "A period needs velocities and every step recorded."
+NO_PERIOD = "A period needs every step recorded, and a start that moves or is pushed."
+ACTS_AT_START = "An event acts where the motion starts: to observe its period, begin elsewhere on it."
 NO_VELOCITIES = "The method has no velocities at its points, which the event needs."
 Follow = Callable[[NDArray[np.int64], Array], State]
 
@@ -338,33 +339,40 @@ def _zeros(brackets: Brackets, way: Way) -> State:
     return state
 
 
-def period_of(run: observing.Observed, motion: data.Problem | data.Unavailable) -> dict[str, Any]:
-    """{"period": {mean, least, greatest, returns, apart}}: the times between returns to the section through the start,
-    across its velocity, or across its acceleration among the velocities where it begins at rest, that come as near to
-    the start as CLOSE of the motion's size; `apart` is how far the first one is from it, as such a share."""
+def section_of(scene: data.Scene, motion: data.Problem | data.Unavailable) -> data.Event | None:
+    """The returns to the section through the start, across its velocity, or across its acceleration among the
+    velocities where it begins at rest; None where every step is not recorded, or neither is known."""
+    way, turns = scene.velocities, initial.angles(scene)
+    parts = [ex.Symbol(x) - float_number(q) for x, q in zip(scene.coordinates, scene.positions, strict=True)]
+    terms = [ex.Apply("sin", part) if turn else part for part, turn in zip(parts, turns, strict=True)]
+    if not way.any() and isinstance(motion, data.Problem):
+        at = scene.positions[None], scene.velocities[None], dict(scene.values), np.array([scene.grid.begin])
+        values = nf.array_values(motion.accelerations or (), nf.table_of(scene.coordinates, *at))
+        way, terms = np.array(values)[:, 0], [ex.Velocity(name) for name in scene.coordinates]
+    if scene.grid.record_every > 1 or not (way.any() and np.isfinite(way).all()):
+        return None
+    return data.Event(ex.add(*(float_number(v) * term for v, term in zip(way, terms, strict=True) if v)), 1, False)
+
+
+def period_of(run: observing.Observed, returns: Found, others: Sequence[Found]) -> dict[str, Any]:
+    """{"period": {mean, least, greatest, returns, apart}}: the times between returns to the section that come as near
+    to the start as CLOSE of the motion's size; `apart` is how far the first one is from it, as such a share."""
     scene, at = run.scene, run.trajectory
-    velocities = observing.velocities_at_points(run)
-    if velocities is None or scene.grid.record_every > 1 or len(at.times) < 3:
-        return {"period": None, "period_note": NO_PERIOD}
-    turns = initial.angles(scene)
-    if np.abs(velocities[0]).max() > 0:
-        way = velocities[0]
-        parts = [ex.Symbol(x) - float_number(q) for x, q in zip(scene.coordinates, at.positions[0], strict=True)]
-        terms = [ex.Apply("sin", part) if turn else part for part, turn in zip(parts, turns, strict=True)]
-    else:
-        way = velocities[1]
-        terms = [ex.Velocity(name) for name in scene.coordinates]
-    formula = ex.add(*(float_number(v) * term for v, term in zip(way, terms, strict=True) if v))
-    (found,) = located(run, [data.Event(formula, 1, False)], motion)
-    later = found.times > at.times[0] + TOUCH_FROM * scene.grid.step
-    moved = found.positions[later] - at.positions[0]
-    moved = np.where(turns, np.abs((moved + np.pi) % (2 * np.pi) - np.pi), np.abs(moved)).max(axis=1, initial=0.0)
-    size = np.where(turns, np.minimum(np.ptp(at.positions, axis=0), 2 * np.pi), np.ptp(at.positions, axis=0)).max()
-    near = moved <= CLOSE * (size or 1.0)
-    times = np.concatenate([at.times[:1], found.times[later][near]])
+    turns, span = initial.angles(scene), np.ptp(at.positions, axis=0)
+    size = float(np.where(turns, np.minimum(span, 2 * np.pi), span).max()) or 1.0
+
+    def distance(found: Found) -> Array:
+        """From the start, of the points behind it."""
+        moved = found.positions[found.times > at.times[0] + TOUCH_FROM * scene.grid.step] - scene.positions
+        apart = np.where(turns, np.abs((moved + np.pi) % (2 * np.pi) - np.pi), np.abs(moved))
+        return np.asarray(apart.max(axis=1, initial=0.0) / size)
+
+    if any((distance(one) <= TOUCH_FROM).any() for one in others if one.event.acts):
+        return {"period": None, "period_note": ACTS_AT_START}
+    apart = distance(returns)
+    times = np.concatenate([at.times[:1], returns.times[len(returns.times) - len(apart) :][apart <= CLOSE]])
     if len(times) < 2:
-        return {"period": None, "period_note": "The motion does not return to its start."}
+        return {"period": None, "period_note": returns.note or "The motion does not return to its start."}
     gaps = np.diff(times)
-    apart = moved[near][0] / (size or 1.0)
-    numbers = {"mean": gaps.mean(), "least": gaps.min(), "greatest": gaps.max(), "apart": apart}
+    numbers = {"mean": gaps.mean(), "least": gaps.min(), "greatest": gaps.max(), "apart": apart[apart <= CLOSE][0]}
     return {"period": {name: float(value) for name, value in numbers.items()} | {"returns": len(gaps)}}

@@ -19,11 +19,14 @@ from inverse_service.simulation import execution, numeric_formulas as nf, scene_
 PARTS = 200
 CHOICE = data.MethodChoice("adaptive", tolerance=1e-10)
 OVER = "The time limit was reached before the exponent was found. Take fewer methods or steps, or a longer time limit."
+ACTS = "No exponent is found where events change the motion."
 ENDED = "The motion ends at t = {:.6g}, before the exponent has converged."
 
 
 def largest_exponent(scene: data.Scene, motion: data.Problem, stop: data.Stop | None = None) -> dict[str, Any]:
     """{largest, half, time}: the exponent over the whole run and over its first half, which shows its convergence."""
+    if any(event.acts for event in scene.events):
+        return {"largest": None, "note": ACTS}
     problem = with_tangent(scene, motion.accelerations or ())
     n, length = len(scene.coordinates), scene.grid.step * scene.grid.steps
     positions, velocities = scene.positions, scene.velocities

@@ -156,11 +156,14 @@ def observed_run(
     if (lost := initial.ended_at_start(scene)) is not None:
         return MethodRun(requested, lost.outcome, lost, free=free)
     problem = None if requested.method == data.EXACT else derivation.problem_of(scene, requested, derived)
+    motion = derivation.with_accelerations(scene, derived)
+    section = happening.section_of(scene, motion) if "period" in scene.observe else None
+    watched = scene if section is None else replace(scene, events=(*scene.events, section))
     ran: Trajectory | switching.Pieces | data.Unavailable
     if problem is None:
         ran = _with_series(scene, truths.exact_trajectory(scene, derived))
     else:
-        ran = _integrated(scene, requested, problem, derived, stop)
+        ran = _integrated(watched, requested, problem, derived, stop)
     if isinstance(ran, data.Unavailable) or isinstance(problem, data.Unavailable):
         return MethodRun(requested, Outcome("unavailable", remedy=getattr(ran, "reason", None)), None)
     pieces = ran if isinstance(ran, switching.Pieces) else None
@@ -169,21 +172,22 @@ def observed_run(
     values, _ = observing.beginning(scene, requested, free)
     observed = observing.Observed(scene, requested, found, problem, values, truth, pieces is not None)
     events: tuple[happening.Found, ...] = () if pieces is None else pieces.events
-    motion = derivation.with_accelerations(scene, derived)
     if pieces is None:
         if found.outcome.completed and (other := estimates.other_motion(observed)) is not None:
             found = found.ended(found.times <= (other.time or 0.0), other)
             observed = replace(observed, trajectory=found)
-        if scene.events and len(found.times) > 1:
+        if watched.events and len(found.times) > 1:
             with derivation.timed(seconds, "events"):
-                found, events = happening.with_events(observed, motion)
+                found, events = happening.with_events(replace(observed, scene=watched), motion)
                 observed = replace(observed, trajectory=found)
     if not found.outcome.completed and len(found.times) < 2:  # it did not make a step: nothing to observe
         return MethodRun(requested, found.outcome, found, seconds=seconds, free=free)
     numbers, series = observing.observed_quantities(observed, seconds)
-    if "period" in scene.observe:
-        with derivation.timed(seconds, "period"):
-            numbers |= happening.period_of(observed, motion)
+    if section is None and "period" in scene.observe:
+        numbers |= {"period": None, "period_note": happening.NO_PERIOD}
+    elif section is not None and events:
+        *others, returns = events
+        numbers, events = numbers | happening.period_of(observed, returns, others), tuple(others)
     return MethodRun(requested, found.outcome, found, numbers, series, seconds, free, events, observed, pieces)
 
 

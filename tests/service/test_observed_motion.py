@@ -65,6 +65,15 @@ def test_a_motion_that_does_not_return_has_no_period() -> None:
     assert "does not return" in found["period_note"]
 
 
+@pytest.mark.parametrize(("x", "v"), [(0.51, 1), (0.51, -1), (1.25**0.5, 0), (0.5, 1)])
+def test_a_period_may_lead_over_a_bounce_but_not_begin_there(x: float, v: float) -> None:
+    bounce = {"when": "a - 0.5", "direction": -1, "do": {"set": {"a'": "-a'"}}}
+    start = {"positions": {"a": x}, "velocities": {"a": v}}
+    spring = PENDULUM | {"system": {"coordinates": ["a"], "lagrangian": "(a'^2 - a^2)/2"}, "initial": start}
+    period = only(spring | {"observe": ["period"], "events": [bounce]})["period"]
+    assert period is None if x == 0.5 else period["mean"] == pytest.approx(2 * np.arccos(0.5 / np.hypot(x, v)))
+
+
 def test_a_damped_oscillator_keeps_what_the_solver_found() -> None:
     """T + V falls, and H is constant to round-off on each side of x = 0; a method of order 2 shows its drift."""
     scene = {
