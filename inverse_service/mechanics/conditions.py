@@ -192,7 +192,7 @@ def motion_in_ring(
 def conditions(system: SecondOrderSystem, time_limit: float = TIME_LIMIT) -> Tensors:
     """N, Phi, nabla Phi and R.
 
-    A tensor with an entry of more than `bounds.TERMS` terms, and all after it, is left out.
+    A tensor of more than `bounds.TERMS` terms, and all after it, is left out.
     """
     found = Tensors()
     try:
@@ -212,7 +212,9 @@ def conditions(system: SecondOrderSystem, time_limit: float = TIME_LIMIT) -> Ten
 
 
 def matrix_trees(ring: exact_field.ExactRing, matrix: tuple[tuple[exact_field.Quotient, ...], ...]) -> Matrix:
-    """Each entry as a tree."""
+    """Each entry as a tree; TooLarge where nobody would read them."""
+    if sum(len(entry.numerator) for row in matrix for entry in row) > bounds.TERMS:
+        raise exact_field.TooLarge(f"it has more than {bounds.TERMS} terms")
     return tuple(tuple(exact_field.quotient_tree(ring, entry) for entry in row) for row in matrix)
 
 

@@ -331,7 +331,7 @@ class OpaqueRing:
     the trees: so printed products look like R sin(phi) phi'.
     """
 
-    __slots__ = ("_context", "_index", "atoms")
+    __slots__ = ("_context", "_index", "_roots", "atoms")
 
     def __init__(self, trees: Iterable[ex.Expression], places: Mapping[ex.Expression, int] | None = None) -> None:
         found: dict[ex.Expression, None] = {}
@@ -340,6 +340,7 @@ class OpaqueRing:
         known = places or {}
         self.atoms = tuple(sorted(found, key=lambda atom: (_rank(atom), known.get(atom, math.inf))))
         self._index = {atom: place for place, atom in enumerate(self.atoms)}
+        self._roots = {base: (atom, degree) for atom in self.atoms for base, degree in _root_of(atom)}
         names = tuple(f"a{place}" for place in range(max(1, len(self.atoms))))
         self._context = flint.fmpq_mpoly_ctx.get(names, flint.Ordering.lex)
 
@@ -365,6 +366,9 @@ class OpaqueRing:
                 return self.product([self.fraction(factor) for factor in factors])
             case _:
                 base, exponent = _whole_power(tree)
+                if base in self._roots and exponent != 1:  # u^-2 beside sqrt(u) is sqrt(u)^-4
+                    base, degree = self._roots[base]
+                    exponent *= degree
                 if base in self._index:
                     inner = OpaqueFraction(self._context.gen(self._index[base]), self.constant(1))
                 else:
@@ -542,12 +546,16 @@ def atoms_of(tree: ex.Expression) -> list[ex.Expression]:
             stack.extend(reversed(node.factors))
         elif not isinstance(node, ex.Number):
             base, _ = _whole_power(node)
-            if base == node or _is_root(base):
+            if base == node or _root_of(base):
                 found[base] = None
             else:
                 stack.append(base)
     return list(found)
 
 
-def _is_root(base: ex.Expression) -> bool:
-    return isinstance(base, ex.Power) and isinstance(base.exponent, ex.Number) and base.exponent.value.denominator != 1
+def _root_of(atom: ex.Expression) -> list[tuple[ex.Expression, int]]:
+    """[(u, d)] for the root u^(1/d), else []."""
+    match atom:
+        case ex.Power(base, ex.Number(value)) if value.denominator != 1:
+            return [(base, value.denominator)]
+    return []

@@ -46,7 +46,7 @@ def short_forms(tree: Expression, letters: Collection[Expression]) -> Iterator[E
     if len(quadratic) > bounds.SMALL:
         return
     higher = [
-        min(_as_power([*part.items()]), ex.add(*_by_pairs(part, list(letters), d)), key=ex.node_count)
+        min(as_power([*part.items()]), ex.add(*_by_pairs(part, list(letters), d)), key=ex.node_count)
         for d, some in parts.items()
         if (part := {key: value for key, value in some.items() if value})
     ]
@@ -208,8 +208,8 @@ def _split_square(monomial: Monomial) -> tuple[Monomial, Monomial]:
     return root, _times(monomial, root, -2)
 
 
-def _as_power(terms: list[Term]) -> Expression:
-    """The part with its repeated factors as powers, where there are any."""
+def as_power(terms: Sequence[Term]) -> Expression:
+    """The sum with its repeated factors as powers, where there are any: (1 + k/sqrt(u))^4."""
     found = _factors(terms) if len(terms) <= _MOST_TERMS else None
     plain = terms_tree(terms)
     if not found or all(k == 1 for _, k in found):
@@ -221,24 +221,33 @@ def _as_power(terms: list[Term]) -> Expression:
 
 
 def _factors(terms: Sequence[Term]) -> list[tuple[Expression, int]] | None:
-    """The squarefree factors of a polynomial with integer exponents, each with its multiplicity."""
-    letters = list(dict.fromkeys(base for monomial, _ in terms for base, _ in monomial))
-    if not letters or any(e.denominator > 1 or e < 0 for monomial, _ in terms for _, e in monomial):
+    """The squarefree factors of a polynomial in powers of its letters, 1/sqrt(u) of u, each with its multiplicity."""
+    exponents: dict[Expression, list[Fraction]] = {}
+    for place, (monomial, _) in enumerate(terms):
+        for base, e in monomial:
+            exponents.setdefault(base, [Fraction(0)] * len(terms))[place] = e
+    if not exponents:
         return None
-    context = fmpq_mpoly_ctx.get(tuple(f"a{k}" for k in range(len(letters))))
+    steps = [Fraction(1, math.lcm(*(e.denominator for e in own))) for own in exponents.values()]
+    turns = [-1 if max(own) <= 0 else 1 for own in exponents.values()]
+    if any(turn * e < 0 for own, turn in zip(exponents.values(), turns, strict=True) for e in own):
+        return None
+    units = [(base, turn * step) for base, turn, step in zip(exponents, turns, steps, strict=True)]
+    context = fmpq_mpoly_ctx.get(tuple(f"a{k}" for k in range(len(units))))
+    rows = zip(*exponents.values(), strict=True)
     table = {
-        tuple(int(dict(monomial).get(letter, 0)) for letter in letters): fmpq(value.numerator, value.denominator)
-        for monomial, value in terms
+        tuple(int(e / unit) for e, (_, unit) in zip(row, units, strict=True)): fmpq(c.numerator, c.denominator)
+        for row, (_, c) in zip(rows, terms, strict=True)
     }
     _, factors = context.from_dict(table).factor_squarefree()
     found = []
     for factor, k in factors:
         parts = [
             (
-                tuple((letter, Fraction(int(e))) for letter, e in zip(letters, exponents, strict=True) if e),
+                tuple((base, int(e) * unit) for (base, unit), e in zip(units, powers, strict=True) if e),
                 Fraction(int(value.p), int(value.q)),
             )
-            for exponents, value in factor.to_dict().items()
+            for powers, value in factor.to_dict().items()
         ]
         found.append((terms_tree(parts), int(k)))
     return found

@@ -266,7 +266,7 @@ def numbers_outside(tree: ex.Expression) -> ex.Expression:
 def plain_quotients(tree: ex.Expression) -> ex.Expression:
     """18 (c u v - u^2/3 - v^2/3)/(c^2 - 16) as 6 (u^2 + v^2 - 3 c u v)/(16 - c^2).
 
-    Fractions in brackets that the number in front takes away, and minus signs of two brackets at once.
+    Fractions in a bracket above a line, or that the number in front takes away; minus signs of two brackets at once.
     """
     tree = ex.rebuild(tree, plain_quotients)
     if not isinstance(tree, ex.Product):
@@ -281,7 +281,7 @@ def plain_quotients(tree: ex.Expression) -> ex.Expression:
             sums |= {k: tuple(map(ex.negate, sums[k][::-1])) for k in (one, other)}
     for k, terms in sums.items():
         share = math.lcm(*(ex.coefficient(term).denominator for term in terms)) if powers[k][1] == 1 else 1
-        share = share if number.numerator % share == 0 else 1
+        share = share if number.numerator % share == 0 or min(e for _, e in powers) < 0 else 1
         number /= share
         powers[k] = ex.add(*(share * term for term in terms)), powers[k][1]
     return ex.multiply(ex.number(number), *(base**e for base, e in powers))

@@ -466,9 +466,7 @@ def _constants(lines: Lines, parts: Sequence[Sequence[int]]) -> dict[int, tm.Ter
             left = tm.coefficient(tm.derivative_of_terms(lines.rest[i], lines.coordinates[j]), tm.EMPTY)
             right = tm.coefficient(tm.derivative_of_terms(lines.rest[j], lines.coordinates[i]), tm.EMPTY)
         if left or right:
-            ratio = _factor(left, right) or _quotient(lines, left, right)  # K_b = ratio K_a
-            plain = ratio and all(tm.is_constant(p, constants) or isinstance(p, ex.Number) for p, _ in ratio[1])
-            ratios[a, b] = ratio if plain else None
+            ratios[a, b] = _constant_ratio(lines, left, right, constants)  # K_b = ratio K_a
     found = _along_edges(len(parts), ratios)
     if found is None:
         return None
@@ -478,12 +476,18 @@ def _constants(lines: Lines, parts: Sequence[Sequence[int]]) -> dict[int, tm.Ter
     return {i: {cleared[k][1]: cleared[k][0]} for k, part in enumerate(parts) for i in part}
 
 
-def _quotient(lines: Lines, left: tm.Terms, right: tm.Terms) -> Factor | None:
-    """left/right where relations among their generators make it one monomial."""
-    if gradients.is_zero(left) or gradients.is_zero(right):
-        return None
-    found = _divided(left, right, lines.system)
-    return next(((value, key) for key, value in found.items()), None) if len(found) == 1 else None
+def _constant_ratio(lines: Lines, left: tm.Terms, right: tm.Terms, constants: set[ex.Symbol]) -> Factor | None:
+    """left/right where that is one monomial of constants, if by relations among their generators."""
+
+    def is_plain(found: tm.Terms) -> bool:
+        return all(tm.is_constant(p, constants) or isinstance(p, ex.Number) for key in found for p, _ in key)
+
+    found = tm.monomial_factor(left, right)
+    if found is None or not is_plain(found):
+        if gradients.is_zero(left) or gradients.is_zero(right):
+            return None
+        found = tm.terms_of(factored([tm.tree_of(left) / tm.tree_of(right)], lines.system.variables, Budget.short())[0])
+    return next(((value, key) for key, value in found.items()), None) if len(found) == 1 and is_plain(found) else None
 
 
 def _kinetic(lines: Lines) -> tm.Terms | None:

@@ -413,14 +413,15 @@ def _by_parameters(parameters: frozenset[ex.Symbol], tree: ex.Expression) -> ex.
 def _by_rates(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
     """The sum over products of velocities, each with one coefficient in its shortest form.
 
-    The terms without velocities stay apart where one bracket is not much shorter.
+    The terms without velocities stay apart where one bracket is not much shorter; two brackets only have to be shorter.
     """
     parts = []
     for rates, inner in tm.grouped(_without_squares(tm.terms_of(tree), _parameters(system)), tm.has_velocity).items():
         terms = {key | rates: value for key, value in inner.items()}
         forms = [tm.tree_of(terms), *([_by_both(system, terms)] if len(terms) > 1 else [])]
         whole = _part(rates, inner, system)
-        if rates or _MUCH * _size(whole) < min(map(_size, forms)):
+        brackets = sum(isinstance(factor, ex.Sum) for factor in ex.factors_of(whole))
+        if rates or (_MUCH if brackets < 2 else 1) * _size(whole) < min(map(_size, forms)):
             forms.append(whole)
         parts.append(min(forms, key=_preference))
     return ex.add(*parts)
@@ -599,7 +600,8 @@ def _part(outer: tm.Monomial, inner: tm.Terms, system: SecondOrderSystem) -> ex.
     quotient = _quotient(plain, system.parameters, system.coordinates)
     if _is_sum_of(quotient, len(inner)) and _size(quotient) >= _size(plain):
         return whole
-    return min(whole, constant * _constants_first(quotient, system) * rates, key=_size)
+    power = quadratic_forms.as_power(collecting.expand(plain))
+    return min(whole, *(constant * _constants_first(one, system) * rates for one in (quotient, power)), key=_size)
 
 
 @lru_cache(maxsize=256)

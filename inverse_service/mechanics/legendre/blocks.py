@@ -28,9 +28,10 @@ class Block:
 
 @dataclass(frozen=True, slots=True)
 class Parts:
-    """function = free + sum of linear[name] v_name + sum of the blocks' functions."""
+    """function = free + sum of linear[name] v_name + sum of the blocks' functions; `written` is a part of free."""
 
     free: ex.Expression
+    written: ex.Expression
     linear: Mapping[str, ex.Expression]
     blocks: tuple[Block, ...]
 
@@ -58,7 +59,8 @@ def split(function: ex.Expression, names: Sequence[str], momenta: Mapping[str, e
     groups = second_order_system.connected(names, [found for found, _ in coupled])
     functions = [collecting.terms_tree(term for found, term in coupled if found <= set(g)) for g in groups]
     blocks = tuple(Block(f, g, momenta) for f, g in zip(functions, groups, strict=True))
-    return Parts(ex.add(*plain, _short(free)), {name: _short(found) for name, found in linear.items()}, blocks)
+    slopes, written = {name: _short(found) for name, found in linear.items()}, ex.add(*plain)
+    return Parts(ex.add(written, _short(free)), written, slopes, blocks)
 
 
 def _apart(term: ex.Expression, names: Sequence[str]) -> list[ex.Expression]:

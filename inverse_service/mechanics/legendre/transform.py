@@ -232,22 +232,30 @@ def _closed(
     energies = [short_forms.exponentials_above(_placed(found.branch.hamiltonian, table)) for found in chosen]
     plain = ex.add(*energies, ex.negated(parts.free))
     apart = ex.add(collecting.collect(ex.add(*energies)), ex.negated(parts.free))
-    short = short_forms.inside(short_forms.shortest([plain, apart, collecting.collect(plain)]))
+    mixed = ex.add(
+        collecting.collect(ex.add(*energies, parts.written, ex.negated(parts.free))), ex.negated(parts.written)
+    )
+    short = short_forms.inside(short_forms.shortest([plain, apart, mixed, collecting.collect(plain)]))
     whole = writing.roots_upright(writing.joined(short_forms.without_cancelling(short)))
     whole = writing.plain_quotients(writing.one_square(quadratic_forms.shortest_form(whole, implicit.symbols)))
     constants = _constants_of(implicit.lagrangian, names)
     whole = writing.with_one_coefficient(writing.minus_inside(whole), implicit.symbols)
     whole = writing.with_products_in_order(whole, constants, implicit.symbols)
-    terms = whole.terms if isinstance(whole, ex.Sum) else (whole,)
     return replace(
         implicit,
-        hamiltonian=ex.add(*sorted(terms, key=lambda term: not ex.holds(term, *implicit.symbols))),
+        hamiltonian=ex.add(*sorted(ex.summands(whole), key=partial(_place, implicit.symbols))),
         velocities=tuple(
             writing.joined(collecting.merge_powers(velocity)) for velocity in blocks.resolved(chained, names)
         ),
         implicit=False,
         chained=chained,
     )
+
+
+def _place(momenta: Sequence[ex.Symbol], term: ex.Expression) -> int:
+    """Terms linear in the momenta come after the others, and those without momenta last."""
+    held = [base for base, e in ex.powers_of(term) for _ in range(1 if e == 1 else 2) if ex.holds(base, *momenta)]
+    return (2, int(held[0] in momenta) if len(held) == 1 else 0)[bool(held)]
 
 
 def _constants_of(lagrangian: ex.Expression, names: Sequence[str]) -> tuple[ex.Symbol, ...]:
