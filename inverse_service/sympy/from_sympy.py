@@ -18,7 +18,8 @@ from sympy.core.function import AppliedUndef
 from sympy.logic.boolalg import BooleanAtom
 
 from inverse_service.errors import InputError
-from inverse_service.expressions import derivative, pieces, tree as ex
+from inverse_service.expressions import pieces, tree as ex
+from inverse_service.expressions.derivative import FUNCTION
 from inverse_service.expressions.printing import to_text
 from inverse_service.mechanics.conditions import conditions
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
@@ -128,7 +129,7 @@ def _refused(what: str, instead: str) -> InputError:
 
 def _elementary(expression: Any, leaves: Leaves) -> ex.Expression:
     name = type(expression).__name__
-    if name not in derivative.FUNCTION or len(expression.args) != 1:
+    if name not in FUNCTION or len(expression.args) != 1:
         raise _refused(f"the function {name} occurs", "write elementary functions, or a function of your own")
     return ex.Apply(name, from_sympy(expression.args[0], leaves))
 
