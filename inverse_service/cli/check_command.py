@@ -283,10 +283,7 @@ def rows_of(summary: batches.Summary) -> list[tuple[str, int]]:
     counts = summary.labels | {"error": summary.labels["error"]}
     order = sorted(counts, key=lambda label: (label in NAMES, label))
     rows = [(NAMES.get(label, (label.replace("_", " "),) * 2)[counts[label] != 1], counts[label]) for label in order]
-    others = (
-        ("answered by an earlier run", summary.earlier),
-        ("computed once with another line", summary.duplicates),
-    )
+    others = (("answered by an earlier run", summary.earlier), ("computed once with another line", summary.duplicates))
     return rows + [(name, count) for name, count in others if count]
 
 

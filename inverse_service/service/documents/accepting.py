@@ -339,15 +339,15 @@ def _with_multipliers(
     origins = dict(zip(pointers, (pointer for pointer, _ in lines), strict=False))
     texts = dict(zip(pointers, (line for _, line in lines), strict=False)) or texts
     try:
-        found = None if "constraints" in plain else constrained(texts, document_names.Declared(**given))
+        found = None if "constraints" in plain else _constrained(texts, document_names.Declared(**given))
     except (TypeError, AttributeError):  # the shapes of declarations are refused by the schemas
         found = None
     if found is None:
         return plain, {}, {}
+    made, held, multipliers = found
     kept = {key: part for key, part in plain.items() if key != "equations"}
-    made = {"coordinates": found.coordinates, "lagrangian": found.lagrangian, "constraints": found.constraints}
-    places = {f"/constraints/{k}": origins.get(pointer, pointer) for k, pointer in enumerate(found.pointers)}
-    return {**kept, **made}, places, dict.fromkeys(found.multipliers, "a multiplier of the constraints")
+    places = {f"/constraints/{k}": origins.get(pointer, pointer) for k, pointer in enumerate(held)}
+    return {**kept, **made}, places, dict.fromkeys(multipliers, "a multiplier of the constraints")
 
 
 def _is_form(line: str) -> bool:
@@ -655,26 +655,16 @@ def _functions(value: Any) -> Any:
     return {key: _words(part) for key, part in value.items()} if isinstance(value, dict) else value
 
 
-_LOOSE: dict[str, Callable[[Any], Any]] = {
-    "coordinates": _words,
-    "parameters": _parameters,
-    "functions": _functions,
-}
+_LOOSE: dict[str, Callable[[Any], Any]] = {"coordinates": _words, "parameters": _parameters, "functions": _functions}
 
 
-@dataclass(frozen=True, slots=True)
-class Constrained:
-    """L and the constraints as texts, with the pointers of the texts that have the constraints."""
+def _constrained(
+    texts: Mapping[str, str], declared: document_names.Declared
+) -> tuple[dict[str, Any], list[str], list[str]] | None:
+    """L and the constraints of equations with multipliers as keys of a document; None where they are no such equations.
 
-    coordinates: list[str]
-    multipliers: list[str]
-    lagrangian: str
-    constraints: list[str]
-    pointers: list[str]
-
-
-def constrained(texts: Mapping[str, str], declared: document_names.Declared) -> Constrained | None:
-    """The Lagrangian and the constraints of equations with multipliers; None where they are no such equations."""
+    With them the pointers of the texts that have the constraints, and the multipliers.
+    """
     try:
         names = document_names.known_names(declared, texts).names
         kinds = {pointer: replace(names, forms=pointer.startswith("/constraints")) for pointer in texts}
@@ -694,13 +684,12 @@ def constrained(texts: Mapping[str, str], declared: document_names.Declared) -> 
     lagrangian = _lagrangian(names, moving, multipliers, [form for form in forms if form])
     if lagrangian is None:
         return None
-    return Constrained(
-        list(names.coordinates),
-        [multiplier.name for multiplier in multipliers],
-        printing.to_text(lagrangian),
-        [f"{printing.to_text(left)} = {printing.to_text(right)}" for _, left, right in held],
-        [pointer for pointer, _, _ in held],
-    )
+    made = {
+        "coordinates": list(names.coordinates),
+        "lagrangian": printing.to_text(lagrangian),
+        "constraints": [f"{printing.to_text(left)} = {printing.to_text(right)}" for _, left, right in held],
+    }
+    return made, [pointer for pointer, _, _ in held], [multiplier.name for multiplier in multipliers]
 
 
 def _holds(tree: ex.Expression, kind: type[ex.Expression]) -> bool:

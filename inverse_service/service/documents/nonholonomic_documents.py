@@ -471,10 +471,7 @@ class _Made:
         part = to_nonholonomic_part(studies[0], self.kept)
         told = {"advice": AdvicePart(**taken), "branches": branches, "first_integrals": part.first_integrals}
         return schemas.NonholonomicResult(
-            **dict(result) | told,
-            nonholonomic=part,
-            any_associated=motions[0],
-            reduced=self.reduced,
+            **dict(result) | told, nonholonomic=part, any_associated=motions[0], reduced=self.reduced
         )
 
 

@@ -34,11 +34,7 @@ def read_json(data: bytes | str) -> Any:
     _refuse_deep_json(text)
     try:
         value = json.loads(
-            text,
-            object_pairs_hook=_object,
-            parse_constant=_refuse_constant,
-            parse_float=_decimal,
-            parse_int=_integer,
+            text, object_pairs_hook=_object, parse_constant=_refuse_constant, parse_float=_decimal, parse_int=_integer
         )
     except json.JSONDecodeError as error:
         what = _first_lower(error.msg.removesuffix(" at"))

@@ -93,10 +93,7 @@ def function_fields(system: SecondOrderSystem | NonholonomicSystem) -> dict[str,
 
 
 def to_result(
-    solution: solutions.Solution,
-    schema: Asking,
-    others: Sequence[solutions.Solution] = (),
-    left: Sequence[Left] = (),
+    solution: solutions.Solution, schema: Asking, others: Sequence[solutions.Solution] = (), left: Sequence[Left] = ()
 ) -> schemas.ResultDocument:
     """The result document; `with_time` is filled where the other question has another answer.
 

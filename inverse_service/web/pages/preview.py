@@ -97,14 +97,7 @@ def price_task(document: Mapping[str, Any]) -> dict[str, Any]:
     coarse, fine = (_distance(*pair) for pair in itertools.pairwise(ends))
     order = min(12.0, max(1.0, math.log2(coarse / fine))) if coarse and fine else 1.0
     error = coarse / (1 - 2**-order)
-    return {
-        "method": name,
-        "step": float(step),
-        "order": order,
-        "error": error,
-        "seconds": seconds,
-        "until": until,
-    }
+    return {"method": name, "step": float(step), "order": order, "error": error, "seconds": seconds, "until": until}
 
 
 def _distance(left: Sequence[Sequence[float]], right: Sequence[Sequence[float]]) -> float:

@@ -262,9 +262,10 @@ def asked_of(document: Any) -> list[str]:
     found: list[str] = []
     inner = [document] + [document.get(key) for key in ("system", "document")] if isinstance(document, dict) else []
     for part in (part for part in inner if isinstance(part, dict)):
-        texts = (part.get(key) or "" for key in ("name", "catalogue", "equations", "lagrangian", "constraints"))
+        texts = [part.get(key) or "" for key in ("name", "equations", "lagrangian", "constraints")]
+        texts.insert(0, str(part.get("catalogue") or "").replace("-", " "))
         found += [line for text in texts for line in forms.equations_text(text).split("\n") if line]
-    return found[:ASKED]
+    return [*dict.fromkeys(found)][:ASKED]
 
 
 async def shown(request: Request, job: dict[str, Any], check: dict[str, Any] | None = None) -> HTMLResponse:

@@ -35,6 +35,7 @@ MOST_SOUGHT = 3
 INSTEAD = WORDS["instead"]
 KIND_NAMES: dict[str, str] = WORDS["kinds"]
 SEEKING = "Being decided"
+STATED = {"holds": "Holds", "fails": "Fails", "not settled": "Undetermined"}
 ANSWERS = {YES: "Yes", NO: "No", OPEN: "Undetermined"}
 OF_OTHERS = ("Reduced", "Another clock")
 HINTS: dict[str, str] = WORDS["hints"]
@@ -633,7 +634,7 @@ def _rows(
         after = []
         if lagrangian := motion.get("lagrangian"):
             on = [formula_of("l", lagrangian["on_constraints"], names)]
-            on += [formula_of(f"\u03bb{k}", one, names) for k, one in enumerate(lagrangian["transverse_momenta"], 1)]
+            on += [formula_of(f"lambda_{k}", one, names) for k, one in enumerate(lagrangian["transverse_momenta"], 1)]
             after.append(Markup("On the constraints {}.").format(Markup(", ").join(one.math for one in on)))
         if motion.get("freedom"):
             after.append(Markup("L along the constraints depends on {}.").format(motion["freedom"]))
@@ -685,7 +686,7 @@ def _motion_more(result: Mapping[str, Any], part: Mapping[str, Any], names: Name
     lines += [f"{name}' = {f['text']}" for name, f in motion["first_order"].items()]
     yield Row("Motion", formulas=tuple(_lines(lines, names)))
     for k, one in enumerate(motion.get("multipliers") or (), 1):
-        yield Row("Force of the constraint", formulas=(formula_of(f"\u03bb{k}", one, names),))
+        yield Row("Multiplier of the constraint", formulas=(formula_of(f"lambda_{k}", one, names),))
     yield from (_conserved(one, names) for one in part.get("first_integrals") or ())
     density = part["measure_density"].get("density")
     told = typesetting.sentence(part["measure_density"], names)
@@ -695,7 +696,8 @@ def _motion_more(result: Mapping[str, Any], part: Mapping[str, Any], names: Name
             yield Row(name, typesetting.sentence(part[key], names))
     for entry in part.get("hamiltonisation") or ():
         stated = [
-            typesetting.sentence(one, names) + Markup(" {}").format(one["verdict"]) for one in entry["statements"]
+            Markup("{}: {}").format(STATED[one["verdict"]], typesetting.sentence(one, names))
+            for one in entry["statements"]
         ]
         zero = _listed([f"{one['text']} = 0" for one in entry["constraints"]], names)
         word, label = "Confirmed" if entry["holds"] else "Not confirmed", typesetting.capitalized(entry["label"])

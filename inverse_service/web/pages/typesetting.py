@@ -59,7 +59,7 @@ def equation(letter: str, text: str, names: Names) -> Markup:
     found = _breakable(text, names)
     if found is None:
         return code(f"{letter} = {text}")
-    left = inner_mathml(letter, names) or f"<mi>{letter}</mi>"
+    left = inner_mathml(letter, names) or _theory(letter)
     return math(f"<mrow>{left}<mo>=</mo></mrow>") + found
 
 
