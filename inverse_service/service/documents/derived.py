@@ -14,10 +14,8 @@ from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
 from api_schemas import result as schemas
-from api_schemas.result import KindPart, ResultDocument
 from api_schemas.system import InvariantKind, SystemDocument
-from inverse_service import deadline, errors
-from inverse_service.deadline import left
+from inverse_service import deadline
 from inverse_service.decision import deciding
 from inverse_service.decision.kinds.helmholtz import LagrangianKind, invariant, kind_named
 from inverse_service.decision.solutions import Answer, Solution, SolveOptions
@@ -34,7 +32,6 @@ from inverse_service.solving import solving
 
 if TYPE_CHECKING:
     from api_schemas.nonholonomic import ReducedPart
-    from api_schemas.system import SystemDocument
     from inverse_service.solving.kind_answers import KindAnswer
     from inverse_service.solving.special_cases.case_tree import Node, Progress
 
@@ -68,7 +65,7 @@ def _solved(system: SecondOrderSystem, timed: bool, seed: int, end: float) -> tu
 def to_clock(schema: SystemDocument, system: SecondOrderSystem) -> ex.Expression | None:
     """N(q), None where it is looked for; InputError where it is not a function of coordinates, or f holds t."""
     if system.depends_on_time:
-        raise errors.InputError("the equations contain t, so the time cannot be changed.", "/clock")
+        raise InputError("the equations contain t, so the time cannot be changed.", "/clock")
     return None if schema.clock == SEARCH else read_clock(system, schema.clock or "", schema)
 
 
@@ -78,9 +75,9 @@ def read_clock(system: SecondOrderSystem, text: str, schema: SystemDocument | No
 
     factor = accepting.formula_about(text, system.names, schema, "/clock")
     if any(node == ex.TIME or isinstance(node, ex.Velocity | ex.Acceleration) for node in ex.walk(factor)):
-        raise errors.InputError("a clock N in dtau = N dt may contain coordinates and parameters only.", "/clock")
+        raise InputError("a clock N in dtau = N dt may contain coordinates and parameters only.", "/clock")
     if clock.with_clock(system, factor) is None:
-        raise errors.InputError("a clock N needs real values other than 0 where the equations have values.", "/clock")
+        raise InputError("a clock N needs real values other than 0 where the equations have values.", "/clock")
     return factor
 
 
@@ -302,7 +299,7 @@ def system_with_clock(document: Any, part: Mapping[str, Any]) -> SecondOrderSyst
         schema = accepting.to_schema(accepting.prepared(document).document)
         system = accepting.to_system(schema)
         factor = to_clock(schema, system) or read_clock(system, str(part.get("factor")), schema)
-    except errors.InputError:
+    except InputError:
         return None
     return in_clock(part, system, factor)
 
@@ -322,7 +319,7 @@ def system_there(document: Any, conditions: Any) -> SecondOrderSystem | None:
         names = Names(parameters=system.parameters, time=False)  # constants: a = x is no condition
         pairs = [text.split(" = ") for text in conditions]
         values = {reader.read_formula(name, names): reader.read_formula(value, names) for name, value in pairs}
-    except (errors.InputError, KeyError, ValueError, AttributeError, TypeError):
+    except (InputError, KeyError, ValueError, AttributeError, TypeError):
         return None
     held = {node for tree in values.values() for node in ex.walk(tree)}
     known = {ex.Symbol(name) for name in system.parameters} - held
@@ -398,13 +395,13 @@ def _is_rational(node: ex.Expression) -> bool:
 
 
 def with_kinds(
-    result: ResultDocument,
+    result: schemas.ResultDocument,
     solution: Solution,
     schema: SystemDocument,
     kinds: Sequence[LagrangianKind],
     asked: SolveOptions,
     end: float,
-) -> ResultDocument:
+) -> schemas.ResultDocument:
     """The result with an answer for each kind, which share the time that is left."""
     from inverse_service.solving import kind_answers
 
@@ -439,7 +436,7 @@ def _rayleigh(solution: Solution, _: LagrangianKind, asked: SolveOptions, end: f
     from inverse_service.solving import kind_answers
 
     def natural(system: SecondOrderSystem) -> list[ex.Expression]:
-        limit = _SHARE_OF_SEARCH * left(end)
+        limit = _SHARE_OF_SEARCH * deadline.left(end)
         options = SolveOptions(time_dependent=False, seed=asked.seed, time_limit=limit, conditions=False)
         found = solving.solve(system, options).autonomous
         known = None if found is None else found.lagrangian
@@ -453,9 +450,9 @@ def _rayleigh(solution: Solution, _: LagrangianKind, asked: SolveOptions, end: f
         return kind_answers.KindAnswer("undetermined", problem.detail)
 
 
-def kind_part(found: KindAnswer) -> KindPart:
+def kind_part(found: KindAnswer) -> schemas.KindPart:
     return translate.part_of(
-        KindPart,
+        schemas.KindPart,
         found,
         checked=None if found.certificate is None else "valid",
         lagrangian=None if found.lagrangian is None else translate.lagrangian_part(found.lagrangian),
