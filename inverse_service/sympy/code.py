@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import sympy
+from jinja2 import Template
 from sympy.core.function import AppliedUndef
 from sympy.printing import c, cxx, rust
 from sympy.printing.codeprinter import CodePrinter, ccode, cxxcode
@@ -30,7 +31,6 @@ from inverse_service.errors import InputError
 from inverse_service.sympy.from_sympy import expression
 
 if TYPE_CHECKING:
-    from inverse_service.sympy.from_sympy import Table
     from inverse_service.sympy.result_objects import Answer
 
 
@@ -42,17 +42,6 @@ _WORDS = {*keyword.kwlist, *c.reserved_words, *cxx.reserved["C++11"], *rust.rese
 _WORDS |= {*_NAMES["words"].split(), *_NAMES["called"].split()}
 _RESERVED = {*_NAMES["reserved"].split()}
 _JAX_FUNCTIONS = ("lagrangian", "momenta", "hamiltonian")
-_JAX_HEAD = """import jax
-import jax.numpy as jnp
-
-jax.config.update("jax_enable_x64", True)
-"""
-# y = (q, v), or (q, p) for H over the momenta; args are the parameters.
-FUNCTION = "def {name}(t, y, args):\n{unpacked}    return {value}"
-
-_MODELINGTOOLKIT_HEAD = """using ModelingToolkit
-using ModelingToolkit: t_nounits as t, D_nounits as D
-"""
 _MODELINGTOOLKIT_WORDS = frozenset(["D", "equations", "motion", "System"])
 
 
@@ -330,57 +319,42 @@ def _sympy_program(answer: Answer) -> str:
     """Symbols, the motion, L with its Euler-Lagrange residuals, and H, as a program that imports SymPy alone."""
     table, words = answer._table, _python_words(answer)
     renamed = {each: sympy.Symbol(word) for each, word in words.items() if not isinstance(each, AppliedUndef)}
-    calls = {
-        each: sympy.Function(word)(renamed[table.time])
-        for each, word in words.items()
-        if isinstance(each, AppliedUndef)
-    }
+    time = renamed[table.time]
+    calls = {each: sympy.Function(word)(time) for each, word in words.items() if isinstance(each, AppliedUndef)}
 
-    def text(expression: Any) -> str:
-        return str(_ExactPrinter().doprint(expression.subs(calls).subs(renamed)))
+    def text(found: Any) -> str:
+        return str(_ExactPrinter().doprint(found.subs(calls).subs(renamed)))
 
-    symbols = [f'{renamed[each]} = Symbol("{each}")' for each in renamed]
-    symbols += [f'{words[each]} = Function("{each.func}")' for each in calls]
-    integrals = answer._shown.get("integrals") or {}
-    symbols += [f'{name} = Function("{found}")' for name, found in table.functions.items() if name not in integrals]
-    for name, part in integrals.items():
-        symbols += _integral_class(name, part, table, text)
-    lines = ["from sympy import *", "", *symbols]
-    lines += [
-        "motion = {",
-        *(
-            f"    {text(left)}: {text(right)},"
-            for left, right in zip(answer.equations, answer.accelerations, strict=True)
-        ),
-        "}",
-    ]
-    if answer.lagrangian is not None and calls:
-        q = ", ".join(text(each) for each in calls)
-        lines += [f"# where {condition}" for condition in conditions_of(answer, "lagrangian")]
-        lines += [f"L = {text(answer.lagrangian)}", f"q, time = [{q}], {renamed[table.time]}"]
-        lines += ["residual = [(L.diff(x.diff(time)).diff(time) - L.diff(x)).doit().subs(motion) for x in q]"]
-        lines += ["print([simplify(each.doit()) for each in residual])  # zero along the motion"]
-    if answer.hamiltonian is not None:
-        lines += [f'{p} = Symbol("{p}")' for p in answer.hamiltonian.momenta]
-        lines += [f"# where {condition}" for condition in conditions_of(answer, "hamiltonian")]
-        lines += [f"H = {text(answer.hamiltonian.expr)}"]
-    return "\n".join(lines) + "\n"
+    def of(known: Mapping[str, Any]) -> tuple[list[str], list[tuple[int, str]]]:
+        """The arguments of an integral, and its derivatives by their places."""
+        slopes = enumerate(map(known["derivatives"].get, known["arguments"]), 1)
+        formal = [text(expression(argument, table)) for argument in known["arguments"]]
+        return formal, [(place, text(expression(slope, table))) for place, slope in slopes if slope is not None]
+
+    integrals, hamiltonian = answer._shown.get("integrals") or {}, answer.hamiltonian
+    functions = [(words[each], each.func) for each in calls]
+    functions += [(name, found) for name, found in table.functions.items() if name not in integrals]
+    pairs = zip(answer.equations, answer.accelerations, strict=True)
+    return _filled(
+        "sympy",
+        symbols=[(symbol, each) for each, symbol in renamed.items()],
+        functions=functions,
+        integrals=[(name, *of(known)) for name, known in integrals.items()],
+        motion=[(text(left), text(right)) for left, right in pairs],
+        lagrangian=None if answer.lagrangian is None or not calls else text(answer.lagrangian),
+        lagrangian_where=conditions_of(answer, "lagrangian"),
+        coordinates=map(text, calls),
+        time=time,
+        hamiltonian=None if hamiltonian is None else text(hamiltonian.expr),
+        hamiltonian_where=conditions_of(answer, "hamiltonian"),
+        momenta=[] if hamiltonian is None else hamiltonian.momenta,
+    )
 
 
-def _integral_class(name: str, part: Mapping[str, Any], table: Table, text: Callable[[Any], str]) -> list[str]:
-    """A function that the program knows by its derivatives."""
-    formal = ", ".join(text(expression(argument, table)) for argument in part["arguments"])
-    slopes = (part["derivatives"].get(argument) for argument in part["arguments"])
-    known = {place: text(expression(slope, table)) for place, slope in enumerate(slopes, 1) if slope is not None}
-    return [
-        f"class {name}(Function):",
-        f"    nargs = {len(part['arguments'])}",
-        "    def fdiff(self, argindex=1):",
-        f"        known = {{{', '.join(f'{place}: {slope}' for place, slope in known.items())}}}",
-        "        if argindex not in known:",
-        "            return Function.fdiff(self, argindex)",
-        f"        return known[argindex].subs(dict(zip([{formal}], self.args)), simultaneous=True)",
-    ]
+def _filled(program: str, **values: Any) -> str:
+    """The text of a program, whose parts are in programs/."""
+    text = (Path(__file__).parent / "programs" / f"{program}.j2").read_text(encoding="utf-8")
+    return str(Template(text, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True).render(values))
 
 
 def _python_words(answer: Answer) -> dict[Any, str]:
@@ -392,31 +366,28 @@ def _python_words(answer: Answer) -> dict[Any, str]:
 
 
 def jax_program(answer: Answer) -> str:
-    """With `diffrax.ODETerm(vector_field)` the motion of y = (q, v); args are the parameters in their order."""
+    """With `diffrax.ODETerm(vector_field)` the motion of y = (q, v); args are the parameters in their order.
+
+    H over the momenta has y = (q, p).
+    """
     table = answer._table
     field = [*(table.velocity(name) for name in table.coordinates), *answer.accelerations]
-    parts = [_jax_function(answer, "vector_field", field)]
+    found = [("vector_field", "", (), *_jax_function(answer, "accelerations", field))]
     for what, left_out in known_quantities(answer, _JAX_FUNCTIONS):
-        lines = [f"# {what}: where {one}" for one in conditions_of(answer, what)]
-        written = "" if left_out else _jax_function(answer, what, quantity_of(answer, what))
-        parts.append(f"# {left_out}" if left_out else "\n".join([*lines, written]))
-    return _JAX_HEAD + "\n\n" + "\n\n\n".join(parts) + "\n"
+        parts = () if left_out else _jax_function(answer, what, quantity_of(answer, what))
+        found.append((what, left_out, conditions_of(answer, what), *parts))
+    return _filled("jax", functions=[(*each, *[""] * (6 - len(each))) for each in found])
 
 
-def _jax_function(answer: Answer, name: str, value: Any) -> str:
-    what = "accelerations" if name == "vector_field" else name
+def _jax_function(answer: Answer, what: str, value: Any) -> tuple[list[str], list[str], str]:
+    """The names of the state and of the parameters, and what is given back."""
     given = arguments_of(answer, what)
     plain = plain_symbols(given, answer, LANGUAGES["python"])
-    values = list(value) if isinstance(value, list) else [value]
-    shown = [with_plain(each, plain) for each in values]
+    shown = [with_plain(each, plain) for each in (value if isinstance(value, list) else [value])]
     refuse_functions(shown)
     texts = [str(JaxPrinter().doprint(each)).replace("jax.numpy.", "jnp.") for each in shown]
-    size = 2 * len(answer._table.coordinates)
-    names = [str(plain[each]) for each in given[1:]]
-    state, parameters = names[:size], names[size:]
-    unpacked = f"    {', '.join(state)} = y\n" + (f"    ({', '.join(parameters)},) = args\n" if parameters else "")
-    whole = f"jnp.array([{', '.join(texts)}])" if isinstance(value, list) else texts[0]
-    return FUNCTION.format(name=name, unpacked=unpacked, value=whole)
+    names, size = [str(plain[each]) for each in given[1:]], 2 * len(answer._table.coordinates)
+    return names[:size], names[size:], f"jnp.array([{', '.join(texts)}])" if isinstance(value, list) else texts[0]
 
 
 def modelingtoolkit_program(answer: Answer) -> str:
@@ -433,22 +404,20 @@ def modelingtoolkit_program(answer: Answer) -> str:
         refuse_functions([shown])
         return str(sympy.julia_code(shown.subs(speeds)))
 
-    parameters = [str(plain[each]) for each in table.parameters.values()]
-    lines = [_MODELINGTOOLKIT_HEAD] + ([f"@parameters {' '.join(parameters)}"] if parameters else [])
-    lines.append(f"@variables {' '.join(f'{name}(t)' for name in names.values())}")
+    def quantity(what: str, left_out: str) -> tuple[str, str, list[Any], Sequence[str], str]:
+        hamiltonian = answer.hamiltonian if what == "hamiltonian" else None
+        momenta = [] if hamiltonian is None or hamiltonian.implicit else list(hamiltonian.momenta)
+        formula = "" if left_out else text(quantity_of(answer, what))
+        return what, left_out, momenta, conditions_of(answer, what), formula
+
     pairs = zip(names.values(), answer.accelerations, strict=True)
-    lines += ["equations = [", *(f"    D(D({name})) ~ {text(f)}," for name, f in pairs), "]"]
-    lines.append("@named motion = System(equations, t)")
-    hamiltonian = answer.hamiltonian
-    for what, left_out in known_quantities(answer, ("lagrangian", "hamiltonian")):
-        if left_out:
-            lines.append(f"# {left_out}")
-            continue
-        if what == "hamiltonian" and hamiltonian is not None and not hamiltonian.implicit:
-            lines.append(f"@variables {' '.join(map(str, hamiltonian.momenta))}")
-        lines += [f"# where {one}" for one in conditions_of(answer, what)]
-        lines.append(f"{what} = {text(quantity_of(answer, what))}")
-    return "\n".join(lines) + "\n"
+    return _filled(
+        "modelingtoolkit",
+        parameters=[plain[each] for each in table.parameters.values()],
+        names=list(names.values()),
+        equations=[(name, text(f)) for name, f in pairs],
+        quantities=[quantity(*each) for each in known_quantities(answer, ("lagrangian", "hamiltonian"))],
+    )
 
 
 # Programs that are more than one function for each quantity.
