@@ -209,10 +209,10 @@ def _split_square(monomial: Monomial) -> tuple[Monomial, Monomial]:
 
 
 def as_power(terms: Sequence[Term]) -> Expression:
-    """The sum with its repeated factors as powers, where there are any: (1 + k/sqrt(u))^4."""
+    """The sum with factors as powers, where one that is a sum is repeated: (1 + k/sqrt(u))^4."""
     found = _factors(terms) if len(terms) <= _MOST_TERMS else None
     plain = terms_tree(terms)
-    if not found or all(k == 1 for _, k in found):
+    if not found or not any(k > 1 and isinstance(factor, ex.Sum) for factor, k in found):
         return plain
     product = ex.multiply(*(factor**k for factor, k in found))
     first = expand(product)

@@ -186,6 +186,12 @@ def shorten(
     return min((tree, collecting.collect(tree), quotient(tree, budget, symbols)), key=cost)
 
 
+def collected_inside(tree: ex.Expression, cost: Callable[[ex.Expression], int] = ex.node_count) -> ex.Expression:
+    """Every sum collected by itself where that makes it cheaper."""
+    tree = ex.rebuild(tree, lambda part: collected_inside(part, cost))
+    return min(tree, collecting.collect(tree), key=cost) if isinstance(tree, ex.Sum) else tree
+
+
 @lru_cache(maxsize=1024)
 def tidied(tree: ex.Expression) -> ex.Expression:
     """The tree as one exact quotient, roots and trigonometric functions reduced; as it is where that is too large."""

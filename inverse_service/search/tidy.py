@@ -261,7 +261,7 @@ def _other_forms(tree: ex.Expression, system: SecondOrderSystem) -> list[ex.Expr
         _with_common_factor, _grouped, _by_rates, _with_whole_squares, _by_functions, _with_shifted_rates,
         _with_springs, _by_sines, _by_cosines,
     )  # fmt: skip
-    forms: list[Callable[[ex.Expression], ex.Expression]] = [collected_inside, constants]
+    forms: list[Callable[[ex.Expression], ex.Expression]] = [partial(writing.collected_inside, cost=_size), constants]
     forms += [partial(one, system) for one in of_system]
     for form in forms:
         try:
@@ -302,12 +302,6 @@ def _fractions(node: ex.Expression) -> int:
 
 def _is_divisor(node: ex.Expression) -> bool:
     return isinstance(node, ex.Power) and isinstance(node.exponent, ex.Number) and node.exponent.value < 0
-
-
-def collected_inside(tree: ex.Expression) -> ex.Expression:
-    """Every sum collected by itself where that makes it shorter."""
-    tree = ex.rebuild(tree, collected_inside)
-    return min(tree, collecting.collect(tree), key=_size) if isinstance(tree, ex.Sum) else tree
 
 
 def _with_common_factor(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
@@ -420,7 +414,7 @@ def _by_rates(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
         terms = {key | rates: value for key, value in inner.items()}
         forms = [tm.tree_of(terms), *([_by_both(system, terms)] if len(terms) > 1 else [])]
         whole = _part(rates, inner, system)
-        brackets = sum(isinstance(factor, ex.Sum) for factor in ex.factors_of(whole))
+        brackets = sum(isinstance(factor, ex.Sum) for factor in ex.factors_of(writing.joined(whole)))
         if rates or (_MUCH if brackets < 2 else 1) * _size(whole) < min(map(_size, forms)):
             forms.append(whole)
         parts.append(min(forms, key=_preference))
@@ -649,5 +643,5 @@ def _plainer(tower: Tower, force: ex.Expression) -> ex.Expression:
         if not isinstance(rule, AngleRule) and not rule.free:
             plain = ex.substitute(plain, {rule.atom: rule.tree})
     with suppress(errors.InputError):
-        plain = plain if plain == force else collected_inside(plain)
+        plain = plain if plain == force else writing.collected_inside(plain, _size)
     return min(force, plain, key=ex.node_count)

@@ -56,23 +56,6 @@ def simplified(tree: ex.Expression) -> ex.Expression:
     return shortest(forms)
 
 
-def without_cancelling(tree: ex.Expression) -> ex.Expression:
-    """The tree without functions whose factors cancel, what is inside the others as it is; else the tree itself."""
-    letters: dict[ex.Expression, ex.Expression] = {
-        node: ex.Symbol(f"function {k}") for k, node in enumerate(_outermost(tree))
-    }
-    plain = simplified(ex.substitute(tree, letters)) if letters else tree
-    if {*letters.values()} <= {*ex.walk(plain)}:
-        return tree
-    return ex.substitute(plain, {letter: node for node, letter in letters.items()})
-
-
-def _outermost(tree: ex.Expression) -> dict[ex.Expression, None]:
-    if isinstance(tree, ex.Apply):
-        return {tree: None}
-    return dict.fromkeys(node for child in ex.children(tree) for node in _outermost(child))
-
-
 def related(tree: ex.Expression) -> ex.Expression:
     """A long tree as one quotient, with the relations among its roots and functions used, where that is shorter."""
     return tree if ex.node_count(tree) <= bounds.NODES else shortest([tree, exact_quotient(tree)])
@@ -186,43 +169,6 @@ def _apart(tree: ex.Expression) -> ex.Expression:
             return base ** (value * exponent)
         case _:
             return inner
-
-
-def squares_together(tree: ex.Expression) -> ex.Expression:
-    """The tree with (u^4/w^2)^(2/3) w^2/u^2 as (u^2)^(1/3) (w^2)^(1/3): even powers under roots and next to them."""
-    inner = ex.rebuild(tree, squares_together)
-    factors = ex.factors_of(inner)
-    table: dict[ex.Expression, Fraction] = {}
-    rest: list[ex.Expression] = []
-    for factor in factors:
-        squares = _squares_under_root(factor)
-        for base, e in squares.items():
-            table[base] = table.get(base, Fraction(0)) + e
-        rest += [] if squares else [factor]
-    if not table:
-        return inner
-    for k, factor in enumerate(rest):
-        match factor:
-            case ex.Power(base, ex.Number(e)) if base in table and _is_square(factor):
-                table[base] += e / 2
-                rest[k] = ex.ONE
-    together = {e: ex.multiply(*(base**2 for base in table if table[base] == e)) for e in table.values()}
-    return ex.multiply(*rest, *(product**e for e, product in together.items()))
-
-
-def _squares_under_root(factor: ex.Expression) -> dict[ex.Expression, Fraction]:
-    """{u: m e} for a root (product of u^(2 m))^e; empty for all else."""
-    match factor:
-        case ex.Power(base, ex.Number(e)) if e.denominator > 1:
-            known: dict[ex.Expression, Fraction] = {}
-            for part in ex.factors_of(base):
-                match part:
-                    case ex.Power(u, ex.Number(whole)) if _is_square(part):
-                        known[u] = whole * e / 2
-                    case _:
-                        return {}
-            return known
-    return {}
 
 
 def cancelled(sign: int, tree: ex.Expression) -> ex.Expression:

@@ -209,7 +209,6 @@ def _with_variants(branches: Iterator[blocks.Branch]) -> Iterator[blocks.Branch]
     for branch in branches:
         forms: list[Callable[[ex.Expression], ex.Expression]] = [
             short_forms.roots_apart,
-            short_forms.squares_together,
             partial(short_forms.cancelled, 1),
             partial(short_forms.cancelled, -1),
         ]
@@ -236,7 +235,7 @@ def _closed(
         collecting.collect(ex.add(*energies, parts.written, ex.negated(parts.free))), ex.negated(parts.written)
     )
     short = short_forms.inside(short_forms.shortest([plain, apart, mixed, collecting.collect(plain)]))
-    whole = writing.roots_upright(writing.joined(short_forms.without_cancelling(short)))
+    whole = writing.roots_upright(writing.joined(short))
     whole = writing.plain_quotients(writing.one_square(quadratic_forms.shortest_form(whole, implicit.symbols)))
     constants = _constants_of(implicit.lagrangian, names)
     whole = writing.with_one_coefficient(writing.minus_inside(whole), implicit.symbols)
@@ -253,9 +252,9 @@ def _closed(
 
 
 def _place(momenta: Sequence[ex.Symbol], term: ex.Expression) -> int:
-    """Terms linear in the momenta come after the others, and those without momenta last."""
-    held = [base for base, e in ex.powers_of(term) for _ in range(1 if e == 1 else 2) if ex.holds(base, *momenta)]
-    return (2, int(held[0] in momenta) if len(held) == 1 else 0)[bool(held)]
+    """Powers of momenta come first, as p^2/(2 m), and terms without momenta last."""
+    held = [node for node in ex.walk(term) if ex.holds(node, *momenta)]
+    return 2 if not held else int(not any(isinstance(node, ex.Power) for node in held))
 
 
 def _constants_of(lagrangian: ex.Expression, names: Sequence[str]) -> tuple[ex.Symbol, ...]:
@@ -276,7 +275,8 @@ def _shifts(
 def _placed(tree: ex.Expression, table: dict[ex.Expression, ex.Expression]) -> ex.Expression:
     """The tree with p - A for p; collected where that is shorter."""
     placed = ex.substitute(tree, table)
-    return placed if placed == tree else short_forms.shortest([placed, short_forms.simplified(placed)])
+    forms = [placed, short_forms.simplified(placed), writing.collected_inside(placed)]
+    return placed if placed == tree else short_forms.shortest(forms)
 
 
 def _claim_of(closed: LegendreTransform, names: tuple[str, ...]) -> sampling.Claim:
@@ -338,20 +338,20 @@ def block_branches(block: blocks.Block, reach: Reach) -> Iterator[blocks.Branch]
     if blocks.form_matrix(collecting.expand(block.function), block.names) is not None:
         return
     # Most Lagrangians are quadratic: what solves the others is loaded for them.
-    from inverse_service.mechanics.legendre import one_velocity, several_velocities
+    from inverse_service.mechanics.legendre import inverses
 
     inner = partial(solve, reach=Reach(reach.depth - 1, reach.end))
     for family in (
-        several_velocities.radial_branches,
-        several_velocities.ratio_branches,
-        several_velocities.linear_branches,
-        one_velocity.scalar_branches,
+        inverses.radial_branches,
+        inverses.ratio_branches,
+        inverses.linear_branches,
+        inverses.scalar_branches,
     ):
         if reach.exhausted:
             return
         yield from family(block, inner)
     if not reach.exhausted:
-        yield from one_velocity.elimination_branches(block)
+        yield from inverses.elimination_branches(block)
 
 
 def solve(

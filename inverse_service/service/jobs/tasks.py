@@ -39,8 +39,7 @@ ENGINE = (
     "explanation.negative",
     "explanation.theorems",
     "search.ladder",
-    "mechanics.legendre.one_velocity",
-    "mechanics.legendre.several_velocities",
+    "mechanics.legendre.inverses",
 )
 Report = Callable[[Any], None]
 Work = Callable[[Any, model.JobOptions, Report], Any]
