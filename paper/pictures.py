@@ -8,8 +8,7 @@ from pathlib import Path
 import matplotlib
 
 from inverse_service.service.figures import views
-from inverse_service.service.figures.drawing import path_figure, series_figure
-from inverse_service.service.figures.style import SETTINGS, TRUE_COLOR, new_figure, save
+from inverse_service.service.figures.drawing import SETTINGS, TRUE_COLOR, new_figure, path_figure, save, series_figure
 from paper.scenes import Run
 from paper.statement import Figure
 

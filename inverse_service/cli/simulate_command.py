@@ -208,8 +208,7 @@ def work_precision(
     if folder is None:
         cli.write(price_list(result) if sys.stdout.isatty() else cli.in_json(result))
         return cli.ExitCode.DONE
-    from inverse_service.service.figures.price_curves import precision_figure
-    from inverse_service.service.figures.style import save
+    from inverse_service.service.figures.drawing import precision_figure, save
 
     figure, caption = precision_figure(result, evaluations)
     result["figures"] = [{"files": save(figure, folder, "work-precision", caption), "caption": caption}]

@@ -1,4 +1,4 @@
-"""All figures of a simulation: coordinates against time, ensembles, paths, observed quantities, and animations.
+"""Figures as files: coordinates against time, ensembles, paths, observed quantities, error against work, animations.
 
 A path in a plane of two coordinates has one panel per method, all at one scale with equal axes. An animation shows
 the bodies of a scene with their trails, in real time or within SECONDS.
@@ -8,6 +8,7 @@ import io
 import math
 import shutil
 import subprocess
+import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -15,15 +16,23 @@ from typing import Any, cast
 
 import matplotlib
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter
 from numpy.typing import NDArray
 
 from inverse_service.errors import InputError
 from inverse_service.integrators.trajectory import Array
-from inverse_service.service.figures import price_curves, style as styles, views
+from inverse_service.service.figures import views
+from inverse_service.service.scenes.prices import best_first, power
 from inverse_service.simulation import circles
 
+# The style of all figures: sizes in inches, colors, lines.
+TRUE_COLOR = "#222222"
+SETTINGS: Any = matplotlib.rc_params_from_file(Path(__file__).parent / "figures.mplstyle", use_default_template=False)
+RESOLUTION = 160
+CAPTION_SIZE = 9
 PALE, REACH_SIGNED = "#9aa3b2", 8.0
 DASHES: Any = {
     "solid": "-", "dash": "--", "dashdot": "-.", "dot": ":", "longdash": (0, (8, 2)), "longdashdot": (0, (8, 2, 1, 2)),
@@ -38,16 +47,69 @@ INCHES, DOTS = 4.8, 100
 NO_BODY = (
     'The scene has no body to draw: give "points", as in {"bob": ["l*sin(a)", "-l*cos(a)"]}, or coordinates x and y.'
 )
+FAMILIES = {"geometric": "#0072B2", "explicit": "#D55E00", "implicit": "#009E73", "taylor": "#CC79A7"}
+BY_ORDER = ((2, ":"), (4, "-."), (6, "--"), (99, "-"))
+DRAWN_FIRST, FAINT, LABEL_HEIGHT = 8, 0.3, 0.045  # curves in full color; how faint others are; of a panel's height
+PANELS = (("seconds", "time in s"), ("evaluations", "force evaluations"))
+End = tuple[float, float, str, Any]
 
 
-def view_figure(shown: Sequence[Mapping[str, Any] | None], wide: int = 3) -> Figure | None:
-    """Views as the page draws them too, one panel each; the true motion is a broad pale line below the others."""
-    drawn = [view for view in shown if view is not None]
+def new_figure(width: float, height: float) -> Figure:
+    """An empty figure, sizes in inches."""
+    return Figure(figsize=(width, height), layout="constrained")
+
+
+def save(figure: Figure, folder: Path, name: str, caption: str) -> list[str]:
+    """Write NAME.svg and NAME.png with the caption below the picture. Return the names written."""
+    width = float(figure.get_size_inches()[0])
+    lines = textwrap.wrap(caption, int(width * 14.5)) if caption else []
+    if lines:
+        figure.supxlabel(plain("\n".join(lines)), x=0.012, ha="left", fontsize=CAPTION_SIZE, color="#333333")
+    names = [f"{name}.svg", f"{name}.png"]
+    with matplotlib.rc_context(SETTINGS):
+        figure.savefig(folder / names[0], metadata={"Date": None, "Title": name})
+        figure.set_layout_engine("none")  # the places found for the first file are those of the second
+        figure.savefig(folder / names[1], dpi=RESOLUTION, metadata={"Title": name})
+    return names
+
+
+def run_of(result: Mapping[str, Any]) -> str:
+    """The run in words: 600 steps of 0.05, 1 step of 0.1."""
+    return f"{result['steps']} step{'s' if result['steps'] != 1 else ''} of {shown(result['step'])}"
+
+
+def plain(text: str) -> str:
+    """A text of the user, in which a dollar sign does not begin a matplotlib formula."""
+    return text.replace("$", "\\$")
+
+
+def joined(parts: Sequence[str]) -> str:
+    """a, b and c."""
+    return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} and {parts[-1]}" if parts else ""
+
+
+def shown(value: float) -> str:
+    """A number in a caption: two digits, or a power of ten if that is shorter."""
+    if value == 0:
+        return "0"
+    if 1e-3 <= abs(value) < 1e4:
+        return f"{value:.3g}"
+    mantissa, exponent = f"{value:.1e}".split("e")
+    return f"{mantissa}e{int(exponent)}"
+
+
+def view_figure(given: Sequence[Mapping[str, Any] | None], wide: int = 3) -> Figure | None:
+    """Views as the page draws them too, one panel each, `wide` in a row, with one legend for all; the true motion is a
+    broad pale line below the others."""
+    drawn = [view for view in given if view is not None]
     if not drawn:
         return None
     wide = min(wide, len(drawn))
     width, height = (7.6, 2.0) if wide == 1 else (3.1 * wide + 0.4, 2.8)
-    with styles.panels(len(drawn), wide, width, height) as (figure, grid):
+    rows = -(-len(drawn) // wide)
+    with matplotlib.rc_context(SETTINGS):
+        figure = new_figure(width, height * rows + 0.8)
+        grid: list[Axes] = list(figure.subplots(rows, wide, squeeze=False).ravel())
         for axes, view in zip(grid, drawn, strict=False):
             for line in view["lines"]:
                 is_true = line["color"] == "ink"
@@ -55,10 +117,8 @@ def view_figure(shown: Sequence[Mapping[str, Any] | None], wide: int = 3) -> Fig
                 look_of_line: Any = {"linestyle": "none", "marker": ".", "markersize": 2} if view.get("dots") else {
                     "linestyle": DASHES[line["dash"]], "linewidth": 4 if is_true else 1.1}  # fmt: skip
                 color = PALE if is_true else line["color"]
-                axes.plot(
-                    *points, color=color, label=styles.plain(line["label"]), zorder=1 if is_true else 2, **look_of_line
-                )
-            axes.set(xlabel=styles.plain(view["x"]), ylabel=styles.plain(view["y"]), title=styles.plain(view["label"]))
+                axes.plot(*points, color=color, label=plain(line["label"]), zorder=1 if is_true else 2, **look_of_line)
+            axes.set(xlabel=plain(view["x"]), ylabel=plain(view["y"]), title=plain(view["label"]))
             if view.get("log_y"):
                 axes.set_yscale("log")
             elif view.get("signed"):
@@ -68,6 +128,9 @@ def view_figure(shown: Sequence[Mapping[str, Any] | None], wide: int = 3) -> Fig
                 axes.set(xlim=(center[0] - half, center[0] + half), ylim=(center[1] - half, center[1] + half))
             if view.get("equal"):
                 axes.set_aspect("equal", adjustable="box" if view.get("limits") else "datalim")
+        for empty in grid[len(drawn) :]:
+            empty.set_visible(False)
+        figure.legend(*grid[0].get_legend_handles_labels(), loc="outside right upper", fontsize=8.5)
     return figure
 
 
@@ -97,8 +160,8 @@ def series_caption(words: str, lines: Sequence[views.Line]) -> str:
         return ""
     best, worst = min(sizes, key=sizes.__getitem__), max(sizes, key=sizes.__getitem__)
     if best == worst:
-        return f"Greatest {words}: {styles.shown(sizes[best])} ({best})."
-    least, most = styles.shown(sizes[best]), styles.shown(sizes[worst])
+        return f"Greatest {words}: {shown(sizes[best])} ({best})."
+    least, most = shown(sizes[best]), shown(sizes[worst])
     return f"Greatest {words}: {best} has the least ({least}), {worst} the most ({most})."
 
 
@@ -122,8 +185,8 @@ def ensemble_figure(result: Mapping[str, Any], tables: Mapping[str, Mapping[str,
     """One panel per coordinate and method: the median, the band from least to greatest, and lines of some members."""
     methods = [(k, method) for k, method in enumerate(result["methods"]) if method["label"] in tables]
     names = result["system"]["coordinates"][:MOST_COORDINATES]
-    with matplotlib.rc_context(styles.SETTINGS):
-        figure = styles.new_figure(3.6 * len(methods), 2.2 * len(names))
+    with matplotlib.rc_context(SETTINGS):
+        figure = new_figure(3.6 * len(methods), 2.2 * len(names))
         panels = figure.subplots(len(names), len(methods), squeeze=False, sharex=True)
         for column, (place, method) in enumerate(methods):
             table = tables[method["label"]]
@@ -158,8 +221,8 @@ def sweep_figure(result: Mapping[str, Any], tables: Mapping[str, Mapping[str, Ar
     ]  # fmt: skip
     first = columns[0][2]
     varied = [name for name in result["system"]["parameters"] if name in first and np.ptp(first[name])]
-    shown = [name for name in first if name.endswith("_end") or name == "max_energy_error"][:MOST_COORDINATES]
-    if len(varied) != 1 or not shown:
+    ends = [name for name in first if name.endswith("_end") or name == "max_energy_error"][:MOST_COORDINATES]
+    if len(varied) != 1 or not ends:
         return None
     panels = [
         views.view_of(
@@ -169,7 +232,7 @@ def sweep_figure(result: Mapping[str, Any], tables: Mapping[str, Mapping[str, Ar
             [(k, m, own[varied[0]], own[name]) for k, m, own in columns],
             dots=True,
         )
-        for name in shown
+        for name in ends
     ]
     return _with_caption(
         view_figure(panels, 2), f"{result['name'] or 'Sweep'}: the end of each member against {varied[0]}."
@@ -194,13 +257,13 @@ def draw_simulation(
     if any("members" in method for method in result["methods"]):
         drawn = {"ensemble": ensemble_figure(result, tables), "sweep": sweep_figure(result, tables)}
     else:
-        shown, columns = _with_truth(result, tables, truth)
+        whole, columns = _with_truth(result, tables, truth)
         if observed & {"trajectory", "matching_circle"} and _is_round(result, tables):
             drawn["path"] = path_figure(result, tables, truth)
         elif "trajectory" in observed:
-            caption = f"{result['name'] or 'Motion'}: {styles.run_of(result)}.{_bands(tables)}"
+            caption = f"{result['name'] or 'Motion'}: {run_of(result)}.{_bands(tables)}"
             drawn["coordinates"] = _with_caption(
-                view_figure([views.time_view(name, shown, columns) for name in names], 1), caption
+                view_figure([views.time_view(name, whole, columns) for name in names], 1), caption
             )
         if observed >= {"trajectory", "velocities"}:
             portraits = [views.portrait_view(one, result, tables) for one in names]
@@ -212,7 +275,7 @@ def draw_simulation(
             if name in observed or (name == "discrete_energy" and "energy" in observed):
                 drawn[name] = series_figure(name, result, tables, truth)
     return [
-        {"files": styles.save(pair[0], folder, name, pair[1]), "caption": pair[1]}
+        {"files": save(pair[0], folder, name, pair[1]), "caption": pair[1]}
         for name, pair in drawn.items()
         if pair is not None
     ]
@@ -221,15 +284,15 @@ def draw_simulation(
 def picture(result: Mapping[str, Any], name: str, ending: str) -> bytes | None:
     """A figure of the page as an SVG or PNG file; None for one that the result does not have."""
     if name == "work-precision":
-        figure: Figure | None = price_curves.precision_figure(result)[0]
+        figure: Figure | None = precision_figure(result)[0]
     else:
-        shown = (one["views"] for one in views.figures_of(result) if one["name"] == name)
-        figure = view_figure(next(shown, [])[:MOST_PANELS], 2)
+        found = (one["views"] for one in views.figures_of(result) if one["name"] == name)
+        figure = view_figure(next(found, [])[:MOST_PANELS], 2)
     if figure is None:
         return None
     stream, metadata = io.BytesIO(), {"Title": name} | ({"Date": None} if ending == "svg" else {})
-    with matplotlib.rc_context(styles.SETTINGS):
-        figure.savefig(stream, format=ending, dpi=styles.RESOLUTION, metadata=metadata)
+    with matplotlib.rc_context(SETTINGS):
+        figure.savefig(stream, format=ending, dpi=RESOLUTION, metadata=metadata)
     return stream.getvalue()
 
 
@@ -275,9 +338,9 @@ def _below(method: Mapping[str, Any], path: Array, center: Array, half: float) -
     notes = []
     circle = method.get("circle")
     if circle and circle.get("max_radial_distance") is not None:
-        notes.append(f"off the circle by {styles.shown(100 * circle['max_radial_distance'])} %")
+        notes.append(f"off the circle by {shown(100 * circle['max_radial_distance'])} %")
     elif circle and (circle["revolutions"] or 0) >= 1:
-        notes.append(f"radius {styles.shown(circle['radius_first'])} to {styles.shown(circle['radius_last'])}")
+        notes.append(f"radius {shown(circle['radius_first'])} to {shown(circle['radius_last'])}")
     if method["outcome"] != "completed":
         notes.append(f"ends: {method['outcome']}")
     if float(np.abs(path - center).max()) > half:
@@ -292,7 +355,7 @@ def path_caption(result: Mapping[str, Any], drawn: Sequence[Mapping[str, Any]], 
         for m in drawn
         if m.get("circle") and (m["circle"]["revolutions"] or 2) >= 2 and math.isfinite(m["circle"]["radius_change"])
     }
-    start = f"{result['name'] or 'Path'}: {styles.run_of(result)}."
+    start = f"{result['name'] or 'Path'}: {run_of(result)}."
     black = " The broad pale curve is the true motion." if compared else ""
     if any((m.get("circle") or {}).get("through_three_points") for m in drawn):
         black += " Dashed: the matching circles through three points."
@@ -303,7 +366,7 @@ def path_caption(result: Mapping[str, Any], drawn: Sequence[Mapping[str, Any]], 
         change = _share(sizes[best])
         return f"{start}{black} From the first revolution to the last, {best} changes the radius by {change}."
     steady = [label for label, size in sizes.items() if size < 0.01]
-    kept = f" {styles.joined(steady)} keep{'s' if len(steady) == 1 else ''} it within 1 %." if steady else ""
+    kept = f" {joined(steady)} keep{'s' if len(steady) == 1 else ''} it within 1 %." if steady else ""
     return (
         f"{start}{black} From the first revolution to the last, the radius changes least by {best} "
         f"({_share(sizes[best])}) and most by {worst} ({_share(sizes[worst])}).{kept}"
@@ -311,7 +374,7 @@ def path_caption(result: Mapping[str, Any], drawn: Sequence[Mapping[str, Any]], 
 
 
 def _share(size: float) -> str:
-    return f"{styles.shown(100 * size)} %" if size < 10 else f"a factor {styles.shown(1 + size)}"
+    return f"{shown(100 * size)} %" if size < 10 else f"a factor {shown(1 + size)}"
 
 
 def _box(true: Array | None, paths: Sequence[Array]) -> tuple[Array, float]:
@@ -323,6 +386,59 @@ def _box(true: Array | None, paths: Sequence[Array]) -> tuple[Array, float]:
     center = (low + high) / 2
     reach = max((float(np.nanmax(np.abs(path - center))) for path in paths), default=half)
     return center, 1.06 * min(max(half, reach), REACH * half)
+
+
+def precision_figure(result: Mapping[str, Any], evaluations: bool = False) -> tuple[Figure, str]:
+    """The figure of a work-precision document and its caption: time against the error, and evaluations on request.
+
+    A color for each family of methods, a line style for each order, the names at the ends of the curves. Points are
+    joined in the order of h and end at the round-off floor; what failed is not drawn.
+    """
+    panels = PANELS[: 1 + evaluations]
+    with matplotlib.rc_context(SETTINGS):
+        figure = new_figure(7.6 * len(panels), 5.0)
+        for axes, (key, label) in zip(figure.subplots(1, len(panels), squeeze=False)[0], panels, strict=True):
+            ends = [
+                end for place, name in enumerate(best_first(result)) if (end := _curve(axes, place, name, result, key))
+            ]
+            axes.set(xscale="log", yscale="log", xlabel="relative error of the trajectory, smaller to the right")
+            axes.set_ylabel(label)
+            axes.invert_xaxis()
+            for axis in (axes.xaxis, axes.yaxis):  # plain numbers: matplotlib parses each formula as long as it draws
+                axis.set_major_formatter(lambda value, _: power(value))
+                axis.set_minor_formatter(NullFormatter())
+            _label_ends(axes, [end for end in ends if end is not None])
+    title = f"{result['name']}. " if result["name"] else ""
+    return figure, f"{title}{result['sentences'][0]} Lower is better; curves end at the round-off floor."
+
+
+def _curve(axes: Axes, place: int, name: str, result: Mapping[str, Any], key: str) -> End | None:
+    """Draw a method; (x, y, name, color) of its end."""
+    drawn = [
+        run for run in result["runs"] if run["method"] == name and run["error"] and run[key] and not run["at_floor"]
+    ]
+    method = next(one for one in result["methods"] if one["label"] == name)
+    if not drawn:
+        return None
+    color = FAMILIES.get(method["family"], TRUE_COLOR)
+    line = next(line for order, line in BY_ORDER if (method["order"] or 99) <= order)
+    faint = 1.0 if place < DRAWN_FIRST else FAINT
+    x, y = [run["error"] for run in drawn], [run[key] for run in drawn]
+    axes.plot(x, y, color=color, linestyle=line, linewidth=1.5, alpha=faint, label=plain(name))
+    return x[-1], y[-1], name, (color, faint)
+
+
+def _label_ends(axes: Axes, ends: Sequence[End]) -> None:
+    """The names at the ends of the curves, moved up where they would lie on each other."""
+    low, high = (math.log10(limit) for limit in axes.get_ylim())
+    gap, top = LABEL_HEIGHT * (high - low), -math.inf
+    for x, y, name, (color, faint) in sorted(ends, key=lambda end: end[1]):
+        top = max(math.log10(y), top + gap)
+        place = (top - low) / (high - low)
+        end = axes.transAxes.inverted().transform(axes.transData.transform((x, y)))
+        leader, faded = {"color": color, "clip_on": False, "transform": axes.transAxes}, max(faint, 0.6)
+        axes.plot([end[0], 1.01], [end[1], place], alpha=0.3 * faint, linewidth=0.6, **leader)
+        axes.text(1.02, place, plain(name), alpha=faded, fontsize=8.5, va="center", **leader)
 
 
 def animate(path: Path, result: Mapping[str, Any], tables: Mapping[str, Mapping[str, Array]]) -> None:
@@ -365,8 +481,8 @@ def _frames(times: Array, bodies: Mapping[str, tuple[Array, Array]], with_origin
     points = np.concatenate([*ways.values(), *([np.zeros((2, 1))] if with_origin else [])], axis=1)
     low, high = np.nanmin(points, axis=1), np.nanmax(points, axis=1)
     middle, half = (low + high) / 2, 0.55 * float((high - low).max()) or 1.0
-    with matplotlib.rc_context(styles.SETTINGS):
-        figure = styles.new_figure(INCHES, INCHES)
+    with matplotlib.rc_context(SETTINGS):
+        figure = new_figure(INCHES, INCHES)
         figure.set_dpi(DOTS)
         axes, canvas = figure.subplots(), cast(Any, FigureCanvasAgg)(figure)  # matplotlib annotates none of it
         axes.set(xlim=(middle[0] - half, middle[0] + half), ylim=(middle[1] - half, middle[1] + half), aspect="equal")
@@ -375,7 +491,7 @@ def _frames(times: Array, bodies: Mapping[str, tuple[Array, Array]], with_origin
         for place, name in enumerate(ways):
             look: Any = {"color": views.color_of(place), "animated": True}
             (trail,) = axes.plot([], [], linewidth=1, alpha=0.5, **look)
-            pairs.append((trail, axes.plot([], [], "o", markersize=8, label=styles.plain(name) or None, **look)[0]))
+            pairs.append((trail, axes.plot([], [], "o", markersize=8, label=plain(name) or None, **look)[0]))
         canvas.draw()
         background = canvas.copy_from_bbox(figure.bbox)
         for frame, moment in enumerate(moments):
