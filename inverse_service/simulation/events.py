@@ -22,7 +22,7 @@ from inverse_service.expressions import tree as ex
 from inverse_service.integrators import method_table
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.simulation import (
-    ensembles,
+    execution,
     initial,
     numeric_formulas as nf,
     observing,
@@ -125,7 +125,7 @@ def _follower(
     def follow(places: NDArray[np.int64], lengths: Array) -> State:
         carried = None if run_by.method in method_table.POINT_METHODS or ran.momenta is None else ran.momenta[places]
         begins = ran.times[places]
-        many = ensembles.run_ensemble(
+        many = execution.run_ensemble(
             of, run_by, ran.positions[places], speeds[places], data.Grid(1.0, 1), values, carried, lengths,
             begins=begins,
         )  # fmt: skip

@@ -1,4 +1,5 @@
-"""One trajectory of a problem by a method: `run` is the only entry point to the integrators.
+"""Trajectories of a problem by a method: `run`, one, and `run_ensemble`, many in parallel SIMD lanes on all cores, are
+the only entry points to the integrators.
 
     check, `initial`      the choice, and the state to begin with: from velocities or momenta, at a point or on the
                           discrete constraint
@@ -13,6 +14,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 
@@ -20,13 +22,15 @@ import numpy as np
 import symengine
 from numpy.typing import NDArray
 
+from inverse_service import settings
 from inverse_service.errors import InputError
 from inverse_service.integrators import method_table
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.kernels.codegen import program as programs
 from inverse_service.kernels.codegen.compiled import Card, Compiled, compiled
 from inverse_service.kernels.codegen.kernel import CONTROL, MOST_TRIES
-from inverse_service.kernels.codegen.symengine_trees import ZERO, Formula, real_value
+from inverse_service.kernels.codegen.symengine_trees import ZERO, Formula, closure, real_value
+from inverse_service.kernels.machine_code.loading import processor_features
 from inverse_service.simulation import peers, schemes
 from inverse_service.simulation.numeric_formulas import MOMENT, Formulas, formulas_of
 from inverse_service.simulation.scene_data import Grid, MethodChoice, Observable, Observation, Problem, Start, Stop
@@ -56,6 +60,9 @@ FLAT, STRAIGHT, SAME_POWER = 0.02, 0.97, 0.02
 LATER = 1e-3
 BY_SLOPES = ("stiff",)
 BEGIN_ELSEWHERE = "begin elsewhere, or at another start_time"
+WORTH_THREADS = 2_000  # steps of groups that take as long as starting a thread
+STEPS_AT_ONCE = 100_000  # steps of groups between two checks for a request to stop
+ALL_METHODS = "Ensembles are run by methods that step with kernels: variational, nonholonomic, runge-kutta, and so on."
 
 
 def check(problem: Problem, choice: MethodChoice) -> None:
@@ -69,8 +76,11 @@ def check(problem: Problem, choice: MethodChoice) -> None:
 def numbers_of(choice: MethodChoice, begin: Initial, grid: Grid, parameters: Mapping[str, float]) -> dict[str, float]:
     """State, rates and arguments of one trajectory by the names of the kernel."""
     rates = {f"{name}_rate": value for name, value in begin.rates.items()}
-    setting = choice.tolerance if choice.method in method_table.OWN_STEPS else choice.alpha
-    return {**begin.state, **rates, str(MOMENT): grid.begin, "h": grid.step, "a": setting, **parameters}
+    return {**begin.state, **rates, str(MOMENT): grid.begin, "h": grid.step, "a": _setting(choice), **parameters}
+
+
+def _setting(choice: MethodChoice) -> float:
+    return choice.tolerance if choice.method in method_table.OWN_STEPS else choice.alpha
 
 
 def kernel_of(formulas: Formulas, choice: MethodChoice, observation: Observation, lanes: int = 1) -> Compiled:
@@ -659,3 +669,145 @@ def _discrete_slopes(
         slopes.append((real_value(impulse, table), real_value(force, table)))
     pushes = [real_value(force, table) for force in f.forces] or [0.0] * f.size
     return [(impulse, force + push) for (impulse, force), push in zip(slopes, pushes, strict=True)]
+
+
+@dataclass(frozen=True)
+class Many:
+    """The recorded points of N trajectories: `times` (m,), `positions` and `rates` (N, m, n), nan after a run's end.
+
+    `rates` are the momenta p or velocities v of the method, as `carried` says; `memory` (places, N) is the final
+    kernel memory of each.
+    """
+
+    times: Array
+    positions: Array
+    rates: Array
+    carried: str
+    card: Card
+    memory: Array
+    grid: Grid
+    names: Mapping[str, str]
+    cancelled: bool
+    iterations: int
+
+    @cached_property
+    def completed(self) -> NDArray[np.bool_]:
+        """Which trajectories reached the end, (N,)."""
+        found: NDArray[np.bool_] = self.memory[self.card.layout.place(programs.STATUS)] == 0
+        return found & (not self.cancelled)
+
+    def outcome(self, member: int) -> Outcome:
+        """The outcome of one trajectory."""
+        kind = "cancelled" if self.cancelled else "completed"
+        whole = Outcome(kind, self.grid.steps, float(self.times[-1]))
+        return stopped(self.card, self.memory[:, member], self.names, self.grid) or whole
+
+
+def lanes_here() -> int:
+    """The number of doubles that a core processes at once."""
+    return 8 if "+avx512f" in processor_features() else 4
+
+
+def run_ensemble(
+    problem: Problem,
+    choice: MethodChoice,
+    positions: Array,
+    velocities: Array,
+    grid: Grid,
+    values: Mapping[str, float | Array],
+    momenta: Array | None = None,
+    steps: Array | None = None,
+    stop: Stop | None = None,
+    begins: Array | None = None,
+) -> Many:
+    """N trajectories from `positions` and `velocities` (N, n), or `momenta` where they are known.
+
+    `values` gives each parameter a number or (N,) numbers; `steps` (N,) are individual steps that replace that of
+    the grid, `begins` individual start times. InputError for input that a single run would refuse.
+    """
+    check(problem, choice)
+    if choice.method in ("heyoka", "modified"):
+        raise InputError(ALL_METHODS)
+    f = Formulas(problem)
+    kernel = kernel_of(f, choice, (), lanes_here())
+    count, span = len(positions), range(f.size)
+    columns: dict[str, float | Array] = {f"c{place}": values[name] for place, name in enumerate(problem.parameters)}
+    columns |= {"h": grid.step if steps is None else steps, "a": _setting(choice)}
+    columns[str(MOMENT)] = grid.begin if begins is None else begins
+    columns |= {f"q{k}": positions[:, k] for k in span} | {f"v{k}": velocities[:, k] for k in span}
+    if choice.method not in method_table.POINT_METHODS:
+        start = _start_momenta(f, choice, columns) if momenta is None else momenta
+        columns |= {f"p{k}": start[:, k] for k in span} | {f"d{k}_rate": velocities[:, k] for k in span}
+    memory = memory_of(kernel.card, columns, count)
+    record, iterations, cancelled = _run_groups(kernel, memory, weights_of(choice), grid, stop)
+    flat = np.moveaxis(memory, 1, 0).reshape(memory.shape[1], -1)[:, :count]
+    rows = np.moveaxis(record, (1, 2), (0, 1)).reshape(record.shape[1], record.shape[2], -1)[:, :, :count]
+    return _together(f, choice, kernel.card, columns, rows, flat, grid, cancelled, iterations)
+
+
+def _start_momenta(f: Formulas, choice: MethodChoice, columns: Mapping[str, float | Array]) -> Array:
+    """dL/dv of the Lagrangian that the method discretizes, (N, n)."""
+    velocities = f.symbols("v")
+    lagrangian = f.lagrangian if choice.method == "nonholonomic" else f.free_lagrangian
+    given = {velocities[k]: value for k, value in f.dependent.items()} if choice.method != "nonholonomic" else {}
+    names = [*(str(name) for letter in "qv" for name in f.symbols(letter)), *f.parameters, str(MOMENT)]
+    function = closure(names, [lagrangian.diff(v).subs(given) for v in velocities])
+    with np.errstate(all="ignore"):
+        found = function(np.stack(np.broadcast_arrays(*(columns[name] for name in names)), axis=1))
+    return np.asarray(found, dtype=float).reshape(-1, f.size)
+
+
+def _run_groups(
+    kernel: Compiled, memory: Array, weights: tuple[float, ...], grid: Grid, stop: Stop | None
+) -> tuple[Array, int, bool]:
+    """Records (groups, rows, columns, lanes), iterations, and whether the run was stopped before its end."""
+    every = max(1, min(grid.record_every, grid.steps))
+    whole, rest = divmod(grid.steps, every)
+    width = (len(kernel.card.layout.columns), kernel.card.lanes)
+    record = np.full((len(memory), whole + bool(rest), *width), np.nan)
+    substeps = np.array(weights, dtype=np.float64)
+
+    control = np.zeros((2, len(memory), len(CONTROL)), dtype=np.int64)
+    control[0, :, :4] = whole * every, len(substeps), every, every
+    control[1, :, :4] = rest, len(substeps), every, rest
+    at_once = max(1, STEPS_AT_ONCE // max(1, grid.steps * len(substeps)))
+
+    def call(part: NDArray[np.int64]) -> bool:
+        for groups in (slice(k, k + at_once) for k in range(part[0], part[-1] + 1, at_once)):
+            if stop is not None and stop():
+                return False
+            groups = slice(groups.start, min(groups.stop, int(part[-1]) + 1))
+            kernel.machine.call_groups(memory[groups], substeps, control[0, groups], record[groups])
+            if rest:
+                kernel.machine.call_groups(memory[groups], substeps, control[1, groups], record[groups, whole:])
+        return True
+
+    parts = [part for part in np.array_split(np.arange(len(memory)), settings.cores()) if len(part)]
+    if len(memory) * grid.steps * len(substeps) < WORTH_THREADS:
+        ran = list(map(call, parts))
+    else:
+        with ThreadPoolExecutor(settings.cores()) as pool:
+            ran = list(pool.map(call, parts))
+    return record, int(control[:, :, CONTROL.index("iterations")].sum()), not all(ran)
+
+
+def _together(
+    f: Formulas, choice: MethodChoice, card: Card, columns: Mapping[str, float | Array], rows: Array, memory: Array,
+    grid: Grid, cancelled: bool, iterations: int,
+) -> Many:  # fmt: skip
+    """Records by member, beginning with the start; constant values are repeated."""
+    letter = "v" if choice.method in method_table.POINT_METHODS else "p"
+    places = {name: k for k, name in enumerate(card.layout.columns)}
+    tables = []
+    for kind in ("q", letter):
+        table = np.empty((memory.shape[1], len(rows) + 1, f.size))
+        for k in range(f.size):
+            table[:, :, k] = np.reshape(columns[f"{kind}{k}"], (-1, 1))  # a value that is constant is not recorded
+            if (place := places.get(f"{kind}{k}")) is not None:
+                table[:, 1:, k] = rows[:, place].T
+        tables.append(table)
+    status, stopped_at = (memory[card.layout.place(name)] for name in (programs.STATUS, programs.STOPPED_AT))
+    ended = (status[:, None] != 0) & (grid.recorded[None, :] > stopped_at[:, None])
+    for table in tables:
+        table[ended] = np.nan
+    return Many(grid.times, tables[0], tables[1], letter, card, memory, grid, unknown_names(f), cancelled, iterations)

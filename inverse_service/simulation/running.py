@@ -12,7 +12,7 @@ from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.simulation import (
     costs,
     derivation,
-    ensemble_runs,
+    ensembles,
     estimates,
     events as happening,
     exact_motion,
@@ -59,7 +59,7 @@ class SceneRun:
     derived: derivation.Derived
     truth: data.Truth | data.Unavailable | None
     runs: tuple[MethodRun, ...]
-    members: tuple[ensemble_runs.EnsembleRun, ...] = ()
+    members: tuple[ensembles.EnsembleRun, ...] = ()
     lyapunov: Mapping[str, Any] | None = None
     effects: Mapping[str, Any] = field(default_factory=dict)
 
@@ -80,7 +80,7 @@ def run_scene(
         tell("true motion")
         truth = _truth(scene, derived, compared_until or stop)
     runs: list[MethodRun] = []
-    members: list[ensemble_runs.EnsembleRun] = []
+    members: list[ensembles.EnsembleRun] = []
     for place, requested in enumerate(scene.methods, 1):
         tell(f"{requested.label} ({place} of {len(scene.methods)})")
         if stop is not None and stop() and scene.ensemble is None:
@@ -89,7 +89,7 @@ def run_scene(
             continue
         try:
             if scene.ensemble is not None:
-                members.append(ensemble_runs.run_members(scene, derived, requested, stop))
+                members.append(ensembles.run_members(scene, derived, requested, stop))
                 continue
             runs.append(run_method(scene, requested, derived, truth, stop, find))
         except (ArithmeticError, ValueError, LookupError, TypeError, RuntimeError) as error:

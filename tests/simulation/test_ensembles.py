@@ -11,8 +11,7 @@ from benchmarks.hard_cases import disk_start, particle_start
 from benchmarks.problems import DISK, PARTICLE, PENDULUM
 from inverse_service.errors import InputError
 from inverse_service.service.scenes.simulating import simulate
-from inverse_service.simulation.ensembles import Many, run_ensemble
-from inverse_service.simulation.execution import run
+from inverse_service.simulation.execution import Many, run, run_ensemble
 from inverse_service.simulation.scene_data import Grid, MethodChoice, Problem, Start
 
 

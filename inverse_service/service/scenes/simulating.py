@@ -20,7 +20,7 @@ from inverse_service.integrators.trajectory import Array, Trajectory
 from inverse_service.service.scenes import scene_lagrangian, scene_reading
 from inverse_service.simulation.advice import advice, by_itself
 from inverse_service.simulation.derivation import derive, derived_for_truth
-from inverse_service.simulation.ensemble_runs import EnsembleRun
+from inverse_service.simulation.ensembles import EnsembleRun
 from inverse_service.simulation.estimates import order_of
 from inverse_service.simulation.events import Found, where_ended
 from inverse_service.simulation.observing import columns_of, last_point, velocities_at_points, why_energy_varies
