@@ -120,11 +120,8 @@ def read_forces(schema: SceneDocument, system: System, effects: tuple[str, ...])
     names = system.names
     found: dict[str, Expression] = {}
     for key, text in schema.forces.items() if FORCES in effects else ():
-        pointer, name = f"/forces/{escape(key)}", names.spelling(key)
-        if name not in names.coordinates:
-            known = ", ".join(names.coordinates)
-            raise InputError(f"a force acts on a coordinate: the coordinates are {known}.", pointer)
-        found[name] = _read(text, system, pointer)
+        pointer = f"/forces/{escape(key)}"
+        found[_coordinate(key, names, pointer)] = _read(text, system, pointer)
     if schema.rayleigh is not None and RAYLEIGH in effects:
         function = _read(schema.rayleigh, system, "/rayleigh")
         for name in names.coordinates:
@@ -497,11 +494,7 @@ def _with_distinct_labels(found: list[data.Requested]) -> list[data.Requested]:
 def read_circle(schema: SceneDocument, names: Names) -> tuple[int, int] | None:
     """The pair of coordinates named, else x and y, else the last two."""
     if schema.circle is not None:
-        pair = [names.spelling(name) for name in schema.circle]
-        for place, name in enumerate(pair):
-            if name not in names.coordinates:
-                known = ", ".join(names.coordinates)
-                raise InputError(f"this is not a coordinate: the coordinates are {known}.", f"/circle/{place}")
+        pair = [_coordinate(name, names, f"/circle/{place}") for place, name in enumerate(schema.circle)]
         if pair[0] == pair[1]:
             raise InputError("the two coordinates of the circle are the same: name two different ones.", "/circle")
     elif {"x", "y"} <= set(names.coordinates):
@@ -555,12 +548,17 @@ def _by_coordinate(given: Mapping[str, str], names: Names, pointer: str) -> dict
     found = {}
     for key, text in given.items():
         place = f"{pointer}/{escape(key)}"
-        name = names.spelling(key.removeprefix("p_") if pointer.endswith("momenta") else key)
-        if name not in names.coordinates:
-            known = ", ".join(names.coordinates)
-            raise InputError(f"'{escape(key)}' is not a coordinate: the coordinates are {known}.", place)
-        found[name] = number_of(text, place)
+        name = key.removeprefix("p_") if pointer.endswith("momenta") else key
+        found[_coordinate(name, names, place)] = number_of(text, place)
     return found
+
+
+def _coordinate(key: str, names: Names, pointer: str) -> str:
+    """The coordinate of this name, as the system writes it."""
+    if (name := names.spelling(key)) not in names.coordinates:
+        known = ", ".join(names.coordinates)
+        raise InputError(f"'{escape(key)}' is not a coordinate: the coordinates are {known}.", pointer)
+    return name
 
 
 def read_members(given: SceneEnsemble, base: SceneInitial, names: Names, scene: data.Scene) -> data.Members:
@@ -633,11 +631,9 @@ def _together(
         for k, what in enumerate(("positions", "velocities")):
             tables[k] = np.tile(tables[k], (len(_given_columns(given)[0]), 1))
             for key, texts in getattr(given, what).items():
-                pointer, name = f"/initial/{what}/{escape(key)}", names.spelling(key)
-                if name not in names.coordinates:
-                    raise InputError(f"the coordinates are {', '.join(names.coordinates)}.", pointer)
-                column = [number_of(text, f"{pointer}/{row}") for row, text in enumerate(texts)]
-                tables[k][:, names.coordinates.index(name)] = column
+                pointer = f"/initial/{what}/{escape(key)}"
+                place = names.coordinates.index(_coordinate(key, names, pointer))
+                tables[k][:, place] = [number_of(text, f"{pointer}/{row}") for row, text in enumerate(texts)]
         free |= {names.spelling(name) for name in given.velocities}
     each = len(next(iter(values.values()), tables[0])) // len(tables[0])
     positions, velocities = (np.repeat(table, each, axis=0) for table in tables)
