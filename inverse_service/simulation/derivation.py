@@ -23,7 +23,7 @@ BUILT_IN = (CONSTRAINTS, POTENTIAL, MAGNETIC, KINETIC)
 COMPARED = frozenset({"error", "phase"})
 USES_EXACT = COMPARED | {"matching_circle"}
 _DEGENERATE = accelerating.DEGENERATE[:1].upper() + accelerating.DEGENERATE[1:]
-Find = Callable[[Scene, str | None, exact_motion.Exact], FreeLagrangian | Unavailable]
+Find = Callable[[Scene, str | None, exact_motion.ExactMotion | Unavailable], FreeLagrangian | Unavailable]
 
 
 def lagrangian_parts(lagrangian: Expression, coordinates: Sequence[str]) -> dict[str, Expression]:
@@ -60,7 +60,7 @@ class Derived:
     `degenerate`: the masses of the scene's Lagrangian do not determine the accelerations.
     """
 
-    exact: exact_motion.Exact | None
+    exact: exact_motion.ExactMotion | Unavailable | None
     accelerations: tuple[Expression, ...] | Unavailable | None
     free: Mapping[str | None, FreeLagrangian | Unavailable]
     seconds: Mapping[str, float]
@@ -75,7 +75,7 @@ def derive(scene: Scene, find: Find) -> Derived:
     wanted = dict.fromkeys(requested.free for requested in scene.methods if requested.method in USES_FREE)
     if scene.accelerations is not None and "energy" in scene.observe:
         wanted[None] = None
-    exact: exact_motion.Exact | None = None
+    exact: exact_motion.ExactMotion | Unavailable | None = None
     if EXACT in used or USES_EXACT & set(scene.observe) or wanted:
         with timed(seconds, "exact motion"):
             exact = _exact(scene, degenerate)
@@ -94,7 +94,7 @@ def derive(scene: Scene, find: Find) -> Derived:
     free: dict[str | None, FreeLagrangian | Unavailable] = {}
     for name in wanted:
         with timed(seconds, "free Lagrangian"):
-            free[name] = find(scene, name, exact or exact_motion.NoExactMotion("No exact motion is known."))
+            free[name] = find(scene, name, exact or Unavailable("No exact motion is known."))
     return Derived(exact, accelerations, free, seconds, degenerate)
 
 
@@ -161,13 +161,13 @@ def with_accelerations(scene: Scene, derived: Derived) -> Problem | Unavailable:
     return Problem(names, values, constraints=scene.constraints, accelerations=derived.accelerations)
 
 
-def _exact(scene: Scene, degenerate: bool) -> exact_motion.Exact:
+def _exact(scene: Scene, degenerate: bool) -> exact_motion.ExactMotion | Unavailable:
     if scene.lagrangian is None:
-        return exact_motion.NoExactMotion("The system is given by its equations.")
+        return Unavailable("The system is given by its equations.")
     if scene.forces or any(event.acts for event in scene.events):
-        return exact_motion.NoExactMotion("Additional forces or events act on the motion.")
+        return Unavailable("Additional forces or events act on the motion.")
     if degenerate:
-        return exact_motion.NoExactMotion(_DEGENERATE)
+        return Unavailable(_DEGENERATE)
     return exact_motion.motion_by_quadrature(scene.coordinates, scene.lagrangian, scene.constraints, scene.values)
 
 

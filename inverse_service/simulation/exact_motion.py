@@ -29,6 +29,7 @@ from inverse_service.integrators.trajectory import Array
 from inverse_service.mechanics import euler_lagrange
 from inverse_service.simulation import numeric_formulas
 from inverse_service.simulation.accelerations import determinant
+from inverse_service.simulation.scene_data import Unavailable
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(10)
 MOST_PIECES = 4096
@@ -58,50 +59,40 @@ class ExactMotion:
     values: Mapping[str, float]
 
 
-@dataclass(frozen=True, slots=True)
-class NoExactMotion:
-    """Why no exact solution is known."""
-
-    reason: str
-
-
-Exact = ExactMotion | NoExactMotion
-
-
 def motion_by_quadrature(
     coordinates: Sequence[str],
     lagrangian: ex.Expression,
     constraints: Sequence[ex.Expression],
     values: Mapping[str, float],
-) -> Exact:
+) -> ExactMotion | Unavailable:
     """The exact motion of a system of the class above, or the reason why it is not in that class."""
     names = tuple(coordinates)
     inertia = euler_lagrange.hessian(lagrangian, names)
     mass = _mass(lagrangian, inertia, names, values)
     if mass is None:
-        return NoExactMotion("The kinetic energy has coefficients that are not constant, or there is a potential.")
+        return Unavailable("The kinetic energy has coefficients that are not constant, or there is a potential.")
     if np.linalg.matrix_rank(mass) < len(names):
-        return NoExactMotion("The kinetic energy is degenerate.")
+        return Unavailable("The kinetic energy is degenerate.")
     rows = [_coefficients(constraint, names) for constraint in constraints]
     linear = [row for row in rows if row is not None]
     if len(linear) < len(rows):
-        return NoExactMotion("A constraint is not linear and homogeneous in the velocities.")
+        return Unavailable("A constraint is not linear and homogeneous in the velocities.")
     used = {node.name for row in linear for entry in row for node in ex.walk(entry) if isinstance(node, ex.Symbol)}
     turning = [k for k, name in enumerate(names) if name in used]
     if ex.TIME.name in used or len(turning) > 1:
-        return NoExactMotion("The constraints depend on more than one coordinate.")
+        return Unavailable("The constraints depend on more than one coordinate.")
     found = ExactMotion(names, inertia, mass, tuple(linear), turning[0] if turning else None, dict(values))
     return found if not turning else _with_one_direction(found)
 
 
-def _with_one_direction(found: ExactMotion) -> Exact:
+def _with_one_direction(found: ExactMotion) -> ExactMotion | Unavailable:
     k, names = found.turning or 0, found.coordinates
     if any(row[k] != ex.ZERO for row in found.constraints):
-        return NoExactMotion(f"A constraint contains the velocity of {names[k]}, on which it depends.")
+        return Unavailable(f"A constraint contains the velocity of {names[k]}, on which it depends.")
     if np.delete(found.mass[k], k).any():
-        return NoExactMotion(f"The kinetic energy couples {names[k]} with another coordinate.")
+        return Unavailable(f"The kinetic energy couples {names[k]} with another coordinate.")
     if len(found.constraints) != len(names) - 2:
-        return NoExactMotion(f"The constraints leave more than one direction in addition to {names[k]}.")
+        return Unavailable(f"The constraints leave more than one direction in addition to {names[k]}.")
     return found
 
 

@@ -7,12 +7,13 @@ import pytest
 
 from inverse_service.reading.names import Names
 from inverse_service.reading.reader import read_formula
-from inverse_service.simulation.exact_motion import ExactMotion, NoExactMotion, motion_by_quadrature, positions_of
+from inverse_service.simulation.exact_motion import ExactMotion, motion_by_quadrature, positions_of
+from inverse_service.simulation.scene_data import Unavailable
 
 TIMES = np.linspace(0, 50, 401)
 
 
-def known(coordinates: str, lagrangian: str, constraints: list[str], **values: float) -> ExactMotion | NoExactMotion:
+def known(coordinates: str, lagrangian: str, constraints: list[str], **values: float) -> ExactMotion | Unavailable:
     names = Names(tuple(coordinates.split()), tuple(values))
     trees = [read_formula(text, names) for text in constraints]
     return motion_by_quadrature(names.coordinates, read_formula(lagrangian, names), trees, values)
@@ -102,7 +103,7 @@ def test_a_turning_coordinate_at_rest_gives_a_straight_line() -> None:
 ])  # fmt: skip
 def test_other_systems_are_not_claimed(coordinates: str, lagrangian: str, constraints: list[str], word: str) -> None:
     found = known(coordinates, lagrangian, constraints)
-    assert isinstance(found, NoExactMotion)
+    assert isinstance(found, Unavailable)
     assert word in found.reason
 
 

@@ -42,7 +42,9 @@ NO_INVERSE = (
 def finder(schema: SceneDocument, system: scene_system.MechanicalSystem) -> derivation.Find:
     """The function that `derive` calls for the free Lagrangian of a method."""
 
-    def find(scene: Scene, name: str | None, exact: exact_motion.Exact) -> FreeLagrangian | Unavailable:
+    def find(
+        scene: Scene, name: str | None, exact: exact_motion.ExactMotion | Unavailable
+    ) -> FreeLagrangian | Unavailable:
         wanted = name if name is not None else schema.free_lagrangian
         found = _Search(scene, system, _constants(schema)).found(wanted, exact, _pointer(schema, name))
         if isinstance(found, FreeLagrangian):
@@ -60,7 +62,9 @@ class _Search:
     system: scene_system.MechanicalSystem
     constants: Mapping[str, float]
 
-    def found(self, wanted: str | None, exact: exact_motion.Exact, pointer: str) -> FreeLagrangian | Unavailable:
+    def found(
+        self, wanted: str | None, exact: exact_motion.ExactMotion | Unavailable, pointer: str
+    ) -> FreeLagrangian | Unavailable:
         """L~ as `wanted`: a formula, or the name of an associated system; None for the best one known."""
         scene = self.scene
         if wanted is not None and wanted not in KINDS:
@@ -69,9 +73,7 @@ class _Search:
             found = _with_hamiltonian(scene, scene.lagrangian, {}, "the Lagrangian of the scene")
             return replace(found, forced=bool(scene.forces)) if isinstance(found, FreeLagrangian) else found
         if scene.forces:
-            return Unavailable(
-                "With added forces the constrained motion has no free Lagrangian here: use nonholonomic."
-            )
+            return Unavailable(FORCED)
         if wanted is None and self.system.known:
             return self.first_fitting(self.system.known, self.system.source)
         if wanted in (None, "second") and isinstance(exact, exact_motion.ExactMotion):
