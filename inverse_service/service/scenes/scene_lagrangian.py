@@ -23,7 +23,7 @@ from inverse_service.mechanics.paper_class import KINDS, AssociatedSystem, assoc
 from inverse_service.reading.names import Names
 from inverse_service.reading.reader import read_condition
 from inverse_service.service.documents import plain_data
-from inverse_service.service.scenes import scene_reading, scene_system
+from inverse_service.service.scenes import scene_reading
 from inverse_service.simulation import accelerations as accelerating, derivation, exact_motion
 from inverse_service.simulation.numeric_formulas import array_value, switching_functions, table_of, walls
 from inverse_service.simulation.scene_data import FreeLagrangian, Observable, Scene, Unavailable
@@ -39,7 +39,7 @@ NO_INVERSE = (
 )
 
 
-def finder(schema: SceneDocument, system: scene_system.MechanicalSystem) -> derivation.Find:
+def finder(schema: SceneDocument, system: scene_reading.MechanicalSystem) -> derivation.Find:
     """The function that `derive` calls for the free Lagrangian of a method."""
 
     def find(
@@ -59,7 +59,7 @@ class _Search:
     """For a scene of a system, with values of free constants."""
 
     scene: Scene
-    system: scene_system.MechanicalSystem
+    system: scene_reading.MechanicalSystem
     constants: Mapping[str, float]
 
     def found(
@@ -86,7 +86,9 @@ class _Search:
         others = (self.of_associated(which) for which in ("first", "third"))
         return next((other for other in others if isinstance(other, FreeLagrangian)), found)
 
-    def first_fitting(self, known: Sequence[scene_system.KnownLagrangian], source: str) -> FreeLagrangian | Unavailable:
+    def first_fitting(
+        self, known: Sequence[scene_reading.KnownLagrangian], source: str
+    ) -> FreeLagrangian | Unavailable:
         """The first that has the motion and whose domain contains the start; else why the last one fails."""
         found: FreeLagrangian | Unavailable = Unavailable("")
         for one in known:
@@ -102,8 +104,8 @@ class _Search:
         scene, names, constants = self.scene, self.system.names, self.constants
         extra = tuple(name for name in constants if name not in names.parameters)
         known = Names(names.coordinates, (*names.parameters, *extra), names.functions)
-        tree = derivative.define_functions(scene_system.formula(text, known, pointer), self.system.definitions)
-        scene_system.refuse_open_functions([tree], names)
+        tree = derivative.define_functions(scene_reading.formula(text, known, pointer), self.system.definitions)
+        scene_reading.refuse_open_functions([tree], names)
         used = {node.name for node in ex.walk(tree) if isinstance(node, ex.Symbol)}
         own = {name: value for name, value in constants.items() if name in used and name not in scene.values}
         values = dict(scene.values) | own
@@ -138,7 +140,7 @@ class _Search:
 
 
 def _domain(
-    scene: Scene, system: scene_system.MechanicalSystem, conditions: Sequence[str], values: Mapping[str, float]
+    scene: Scene, system: scene_reading.MechanicalSystem, conditions: Sequence[str], values: Mapping[str, float]
 ) -> tuple[ex.Expression, ...] | None:
     """The formulas that are positive while L~ has the motion: its conditions, and the denominators and radicands of
     given accelerations; None if a condition does not hold at the start."""
@@ -240,11 +242,11 @@ def _catalogued(catalogue_name: str | None, which: str) -> str | None:
     return found[0] if found else None
 
 
-def _solved(question: dict[str, Any], names: Names) -> tuple[tuple[scene_system.KnownLagrangian, ...], str]:
+def _solved(question: dict[str, Any], names: Names) -> tuple[tuple[scene_reading.KnownLagrangian, ...], str]:
     result = _answer(json.dumps(question), SOLVE_SECONDS)
     if isinstance(result, str):
         return (), result
-    known = scene_system.lagrangians_of(result, names)
+    known = scene_reading.lagrangians_of(result, names)
     if known:
         return known, ""
     verdict = str(result.get("verdict", "undetermined")).replace("_", " ")
@@ -266,7 +268,7 @@ def _answer(question: str, seconds: float) -> dict[str, Any] | str:
 
 
 def conserved(
-    scene: Scene, system: scene_system.MechanicalSystem, accelerations: Sequence[ex.Expression] | Unavailable | None
+    scene: Scene, system: scene_reading.MechanicalSystem, accelerations: Sequence[ex.Expression] | Unavailable | None
 ) -> tuple[Observable, ...]:
     """Constants of the motion if the energy is not one: found by the solver for the equations that are integrated."""
     if accelerations is None or isinstance(accelerations, Unavailable) or len(scene.coordinates) > MOST_CONSERVED:
@@ -281,7 +283,7 @@ def conserved(
     found = []
     for one in listed[:MOST_CONSERVED]:
         name = "H" if one["name"] == "energy" else one["name"]
-        found.append(Observable(name, scene_system.formula(one["text"], system.names, "/system")))
+        found.append(Observable(name, scene_reading.formula(one["text"], system.names, "/system")))
     return tuple(found)
 
 

@@ -1,5 +1,6 @@
-"""Translate scene documents, in this order: effects, forces, observables and events; the whole scene; the grid of
-times, methods with their settings and labels, initial data on the constraints, and the members of an ensemble.
+"""Translate scene documents, in this order: the system, from the catalogue, a document or a result, with symbolic
+parameters and formulas in the place of its functions; effects, forces, observables and events; the whole scene; the
+grid of times, methods with their settings and labels, initial data on the constraints, and the members of an ensemble.
 
 Each error is one sentence with its location.
 """
@@ -8,56 +9,71 @@ import math
 import re
 import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from itertools import product
 from pathlib import Path
 from typing import Any, get_args
 
 import numpy as np
 
-from api_schemas.scene import (
-    MAX_METHODS,
-    MAX_STEPS,
-    SYSTEM_TAGS,
-    MemberColumns,
-    MethodName,
-    Observed,
-    SceneDocument,
-    SceneEnsemble,
-    SceneInitial,
-    SceneMethod,
-)
+from api_schemas import base, scene as schemas
 from api_schemas.system import TAGS
-from inverse_service.errors import InputError, LimitError
-from inverse_service.expressions import collecting, refusals
-from inverse_service.expressions.derivative import define_functions, differentiate
-from inverse_service.expressions.tree import TIME, ZERO, Expression, Symbol, Velocity, add, holds, walk
+from inverse_service import catalogue
+from inverse_service.errors import DocumentRefused, InputError, LimitError
+from inverse_service.expressions import collecting, pieces, refusals, tree as ex
+from inverse_service.expressions.derivative import Definitions, define_functions, differentiate
+from inverse_service.field import tower
 from inverse_service.integrators.method_table import GEOMETRIC, METHODS, OWN_STEPS, RUNGE_KUTTA
 from inverse_service.integrators.trajectory import Array
-from inverse_service.reading.document_names import Declared
+from inverse_service.mechanics.constrained_motion import read_nonholonomic
+from inverse_service.mechanics.reading import read_system
+from inverse_service.reading import reader
+from inverse_service.reading.document_names import AND_GUESS, Declared, document_names, known_names
 from inverse_service.reading.names import Names, declared_name
-from inverse_service.reading.reader import read_formula
-from inverse_service.service.documents.accepting import Steps, Wording, prepared_scene, validated, without
+from inverse_service.service.documents import accepting
 from inverse_service.service.documents.plain_data import escape
-from inverse_service.service.scenes import scene_system
 from inverse_service.simulation import scene_data as data
 from inverse_service.simulation.derivation import BUILT_IN, CONSTRAINTS, KINETIC, lagrangian_parts
 from inverse_service.simulation.initial import check_constraints, initial_velocities, velocities_from_momenta
-from inverse_service.simulation.numeric_formulas import NoValue, array_value
+from inverse_service.simulation.numeric_formulas import NoValue, array_value, walls
 
+SYSTEM = (
+    'an object: {"catalogue": name}, {"document": {...}}, {"result": {...}} or a document with coordinates and '
+    "lagrangian or equations"
+)
+LAGRANGIAN_KEYS = "name, coordinates, lagrangian, constraints, parameters, functions, where, time"
+# Keys of a nonholonomic document that are options of `solve` and do not affect the motion.
+SOLVE_ONLY = frozenset(
+    {
+        "multiples",
+        "search",
+        "special_cases",
+        "first_integrals",
+        "time_dependent_lagrangian",
+        "ansatz",
+        "series_order",
+        "question",
+        "id",
+    }
+)
+SYSTEM_WORDING = accepting.Wording(
+    "The system",
+    accepting.EXPECTED,
+    lambda _, where: f"The key {where} is not known here; a system with a Lagrangian has the keys {LAGRANGIAN_KEYS}.",
+    lambda steps: tuple(step for step in steps if step not in ("dict", "list") and not str(step).endswith("]")),
+)
 HIDDEN = frozenset({*TAGS, "[key]", "quantity", "formulas", "columns", "list"})
 MOST_ACTS = 10_000
 FORCES, RAYLEIGH = "forces", "rayleigh"
 TABLE = tomllib.loads((Path(__file__).parent / "wording.toml").read_text(encoding="utf-8"))
 FILLED = {
-    "methods": ", ".join(get_args(MethodName)), "quantities": ", ".join(get_args(Observed)),
-    "orders": ", ".join(map(str, RUNGE_KUTTA)), "most steps": MAX_STEPS, "most methods": MAX_METHODS,
-    "system": scene_system.SYSTEM,
+    "methods": ", ".join(get_args(schemas.MethodName)), "quantities": ", ".join(get_args(schemas.Observed)),
+    "orders": ", ".join(map(str, RUNGE_KUTTA)), "most steps": schemas.MAX_STEPS, "most methods": schemas.MAX_METHODS,
+    "system": SYSTEM,
 }  # fmt: skip
 TAKEN = frozenset({"t", "energy", "discrete_energy", "error", "phase_error", "power", "work"})
 NO_INITIAL = "The key 'initial' is missing; it must be an object with positions and velocities or momenta."
-Constraints = tuple[Expression, ...]
-System = scene_system.MechanicalSystem
+Constraints = tuple[ex.Expression, ...]
 TIME_REFUSED = (
     "constraints that depend on the time t are not simulated: add a coordinate for t with its own kinetic "
     "energy, and start it at 0 with velocity 1."
@@ -72,24 +88,250 @@ TOO_LARGE = "the ensemble is too large (the limit is {} numbers): take fewer mem
 OF_MEMBERS = ("trajectory", "velocities", "energy")
 
 
-def scene_schema(document: Any) -> SceneDocument:
+def read_definitions(given: Mapping[str, str], names: Names) -> Definitions:
+    """The formula of each function over its own arguments; InputError with the pointer below /functions."""
+    found = {}
+    for key, text in given.items():
+        pointer = f"/functions/{key}"
+        name = names.spelling(key)
+        if name not in names.functions:
+            known = ", ".join(names.functions) or "none"
+            raise InputError(f"'{key[:40]}' is not a function of this system: its functions are {known}.", pointer)
+        arguments = names.functions[name]
+        with reader.placed_at(pointer):
+            tree = reader.read_formula(text, Names(names.coordinates, names.parameters))
+        moving: dict[ex.Expression, ex.Expression]
+        moving = {ex.Velocity(of[0]): ex.Symbol(word) for word in arguments if (of := names.derivative(word))}
+        tree = ex.substitute(tree, moving)
+        foreign = [n for n in ex.walk(tree) if isinstance(n, ex.Velocity) or _is_other(n, arguments, names)]
+        if foreign:
+            raise InputError(f"{name} depends on {', '.join(arguments)} only: use only these.", pointer)
+        found[name] = (arguments, tree)
+    return found
+
+
+def _is_other(node: ex.Expression, arguments: tuple[str, ...], names: Names) -> bool:
+    return isinstance(node, ex.Symbol) and node.name in names.coordinates and node.name not in arguments
+
+
+def refuse_open_functions(formulas: Sequence[ex.Expression], names: Names) -> None:
+    """InputError if a formula contains an arbitrary function for which the scene gives no formula."""
+    missing = sorted({node.name for tree in formulas for node in ex.walk(tree) if isinstance(node, ex.Arbitrary)})
+    if not missing:
+        return
+    example = f'{{"{missing[0]}": "cos({names.functions[missing[0]][0]})"}}'
+    raise InputError(
+        f"the functions {', '.join(missing)} are arbitrary: give each a formula in 'functions', as in {example}.",
+        "/functions",
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class KnownLagrangian:
+    """The text of an L~ and the conditions under which it is one of the system, such as "x > 0"."""
+
+    text: str
+    domain: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class MechanicalSystem:
+    """Coordinates with L and constraints, or with accelerations; `names` are those its formulas may use.
+
+    `values` are the parameters that its document gives a value. `known` are the L~ that come with the system, the best
+    first, `source` says from where. `document` is what `solve` would be asked about. `definitions` are the
+    formulas that the scene gives to its functions. `catalogue_name` is there where it comes from the catalogue.
+    """
+
+    names: Names
+    lagrangian: ex.Expression | None
+    constraints: tuple[ex.Expression, ...]
+    accelerations: tuple[ex.Expression, ...] | None
+    values: Mapping[str, str]
+    name: str = ""
+    known: tuple[KnownLagrangian, ...] = ()
+    source: str = ""
+    document: Mapping[str, Any] | None = None
+    definitions: Definitions = field(default_factory=dict)
+    catalogue_name: str | None = None
+
+
+def mechanical_system(given: Any, extra: Sequence[str]) -> MechanicalSystem:
+    """The system that the scene's `system` names; `extra` are additional parameters with values in the scene.
+
+    InputError with its pointer below /system.
+    """
+    match given:
+        case schemas.CatalogueSystem(catalogue=name):
+            return _at("/system/catalogue", _of_catalogue, name, extra)
+        case schemas.DocumentSystem(document=document):
+            return _at("/system/document", _of_document, document, extra)
+        case schemas.ResultSystem(result=result):
+            return _at("/system/result", _of_result, result, extra)
+        case _:
+            return _at("/system", _of_document, given, extra)
+
+
+def _at(pointer: str, read: Any, *arguments: Any) -> MechanicalSystem:
+    try:
+        found: MechanicalSystem = read(*arguments)
+    except DocumentRefused as error:
+        places = (replace(p, pointer=pointer + p.pointer) for p in error.places)
+        raise DocumentRefused(tuple(places)) from None
+    except InputError as error:
+        raise error.at(pointer) from None
+    return found
+
+
+def _of_catalogue(name: str, extra: Sequence[str]) -> MechanicalSystem:
+    entry = catalogue.entry(name)
+    known = entry.get("expected", {}).get("lagrangians", [])
+    found = replace(_of_document(entry["document"], extra), catalogue_name=name)
+    if found.accelerations is not None and known:
+        return replace(found, known=(KnownLagrangian(known[0]),), source="the known Lagrangian of the catalogue")
+    return found
+
+
+def _of_result(result: Mapping[str, Any], extra: Sequence[str]) -> MechanicalSystem:
+    result = accepting.inward(result)
+    system = result.get("system")
+    if not isinstance(system, Mapping):
+        raise InputError("The result has no part 'system': give the whole result of solve.")
+    given = system.get("given")
+    if isinstance(given, Mapping) and "lagrangian" in given:
+        found = _of_document(given, extra)
+    else:
+        keys = ("name", "coordinates", "equations", "parameters", "functions")
+        found = _of_document({key: system[key] for key in keys if key in system}, extra)
+    return replace(found, known=lagrangians_of(result, found.names), source="the result given")
+
+
+def lagrangians_of(result: Mapping[str, Any], names: Names) -> tuple[KnownLagrangian, ...]:
+    """The Lagrangians of a result on all its branches, also with t, the most suitable first: those with a
+    Hamiltonian in closed form, and of these those with the fewest walls, at which a motion would end."""
+    branches = [result, *(branch for branch in result.get("branches") or () if isinstance(branch, Mapping))]
+    answers = [
+        answer
+        for branch in branches
+        for answer in (branch, branch.get("with_time"))
+        if isinstance(answer, Mapping) and _is_part(answer.get("lagrangian"))
+    ]
+
+    def rank(answer: Mapping[str, Any]) -> tuple[bool, int]:
+        hamiltonian = answer.get("hamiltonian")
+        closed = _is_part(hamiltonian) and not (hamiltonian or {}).get("implicit")
+        return not closed, len(_walls(answer["lagrangian"]["text"], names))
+
+    parts = [answer["lagrangian"] for answer in sorted(answers, key=rank)]
+    return tuple(dict.fromkeys(KnownLagrangian(part["text"], tuple(part.get("domain") or ())) for part in parts))
+
+
+def _walls(text: str, names: Names) -> set[ex.Expression]:
+    moving: set[ex.Expression] = {ex.Symbol(name) for name in names.coordinates}
+    return set(walls(reader.read_formula(text, names), moving))
+
+
+def _is_part(value: Any) -> bool:
+    return isinstance(value, Mapping) and isinstance(value.get("text"), str)
+
+
+def _of_document(document: Mapping[str, Any], extra: Sequence[str]) -> MechanicalSystem:
+    ready = accepting.prepared(document)
+    if accepting.uses_the_letter_t(ready):
+        raise InputError("the motion already has a column t for the time: rename the coordinate t.", "/coordinates")
+    document = ready.document
+    if "lagrangian" in document and "equations" in document:
+        raise InputError("The system has both 'lagrangian' and 'equations': keep only one of them.")
+    try:
+        if "lagrangian" in document:
+            return _of_lagrangian(document, extra)
+        if "equations" in document:
+            return _of_equations(document, extra)
+    except InputError as error:
+        raise ready.error(error) from None
+    raise InputError(f"The system has neither 'lagrangian' nor 'equations'; it must be {SYSTEM}.")
+
+
+def _of_lagrangian(document: Mapping[str, Any], extra: Sequence[str]) -> MechanicalSystem:
+    schema = accepting.validated(
+        {k: v for k, v in document.items() if k not in SOLVE_ONLY}, schemas.LagrangianDocument, SYSTEM_WORDING
+    )
+    parameters, values = _parameters(schema.parameters, [name for name in extra if name not in schema.coordinates])
+    declared = Declared(schema.coordinates, parameters, schema.functions, schema.where, base.MAX_SIMULATED)
+    known = known_names(declared, {"/lagrangian": schema.lagrangian}, order=1)
+    names = known.remaining()
+    if schema.constraints:
+        system = read_nonholonomic(
+            names.coordinates,
+            schema.lagrangian,
+            schema.constraints,
+            parameters,
+            schema.functions,
+            most=base.MAX_SIMULATED,
+            where=schema.where,
+        )
+        lagrangian, constraints = system.lagrangian, system.constraints
+    else:
+        lagrangian, constraints = known.put_in(formula(schema.lagrangian, known.names, "/lagrangian")), ()
+    return MechanicalSystem(names, lagrangian, constraints, None, values, schema.name, document=document)
+
+
+def _of_equations(document: Mapping[str, Any], extra: Sequence[str]) -> MechanicalSystem:
+    schema = accepting.to_schema(document)
+    coordinates = schema.coordinates or schema.equations
+    parameters, values = _parameters(schema.parameters, [name for name in extra if name not in coordinates])
+    system = read_system(schema.coordinates, schema.equations, parameters, schema.functions, schema.name, schema.where)
+    functions = dict(system.functions)
+    names = document_names(Declared(system.coordinates, system.parameters, functions), {})
+    accelerations = tuple(map(without_steps, system.accelerations))
+    return MechanicalSystem(names, None, (), accelerations, values, schema.name, document=document)
+
+
+def without_steps(tree: ex.Expression) -> ex.Expression:
+    """The tree with step functions written with u/sqrt(u^2), like sign(u)."""
+    return ex.substitute(tree, {node: tower.to_kernels(node) for node in ex.walk(tree) if _is_step(node)})
+
+
+def _is_step(node: ex.Expression) -> bool:
+    return isinstance(node, ex.Apply) and node.function == pieces.STEP
+
+
+def formula(text: str, names: Names, pointer: str) -> ex.Expression:
+    """A formula of coordinates and velocities; InputError at the pointer."""
+    with reader.placed_at(pointer):
+        return reader.without_accelerations(reader.read_formula(text, names), "the formula", "")
+
+
+def _parameters(given: Any, extra: Sequence[str]) -> tuple[list[str], dict[str, str]]:
+    """All parameter names, with the values of the document; values are not substituted, so that one kernel
+    serves all values."""
+    values = {name: text for name, text in given.items() if text is not None} if isinstance(given, Mapping) else {}
+    declared = Declared(parameters=given)
+    names = list(declared.named_parameters())
+    more = [AND_GUESS] if declared.guesses else []
+    spelled = Names((), tuple(extra))
+    taken = {spelled.spelling(name) for name in names}
+    return [*names, *(name for name in extra if name not in taken), *more], values
+
+
+def scene_schema(document: Any) -> schemas.SceneDocument:
     """The scene in its schema; raises DocumentRefused with every fault found."""
-    return validated(prepared_scene(document), SceneDocument, WORDING)
+    return accepting.validated(accepting.prepared_scene(document), schemas.SceneDocument, WORDING)
 
 
-def _steps(loc: Steps) -> Steps:
-    steps = without(loc, HIDDEN)
-    is_tagged = len(steps) > 1 and steps[0] == "system" and steps[1] in SYSTEM_TAGS
+def _steps(loc: accepting.Steps) -> accepting.Steps:
+    steps = accepting.without(loc, HIDDEN)
+    is_tagged = len(steps) > 1 and steps[0] == "system" and steps[1] in schemas.SYSTEM_TAGS
     # The tag for the form of the system is not a key of the document.
     return (steps[0], *steps[2:]) if is_tagged else steps
 
 
-def _unknown(steps: Steps, where: str) -> str:
+def _unknown(steps: accepting.Steps, where: str) -> str:
     known = f"The key {where} is not known here; the keys are {', '.join(_keys(steps))}."
     return str(TABLE["not_simulated"].get(steps[-1], known))
 
 
-def _expected() -> dict[Steps, str]:
+def _expected() -> dict[accepting.Steps, str]:
     """What each place takes."""
     return {
         tuple(filter(None, place.split("."))): re.sub("<(.+?)>", lambda name: str(FILLED[name[1]]), text)
@@ -97,41 +339,43 @@ def _expected() -> dict[Steps, str]:
     }
 
 
-def _keys(steps: Steps) -> list[str]:
+def _keys(steps: accepting.Steps) -> list[str]:
     if len(steps) == 1:
-        return list(SceneDocument.model_fields)
+        return list(schemas.SceneDocument.model_fields)
     if steps[0] == "initial":
         return ["positions", "velocities", "momenta", "project"]
-    return list(SceneMethod.model_fields) if steps[0] == "methods" else [str(steps[0])]
+    return list(schemas.SceneMethod.model_fields) if steps[0] == "methods" else [str(steps[0])]
 
 
-WORDING = Wording("The scene", _expected(), _unknown, _steps)
+WORDING = accepting.Wording("The scene", _expected(), _unknown, _steps)
 
 
-def _read(text: str, system: System, pointer: str) -> Expression:
-    given = scene_system.formula(text, system.names, pointer)
-    tree = scene_system.without_steps(define_functions(given, system.definitions))
-    scene_system.refuse_open_functions([tree], system.names)
+def _read(text: str, system: MechanicalSystem, pointer: str) -> ex.Expression:
+    given = formula(text, system.names, pointer)
+    tree = without_steps(define_functions(given, system.definitions))
+    refuse_open_functions([tree], system.names)
     return tree
 
 
-def read_forces(schema: SceneDocument, system: System, effects: tuple[str, ...]) -> tuple[Expression, ...]:
+def read_forces(
+    schema: schemas.SceneDocument, system: MechanicalSystem, effects: tuple[str, ...]
+) -> tuple[ex.Expression, ...]:
     """Q_i = forces_i - dR/dq_i' of the active effects, (n,); empty if there are none."""
     names = system.names
-    found: dict[str, Expression] = {}
+    found: dict[str, ex.Expression] = {}
     for key, text in schema.forces.items() if FORCES in effects else ():
         pointer = f"/forces/{escape(key)}"
         found[_coordinate(key, names, pointer)] = _read(text, system, pointer)
     if schema.rayleigh is not None and RAYLEIGH in effects:
         function = _read(schema.rayleigh, system, "/rayleigh")
         for name in names.coordinates:
-            slope = differentiate(function, Velocity(name))
-            found[name] = collecting.collect(found.get(name, ZERO) - slope)
-    forces = tuple(found.get(name, ZERO) for name in names.coordinates)
-    return forces if any(force != ZERO for force in forces) else ()
+            slope = differentiate(function, ex.Velocity(name))
+            found[name] = collecting.collect(found.get(name, ex.ZERO) - slope)
+    forces = tuple(found.get(name, ex.ZERO) for name in names.coordinates)
+    return forces if any(force != ex.ZERO for force in forces) else ()
 
 
-def read_observables(schema: SceneDocument, system: System) -> tuple[data.Observable, ...]:
+def read_observables(schema: schemas.SceneDocument, system: MechanicalSystem) -> tuple[data.Observable, ...]:
     """The observables that the scene gives by formula, in its order; each name is a separate column."""
     found: dict[str, data.Observable] = {}
     taken = _columns(system.names.coordinates).union(system.names.coordinates)
@@ -153,7 +397,7 @@ def _columns(coordinates: Sequence[str]) -> frozenset[str]:
     return TAKEN.union(f"{kind}_{name}" for kind in ("v", "p") for name in coordinates)
 
 
-def read_events(schema: SceneDocument, system: System) -> tuple[data.Event, ...]:
+def read_events(schema: schemas.SceneDocument, system: MechanicalSystem) -> tuple[data.Event, ...]:
     """The events of a scene; `when` may be an equation with 0 on its right."""
     found = []
     for place, event in enumerate(schema.events):
@@ -162,7 +406,7 @@ def read_events(schema: SceneDocument, system: System) -> tuple[data.Event, ...]
         if equals and right.strip() not in ("0", "0.0"):
             raise InputError('write the event as a formula, or as "formula = 0".', pointer)
         formula = _read(left, system, pointer)
-        sets: tuple[tuple[Expression, Expression], ...] = ()
+        sets: tuple[tuple[ex.Expression, ex.Expression], ...] = ()
         if not isinstance(event.do, str):
             sets = tuple(_set(key, text, system, place) for key, text in event.do.set.items())
         stops = event.do == "stop" or (event.do == "record" and event.count is not None)
@@ -170,16 +414,16 @@ def read_events(schema: SceneDocument, system: System) -> tuple[data.Event, ...]
     return tuple(found)
 
 
-def _set(key: str, text: str, system: System, place: int) -> tuple[Expression, Expression]:
+def _set(key: str, text: str, system: MechanicalSystem, place: int) -> tuple[ex.Expression, ex.Expression]:
     """A coordinate or velocity and the formula of its new value."""
     pointer = f"/events/{place}/do/set/{escape(key)}"
-    target, names = scene_system.formula(key, system.names, pointer), system.names.coordinates
-    if target not in (*map(Symbol, names), *map(Velocity, names)):
+    target, names = formula(key, system.names, pointer), system.names.coordinates
+    if target not in (*map(ex.Symbol, names), *map(ex.Velocity, names)):
         raise InputError(f"an event sets coordinates and velocities: {', '.join(names)}, {names[0]}'.", pointer)
     return target, _read(text, system, pointer)
 
 
-def beginning(schema: SceneDocument) -> tuple[float, SceneInitial]:
+def beginning(schema: schemas.SceneDocument) -> tuple[float, schemas.SceneInitial]:
     """The start time and initial data of the scene, given directly or taken from the end of the restarted result."""
     if schema.restart is None:
         if schema.initial is None:
@@ -195,7 +439,7 @@ def beginning(schema: SceneDocument) -> tuple[float, SceneInitial]:
             {name: repr(float(x)) for name, x in final[key].items()} for key in ("positions", "velocities")
         )
         begin = number_of(repr(float(final["t"])), "/restart")
-        return begin, SceneInitial(positions=positions, velocities=velocities, project=True)
+        return begin, schemas.SceneInitial(positions=positions, velocities=velocities, project=True)
     except (AttributeError, TypeError, ValueError):
         raise InputError("this result has no last point: give the result of simulate.", "/restart") from None
 
@@ -211,7 +455,7 @@ def _final(result: dict[str, Any]) -> dict[str, Any]:
                      "/restart")  # fmt: skip
 
 
-def _refuse_other_halves(initial: SceneInitial, system: System) -> None:
+def _refuse_other_halves(initial: schemas.SceneInitial, system: MechanicalSystem) -> None:
     """InputError for a start of p in first-order equations x' = h, p' = F, of which x alone is a coordinate."""
     equations, known = str((system.document or {}).get("equations")), ", ".join(system.names.coordinates)
     for part in ("positions", "velocities", "momenta"):
@@ -224,21 +468,21 @@ def _refuse_other_halves(initial: SceneInitial, system: System) -> None:
                 )
 
 
-def read_scene(schema: SceneDocument) -> tuple[data.Scene, System]:
+def read_scene(schema: schemas.SceneDocument) -> tuple[data.Scene, MechanicalSystem]:
     """The scene and its system; InputError with a pointer to the error."""
     extra = [declared_name(name, f"/parameters/{escape(name)}", "parameter") for name in schema.parameters]
-    system = scene_system.mechanical_system(schema.system, extra)
+    system = mechanical_system(schema.system, extra)
     _refuse_unknown(system, extra, _has_formulas(schema))
     names = system.names
     if taken := _columns(names.coordinates).intersection(names.coordinates):
         raise InputError(f"the motion already has a column {min(taken)}: rename the coordinate.", "/system")
     values = _values(schema, system)
-    system = replace(system, definitions=scene_system.read_definitions(schema.functions, names))
+    system = replace(system, definitions=read_definitions(schema.functions, names))
     lagrangian, constraints, forces, effects, parts = _with_effects(schema, system)
     accelerations = tuple(define_functions(tree, system.definitions) for tree in system.accelerations or ())
     formulas = [tree for tree in (lagrangian, *constraints, *accelerations) if tree is not None]
-    scene_system.refuse_open_functions(formulas, names)
-    if any(holds(tree, TIME) for tree in constraints):
+    refuse_open_functions(formulas, names)
+    if any(ex.holds(tree, ex.TIME) for tree in constraints):
         raise InputError(TIME_REFUSED, "/system")
     begin, initial = beginning(schema)
     _refuse_other_halves(initial, system)
@@ -271,17 +515,17 @@ def read_scene(schema: SceneDocument) -> tuple[data.Scene, System]:
     return scene, system
 
 
-def _has_formulas(schema: SceneDocument) -> bool:
+def _has_formulas(schema: schemas.SceneDocument) -> bool:
     """Whether the scene adds formulas to those of its system, which may use additional parameters."""
     keys = ("terms", "functions", "free_lagrangian", "forces", "rayleigh", "events", "points")
     observed = any(isinstance(item, dict) for item in schema.observe)
     return observed or any(getattr(one, key, None) for one in (schema, *schema.methods) for key in keys)
 
 
-def _refuse_unknown(system: System, extra: Sequence[str], formulas: bool) -> None:
+def _refuse_unknown(system: MechanicalSystem, extra: Sequence[str], formulas: bool) -> None:
     """Reject a parameter that neither the system nor an additional formula of the scene can use."""
     parameters, trees = system.names.parameters, (system.lagrangian, *system.constraints, *(system.accelerations or ()))
-    known = {node.name for tree in trees if tree is not None for node in walk(tree) if isinstance(node, Symbol)}
+    known = {node.name for tree in trees if tree is not None for node in ex.walk(tree) if isinstance(node, ex.Symbol)}
     known |= set(Declared(parameters=(system.document or {}).get("parameters", ())).named_parameters())
     known = set(parameters) & (set(parameters) if formulas else set(map(system.names.spelling, known)))
     for name in extra:
@@ -291,7 +535,7 @@ def _refuse_unknown(system: System, extra: Sequence[str], formulas: bool) -> Non
             raise InputError(detail, f"/parameters/{escape(name)}")
 
 
-def _values(schema: SceneDocument, system: System) -> dict[str, float]:
+def _values(schema: schemas.SceneDocument, system: MechanicalSystem) -> dict[str, float]:
     names = system.names
     texts = dict(system.values)
     for given, text in schema.parameters.items():
@@ -303,7 +547,7 @@ def _values(schema: SceneDocument, system: System) -> dict[str, float]:
     return {name: number_of(texts[name], f"/parameters/{name}") for name in names.parameters}
 
 
-def _refuse_dissipation(schema: SceneDocument) -> None:
+def _refuse_dissipation(schema: schemas.SceneDocument) -> None:
     """Reject a term of L called friction: it would change masses and dissipate no energy."""
     for name in schema.terms:
         if name.casefold() in DISSIPATION and not schema.as_lagrangian:
@@ -315,14 +559,12 @@ def _refuse_dissipation(schema: SceneDocument) -> None:
 
 
 def _with_effects(
-    schema: SceneDocument, system: System
-) -> tuple[Expression | None, Constraints, Constraints, tuple[str, ...], tuple[data.Effect, ...]]:
+    schema: schemas.SceneDocument, system: MechanicalSystem
+) -> tuple[ex.Expression | None, Constraints, Constraints, tuple[str, ...], tuple[data.Effect, ...]]:
     """L with the effects named, the constraints and forces that act, all names in effect, and each effect that the
     system has turned round."""
     _refuse_dissipation(schema)
-    texts = {
-        name: scene_system.formula(text, system.names, f"/terms/{escape(name)}") for name, text in schema.terms.items()
-    }
+    texts = {name: formula(text, system.names, f"/terms/{escape(name)}") for name, text in schema.terms.items()}
     terms = {name: define_functions(tree, system.definitions) for name, tree in texts.items()}
     further = [name for name, given in ((FORCES, schema.forces), (RAYLEIGH, schema.rayleigh)) if given]
     known = (*BUILT_IN, *terms, *further)
@@ -341,10 +583,10 @@ def _with_effects(
     parts = [*lagrangian_parts(whole, system.names.coordinates).items(), *terms.items()]
     given = tuple(define_functions(w, system.definitions) for w in system.constraints)
 
-    def acting(names: Sequence[str]) -> tuple[Expression, Constraints, Constraints]:
+    def acting(names: Sequence[str]) -> tuple[ex.Expression, Constraints, Constraints]:
         forces = read_forces(schema, system, tuple(names))
         chosen = (tree for name, tree in parts if name in (KINETIC, *names))  # all other parts are left out completely
-        return add(*chosen), given if CONSTRAINTS in names else (), forces
+        return ex.add(*chosen), given if CONSTRAINTS in names else (), forces
 
     whole_scene = acting(named)
     found = []
@@ -360,7 +602,7 @@ def number_of(text: str, pointer: str, what: str = "a number") -> float:
     if _DECIMAL.fullmatch(text) and math.isfinite(value := float(text)):
         return value
     try:
-        tree = read_formula(text, Names(time=False))
+        tree = reader.read_formula(text, Names(time=False))
         value = float(array_value(tree, {})[0])
     except (InputError, NoValue, OverflowError):
         value = math.nan
@@ -369,7 +611,7 @@ def number_of(text: str, pointer: str, what: str = "a number") -> float:
     return value
 
 
-def read_grid(schema: SceneDocument, begin: float = 0.0) -> tuple[data.Grid, tuple[str, ...]]:
+def read_grid(schema: schemas.SceneDocument, begin: float = 0.0) -> tuple[data.Grid, tuple[str, ...]]:
     """The step, the number of steps and which are recorded, with a note if not all requested ones are."""
     step = number_of(schema.step, "/step")
     if step <= 0:
@@ -385,8 +627,10 @@ def read_grid(schema: SceneDocument, begin: float = 0.0) -> tuple[data.Grid, tup
     length = None if schema.time is None else number_of(schema.time, "/time")
     if length is not None and abs(steps * step - length) > 1e-9 * length:
         notes = (f"The run takes {steps * step:.10g}, up to the first grid point beyond {length:.10g}.",)
-    if steps > MAX_STEPS:
-        raise LimitError(f"the scene has {steps} steps, but the limit is {MAX_STEPS}: take a larger step.", "/time")
+    if steps > schemas.MAX_STEPS:
+        raise LimitError(
+            f"the scene has {steps} steps, but the limit is {schemas.MAX_STEPS}: take a larger step.", "/time"
+        )
     every = schema.record_every or 1
     if schema.events:
         if every > 1 or steps > MOST_WITH_EVENTS:
@@ -401,25 +645,27 @@ def read_grid(schema: SceneDocument, begin: float = 0.0) -> tuple[data.Grid, tup
     return data.Grid(step, steps, every, begin), (*notes, note)
 
 
-def _steps_of(schema: SceneDocument, step: float) -> int:
+def _steps_of(schema: schemas.SceneDocument, step: float) -> int:
     length = number_of(schema.time or "", "/time")
     if length <= 0:
         raise InputError("the time must be a positive number.", "/time")
     count = length / step
-    if count > 10 * MAX_STEPS:
-        raise LimitError(f"the scene has more than {MAX_STEPS} steps: take a larger step or a shorter time.", "/time")
+    if count > 10 * schemas.MAX_STEPS:
+        raise LimitError(
+            f"the scene has more than {schemas.MAX_STEPS} steps: take a larger step or a shorter time.", "/time"
+        )
     return max(1, round(count) if abs(count - round(count)) < 1e-9 * count else math.ceil(count))
 
 
-def read_methods(schema: SceneDocument) -> tuple[data.Requested, ...]:
+def read_methods(schema: schemas.SceneDocument) -> tuple[data.Requested, ...]:
     """The methods in the order of the scene, each with a unique label."""
     found: list[data.Requested] = []
-    for place, given in enumerate(schema.methods or [SceneMethod(method="adaptive")]):
+    for place, given in enumerate(schema.methods or [schemas.SceneMethod(method="adaptive")]):
         found.append(_requested(schema, given, f"/methods/{place}"))
     return tuple(_with_distinct_labels(found))
 
 
-def _requested(schema: SceneDocument, given: SceneMethod, pointer: str) -> data.Requested:
+def _requested(schema: schemas.SceneDocument, given: schemas.SceneMethod, pointer: str) -> data.Requested:
     verlet = given.method == "stormer-verlet"
     method = INSIDE.get(given.method, given.method)
     alpha = number_of(given.alpha, f"{pointer}/alpha") if given.alpha is not None else 0.5
@@ -455,7 +701,7 @@ def _requested(schema: SceneDocument, given: SceneMethod, pointer: str) -> data.
     )
 
 
-def _tolerance(given: SceneMethod, method: str, pointer: str) -> float:
+def _tolerance(given: schemas.SceneMethod, method: str, pointer: str) -> float:
     """The relative error allowed in a step, for methods that choose their steps."""
     if given.tolerance is None:
         return METHODS[method].tolerance or 0.0
@@ -467,7 +713,7 @@ def _tolerance(given: SceneMethod, method: str, pointer: str) -> float:
     return tolerance
 
 
-def _label(given: SceneMethod, alpha: str | None, order: int) -> str:
+def _label(given: schemas.SceneMethod, alpha: str | None, order: int) -> str:
     shown = alpha is not None and given.method != "stormer-verlet"
     parts = [given.method, *([str(alpha).replace("/", "_")] if shown else [])]
     if given.order is not None and given.order != 2:
@@ -491,7 +737,7 @@ def _with_distinct_labels(found: list[data.Requested]) -> list[data.Requested]:
     return distinct
 
 
-def read_circle(schema: SceneDocument, names: Names) -> tuple[int, int] | None:
+def read_circle(schema: schemas.SceneDocument, names: Names) -> tuple[int, int] | None:
     """The pair of coordinates named, else x and y, else the last two."""
     if schema.circle is not None:
         pair = [_coordinate(name, names, f"/circle/{place}") for place, name in enumerate(schema.circle)]
@@ -507,10 +753,10 @@ def read_circle(schema: SceneDocument, names: Names) -> tuple[int, int] | None:
 
 
 def read_initial(
-    given: SceneInitial,
+    given: schemas.SceneInitial,
     names: Names,
-    lagrangian: Expression | None,
-    constraints: tuple[Expression, ...],
+    lagrangian: ex.Expression | None,
+    constraints: tuple[ex.Expression, ...],
     values: Mapping[str, float],
 ) -> tuple[Array, Array]:
     """Positions and velocities, (n,) each, the velocities on the constraints."""
@@ -527,7 +773,7 @@ def read_initial(
 
 
 def _from_momenta(
-    given: Mapping[str, str], names: Names, lagrangian: Expression | None, values: Mapping[str, float], start: Array
+    given: Mapping[str, str], names: Names, lagrangian: ex.Expression | None, values: Mapping[str, float], start: Array
 ) -> dict[str, float]:
     target = _of_all(given, names, "momentum", "/initial/momenta")
     if lagrangian is None:
@@ -561,7 +807,9 @@ def _coordinate(key: str, names: Names, pointer: str) -> str:
     return name
 
 
-def read_members(given: SceneEnsemble, base: SceneInitial, names: Names, scene: data.Scene) -> data.Members:
+def read_members(
+    given: schemas.SceneEnsemble, base: schemas.SceneInitial, names: Names, scene: data.Scene
+) -> data.Members:
     """Starts times combinations of parameters, the parameters running fastest; each start on the constraints."""
     unseen = [name for name in scene.observe if name not in OF_MEMBERS]
     if scene.events or unseen:
@@ -590,19 +838,19 @@ def read_members(given: SceneEnsemble, base: SceneInitial, names: Names, scene: 
         raise error.placed(error.pointer.replace("/initial", "/ensemble/initial", 1)) from None
 
 
-def _given_columns(given: MemberColumns) -> list[list[str]]:
+def _given_columns(given: schemas.MemberColumns) -> list[list[str]]:
     return [*given.positions.values(), *given.velocities.values()]
 
 
 def _one_by_one(
-    starts: list[SceneInitial] | MemberColumns,
-    base: SceneInitial,
+    starts: list[schemas.SceneInitial] | schemas.MemberColumns,
+    base: schemas.SceneInitial,
     names: Names,
     scene: data.Scene,
     values: dict[str, Array],
 ) -> data.Members:
     """Each start with each value of the parameters, on which momenta and constraints may depend."""
-    if isinstance(starts, MemberColumns):
+    if isinstance(starts, schemas.MemberColumns):
         raise InputError("columns of starts need velocities: give velocities in the scene instead of momenta.",
                          "/initial")  # fmt: skip
     found, each = [], len(next(iter(values.values()), starts)) // len(starts)
@@ -621,7 +869,11 @@ def _one_by_one(
 
 
 def _together(
-    given: MemberColumns | None, base: SceneInitial, names: Names, scene: data.Scene, values: dict[str, Array]
+    given: schemas.MemberColumns | None,
+    base: schemas.SceneInitial,
+    names: Names,
+    scene: data.Scene,
+    values: dict[str, Array],
 ) -> data.Members:
     """Columns, each start repeated for the values of the parameters; missing velocities are filled in."""
     tables, free = [scene.positions[None], scene.velocities[None]], set(base.velocities or {})
