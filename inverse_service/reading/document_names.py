@@ -646,6 +646,10 @@ def _guessed(texts: Mapping[str, str], declared: nm.Names, dummies: Collection[s
             if not arguments and token.text not in alone and (count := _called_with(line, place, declared, defined)):
                 arguments = tuple(f"u{number}" for number in range(1, count + 1))
                 arguments = found_functions.get(token.text, arguments)
+            factors = nm.only_split(token.text, declared) if arguments else ()
+            if factors and declared.role(factors[-1]) == "function":  # qA(x), A declared
+                splits[token.text] = factors
+                continue
             if len(arguments) == 1 and _is_apart(line, place):
                 raise _product_or_function(token, after, arguments[0], texts[pointer]).at(pointer)
             parts = nm.split_at_function(token.text, declared)

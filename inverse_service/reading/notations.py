@@ -413,8 +413,8 @@ def _of_operand(
 def _is_point(follows: Token, variables: Sequence[Token]) -> bool:
     """Whether the bracket after a derivative by these is the (x, y) where it is taken."""
     listed = tk.spelled(follows.inside).split(",")
-    touches = follows.is_bracket() and not follows.space_before and all(map(str.isidentifier, listed))
-    return touches and {variable.text for variable in variables} <= {*listed}
+    named = follows.is_bracket() and all(map(str.isidentifier, listed))
+    return named and {variable.text for variable in variables} <= {*listed}
 
 
 def _slope(name: Token, by: Token, at: Token) -> Tokens:

@@ -685,8 +685,10 @@ class FormulaParser:
         """Whether the bracket after a name is clearly a factor: mu(1 - x^2), R(cos phi), J(x')^2."""
         bracket = self._stream.ahead
         inside, first = [*tk.walk(bracket.inside)], at(bracket.inside, 0)
+        squared = len(bracket.inside) > 1 or self._stream.look(1).is_operator("^")  # gamma(x') x' may be a function
         sums = first.text in nm.FUNCTIONS or any(
-            part.order or (place and part.is_operator("+", "-")) for place, part in enumerate(bracket.inside)
+            (part.order and squared) or (place and part.is_operator("+", "-"))
+            for place, part in enumerate(bracket.inside)
         )
         moving = _moves(bracket)  # epsilon(cos t - x') is a product
         if any(part.is_operator(",") or (part.text == "t" != token.text and not moving) for part in inside):

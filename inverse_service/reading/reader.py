@@ -53,6 +53,11 @@ _BEFORE = re.compile(
     r"^\s*(?i:(?:Solve|Find|Consider|Let|Given|Minimi[sz]e|Study|the|equations?|of|motion|for|system|Lagrangian)\s+)+"
     r"(?=[\w\\])"
 )
+_LOST = dict(zip("\a\b\f\n\r\t\v", "abfnrtv", strict=True))
+_LOST_BACKSLASH = re.compile(
+    r"([\a\b\f\v])(lpha|eta|ar[a-z]*|egin|oldsymbol|rac|ec)(?![A-Za-z])|(\t)(an|anh|heta|au|imes|ext|ilde)(?![A-Za-z])|(\r)(ho|ight)(?![A-Za-z])"
+    r"|(?<=[-+*({])\s*(\n)(abla|u)(?![A-Za-z'])"
+)
 _COMMENT = re.compile(r"(?<!\\)%.*")
 _COMPARES = re.compile(r"[=<>\u2264\u2265]|\\(?:le|ge|ne|equiv)")
 _PROSE = re.compile(r"(?<![_^]\{)(?<![_^])(\(\s*)?\\(?:text|textrm|mbox|intertext)\s*\{([^{}$\\]*)\}(?(1)\s*\))")
@@ -77,6 +82,16 @@ _BEFORE_A_LETTER = re.compile(rf"([\u00a8\u02d9])({_LETTER})")
 _BEGINS_WITH_DOTS = re.compile(rf"(?<!{_LETTER})[\u00a8\u02d9]{_LETTER}")
 _ENDS_WITH_DOTS = re.compile(rf"{_LETTER}[\u00a8\u02d9](?!{_LETTER})")
 _DOTS_APART = re.compile(r"(?<=\w)( +)([\u0307\u0308]+)")
+
+
+def _refuse_lost_backslashes(formula: str) -> None:
+    r"""InputError for \frac as a form feed and rac, which JSON and Python make of a single backslash."""
+    if lost := _LOST_BACKSLASH.search(formula):
+        sign, rest = filter(None, lost.groups())
+        column, meant = lost.end() - len(rest), f"\\{_LOST[sign]}{rest}"
+        span = (column, column + len(meant) - 1)
+        instead = "write two backslashes in JSON, r'...' around the text in Python"
+        raise refusal(f"the backslash of {meant} is lost", column, instead, (meant,), span)
 
 
 def is_latex(formula: str) -> bool:
@@ -140,6 +155,7 @@ def read_equations(formula: str, names: Names) -> list[tuple[ex.Expression, ex.E
 
 def read_tokens(formula: str, names: Names | None = None) -> list[Token]:
     """The tokens, before any name is looked up."""
+    _refuse_lost_backslashes(formula)
     formula, names = _GREEK_OF_MATHEMATICA.sub(_greek, formula), names or Names()
     latex, formula = is_latex(formula), _with_dots_after_letters(without_words(formula))
     formula = _RAISED_FIRST.sub(r"\2\1", _BY_INDEX.sub(lambda index: index[1].ljust(len(index[0])), formula))

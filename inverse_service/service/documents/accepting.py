@@ -261,7 +261,7 @@ def _with_lagrangian(plain: dict[str, Any]) -> tuple[dict[str, Any], dict[str, s
         if line in definitions.values():
             energy = _ENERGY.match(line)
             rest = [text for k, (_, text) in enumerate(others) if k != place]
-            whole = lagrangian if energy and energy["potential"] else ""
+            whole = lagrangian if "whole" in energies and energy and energy["potential"] else ""
             _ask_about_unused(line, pointer, [lagrangian, *rest], moving, whole)
     lagrangian, *constraints = (
         f"{text}{vectors}" if components.holds_vector(text) else text for text in (lagrangian, *constraints)
@@ -279,7 +279,7 @@ def _defined(line: str, moving: Collection[str]) -> tuple[str, bool]:
     left, equal, right = line.partition("=")
     displaced = _OF_A_FORM.match(left) and _FORM.search(right)
     form = displaced or reader.names_in_forms(left) or {*moving} & reader.names_in_forms(right)
-    found = _DEFINED.fullmatch(left) if equal and not form else None
+    found = _DEFINED.fullmatch(left.removesuffix(":")) if equal and not form else None
     if found is None or document_names.derived_stem(found[1]):
         return "", False
     return found[1] + (found[2] or ""), found[3] is not None
@@ -295,7 +295,7 @@ def _ask_about_unused(line: str, pointer: str, others: Sequence[str], moving: Co
     words = [token.text for text in others for token in walk(reader.tokens_if_any(text, Names()))]
     used = any(word == first.text or (first.text in word and word.isalpha()) for word in words)
     moves = any(token.order or any(name in token.text for name in moving) for token in formula)
-    if used or not moves or len(tokens) == len(formula) + 2 == 3:
+    if used or not moves or (len(tokens) == 3 and tokens[2].order):
         return
     what, written = f"{first.text} = … is given and nothing uses {first.text}", whole.rstrip(" \t\n.,;")
     if not written.strip():
