@@ -687,7 +687,7 @@ class FormulaParser:
         inside, first = [*tk.walk(bracket.inside)], at(bracket.inside, 0)
         squared = len(bracket.inside) > 1 or self._stream.look(1).is_operator("^")  # gamma(x') x' may be a function
         sums = first.text in nm.FUNCTIONS or any(
-            (part.order and squared) or (place and part.is_operator("+", "-"))
+            (part.order > 1 - squared) or (place and part.is_operator("+", "-"))
             for place, part in enumerate(bracket.inside)
         )
         moving = _moves(bracket)  # epsilon(cos t - x') is a product

@@ -33,7 +33,8 @@ _SUBJECT_TO = re.compile(
 _NUMBER = r"\(?[\d.]*\d[a-z]?\)?"
 _NUMBERED = rf"[Ee]q(?:uation|n)?(?:\.\s*|\s+|\s*(?=\()){_NUMBER}"
 _LABEL = re.compile(
-    rf"(?:^|(?<=[;\n]))[ \t]*(?:[A-Z][\w -]{{2,40}}[\w]|{_NUMBERED}|eq\d+)\s*:(?![=:])"
+    rf"(?:^|(?<=[;,\n]))[ \t]*(?:[A-Z][\w -]{{2,40}}[\w]|[\w -]{{0,20}}(?:energy|slip(?:ping)?|conditions?)|"
+    rf"{_NUMBERED}|eq\d+)\s*:(?![=:])"
     rf"|(?<![ \t])[ \t]+(?:(?:,[ \t]*)?(?:\({_NUMBERED}\)|\[{_NUMBERED}\]|{_NUMBERED})"
     rf"|(?:\.{{3,}}|\u2026)[ \t]*{_NUMBER})"
     r"(?=[ \t]*(?:[.;\n]|$))"

@@ -262,7 +262,8 @@ def _with_lagrangian(plain: dict[str, Any]) -> tuple[dict[str, Any], dict[str, s
             energy = _ENERGY.match(line)
             rest = [text for k, (_, text) in enumerate(others) if k != place]
             whole = lagrangian if "whole" in energies and energy and energy["potential"] else ""
-            _ask_about_unused(line, pointer, [lagrangian, *rest], moving, whole)
+            if _is_unused(line, pointer, [lagrangian, *rest], moving, whole):
+                notes[line.strip()] = reader.LEFT_OUT
     lagrangian, *constraints = (
         f"{text}{vectors}" if components.holds_vector(text) else text for text in (lagrangian, *constraints)
     )
@@ -285,18 +286,20 @@ def _defined(line: str, moving: Collection[str]) -> tuple[str, bool]:
     return found[1] + (found[2] or ""), found[3] is not None
 
 
-def _ask_about_unused(line: str, pointer: str, others: Sequence[str], moving: Collection[str], whole: str) -> None:
-    """InputError for a definition that no other line uses: F = -c x', or V = … beside an L, perhaps meant without V.
+def _is_unused(line: str, pointer: str, others: Sequence[str], moving: Collection[str], whole: str) -> bool:
+    """Whether no other line uses a definition, which changes nothing, as omega = sqrt(k/m) and omega = theta'.
 
-    A constant changes nothing, nor does omega = theta'. `whole` is the L of a text that gives L, and V besides.
+    InputError for F = -c x' or F = cos(t), and for V = … beside an L, perhaps meant without V. `whole` is that L.
     """
     tokens = reader.tokens_if_any(line, Names())
     first, formula = at(tokens, 0), [token for token in walk(tokens[2:]) if token.kind == "name"]
     words = [token.text for text in others for token in walk(reader.tokens_if_any(text, Names()))]
     used = any(word == first.text or (first.text in word and word.isalpha()) for word in words)
-    moves = any(token.order or any(name in token.text for name in moving) for token in formula)
+    names = [token.text for token in formula if token.text not in nm.FUNCTIONS]
+    moves = any(token.order for token in formula) or any(word[-1] == "t" for word in names)
+    moves = moves or any(name in word for word in names for name in moving)
     if used or not moves or (len(tokens) == 3 and tokens[2].order):
-        return
+        return not used
     what, written = f"{first.text} = … is given and nothing uses {first.text}", whole.rstrip(" \t\n.,;")
     if not written.strip():
         instead = "put it into L, or leave it out; a force belongs into equations of motion"
