@@ -262,10 +262,11 @@ def asked_of(document: Any) -> list[str]:
     found: list[str] = []
     inner = [document] + [document.get(key) for key in ("system", "document")] if isinstance(document, dict) else []
     for part in (part for part in inner if isinstance(part, dict)):
-        texts = [part.get(key) or "" for key in ("name", "equations", "lagrangian", "constraints")]
-        texts.insert(0, str(part.get("catalogue") or "").replace("-", " "))
+        texts = [part.get(key) or "" for key in ("name", "catalogue", "equations", "lagrangian", "constraints")]
+        if str(texts[1]).replace("-", " ") in found:  # a scene is named after its entry of the catalogue
+            texts[1] = ""
         found += [line for text in texts for line in forms.equations_text(text).split("\n") if line]
-    return [*dict.fromkeys(found)][:ASKED]
+    return found[:ASKED]
 
 
 async def shown(request: Request, job: dict[str, Any], check: dict[str, Any] | None = None) -> HTMLResponse:
