@@ -123,7 +123,7 @@ def with_products_in_order(
 
 
 def with_sums_as_in(tree: ex.Expression, models: Sequence[ex.Expression]) -> ex.Expression:
-    """The tree with the terms of each sum that a model has in the order in which the model has them."""
+    """The tree with each sum that a model has as the model has it: (u - 1)^2 for (-u + 1)^2 beside u - 1 too."""
 
     def key_of(node: ex.Sum) -> frozenset[tuple[ex.Expression, int]]:
         return frozenset(Counter(node.terms).items())  # u + u is not u
@@ -132,7 +132,14 @@ def with_sums_as_in(tree: ex.Expression, models: Sequence[ex.Expression]) -> ex.
 
     def ordered(part: ex.Expression) -> ex.Expression:
         part = ex.rebuild(part, ordered)
-        return sums.get(key_of(part), part) if isinstance(part, ex.Sum) else part
+        match part:
+            case ex.Sum():
+                return sums.get(key_of(part), part)
+            case ex.Power(ex.Sum(terms) as base, ex.Number(value)) if value % 2 == 0:
+                turned = ex.add(*map(ex.negated, terms))
+                return ex.Power(sums.get(key_of(turned), base) if isinstance(turned, ex.Sum) else base, part.exponent)
+            case _:
+                return part
 
     return ordered(tree) if sums else tree
 

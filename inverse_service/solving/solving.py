@@ -17,7 +17,7 @@ from inverse_service.explanation import positive, wording
 from inverse_service.expressions import collecting, notation, printing, tree as ex
 from inverse_service.linear_pde import involution
 from inverse_service.mechanics import second_order_system
-from inverse_service.search import row_factors, terms, tidy
+from inverse_service.search import quadratures, row_factors, terms, tidy
 from inverse_service.search.protocol import Found, SearchOutcome, describe, is_multiple, why_shown
 
 if TYPE_CHECKING:
@@ -259,7 +259,8 @@ def _as_given(work: Work) -> Answer | None:
             for tree in row_factors.lagrangians_of_lines(system, written, table, signs):
                 if ex.holds(tree, ex.TIME) and (best is not None or not wants_time):
                     continue
-                forms = dict.fromkeys((tidy.tidied(tree, system), tree))
+                real = tree if table is None else quadratures.real_form(tree, table)
+                forms = dict.fromkeys((tidy.tidied(real, system), real, tree))
                 best = next((form for form in forms if is_confirmed(work, form, ex.holds(form, ex.TIME))), best)
                 if best is not None and not ex.holds(best, ex.TIME):
                     break
