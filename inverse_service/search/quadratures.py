@@ -94,7 +94,11 @@ def _square_part(value: int) -> tuple[int, int]:
 def extracted_root(tree: ex.Expression) -> ex.Expression:
     """A square root of a product with the squares among its factors taken out; its sign is left open."""
     outside, inside = even_root(tree)
-    return outside * ex.square_root(tm.tree_of(tm.terms_of(inside)))
+    terms = tm.terms_of(inside)
+    number, rest = even_root(ex.number(tm.split_content(terms)[0])) if len(terms) > 1 else (ex.ONE, ex.ZERO)
+    if rest != ex.ONE:
+        return outside * ex.square_root(tm.tree_of(terms))
+    return outside * number * ex.square_root(tm.tree_of(tm.multiply_terms(terms, tm.terms_of(number**-2))))
 
 
 def solution(columns: Sequence[Mapping[Any, Fraction]], right: Mapping[Any, Fraction]) -> list[Fraction] | None:
@@ -134,8 +138,11 @@ def _of_one_square(key: tm.Monomial) -> tm.Terms:
 
 
 def _proper(terms: tm.Terms, x: Variable) -> tm.Terms:
-    """The terms `in_one_square`, and x^3/(x^2 + a) as x - a x/(x^2 + a): no such power of x beside its sum."""
-    left, result = in_one_square(terms), tm.Terms()
+    """The terms `in_one_square`, and x^3/(x^2 + a) as x - a x/(x^2 + a): no such power of x beside its sum.
+
+    Of a sum and its negative one is a generator.
+    """
+    left, result = in_one_square(tm.sum_of(_with_signs_outside(key, value) for key, value in terms.items())), tm.Terms()
     while left:
         deadline.check()
         key = max(left, key=lambda one: dict(one).get(x, Fraction(0)))
@@ -145,6 +152,22 @@ def _proper(terms: tm.Terms, x: Variable) -> tm.Terms:
         else:
             left = tm.add_terms(left, parts, value)
     return result
+
+
+def _with_signs_outside(key: tm.Monomial, value: Fraction) -> tm.Terms:
+    """1/(x - 1) for -1/(1 - x)."""
+    for letter, e in key:
+        if isinstance(letter, ex.Sum) and e.denominator == 1 and (other := _with_a_plus(letter)) != letter:
+            key = tm.times(tm.times(key, frozenset([(letter, e)]), -1), frozenset([(other, e)]))
+            value = -value if e % 2 else value
+    return {key: value}
+
+
+@lru_cache(maxsize=1024)
+def _with_a_plus(tree: ex.Sum) -> ex.Expression:
+    """The sum or its negative: that whose first term is positive."""
+    terms = tm.terms_of(tree)
+    return tm.tree_of(tm.scaled(terms, -1)) if terms[min(terms, key=tm.rank)] < 0 else tree
 
 
 def _divided(key: tm.Monomial, x: Variable) -> tm.Terms | None:
@@ -311,10 +334,12 @@ def _combination(sides: Sequence[Mapping[tm.Monomial, tm.Terms]]) -> list[tuple[
 
 
 def _by_partial_fractions(x: Variable, wanted: tm.Terms) -> ex.Expression | None:
-    """sum c_p log p + c_pj p^(1 - j) + c_k x^k over the denominators p, what is free of x being constant.
+    """sum c_p log p + c_q atan(q') + (c_j + d_j x) p^-j + c_k x^k over the irreducible factors p, q of denominators.
 
-    All integrals of rational functions with denominators linear in x are of this kind.
+    What is free of x is constant. All integrals of rational functions whose denominators have factors of degree 1 and
+    2 in x are of this kind.
     """
+    wanted = tm.sum_of(_with_factors(key, value, x) for key, value in wanted.items())
     poles = dict[ex.Expression, int]()
     for letter, e in (item for key in wanted for item in key if ex.holds(item[0], x)):
         if e.denominator > 1:
@@ -327,18 +352,36 @@ def _by_partial_fractions(x: Variable, wanted: tm.Terms) -> ex.Expression | None
 
     def by_generators(terms: tm.Terms) -> dict[tm.Monomial, tm.Terms]:
         """The terms over the common denominator, by what depends on x."""
+        terms = tm.sum_of(_with_signs_outside(key, value) for key, value in terms.items())
         numerator = ex.add(*(value * tm.monomial_tree(tm.times(key, whole)) for key, value in terms.items()))
         return tm.grouped(tm.terms_of(numerator), lambda letter: ex.holds(letter, x))
 
     right = by_generators(wanted)
     highest = max(int(dict(own).get(x, 0)) for own in right) - sum(poles.values())
-    primitives = [
-        tm.monomial(ex.Apply("log", letter)) if j == 1 else frozenset([(letter, Fraction(1 - j))])
-        for letter, e in poles.items()
-        for j in range(1, e + 1)
-    ] + [frozenset([(x, Fraction(k + 1))]) for k in range(highest + 1)]
+    primitives: list[tm.Monomial] = [frozenset([(x, Fraction(k + 1))]) for k in range(highest + 1)]
+    for letter, most in poles.items():
+        primitives.append(tm.monomial(ex.Apply("log", letter)))
+        primitives += [frozenset([(letter, Fraction(-j))]) for j in range(1, most)]
+        if letter != x and _is_quadratic(letter, x):
+            primitives += [frozenset([(x, Fraction(1)), (letter, Fraction(-j))]) for j in range(1, most)]
+            primitives += [*quadratic_antiderivatives(frozenset([(letter, Fraction(-1))]), x)][:1]
     found = _combination([*(by_generators(tm.derivative_of_terms({m: Fraction(1)}, x)) for m in primitives), right])
     return None if found is None else ex.add(*(c * tm.monomial_tree(primitives[k]) for k, c in found))
+
+
+def _with_factors(key: tm.Monomial, value: Fraction, x: Variable) -> tm.Terms:
+    """The monomial with the irreducible factors of the sums of x that it divides by."""
+    found: tm.Terms = {key: value}
+    for letter, e in key:
+        if isinstance(letter, ex.Sum) and e < 0 and e.denominator == 1 and ex.holds(letter, x):
+            rest = tm.sum_of({tm.times(k, frozenset([(letter, e)]), -1): a} for k, a in found.items())
+            found = tm.multiply_terms(rest, tm.power_of_factors(tm.terms_of(letter), e))
+    return tm.sum_of(_with_signs_outside(k, a) for k, a in found.items())
+
+
+def _is_quadratic(letter: ex.Expression, x: Variable) -> bool:
+    degrees = [dict(key).get(x, Fraction(0)) for key in tm.terms_of(letter)]
+    return max(degrees) == 2 and min(degrees) >= 0
 
 
 def antiderivative(
@@ -362,7 +405,8 @@ def _substitutions(
 ) -> Iterator[tuple[ex.Expression, ex.Expression]]:
     """(g, w) with slope = g(w(x)) w'(x), g in the symbol `inner`.
 
-    For w = x^2, the functions of x that occur, and of an angle u the functions sin^2, sin, cos, tan (Bioche's rules).
+    For w = x^2, the functions of x that occur, of an angle u the functions sin^2, sin, cos, tan (Bioche's rules) and
+    tan(u/2) (Weierstrass's), exp(u) for hyperbolic functions.
     """
     functions = dict.fromkeys(node for node in ex.walk(slope) if isinstance(node, ex.Apply) and x in ex.walk(node))
     for w in (x**2, *functions):
@@ -380,6 +424,29 @@ def _substitutions(
             yield form, w
     for angle in dict.fromkeys(node.argument for node in functions if node.function in exact_field.TRIGONOMETRIC):
         yield from _circular(slope, x, angle, inner)
+    exponential = [node for node in functions if node.function in ("exp", "sinh", "cosh", "tanh")]
+    for u in dict.fromkeys(node.argument for node in exponential):
+        powers = ((node, collecting.collect(node.argument / u)) for node in exponential)
+        values: dict[ex.Expression, ex.Expression] = {
+            node: _by_exponential(node.function, inner**k) for node, k in powers if _is_integer(k)
+        }
+        form = ex.substitute(slope / (inner * derivative.differentiate(u, x)), values)
+        if x not in ex.walk(form):
+            yield form, ex.apply("exp", u)
+
+
+def _is_integer(tree: ex.Expression) -> bool:
+    return isinstance(tree, ex.Number) and tree.value.denominator == 1
+
+
+def _by_exponential(function: str, w: ex.Expression) -> ex.Expression:
+    match function:
+        case "sinh" | "cosh":
+            return ex.HALF * (w + (1 if function == "cosh" else -1) / w)
+        case "tanh":
+            return (w**2 - 1) / (w**2 + 1)
+        case _:
+            return w
 
 
 def _circular(
@@ -400,6 +467,11 @@ def _circular(
         form = ex.substitute(_with_squares(outer, {sine: sines, cosine: cosines}), {meant: w})
         if x not in ex.walk(form):
             yield form, meant
+    below = 1 + w**2
+    halves: dict[ex.Expression, ex.Expression] = {sine: 2 * w / below, cosine: (1 - w**2) / below}
+    form = ex.substitute(2 * plain / (below * derivative.differentiate(angle, x)), halves)
+    if x not in ex.walk(form):
+        yield form, ex.apply("tan", ex.HALF * angle)
 
 
 def _with_squares(tree: ex.Expression, squares: Mapping[ex.Expression, ex.Expression]) -> ex.Expression:

@@ -11,7 +11,7 @@ from fractions import Fraction
 from functools import lru_cache
 from math import gcd, lcm
 
-from flint import fmpq, fmpq_mpoly, fmpq_mpoly_ctx
+from flint import fmpq, fmpq_mpoly, fmpq_mpoly_ctx, fmpz
 
 from inverse_service import bounds
 from inverse_service.expressions import collecting, tree as ex
@@ -69,7 +69,23 @@ def multiply_terms(left: Mapping[Monomial, Fraction], right: Mapping[Monomial, F
             key = times(a, b)
             before = result.get(key)
             result[key] = x * y if before is None else before + x * y
+    result = _without_whole_powers(result) if _have_number(left) and _have_number(right) else result
     return _bounded({key: value for key, value in result.items() if value})
+
+
+def _have_number(terms: Iterable[Monomial]) -> bool:
+    return any(isinstance(letter, ex.Number) for key in terms for letter, _ in key)
+
+
+def _without_whole_powers(terms: Terms) -> Terms:
+    """With 3 sqrt(3) for sqrt(3)^3: the generator sqrt(3) of a number has no whole powers."""
+    found = Terms()
+    for key, value in terms.items():
+        wholes = [(letter, Fraction(int(e))) for letter, e in key if isinstance(letter, ex.Number) and abs(e) >= 1]
+        for number, e in wholes:
+            value *= number.value ** int(e)
+        found = add_terms(found, {times(key, frozenset(wholes), -1) if wholes else key: value})
+    return found
 
 
 def add_terms(left: Terms, right: Mapping[Monomial, Fraction], factor: Fraction | int = 1) -> Terms:
@@ -143,6 +159,7 @@ def _product(factors: Sequence[Terms]) -> Terms:
         for letter, e in key:
             table[letter] = table[letter] + e if letter in table else e
     product: Terms = {frozenset(item for item in table.items() if item[1]): value}
+    product = _without_whole_powers(product) if _have_number(product) else product
     for terms in factors:
         product = multiply_terms(product, terms) if len(terms) > 1 else product
     return product
@@ -172,7 +189,7 @@ def _power(base: Terms, exponent: Fraction) -> Terms:
         lowest = frozenset((p, e) for key in base for p, e in key if e < 0 and e == min(t.get(p, e) for t in tables))
         if lowest:
             base = terms_of(tree_of({times(key, lowest, -1): value for key, value in base.items()}))
-            return multiply_terms({times(EMPTY, lowest, exponent): Fraction(1)}, _power_of_factors(base, exponent))
+            return multiply_terms({times(EMPTY, lowest, exponent): Fraction(1)}, power_of_factors(base, exponent))
     content, common, rest = split_content(base)
     if content < 0 and exponent.denominator > 1 and common:
         # -x stays whole under a root: the root of -1 has no value.
@@ -189,7 +206,7 @@ def _power(base: Terms, exponent: Fraction) -> Terms:
     return {whole: factor}
 
 
-def _power_of_factors(base: Terms, exponent: Fraction) -> Terms:
+def power_of_factors(base: Terms, exponent: Fraction) -> Terms:
     """An integer power, each irreducible factor a generator: that of (2 + a) (v^2 + 1) multiplied out."""
     if any(e.denominator > 1 or e < 0 for key in base for _, e in key):
         return _power(base, exponent)
@@ -241,8 +258,9 @@ def _numeric_power(value: Fraction, exponent: Fraction) -> tuple[Fraction, Monom
     """(rational, generators) with product value^exponent; a number without rational root is a generator."""
     if exponent.denominator == 1:
         return value ** int(exponent), EMPTY
-    if value == 1:
-        return Fraction(1), EMPTY
+    roots = [int(fmpz(max(part, 0)).root(exponent.denominator)) for part in value.as_integer_ratio()]
+    if [root**exponent.denominator for root in roots] == [*value.as_integer_ratio()]:
+        return Fraction(*roots) ** exponent.numerator, EMPTY
     return Fraction(1), frozenset([(ex.number(value), exponent)])
 
 

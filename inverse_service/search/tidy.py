@@ -142,7 +142,7 @@ def _constant_divisors(trees: Iterable[ex.Expression], parameters: frozenset[ex.
         node for node in ex.distinct_nodes(trees) if isinstance(node, ex.Power) and isinstance(node.exponent, ex.Number)
     )
     bases = (node.base for node in powers if node.exponent.value < 0)  # type: ignore[union-attr]
-    return {base for base in bases if parameters.issuperset(variables_in(base))}
+    return {base for base in bases if (held := variables_in(base)) and parameters.issuperset(held)}
 
 
 def with_written_roots(
