@@ -140,9 +140,9 @@ def _of_one_square(key: tm.Monomial) -> tm.Terms:
 def _proper(terms: tm.Terms, x: Variable) -> tm.Terms:
     """The terms `in_one_square`, and x^3/(x^2 + a) as x - a x/(x^2 + a): no such power of x beside its sum.
 
-    Of a sum and its negative one is a generator.
+    Of a sum and its multiples by constants one is a generator.
     """
-    left, result = in_one_square(tm.sum_of(_with_signs_outside(key, value) for key, value in terms.items())), tm.Terms()
+    left, result = in_one_square(tm.sum_of(_with_one_sum(key, value) for key, value in terms.items())), tm.Terms()
     while left:
         deadline.check()
         key = max(left, key=lambda one: dict(one).get(x, Fraction(0)))
@@ -154,20 +154,27 @@ def _proper(terms: tm.Terms, x: Variable) -> tm.Terms:
     return result
 
 
-def _with_signs_outside(key: tm.Monomial, value: Fraction) -> tm.Terms:
-    """1/(x - 1) for -1/(1 - x)."""
+def _with_one_sum(key: tm.Monomial, value: Fraction) -> tm.Terms:
+    """1/(x - 1) for -1/(1 - x), a/sqrt(a^2 - x^2) for 1/sqrt(1 - x^2/a^2)."""
     for letter, e in key:
-        if isinstance(letter, ex.Sum) and e.denominator == 1 and (other := _with_a_plus(letter)) != letter:
-            key = tm.times(tm.times(key, frozenset([(letter, e)]), -1), frozenset([(other, e)]))
-            value = -value if e % 2 else value
+        if isinstance(letter, ex.Sum):
+            sign, outside, other = _primitive_sum(letter)
+            if other != letter and (sign > 0 or e.denominator == 1):
+                key = tm.times(tm.times(key, frozenset([(letter, e)]), -1), frozenset([(other, e)]))
+                key, value = tm.times(key, outside, e), -value if sign < 0 and e % 2 else value
     return {key: value}
 
 
 @lru_cache(maxsize=1024)
-def _with_a_plus(tree: ex.Sum) -> ex.Expression:
-    """The sum or its negative: that whose first term is positive."""
+def _primitive_sum(tree: ex.Sum) -> tuple[int, tm.Monomial, ex.Expression]:
+    """(1 or -1, a monomial, a sum) with product the tree; the sum divides by no symbol, its first term is positive."""
     terms = tm.terms_of(tree)
-    return tm.tree_of(tm.scaled(terms, -1)) if terms[min(terms, key=tm.rank)] < 0 else tree
+    tables = list(map(dict, terms))
+    lowest = {letter: min(table.get(letter, Fraction(0)) for table in tables) for table in tables for letter in table}
+    outside = frozenset((p, e) for p, e in lowest.items() if e < 0 and isinstance(p, ex.Symbol))
+    terms = {tm.times(key, outside, -1): value for key, value in terms.items()}
+    sign = -1 if terms[min(terms, key=tm.rank)] < 0 else 1
+    return sign, outside, tm.tree_of(tm.scaled(terms, sign))
 
 
 def _divided(key: tm.Monomial, x: Variable) -> tm.Terms | None:
@@ -352,7 +359,7 @@ def _by_partial_fractions(x: Variable, wanted: tm.Terms) -> ex.Expression | None
 
     def by_generators(terms: tm.Terms) -> dict[tm.Monomial, tm.Terms]:
         """The terms over the common denominator, by what depends on x."""
-        terms = tm.sum_of(_with_signs_outside(key, value) for key, value in terms.items())
+        terms = tm.sum_of(_with_one_sum(key, value) for key, value in terms.items())
         numerator = ex.add(*(value * tm.monomial_tree(tm.times(key, whole)) for key, value in terms.items()))
         return tm.grouped(tm.terms_of(numerator), lambda letter: ex.holds(letter, x))
 
@@ -376,7 +383,7 @@ def _with_factors(key: tm.Monomial, value: Fraction, x: Variable) -> tm.Terms:
         if isinstance(letter, ex.Sum) and e < 0 and e.denominator == 1 and ex.holds(letter, x):
             rest = tm.sum_of({tm.times(k, frozenset([(letter, e)]), -1): a} for k, a in found.items())
             found = tm.multiply_terms(rest, tm.power_of_factors(tm.terms_of(letter), e))
-    return tm.sum_of(_with_signs_outside(k, a) for k, a in found.items())
+    return tm.sum_of(_with_one_sum(k, a) for k, a in found.items())
 
 
 def _is_quadratic(letter: ex.Expression, x: Variable) -> bool:
@@ -389,15 +396,29 @@ def antiderivative(
 ) -> ex.Expression | None:
     """An elementary one of a formula in one variable; None where none is found."""
     names = fresh_names(system, slope)
-    letter, inner = ex.Symbol(next(names)), ex.Symbol(next(names))
+    letter, inner, deeper = (ex.Symbol(next(names)) for _ in range(3))
     plain = writing.joined(ex.substitute(slope if table is None else real_form(slope, table), {variable: letter}))
     forms = [(plain, letter, letter), *((form, inner, w) for form, w in _substitutions(plain, letter, inner))]
+    forms += [(form, deeper, ex.substitute(w, {x: of})) for g, x, of in forms for form, w in _by_roots(g, x, deeper)]
     for form, name, meant in forms:
         with suppress(tm.TooManyTerms, exact_field.TooLarge, ZeroDivisionError):
             found = primitive(name, tm.terms_of(form))
             if found is not None:
                 return ex.substitute(ex.substitute(found, {name: meant}), {letter: variable})
     return None
+
+
+def _by_roots(slope: ex.Expression, x: ex.Symbol, w: ex.Symbol) -> Iterator[tuple[ex.Expression, ex.Expression]]:
+    """(g, (a x + b)^(1/q)) with slope = g(w) w', where a power of a x + b is a root."""
+    powers = [node for node in ex.distinct_nodes((slope,)) if isinstance(node, ex.Power) and ex.holds(node, x)]
+    roots = [(node, node.exponent.value) for node in powers if isinstance(node.exponent, ex.Number)]
+    for base in dict.fromkeys(node.base for node, e in roots if e.denominator > 1):
+        rate = derivative.differentiate(base, x)
+        if rate != ex.ZERO and not ex.holds(rate, x):
+            q = math.lcm(*(e.denominator for node, e in roots if node.base == base))
+            values: dict[ex.Expression, ex.Expression] = {node: w ** (q * e) for node, e in roots if node.base == base}
+            place: dict[ex.Expression, ex.Expression] = {x: (w**q - ex.substitute(base, {x: ex.ZERO})) / rate}
+            yield q * w ** (q - 1) / rate * ex.substitute(ex.substitute(slope, values), place), base ** Fraction(1, q)
 
 
 def _substitutions(

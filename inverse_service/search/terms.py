@@ -255,13 +255,20 @@ def _is_small_power(count: int, exponent: Fraction) -> bool:
 
 
 def _numeric_power(value: Fraction, exponent: Fraction) -> tuple[Fraction, Monomial]:
-    """(rational, generators) with product value^exponent; a number without rational root is a generator."""
-    if exponent.denominator == 1:
-        return value ** int(exponent), EMPTY
-    roots = [int(fmpz(max(part, 0)).root(exponent.denominator)) for part in value.as_integer_ratio()]
-    if [root**exponent.denominator for root in roots] == [*value.as_integer_ratio()]:
-        return Fraction(*roots) ** exponent.numerator, EMPTY
-    return Fraction(1), frozenset([(ex.number(value), exponent)])
+    """(rational, generators) with product value^exponent; the root of a whole number without such factors is one."""
+    degree = exponent.denominator
+    if degree == 1 or value < 0:
+        return (value ** int(exponent), EMPTY) if degree == 1 else (Fraction(1), monomial_power(value, exponent))
+    outside, inside = Fraction(1, value.denominator), 1
+    for prime, e in fmpz(value.numerator * value.denominator ** (degree - 1)).factor():
+        outside *= int(prime) ** (int(e) // degree)
+        inside *= int(prime) ** (int(e) % degree)
+    root = monomial_power(Fraction(inside), exponent - int(exponent)) if inside != 1 else EMPTY
+    return outside**exponent.numerator * Fraction(inside) ** int(exponent), root
+
+
+def monomial_power(value: Fraction, exponent: Fraction) -> Monomial:
+    return frozenset([(ex.number(value), exponent)])
 
 
 def split_content(terms: Mapping[Monomial, Fraction]) -> tuple[Fraction, Monomial, ex.Expression]:

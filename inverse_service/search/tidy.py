@@ -38,7 +38,8 @@ def tidied(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
 
     Sums of velocities to higher powers than squares and in functions are kept: the momenta are solved in them.
     """
-    tree = collecting.merge_powers(tree)
+    moving = [place(name) for name in system.coordinates for place in (ex.Symbol, ex.Velocity)]
+    tree = ex.add(*(term for term in ex.summands(collecting.merge_powers(tree)) if ex.holds(term, *moving)))
     with suppress(*_FAILED):
         tree = _finite(_regular_gauge(tree, system), system)
     if _size(tree) > bounds.TERMS:
@@ -106,10 +107,12 @@ def _finite(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
     if not divisors or any(ex.holds(term, ex.TIME) for term in rest):
         return tree
     potential = ex.add(*rest)
-    start = ex.substitute(potential, {ex.Symbol(name): ex.ZERO for name in system.coordinates})
+    start = collecting.collect(ex.substitute(potential, {ex.Symbol(name): ex.ZERO for name in system.coordinates}))
+    if any(isinstance(node, ex.Apply) for node in ex.walk(start)):
+        return tree
     symbols: list[ex.Symbol | ex.Velocity] = [*map(ex.Symbol, (*system.parameters, *system.coordinates))]
     (moved,) = exact_field.factored([potential - start], symbols, exact_field.Budget.short())
-    left = _constant_divisors([moved], parameters) & divisors
+    left = _constant_divisors([moved], parameters) - _constant_divisors(system.accelerations, parameters)
     return tree if len(left) >= len(divisors) else ex.add(*(t for t in terms if t not in rest), moved)
 
 

@@ -599,7 +599,7 @@ def is_confirmed(work: Work, tree: ex.Expression, with_time: bool) -> bool:
     found = check(work, certificate)
     if found.verdict != "valid":
         work.refused.add(offered)
-        log.warning("The checker refused the Lagrangian %s: %s", printing.to_text(tree), "; ".join(found.reasons))
+        log.info("The checker refused the Lagrangian %s: %s", printing.to_text(tree), "; ".join(found.reasons))
     return found.verdict == "valid"
 
 
