@@ -21,13 +21,12 @@ from typing import Any
 
 from inverse_service import bounds, deadline, errors
 from inverse_service.expressions import collecting, derivative, evaluation, tree as ex
-from inverse_service.field import exact_field, matrices, modular, real_point
+from inverse_service.field import exact_field, matrices, real_point
 from inverse_service.field.point import Variable
 from inverse_service.mechanics import writing
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.search import angles, material, terms as tm
 
-_LARGEST_FACTORED = 10**15
 _HALF = Fraction(1, 2)
 # No higher powers are divided.
 _HIGHEST = 12
@@ -67,10 +66,9 @@ def even_root(radicand: ex.Expression) -> tuple[ex.Expression, ex.Expression]:
     inside: list[ex.Expression] = []
     for base, e in ex.powers_of(radicand):
         if isinstance(base, ex.Number) and e == 1:
-            above, below = base.value.as_integer_ratio()
-            whole, rest = _square_part(abs(above) * below)
-            outside.append(ex.number(Fraction(whole, below)))
-            inside.append(ex.number(rest if above > 0 else -rest))
+            whole, rest = tm.root_of_number(abs(base.value), 2)
+            outside.append(ex.number(whole))
+            inside.append(ex.number(rest if base.value > 0 else -rest))
         elif ex.is_exponential(base):
             outside.append(ex.Apply("exp", e / 2 * base.argument))
         else:
@@ -78,17 +76,6 @@ def even_root(radicand: ex.Expression) -> tuple[ex.Expression, ex.Expression]:
             outside.append(base**half)
             inside.append(base ** (e - 2 * half))
     return ex.multiply(*outside), ex.multiply(*inside)
-
-
-def _square_part(value: int) -> tuple[int, int]:
-    """(a, b) with value = a^2 b, b without squares where the number is small enough to be factored."""
-    outside, inside = 1, 1
-    if not 0 < value <= _LARGEST_FACTORED:
-        return 1, value
-    for prime, exponent in modular.prime_factors(value):
-        outside *= prime ** (exponent // 2)
-        inside *= prime ** (exponent % 2)
-    return outside, inside
 
 
 def extracted_root(tree: ex.Expression) -> ex.Expression:
@@ -447,27 +434,18 @@ def _substitutions(
         yield from _circular(slope, x, angle, inner)
     exponential = [node for node in functions if node.function in ("exp", "sinh", "cosh", "tanh")]
     for u in dict.fromkeys(node.argument for node in exponential):
-        powers = ((node, collecting.collect(node.argument / u)) for node in exponential)
-        values: dict[ex.Expression, ex.Expression] = {
-            node: _by_exponential(node.function, inner**k) for node, k in powers if _is_integer(k)
-        }
+        values = dict[ex.Expression, ex.Expression]()
+        for node in exponential:
+            multiple = collecting.collect(node.argument / u)
+            if isinstance(multiple, ex.Number) and multiple.value.denominator == 1:
+                w = inner**multiple
+                rising, falling = ex.HALF * (w + 1 / w), ex.HALF * (w - 1 / w)
+                values[node] = {"exp": w, "cosh": rising, "sinh": falling, "tanh": (w**2 - 1) / (w**2 + 1)}[
+                    node.function
+                ]
         form = ex.substitute(slope / (inner * derivative.differentiate(u, x)), values)
         if x not in ex.walk(form):
             yield form, ex.apply("exp", u)
-
-
-def _is_integer(tree: ex.Expression) -> bool:
-    return isinstance(tree, ex.Number) and tree.value.denominator == 1
-
-
-def _by_exponential(function: str, w: ex.Expression) -> ex.Expression:
-    match function:
-        case "sinh" | "cosh":
-            return ex.HALF * (w + (1 if function == "cosh" else -1) / w)
-        case "tanh":
-            return (w**2 - 1) / (w**2 + 1)
-        case _:
-            return w
 
 
 def _circular(

@@ -22,6 +22,7 @@ Monomial = frozenset[tuple[ex.Expression, Fraction]]
 Terms = dict[Monomial, Fraction]
 
 EMPTY: Monomial = frozenset()
+_LARGEST_FACTORED = 10**15
 _CIRCULAR, _HYPERBOLIC = ("sin", "cos"), ("sinh", "cosh")
 _PARITY = {"sin": -1, "cos": 1, "sinh": -1, "cosh": 1, "asin": -1, "atan": -1, "asinh": -1, "atanh": -1}
 # Each as powers of such a pair.
@@ -256,19 +257,21 @@ def _is_small_power(count: int, exponent: Fraction) -> bool:
 
 def _numeric_power(value: Fraction, exponent: Fraction) -> tuple[Fraction, Monomial]:
     """(rational, generators) with product value^exponent; the root of a whole number without such factors is one."""
-    degree = exponent.denominator
-    if degree == 1 or value < 0:
-        return (value ** int(exponent), EMPTY) if degree == 1 else (Fraction(1), monomial_power(value, exponent))
-    outside, inside = Fraction(1, value.denominator), 1
-    for prime, e in fmpz(value.numerator * value.denominator ** (degree - 1)).factor():
+    if exponent.denominator == 1:
+        return value ** int(exponent), EMPTY
+    outside, inside = root_of_number(value, exponent.denominator) if value > 0 else (Fraction(1), value)
+    root = frozenset([(ex.number(inside), exponent - int(exponent))]) if inside != 1 else EMPTY
+    return outside**exponent.numerator * inside ** int(exponent), root
+
+
+def root_of_number(value: Fraction, degree: int) -> tuple[Fraction, Fraction]:
+    """(a, b) with value = a^degree b for a positive value, b whole and without such factors."""
+    outside, inside = Fraction(1, value.denominator), Fraction(1)
+    whole = value.numerator * value.denominator ** (degree - 1)
+    for prime, e in fmpz(whole).factor() if whole < _LARGEST_FACTORED else [(whole, 1)]:
         outside *= int(prime) ** (int(e) // degree)
         inside *= int(prime) ** (int(e) % degree)
-    root = monomial_power(Fraction(inside), exponent - int(exponent)) if inside != 1 else EMPTY
-    return outside**exponent.numerator * Fraction(inside) ** int(exponent), root
-
-
-def monomial_power(value: Fraction, exponent: Fraction) -> Monomial:
-    return frozenset([(ex.number(value), exponent)])
+    return outside, inside
 
 
 def split_content(terms: Mapping[Monomial, Fraction]) -> tuple[Fraction, Monomial, ex.Expression]:
