@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import dataclasses
 import gc
@@ -133,8 +134,19 @@ def _most_connections(wanted: int) -> int:
 
 
 def _tell_of_the_end(server: Any, close_streams: Callable[[], None]) -> None:
-    """End open streams at the first signal; uvicorn waits for them for a limited time."""
-    handle = server.handle_exit
+    """End open streams at the first signal; uvicorn waits for them for a limited time.
+
+    It is woken then, so that it need not look ten times a second whether it is to end.
+    """
+    handle, wake = server.handle_exit, list[Callable[[], Any]]()
+
+    async def main_loop() -> None:
+        from inverse_service.web.asking import until_set
+
+        ending, loop = asyncio.Event(), asyncio.get_running_loop()
+        wake.append(lambda: loop.call_soon_threadsafe(ending.set))
+        while not await server.on_tick(0):
+            await until_set(ending, 1.0)
 
     def handle_exit(number: int, frame: Any) -> None:
         close_streams()
@@ -142,8 +154,10 @@ def _tell_of_the_end(server: Any, close_streams: Callable[[], None]) -> None:
         last.daemon = True
         last.start()
         handle(number, frame)
+        for each in wake:
+            each()
 
-    server.handle_exit = handle_exit
+    server.handle_exit, server.main_loop = handle_exit, main_loop
 
 
 def _listen(host: str, port: int) -> socket.socket:

@@ -7,7 +7,7 @@ import itertools
 import logging
 import time
 from collections.abc import AsyncIterator, Awaitable, Callable, Sequence, Sized
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import replace
 from typing import Any, ParamSpec, TypeVar
@@ -43,7 +43,7 @@ PART = 256 * 1024
 STORE_PATIENCE = 20.0
 READY_PATIENCE = 10.0
 READY_KEPT = 1.0
-LAG_EVERY = 0.25
+LAG_EVERY = 1.0
 FIRST_CLEANING, BETWEEN_CLEANINGS = 30.0, 600.0
 START_PATIENCE = 10.0
 MANY_WAIT = "Too many requests wait for a worker; try again in some seconds."
@@ -67,7 +67,7 @@ class Engine:
         self.known = KnownAnswers()
         self._working = opening.executor(settings.cluster, settings.workers, settings.memory_limit)
         self._quick = workers.Workers(clients.QUICK_PROCESSES, settings.memory_limit, clients.QUICK_SHARE)
-        self._threads = ThreadPoolExecutor(STORE_THREADS, thread_name_prefix="store")
+        self._threads = workers.Threads(STORE_THREADS, "store")
         self._store_check: asyncio.Future[list[str]] | None = None
         self._store_checked = 0.0
         self._chores: list[asyncio.Task[None]] = []
@@ -128,7 +128,7 @@ class Engine:
         self.supervisor.stop()
         self._working.stop()
         self._quick.stop()
-        self._threads.shutdown(wait=False, cancel_futures=True)
+        self._threads.shutdown()
         self.store.close()
         self._store = None
 
@@ -157,12 +157,17 @@ class Engine:
         """Call the store; raises StoreUnavailable if no answer comes within STORE_PATIENCE."""
         began = time.monotonic()
         try:
-            async with asyncio.timeout(STORE_PATIENCE):
-                return await self.in_thread(function, *arguments, **named)
-        except TimeoutError:
-            raise model.StoreUnavailable("The database does not answer in time.") from None
+            return await self._in_time(self.in_thread(function, *arguments, **named), STORE_PATIENCE)
         finally:
             metrics.STORE.observe(time.monotonic() - began)
+
+    async def _in_time(self, answer: Awaitable[T], seconds: float) -> T:
+        """What the store answers; raises StoreUnavailable if that takes longer."""
+        try:
+            async with asyncio.timeout(seconds):
+                return await answer
+        except TimeoutError:
+            raise model.StoreUnavailable("The database does not answer in time.") from None
 
     async def job(self, id: str, viewer: model.Viewer) -> model.Job | None:
         """A job as this viewer may see it, with an answer that is not large; None also for another client's."""
@@ -173,13 +178,29 @@ class Engine:
         return viewer.seen(await self.read(self.store.batch, id))
 
     async def submit(self, request: model.JobRequest, viewer: model.Viewer, seconds: float, key: str = "") -> model.Job:
-        """The stored job of a question, sent with this key, when it is final, or as it is after so many seconds."""
-        own = viewer.own(request)
+        """The stored job of a question, sent with this key, when it is final, or as it is after so many seconds.
+
+        That an open one is stored wakes nobody: its end does.
+        """
+        own, began, storing = viewer.own(request), time.monotonic(), Future[model.Job]()
         with self.hub.waiting(asking.end_of(own.id)) as ended:
-            job, is_known = await self.read(self._submit, own, key)
-            if is_known:
-                metrics.KNOWN.labels(request.kind).inc()
-            return await self._until_final(job, viewer, seconds, ended)
+
+            def note(stored: Future[model.Job]) -> None:
+                metrics.STORE.observe(time.monotonic() - began)
+                if stored.cancelled() or stored.exception() or not stored.result().is_open:
+                    self.hub.wake(ended)
+
+            storing.add_done_callback(note)
+            chore = storing, functools.partial(self._submit, own, key)
+            if not self._working.lend(chore):
+                self._threads.take(chore)
+            try:
+                await asking.until_set(ended, min(seconds, self.look_again))
+                spent = time.monotonic() - began
+                stored = ended.job or await self._in_time(asyncio.wrap_future(storing), STORE_PATIENCE - spent)
+            finally:
+                storing.cancel()  # where it has not begun, nobody waits for it any more
+            return await self._until_final(stored, viewer, seconds - spent, ended)
 
     async def rate_limit(self, client: str) -> dict[str, str]:
         """The headers with the remaining quota, if there is a quota."""
@@ -221,13 +242,15 @@ class Engine:
                 if not found.is_more:
                     await asking.until_set(changed, patience)
 
-    def _submit(self, request: model.JobRequest, key: str) -> tuple[model.Job, bool]:
+    def _submit(self, request: model.JobRequest, key: str) -> model.Job:
         self._claim_key(request.client, key, request.id)
-        found = self.store.job(request.id, PART)
-        is_open = found is not None and found.is_open
-        if found is not None and not (is_open or found.is_to_be_asked(request.fresh, time.time())):
-            return found, True
-        return self.supervisor.submit(request, self.bounds), is_open
+        # A known answer waits for no change; where none is under way, both are one look.
+        found, is_new = self.store.job(request.id, PART) if self.store.is_busy else None, False
+        if found is None or found.is_open or found.is_to_be_asked(request.fresh, time.time()):
+            found, is_new = self.supervisor.submit(request, self.bounds, PART)
+        if not is_new:
+            metrics.KNOWN.labels(request.kind).inc()
+        return found
 
     def _claim_key(self, client: str, key: str, digest: str) -> None:
         """Refuses an Idempotency-Key that this client sent with something else."""

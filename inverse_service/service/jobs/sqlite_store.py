@@ -117,6 +117,10 @@ class SqliteStore(JobStore):
             # All that is closed with the store.
             self._opened = opened.pop_all()
 
+    @property
+    def is_busy(self) -> bool:
+        return self._writing.locked()
+
     def part(self, id: str, offset: int, size: int) -> tuple[int, bytes]:
         row = self._read(lambda session: session.first("place_of_body", id))
         if row is None:

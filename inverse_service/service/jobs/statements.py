@@ -51,12 +51,12 @@ class Dialect:
     has_locks: bool
 
     @functools.cache  # noqa: B019 - there are two, for all time
-    def translated(self, name: str, **parts: str) -> str:
-        """The statement of this name as this database takes it, with these parts in it."""
+    def translated(self, name: str, is_single: bool = False, **parts: str) -> str:
+        """The statement of this name as this database takes it, with these parts; `is_single`: for lists of one."""
         query = SQL[name]
         while "{" in query:
             query = query.format(**SQL, **parts)
-        for ours, theirs in self.instead.items():
+        for ours, theirs in (self.instead | ({"AMONG (?)": "= ?"} if is_single else {})).items():
             query = query.replace(ours, theirs)
         return query
 
@@ -119,7 +119,11 @@ class Session:
             self.run("lock", number)
 
     def _execute(self, name: str, arguments: Sequence[Any], parts: Mapping[str, str]) -> Any:
-        return self.connection.execute(self.dialect.translated(name, **parts), arguments)
+        # Where transactions wait for no network, to unpack a list takes as long as all else.
+        lengths = {len(each) for each in arguments if isinstance(each, list)}
+        if is_single := lengths == {1} and not self.dialect.has_locks:
+            arguments = [each[0] if isinstance(each, list) else each for each in arguments]
+        return self.connection.execute(self.dialect.translated(name, is_single, **parts), arguments)
 
 
 def jobs_of(rows: Iterable[Mapping[str, Any]]) -> list[model.Job]:
@@ -155,7 +159,8 @@ def submit(
     return [found[request.id] for request in requests]
 
 
-def _accept(session: Session, requests: Sequence[model.JobRequest], bounds: model.Bounds, of_batch: bool) -> None:
+def _accept(session: Session, requests: Sequence[model.JobRequest], bounds: model.Bounds, of_batch: bool) -> bool:
+    """Store what is asked; whether any of it is to be computed that was not."""
     wanted = {request.id: request for request in reversed(requests)}
     known = lock_jobs(session, list(wanted))
     if new := _to_be_asked(session, wanted, known)[::-1]:
@@ -169,6 +174,7 @@ def _accept(session: Session, requests: Sequence[model.JobRequest], bounds: mode
         waiting = [(request.id, request.client) for request in requests if request.id not in answered]
         session.many("ask", waiting)
         session.told.extend(model.Change(request.id, "accepted") for request in new)
+    return bool(new)
 
 
 def refuse_without_room(session: Session, requests: Sequence[model.JobRequest], bounds: model.Bounds) -> None:
@@ -240,15 +246,19 @@ def claim(session: Session, owner: str, limit: int, client_running: int = model.
 
 
 def submit_and_claim(
-    session: Session, request: model.JobRequest, bounds: model.Bounds, owner: str, limit: int, client_running: int
-) -> tuple[model.Job, list[model.Job]]:
-    """`submit` of one question, and in the same transaction `claim`: its job as it was accepted, and those claimed."""
-    _accept(session, [request], bounds, of_batch=False)
-    claimed = {job.id: job for job in claim(session, owner, limit, client_running)} if limit > 0 else {}
+    session: Session, request: model.JobRequest, bounds: model.Bounds, owner: str, limit: int, client_running: int,
+    largest: int = 0,
+) -> tuple[model.Job, bool, list[model.Job]]:  # fmt: skip
+    """`submit` of one question, and in the same transaction `claim`.
+
+    Its job as it was accepted, or with an answer that has at most so many bytes; whether it is new; those claimed.
+    """
+    is_new = _accept(session, [request], bounds, of_batch=False)
+    claimed = {job.id: job for job in claim(session, owner, limit, client_running)} if is_new and limit > 0 else {}
     session.told[:] = [change for change in session.told if change.what != "accepted" or change.id not in claimed]
     begun = claimed.get(request.id)
-    job = replace(begun, status="accepted") if begun else _read(session, [request.id])[request.id]
-    return job, [*claimed.values()]
+    job = replace(begun, status="accepted") if begun else _read(session, [request.id], largest)[request.id]
+    return job, is_new, [*claimed.values()]
 
 
 def heartbeat(session: Session, owner: str, running: Sequence[tuple[str, int]]) -> list[str]:

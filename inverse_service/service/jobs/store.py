@@ -69,6 +69,11 @@ class JobStore(ABC):
     def _used_bytes(self) -> int:
         """Bytes that forgetting can make fewer."""
 
+    @property
+    def is_busy(self) -> bool:
+        """Whether a change may have to wait for others."""
+        return True
+
     def on_change(self, listener: Callable[[model.Change], None]) -> None:
         """Call the listener with each change."""
         self._listeners.append(listener)

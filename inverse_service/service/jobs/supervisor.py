@@ -9,7 +9,6 @@ import contextlib
 import functools
 import json
 import logging
-import queue
 import re
 import sqlite3
 import threading
@@ -226,27 +225,27 @@ class Supervisor:
         # Whether some may wait that were not claimed for lack of room: then the end of a run is a reason to look.
         self._more = True
         self._stopping = threading.Event()
-        self._ended: queue.SimpleQueue[tuple[model.Job, Outcome] | None] = queue.SimpleQueue()
-        self._threads: list[threading.Thread] = []
+        self._finishers = workers.Threads(FINISHERS, "finishing")
+        self._thread = threading.Thread(target=self._work_loop, name="jobs", daemon=True)
         self._beaten = time.monotonic()
 
     def start(self) -> None:
         """Take back what a dead service left behind, then work."""
         self._take_back(0.0 if self._store.exclusive else LEASE)
         self._store.on_change(self._changed)
-        work = [self._work_loop, *[self._finish_loop] * FINISHERS]
-        self._threads = [threading.Thread(target=w, name=f"jobs-{k}", daemon=True) for k, w in enumerate(work)]
-        for thread in self._threads:
-            thread.start()
+        self._thread.start()
         self._wake.set()
 
-    def submit(self, request: model.JobRequest, bounds: model.Bounds) -> model.Job:
-        """Store a question, and begin in the same commit what may be claimed; its job as it was accepted."""
+    def submit(self, request: model.JobRequest, bounds: model.Bounds, largest: int = 0) -> tuple[model.Job, bool]:
+        """Store a question, and begin in the same commit what may be claimed; its job as it was, and whether it is new.
+
+        The job comes with an answer of at most so many bytes.
+        """
         free, most = self._room(request.client)
-        accepted, claimed = self._store.submit_and_claim(request, bounds, self._owner, free, most)
+        found, is_new, claimed = self._store.submit_and_claim(request, bounds, self._owner, free, most, largest)
         for job in claimed:
             self._start(job)
-        return accepted
+        return found, is_new
 
     def cancel(self, id: str) -> None:
         """Stop the work on a job at once, if it runs here; the caller updates the store."""
@@ -261,16 +260,16 @@ class Supervisor:
         return len(self._running)
 
     def is_working(self) -> bool:
-        """Whether all threads live."""
-        return bool(self._threads) and all(thread.is_alive() for thread in self._threads)
+        """Whether jobs are claimed."""
+        return self._thread.is_alive()
 
     def stop(self) -> None:
         """Cancel what runs and give it back to the store; returns when that is stored."""
         self._stopping.set()
         self._wake.set()
-        if not self._threads:
+        if not self._thread.is_alive():
             return
-        self._threads[0].join(STOP_PATIENCE)
+        self._thread.join(STOP_PATIENCE)
         end = time.monotonic() + STOP_PATIENCE
         while self._running and time.monotonic() < end:
             with self._lock:
@@ -278,26 +277,24 @@ class Supervisor:
             for claimed in running:
                 claimed.task.cancel()
             time.sleep(0.005)
-        for _ in range(FINISHERS):
-            self._ended.put(None)
-        for thread in self._threads[1:]:
-            thread.join(max(0.0, end - time.monotonic()))
+        self._finishers.shutdown()
         self.events.flush()
 
     def _work_loop(self) -> None:
         """Claim jobs when woken; write events, try short questions and keep the claims now and then."""
         written = tried = self._beaten
         while not self._stopping.is_set():
-            is_woken = self._wake.wait(TICK)
+            # Where more run than there are workers, one that waits may be short; else there is less to look for.
+            is_woken = self._wake.wait(TICK if len(self._running) > self._executor.capacity else WRITE_EVENTS)
             self._wake.clear()
             now = time.monotonic()
             try:
                 if is_woken:
                     self._claim()
-                if now - written > WRITE_EVENTS:
+                if now - written >= WRITE_EVENTS:
                     self.events.flush()
                     written = now
-                if self._quick is not None and now - tried > TICK:
+                if self._quick is not None and now - tried >= TICK:
                     self._claim_ahead()
                     self._try_short(self._quick)
                     tried = now
@@ -372,7 +369,7 @@ class Supervisor:
         task.outcome.add_done_callback(lambda done: self._end(claimed, done.result()))
 
     def _end(self, claimed: _Claimed, outcome: Outcome) -> bool:
-        """To the finishers; a system that a limit stopped is understood first, by the workers like all else.
+        """Store it; a system that a limit stopped is understood first, by the workers like all else.
 
         False where an outcome of this run came before.
         """
@@ -383,14 +380,14 @@ class Supervisor:
             claimed.is_ended = True
         is_known = self.events.so_far(job.id) is not None
         if is_known or not is_undetermined(job, outcome) or self._stopping.is_set():
-            self._ended.put((job, outcome))
+            self._hand_over(job, outcome)
             return True
         deadline = answers.UNDERSTAND_DEADLINE
         call = Call(tasks.understand_job_task, (job.document,), deadline, priority=workers.FIRST, client=job.client)
         with self._lock:
             task = claimed.task = self._executor.submit(call)
         task.outcome.add_done_callback(
-            lambda done: self._ended.put((job, answers.with_understood(outcome, done.result())))
+            lambda done: self._hand_over(job, answers.with_understood(outcome, done.result()))
         )
         return True
 
@@ -412,20 +409,27 @@ class Supervisor:
         if tried.result().status in ENDED and self._end(claimed, tried.result()):
             claimed.task.cancel()
 
-    def _finish_loop(self) -> None:
-        while (ended := self._ended.get()) is not None:
-            job, outcome = ended
+    def _hand_over(self, job: model.Job, outcome: Outcome) -> None:
+        """Conclude a run: in a thread of the pool where the store is a file here, which takes less than a hand-over."""
+        chore: workers.Chore = Future(), functools.partial(self._conclude, job, outcome)
+        if not (self._store.exclusive and self._executor.lend(chore)):
+            self._finishers.take(chore)
+
+    def _conclude(self, job: model.Job, outcome: Outcome) -> None:
+        try:
+            self._insist(job, outcome)
+        except Exception:
+            log.exception("an answer could not be stored", extra={"job": job.id})
+            with contextlib.suppress(Exception):  # claimed again after a restart; nobody else would end this job
+                fail(self._store, job, "The answer was computed and could not be stored.")
+        finally:
+            with self._lock:
+                self._running.pop((job.id, job.attempt), None)
             try:
-                self._insist(job, outcome)
-            except Exception:  # the thread must live
-                log.exception("an answer could not be stored", extra={"job": job.id})
-                with contextlib.suppress(Exception):  # claimed again after a restart; nobody else would end this job
-                    fail(self._store, job, "The answer was computed and could not be stored.")
-            finally:
-                with self._lock:
-                    self._running.pop((job.id, job.attempt), None)
-                if self._more and self._free() >= self._together:
-                    self._wake.set()
+                if self._more:
+                    self._claim()
+            except (errors.InverseServiceError, *AWAY):  # the thread that keeps watch tries again
+                self._wake.set()
 
     def _insist(self, job: model.Job, outcome: Outcome) -> None:
         """Store an answer however long the store stays away; where the service stops first, the job runs again."""

@@ -3,8 +3,9 @@
 A `WorkerProcess` runs one task after another, within bounds on memory and processor time; its parent waits with a
 deadline and kills it there. It is forked from a small server process that has the engine loaded, so a replacement
 costs some 20 ms, and never from the threads of the service. `Workers` has one thread a process, which takes tasks from
-a queue that is fair to clients, hands them over, and replaces a process that died. `run_alone` is a single task in a
-process of its own, for a call of the command line.
+a queue that is fair to clients, hands them over, and replaces a process that died. Each hand-over from thread to thread
+costs more than what is handed over, so these threads also do what comes before a task and after it. `Threads` are for
+chores that wait for a disk. `run_alone` is a single task in a process of its own, for a call of the command line.
 """
 
 from __future__ import annotations
@@ -25,12 +26,14 @@ import sys
 import threading
 import time
 import warnings
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable
-from concurrent.futures import Future
+from concurrent.futures import Executor as Pool, Future
 from dataclasses import dataclass, field, replace
+from functools import partial
 from multiprocessing.connection import Connection
 from pathlib import Path
+from queue import SimpleQueue
 from typing import Any, Literal, Protocol
 
 from inverse_service.service.jobs import locks, tasks
@@ -48,6 +51,8 @@ WARM = "inverse_service.service.jobs.warm"
 # What a task says is sent this often, so that a short one only says that it is done; s.
 BETWEEN_REPORTS = 0.1
 _starting = threading.Lock()
+# A call in this process, and who hears what it gives.
+Chore = tuple[Future[Any], Callable[[], Any]]
 # What the server that forks the workers has loaded.
 _preloaded = [WARM]
 NO_SHARE = 1_000_000
@@ -322,8 +327,67 @@ def _limit(name: str, soft: int, hard: int | None) -> None:
         resource.setrlimit(which, (soft if present == resource.RLIM_INFINITY else min(soft, present), largest))
 
 
+class Threads(Pool):
+    """Threads for chores; the one that rests since the shortest time has the next, and no other wakes."""
+
+    def __init__(self, most: int, name: str) -> None:
+        self._unused, self._name, self._is_over = most, name, False
+        self._lock = threading.Lock()
+        self._resting: list[SimpleQueue[Chore | None]] = []
+        self._waiting: deque[Chore] = deque()
+
+    def submit(self, function: Callable[..., Any], /, *arguments: Any, **named: Any) -> Future[Any]:
+        """Call it in a thread."""
+        found: Future[Any] = Future()
+        self.take((found, partial(function, *arguments, **named)))
+        return found
+
+    def take(self, chore: Chore) -> None:
+        """Do it in a thread."""
+        with self._lock:
+            if self._is_over:
+                chore[0].cancel()
+            elif self._resting:
+                self._resting.pop().put(chore)
+            elif self._unused:
+                self._unused -= 1
+                threading.Thread(target=self._work, args=(chore,), name=self._name, daemon=True).start()
+            else:
+                self._waiting.append(chore)
+
+    def shutdown(self, wait: bool = False, *, cancel_futures: bool = True) -> None:
+        """End each thread after its present chore; those that wait for one are cancelled."""
+        with self._lock:
+            self._is_over = True
+            for chore in self._waiting:
+                chore[0].cancel()
+            for rests in self._resting:
+                rests.put(None)
+
+    def _work(self, chore: Chore | None) -> None:
+        place: SimpleQueue[Chore | None] = SimpleQueue()
+        while chore is not None:
+            do(chore)
+            with self._lock:
+                chore = self._waiting.popleft() if self._waiting else None
+                if chore is None and not self._is_over:
+                    self._resting.append(place)
+            if chore is None and not self._is_over:
+                chore = place.get()
+
+
+def do(chore: Chore) -> None:
+    """Call it in this thread."""
+    future, function = chore
+    if future.set_running_or_notify_cancel():
+        try:
+            future.set_result(function())
+        except BaseException as error:  # which is for who waits
+            future.set_exception(error)
+
+
 class FairQueue:
-    """The tasks of a pool that wait; safe to use from any thread.
+    """The tasks of a pool that wait, and chores for who waits for a task; safe to use from any thread.
 
     Of one client at most `share` tasks are out at a time, until they are `done`.
     """
@@ -335,20 +399,37 @@ class FairQueue:
         self._numbers = itertools.count()
         self._changed = threading.Condition()
         self._closed = False
+        self._resting, self._chores = 0, deque[Chore]()
 
-    def put(self, client: str, priority: int, task: Running) -> bool:
-        """Let a task wait; the smaller `priority` goes first. False where the queue is closed."""
+    def put(self, client: str, priority: int, task: Running, comes_back: bool = False) -> bool:
+        """Let a task wait; the smaller `priority` goes first. False where the queue is closed.
+
+        `comes_back`: who puts it waits for one next, so that nobody is woken for a single task.
+        """
         with self._changed:
             self._waiting = [entry for entry in self._waiting if not entry[3].is_cancelled]
             if not self._closed:
                 self._waiting.append((priority, next(self._numbers), client, task))
-                self._changed.notify()
+                if not comes_back or len(self._waiting) > 1:
+                    self._changed.notify()
             return not self._closed
 
-    def get(self, seconds: float) -> tuple[str, Running] | None:
-        """The next task and its client; None where none comes in so many seconds."""
+    def lend(self, chore: Chore) -> bool:
+        """Have one do it who waits for a task; False where nobody does."""
         with self._changed:
-            self._changed.wait_for(lambda: self._closed or self._next() is not None, seconds)
+            if is_lent := self._resting > len(self._chores) and not self._closed:
+                self._chores.append(chore)
+                self._changed.notify()
+            return is_lent
+
+    def get(self, seconds: float) -> tuple[str, Running] | Chore | None:
+        """The next task and its client, or a chore; None where none comes in so many seconds."""
+        with self._changed:
+            self._resting += 1
+            self._changed.wait_for(lambda: self._closed or self._chores or self._next() is not None, seconds)
+            self._resting -= 1
+            if self._chores:
+                return self._chores.popleft()
             entry = self._next()
             if entry is None:
                 return None
@@ -440,6 +521,9 @@ class Executor(Protocol):
     def submit(self, call: Call, report: Report | None = None) -> Running:
         """Run the call; returns at once."""
 
+    def lend(self, chore: Chore) -> bool:
+        """Have a thread do it that waits for an outcome or a task, or this one where it is of those; False: none."""
+
     def fault(self) -> str:
         """Why nothing can run now, in a sentence; empty where it can."""
 
@@ -479,9 +563,16 @@ class Workers:
     def submit(self, call: Call, report: Report | None = None) -> Running:
         """Run the call in one of the processes: the clients in turn, the urgent calls of each first."""
         running = Running(call, report)
-        if not self._threads or not self._tasks.put(call.client, call.priority, running):
+        if not self._threads or not self._tasks.put(call.client, call.priority, running, self._is_ours()):
             running.end(Outcome("crash", detail="The worker processes are stopped."))
         return running
+
+    def lend(self, chore: Chore) -> bool:
+        """Have this thread do it, where it is of the pool, or one that has no task; False: all are busy."""
+        if not self._is_ours():
+            return self._tasks.lend(chore)
+        do(chore)
+        return True
 
     def fault(self) -> str:
         """Says the same whatever clients ask: a process has answered once, and there is one."""
@@ -514,15 +605,19 @@ class Workers:
             if worker is None or found is None:  # one that has just answered lives
                 worker = self._noted(number, self._healthy(worker))
             found = self._tasks.get(IDLE_LOOK)
-            if found is None:
-                continue
-            client, task = found
-            try:
-                worker = self._noted(number, self._work(task, worker))
-            finally:
-                self._tasks.done(client)
+            match found:
+                case (str(client), Running() as task):
+                    try:
+                        worker = self._noted(number, self._work(task, worker))
+                    finally:
+                        self._tasks.done(client)
+                case (Future(), _):
+                    do(found)
         if worker is not None:
             worker.close()
+
+    def _is_ours(self) -> bool:
+        return threading.current_thread() in self._threads
 
     def _noted(self, number: int, worker: WorkerProcess | None) -> WorkerProcess | None:
         (self._alive.discard if worker is None else self._alive.add)(number)

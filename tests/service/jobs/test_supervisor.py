@@ -40,6 +40,8 @@ class Scripted:
 
     def stop(self) -> None: ...
 
+    def lend(self, chore: workers.Chore) -> bool: ...  # type: ignore[empty-body]
+
     def submit(self, call: Call, report: workers.Report | None = None) -> workers.Running:
         self.calls.append(call)
         running = Hanging(call, report)
@@ -104,7 +106,7 @@ def test_a_new_question_takes_two_commits(store: SqliteStore, monkeypatch: pytes
     store.on_change(heard.append)
     with supervised(store, Scripted(lambda call: DONE)) as supervisor:
         monkeypatch.setattr(store, "_write", lambda *given: (commits.append(1), write(*given))[1])
-        jobs = [supervisor.submit(request(str(k)), model.Bounds()) for k in range(3)]
+        jobs = [supervisor.submit(request(str(k)), model.Bounds())[0] for k in range(3)]
         assert {final(store, job.id).status for job in jobs} == {"successful"}
     assert sum(commits) == 2 * 3, "one when it is accepted and begins, one when it ends"
     ended = [change.job for change in heard if change.what == "successful"]
