@@ -11,8 +11,8 @@ from starlette.routing import Route
 
 from inverse_service import __version__, errors
 from inverse_service.settings import Settings
-from inverse_service.web import known, middleware, openapi, problems, routes, routes_jobs
-from inverse_service.web.engine import Engine
+from inverse_service.web import middleware, openapi, problems, routes
+from inverse_service.web.engine import Engine, KnownFirst
 from inverse_service.web.pages import routing
 
 TITLE = "inverse-service"
@@ -34,7 +34,7 @@ def create_application(settings: Settings) -> FastAPI:
     app.state.engine = Engine(settings)
     problems.install(app, routing.page_of_refusal)
     app.add_middleware(middleware.SecurityHeaders, hosts=settings.hosts)
-    app.add_middleware(known.KnownFirst, engine=app.state.engine)
+    app.add_middleware(KnownFirst, engine=app.state.engine)
     app.add_middleware(middleware.Measured)
     if settings.cors_origins:
         app.add_middleware(
@@ -45,10 +45,10 @@ def create_application(settings: Settings) -> FastAPI:
             expose_headers=["ETag", "Link", "Location", "Preference-Applied", "Retry-After", "X-Request-ID"],
             max_age=600,
         )
-    for path, answer in routes_jobs.ASKED.items():  # before all others, and without the resolving of the framework
+    for path, answer in routes.ASKED.items():  # before all others, and without the resolving of the framework
         app.router.routes.append(Route(path, answer, methods=["POST"], include_in_schema=False))
-    app.include_router(routes_jobs.asked)
-    for router in (routes_jobs.router, routes.router, routes_jobs.batches, routes.named, routes.open_router):
+    app.include_router(routes.asked)
+    for router in (routes.jobs, routes.plain, routes.batches, routes.named, routes.open_router):
         app.include_router(router)
     app.include_router(routing.router, include_in_schema=False)
     app.openapi = lambda: openapi.description_of(app)  # type: ignore[method-assign]

@@ -147,10 +147,6 @@ class Hub:
         if any(key in self._waiting for key in keys):
             self._loop.call_soon_threadsafe(self._set, keys, job)
 
-    def wake(self, event: Waiting) -> None:
-        """Wake one that waits; may be called from any thread."""
-        self._loop.call_soon_threadsafe(event.set)
-
     def close(self) -> None:
         """The service stops: wake everyone who waits, to look at `closing`."""
         self.closing = True

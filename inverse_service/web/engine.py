@@ -1,18 +1,26 @@
-"""The engine behind the routes: store, supervisor, worker processes, and waiting requests."""
+"""The engine behind the routes: store, supervisor, worker processes, and waiting requests.
+
+Answers that were given a moment ago are found by the bytes of the question before any process or store is asked.
+"""
 
 import asyncio
 import functools
 import gc
+import hashlib
 import itertools
 import logging
+import threading
 import time
 from collections.abc import AsyncIterator, Awaitable, Callable, Sequence, Sized
-from concurrent.futures import Future
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
-from dataclasses import replace
-from typing import Any, ParamSpec, TypeVar
+from dataclasses import dataclass, replace
+from types import SimpleNamespace
+from typing import Any, Final, ParamSpec, TypeVar
 
 from pydantic import ValidationError
+from starlette.requests import Request
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from api_schemas.system import SystemDocument
 from inverse_service import __version__, errors
@@ -22,8 +30,7 @@ from inverse_service.service.jobs.store import Cleaner, JobStore
 from inverse_service.service.jobs.supervisor import Supervisor
 from inverse_service.service.jobs.tasks import LIMITS, Call, Outcome, value_of
 from inverse_service.settings import Settings
-from inverse_service.web import asking, clients, pages, problems
-from inverse_service.web.known import KnownAnswers
+from inverse_service.web import asking, clients, middleware, pages, problems
 
 log = logging.getLogger(__name__)
 # What is no job has a second, and two more for each MB; batches of many lines have more, pages and figures too.
@@ -41,14 +48,75 @@ SHORT = 2048
 PART = 256 * 1024
 # How long a request waits for a database that is down, in seconds; the event loop never waits.
 STORE_PATIENCE = 20.0
+LATE = "The database does not answer in time."
 READY_PATIENCE = 10.0
 READY_KEPT = 1.0
 LAG_EVERY = 1.0
 FIRST_CLEANING, BETWEEN_CLEANINGS = 30.0, 600.0
 START_PATIENCE = 10.0
 MANY_WAIT = "Too many requests wait for a worker; try again in some seconds."
+# How long, in seconds, an answer is given without asking the store, even if it was erased there.
+KEPT = 5.0
+# Bytes of all answers, and of one; larger ones are read in parts. To compress one of 7 kB takes 0.3 ms of processor
+# time, as much as all else that its giving takes.
+MOST_BYTES, LARGEST = 64 * 2**20, 256 * 2**10
+# Where questions are asked, by path: the kind of job.
+ASKED: Final = {f"/v1/{kind}": kind for kind in ("solve", "simulate", "work-precision")}
+# The headers that an answer depends on; it holds for the same ones, letter by letter.
+READ: Final = frozenset((
+    b"accept", b"authorization", b"cache-control", b"content-encoding", b"content-length", b"content-type", b"cookie",
+    b"host", b"idempotency-key", b"origin", b"prefer", b"sec-fetch-site", b"transfer-encoding", b"x-api-key",
+))  # fmt: skip
+# Of each call, and so not of an answer.
+OF_A_CALL: Final = frozenset((b"ratelimit", b"ratelimit-policy"))
+# Larger questions, and those that come in pieces, are read where their bytes are counted.
+SMALL_QUESTION = 64 * 1024
 P = ParamSpec("P")
 T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True)
+class KnownAnswer:
+    """The answer to a question: its headers, its body, and until when it is given."""
+
+    headers: Sequence[tuple[bytes, bytes]]
+    body: bytes
+    until: float
+
+
+class KnownAnswers:
+    """The latest answers, all forgotten together where they become too many; safe to use from any thread."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._answers: dict[bytes, KnownAnswer] = {}
+        self._keys: dict[str, set[bytes]] = {}
+        self._bytes = 0
+
+    def get(self, key: bytes) -> KnownAnswer | None:
+        """The answer to a question, if it was given a moment ago and its job has not changed."""
+        found = self._answers.get(key)
+        return None if found is None or found.until < time.monotonic() else found
+
+    def keep(self, key: bytes, job: str, headers: Sequence[tuple[bytes, bytes]], body: bytes) -> None:
+        """Note an answer that holds until its job changes."""
+        if len(body) > LARGEST:
+            return
+        with self._lock:
+            before = self._answers.get(key)
+            self._bytes += len(body) - (len(before.body) if before else 0)
+            if self._bytes > MOST_BYTES:
+                self._answers, self._keys, self._bytes = {}, {}, len(body)
+            self._answers[key] = KnownAnswer(headers, body, time.monotonic() + KEPT)
+            self._keys.setdefault(job, set()).add(key)
+
+    def drop(self, change: model.Change) -> None:
+        """A job changed."""
+        if change.id in self._keys:
+            with self._lock:
+                # A question may be one of another job since, whose change took its answer.
+                gone = [self._answers.pop(key, None) for key in self._keys.pop(change.id, ())]
+                self._bytes -= sum(len(answer.body) for answer in gone if answer)
 
 
 class Engine:
@@ -67,7 +135,7 @@ class Engine:
         self.known = KnownAnswers()
         self._working = opening.executor(settings.cluster, settings.workers, settings.memory_limit)
         self._quick = workers.Workers(clients.QUICK_PROCESSES, settings.memory_limit, clients.QUICK_SHARE)
-        self._threads = workers.Threads(STORE_THREADS, "store")
+        self._threads = ThreadPoolExecutor(STORE_THREADS, "store")
         self._store_check: asyncio.Future[list[str]] | None = None
         self._store_checked = 0.0
         self._chores: list[asyncio.Task[None]] = []
@@ -128,7 +196,7 @@ class Engine:
         self.supervisor.stop()
         self._working.stop()
         self._quick.stop()
-        self._threads.shutdown()
+        self._threads.shutdown(wait=False, cancel_futures=True)
         self.store.close()
         self._store = None
 
@@ -157,17 +225,12 @@ class Engine:
         """Call the store; raises StoreUnavailable if no answer comes within STORE_PATIENCE."""
         began = time.monotonic()
         try:
-            return await self._in_time(self.in_thread(function, *arguments, **named), STORE_PATIENCE)
+            async with asyncio.timeout(STORE_PATIENCE):
+                return await self.in_thread(function, *arguments, **named)
+        except TimeoutError:
+            raise model.StoreUnavailable(LATE) from None
         finally:
             metrics.STORE.observe(time.monotonic() - began)
-
-    async def _in_time(self, answer: Awaitable[T], seconds: float) -> T:
-        """What the store answers; raises StoreUnavailable if that takes longer."""
-        try:
-            async with asyncio.timeout(seconds):
-                return await answer
-        except TimeoutError:
-            raise model.StoreUnavailable("The database does not answer in time.") from None
 
     async def job(self, id: str, viewer: model.Viewer) -> model.Job | None:
         """A job as this viewer may see it, with an answer that is not large; None also for another client's."""
@@ -183,24 +246,28 @@ class Engine:
         That an open one is stored wakes nobody: its end does.
         """
         own, began, storing = viewer.own(request), time.monotonic(), Future[model.Job]()
+        loop = asyncio.get_running_loop()
         with self.hub.waiting(asking.end_of(own.id)) as ended:
 
             def note(stored: Future[model.Job]) -> None:
                 metrics.STORE.observe(time.monotonic() - began)
                 if stored.cancelled() or stored.exception() or not stored.result().is_open:
-                    self.hub.wake(ended)
+                    loop.call_soon_threadsafe(ended.set)
 
             storing.add_done_callback(note)
             chore = storing, functools.partial(self._submit, own, key)
             if not self._working.lend(chore):
-                self._threads.take(chore)
+                self._threads.submit(workers.do, chore)
             try:
                 await asking.until_set(ended, min(seconds, self.look_again))
-                spent = time.monotonic() - began
-                stored = ended.job or await self._in_time(asyncio.wrap_future(storing), STORE_PATIENCE - spent)
+                left = seconds + began - time.monotonic()
+                async with asyncio.timeout(STORE_PATIENCE):
+                    job = await asyncio.wrap_future(storing) if ended.job is None else ended.job
+            except TimeoutError:
+                raise model.StoreUnavailable(LATE) from None
             finally:
                 storing.cancel()  # where it has not begun, nobody waits for it any more
-            return await self._until_final(stored, viewer, seconds - spent, ended)
+            return await self._until_final(job, viewer, left, ended)
 
     async def rate_limit(self, client: str) -> dict[str, str]:
         """The headers with the remaining quota, if there is a quota."""
@@ -436,3 +503,65 @@ class Engine:
         while True:
             await self.in_thread(cleaner.clean)
             await asyncio.sleep(BETWEEN_CLEANINGS)
+
+
+def _key_of(scope: Scope, body: bytes, read: Sequence[tuple[bytes, bytes]]) -> bytes:
+    """The key of a question: everything that its answer depends on."""
+    about = (scope["scheme"], scope["path"], scope["query_string"], body, read)
+    return hashlib.sha256(repr(about).encode()).digest()
+
+
+def may_be_kept(scope: Scope, job: str) -> None:
+    """Note that the answer to this request holds until this job changes."""
+    scope["state"]["answers"] = job
+
+
+class KnownFirst(middleware.Middleware):
+    """Gives known answers before anything is routed or parsed; keeps those that `may_be_kept` notes."""
+
+    def __init__(self, app: ASGIApp, engine: Engine) -> None:
+        super().__init__(app)
+        self._engine = engine
+
+    async def handle(self, scope: Scope, receive: Receive, send: Send) -> None:
+        scope.setdefault("state", {})
+        kind, read = ASKED.get(scope["path"]), [pair for pair in scope["headers"] if pair[0] in READ]
+        length = dict(read).get(b"content-length", b"")
+        if kind is None or scope["method"] != "POST" or not length.isdigit() or int(length[:9]) > SMALL_QUESTION:
+            await self.app(scope, receive, send)
+            return
+        pending = [await receive()]
+        key = b"" if pending[0].get("more_body") else _key_of(scope, pending[0].get("body", b""), read)
+        if (known := self._engine.known.get(key)) is not None and self._is_client(scope):
+            scope["route"] = SimpleNamespace(path=scope["path"])  # as the counts of requests name it
+            metrics.KNOWN.labels(kind).inc()
+            more = await self._engine.rate_limit(scope["state"]["client_name"])
+            of_call = [(name.lower().encode(), value.encode()) for name, value in more.items()]
+            await send({"type": "http.response.start", "status": 200, "headers": [*known.headers, *of_call]})
+            await send({"type": "http.response.body", "body": known.body})
+            return
+
+        async def receive_again() -> Message:
+            return pending.pop() if pending else await receive()
+
+        headers: list[tuple[bytes, bytes]] = []
+
+        async def send_and_keep(message: Message) -> None:
+            nonlocal key
+            if message["type"] == "http.response.start":
+                headers.extend(pair for pair in message["headers"] if pair[0] not in OF_A_CALL)
+            elif message.get("more_body"):
+                key = b""
+            elif key and (job := scope["state"].get("answers")):
+                self._engine.known.keep(key, job, headers, message["body"])
+            await send(message)
+
+        await self.app(scope, receive_again, send_and_keep)
+
+    def _is_client(self, scope: Scope) -> bool:
+        """Whether who asks may still ask."""
+        try:
+            clients.note_client(Request(scope))
+        except problems.Refusal:
+            return False
+        return self._engine.is_open

@@ -1,11 +1,15 @@
-"""What every request passes: counts and logs, strict headers, HEAD as GET."""
+"""What every request passes: counts, the log (a JSON object a line on standard error), strict headers, HEAD as GET."""
 
 import asyncio
+import json
 import logging
 import re
+import sys
 import time
 import uuid
+from collections import Counter
 from collections.abc import Mapping, Sequence
+from contextvars import ContextVar
 
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.responses import Response
@@ -13,7 +17,6 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from inverse_service.service.documents import answers
 from inverse_service.service.jobs import metrics
-from inverse_service.web import journal
 
 log = logging.getLogger(__name__)
 GIVEN = re.compile(r"[A-Za-z0-9._-]{1,64}")
@@ -39,6 +42,11 @@ RAW_HEADERS = [(name.lower().encode(), value.encode()) for name, value in HEADER
 STREAMS = ("/events", "/results")
 LARGEST_HEADERS = 32_768
 MOST_HEADERS = 500
+STANDARD = frozenset(vars(logging.makeLogRecord({}))) | {"message", "asctime", "color_message", "taskName"}
+AS_JSON = json.JSONEncoder(default=str).encode
+BETWEEN = 10.0
+# The id of the request that is worked on; every line of the log that comes of it has it.
+REQUEST: ContextVar[str] = ContextVar("request", default="")
 
 
 class Middleware:
@@ -66,7 +74,7 @@ class Measured(Middleware):
         began = time.monotonic()
         status, seconds = CLIENT_LEFT, None  # what was answered, and after how long
         identifier = identifier_of(scope)
-        token = journal.REQUEST.set(identifier)
+        token = REQUEST.set(identifier)
         work = scope["work"] = asyncio.current_task()
 
         async def send_measured(message: Message) -> None:
@@ -90,7 +98,7 @@ class Measured(Middleware):
             metrics.REQUESTS.labels(route, str(status)).inc()
             metrics.ANSWERED.labels(route).observe(seconds or time.monotonic() - began)
             _note(scope, status, time.monotonic() - began)
-            journal.REQUEST.reset(token)
+            REQUEST.reset(token)
 
 
 def identifier_of(scope: Scope) -> str:
@@ -185,15 +193,11 @@ def _refused(status: int, kind: str, detail: str, more: Mapping[str, str] = {}) 
 
 
 HEADERS_TOO_LARGE = _refused(
-    431,
-    "headers-too-large",
-    f"The headers have more than {LARGEST_HEADERS} bytes or {MOST_HEADERS} lines; send less.",
+    431, "headers-too-large", f"The headers have more than {LARGEST_HEADERS} bytes or {MOST_HEADERS} lines; send less."
 )
 # The answers to bytes that cannot be read as HTTP, and to a connection whose request is not read.
 NOT_HTTP = _refused(
-    400,
-    "unreadable",
-    "This is no request of HTTP/1.1: a line of its head, or the length of its body, cannot be read.",
+    400, "unreadable", "This is no request of HTTP/1.1: a line of its head, or the length of its body, cannot be read."
 )
 TOO_MANY_CONNECTIONS = _refused(
     503,
@@ -201,3 +205,60 @@ TOO_MANY_CONNECTIONS = _refused(
     "Too many connections are open, in all or of this address; close some, or come again in some seconds.",
     {"Retry-After": "5"},
 )
+
+
+class StreamCut(Exception):
+    """A stream ends before its last answer; raised, as only a broken connection tells its reader so. It is no fault."""
+
+
+class JsonLines(logging.Formatter):
+    """Time (UTC), level, where, what; then the extras of the record, such as `job`."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        moment = time.strftime("%Y-%m-%dT%H:%M:%S", time.gmtime(record.created))
+        line = {
+            "time": f"{moment}.{int(record.msecs):03d}Z",
+            "level": record.levelname.lower(),
+            "where": record.name,
+            "what": record.getMessage(),
+        }
+        if REQUEST.get():
+            line["request"] = REQUEST.get()
+        line |= {key: value for key, value in vars(record).items() if key not in STANDARD}
+        if record.exc_info:
+            line["trace"] = self.formatException(record.exc_info)
+        return AS_JSON(line)
+
+
+class Seldom(logging.Filter):
+    """Lets the same sentence through once in BETWEEN, and says how many were left out since."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._last: dict[str, float] = {}
+        self._left_out: Counter[str] = Counter()
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        if record.exc_info and isinstance(record.exc_info[1], StreamCut):
+            return False
+        sentence = str(record.msg)[:100]
+        if record.created - self._last.get(sentence, -BETWEEN) < BETWEEN:
+            self._left_out[sentence] += 1
+            return False
+        self._last[sentence] = record.created
+        record.left_out = self._left_out.pop(sentence, 0)
+        return True
+
+
+def begin(level: str) -> None:
+    """Send all records of this process to standard error as JSON lines."""
+    handler = logging.StreamHandler(sys.stderr)
+    handler.setFormatter(JsonLines())
+    logging.basicConfig(level=logging.WARNING, handlers=[handler], force=True)
+    logging.getLogger("inverse_service").setLevel(level.upper())
+    # What strangers can make these write has no end: bad requests, and connections where descriptors run out.
+    for name in ("asyncio", "uvicorn.error"):
+        logging.getLogger(name).addFilter(Seldom())
+    logging.captureWarnings(True)
+    for fact in ("_srcfile", "logThreads", "logProcesses", "logMultiprocessing"):  # which no line shows
+        setattr(logging, fact, None)

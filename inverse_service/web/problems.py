@@ -15,7 +15,7 @@ from starlette.responses import Response
 from inverse_service.errors import InputError, NoWorker, Place, WorkerFailed
 from inverse_service.service.documents import answers
 from inverse_service.service.jobs import model, tasks
-from inverse_service.web import journal, middleware
+from inverse_service.web import middleware
 
 if TYPE_CHECKING:
     from fastapi import FastAPI
@@ -138,7 +138,7 @@ def _methods(request: Request) -> set[str]:
 
 
 async def _on_fault(request: Request, error: Exception) -> Response:
-    if isinstance(error, journal.StreamCut):
+    if isinstance(error, middleware.StreamCut):
         log.warning("a stream was cut off at %s", request.url.path)
     else:
         log.error("fault at %s", request.url.path, exc_info=error)

@@ -11,10 +11,10 @@ import pytest
 
 from inverse_service.service.jobs.statements import Batch, BatchAnswer
 from inverse_service.settings import Settings
-from inverse_service.web import routes_jobs
+from inverse_service.web import routes
 from inverse_service.web.asking import Hub
 from inverse_service.web.engine import Engine
-from inverse_service.web.journal import StreamCut
+from inverse_service.web.middleware import StreamCut
 
 
 class SlowStore:
@@ -36,7 +36,7 @@ def streamed(store: SlowStore, total: int) -> tuple[Any, AsyncIterator[bytes]]:
     """The hub of a service with this store, and the stream of a batch of so many lines; on a loop."""
     engine: Any = Engine(Settings())
     engine._store, engine.hub = store, Hub()
-    return engine.hub, routes_jobs._answers_of(engine, Batch("b", "solve", "", 0.0, total, {"running": 1}))
+    return engine.hub, routes._answers_of(engine, Batch("b", "solve", "", 0.0, total, {"running": 1}))
 
 
 def test_a_silent_stream_sends_empty_lines(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -78,7 +78,7 @@ def test_a_stream_that_the_end_of_the_service_cuts_does_not_look_whole() -> None
 
 
 def test_the_stream_of_a_batch_that_is_erased_ends(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(routes_jobs, "KEEP_ALIVE", 0.0)
+    monkeypatch.setattr(routes, "KEEP_ALIVE", 0.0)
     store = SlowStore()
 
     async def read() -> None:

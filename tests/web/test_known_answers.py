@@ -8,7 +8,7 @@ from typing import Any
 import httpx
 
 from inverse_service.service.jobs.model import Change
-from inverse_service.web.known import KnownAnswers
+from inverse_service.web.engine import KnownAnswers
 
 SYSTEM = {"name": "known", "coordinates": ["x"], "equations": {"x": "-3*x"}}
 WAIT = {"Prefer": "wait=20"}
@@ -51,7 +51,7 @@ def test_what_changes_is_forgotten_and_memory_is_bounded(monkeypatch: Any) -> No
     known.drop(Change("job", "accepted"))
     assert (known.get(b"a"), known.get(b"b")) == (None, None)
     assert known.get(b"c") is not None
-    monkeypatch.setattr("inverse_service.web.known.MOST_BYTES", 1_000)
+    monkeypatch.setattr("inverse_service.web.engine.MOST_BYTES", 1_000)
     threads = [
         threading.Thread(
             target=lambda n=n: [known.keep(b"%d of %d" % (k, n), str(k), (), b"x" * 10) for k in range(200)]
@@ -63,6 +63,6 @@ def test_what_changes_is_forgotten_and_memory_is_bounded(monkeypatch: Any) -> No
     for thread in threads:
         thread.join()
     assert known._bytes <= 1_000
-    monkeypatch.setattr("inverse_service.web.known.KEPT", -1.0)
+    monkeypatch.setattr("inverse_service.web.engine.KEPT", -1.0)
     known.keep(b"d", "old", (), b"x")
     assert known.get(b"d") is None

@@ -233,6 +233,7 @@ class JobOptions:
         return json.dumps(values, sort_keys=True, separators=(",", ":"))
 
 
+@functools.lru_cache(maxsize=64)
 def stored_options(text: str) -> JobOptions:
     """The options of a stored job."""
     return JobOptions(**json.loads(text))

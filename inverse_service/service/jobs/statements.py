@@ -56,7 +56,7 @@ class Dialect:
         query = SQL[name]
         while "{" in query:
             query = query.format(**SQL, **parts)
-        for ours, theirs in (self.instead | ({"AMONG (?)": "= ?"} if is_single else {})).items():
+        for ours, theirs in {**self.instead, **({"AMONG (?)": "= ?"} if is_single else {})}.items():
             query = query.replace(ours, theirs)
         return query
 

@@ -16,7 +16,7 @@ import time
 import uuid
 from collections import Counter
 from collections.abc import Mapping
-from concurrent.futures import Future
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -225,7 +225,7 @@ class Supervisor:
         # Whether some may wait that were not claimed for lack of room: then the end of a run is a reason to look.
         self._more = True
         self._stopping = threading.Event()
-        self._finishers = workers.Threads(FINISHERS, "finishing")
+        self._finishers = ThreadPoolExecutor(FINISHERS, "finishing")
         self._thread = threading.Thread(target=self._work_loop, name="jobs", daemon=True)
         self._beaten = time.monotonic()
 
@@ -277,12 +277,12 @@ class Supervisor:
             for claimed in running:
                 claimed.task.cancel()
             time.sleep(0.005)
-        self._finishers.shutdown()
+        self._finishers.shutdown(wait=False)
         self.events.flush()
 
     def _work_loop(self) -> None:
         """Claim jobs when woken; write events, try short questions and keep the claims now and then."""
-        written = tried = self._beaten
+        written = self._beaten
         while not self._stopping.is_set():
             # Where more run than there are workers, one that waits may be short; else there is less to look for.
             is_woken = self._wake.wait(TICK if len(self._running) > self._executor.capacity else WRITE_EVENTS)
@@ -294,10 +294,9 @@ class Supervisor:
                 if now - written >= WRITE_EVENTS:
                     self.events.flush()
                     written = now
-                if self._quick is not None and now - tried >= TICK:
+                if self._quick is not None:
                     self._claim_ahead()
                     self._try_short(self._quick)
-                    tried = now
                 if now - self._beaten > HEARTBEAT:
                     self._beat()
             except (sqlite3.Error, errors.InverseServiceError, OSError):
@@ -328,11 +327,8 @@ class Supervisor:
         return 0 if is_busy else free + AHEAD, 1
 
     def _claim(self) -> None:
-        while True:
-            self._more = True
-            free = 0 if self._stopping.is_set() else self._free()
-            if free < self._together:
-                return
+        self._more = True
+        while not self._stopping.is_set() and (free := self._free()) >= self._together:
             self._more = False  # who accepts one from now on sets it again
             if not self._store.is_waiting():
                 return
@@ -413,7 +409,7 @@ class Supervisor:
         """Conclude a run: in a thread of the pool where the store is a file here, which takes less than a hand-over."""
         chore: workers.Chore = Future(), functools.partial(self._conclude, job, outcome)
         if not (self._store.exclusive and self._executor.lend(chore)):
-            self._finishers.take(chore)
+            self._finishers.submit(workers.do, chore)
 
     def _conclude(self, job: model.Job, outcome: Outcome) -> None:
         try:
@@ -428,7 +424,7 @@ class Supervisor:
             try:
                 if self._more:
                     self._claim()
-            except (errors.InverseServiceError, *AWAY):  # the thread that keeps watch tries again
+            except Exception:  # the thread that keeps watch tries again, and says what is wrong
                 self._wake.set()
 
     def _insist(self, job: model.Job, outcome: Outcome) -> None:
@@ -491,12 +487,7 @@ def is_undetermined(job: model.Job, outcome: Outcome) -> bool:
     return outcome.status in LIMITS and tasks.KINDS[job.kind].limit_is_answer
 
 
-def finish(
-    store: JobStore,
-    job: model.Job,
-    outcome: Outcome,
-    so_far: Mapping[str, Any] | None = None,
-) -> str:
+def finish(store: JobStore, job: model.Job, outcome: Outcome, so_far: Mapping[str, Any] | None = None) -> str:
     """Store what came of the job; the label it is counted under ("again": it runs once more).
 
     A job that was ended has as its result what is finished of it, `so_far`; where that is not known, and a limit

@@ -13,15 +13,12 @@ import signal
 import traceback
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, Final, Literal
+from typing import Any, Final, Literal
 
 from inverse_service import errors
 from inverse_service.decision.solutions import SolveOptions
 from inverse_service.service.documents import plain_data
 from inverse_service.service.jobs import model
-
-if TYPE_CHECKING:
-    pass
 
 log = logging.getLogger(__name__)
 Status = Literal["done", "refused", "deadline", "memory", "killed", "crash", "fault", "cancelled", "unstarted"]

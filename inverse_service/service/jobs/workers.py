@@ -4,8 +4,8 @@ A `WorkerProcess` runs one task after another, within bounds on memory and proce
 deadline and kills it there. It is forked from a small server process that has the engine loaded, so a replacement
 costs some 20 ms, and never from the threads of the service. `Workers` has one thread a process, which takes tasks from
 a queue that is fair to clients, hands them over, and replaces a process that died. Each hand-over from thread to thread
-costs more than what is handed over, so these threads also do what comes before a task and after it. `Threads` are for
-chores that wait for a disk. `run_alone` is a single task in a process of its own, for a call of the command line.
+costs more than what is handed over, so these threads also do what comes before a task and after it. `run_alone` is a
+single task in a process of its own, for a call of the command line.
 """
 
 from __future__ import annotations
@@ -28,12 +28,10 @@ import time
 import warnings
 from collections import Counter, deque
 from collections.abc import Callable
-from concurrent.futures import Executor as Pool, Future
+from concurrent.futures import Future
 from dataclasses import dataclass, field, replace
-from functools import partial
 from multiprocessing.connection import Connection
 from pathlib import Path
-from queue import SimpleQueue
 from typing import Any, Literal, Protocol
 
 from inverse_service.service.jobs import locks, tasks
@@ -327,55 +325,6 @@ def _limit(name: str, soft: int, hard: int | None) -> None:
         resource.setrlimit(which, (soft if present == resource.RLIM_INFINITY else min(soft, present), largest))
 
 
-class Threads(Pool):
-    """Threads for chores; the one that rests since the shortest time has the next, and no other wakes."""
-
-    def __init__(self, most: int, name: str) -> None:
-        self._unused, self._name, self._is_over = most, name, False
-        self._lock = threading.Lock()
-        self._resting: list[SimpleQueue[Chore | None]] = []
-        self._waiting: deque[Chore] = deque()
-
-    def submit(self, function: Callable[..., Any], /, *arguments: Any, **named: Any) -> Future[Any]:
-        """Call it in a thread."""
-        found: Future[Any] = Future()
-        self.take((found, partial(function, *arguments, **named)))
-        return found
-
-    def take(self, chore: Chore) -> None:
-        """Do it in a thread."""
-        with self._lock:
-            if self._is_over:
-                chore[0].cancel()
-            elif self._resting:
-                self._resting.pop().put(chore)
-            elif self._unused:
-                self._unused -= 1
-                threading.Thread(target=self._work, args=(chore,), name=self._name, daemon=True).start()
-            else:
-                self._waiting.append(chore)
-
-    def shutdown(self, wait: bool = False, *, cancel_futures: bool = True) -> None:
-        """End each thread after its present chore; those that wait for one are cancelled."""
-        with self._lock:
-            self._is_over = True
-            for chore in self._waiting:
-                chore[0].cancel()
-            for rests in self._resting:
-                rests.put(None)
-
-    def _work(self, chore: Chore | None) -> None:
-        place: SimpleQueue[Chore | None] = SimpleQueue()
-        while chore is not None:
-            do(chore)
-            with self._lock:
-                chore = self._waiting.popleft() if self._waiting else None
-                if chore is None and not self._is_over:
-                    self._resting.append(place)
-            if chore is None and not self._is_over:
-                chore = place.get()
-
-
 def do(chore: Chore) -> None:
     """Call it in this thread."""
     future, function = chore
@@ -417,7 +366,7 @@ class FairQueue:
     def lend(self, chore: Chore) -> bool:
         """Have one do it who waits for a task; False where nobody does."""
         with self._changed:
-            if is_lent := self._resting > len(self._chores) and not self._closed:
+            if is_lent := self._resting > len(self._chores) + len(self._waiting) and not self._closed:
                 self._chores.append(chore)
                 self._changed.notify()
             return is_lent
@@ -563,13 +512,14 @@ class Workers:
     def submit(self, call: Call, report: Report | None = None) -> Running:
         """Run the call in one of the processes: the clients in turn, the urgent calls of each first."""
         running = Running(call, report)
-        if not self._threads or not self._tasks.put(call.client, call.priority, running, self._is_ours()):
+        is_ours = threading.current_thread() in self._threads
+        if not self._threads or not self._tasks.put(call.client, call.priority, running, is_ours):
             running.end(Outcome("crash", detail="The worker processes are stopped."))
         return running
 
     def lend(self, chore: Chore) -> bool:
         """Have this thread do it, where it is of the pool, or one that has no task; False: all are busy."""
-        if not self._is_ours():
+        if threading.current_thread() not in self._threads:
             return self._tasks.lend(chore)
         do(chore)
         return True
@@ -615,9 +565,6 @@ class Workers:
                     do(found)
         if worker is not None:
             worker.close()
-
-    def _is_ours(self) -> bool:
-        return threading.current_thread() in self._threads
 
     def _noted(self, number: int, worker: WorkerProcess | None) -> WorkerProcess | None:
         (self._alive.discard if worker is None else self._alive.add)(number)

@@ -24,7 +24,7 @@ from inverse_service.service.jobs import tasks
 from inverse_service.service.jobs.batch import answer_line
 from inverse_service.service.jobs.model import Job
 from inverse_service.service.jobs.statements import BatchAnswer
-from inverse_service.web import asking, clients, journal, routes_jobs
+from inverse_service.web import asking, clients, middleware, routes
 from inverse_service.web.engine import LONG_DEADLINE, QUICK_DEADLINE, Engine
 from inverse_service.web.job_answers import MINIMAL, REVALIDATE, is_known, stored_response
 from inverse_service.web.pages import forms, result_tasks, sheets, simulations
@@ -65,7 +65,7 @@ async def call(
 ) -> httpx.Response:
     """One call of this service, made inside the process; `document` is sent as JSON, bytes unchanged."""
     sent = {name: request.headers[name] for name in PASSED_ON if name in request.headers} | dict(headers or {})
-    sent["X-Request-Id"] = journal.REQUEST.get()
+    sent["X-Request-Id"] = middleware.REQUEST.get()
     content = document
     if document is not None and not isinstance(document, bytes):
         content = json.dumps(document, default=str).encode()
@@ -349,8 +349,8 @@ def as_documents(text: str) -> str:
 @router.get("/batch/{identifier}/results.csv")
 async def as_table(request: Request, identifier: str) -> Response:
     """What is answered as CSV: line, name, verdict, L or the reason, and what the checker said."""
-    answers = await _answers(request, identifier, routes_jobs.engine_of(request).settings.max_lines)
-    return Response(await routes_jobs.engine_of(request).in_thread(_csv, answers), media_type="text/csv")
+    answers = await _answers(request, identifier, routes.engine_of(request).settings.max_lines)
+    return Response(await routes.engine_of(request).in_thread(_csv, answers), media_type="text/csv")
 
 
 def _csv(answers: list[BatchAnswer]) -> str:
@@ -366,7 +366,7 @@ async def batch(request: Request, identifier: str) -> HTMLResponse:
     """The page of a batch with the answers so far."""
     told = (await _found(request, "/v1/batches", identifier)).json()
     answers = await _answers(request, identifier)
-    rows = await routes_jobs.engine_of(request).read(lambda: sorted(map(row_of, answers), key=lambda row: row.number))
+    rows = await routes.engine_of(request).read(lambda: sorted(map(row_of, answers), key=lambda row: row.number))
     still = told["counts"].get("accepted", 0) + told["counts"].get("running", 0)
     return page(
         "batch_result.html", active="/batch", batch=told, rows=rows[:SHOWN_LINES], all_rows=len(rows),
@@ -392,7 +392,7 @@ async def line(request: Request, identifier: str, number: int) -> Response:
 
 async def _answers(request: Request, identifier: str, most: int = SHOWN_LINES + 1) -> list[BatchAnswer]:
     """The answers that are there now; the call under /v1 would wait for all."""
-    engine, viewer = routes_jobs.engine_of(request), clients.viewer_of(request)
+    engine, viewer = routes.engine_of(request), clients.viewer_of(request)
     known(await engine.batch(identifier, viewer) if IDENTIFIER.fullmatch(identifier) else None, RESULT)
     return await engine.in_thread(engine.store.batch_answers, identifier, 0, most, LARGEST_SHOWN)
 
