@@ -25,6 +25,9 @@ class Inline:
     def fault(self) -> str:
         return ""
 
+    def lend(self, chore: object) -> bool:
+        return False
+
     def submit(self, call: Call, report: Any = None) -> Running:
         running = Running(call, report)
         running.end(guard(call.task, *call.arguments))
