@@ -272,12 +272,12 @@ class Supervisor:
         self._thread.join(STOP_PATIENCE)
         end = time.monotonic() + STOP_PATIENCE
         while self._running and time.monotonic() < end:
-            with self._lock:
-                running = list(self._running.values())
-            for claimed in running:
+            for claimed in list(self._running.values()):
                 claimed.task.cancel()
             time.sleep(0.005)
-        self._finishers.shutdown(wait=False)
+        closing = threading.Thread(target=self._finishers.shutdown, daemon=True)
+        closing.start()  # who closes the store next must not do so under a thread that uses it
+        closing.join(max(0.0, end - time.monotonic()))
         self.events.flush()
 
     def _work_loop(self) -> None:
