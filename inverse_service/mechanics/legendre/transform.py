@@ -239,6 +239,7 @@ def _closed(
     whole = writing.plain_quotients(writing.one_square(quadratic_forms.shortest_form(whole, implicit.symbols)))
     constants = _constants_of(implicit.lagrangian, names)
     whole = writing.with_one_coefficient(writing.minus_inside(whole), implicit.symbols)
+    whole = writing.with_sums_as_in(whole, (implicit.lagrangian,))
     whole = writing.with_products_in_order(whole, constants, implicit.symbols)
     return replace(
         implicit,
