@@ -230,8 +230,8 @@ class _Integrals:
         same = sum(name == one.name or name.startswith(f"{one.name} (") for name in names)
         name = one.name if not same else f"{one.name} ({same + 1})"
         constants = tuple(map(ex.Symbol, self.motion.parameters))
-        written = writing.with_products_in_order(one.expression, constants)
-        self.kept.append(FirstIntegral(name, written, one.symmetry))
+        lead, *rest = ex.summands(writing.with_products_in_order(one.expression, constants))
+        self.kept.append(FirstIntegral(name, ex.add(writing.minus_inside(lead), *rest), one.symmetry))
 
     def _moves(self, tree: Expression) -> bool:
         """Whether a function depends on a velocity."""

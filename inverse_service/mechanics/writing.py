@@ -239,7 +239,7 @@ def minus_inside(tree: ex.Expression) -> ex.Expression:
                 if not isinstance(base, ex.Sum) or not _is_half_negative(base):
                     continue
                 if isinstance(exponent, ex.Number) and exponent.value % 2 == 1:
-                    turned = ex.add(*map(ex.negate, base.terms[::-1])) ** exponent
+                    turned = ex.add(*sorted(map(ex.negate, base.terms), key=is_negative)) ** exponent
                     return ex.multiply(ex.number(-value), *factors[:place], turned, *factors[place + 1 :])
     return tree
 

@@ -105,7 +105,8 @@ def price_sentences(targets: Iterable[Mapping[str, Any]], called: Callable[[str]
         if coarse < 1e-3 and len(factors) > 1:
             best, worst = next(iter(factors)), max(factors, key=factors.__getitem__)
             each = [(short_number(factors[name], 2), called(name)) for name in dict.fromkeys((best, worst))]
-            sentence = " and ".join(f"{times} times as long with {name}" for times, name in each)
+            longer = [(f"{times} times " if times != "1" else "", name) for times, name in each]
+            sentence = " and ".join(f"{times}as long with {name}" for times, name in longer)
             found.append(f"Three more digits, from {power(coarse)} to {power(fine)}, take {sentence}.")
             break
     return found
