@@ -256,7 +256,7 @@ def _place(momenta: Sequence[ex.Symbol], term: ex.Expression) -> int:
     """Powers and products of momenta come first, as p^2/(2 m), and terms without momenta last."""
     held = [node for node in ex.walk(term) if ex.holds(node, *momenta)]
     several = sum(base in momenta for base, _ in ex.powers_of(term)) > 1
-    return 2 if not held else int(not several and not any(isinstance(node, ex.Power) for node in held))
+    return 2 if not held else int(not several and not any(isinstance(node, ex.Power | ex.Apply) for node in held))
 
 
 def _constants_of(lagrangian: ex.Expression, names: Sequence[str]) -> tuple[ex.Symbol, ...]:
