@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TypeVar
+from typing import Any, TypeVar
+
+import pytest
 
 T = TypeVar("T")
 
@@ -11,3 +13,8 @@ def present(value: T | None) -> T:
     """The value, which has to be there."""
     assert value is not None
     return value
+
+
+def slow(*values: Any) -> Any:
+    """The values of one case of a parametrized test, which is not in the default suite."""
+    return pytest.param(*values, marks=pytest.mark.slow)

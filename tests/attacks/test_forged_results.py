@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 from inverse_service import check, solve
+from tests.values import slow
 
 Document = dict[str, Any]
 DOCUMENTS: dict[str, Document] = {
@@ -39,7 +40,7 @@ DOCUMENTS: dict[str, Document] = {
     },
     "small set": {"equations": {"x": "sqrt((x^2-1/10^20)^2)*y'-y^2", "y": "-(x^2-1/10^20)*x'-2*x*y"}},
 }
-CHEAP = ("oscillator", "sides", "none", "particle")
+CHEAP = ("oscillator", "none")
 
 
 @functools.cache
@@ -58,7 +59,7 @@ def is_caught(found: Document, place: str) -> bool:
     return found["verdict"] != "valid" or named
 
 
-@pytest.mark.parametrize("name", [name if name in CHEAP else pytest.param(name, marks=pytest.mark.slow)
+@pytest.mark.parametrize("name", [name if name in CHEAP else slow(name)
                                   for name in DOCUMENTS])  # fmt: skip
 def test_an_honest_result_is_valid_and_stated(name: str) -> None:
     result = result_of(name)
@@ -95,7 +96,7 @@ def test_a_small_set_without_a_lagrangian_is_no_part_of_everywhere() -> None:
     assert check({**emptied(result), "verdict": "variational", "branches": []})["verdict"] != "valid"
 
 
-@pytest.mark.parametrize("name", ["van der Pol", "none"])
+@pytest.mark.parametrize("name", [slow("van der Pol"), "none"])
 def test_a_hamiltonian_needs_a_proven_lagrangian(name: str) -> None:
     result = result_of(name)
     energy = {"text": "p_x^2/2 + x^2/2", "latex": "", "momenta": {"p_x": "x'"}, "implicit": False}
@@ -173,7 +174,7 @@ STATEMENTS: dict[str, tuple[str, Document]] = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("what", [what if name in CHEAP else pytest.param(what, marks=pytest.mark.slow)
+@pytest.mark.parametrize("what", [what if name in CHEAP else slow(what)
                                   for what, (name, _) in STATEMENTS.items()])  # fmt: skip
 def test_a_false_statement_is_found_or_named(what: str) -> None:
     name, changes = STATEMENTS[what]
@@ -273,9 +274,10 @@ def forged(name: str, kind: str) -> Iterator[tuple[str, Document]]:
                 yield "/" + "/".join(map(str, way)), twin
 
 
-@pytest.mark.parametrize("kind", FORGERIES)
-@pytest.mark.parametrize("name", ["sides", pytest.param("none", marks=pytest.mark.slow),
-                                  *(pytest.param(name, marks=pytest.mark.slow) for name in DOCUMENTS
+@pytest.mark.parametrize("kind", [slow(kind) if number % 3 else kind
+                                  for number, kind in enumerate(FORGERIES)])  # fmt: skip
+@pytest.mark.parametrize("name", ["sides", slow("none"),
+                                  *(slow(name) for name in DOCUMENTS
                                     if name not in ("sides", "none"))])  # fmt: skip
 def test_a_forged_field_is_found_or_named(name: str, kind: str) -> None:
     for place, twin in forged(name, kind):

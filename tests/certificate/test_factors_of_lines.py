@@ -26,6 +26,7 @@ def certificate() -> dict[str, Any]:
     return dict(result["certificate"])
 
 
+@pytest.mark.slow
 def test_the_factors_are_named_and_checked(certificate: dict[str, Any]) -> None:
     assert certificate["factors"] == ["1", "k1", "k2", "k3"]
     assert inverse_service.check(certificate)["verdict"] == "valid"

@@ -65,7 +65,7 @@ def mutant(certificate: Certificate, generator: random.Random) -> Certificate:
 
 
 CASES = [
-    pytest.param(*one, marks=[] if k % 24 == 0 else pytest.mark.slow, id=one[0])
+    pytest.param(*one, marks=[] if k % 72 == 0 else pytest.mark.slow, id=one[0])
     for k, one in enumerate(without_lagrangian())
 ]
 

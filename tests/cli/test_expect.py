@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
+import pytest
+
 LINES: list[Any] = [
     {"id": "oscillator", "equations": "x'' = -x"},
     {"id": "none", "equations": {"x": "y", "y": "-x*x'"}},
@@ -45,6 +47,7 @@ def test_differences_are_printed_and_reported(tmp_path: Path) -> None:
     assert (suite.get("tests"), suite.get("failures"), suite.get("errors")) == ("5", "2", "2")
 
 
+@pytest.mark.slow
 def test_files_that_cannot_be_used_say_so(tmp_path: Path) -> None:
     for bad in ([{"verdict": YES}], [{"id": "none", "verdict": NO}] * 2):
         assert run(tmp_path, bad).returncode == 2

@@ -240,6 +240,7 @@ def test_names_of_files_are_not_guessed_unless_asked(call: Any, tmp_path: Path) 
     assert json.loads(call("solve", "-", given=b"x'' = -x").out)["guessed"] == []
 
 
+@pytest.mark.slow
 def test_a_name_of_the_catalogue_is_an_argument(call: Any) -> None:
     assert json.loads(call("solve", "sho").out)["system"]["equations"] == {"x": "-x"}
     assert "second associated system" in call("solve", "knife-edge", "--format", "text").out

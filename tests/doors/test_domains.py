@@ -12,6 +12,7 @@ from inverse_service.service.documents import checking
 from inverse_service.service.documents.text_page import text_page
 from inverse_service.web.pages import sheets
 from tests.doors.formulas import Point
+from tests.values import slow
 
 OSCILLATOR = {"equations": {"x": "-x - c*x'"}, "parameters": ["c"], "time_dependent_lagrangian": False}
 
@@ -52,8 +53,8 @@ def test_a_formula_needs_its_own_domain(damped: dict[str, Any], missing: str) ->
     [
         ("sqrt(x)*x'", ["x > 0"]),
         ("x'*log(x)/k", ["k != 0", "x > 0"]),
-        ("-x'^3/(x - 1)", ["x - 1 != 0"]),
-        ("-x - (x^2 - 1)*x'", []),
+        slow("-x'^3/(x - 1)", ["x - 1 != 0"]),
+        slow("-x - (x^2 - 1)*x'", []),
         ("-x'/t - x^5", ["t != 0"]),
     ],
 )
@@ -73,10 +74,10 @@ def test_a_verdict_on_one_coordinate_holds_where_f_is_analytic(force: str, domai
         ({"equations": "x'' + cos(x - y) y'' = 0; cos(x - y) x'' + y'' = 0"}, [f"cos(x - y) {s} 1 != 0" for s in "+-"]),
         ({"equations": "x''/x = -1"}, ["x != 0"]),
         ({"equations": "sqrt(x) x'' = 0"}, ["x > 0"]),
-        ({"equations": "(x + abs(x)) x'' = 0"}, ["x > 0"]),
+        slow({"equations": "(x + abs(x)) x'' = 0"}, ["x > 0"]),
         ({"equations": "(1 + x^2) x'' = 0"}, []),
         ({"equations": ["m x'' = -m x"], "parameters": ["m"]}, []),
-        ({"equations": "x''/(cos(y)^2 + sin(y)^2) = -x; y'' = -y/(cos(x)^2 + sin(x)^2)"}, []),
+        slow({"equations": "x''/(cos(y)^2 + sin(y)^2) = -x; y'' = -y/(cos(x)^2 + sin(x)^2)"}, []),
     ],
 )
 def test_lines_are_the_system_only_where_what_they_are_divided_by_is_not_0(lines: Any, domain: list[str]) -> None:
@@ -105,7 +106,7 @@ def test_a_condition_that_holds_nowhere_is_not_proven(damped: dict[str, Any], ne
     ("first", "second", "domain"),
     [
         ("z' - x'", "x*w'", ["x != 0"]),
-        pytest.param("z' - y*x'", "(x^2 - 1)*w'", ["x - 1 != 0", "x + 1 != 0"], marks=pytest.mark.slow),
+        slow("z' - y*x'", "(x^2 - 1)*w'", ["x - 1 != 0", "x + 1 != 0"]),
     ],
 )
 def test_where_constraints_are_dependent_the_motion_is_open(first: str, second: str, domain: list[str]) -> None:
@@ -125,6 +126,7 @@ def everywhere(value: Any) -> Any:
     return [everywhere(part) for part in value] if isinstance(value, list) else value
 
 
+@pytest.mark.slow
 def test_sides_on_which_f_is_another_formula_are_cells_of_their_own() -> None:
     result = inverse_service.solve({"equations": {"x": "abs(x) - x'"}})
     assert [branch["domain"] for branch in result["branches"]] == [["x > 0"], ["x < 0"]]

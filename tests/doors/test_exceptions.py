@@ -14,6 +14,7 @@ import inverse_service
 from inverse_service.service.documents.derived import left_out
 from inverse_service.service.documents.latex_page import latex_page
 from inverse_service.service.documents.text_page import text_page
+from tests.values import slow
 
 COUPLED = {"equations": {"x": "a*y", "y": "b*x*y'"}, "parameters": ["a", "b"]}
 FRICTION = {"equations": {"x": "-x + k*y - c*x'", "y": "-y + k*x"}, "parameters": ["c", "k"]}
@@ -24,11 +25,13 @@ def no() -> dict[str, Any]:
     return json.loads(inverse_service.solve(FRICTION).to_json())
 
 
+@pytest.mark.slow
 def test_a_no_names_the_values_at_which_its_proof_divides_by_zero(no: dict[str, Any]) -> None:
     assert no["verdict"] == "not_variational"
     assert {*no["exceptions"]} == {"c = 0", "k = 0"}
 
 
+@pytest.mark.slow
 def test_at_each_exception_there_is_a_lagrangian(no: dict[str, Any]) -> None:
     for text, document in left_out(no):
         assert document is not None, text
@@ -39,6 +42,7 @@ def test_the_hessian_of_a_yes_vanishes_at_its_exceptions() -> None:
     assert inverse_service.solve(COUPLED)["exceptions"] == ["a = 0", "b = 0"]
 
 
+@pytest.mark.slow
 def test_neither_one_coordinate_nor_the_directions_of_an_existence_proof_have_exceptions() -> None:
     particles = {"equations": {"x": "F(x - y)/m", "y": "-F(x - y)/k"}, "functions": {"F": ["s"]}}
     documents: tuple[dict[str, Any], ...] = ({"equations": {"x": "-k*x/m - c*x'"}}, particles)
@@ -47,6 +51,7 @@ def test_neither_one_coordinate_nor_the_directions_of_an_existence_proof_have_ex
         assert inverse_service.solve(asked, time_limit=10)["exceptions"] == []
 
 
+@pytest.mark.slow
 def test_the_statement_of_a_check_has_the_exceptions(no: dict[str, Any]) -> None:
     found = inverse_service.check(no)
     assert {*found["statement"]["exceptions"]} == {"c = 0", "k = 0"}
@@ -54,13 +59,14 @@ def test_the_statement_of_a_check_has_the_exceptions(no: dict[str, Any]) -> None
     assert "/exceptions" not in found["not_checked"]
 
 
-@pytest.mark.parametrize("stated", [[], ["c = 0"], ["c = 0", "k = 0", "c = k"]])
+@pytest.mark.parametrize("stated", [slow([]), ["c = 0"], slow(["c = 0", "k = 0", "c = k"])])
 def test_other_exceptions_than_proven_contradict(no: dict[str, Any], stated: list[str]) -> None:
     forged = copy.deepcopy(no)
     forged["exceptions"] = stated
     assert [one["field"] for one in inverse_service.check(forged)["contradictions"]] == ["/exceptions"]
 
 
+@pytest.mark.slow
 def test_the_command_decides_them(no: dict[str, Any], tmp_path: Path) -> None:
     file = tmp_path / "result.json"
     file.write_text(json.dumps(no))
@@ -75,10 +81,10 @@ def test_the_command_decides_them(no: dict[str, Any], tmp_path: Path) -> None:
     "force",
     [
         "abs(x)*x'",
-        "abs(x' - abs(x))",
-        "sign(x') + x^2*x'^4",
-        pytest.param(" + ".join(f"abs(x - {k})*x'" for k in range(10)), marks=pytest.mark.slow),
-        pytest.param(" + ".join(f"sin({k}*x + x')*x'^{k}" for k in range(1, 20)), marks=pytest.mark.slow),
+        slow("abs(x' - abs(x))"),
+        slow("sign(x') + x^2*x'^4"),
+        slow(" + ".join(f"abs(x - {k})*x'" for k in range(10))),
+        slow(" + ".join(f"sin({k}*x + x')*x'^{k}" for k in range(1, 20))),
     ],
 )
 def test_one_coordinate_is_never_undetermined(force: str) -> None:
@@ -125,7 +131,7 @@ def test_kinds_and_motions_on_constraints_name_what_their_proofs_leave_out(
     assert [one["field"] for one in inverse_service.check(forged)["contradictions"]] == ["/kinds/natural/exceptions"]
 
 
-@pytest.mark.parametrize("form", ["text", "latex"])
+@pytest.mark.parametrize("form", [slow("text"), "latex"])
 def test_the_exceptions_of_kinds_and_motions_are_written(
     kinds: dict[str, Any], motion: dict[str, Any], form: str
 ) -> None:

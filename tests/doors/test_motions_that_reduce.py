@@ -11,6 +11,7 @@ import pytest
 import inverse_service
 from inverse_service.service.documents.documents import parse_document
 from tests.doors.rows import rows
+from tests.values import slow
 
 
 def heisenberg(pairs: int) -> dict[str, Any]:
@@ -26,7 +27,7 @@ def solved(pairs: int) -> inverse_service.Result:
     return inverse_service.solve(heisenberg(pairs) | {"associated": "any"}, time_limit=60)
 
 
-@pytest.mark.parametrize("pairs", [1, *(pytest.param(k, marks=pytest.mark.slow) for k in (2, 3))])
+@pytest.mark.parametrize("pairs", [1, *(slow(k) for k in (2, 3))])
 def test_the_particle_of_any_dimension_can_be_given_a_hamiltonian(pairs: int) -> None:
     result = solved(pairs)
     answer = result["any_associated"]

@@ -85,12 +85,12 @@ def blocks(all_rows: list[Row], every: int = 1) -> list[Any]:
     ]
 
 
-@pytest.mark.parametrize("chosen", blocks(READINGS))
+@pytest.mark.parametrize("chosen", blocks(READINGS, 3))
 def test_a_notation_means_what_its_writer_means(chosen: list[Row]) -> None:
     assert_all(chosen)
 
 
-@pytest.mark.parametrize("chosen", blocks(list(pasted()), 4))
+@pytest.mark.parametrize("chosen", blocks(list(pasted()), 8))
 def test_what_people_paste_is_read_as_they_mean_it_or_asked_back(chosen: list[Row]) -> None:
     assert_all(chosen)
 

@@ -16,6 +16,7 @@ from inverse_service.errors import InputError
 from inverse_service.service.documents.documents import parse_document
 from tests.doors import calls
 from tests.doors.rows import rows
+from tests.values import slow
 
 ROOT = Path(__file__).parents[2]
 WORDS = r"""d dx t e i x y k dt x' x'' d/dt dx/dt 2 1/2 0.5 sin cos sqrt ( ) ^ _ / * + - = , ' | [ ] { } [1] (t) (x) D
@@ -43,7 +44,7 @@ def short_lines(seed: int, count: int) -> Iterator[str]:
         yield source.choice(["x'' = ", "x'' = -k x ", r"\ddot{x} = ", ""]) + source.choice(["", " "]).join(pieces)
 
 
-@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 4))])
+@pytest.mark.parametrize("seed", [0, *(slow(seed) for seed in range(1, 4))])
 def test_no_short_line_is_a_fault_of_the_program(seed: int) -> None:
     for line in short_lines(seed, 1000):
         read({"equations": line, "parameters": "guess"})
@@ -73,7 +74,7 @@ def _texts(value: Any) -> Iterator[str]:
             yield from _texts(part)
 
 
-@pytest.mark.parametrize("every", [257, pytest.param(9, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("every", [257, slow(9)])
 def test_no_beginning_of_a_formula_is_a_fault_of_the_program(every: int) -> None:
     for text in shortened()[::every]:
         read({"equations": text, "parameters": "guess"})

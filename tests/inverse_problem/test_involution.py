@@ -11,6 +11,7 @@ from inverse_service.field.modular import safe_prime
 from inverse_service.field.null_vectors import kernel_of, table_of
 from inverse_service.linear_pde.involution import Symbol
 from inverse_service.mechanics.reading import read_system
+from tests.values import slow
 
 P = safe_prime(7)
 NAMES = tuple("abcdefgh")
@@ -30,7 +31,7 @@ def free_characters(n: int, with_time: bool) -> tuple[int, ...]:
 
 
 SIZES = [*((n, False) for n in range(1, 8)), *((n, True) for n in range(1, 6))]
-LARGE = [pytest.param(8, False, marks=pytest.mark.slow), pytest.param(8, True, marks=pytest.mark.slow)]
+LARGE = [slow(8, False), slow(8, True)]
 
 
 @pytest.mark.slow

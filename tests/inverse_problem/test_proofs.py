@@ -14,6 +14,7 @@ import sympy
 import inverse_service
 from inverse_service import catalogue
 from inverse_service.service.documents.proofs import proof_document
+from tests.values import slow
 
 COQC = shutil.which("coqc")
 needs_coq = pytest.mark.skipif(COQC is None, reason="coqc is not installed")
@@ -64,8 +65,8 @@ def test_coq_refuses_the_proof_for_another_f(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "equations",
     [
-        pytest.param({"x": "-x/(x^2 + y^2)^(3/2)", "y": "-y/(x^2 + y^2)^(3/2)"}, marks=pytest.mark.slow),
-        pytest.param({"theta": "-sin(theta) - t"}, marks=pytest.mark.slow),
+        slow({"x": "-x/(x^2 + y^2)^(3/2)", "y": "-y/(x^2 + y^2)^(3/2)"}),
+        slow({"theta": "-sin(theta) - t"}),
         {"x": "-k*x - c*x'"},
     ],
 )

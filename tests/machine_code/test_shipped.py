@@ -71,6 +71,7 @@ def test_every_processor_has_a_library_that_it_runs(tmp_path: Path, monkeypatch:
     assert shipped.processor_flags() == frozenset()
 
 
+@pytest.mark.slow
 def test_no_kernel_of_the_solver_is_called_through_its_compiler() -> None:
     """Code that cannot be stored would be compiled anew in each process, and be missing in a wheel."""
     inverse_service.solve({"equations": "m x'' + d x' + k x = 0", "parameters": "guess"})

@@ -36,6 +36,7 @@ def test_a_wrong_formula_differs(particle: Member, monkeypatch: pytest.MonkeyPat
     assert propositions.hamiltonians([particle]).finding == "differs"
 
 
+@pytest.mark.slow
 def test_wrong_motion_and_wrong_associated_systems_differ(particle: Member) -> None:
     other = replace(particle, slopes=tuple(multiply(number(2), slope) for slope in particle.slopes))
     assert propositions.equations_of_motion([other]).finding == "differs"

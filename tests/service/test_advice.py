@@ -9,6 +9,7 @@ import pytest
 from inverse_service import solve
 from inverse_service.service.scenes.simulating import simulate
 from inverse_service.service.scenes.work_precision import work_precision
+from tests.values import slow
 
 HENON = {"coordinates": ["x", "y"], "lagrangian": "(x'^2+y'^2)/2 - (x^2+y^2)/2 - x^2*y + y^3/3"}
 PENDULA = {"coordinates": ["a", "b"], "lagrangian": "a'^2 + b'^2/2 + a'*b'*cos(a-b) + 2*cos(a) + cos(b)"}
@@ -94,7 +95,14 @@ def test_a_result_of_solve_says_what_to_simulate_it_with(document: dict[str, Any
     assert words in advice["reason"]
 
 
-@pytest.mark.parametrize(("force", "wall"), [("-x - x'/abs(x')/10", "x'"), ("-sign(x)", "x"), ("-abs(x)", "x")])
+@pytest.mark.parametrize(
+    ("force", "wall"),
+    [
+        slow("-x - x'/abs(x')/10", "x'"),
+        slow("-sign(x)", "x"),
+        ("-abs(x)", "x"),
+    ],
+)
 def test_advice_says_where_the_lagrangian_of_a_branch_ends(force: str, wall: str) -> None:
     """Dry friction on one side has an L that promises a constant energy, to the first turn."""
     system = {"coordinates": ["x"], "equations": {"x": force}}

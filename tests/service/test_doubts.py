@@ -11,6 +11,7 @@ from scipy.integrate import solve_ivp
 from inverse_service.cli.simulate_command import page
 from inverse_service.service.scenes.simulating import simulate
 from inverse_service.web.pages.simulations import simulation_result
+from tests.values import slow
 
 KEPLER = {"coordinates": ["x", "y"], "lagrangian": "(x'^2 + y'^2)/2 + 1/sqrt(x^2 + y^2)"}
 FIXED = ["stormer-verlet", {"method": "stormer-verlet", "order": 4}, "runge-kutta", "reference"]
@@ -30,8 +31,8 @@ def true_orbit(eccentricity: float, times: list[float]) -> Any:
     return solve_ivp(slope, (0, times[-1]), start, "DOP853", times, rtol=1e-12, atol=1e-12).y[:2]
 
 
-@pytest.mark.parametrize("eccentricity", [0.3, 0.6, 0.9])
-@pytest.mark.parametrize("step", [0.2, *(pytest.param(h, marks=pytest.mark.slow) for h in (0.05, 0.01))])
+@pytest.mark.parametrize("eccentricity", [0.3, *(slow(one) for one in (0.6, 0.9))])
+@pytest.mark.parametrize("step", [0.2, *(slow(h) for h in (0.05, 0.01))])
 def test_who_is_a_tenth_of_the_range_off_says_so(eccentricity: float, step: float) -> None:
     """And who is a twelfth off does not; between them either may be."""
     for found in simulate(orbit(eccentricity, step=step))["methods"]:
@@ -80,6 +81,7 @@ def test_an_error_is_estimated_where_the_guard_ends_the_run_with_half_the_step(m
     assert "doubt" in simulate(scene | {"observe": ["trajectory"]})["methods"][0]
 
 
+@pytest.mark.slow
 def test_the_order_of_a_method_is_told() -> None:
     """By the positions: 1 where a step is not symmetric, and where it begins with the discrete velocity."""
     orders: list[tuple[Any, int | None]] = [
@@ -138,6 +140,7 @@ def test_a_tolerance_that_is_too_large_is_told() -> None:
     assert (found[1]["outcome"], found[1].get("doubt")) == ("completed", None)
 
 
+@pytest.mark.slow
 def test_members_of_an_ensemble_are_compared() -> None:
     """Slow ones fall close to the center, the circle at speed sqrt(2) is easy."""
     members = {"initial": {"velocities": {"y": [0.7, 2**0.5]}}}

@@ -16,6 +16,7 @@ from inverse_service.simulation.numeric_formulas import Formulas
 from inverse_service.simulation.observing import observed_problem
 from inverse_service.simulation.scene_data import Problem, Unavailable
 from inverse_service.simulation.schemes import program_of
+from tests.values import slow
 
 EFFECTS: dict[str, Any] = {
     "system": {"coordinates": ["x", "y"], "lagrangian": "x'^2/2 + y'^2/2 - alpha*cos(x*y) + beta*(x*y' - y*x')",
@@ -30,9 +31,8 @@ NAMES = {"constraints": "gamma", "potential": "alpha", "magnetic": "beta", "spri
 
 @pytest.mark.parametrize(
     "method",
-    ["nonholonomic", "runge-kutta",
-     *(pytest.param(name, marks=pytest.mark.slow) for name in ("reference", "stiff", "adaptive"))],
-)  # fmt: skip
+    ["nonholonomic", *(slow(name) for name in ("runge-kutta", "reference", "stiff", "adaptive"))],
+)
 @pytest.mark.parametrize("left_out", NAMES)
 def test_an_effect_that_is_left_out_leaves_no_symbol(left_out: str, method: str) -> None:
     """Not in the equations, not in the kernel, not in the answer: each effect has a parameter of its own."""
@@ -84,7 +84,16 @@ def without(effect: str) -> dict[str, Any]:
     return scene
 
 
-@pytest.mark.parametrize("observed", ["trajectory", "energy", "constraints", "momenta", "velocities"])
+@pytest.mark.parametrize(
+    "observed",
+    [
+        slow("trajectory"),
+        slow("energy"),
+        slow("constraints"),
+        slow("momenta"),
+        "velocities",
+    ],
+)
 def test_a_quantity_that_is_not_observed_leaves_no_symbol(observed: str) -> None:
     """Neither a column nor an instruction."""
     every = ["trajectory", "energy", "constraints", "momenta", "velocities"]

@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 
 from inverse_service.service.scenes.simulating import simulate
+from tests.values import slow
 
 ENDS = {
     "falls in": "-log(x)",
@@ -19,9 +20,10 @@ ENDS = {
 @pytest.mark.parametrize("potential", ENDS.values(), ids=ENDS)
 @pytest.mark.parametrize(
     "method",
-    ["stormer-verlet", "nonholonomic", "adaptive", "heyoka",
-     *(pytest.param(one, marks=pytest.mark.slow) for one in (
-         "variational", {"method": "variational", "form": "raw"}, {"method": "variational", "alpha": 0},
+    ["adaptive",
+     *(slow(one) for one in (
+         "stormer-verlet", "nonholonomic", "heyoka", "variational",
+         {"method": "variational", "form": "raw"}, {"method": "variational", "alpha": 0},
          "runge-kutta", "reference", "stiff"))],
 )  # fmt: skip
 def test_the_steps_done_are_those_recorded(potential: str, method: Any) -> None:

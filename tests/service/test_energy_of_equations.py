@@ -11,6 +11,7 @@ from inverse_service import solve
 from inverse_service.service.figures.drawing import series_figure
 from inverse_service.service.figures.views import figures_of
 from inverse_service.service.scenes.simulating import simulate
+from tests.values import slow
 
 
 def run(equations: list[str], velocity: float, method: Any, **further: Any) -> dict[str, Any]:
@@ -95,7 +96,7 @@ def _slopes(columns: dict[str, list[float]]) -> list[float]:
     return list(np.gradient(np.array(columns["x"]), np.array(columns["t"])))
 
 
-@pytest.mark.parametrize("radius", [0.7, 1.3, 3.7])
+@pytest.mark.parametrize("radius", [slow(0.7), slow(1.3), 3.7])
 def test_an_energy_of_round_off_is_no_measure(radius: float) -> None:
     """Of a parabolic orbit E = v^2/2 - 1/r = 0, of which rounding leaves -2e-16 at r = 1.3."""
     system = {"coordinates": ["x", "y"], "lagrangian": "(x'^2 + y'^2)/2 + 1/sqrt(x^2 + y^2)"}

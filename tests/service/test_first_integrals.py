@@ -8,6 +8,7 @@ import sympy
 import inverse_service
 from inverse_service.sympy.from_sympy import expression, table_of_result
 from tests.doors.rows import Row, marks, rows
+from tests.values import slow
 
 BY_NAME = {row["id"]: row["document"] for row in rows("integrals")}
 ROWS = [pytest.param(row, id=row["id"], marks=marks(row)) for row in rows("integrals")]
@@ -49,12 +50,12 @@ def test_first_integrals_are_found_and_are_constant(row: Row) -> None:
 @pytest.mark.parametrize(
     ("equations", "place", "text"),
     [
-        ("x'' = -k*x - c*x'", 0, "log(x'^2+k*x^2+c*x*x')/2 - c/sqrt(4*k-c^2)*atan((c*x+2*x')/(x*sqrt(4*k-c^2)))"),
-        ("x'' = -k*x - c*x'", 1, "t + 2*atan((c*x+2*x')/(x*sqrt(4*k-c^2)))/sqrt(4*k-c^2)"),
-        ("x' = a*x - b*x*y; y' = -c*y + d*x*y", 0, "d*x + (a-c)*log(x) - x'/x - a*log(a*x-x')"),
-        ("x'' + 3*k*x*x' + k^2*x^3 = 0", 0, "(k*x^2+2*x')/(k*x^2+x')^2"),
+        slow("x'' = -k*x - c*x'", 0, "log(x'^2+k*x^2+c*x*x')/2 - c/sqrt(4*k-c^2)*atan((c*x+2*x')/(x*sqrt(4*k-c^2)))"),
+        slow("x'' = -k*x - c*x'", 1, "t + 2*atan((c*x+2*x')/(x*sqrt(4*k-c^2)))/sqrt(4*k-c^2)"),
+        slow("x' = a*x - b*x*y; y' = -c*y + d*x*y", 0, "d*x + (a-c)*log(x) - x'/x - a*log(a*x-x')"),
+        slow("x'' + 3*k*x*x' + k^2*x^3 = 0", 0, "(k*x^2+2*x')/(k*x^2+x')^2"),
         ("x'' = -k*x*(1 - x'^2)^(3/2)", 0, "k*x^2/2 + 1/sqrt(1-x'^2)"),
-        ("x'' = t*y'; y'' = -t*x'", 1, "2*atan(y'/x') + t^2"),
+        slow("x'' = t*y'; y'' = -t*x'", 1, "2*atan(y'/x') + t^2"),
     ],
 )
 def test_a_first_integral_is_as_short_as_in_a_book(equations: str, place: int, text: str) -> None:
@@ -71,6 +72,7 @@ def test_they_are_left_out_when_asked() -> None:
     assert inverse_service.solve({"equations": "x'' = -x", "first_integrals": False})["first_integrals"] == []
 
 
+@pytest.mark.slow
 def test_a_part_of_the_coordinates_is_closed() -> None:
     result = inverse_service.solve(BY_NAME["integrals ball on a turntable"])
     assert (result["reduced"]["coordinates"], result["reduced"]["checked"]) == (["x", "y"], "valid")

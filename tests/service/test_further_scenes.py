@@ -59,6 +59,7 @@ def test_friction_acts_beside_constraints() -> None:
     assert np.abs(np.array(columns["x"]) + 1j * np.array(columns["y"]) - path).max() < 1e-6
 
 
+@pytest.mark.slow
 def test_a_force_that_is_not_named_does_not_act() -> None:
     document = scene(OSCILLATOR, ["variational"], parameters={"c": 0.1}, forces={"x": "-c*x'"}, observe=["energy"])
     (free,) = labelled(document | {"effects": ["potential"]}).values()
@@ -269,6 +270,7 @@ def test_velocities_of_a_member_that_break_the_constraints_are_refused() -> None
     assert '"' not in plain
 
 
+@pytest.mark.slow
 def test_many_starts_are_put_on_constraints_at_once() -> None:
     angles = np.linspace(0, 1, 10_000).tolist()
     (found,) = labelled(

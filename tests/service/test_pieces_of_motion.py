@@ -12,10 +12,11 @@ from scipy.special import beta
 
 from inverse_service.errors import InputError
 from inverse_service.service.scenes.simulating import simulate
+from tests.values import slow
 
 EXACT = [
-    "adaptive", {"method": "variational", "order": 8}, pytest.param("reference", marks=pytest.mark.slow),
-    pytest.param({"method": "runge-kutta", "order": 8}, marks=pytest.mark.slow),
+    "adaptive", slow({"method": "variational", "order": 8}), slow("reference"),
+    slow({"method": "runge-kutta", "order": 8}),
 ]  # fmt: skip
 FORCES = 9.81 * 0.3
 
@@ -136,6 +137,7 @@ def test_switches_and_events_are_listed() -> None:
     assert found["events"][0]["columns"]["t"][:2] == pytest.approx([first, first * 2.6], abs=1e-12)
 
 
+@pytest.mark.slow
 def test_a_ball_that_bounces_ever_faster_ends_by_name() -> None:
     found = run(BALL | {"time": 6, "events": [BOUNCE]})
     assert found["outcome"] == "zeno"
@@ -213,6 +215,7 @@ def test_a_kicked_rotor_is_the_standard_map() -> None:
     assert np.abs(x - expected).max() < 1e-9
 
 
+@pytest.mark.slow
 def test_a_billiard_in_a_circle() -> None:
     """Each chord turns by the same angle."""
     mirror = {"x'": "x' - 2*x*(x*x' + y*y')", "y'": "y' - 2*y*(x*x' + y*y')"}
@@ -253,6 +256,7 @@ def test_stick_and_slip_on_a_belt() -> None:
     assert np.diff(x[held]) == pytest.approx(0.005, abs=1e-10)
 
 
+@pytest.mark.slow
 def test_two_blocks_that_rub_at_once() -> None:
     """Both slide, one comes to rest first, is pulled on, and both rest in the end; events of SciPy tell when."""
     scene = system("(x'^2 + y'^2)/2 - (x - y)^2/2", "x", "y") | start(0, 1, 1.5, 0, names="xy") | {
@@ -275,7 +279,7 @@ def test_two_blocks_that_rub_at_once() -> None:
     assert apart[1] < 0.2 * apart[0]
 
 
-@pytest.mark.parametrize("method", ["adaptive", "runge-kutta", "variational"])
+@pytest.mark.parametrize("method", ["adaptive", slow("runge-kutta"), slow("variational")])
 def test_drag_by_the_square_has_a_kink_only(method: str) -> None:
     scene = system("x'^2/2 - x^2/2", "x") | start(1, 0) | {"forces": {"x": "-x'*abs(x')/2"}, "time": 10}
     found = run(scene, method)

@@ -65,6 +65,7 @@ def test_the_disk_gives_the_known_figures(label: str, table: dict[str, dict[str,
         assert value == pytest.approx(known, rel=0.051) if known is not None else abs(value) < 2e-12
 
 
+@pytest.mark.slow
 def test_drift_phase_and_trajectory_are_told_apart(table: dict[str, dict[str, Any]]) -> None:
     """A spiral keeps the phase, the variational circle loses it; at 1/2 the nonholonomic circle keeps everything."""
     assert table["nonholonomic-0"]["max_phase_error"] == pytest.approx(0.1)

@@ -44,6 +44,7 @@ def test_the_table_of_methods_is_that_of_the_program() -> None:
             assert "| `{}` | {} | {} | {} | {} |".format(*row) in PAGE
 
 
+@pytest.mark.slow
 def test_the_table_of_the_disk_is_measured() -> None:
     rows = re.findall(r"^\| ((?:variational|nonholonomic)-[\d.]+) \| (.*) \|$", PAGE, re.MULTILINE)
     assert len(rows) == 6

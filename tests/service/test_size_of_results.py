@@ -10,6 +10,7 @@ import pytest
 import inverse_service
 from inverse_service.service.documents import latex_page, text_page
 from inverse_service.web.pages import sheets
+from tests.values import slow
 
 KNIFE_EDGE = {
     "coordinates": ["x", "y", "phi"],
@@ -20,7 +21,10 @@ KNIFE_EDGE = {
 
 @pytest.mark.parametrize(
     ("document", "most"),
-    [({"coordinates": ["x"], "equations": {"x": "-x - c*x'"}, "parameters": ["c"]}, 6_000), (KNIFE_EDGE, 30_000)],
+    [
+        slow({"coordinates": ["x"], "equations": {"x": "-x - c*x'"}, "parameters": ["c"]}, 6_000),
+        (KNIFE_EDGE, 30_000),
+    ],
 )
 def test_an_answer_is_short(document: dict[str, Any], most: int) -> None:
     result = inverse_service.solve(document)

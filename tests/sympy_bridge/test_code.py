@@ -20,6 +20,7 @@ from inverse_service.errors import InputError
 from inverse_service.sympy import Result, from_result, solve
 from inverse_service.sympy.code import LANGUAGES, QUANTITIES, WHOLE
 from inverse_service.web.pages.result_tasks import EXPORTS
+from tests.values import slow
 
 t, k = sp.symbols("t k")
 r, phi = sp.Function("r")(t), sp.Function("phi")(t)
@@ -264,16 +265,14 @@ def languages_agree(language: str, found: list[sp.Expr], folder: Path) -> None:
 
 TOOLS = {"python": sys.executable, "javascript": "node", "c": "gcc", "cpp": "g++", "rust": "rustc",
          "fortran": "gfortran", "octave": "octave"}  # fmt: skip
-SLOW = [pytest.param(each, marks=pytest.mark.slow) for each in ("rust", "fortran", "octave")]
+SLOW = [slow(each) for each in ("rust", "fortran", "octave")]
 
 
 @pytest.mark.parametrize(
     "language",
     [
-        "python",
-        "javascript",
         "c",
-        *(pytest.param(each, marks=pytest.mark.slow) for each in ("rust", "fortran", "octave")),
+        *(slow(each) for each in ("python", "javascript", "rust", "fortran", "octave")),
     ],
 )
 def test_random_formulas_have_the_value_that_sympy_gives(language: str, tmp_path: Path) -> None:

@@ -23,6 +23,7 @@ OSCILLATOR = sp.Eq(M * X.diff(T, 2), -K * X - C * X.diff(T))
 BOOK = sp.exp(C * T / M) * (M * X.diff(T) ** 2 - K * X**2) / 2
 
 
+@pytest.mark.slow
 def test_the_simple_lagrangian_comes_first_as_on_the_command_line() -> None:
     result = solve(OSCILLATOR)
     assert sp.simplify(result.lagrangian - BOOK) == 0
@@ -83,6 +84,7 @@ def test_an_expression_with_velocities_alone_is_a_lagrangian() -> None:
     assert "lagrangian" in document(me.Lagrangian(frame, bead))
 
 
+@pytest.mark.slow
 def test_numerical_functions_take_their_arguments_by_name() -> None:
     function = solve(OSCILLATOR).lambdify()
     assert list(inspect.signature(function).parameters) == ["t", "x", "x_dot", "c", "k", "m"]
@@ -130,6 +132,7 @@ def test_many_results_and_a_run_are_tables() -> None:
     assert len(inverse_service.simulate(scene).to_pandas()) == 1
 
 
+@pytest.mark.slow
 def test_the_program_for_jax_is_python_and_has_the_motion() -> None:
     text = solve(OSCILLATOR).to_code("jax")
     compile(text, "program", "exec")
@@ -142,6 +145,7 @@ def test_the_program_for_jax_is_python_and_has_the_motion() -> None:
     assert space["lagrangian"](0.0, [1.0, 2.0], [0.5, 3.0, 2.0]) == 2.5
 
 
+@pytest.mark.slow
 def test_the_program_for_modelingtoolkit_declares_all_that_it_uses() -> None:
     text = solve(OSCILLATOR).to_code("modelingtoolkit")
     assert "@parameters c k m" in text

@@ -84,6 +84,7 @@ def test_a_lagranges_method_with_constraints_is_asked_as_its_lagrangian_and_they
         document(damped)
 
 
+@pytest.mark.slow
 def test_a_damped_pendulum_shows_the_lagrangian_that_there_is_though_it_contains_the_time() -> None:
     found = solve(theta.diff(t, 2) + c * theta.diff(t) + k * sp.sin(theta))
     assert found.main.lagrangian is None

@@ -48,6 +48,7 @@ def test_none_has_a_lagrangian(name: str) -> None:
     assert_proven(ROWS[name])
 
 
+@pytest.mark.slow
 def test_the_second_opinion_can_say_yes() -> None:
     """The tests above could not fail otherwise."""
     literature = {row["id"]: row for row in rows("literature")}

@@ -20,11 +20,12 @@ import httpx
 import pytest
 
 from tests.serving import until
+from tests.values import slow
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
 SIZES = pytest.mark.parametrize(
     ("count", "kills"),
-    [pytest.param(60, 1, marks=pytest.mark.slow), pytest.param(1000, 50, marks=pytest.mark.nightly)],
+    [slow(60, 1), pytest.param(1000, 50, marks=pytest.mark.nightly)],
 )
 EXTRA = {"coordinates": ["x"], "equations": {"x": "-x^5"}}
 

@@ -35,6 +35,7 @@ FORMULAS = {
 }
 
 
+@pytest.mark.slow
 def test_the_script_finds_the_values_of_the_formulas(visit: Visit) -> None:
     visit.go("/simulate")
     x, v = 0.7, -1.3

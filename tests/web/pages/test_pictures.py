@@ -36,6 +36,7 @@ def test_every_body_has_a_drawing_of_its_own() -> None:
     assert len(set(drawings.values())) == len(drawings)
 
 
+@pytest.mark.slow
 def test_the_oscillator_draws_a_circle_and_a_constraint_is_kept() -> None:
     """x'^2 + x^2 is constant; the velocity of y follows from the constraint."""
     found = motion_of(solve({"equations": "x'' = -x"}))

@@ -10,7 +10,7 @@ import pytest
 
 from inverse_service import solve
 from inverse_service.web.pages import result_tasks, sheets
-from tests.values import present
+from tests.values import present, slow
 
 SLEIGH = {
     "lagrangian": "(x'^2+y'^2)/2 + phi'^2 + phi'*(-x'*sin(phi)+y'*cos(phi))",
@@ -33,14 +33,14 @@ def words(markup: Any) -> str:
     ("document", "verdict", "badge"),
     [
         ({"equations": "x'' = -x"}, "yes", "a Lagrangian"),
-        ({"equations": "x'' = -x - x'/10"}, "yes", "a Lagrangian"),
+        slow({"equations": "x'' = -x - x'/10"}, "yes", "a Lagrangian"),
         ({"equations": "x'' = -x' - x; y'' = -y' - y - x^2 + y^2"}, "no", "no Lagrangian"),
         ({"equations": "x'' = -y; y'' = x*x'"}, "no", "no Lagrangian"),
         # Damped Henon-Heiles: none without the time, one with it.
-        ({"equations": "x'' = -x - 2*x*y - x'/10; y'' = -y - x^2 + y^2 - y'/10"}, "yes", "a Lagrangian"),
+        slow({"equations": "x'' = -x - 2*x*y - x'/10; y'' = -y - x^2 + y^2 - y'/10"}, "yes", "a Lagrangian"),
         ({"equations": "x'' = -x*abs(x)"}, "yes", "a Lagrangian"),
-        ({**SLEIGH, "associated": "any"}, "no", "has no Hamiltonian"),
-        pytest.param({**PARTICLE, "associated": "any"}, "yes", "has a Hamiltonian", marks=pytest.mark.slow),
+        slow({**SLEIGH, "associated": "any"}, "no", "has no Hamiltonian"),
+        slow({**PARTICLE, "associated": "any"}, "yes", "has a Hamiltonian"),
     ],
 )
 def test_title_badge_and_headline_say_the_same(document: dict[str, Any], verdict: str, badge: str) -> None:
@@ -96,6 +96,7 @@ def test_a_glance_ends_with_the_first_l_and_h_and_shows_every_branch() -> None:
     assert len(present(result_tasks.glance_of({"equations": "x'' = -x*abs(x)"}))["sheet"].cases) == 2
 
 
+@pytest.mark.slow
 def test_l_and_h_of_another_clock_are_not_shown_as_those_of_the_motion() -> None:
     result = copy.deepcopy(dict(solve(PARTICLE)))
     assert any(words(note).startswith("These formulas hold where") for note in sheets.sheet_of(result).notes)
