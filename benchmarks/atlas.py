@@ -19,8 +19,8 @@ from typing import Any
 
 from inverse_service import catalogue, solve
 from inverse_service.errors import InputError
+from inverse_service.service.documents import sheets, text_page
 from inverse_service.service.documents.alike import form_of
-from inverse_service.web.pages import sheets
 
 ROOT = Path(__file__).parents[1]
 FILE = ROOT / "inverse_service" / "catalogue" / "entries" / "atlas.ndjson"
@@ -168,7 +168,7 @@ def entry_of(row: Mapping[str, Any], time_limit: float = TIME_LIMIT) -> dict[str
         "source": row["source"],
         "tags": tags_of(row, result, sheet),
         "document": row["document"],
-        "equations": [formula.text for formula in sheet.asked],
+        "equations": [formula.whole for formula in sheet.asked],
         "verdict": sheet.verdict,
         "badge": sheet.badge,
         "without_time": None if constrained else result["verdict"] if result["question"] == "L(q, q')" else None,
@@ -194,10 +194,8 @@ def _shown(result: Mapping[str, Any]) -> Mapping[str, Any]:
 
 
 def _short(text: str | None) -> str | None:
-    """What stands behind "L = "; None where it is too long for a list."""
-    if text is None or len(text) > LONGEST:
-        return None
-    return text.partition(" = ")[2]
+    """The formula; None where it is too long for a list."""
+    return None if text is None or len(text) > LONGEST else text
 
 
 def tags_of(row: Mapping[str, Any], result: Mapping[str, Any], sheet: sheets.Sheet) -> list[str]:
@@ -207,7 +205,7 @@ def tags_of(row: Mapping[str, Any], result: Mapping[str, Any], sheet: sheets.She
     text = f"{row['name']} {row['title']}".lower()
     found = [*row["tags"], f"{count} coordinate{'s' if count != 1 else ''}", sheet.badge]
     found += ["constraints"] if sheets.is_constrained(result) else []
-    found += ["with time only"] if sheet.sentence.endswith("with the time in L.") else []
+    found += ["with time only"] if text_page.plain(sheet.sentence).endswith("with the time in L.") else []
     found += ["arbitrary functions"] if system.get("functions") else []
     found += [word for word in WORDS if word in text]
     return list(dict.fromkeys(found))

@@ -102,8 +102,15 @@ def _bridge() -> Any:
     return from_sympy
 
 
-def _pages() -> Any:
+def _sheets() -> Any:
     """What a result says to a person, which loads the reader of formulas and the checker."""
+    from inverse_service.service.documents import sheets
+
+    return sheets
+
+
+def _pages() -> Any:
+    """Rows of tables, and what is said of runs."""
     from inverse_service.service.documents import text_page
 
     return text_page
@@ -169,13 +176,17 @@ class Answer(dict[str, Any]):
         found, where = self._shown.get("lagrangian"), f" where {', '.join(self._where)}" if self._where else ""
         verdict, words = self.verdict or "equations of motion", []
         if found:
-            words = [f", L = {found['text']}", *_pages().integral_words(self._shown.get("integrals") or {})]
+            words = [f", L = {found['text']}", *(f"with {one.whole}" for one in self._integrals())]
         return f"{type(self).__name__}({verdict}{' '.join(words)}{where})"
+
+    def _integrals(self) -> Any:
+        integrals = self._shown.get("integrals") or {}
+        return _sheets().integrals_of(integrals, _sheets().names_of(self._system, integrals))
 
     @cached_property
     def _where(self) -> tuple[str, ...]:
         """The conditions of the answer and of its L."""
-        found: tuple[str, ...] = _pages().conditions_of(self._shown)
+        found: tuple[str, ...] = _sheets().conditions_of(self._shown)
         return found
 
     @cached_property
@@ -257,9 +268,9 @@ class Answer(dict[str, Any]):
         """The steps of the explanation."""
         from inverse_service.service.documents.latex_page import sentence
 
-        names = _pages().names_of(self._system or None)
+        names = _sheets().names_of(self._system or None)
         steps = self._shown.get("explanation", ())
-        return Listed(Step(step["text"], sentence(step.get("parts") or [step["text"]], names)) for step in steps)
+        return Listed(Step(one["text"], sentence(_sheets().sentence(one, names), inline=True)) for one in steps)
 
     @property
     def solution_space(self) -> Mapping[str, Any] | None:
@@ -374,7 +385,7 @@ class Result(Answer):
 
     @property
     def _shown(self) -> Mapping[str, Any]:
-        found: Mapping[str, Any] = _pages().first_answer(self)
+        found: Mapping[str, Any] = _sheets().first_answer(self)
         return found
 
     @cached_property

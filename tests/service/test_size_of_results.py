@@ -8,8 +8,7 @@ from typing import Any
 import pytest
 
 import inverse_service
-from inverse_service.service.documents import latex_page, text_page
-from inverse_service.web.pages import sheets
+from inverse_service.service.documents import latex_page, sheets, text_page
 from tests.values import slow
 
 KNIFE_EDGE = {
@@ -42,7 +41,7 @@ def test_one_proof_of_a_no_answers_both_questions_at_every_door(equations: str) 
     result = inverse_service.solve({"equations": equations})
     assert (result.verdict, result.verdict_with_time, result.with_time) == ("not_variational", "not_variational", None)
     for page in (text_page.text_page(dict(result), False), latex_page.latex_page(dict(result), False)):
-        assert all(page.count(f"no regular Lagrangian {one} exists") == 1 for one in ("L(q, q')", "L(t, q, q')"))
+        assert page.count("do not come from any regular Lagrangian.") == 1
     answers = sheets.answers_of(result, result)
     assert [(one["verdict"], one["timed"]) for one in answers] == [("not_variational", k) for k in (False, True)]
     found = result.check()

@@ -15,7 +15,7 @@ from inverse_service.web.job_answers import media_type_of
 
 OSCILLATOR = {"equations": "x'' = -k*x - c*x'", "parameters": ["k", "c"]}
 SEEN = {
-    "text/plain": "Variational: a regular Lagrangian L(t, q, q') exists.",
+    "text/plain": "Yes, this equation comes from a Lagrangian that contains the time.",
     "application/x-latex": r"\documentclass",
     "text/x-python": "from sympy import",
 }
@@ -82,7 +82,7 @@ def test_text_and_latex_say_the_same(service: str) -> None:
     assert len({one["text"] for one in found}) >= 4
     assert [one["text"] for one in found if one["text"] not in text.text] == []
     assert [one["latex"] for one in found if one["latex"] not in latex.text] == []
-    assert text.text.count("independent check: valid") == latex.text.lower().count("independent check: valid")
+    assert text.text.count("checker verified the proof") == latex.text.count("checker verified the proof") >= 4
 
 
 def test_a_refusal_stays_a_problem_document(service: str) -> None:

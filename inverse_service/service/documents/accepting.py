@@ -587,6 +587,8 @@ def _changed(value: Any, table: Mapping[str, str], pad: bool = False, latex: boo
         return {
             _in_plain_text(key, table, False) if key not in _STRUCTURE else key: part
             if key in KEPT
+            else ""  # s is that of the symmetry x -> x + s
+            if key == "symmetry" and "s" in table.values()
             else _changed(part, table, pad, latex or key == "latex")
             for key, part in value.items()
         }

@@ -2,19 +2,20 @@
 
 import re
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any
 
 from inverse_service import __version__, errors
 from inverse_service.expressions import notation, printing
 from inverse_service.reading import reader
 from inverse_service.reading.names import Names
-from inverse_service.service.documents import text_page
+from inverse_service.service.documents import sheets, text_page
 
 SIGNS = {"!=": r" \neq ", ">=": r" \geq ", "<=": r" \leq "}
 _AFTER_A_DISPLAY = re.compile(r"((?: \\end\{aligned\})? \\\])([.,:;]+)")
 SPECIAL = {
     "\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}",
-    **{character: f"\\{character}" for character in "&%$#_{}"},
+    **{character: f"\\{character}" for character in "&%$#_{}"}, "\u2192": r"$\to$", "\u03c4": r"$\tau$",
 }  # fmt: skip
 # Letters of a formula on a line of an article, about and at least, and in a line of text.
 LINE, SURELY_ON_A_LINE, IN_A_SENTENCE = 60, 40, 28
@@ -30,12 +31,8 @@ _FIT = r"""\newsavebox{\wide}
 def latex_page(result: dict[str, Any], explain: bool, address: str = "") -> str:
     """The whole document, ending with a newline; `address` is that of the result, if it has one."""
     lines = [r"\documentclass{article}", r"\usepackage{amsmath,amssymb,graphicx,url}", r"\sloppy"]
-    names, part = text_page.names_of(result["system"]), result.get("nonholonomic")
     lines += [_FIT, r"\begin{document}"]
-    if part:
-        found = [display(f"{one['latex']} = 0") for one in part["constraints"]]
-        lines += ["The Lagrangian and the constraints are", display(f"L = {part['lagrangian']['latex']}"), *found]
-    lines += [_line(line, names) for line in text_page.outline(result, explain)]
+    lines += [_line(line) for line in text_page.outline(result, explain)]
     # The comma after a displayed formula belongs in its last line.
     whole = "\n".join([*lines, _source(result, address), r"\end{document}"])
     return _AFTER_A_DISPLAY.sub(r"\2\1", whole) + "\n"
@@ -49,41 +46,40 @@ def _source(result: Mapping[str, Any], address: str) -> str:
     return rf"\paragraph{{}} Found by {program}{place}."
 
 
-def _line(line: text_page.Line, names: Names) -> str:
-    """A paragraph of words and formulas, or a displayed formula, and where it holds."""
-    found, parts = [], line.parts
-    for place, part in enumerate(parts):
-        if place % 2 == 0:
-            assert isinstance(part, str)
-            ended = part.rstrip(")")[-1:] in ".:;?"
-            alone = part and len(parts) == 1
-            found.append(escaped(part[:1].upper() + part[1:] + "." * (not ended) if alone else part))
-        else:
-            before = str(parts[place - 1]).rstrip()
-            is_below = before[-1:] in (".", "") and place == len(parts) - 1
-            found.append((display if is_below else _formula)(_equation(part, names)))
-    paragraph = (r"\par " + rf"\hspace*{{{line.depth - 1}em}}" * (line.depth > 1)) if parts and parts[0] else ""
-    where = f"where {', '.join(_formula(latex_of(one, names)) for one in line.conditions)}." if line.conditions else ""
-    return "\n".join(filter(None, (paragraph + "".join(found), where)))
+def _line(line: text_page.Line) -> str:
+    """A paragraph of words and formulas, or a displayed formula."""
+    if len(line.said) == 1 and isinstance(line.said[0], sheets.Formula):
+        return display(_whole(line.said[0]))
+    indent = rf"\hspace*{{{line.depth - 1}em}}" * (line.depth > 1)
+    return rf"\par {indent}{sentence(line.said)}" if line.said else ""
 
 
-def _equation(formula: text_page.Formula, names: Names) -> str:
-    sides = formula if isinstance(formula, tuple) else (formula,)
-    return " = ".join(
-        latex_of(side, names) if isinstance(side, str) else side.get("latex") or latex_of(side["whole"], names)
-        for side in sides
+def sentence(said: sheets.Sentence, inline: bool = False) -> str:
+    """Words and formulas; those that are long or apart are displayed unless all are to be `inline`."""
+    found: list[str] = []
+    for piece in said:
+        if isinstance(piece, sheets.Formula):
+            is_apart = piece.kind == "display" or _length(_whole(piece)) > IN_A_SENTENCE
+            before = " " if found and found[-1].endswith(".") else ""
+            found.append(display(_whole(piece)) if is_apart and not inline else f"{before}${_whole(piece)}$")
+        elif isinstance(piece, str):
+            found.append(piece if inline else escaped(piece))
+        elif not isinstance(piece.target, Mapping):
+            found.append(escaped(piece.words))
+    return "".join(found)
+
+
+def _whole(formula: sheets.Formula) -> str:
+    left = formula.letter and (_theory if formula.kind == "matrix" else partial(latex_of, names=formula.names))(
+        formula.letter
     )
-
-
-def sentence(parts: Sequence[str], names: Names) -> str:
-    """Words and formulas alternately, the formulas between dollar signs, one after the end of the sentence apart."""
-    found = [f"${latex_of(part, names)}$" if place % 2 else part for place, part in enumerate(parts)]
-    return "".join(f" {part}" if place and found[place - 1].endswith(".") else part for place, part in enumerate(found))
+    right = formula.text and (formula.latex or latex_of(formula.text, formula.names))
+    return " = ".join(filter(None, (left, right)))
 
 
 def conditions_latex(conditions: Sequence[str], system: Mapping[str, Any] | None) -> str:
     """Conditions such as "x != 0" as formulas in a sentence."""
-    names = text_page.names_of(system)
+    names = sheets.names_of(system)
     return ", ".join(f"${latex_of(condition, names)}$" for condition in conditions)
 
 
@@ -122,11 +118,6 @@ def _theory(text: str) -> str:
         found += notation.to_latex(text[place : match.start()]) + rf"\frac{{\partial {above}}}{{\partial {below}}}"
         place = match.end()
     return found + notation.to_latex(text[place:])
-
-
-def _formula(formula: str) -> str:
-    """A formula in a sentence; one that is wider than a line is displayed."""
-    return f"${formula}$" if _length(formula) <= IN_A_SENTENCE else display(formula)
 
 
 def display(formula: str) -> str:

@@ -8,7 +8,7 @@ make and verify it.
 import hashlib
 import hmac
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from functools import partial
 from typing import Any
@@ -23,11 +23,11 @@ from inverse_service import errors
 from inverse_service.decision.solutions import SolveOptions
 from inverse_service.expressions import tree as ex
 from inverse_service.reading import reader
-from inverse_service.service.documents import text_page
+from inverse_service.service.documents import sheets
 from inverse_service.service.jobs import model, tasks
 from inverse_service.web import clients
 from inverse_service.web.engine import Engine
-from inverse_service.web.pages import WORDS, forms, preview, rendering, result_tasks, sheets, solve, typesetting
+from inverse_service.web.pages import WORDS, forms, preview, rendering, result_tasks, solve, typesetting
 
 router = APIRouter()
 ASKED: dict[str, tuple[str, str, str]] = WORDS["exercises"]
@@ -43,7 +43,7 @@ class Exercise:
     constants: Markup | str
     hints: list[Markup] = field(default_factory=list)
     motion: dict[str, Any] | None = None
-    judged: sheets.Judged | None = None
+    judged: result_tasks.Judged | None = None
     wanted: list[Markup] = field(default_factory=list)
     problem: str = ""
 
@@ -55,7 +55,7 @@ def exercise_task(fields: Mapping[str, str], ask: str, answer: str, own: str) ->
         result = tasks.solve_task(document, SolveOptions(time_limit=result_tasks.GLANCE))
     except errors.InputError as error:
         return Exercise([], "", problem=forms.sentence(error.places[0]) if error.places else str(error))
-    system, names = result["system"], text_page.names_of(result["system"])
+    system, names = result["system"], sheets.names_of(result["system"])
     sheet = sheets.sheet_of(result, brief=True)
     wanted = [typesetting.formula(f"{name}'' = {text}", names) for name, text in system["equations"].items()]
     judged = None
@@ -64,8 +64,8 @@ def exercise_task(fields: Mapping[str, str], ask: str, answer: str, own: str) ->
     elif answer == "one" and own.strip():
         judged = judged_of(document, own, ask, names)
     return Exercise(
-        [f.math for f in sheet.asked],
-        Markup(", ").join(sheet.about),
+        [typesetting.said(formula) for formula in sheet.asked],
+        Markup(", ").join(map(typesetting.said, sheet.about)),
         hints_of(result, names),
         preview.motion_of_result(result),
         judged,
@@ -73,24 +73,20 @@ def exercise_task(fields: Mapping[str, str], ask: str, answer: str, own: str) ->
     )
 
 
-def _judged_existence(verdict: str, answer: str) -> sheets.Judged:
+def _judged_existence(verdict: str, answer: str) -> result_tasks.Judged:
     """The judgment of "none" or "exists"."""
     if verdict not in (sheets.YES, sheets.NO):
-        return sheets.Judged("", sheets.OPEN, "The program could not decide.")
+        return result_tasks.Judged("", sheets.OPEN, "The program could not decide.")
     is_right = (verdict == sheets.YES) == (answer == "exists")
     said = f"{'Right' if is_right else 'Not yet'}. There is {'one' if verdict == sheets.YES else 'none'}."
-    return sheets.Judged("", sheets.YES if is_right else sheets.NO, said)
+    return result_tasks.Judged("", sheets.YES if is_right else sheets.NO, said)
 
 
-def judged_of(document: Mapping[str, Any], own: str, ask: str, names: Any) -> sheets.Judged:
+def judged_of(document: Mapping[str, Any], own: str, ask: str, names: Any) -> result_tasks.Judged:
     """The checker's verdict on a student's L, or on the L that belongs to a student's H."""
     means = partial(lagrangian_of, names=names) if ask == "hamiltonian" else forms.right_side
-    judged = sheets.judged_of(result_tasks.check_of(document, own, means), names)
     letter = "H" if ask == "hamiltonian" else "L"
-    lines = [Markup(str(line).replace("Your L", f"Your {letter}")) for line in judged.lines]
-    return sheets.Judged(
-        own, judged.verdict, judged.headline.replace("this L", f"this {letter}"), lines, judged.reasons
-    )
+    return replace(result_tasks.judged_of(result_tasks.check_of(document, own, means), names, letter), lagrangian=own)
 
 
 def lagrangian_of(hamiltonian: str, names: Any) -> str:
@@ -139,7 +135,7 @@ def hints_of(result: Mapping[str, Any], names: Any) -> list[Markup]:
         )
     elif conditions.get("Phi"):
         third = Markup("Here Φ = {}. Which symmetric g make g Φ symmetric, too?").format(
-            typesetting.matrix(conditions["Phi"], names)
+            typesetting.said(sheets.matrix_of("", conditions["Phi"], names))
         )
     else:
         third = Markup("Which symmetric g make g Φ symmetric, too?")

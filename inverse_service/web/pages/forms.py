@@ -13,7 +13,7 @@ from markupsafe import Markup
 from inverse_service import errors
 from inverse_service.expressions import letters, notation
 from inverse_service.reading import document_names, reader
-from inverse_service.service.documents import plain_data, text_page
+from inverse_service.service.documents import plain_data, sheets
 from inverse_service.service.jobs import model, tasks
 from inverse_service.web.pages import WORDS, typesetting
 
@@ -370,7 +370,7 @@ Problem = list[ShownPlace]
 
 def understood(answer: Mapping[str, Any], time: str = "t") -> Understood:
     """The answer of /v1/parse about a document with this time, typeset, with the guessed names."""
-    names = text_page.names_of({**answer, "time": time})
+    names = sheets.names_of({**answer, "time": time})
     lagrangian, equations = answer.get("lagrangian"), (answer.get("equations") or {}).items()
     groups = (
         ("Lagrangian", [lagrangian["text"]] if lagrangian else []),
@@ -380,7 +380,7 @@ def understood(answer: Mapping[str, Any], time: str = "t") -> Understood:
     timed = [Markup("containing {}").format(typesetting.formula(time, names))] if answer.get("depends_on_time") else []
     return Understood(
         [(words, [(one, typesetting.formula(one, names)) for one in lines]) for words, lines in groups if lines],
-        [*typesetting.meanings(answer), *timed],
+        [*map(typesetting.said, sheets.meanings(answer)), *timed],
         [(one["text"], one["as"], _as_a_name(one["text"], one["as"])) for one in answer.get("readings", ())],
     )
 
@@ -411,7 +411,7 @@ def sentence(place: errors.Place, fields: Collection[str] = (), is_marked: bool 
     if place.declare and place.declare in fields:
         where = f"\u201c{FIELD_NAMES[place.declare]}\u201d, in \u201cAsk in detail\u201d"
         said += f" A name can be declared in {where}."
-    return typesetting.capitalized(said) if said.startswith(("the ", "a ", "an ", "this ", "what ", "where ")) else said
+    return sheets.capitalized(said) if said.startswith(("the ", "a ", "an ", "this ", "what ", "where ")) else said
 
 
 def _fault(place: Mapping[str, Any]) -> errors.Place:

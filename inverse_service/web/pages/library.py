@@ -18,7 +18,7 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 from inverse_service import __version__, errors
 from inverse_service.catalogue import atlas
 from inverse_service.reading.names import Names
-from inverse_service.service.documents import text_page
+from inverse_service.service.documents import sheets
 from inverse_service.web import routes
 from inverse_service.web.pages import WORDS, forms, rendering, typesetting
 from inverse_service.web.problems import Refusal
@@ -154,7 +154,7 @@ async def atlas_entry(name: str) -> HTMLResponse:
     found = atlas.entries().get(name)
     if found is None:
         raise Refusal(404, "not-found", "The atlas has no system of this name; /atlas searches it.")
-    names = text_page.names_of(found["document"])
+    names = sheets.names_of(found["document"])
     formulas = [typesetting.proposition(text, names) for text in found["equations"]]
     answers = [(letter, found[key]) for letter, key in (("L", "lagrangian"), ("H", "hamiltonian")) if found[key]]
     return rendering.page(

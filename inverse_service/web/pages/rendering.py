@@ -23,10 +23,11 @@ from starlette.requests import Request
 from starlette.responses import HTMLResponse, Response
 
 from inverse_service.expressions import letters
+from inverse_service.service.documents import sheets
 from inverse_service.service.jobs import tasks
 from inverse_service.service.scenes import prices
 from inverse_service.web import clients
-from inverse_service.web.pages import WORDS, typesetting
+from inverse_service.web.pages import WORDS, forms, typesetting
 from inverse_service.web.problems import Refusal
 
 TYPES = {"css": "text/css", "js": "text/javascript", "svg": "image/svg+xml", "png": "image/png", "woff2": "font/woff2"}
@@ -203,7 +204,8 @@ def environment() -> Environment:
     for said in (prices.short_number, prices.duration, prices.method_name):
         found.filters[said.__name__] = said
     found.filters["code_marks"] = code_marks
-    found.filters["capitalized"] = typesetting.capitalized
+    found.filters["said"] = lambda sentence: typesetting.said(sentence, forms.question_address)
+    found.filters["capitalized"] = sheets.capitalized
     found.filters["progress_text"] = progress_text
     return found
 

@@ -6,21 +6,22 @@ With them: what to try next where an answer stayed open, the texts to take along
 import gzip
 import json
 import pprint
-import re
 import shlex
 import textwrap
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
 from starlette.responses import HTMLResponse
 
 from inverse_service import errors
 from inverse_service.decision.solutions import SolveOptions
-from inverse_service.service.documents import latex_page, plain_data, text_page
+from inverse_service.reading import document_names
+from inverse_service.reading.names import Names
+from inverse_service.service.documents import latex_page, plain_data, sheets, text_page
 from inverse_service.service.figures import views
 from inverse_service.service.jobs import model, opening, tasks
-from inverse_service.web.pages import WORDS, forms, preview, rendering, sheets, simulations
+from inverse_service.web.pages import WORDS, forms, preview, rendering, simulations
 
 T = TypeVar("T")
 OFFER_TERMS = "Offer terms that L may contain, in \u201cAsk in detail\u201d: for example {}."
@@ -38,7 +39,7 @@ def advice_for(result: Mapping[str, Any], largest: float) -> list[str]:
     run = [LONG_RUN] if limit is not None and longer_of(result, largest) is None else []
     if verdict == sheets.OPEN:
         return [*run, *_about_size(result)]
-    shown = sheets.answers_of(text_page.branches_of(result)[0], result)[0]
+    shown = sheets.answers_of(sheets.branches_of(result)[0], result)[0]
     if verdict == sheets.YES and not sheets.is_constrained(result) and not shown.get("lagrangian"):
         return [*run, OFFER_TERMS.format(_terms_of(result["system"]))]
     return []
@@ -74,7 +75,7 @@ def _about_size(result: Mapping[str, Any]) -> list[str]:
     if system.get("parameters"):
         found.append("Assign values to the parameters, such as k = 1/2. Numeric systems are faster.")
     both_are_open = result["verdict"] == "undetermined" and result.get("verdict_with_time") is not None
-    if both_are_open and not text_page.asks_for_time(result):
+    if both_are_open and not sheets.asks_for_time(result):
         found.append(ONE_QUESTION)
     return found or ["Write the equations in other coordinates, or solve uncoupled parts separately."]
 
@@ -130,6 +131,45 @@ def check_of(document: Any, text: str, to_lagrangian: Callable[[str], str]) -> d
     return {**found, "lagrangian": lagrangian}
 
 
+@dataclass(frozen=True, slots=True)
+class Judged:
+    """The judgment of a visitor's own L: a word, a sentence, what L gives and where it fails, and reasons."""
+
+    lagrangian: str
+    verdict: str
+    headline: str
+    lines: tuple[sheets.Sentence, ...] = ()
+    reasons: tuple[str, ...] = ()
+
+
+def judged_of(check: Mapping[str, Any], names: Names, letter: str = "L") -> Judged:
+    """The verdict on a visitor's L, with the accelerations that it gives along the motion, and where it fails."""
+    names = _with_own_names(check["lagrangian"], names)
+    lines: list[sheets.Sentence] = [
+        (f"Your {letter} gives ", sheets.Formula(f"{name}'' = {f['text']}", names))
+        for name, f in (check.get("equations") or {}).items()
+    ]
+    lines += [
+        ("It fails where ", *sheets.listed(cell["domain"], names))
+        for cell in check.get("cells") or ()
+        if cell["verdict"] != "valid" and cell["domain"]
+    ]
+    verdict, headline = WORDS["own"][check["verdict"]]
+    reasons = () if verdict == sheets.YES else tuple(check.get("reasons") or ())  # of a yes the headline says them
+    return Judged(check["lagrangian"], verdict, headline.replace("this L", f"this {letter}"), tuple(lines), reasons)
+
+
+def _with_own_names(lagrangian: str, names: Names) -> Names:
+    """The names with the constants and functions that occur in a visitor's L alone."""
+    try:
+        declared = document_names.Declared(names.coordinates, document_names.GUESS, names.functions)
+        found = document_names.known_names(declared, {"": forms.right_side(lagrangian)}, order=1).names
+    except errors.InputError:
+        return names
+    parameters = tuple(dict.fromkeys((*names.parameters, *found.parameters)))
+    return replace(names, parameters=parameters, functions=found.functions)
+
+
 def figure_data_task(store: str, id: str) -> bytes:
     """The data of all figures of a simulation, as JSON, which shrinks to a fifth."""
     data = json.dumps(views.figures_of(_result(store, id)), allow_nan=False)
@@ -157,7 +197,7 @@ def answer_picture_task(store: str, id: str, ending: str) -> bytes | None:
     except ModuleNotFoundError:  # the extras "simulation" and "figures" are not installed
         return None
     found = _result(store, id)
-    words = re.sub(r"<[^>]+>", "", str(sheets.sheet_of(found, brief=True).sentence))
+    words = text_page.plain(sheets.sheet_of(found, brief=True).sentence)
     return picture_of(found, ending, "\n".join(textwrap.wrap(words, 28)))
 
 
@@ -215,7 +255,7 @@ def solve_result(look: Look, job: Mapping[str, Any], check: Mapping[str, Any] | 
     found, system = job["result"], job["result"]["system"]
     is_open = job["status"] != "successful"
     sheet = sheets.sheet_of(found, grows=is_open)
-    judged = sheets.judged_of(check, text_page.names_of(system)) if check and "lagrangian" in check else None
+    judged = judged_of(check, sheets.names_of(system)) if check and "lagrangian" in check else None
     advice = advice_for(found, look.time_limit) if "verdict" in found and not is_open else []
     return rendering.page(
         "sheet.html",
@@ -230,6 +270,7 @@ def solve_result(look: Look, job: Mapping[str, Any], check: Mapping[str, Any] | 
         own=judged,
         can_judge=bool(system) and "verdict" in found and not sheets.is_constrained(found) and not is_open,
         advice=advice,
+        seconds=_seconds_of(found),
         longer=longer_of(found, look.time_limit) if advice else None,
         more_words=_words_of_more(sheet),
         exports=exported(found),
@@ -242,13 +283,17 @@ def _conditions_shown(result: Mapping[str, Any]) -> tuple[str, ...]:
     """The domain of the displayed formulas; the picture begins there."""
     if "verdict" not in result or sheets.is_constrained(result):
         return ()
-    return text_page.conditions_of(sheets.answers_of(text_page.branches_of(result)[0], result)[0])
+    return sheets.conditions_of(sheets.answers_of(sheets.branches_of(result)[0], result)[0])
+
+
+def _seconds_of(result: Mapping[str, Any]) -> float:
+    seconds = (result.get("provenance") or {}).get("seconds") or {}
+    return float(seconds.get("all", sum(value for value in seconds.values() if isinstance(value, int | float))))
 
 
 def _words_of_more(sheet: sheets.Sheet) -> str:
     """The contents of "More" in one line."""
-    names = [row.name for case in sheet.cases for row in case.more] + [row.name for row in sheet.more]
-    told = [name for name in dict.fromkeys(names) if name != "Time"]
+    told = list(dict.fromkeys(row.name for row in [*(row for case in sheet.cases for row in case.more), *sheet.more]))
     return ", ".join(name.lower() if k else name for k, name in enumerate(told[:5])) or "Check your own L"
 
 

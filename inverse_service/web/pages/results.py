@@ -18,7 +18,7 @@ from starlette.requests import Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
 from inverse_service.reading import document_names
-from inverse_service.service.documents import text_page
+from inverse_service.service.documents import sheets, text_page
 from inverse_service.service.figures import views
 from inverse_service.service.jobs import tasks
 from inverse_service.service.jobs.batch import answer_line
@@ -27,7 +27,7 @@ from inverse_service.service.jobs.statements import BatchAnswer
 from inverse_service.web import asking, clients, middleware, routes
 from inverse_service.web.engine import LONG_DEADLINE, QUICK_DEADLINE, Engine
 from inverse_service.web.job_answers import MINIMAL, REVALIDATE, is_known, stored_response
-from inverse_service.web.pages import forms, result_tasks, sheets, simulations
+from inverse_service.web.pages import forms, result_tasks, simulations
 from inverse_service.web.pages.rendering import VISITOR, csv_of, framed, packed, page
 from inverse_service.web.problems import Refusal, known
 
@@ -409,5 +409,5 @@ def row_of(answer: BatchAnswer) -> Row:
     where = row["where"] + (f"; {others} more {'case' if others == 1 else 'cases'}" if others > 0 else "")
     verdict = row["verdict"] or "done"  # results of other kinds have none
     word, shade = (sheets.badge_of(found), sheets.verdict_of(found)) if "verdict" in found else ("done", "")
-    checked = sheets.proof_of(text_page.first_answer(found)) or ""
+    checked = sheets.proof_of(sheets.first_answer(found)) or ""
     return Row(answer.number, name, verdict, word, shade, row["L"] or "", row["reason"] or "", checked, where)

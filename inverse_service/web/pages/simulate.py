@@ -21,7 +21,7 @@ from inverse_service.deadline import now
 from inverse_service.expressions.tree import Expression, Symbol
 from inverse_service.reading import reader
 from inverse_service.reading.names import Names
-from inverse_service.service.documents import text_page
+from inverse_service.service.documents import sheets
 from inverse_service.web.pages import WORDS, forms, library, preview, rendering, result_tasks, results, solve
 from inverse_service.web.pages.typesetting import formulas_of
 from inverse_service.web.problems import Refusal, known
@@ -473,7 +473,7 @@ def _form_of_result(result: Mapping[str, Any], job: str) -> tuple[SceneForm, dic
             found = {"free_lagrangian": result["lagrangian"]["text"]}
     else:
         system = {"result": result}
-        answer = next((one for one, _ in text_page.answers_of(result, result) if one["lagrangian"]), answer)
+        answer = next((one for one, _ in sheets.in_order(result, result) if one["lagrangian"]), answer)
     form = with_good_start(form_of_system(system, job=job), system, answer, found)
     return form, {"system": system, **found}
 

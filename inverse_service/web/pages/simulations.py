@@ -11,7 +11,7 @@ from markupsafe import Markup
 from starlette.responses import HTMLResponse
 
 from inverse_service.reading.names import Names
-from inverse_service.service.documents import text_page
+from inverse_service.service.documents import sheets, text_page
 from inverse_service.service.figures import views
 from inverse_service.service.scenes import prices
 from inverse_service.web.pages import preview, rendering, typesetting
@@ -222,7 +222,7 @@ def notes_of(result: Mapping[str, Any]) -> list[str]:
     found: dict[str, list[str]] = {}
     for method in result["methods"]:
         own = [str(method[key]) for key in ("note", "energy_note", "error_note", "phase_note") if method.get(key)]
-        own = [typesetting.capitalized(text).replace(FIELD, "") for text in own]
+        own = [sheets.capitalized(text).replace(FIELD, "") for text in own]
         for text in (*own, *text_page.notes_of_formulas(method)):
             found.setdefault(text, []).append(method["label"])
     return [

@@ -13,9 +13,10 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 
 from api_schemas import base
 from inverse_service import catalogue, errors
+from inverse_service.service.documents import sheets
 from inverse_service.web import clients
 from inverse_service.web.engine import LONG_DEADLINE, QUICK_DEADLINE, Engine
-from inverse_service.web.pages import WORDS, forms, rendering, result_tasks, results, sheets
+from inverse_service.web.pages import WORDS, forms, rendering, result_tasks, results
 from inverse_service.web.problems import Refusal
 
 router = APIRouter()

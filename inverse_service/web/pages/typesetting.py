@@ -4,7 +4,7 @@ What cannot be read is shown as it is written; nothing is left out.
 """
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from markupsafe import Markup, escape
@@ -13,7 +13,7 @@ from inverse_service import errors
 from inverse_service.expressions import letters, notation, printing
 from inverse_service.reading import reader
 from inverse_service.reading.names import Names
-from inverse_service.service.documents import text_page
+from inverse_service.service.documents import sheets
 
 # Beyond this a formula is read as text, in a box that scrolls.
 MAX_CHARACTERS = 4_000
@@ -63,28 +63,30 @@ def equation(letter: str, text: str, names: Names) -> Markup:
     return math(f"<mrow>{left}<mo>=</mo></mrow>") + found
 
 
-def integrals(found: Mapping[str, Any], names: Names) -> list[Markup]:
-    """G(x) = ∫ F(x) dx for each integral; its derivatives if there are several."""
-    lines = []
-    for name, known in found.items():
-        whole = formula(f"{name}({', '.join(known['arguments'])})", names)
-        for by, slope in known["derivatives"].items():
-            within, variable = formula(slope, names), formula(by, names)
-            alone = len(known["derivatives"]) == 1
-            shape = "{} = \u222b ({}) d{}" if text_page.is_sum(slope) else "{} = \u222b {} d{}"
-            pair = (whole, within, variable) if alone else (whole, variable, within)
-            lines.append(Markup(shape if alone else "\u2202{}/\u2202{} = {}").format(*pair))
-    return lines
+def said(sentence: sheets.Sentence | sheets.Formula | sheets.Word, address_of: Callable[[Any], str] = str) -> Markup:
+    """A sentence of a sheet, or a piece of one; `address_of` gives the address of a question, empty for none."""
+    if isinstance(sentence, tuple):
+        return Markup("").join(escape(one) if isinstance(one, str) else said(one, address_of) for one in sentence)
+    if isinstance(sentence, sheets.Word):
+        if not sentence.verdict:
+            return _link(sentence, address_of)
+        return Markup('<span class="{}">{}</span>').format(sentence.verdict, sentence.words)
+    text, names = sentence.text, sentence.names
+    if sentence.kind == "matrix":
+        left = f"{spaced(_theory(sentence.letter))}<mo>=</mo>" if sentence.letter and text else _theory(sentence.letter)
+        return math(f"<mrow>{left}{_side_mathml(text, names)}</mrow>", display=bool(text))
+    if sentence.kind:
+        found = proposition(sentence.whole, names)
+        return Markup('<span class="display">{}</span>').format(found) if sentence.kind == "display" else found
+    return equation(sentence.letter, text, names) if sentence.letter else formula(text, names)
 
 
-def meanings(system: Mapping[str, Any]) -> list[Markup]:
-    """What the names of a system mean that are not its coordinates: constants, and functions that may be any."""
-    parameters, functions = system.get("parameters") or (), (system.get("functions") or {}).items()
-    names = text_page.names_of(system) if parameters or functions else Names()
-    constants = [formula(name, names) for name in parameters]
-    wanted = [formula(f"{name}({', '.join(of)})", names) for name, of in functions]
-    groups = ((f"with constant{'s' * (len(constants) > 1)}", constants), ("any function", wanted))
-    return [Markup("{} {}").format(words, Markup(", ").join(listed)) for words, listed in groups if listed]
+def _link(word: sheets.Word, address_of: Callable[[Any], str]) -> Markup:
+    """Words that lead to a part of the page, or a sentence that leads to a question."""
+    if isinstance(word.target, str):
+        return Markup('<a href="{}">{}</a>').format(word.target, word.words) if word.target else Markup("")
+    address = address_of(word.target)
+    return Markup(' <a href="{}">{}</a>.').format(address, word.words) if address else Markup("")
 
 
 def _breakable(text: str, names: Names) -> Markup | None:
@@ -103,11 +105,6 @@ def _breakable(text: str, names: Names) -> Markup | None:
     if len(parts) > 1 and terms[1][0] in RELATIONS:  # no line ends behind the left side
         parts[:2] = ["".join(parts[:2])]
     return Markup(" ").join(math(f"<mrow>{part}</mrow>") for part in parts)
-
-
-def capitalized(text: str) -> str:
-    """A sentence, or a name as a title, with its first letter in upper case."""
-    return text[:1].upper() + text[1:]
 
 
 def code(text: str) -> Markup:
@@ -131,34 +128,6 @@ def of_theory(text: str) -> Markup:
     return math(spaced(_theory(text)))
 
 
-def sentence(step: Mapping[str, Any] | str, names: Names) -> Markup:
-    """A sentence with its formulas typeset, on the page; what is to be shown below it comes last.
-
-    `parts` of a step are texts, words and formulas alternately; older results have {kind, text} for each.
-    """
-    if isinstance(step, str):
-        return escape(step)
-    parts = step.get("parts") or [step.get("text") or step.get("statement") or ""]
-    pairs = [
-        (("text", "formula")[k % 2], part) if isinstance(part, str) else (part["kind"], part["text"])
-        for k, part in enumerate(parts)
-    ]
-    pairs = [(kind, text) for kind, text in pairs if kind in ("text", "formula", "display") and text]
-    # A formula behind a full stop is no part of a sentence.
-    ended = [False, *(kind == "text" and text.rstrip().endswith(".") for kind, text in pairs)]
-    return Markup("").join(
-        _said("display" if kind == "formula" and alone else kind, text, names)
-        for (kind, text), alone in zip(pairs, ended, strict=False)
-    )
-
-
-def _said(kind: str, text: str, names: Names) -> Markup:
-    if kind == "text":
-        return escape(text)
-    found = proposition(text, names)
-    return Markup('<span class="display">{}</span>').format(found) if kind == "display" else found
-
-
 def proposition(text: str, names: Names) -> Markup:
     """A formula of a proof: relations between formulas of the system, matrices, and terms of the theory."""
     if len(text) > MAX_CHARACTERS:
@@ -171,6 +140,10 @@ def proposition(text: str, names: Names) -> Markup:
 
 
 def _side_mathml(side: str, names: Names) -> str:
+    if side.startswith("\u222b "):
+        integrand, _, by = side[2:].rpartition(" d")
+        inner = _side_mathml(integrand, names) + "<mi>d</mi>" + _side_mathml(by, names)
+        return f"<mo>\u222b</mo>{inner}"
     if side.startswith("[[") and side.endswith("]]"):
         rows = [row.strip()[1:-1] for _, row in notation.split_outside(side[1:-1], ",")]
         found = matrix_inner([[entry for _, entry in notation.split_outside(row, ",")] for row in rows], names)
@@ -239,7 +212,7 @@ def low_fences(mathml: str) -> str:
 
 def formulas_of(system: Mapping[str, Any]) -> tuple[Markup, ...]:
     """The definition of a system: L and the constraints, or its solved equations."""
-    names = text_page.names_of(system)
+    names = sheets.names_of(system)
     found = [equation("L", system["lagrangian"], names)] if system.get("lagrangian") else []
     constraints, equations = system.get("constraints") or (), system.get("equations")
     lines = [f"{text} = 0" for text in ([constraints] if isinstance(constraints, str) else constraints)]

@@ -172,7 +172,7 @@ def test_a_researcher(pages: Pages, service: str, tmp_path: Path) -> None:
         page.get_by_label("A file").set_input_files(file)
         page.get_by_role("button", name="Solve all").click()
         expect(page.get_by_role("status")).to_contain_text("3 of 3 done, 1 failed")
-        for row, word in enumerate(("a Lagrangian", "no Lagrangian", "failed")):
+        for row, word in enumerate(("has a Lagrangian", "no Lagrangian", "failed")):
             expect(page.locator("tbody tr").nth(row)).to_contain_text(word)
         table = page.request.get(page.url + "/results.csv").text().splitlines()
         assert table[0] == "line,name,verdict,lagrangian or reason,checked,where"

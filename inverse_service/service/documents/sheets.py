@@ -1,0 +1,857 @@
+"""One answer as a person reads it, for every printer: the verdict in a sentence, L and H, a table for a motion on
+constraints, the proofs, and more.
+
+A sentence is words, formulas, and words with a meaning; `text_page` prints it as text, `latex_page` as LaTeX, and the
+pages as HTML. The verdict of a result is formed here alone: a yes with t is a yes. Title, history, atlas, and badges
+take it from here.
+"""
+
+import json
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from inverse_service import errors
+from inverse_service.certificate.formulas import FORMAT
+from inverse_service.expressions import printing, tree as ex
+from inverse_service.reading import reader
+from inverse_service.reading.names import Names
+from inverse_service.service.documents import canonical, growing
+
+ARROW = "\u2192"
+YES, NO, OPEN, DIFFERS = "yes", "no", "open", "differs"
+VERDICTS = {"variational": YES, "not_variational": NO}
+BADGES = {YES: "has a Lagrangian", NO: "no Lagrangian", OPEN: "undetermined", DIFFERS: "differs by case"}
+OF_MOTION = {YES: "has a Hamiltonian", NO: "has no Hamiltonian", OPEN: "undetermined", DIFFERS: "differs by case"}
+LONGEST_TITLE = 60  # characters of its first line
+LONGEST_TYPED = 4_000  # characters of equations that are shown as they were typed
+MAX_STEPS = 200  # of a proof; the whole is in the JSON
+LONGEST_MATRICES = 6_000  # characters of all matrices together: typeset they weigh 25 times that
+TENSORS = (("Phi", "Phi"), ("nabla Phi", "nabla_Phi"))
+CHECKED = "An independent checker verified the proof."
+QUESTION_WITH_TIME = "L(t, q, q')"
+QUESTIONS = frozenset(("existence", "existence_with_time"))
+FORMULAS = (("L", "lagrangian"), ("H", "hamiltonian"))
+MOST_SOUGHT = 3
+SEEKING = "Being decided"
+STATED = {"holds": "Holds", "fails": "Fails", "not settled": "Undetermined"}
+ANSWERS = {YES: "Yes", NO: "No", OPEN: "Undetermined"}
+OF_OTHERS = ("Reduced", "Another clock")
+NEW_TIME = "a new time, d\u03c4 = N dt"
+# What is said of a proof that the checker did not call valid; of what there is instead of an L(q, q'); of kinds of
+# Lagrangians; of associated systems.
+_WORDS = json.loads((Path(__file__).parent / "sheets.json").read_text(encoding="utf-8"))
+DOUBTED: dict[str, str] = _WORDS["doubted"]
+INSTEAD: dict[str, str] = _WORDS["instead"]
+KIND_NAMES: dict[str, str] = _WORDS["kinds"]
+HINTS: dict[str, str] = _WORDS["hints"]
+
+
+@dataclass(frozen=True, slots=True)
+class Formula:
+    """A formula in these names, perhaps after its symbol and an equals sign, and lines of small print below it.
+
+    `kind` is "step" for one of a proof, which may be in the notation of the theory, "display" for one that is shown
+    below its sentence, "matrix" for a matrix, whose symbol is one of the theory. Without `latex` that of the text is
+    meant.
+    """
+
+    text: str
+    names: Names
+    letter: str = ""
+    latex: str = ""
+    notes: tuple["Sentence", ...] = ()
+    kind: str = ""
+
+    @property
+    def whole(self) -> str:
+        """The formula as plain text, with its symbol."""
+        return " = ".join(filter(None, (self.letter, self.text)))
+
+
+@dataclass(frozen=True, slots=True)
+class Word:
+    """Words in the color of a verdict, or that lead to a part of the page (`#more`) or to a question: its document."""
+
+    words: str
+    verdict: str = ""
+    target: str | Mapping[str, Any] = ""
+
+
+Sentence = tuple[str | Formula | Word, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class SpecialCase:
+    """A case of the parameters and the cases inside it."""
+
+    said: Sentence
+    inner: tuple["SpecialCase", ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """A line of the table of a motion on constraints, or of "More": what it is about, a word, formulas, the proof."""
+
+    name: str
+    hint: Sentence = ()
+    verdict: str = ""
+    word: str = ""
+    formulas: tuple[Formula, ...] = ()
+    steps: tuple[Sentence, ...] = ()
+    is_main: bool = False
+    domain: Sentence = ()  # of the formulas
+    tree: tuple[SpecialCase, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """The answer on one domain."""
+
+    verdict: str
+    sentence: Sentence
+    notes: tuple[Sentence, ...]
+    formulas: tuple[Formula, ...] = ()
+    proofs: tuple[tuple[str, tuple[Sentence, ...]], ...] = ()
+    more: tuple[Row, ...] = ()
+    # What is in the place of L and H after a no: how its proof begins and ends.
+    gist: tuple[tuple[str, Sentence], ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Sheet:
+    """All that is said of a result."""
+
+    title: str
+    verdict: str
+    badge: str
+    sentence: Sentence
+    notes: tuple[Sentence, ...]
+    asked: tuple[Formula, ...]
+    about: tuple[Sentence, ...]
+    cases: tuple[Case, ...]
+    table: tuple[Row, ...] = ()
+    more: tuple[Row, ...] = ()
+    matrices: tuple[Sentence, ...] = ()
+    missing: tuple[str, ...] = ()
+    sought: tuple[str, ...] = ()
+
+    @property
+    def first(self) -> Case | None:
+        """The case that is shown large."""
+        return self.cases[0] if self.cases else None
+
+    @property
+    def proofs(self) -> list[tuple[str, tuple[Sentence, ...]]]:
+        """Every proof with its heading."""
+        return [proof for case in self.cases for proof in case.proofs]
+
+
+# What a result has.
+
+
+def branches_of(result: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """The answers on each branch; the result itself where there is one."""
+    return result.get("branches") or [result]
+
+
+def asks_for_time(result: Mapping[str, Any]) -> bool:
+    """Whether the main fields answer L(t, q, q')."""
+    return bool(result["question"] == QUESTION_WITH_TIME)
+
+
+def is_constrained(result: Mapping[str, Any]) -> bool:
+    """Whether the result is about a motion on constraints."""
+    return bool(result.get("nonholonomic") or result.get("any_associated"))
+
+
+def in_order(branch: Mapping[str, Any], result: Mapping[str, Any]) -> list[tuple[Mapping[str, Any], bool]]:
+    """The answers on a branch in a reader's order, each with whether it is on L(t, q, q').
+
+    The question that was asked comes first, unless it has a Lagrangian that was not found in closed form, or the other
+    one has a Lagrangian of a simpler kind.
+    """
+    main, other = (branch, asks_for_time(result)), branch.get("with_time")
+    if other is None:
+        return [main]
+    texts = [part["lagrangian"]["text"] for part in (branch, other) if part["lagrangian"]]
+    kinds = [_reading_class(text, result["system"]) for text in texts]
+    exists_only = not branch["lagrangian"] and branch["verdict"] == "variational"
+    is_better = kinds[1] < kinds[0] if len(kinds) == 2 else exists_only and bool(texts)
+    return [(other, True), main] if is_better else [main, (other, True)]
+
+
+def _reading_class(lagrangian: str, system: Mapping[str, Any]) -> int:
+    try:
+        return ex.reading_class(reader.read_formula(lagrangian, names_of(system)), ex.Symbol(system.get("time", "t")))
+    except errors.InputError:
+        return 3
+
+
+def answers_of(branch: Mapping[str, Any], result: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """The answers to both questions, those with a Lagrangian first, each with `timed`."""
+    found = [{**answer, "timed": timed} for answer, timed in in_order(branch, result)]
+    verdict = branch.get("verdict_with_time")
+    if len(found) == 1 and verdict is not None and not found[0]["timed"]:
+        found.append({"verdict": verdict, "timed": True})  # the same proof answers both
+    return sorted(found, key=lambda one: (one["verdict"] != "variational", not one.get("lagrangian")))
+
+
+def first_answer(result: Mapping[str, Any]) -> Mapping[str, Any]:
+    """The answer that a reader meets first; a result without a question is its own."""
+    asked = result.get("verdict") and "question" in result
+    return in_order(result, result)[0][0] if asked else result
+
+
+def conditions_of(answer: Mapping[str, Any]) -> tuple[str, ...]:
+    """Where the answer holds and its L is one."""
+    conditions = (*(answer.get("domain") or ()), *(answer.get("lagrangian") or {}).get("domain", ()))
+    return tuple(dict.fromkeys(conditions))
+
+
+def names_of(system: Mapping[str, Any] | None, integrals: Mapping[str, Any] | None = None) -> Names:
+    """The names of a result's system or of a document; momenta, entries of the multiplier and L, H are parameters.
+
+    `integrals` are functions that an answer has besides.
+    """
+    if system is None:
+        return Names(parameters=("L", "H"))
+    equations, given = system.get("equations"), system.get("parameters") or ()
+    coordinates = tuple(system.get("coordinates") or (equations if isinstance(equations, Mapping) else ()))
+    n = len(coordinates)
+    entries = [f"{letter}_{i}{j}" for letter in "gh" for i in range(1, n + 1) for j in range(i, n + 1)]
+    functions = {name: tuple(arguments) for name, arguments in (system.get("functions") or {}).items()}
+    functions |= {name: tuple(known["arguments"]) for name, known in (integrals or {}).items()}
+    parameters = () if isinstance(given, str) else given  # "guess"
+    words = (system.get("time", "t"), *parameters, *(f"p_{name}" for name in coordinates), *entries, "L", "H")
+    taken = {*coordinates, *functions, "t"}
+    return Names(coordinates, tuple(dict.fromkeys(word for word in words if word not in taken)), functions)
+
+
+# The rule.
+
+
+def verdict_of(result: Mapping[str, Any]) -> str:
+    """One of yes, no, open, differs. A yes with t is a yes; a motion on constraints is asked for a Hamiltonian."""
+    found = {_verdict_of_branch(branch, result) for branch in branches_of(result)}
+    found |= {OPEN} if result.get("not_answered") else set()
+    return found.pop() if len(found) == 1 else DIFFERS
+
+
+def _verdict_of_branch(branch: Mapping[str, Any], result: Mapping[str, Any]) -> str:
+    if not is_constrained(result):
+        return _common(answer["verdict"] for answer in answers_of(branch, result))
+    motion = branch.get("any_associated") or result.get("any_associated") or {}
+    verdicts = [motion.get("verdict"), motion.get("verdict_with_time")]
+    systems = (result.get("nonholonomic") or {}).get("associated", ())
+    if any(one.get(key) == "variational" for one in systems for key in ("verdict", "verdict_with_time")):
+        return YES
+    return _common(verdicts)
+
+
+def _common(verdicts: Iterable[str | None]) -> str:
+    """Yes if one of them is yes, no if all are no, open otherwise."""
+    found = [VERDICTS.get(one, OPEN) for one in verdicts if one is not None]
+    return YES if YES in found else NO if found and set(found) == {NO} else OPEN
+
+
+# Sentences.
+
+
+def title_of(result: Mapping[str, Any], pending: Collection[str] = ()) -> str:
+    """The title of this result in tabs, bookmarks and the history: its first line, and the verdict."""
+    system = result["system"] or {}
+    lines = list((system.get("equations") or {}).items())
+    first = reader.equation_line(*lines[0]) if lines else "A system"
+    given = (system.get("given") or {}).get("lagrangian")
+    named = system.get("name") or (first if len(lines) < 2 else f"{first}, \u2026")
+    if given:
+        named = f"L = {given}" + (" with constraints" if is_constrained(result) else "")
+    shown = named if len(named) <= LONGEST_TITLE else f"{named[:LONGEST_TITLE]}\u2026"
+    return f"{shown}: {badge_of(result, pending) if 'verdict' in result else 'equations of motion'}"
+
+
+def badge_of(result: Mapping[str, Any], pending: Collection[str] = ()) -> str:
+    """The verdict in two or three words."""
+    verdict = verdict_of(result)
+    if verdict == OPEN and pending:
+        return SEEKING.lower()
+    return (OF_MOTION if is_constrained(result) else BADGES)[verdict]
+
+
+def capitalized(text: str) -> str:
+    """A sentence, or a name as a title, with its first letter in upper case."""
+    return text[:1].upper() + text[1:]
+
+
+def _ended(text: str) -> Sentence:
+    """The text as a whole sentence."""
+    return (f"{capitalized(text).rstrip('.')}.",)
+
+
+def sentence(step: Mapping[str, Any] | str, names: Names) -> Sentence:
+    """A sentence of a result; what is to be shown below it comes last.
+
+    `parts` of a step are texts, words and formulas alternately; older results have {kind, text} for each.
+    """
+    if isinstance(step, str):
+        return (step,)
+    parts = step.get("parts") or [step.get("text") or step.get("statement") or ""]
+    pairs = [
+        (("text", "step")[k % 2], part) if isinstance(part, str) else (part["kind"], part["text"])
+        for k, part in enumerate(parts)
+    ]
+    found: list[str | Formula | Word] = []
+    for kind, text in pairs:
+        if text and kind == "text":
+            found.append(text)
+        elif text and kind in ("step", "formula", "display"):
+            # A formula behind a full stop is no part of a sentence.
+            is_apart = kind == "display" or bool(found and str(found[-1]).rstrip().endswith("."))
+            found.append(Formula(text, names, kind="display" if is_apart else "step"))
+    return tuple(found)
+
+
+def listed(texts: Iterable[str], names: Names) -> Sentence:
+    """Formulas with commas between them."""
+    return tuple(piece for text in texts for piece in (", ", Formula(text, names)))[1:]
+
+
+def meanings(system: Mapping[str, Any]) -> list[Sentence]:
+    """What the names of a system mean that are not its coordinates: constants, and functions that may be any."""
+    parameters, functions = system.get("parameters") or (), (system.get("functions") or {}).items()
+    names = names_of(system) if parameters or functions else Names()
+    wanted = [f"{name}({', '.join(of)})" for name, of in functions]
+    groups = ((f"with constant{'s' * (len(parameters) > 1)} ", parameters), ("any function ", wanted))
+    return [(words, *listed(texts, names)) for words, texts in groups if texts]
+
+
+def _sentence(
+    verdict: str, answers: Sequence[Mapping[str, Any]], count: int, pending: Collection[str], brief: bool = False
+) -> Sentence:
+    """The verdict about equations, or a `brief` answer; parts still `pending` are marked as being looked for."""
+    these, come = ("this equation", "comes") if count == 1 else ("these equations", "come")
+    if verdict == YES:
+        shown, yes = answers[0], Word("Yes,", YES)
+        is_sought = any(part.startswith(("existence", "lagrangian")) for part in pending)
+        time = " that contains the time" if shown["timed"] and not shown["asked"] and not is_sought else ""
+        if shown.get("lagrangian") is None and not is_sought:
+            return (yes, f" a Lagrangian{time} exists; none was found in closed form.")
+        if brief:
+            return (yes, f" {'with the time in L' if time else 'there is a Lagrangian'}.")
+        return (yes, f" {these} {come} from a Lagrangian{time}.")
+    if verdict == NO:
+        time = "" if len(answers) > 1 or answers[0]["timed"] else " without the time"
+        if brief:
+            return (Word("No", NO), f" regular Lagrangian{time}.")
+        do = Word("does not" if count == 1 else "do not", NO)
+        return (f"{capitalized(these)} ", do, f" come from any regular Lagrangian{time}.")
+    none = any(one["verdict"] == "not_variational" for one in answers)
+    return _open_sentence(f"{these} {come} from a Lagrangian", none and "Lagrangian", QUESTIONS.intersection(pending))
+
+
+def _open_sentence(asked: str, none: str | bool, pending: Collection[str]) -> Sentence:
+    """That it is open, or sought, whether something holds; there may be `none` without the time."""
+    state = Word("being decided" if pending else "undetermined", OPEN)
+    if none:
+        return (f"No {none} without the time exists; one with the time is ", state, ".")
+    return (f"Whether {asked} is ", state, ".")
+
+
+def _motion_sentence(verdict: str, motion: Mapping[str, Any], pending: Collection[str] = ()) -> Sentence:
+    """The verdict about a motion on constraints."""
+    if verdict == YES:
+        return (Word("Yes,", YES), " this motion can be given a Hamiltonian.")
+    if verdict == NO:
+        return ("This motion ", Word("cannot", NO), " be given a Hamiltonian, by any associated system.")
+    none = motion.get("verdict") == "not_variational" and "Hamiltonian"
+    return _open_sentence("this motion can be given a Hamiltonian", none, pending)
+
+
+def proof_of(part: Mapping[str, Any]) -> str | None:
+    """The checker's verdict on a stored answer; "old" if its certificate has a format that proved too little."""
+    certificate = part.get("certificate") or {}
+    return "old" if certificate.get("format", FORMAT) != FORMAT else part.get("checked")
+
+
+def _checked(parts: Sequence[Mapping[str, Any]]) -> list[Sentence]:
+    """One sentence about the proofs of several answers: the worst of them."""
+    found = {proof for part in parts if (proof := proof_of(part))}
+    worst = next((one for one in ("invalid", "old", "incomplete") if one in found), None)
+    if worst:
+        return [(DOUBTED[worst],)]
+    return [("An independent checker verified the proofs." if len(parts) > 1 else CHECKED,)] if found else []
+
+
+# The sheet.
+
+
+def sheet_of(result: Mapping[str, Any], brief: bool = False, grows: bool = False) -> Sheet:
+    """The sheet of a solved system, of a motion on constraints, or of a Lagrangian; `brief` leaves out proofs.
+
+    Where the result still `grows`, its incomplete parts are being looked for.
+    """
+    system = result["system"] or {"coordinates": (), "equations": {}, "parameters": (), "functions": {}}
+    names = names_of(system, result.get("integrals"))
+    if "verdict" not in result:
+        return _forward(result, names)
+    verdict, branches = verdict_of(result), branches_of(result)
+    pending = frozenset(one["part"] for one in result.get("incomplete") or ()) if grows else frozenset()
+    if is_constrained(result):
+        return _constrained(result, names, verdict, brief, pending)
+    cases = tuple(_case(branch, result, names, brief, pending) for branch in branches)
+    sentence, notes = cases[0].sentence, cases[0].notes
+    if len(cases) > 1:
+        unanswered = result.get("not_answered") or ()
+        count = len(cases) + len(unanswered)
+        word = "is not the same everywhere" if verdict == DIFFERS else "is the same, with its own formula in each"
+        sentence = ("The answer ", Word(word, verdict), f": {count} cases.")
+        notes = tuple(
+            ("Not answered where ", *listed(one["domain"], names), f": {one['reason']}") for one in unanswered
+        )
+    return Sheet(
+        title_of(result, pending),
+        verdict,
+        badge_of(result, pending),
+        sentence,
+        notes,
+        tuple(_typed(system, names)),
+        _about(result),
+        cases,
+        more=() if brief else tuple(_more(result, names)),
+        matrices=() if brief else tuple(_matrices(result.get("conditions"), names)),
+        missing=_missing(result, grows),
+        sought=tuple(letter for letter, part in FORMULAS if part in pending) if verdict == YES else (),
+    )
+
+
+def _case(
+    branch: Mapping[str, Any], result: Mapping[str, Any], names: Names, brief: bool, pending: Collection[str]
+) -> Case:
+    answers = answers_of(branch, result)
+    answers[0]["asked"] = answers[0]["timed"] == asks_for_time(result)
+    verdict, (shown, *others) = _verdict_of_branch(branch, result), answers
+    notes: list[Sentence] = []
+    domain, formula = shown.get("domain") or [], (shown.get("lagrangian") or {}).get("domain") or []
+    if domain:
+        notes.append(("Where ", *listed(domain, names), "."))
+    if not {*domain}.issuperset(formula):
+        notes.append(("This formula holds where ", *listed(formula, names), "."))
+    if shown.get("reason") and verdict == OPEN and not pending:
+        notes.append(_ended(shown["reason"]))
+    if shown.get("exceptions") and result.get("system"):
+        notes.append(_general(shown["exceptions"], result, names))
+    notes += _checked([shown])
+    notes += [_other_note(other) for other in others if verdict == YES and not QUESTIONS.intersection(pending)]
+    more = [_other_row(other, result, names) for other in others if other.get("lagrangian")]
+    if not brief:
+        more += _answer_rows(shown, result, names)
+    steps = () if brief else _steps(shown, names)
+    start = next((step for step in steps if "Suppose" in str(step[:1])), steps[0] if steps else ())
+    proofs = [] if brief else [("", steps)] + [
+        ("Without the time" if not other["timed"] else "With the time", _steps(other, names)) for other in others
+    ]  # fmt: skip
+    return Case(
+        verdict,
+        _sentence(verdict, answers, len((result["system"] or {}).get("coordinates", ())), pending, brief),
+        tuple(filter(None, notes)),
+        tuple(_formulas(shown, result, names)),
+        tuple(proof for proof in proofs if proof[1]),
+        tuple(more),
+        (("Assumption", start), ("Contradiction", steps[-1])) if verdict == NO and len(steps) > 1 else (),
+    )
+
+
+def _other_note(other: Mapping[str, Any]) -> Sentence:
+    """The sentence about the question that is not shown large."""
+    kind = "containing" if other["timed"] else "without"
+    if other["verdict"] == "variational":
+        return (Word(f"One {kind} the time", target="#more"), " exists, too.") if other.get("lagrangian") else ()
+    if other["verdict"] == "not_variational":
+        return (f"None {kind} the time exists.",)
+    return (f"Whether one {kind} the time exists is undetermined.",)
+
+
+def _other_row(other: Mapping[str, Any], result: Mapping[str, Any], names: Names) -> Row:
+    name, domain = "With the time" if other["timed"] else "Without the time", other["lagrangian"].get("domain")
+    hint = ("where ", *listed(domain, names)) if domain else ()
+    return Row(name, hint, formulas=tuple(_formulas(other, result, names)))
+
+
+def _formulas(part: Mapping[str, Any], result: Mapping[str, Any], names: Names) -> list[Formula]:
+    """L with its integrals, D, and H with its momenta and constraints."""
+    integrals = part.get("integrals") or {}
+    names = names_of(result["system"], integrals) if integrals else names
+    found = []
+    if lagrangian := part.get("lagrangian"):
+        found.append(formula_of("L", lagrangian, names, [("with ", each) for each in integrals_of(integrals, names)]))
+    if part.get("dissipation"):
+        found.append(formula_of("D", part["dissipation"], names))
+    if hamiltonian := part.get("hamiltonian"):
+        momenta = [f"{name} = {text}" for name, text in hamiltonian["momenta"].items()]
+        notes: list[Sentence] = [("with ", *listed(momenta, names))] if momenta else []
+        if hamiltonian.get("implicit") and hamiltonian.get("reason"):
+            notes.append((capitalized(hamiltonian["reason"]),))
+        known = conditions_of(part)
+        if further := [one for one in hamiltonian.get("domain") or () if one not in known]:
+            notes.append(("where ", *listed(further, names)))
+        if hamiltonian.get("constraints"):
+            notes.append(("on ", *listed([f"{text} = 0" for text in hamiltonian["constraints"]], names)))
+        found.append(formula_of("H", hamiltonian, names, notes))
+    return found
+
+
+def integrals_of(integrals: Mapping[str, Any], names: Names) -> Iterator[Formula]:
+    """F(x) = ∫ f(x) dx for each integral in a formula; its derivatives if there are several."""
+    for name, known in integrals.items():
+        whole, slopes = f"{name}({', '.join(known['arguments'])})", known["derivatives"]
+        for by, slope in slopes.items():
+            is_sum = " + " in slope or " - " in slope
+            one = Formula(f"\u222b {f'({slope})' if is_sum else slope} d{by}", names, whole, kind="step")
+            yield one if len(slopes) == 1 else Formula(slope, names, f"d{whole}/d{by}", kind="step")
+
+
+def formula_of(letter: str, part: Mapping[str, Any], names: Names, notes: Iterable[Sentence] = ()) -> Formula:
+    """A formula of a result after its symbol, or alone."""
+    return Formula(part["text"], names, letter, part.get("latex") or "", tuple(notes))
+
+
+def _steps(part: Mapping[str, Any], names: Names) -> tuple[Sentence, ...]:
+    steps = [*(part.get("explanation") or ()), *(part.get("details") or ())]
+    found = [sentence(step, names) for step in steps[:MAX_STEPS]]
+    left = len(steps) - MAX_STEPS
+    return (*found, (f"{left} more steps are in the JSON.",)) if left > 0 else tuple(found)
+
+
+def _typed(system: Mapping[str, Any], names: Names) -> list[Formula]:
+    """The equations as they were typed, in the reading of the service; solved ones where these cannot be shown."""
+    given = (system.get("given") or {}).get("equations")
+    if not isinstance(given, str) or len(given) > LONGEST_TYPED or "t" not in (system.get("time") or "t"):
+        return _equations(system, names)
+    try:
+        pairs = reader.read_equations(given, names)
+        lines = [f"{printing.to_text(left)} = {printing.to_text(right)}" for left, right in pairs]
+    except errors.InputError:
+        return _equations(system, names)
+    return _lines(lines, names) or _equations(system, names)
+
+
+def _equations(system: Mapping[str, Any], names: Names) -> list[Formula]:
+    return _lines([reader.equation_line(*pair) for pair in system["equations"].items()], names)
+
+
+def _lines(texts: Iterable[str], names: Names) -> list[Formula]:
+    return [Formula(text, names) for text in texts]
+
+
+def _about(result: Mapping[str, Any]) -> tuple[Sentence, ...]:
+    """The meaning of the names, stated once."""
+    read = (
+        (f"{one['text']} {'is' if one['as'] == reader.LEFT_OUT else 'read as'} {one['as']}",)
+        for one in result.get("readings") or ()
+    )
+    return (*meanings(result["system"] or {}), *read)
+
+
+def _missing(result: Mapping[str, Any], grows: bool) -> tuple[str, ...]:
+    """Parts that are not there, in words: the next ones of a result that grows."""
+    found = [str(one["part"]) for one in result.get("incomplete") or ()]
+    if grows and is_constrained(result) and "any_associated" in found:
+        found = [part for part in found if part in ("any_associated", "reduced")]
+    verdict = verdict_of(result)
+    if not grows and (verdict == OPEN or (verdict == YES and is_constrained(result))):  # the headline says it
+        found = [part for part in found if part not in (*QUESTIONS, "any_associated")]
+    named = (growing.PARTS.get(part, {}).get("words") or part.replace("_", " ") for part in found)
+    words = list(dict.fromkeys(named))
+    return (*words[:MOST_SOUGHT], *(["more"] if len(words) > MOST_SOUGHT else [])) if grows else tuple(words)
+
+
+# More.
+
+
+def _answer_rows(shown: Mapping[str, Any], result: Mapping[str, Any], names: Names) -> list[Row]:
+    """Conserved quantities, other Lagrangians, the multiplier, how many there are."""
+    # Those of a motion on constraints are among its own rows.
+    kept = [] if result.get("nonholonomic") else shown.get("first_integrals") or ()
+    rows = [_conserved(one, names) for one in kept]
+    for other in shown.get("other_lagrangians") or ():
+        hint = (other["reason"],) if other.get("reason") else ()
+        rows.append(Row("Another Lagrangian", hint, formulas=(formula_of("L", other, names),)))
+    if shown.get("multiplier"):
+        hint = ("the Hessian of L in the velocities",)
+        rows.append(Row("Multiplier", hint, formulas=(matrix_of("", shown["multiplier"], names),)))
+    if space := shown.get("solution_space"):
+        rows.append(Row("How many", (f"{capitalized(space['statement'])}.",)))
+    return rows
+
+
+def matrix_of(letter: str, rows: Iterable[Iterable[str]], names: Names) -> Formula:
+    """A matrix after its symbol, or alone."""
+    return Formula(f"[[{'], ['.join(map(', '.join, rows))}]]", names, letter, kind="matrix")
+
+
+def _conserved(one: Mapping[str, Any], names: Names) -> Row:
+    """A first integral with the symmetry behind it."""
+    symmetry = one.get("symmetry") or ""
+    hint = one["name"] + f", by the symmetry {symmetry.replace('->', ARROW)}" * bool(symmetry)
+    return Row("Conserved", (capitalized(hint),), formulas=(formula_of("", one, names),))
+
+
+def _more(result: Mapping[str, Any], names: Names) -> Iterable[Row]:
+    """What was asked besides, and what there is instead of a no."""
+    part = result.get("instead")
+    if part and part["kind"] != "time":  # the part with time is a separate answer
+        clock: Sentence = (", with d\u03c4 = ", Formula(part["clock"], names), " dt") if part.get("clock") else ()
+        hint = (INSTEAD[part["kind"]], *clock, *listed(part.get("conditions") or (), names))
+        yield Row("Instead", hint, formulas=tuple(_formulas(part, result, names)))
+    for name, part in (result.get("kinds") or {}).items():
+        verdict = VERDICTS.get(part["verdict"], OPEN)
+        told: Sentence = (capitalized(part["reason"]),) if part.get("reason") else ()
+        if part.get("exceptions"):
+            told += (". " * bool(told), *_general(part["exceptions"], result, names))
+        if name == "positive_definite" and part["near"]:
+            told += (
+                " " * bool(told),
+                "At ",
+                *listed((f"{key} = {value}" for key, value in part["near"].items()), names),
+            )
+        found, checked = tuple(_formulas(part, result, names)), tuple(_checked([part]))
+        yield Row(KIND_NAMES.get(name, capitalized(name)), told, verdict, ANSWERS[verdict], found, checked)
+    if part := result.get("with_clock"):
+        yield _clock_row(part, result, names)
+    if special := result.get("special_cases"):
+        count = special["examined"]
+        ended = (
+            "The list is complete: no other parameter values change the verdict."
+            if special["complete"]
+            else " ".join(["Other parameter values may change the verdict.", *special["reasons"]])
+        )
+        told = (f"{count} case{'s' * (count != 1)} examined. {ended}",)
+        yield Row("Special cases", told, tree=(_special(special["tree"], names),))
+
+
+def _special(node: Mapping[str, Any], names: Names) -> SpecialCase:
+    """A case of the tree of decisions with those inside it."""
+    verdict = VERDICTS.get(node["verdict"], OPEN)
+    if node.get("verdict_with_time") == "variational":
+        verdict = YES
+    shown = node.get("lagrangian")  # of results that an older engine stored there is none
+    where = listed((one["text"] for one in node["conditions"]), names) or ("in general",)
+    found: Sentence = (", ", formula_of("L", shown, names)) if shown else ()
+    inner = tuple(_special(child, names) for child in node["children"])
+    return SpecialCase((*where, ": ", Word(BADGES[verdict], verdict), *found), inner)
+
+
+def _clock_row(clock: Mapping[str, Any], result: Mapping[str, Any], names: Names) -> Row:
+    factor = Formula(clock["factor"], names)
+    became = ("With d\u03c4 = ", factor, " dt the equations become ", *_solved(clock, names), ".")
+    return _row("Another clock", ("d\u03c4 = ", factor, " dt"), clock, result, names, [became])
+
+
+def _row(
+    name: str, hint: Sentence, part: Mapping[str, Any], result: Mapping[str, Any], names: Names,
+    before: Sequence[Sentence] = (), after: Sequence[Sentence] = (), is_main: bool = False,
+) -> Row:  # fmt: skip
+    """The row of an answer: its verdict, its formulas, and its proof between other sentences."""
+    found = _common((part.get("verdict"), part.get("verdict_with_time")))
+    word = "Yes, with t" if found == YES and part.get("verdict") != "variational" else ANSWERS[found]
+    reason: list[Sentence] = [(capitalized(part["reason"]),)] if part.get("reason") else []
+    domain = listed((part.get("lagrangian") or {}).get("domain") or (), names)
+    where: list[Sentence] = [("L is defined where ", *domain, ".")] if domain else []
+    steps = (*before, *where, *_steps(part, names), *after, *reason, *_checked([part]))
+    return Row(name, hint, found, word, tuple(_formulas(part, result, names)), steps, is_main, domain)
+
+
+def _solved(part: Mapping[str, Any], names: Names) -> Sentence:
+    """The equations of a part, solved for the accelerations."""
+    return listed((reader.equation_line(*pair) for pair in part["equations"].items()), names)
+
+
+def _general(exceptions: Sequence[str], result: Mapping[str, Any], names: Names) -> Sentence:
+    """For which parameters the answer was proven, with a link to a form that asks about the others."""
+    system = result["system"]
+    general = ("For general ", *listed(system["parameters"], names))
+    if (result.get("special_cases") or {}).get("complete"):
+        return (*general, "; ", Word("special values", target="#more"), " are decided, too.")
+    left = [Formula(one, names) if "=" in one else one for one in exceptions]
+    pieces = [piece for one in left for piece in (", ", one)][1:]
+    left_out: Sentence = (" (not decided here: ", *pieces, ")") if canonical.are_found(exceptions) else ()
+    given = system.get("given")
+    asked = {**given, "special_cases": True} if isinstance(given, dict) else ""
+    return (*general, *left_out, ".", Word("Decide special values", target=asked))
+
+
+def _matrices(conditions: Mapping[str, Any] | None, names: Names) -> Iterable[Sentence]:
+    """Phi, nabla Phi, and each nonzero block of R; what would make the page too long is only named."""
+    if conditions is None:
+        return
+    wanted = [(letter, conditions[key]) for letter, key in TENSORS if conditions.get(key)]
+    for index, block in enumerate(conditions.get("R") or [], start=1):
+        if any(entry != "0" for row in block for entry in row):
+            wanted.append((f"R^{index}", block))
+    room = LONGEST_MATRICES
+    for letter, rows in wanted:
+        length = sum(len(entry) for row in rows for entry in row)
+        if length <= room:
+            room -= length
+            yield (matrix_of(letter, rows, names),)
+        else:
+            yield (Formula("", names, letter, kind="matrix"), f" has {length:,} characters: it is in the JSON.")
+
+
+# A motion on constraints.
+
+
+def _constrained(result: Mapping[str, Any], names: Names, verdict: str, brief: bool, pending: Collection[str]) -> Sheet:
+    part = result.get("nonholonomic") or {}
+    motions = growing.motions_of(result) or [{}]
+    table = tuple(_rows(result, part, motions[0], names, pending))
+    main = next((row for row in table if row.is_main), None)
+    asked = [formula_of("L", part["lagrangian"], names)] if part.get("lagrangian") else []
+    asked += _lines([f"{one['text']} = 0" for one in part.get("constraints") or ()], names)
+    if not asked:
+        asked = _equations(result["system"] or {"equations": {}}, names)
+    # Those of the reduced motion and of another clock are about other equations.
+    systems = [row for row in table if row.formulas and row.verdict == YES and row.name not in OF_OTHERS]
+    shown = main if main and main.formulas else systems[0] if systems and verdict == YES else None
+    notes = _checked([one for one in (motions[0], *part.get("associated", ())) if one.get("checked")])
+    if motions[0].get("exceptions"):
+        notes.insert(0, _general(motions[0]["exceptions"], result, names))
+    # What ended a question that was begun is the reason, not how far it was.
+    ended = [one["reason"] for one in result.get("incomplete") or () if one["part"] == "any_associated"]
+    reason = (ended or [motions[0].get("reason")])[0]
+    if verdict == OPEN and reason and not pending:
+        notes.insert(0, _ended(reason))
+    if verdict == YES and not shown and not pending:
+        notes.append(("None was found in closed form.",))
+    if shown and shown.domain:
+        notes.insert(0, ("These formulas hold where ", *shown.domain, "."))
+    if shown and shown is not main:
+        notes.append((f"L and H are those of the {shown.name.lower()} associated system.",))
+    besides = [row.name for row in table if verdict == NO and row.verdict == YES]
+    if besides:
+        how = "The reduced motion can." if besides[0] == "Reduced" else "With another clock the reduced motion can."
+        notes.append((how,))
+    sentence = _motion_sentence(verdict, motions[0], pending)
+    steps = () if brief or verdict != NO else _steps(motions[0], names)
+    gist = (("Conclusion", steps[-1]),) if steps else ()
+    cases = [Case(verdict, sentence, tuple(notes), shown.formulas if shown else (), gist=gist)]
+    for one, branch in zip(motions[1:], branches_of(result)[1:], strict=False):
+        own = _verdict_of_branch({"any_associated": one}, result)
+        where = ("Where ", *listed(branch.get("domain") or (), names), ".")
+        cases.append(Case(own, _motion_sentence(own, one), (where,)))
+    if len(cases) > 1:
+        sentence = ("The answer ", Word("depends on the case", verdict), f": {len(cases)} cases.")
+    return Sheet(
+        title_of(result, pending), verdict, badge_of(result, pending), sentence, tuple(notes), tuple(asked),
+        _about(result), tuple(cases),
+        table, () if brief else tuple(_motion_more(result, part, names)), (), _missing(result, bool(pending)),
+    )  # fmt: skip
+
+
+def rows_of(sheet: Sheet) -> list[tuple[str, ...]]:
+    """The table of a motion on constraints as texts."""
+    found = [(row, {one.letter: one.text for one in row.formulas}) for row in sheet.table]
+    lines = [(row.name, row.word, *(texts.get(letter, "") for letter in "LH")) for row, texts in found]
+    return [("system", "Hamiltonian?", "L", "H"), *lines]
+
+
+def _rows(
+    result: Mapping[str, Any],
+    part: Mapping[str, Any],
+    motion: Mapping[str, Any],
+    names: Names,
+    pending: Collection[str],
+) -> Iterable[Row]:
+    """First, second, third, any, reduced, another clock."""
+    for one in part.get("associated") or ():
+        row = _associated_row(one, result, names)
+        yield replace(row, word=SEEKING) if row.verdict == OPEN and "existence" in pending else row
+    if motion:
+        after: list[Sentence] = []
+        if lagrangian := motion.get("lagrangian"):
+            on = [formula_of("l", lagrangian["on_constraints"], names)]
+            on += [formula_of(f"lambda_{k}", one, names) for k, one in enumerate(lagrangian["transverse_momenta"], 1)]
+            after.append(("On the constraints ", *[piece for one in on for piece in (", ", one)][1:], "."))
+        if motion.get("freedom"):
+            after.append((f"L along the constraints depends on {motion['freedom']}.",))
+        row = _row("Any", ("all associated systems at once",), motion, result, names, after=after, is_main=True)
+        if row.verdict == OPEN and _verdict_of_branch({}, result) == YES:  # one of those above is enough
+            row = replace(row, verdict=YES, word=ANSWERS[YES], steps=())
+        yield replace(row, word=SEEKING) if row.verdict == OPEN and "any_associated" in pending else row
+    reduced = result.get("reduced")
+    if not reduced:
+        if "reduced" in pending:
+            yield Row("Reduced", (), OPEN, SEEKING)
+        return
+    over = ("the equations of ", *listed(reduced["coordinates"], names), " alone")
+    before: list[Sentence] = [("The equations ", *_solved(reduced, names), ".")]
+    before += [(reduced["statement"],)] if reduced.get("statement") else []
+    row = _row("Reduced", over, reduced, result, names, before)
+    yield row
+    clock = result.get("with_clock") or reduced.get("with_clock")
+    if clock:
+        yield _clock_row(clock, result, names)
+    elif row.verdict == YES:
+        yield Row("Another clock", (NEW_TIME,), "", "Not needed")
+    else:
+        why = reduced.get("without_clock")
+        yield Row("Another clock", (NEW_TIME,), OPEN, "None found", (), ((why,),) if why else ())
+
+
+def _associated_row(one: Mapping[str, Any], result: Mapping[str, Any], names: Names) -> Row:
+    name = capitalized(one["kind"])
+    hint = (HINTS[one["kind"]],) if one["kind"] in HINTS else ()
+    if not one["defined"]:
+        return Row(name, hint, "", "Not defined", (), (sentence(one.get("explanation") or "", names),))
+    where = listed(one.get("domain") or (), names)
+    is_asked = (result["system"].get("given") or {}).get("associated") != "any"
+    system = ("The system ", *_solved(one, names), *((" where ", *where) if where else ()), ".")
+    if one["verdict"] == "undetermined" and not is_asked:
+        return Row(name, hint, "", "Not asked", (), (system,))
+    return _row(name, hint, {**one, "explanation": one.get("steps")}, result, names, [system])
+
+
+def _motion_more(result: Mapping[str, Any], part: Mapping[str, Any], names: Names) -> Iterable[Row]:
+    """The motion, what it conserves, the forces of the constraints, and what was asked besides."""
+    if not part:
+        return
+    motion = part["equations_of_motion"]
+    lines = [f"{name}'' = {f['text']}" for name, f in motion["second_order"].items()]
+    lines += [f"{name}' = {f['text']}" for name, f in motion["first_order"].items()]
+    yield Row("Motion", formulas=tuple(_lines(lines, names)))
+    for k, one in enumerate(motion.get("multipliers") or (), 1):
+        yield Row("Multiplier of the constraint", formulas=(formula_of(f"lambda_{k}", one, names),))
+    yield from (_conserved(one, names) for one in part.get("first_integrals") or ())
+    density = part["measure_density"].get("density")
+    told = sentence(part["measure_density"], names)
+    yield Row("Invariant measure", told, formulas=(formula_of("N", density, names),) if density else ())
+    for key, name in (("integrable", "Integrability"), ("paper_class", "Class")):
+        if part[key].get("statement"):
+            yield Row(name, sentence(part[key], names))
+    for entry in part.get("hamiltonisation") or ():
+        stated = [(f"{STATED[one['verdict']]}: ", *sentence(one, names)) for one in entry["statements"]]
+        zero = listed([f"{one['text']} = 0" for one in entry["constraints"]], names)
+        word, label = "Confirmed" if entry["holds"] else "Not confirmed", capitalized(entry["label"])
+        yield Row(
+            f"In phase space, {entry['associated']}", (f"{label} on ", *zero) if zero else (label,),
+            YES if entry["holds"] else OPEN, word,
+            (formula_of("H", entry["hamiltonian"], names),) if entry["hamiltonian"] else (), tuple(stated),
+        )  # fmt: skip
+    yield from _more(result, names)
+
+
+# A Lagrangian alone.
+
+
+def _forward(result: Mapping[str, Any], names: Names) -> Sheet:
+    system = result["system"]
+    momenta = [f"p_{name} = {part['text']}" for name, part in result["momenta"].items()]
+    energy = formula_of("H", result["hamiltonian"], names, [("with ", *listed(momenta, names))])
+    said = ("These are its equations of motion.",)
+    return Sheet(
+        title_of(result), "", "", said, (), (formula_of("L", result["lagrangian"], names),), _about(result),
+        (Case("", said, (), (*_equations(system, names), energy)),),
+        more=tuple(_conserved(part, names) for part in result["conserved"]),
+    )  # fmt: skip
