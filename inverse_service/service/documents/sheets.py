@@ -14,12 +14,11 @@ from typing import Any
 
 from inverse_service import errors
 from inverse_service.certificate.formulas import FORMAT
-from inverse_service.expressions import printing, tree as ex
+from inverse_service.expressions import notation, printing, tree as ex
 from inverse_service.reading import reader
 from inverse_service.reading.names import Names
 from inverse_service.service.documents import canonical, growing
 
-ARROW = "\u2192"
 YES, NO, OPEN, DIFFERS = "yes", "no", "open", "differs"
 VERDICTS = {"variational": YES, "not_variational": NO}
 BADGES = {YES: "has a Lagrangian", NO: "no Lagrangian", OPEN: "undetermined", DIFFERS: "differs by case"}
@@ -593,9 +592,13 @@ def matrix_of(letter: str, rows: Iterable[Iterable[str]], names: Names) -> Formu
 
 def _conserved(one: Mapping[str, Any], names: Names) -> Row:
     """A first integral with the symmetry behind it."""
-    symmetry = one.get("symmetry") or ""
-    hint = one["name"] + f", by the symmetry {symmetry.replace('->', ARROW)}" * bool(symmetry)
-    return Row("Conserved", (capitalized(hint),), formulas=(formula_of("", one, names),))
+    hint: Sentence = (capitalized(one["name"]),)
+    if symmetry := one.get("symmetry"):
+        group = replace(names, parameters=(*names.parameters, "s"))
+        moved = [part.partition(" -> ") for _, part in notation.split_outside(symmetry, ", ")]
+        pieces = [(", ", Formula(name, group), " \u2192 ", Formula(to, group)) for name, _, to in moved]
+        hint += (", by the symmetry ", *[piece for pair in pieces for piece in pair][1:])
+    return Row("Conserved", hint, formulas=(formula_of("", one, names),))
 
 
 def _more(result: Mapping[str, Any], names: Names) -> Iterable[Row]:
@@ -607,17 +610,13 @@ def _more(result: Mapping[str, Any], names: Names) -> Iterable[Row]:
         yield Row("Instead", hint, formulas=tuple(_formulas(part, result, names)))
     for name, part in (result.get("kinds") or {}).items():
         verdict = VERDICTS.get(part["verdict"], OPEN)
-        told: Sentence = (capitalized(part["reason"]),) if part.get("reason") else ()
-        if part.get("exceptions"):
-            told += (". " * bool(told), *_general(part["exceptions"], result, names))
+        told: list[Sentence] = [_ended(part["reason"])] if part.get("reason") else []
+        told += [_general(part["exceptions"], result, names)] if part.get("exceptions") else []
         if name == "positive_definite" and part["near"]:
-            told += (
-                " " * bool(told),
-                "At ",
-                *listed((f"{key} = {value}" for key, value in part["near"].items()), names),
-            )
-        found, checked = tuple(_formulas(part, result, names)), tuple(_checked([part]))
-        yield Row(KIND_NAMES.get(name, capitalized(name)), told, verdict, ANSWERS[verdict], found, checked)
+            told.append(("At ", *listed((f"{key} = {value}" for key, value in part["near"].items()), names), "."))
+        hint = tuple(piece for one in (*told, *_checked([part])) for piece in (" ", *one))[1:]
+        found = tuple(_formulas(part, result, names))
+        yield Row(KIND_NAMES.get(name, capitalized(name)), hint, verdict, ANSWERS[verdict], found)
     if part := result.get("with_clock"):
         yield _clock_row(part, result, names)
     if special := result.get("special_cases"):
@@ -627,8 +626,8 @@ def _more(result: Mapping[str, Any], names: Names) -> Iterable[Row]:
             if special["complete"]
             else " ".join(["Other parameter values may change the verdict.", *special["reasons"]])
         )
-        told = (f"{count} case{'s' * (count != 1)} examined. {ended}",)
-        yield Row("Special cases", told, tree=(_special(special["tree"], names),))
+        hint = (f"{count} case{'s' * (count != 1)} examined. {ended}",)
+        yield Row("Special cases", hint, tree=(_special(special["tree"], names),))
 
 
 def _special(node: Mapping[str, Any], names: Names) -> SpecialCase:

@@ -61,7 +61,10 @@ function echo(form) {
   target.addEventListener("click", (event) => meant(form, event));
   form.addEventListener("input", (event) => {
     // Other equations are no longer the example whose name the form carries.
-    if (form.elements.name && event.target.tagName === "TEXTAREA") form.elements.name.value = "";
+    if (event.target.tagName === "TEXTAREA") {
+      if (form.elements.name) form.elements.name.value = "";
+      document.querySelector(".tiles [aria-current]")?.removeAttribute("aria-current");
+    }
     clearTimeout(timer);
     clearTimeout(scolding);
     if (event.target.dataset.backed) backed(event.target);
