@@ -17,7 +17,7 @@ from mcp.server.mcpserver.exceptions import ToolError
 from pydantic import BaseModel, Field
 
 from inverse_service import __version__, errors, settings
-from inverse_service.service.documents import answers, growing, plain_data
+from inverse_service.service.documents import answers, growing, plain_data, sheets
 from inverse_service.service.jobs import model, tasks
 from inverse_service.service.jobs.tasks import Call, Outcome, value_of
 from inverse_service.service.jobs.workers import Workers
@@ -190,7 +190,8 @@ def _short(text: str | None) -> str | None:
 
 def _solved(result: dict[str, Any], resource: str) -> Solved:
     about = result.get("any_associated") or {}
-    best = about if about.get("lagrangian") and not result.get("lagrangian") else result
+    first = sheets.first_answer(result)
+    best = about if about.get("lagrangian") and not first.get("lagrangian") else first
     lagrangian, hamiltonian = (_short((best.get(key) or {}).get("text")) for key in ("lagrangian", "hamiltonian"))
     reason = result.get("reason") or ""
     if "verdict" not in result:  # a Lagrangian was given, which is its own answer
@@ -202,10 +203,10 @@ def _solved(result: dict[str, Any], resource: str) -> Solved:
         motion=about.get("verdict"),
         lagrangian=lagrangian,
         hamiltonian=hamiltonian,
-        domain=result.get("domain") or [],
+        domain=list(sheets.conditions_of(best)),
         checked=result.get("checked"),
         reason=reason,
-        proof=[_short(step["text"]) or "" for step in (result.get("explanation") or [])[:8]],
+        proof=[_short(step["text"]) or "" for step in (best.get("explanation") or result.get("explanation") or [])[:8]],
         incomplete=[entry["part"] for entry in result.get("incomplete") or []],
         resource=resource,
     )

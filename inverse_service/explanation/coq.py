@@ -1,4 +1,6 @@
-"""Theorems as a file that Coq compiles: f, its derivatives, and the tensors are defined and computed in the file.
+"""The verdict of a result as a file that Coq compiles, or as identities, or a sentence that says why none is written.
+
+In the file f, its derivatives, and the tensors are defined and computed.
 
 Polynomials with rational coefficients are lists there, `derive` is the derivation with given values on the generators.
 A generator is a coordinate, a velocity, an atom of the formulas (u3 for sin(x)), an entry of the multiplier, or 1/D
@@ -10,23 +12,99 @@ u4, is sin(x).
 
 from __future__ import annotations
 
+import json
 import math
 import random
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from fractions import Fraction
+from typing import Any
 
 from flint import fmpq_mpoly
 
-from inverse_service.explanation import hierarchy, theorems as th
+from inverse_service import deadline, errors
+from inverse_service.decision import deciding
+from inverse_service.explanation import hierarchy, negative, theorems as th
 from inverse_service.expressions import tree as ex
 from inverse_service.field import exact_field
+from inverse_service.mechanics import reading
 from inverse_service.mechanics.conditions import Motion
+from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.reading import reader
+from inverse_service.reading.names import Names
 
 SAMPLES = [
     Fraction(*pair) for pair in ((1, 1), (2, 1), (3, 1), (-1, 1), (1, 2), (3, 5), (4, 5), (5, 13), (5, 1), (-2, 3))
 ]
 ATTEMPTS = 400
+TERM_LIMIT = 20_000
+TIME_LIMIT = 10.0
+
+
+class NoTheorem(Exception):
+    """The verdict has no proof of this kind; its text says why."""
+
+
+def proof_document(result: dict[str, Any], form: str, seed: int) -> str:
+    """A file for "coq", or the "identities" as JSON; where there are none, the reason in their place."""
+    theorems, reason = _theorems(result, seed)
+    domain = result.get("domain") or []
+    if form == "identities":
+        found = {"theorems": th.identities(theorems), "domain": domain, "reason": reason}
+        return json.dumps(found, ensure_ascii=False, indent=2) + "\n"
+    lines = _about(result) if theorems else [reason]
+    return (coq(theorems) if theorems else "") + "".join(f"(* {line} *)\n" for line in lines)
+
+
+def _about(result: dict[str, Any]) -> list[str]:
+    """Which system the theorems are about, and on which set its formulas are those."""
+    equations = _certificate(result)["system"]["equations"]
+    lines = [f"The system: {name}'' = {text}" for name, text in equations.items()]
+    return [*lines, f"The formulas are those on {', '.join(result['domain'])}."] if result.get("domain") else lines
+
+
+def _theorems(result: dict[str, Any], seed: int) -> tuple[Sequence[th.Theorem], str]:
+    try:
+        return _of_certificate(_certificate(result), seed), ""
+    except (NoTheorem, exact_field.TooLarge, errors.IrreducibleAtoms, ZeroDivisionError) as problem:
+        return (), f"No proof by identities is written: {str(problem).rstrip('.')}."
+
+
+def _certificate(result: dict[str, Any]) -> dict[str, Any]:
+    found = result.get("certificate") or (result.get("with_time") or {}).get("certificate")
+    if not isinstance(found, dict):
+        raise NoTheorem("the answer has no certificate")
+    if "velocities" in found["system"]:
+        raise NoTheorem("the claim is about the motion on constraints, not about a single system of equations")
+    return found
+
+
+def _of_certificate(certificate: dict[str, Any], seed: int) -> Sequence[th.Theorem]:
+    given = certificate["system"]
+    functions = {name: tuple(arguments) for name, arguments in (given.get("functions") or {}).items()}
+    if any(map(reader.has_acceleration, given["equations"].values())):
+        raise NoTheorem("the equations are not solved for the accelerations")
+    system = reading.read_system(given["coordinates"], given["equations"], given.get("parameters") or (), functions)
+    budget = exact_field.Budget(TERM_LIMIT, deadline.now() + TIME_LIMIT)
+    if certificate["kind"] == "nonexistence":
+        return [_negative(system, seed, budget)]
+    if certificate["kind"] == "existence":
+        raise NoTheorem("no Lagrangian in closed form was found; its existence follows from involution")
+    if certificate.get("integrals"):
+        raise NoTheorem("the Lagrangian holds integrals")
+    names = Names(system.coordinates, system.parameters, functions)
+    lagrangian = reader.read_formula(certificate["lagrangian"], names)
+    return th.euler_lagrange_hold(deciding.analyze(system).system, lagrangian, budget)
+
+
+def _negative(system: SecondOrderSystem, seed: int, budget: exact_field.Budget) -> th.Theorem:
+    analysis = deciding.analyze(system)
+    chosen = hierarchy.smallest_sufficient_set(analysis, seed)
+    if chosen is None:
+        raise NoTheorem("the argument differentiates the conditions, so it does not consist of algebraic steps alone")
+    if len(system.coordinates) > negative.LARGEST_N:
+        raise NoTheorem(f"there are more than {negative.LARGEST_N} coordinates")
+    return th.determinant_vanishes(analysis, chosen, seed, budget)
 
 
 class System:

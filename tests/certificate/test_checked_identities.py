@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 
 from inverse_service import solve
+from inverse_service.explanation.coq import proof_document
 from inverse_service.service.documents.checking import check_document
-from inverse_service.service.documents.proofs import proof_document
 
 Document = dict[str, Any]
 # x = 0 and y x + z = 0 give z = 0, and z^2 w = 0 with w not zero gives nothing more.

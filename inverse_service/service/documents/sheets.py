@@ -38,11 +38,9 @@ STATED = {"holds": "Holds", "fails": "Fails", "not settled": "Undetermined"}
 ANSWERS = {YES: "Yes", NO: "No", OPEN: "Undetermined"}
 OF_OTHERS = ("Reduced", "Another clock")
 NEW_TIME = "a new time, d\u03c4 = N dt"
-# What is said of a proof that the checker did not call valid; of what there is instead of an L(q, q'); of kinds of
-# Lagrangians; of associated systems.
+# What is said of a proof that the checker did not call valid, of kinds of Lagrangians, and of associated systems.
 _WORDS = json.loads((Path(__file__).parent / "sheets.json").read_text(encoding="utf-8"))
 DOUBTED: dict[str, str] = _WORDS["doubted"]
-INSTEAD: dict[str, str] = _WORDS["instead"]
 KIND_NAMES: dict[str, str] = _WORDS["kinds"]
 HINTS: dict[str, str] = _WORDS["hints"]
 
@@ -604,9 +602,9 @@ def _conserved(one: Mapping[str, Any], names: Names) -> Row:
 def _more(result: Mapping[str, Any], names: Names) -> Iterable[Row]:
     """What was asked besides, and what there is instead of a no."""
     part = result.get("instead")
-    if part and part["kind"] != "time":  # the part with time is a separate answer
-        clock: Sentence = (", with d\u03c4 = ", Formula(part["clock"], names), " dt") if part.get("clock") else ()
-        hint = (INSTEAD[part["kind"]], *clock, *listed(part.get("conditions") or (), names))
+    if part and part["kind"] in ("rayleigh", "parameters"):  # others are among the answers
+        conditions = part.get("conditions") or ()
+        hint: Sentence = ("Where ", *listed(conditions, names)) if conditions else ("With friction D",)
         yield Row("Instead", hint, formulas=tuple(_formulas(part, result, names)))
     for name, part in (result.get("kinds") or {}).items():
         verdict = VERDICTS.get(part["verdict"], OPEN)
