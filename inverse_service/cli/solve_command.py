@@ -93,7 +93,7 @@ def solve(
     cli.write(_proof(result, form, asked) if form in PROOFS else _written(result, form, explain), output)
     if form == "json" and output is None and sys.stdout.isatty():
         print("This is JSON, for programs; -f text is shorter.", file=sys.stderr)
-    if (result.get("guessed") or result.get("readings")) and form != "text":
+    if result.get("guessed") or result.get("readings"):
         from inverse_service.service.documents.text_page import guessed_words
 
         for words in guessed_words(result):

@@ -122,7 +122,6 @@ def test_latex_is_a_document_with_its_texts_escaped(call: Any, tmp_path: Path) -
 def test_latex_names_the_conditions_that_vanish(call: Any) -> None:
     out = call("solve", "x'' = -x - 2*x'", "--format", "latex", "--explain").out
     assert "\\[ \\nabla  \\Phi = 0 \\]" in out
-    assert ")." not in "".join(line for line in out.splitlines() if line.startswith("\\par ("))
 
 
 @pytest.mark.slow
@@ -205,7 +204,7 @@ def test_equations_are_an_argument_and_what_was_guessed_is_said(call: Any) -> No
     found = call("solve", "m*x'' = -k*x")
     assert (found.code, json.loads(found.out)["guessed"]) == (0, ["m", "k"])
     assert found.err == "Not declared, taken as constants: m, k.\n"
-    assert "not declared, taken as" in call("solve", "x'' = -k*x", "--format", "text").out
+    assert "with constant k" in call("solve", "x'' = -k*x", "--format", "text").out
 
 
 def test_a_suspect_name_is_asked_back_on_the_command_line(call: Any) -> None:
@@ -243,7 +242,7 @@ def test_names_of_files_are_not_guessed_unless_asked(call: Any, tmp_path: Path) 
 @pytest.mark.slow
 def test_a_name_of_the_catalogue_is_an_argument(call: Any) -> None:
     assert json.loads(call("solve", "sho").out)["system"]["equations"] == {"x": "-x"}
-    assert "second associated system" in call("solve", "knife-edge", "--format", "text").out
+    assert "in the dependent velocities" in call("solve", "knife-edge", "--format", "text").out
     assert "double-pendulum" in call("solve", "pendulum").err
 
 

@@ -2,7 +2,6 @@
 
 import re
 from collections.abc import Mapping, Sequence
-from functools import partial
 from typing import Any
 
 from inverse_service import __version__, errors
@@ -70,11 +69,8 @@ def sentence(said: sheets.Sentence, inline: bool = False) -> str:
 
 
 def _whole(formula: sheets.Formula) -> str:
-    left = formula.letter and (_theory if formula.kind == "matrix" else partial(latex_of, names=formula.names))(
-        formula.letter
-    )
-    right = formula.text and (formula.latex or latex_of(formula.text, formula.names))
-    return " = ".join(filter(None, (left, right)))
+    symbol = _theory(formula.letter).strip() if formula.kind == "matrix" else latex_of(formula.letter, formula.names)
+    return " = ".join(filter(None, (symbol, formula.latex or latex_of(formula.text, formula.names))))
 
 
 def conditions_latex(conditions: Sequence[str], system: Mapping[str, Any] | None) -> str:

@@ -692,7 +692,8 @@ def _matrices(conditions: Mapping[str, Any] | None, names: Names) -> Iterable[Se
         length = sum(len(entry) for row in rows for entry in row)
         if length <= room:
             room -= length
-            yield (matrix_of(letter, rows, names),)
+            is_zero = all(entry == "0" for row in rows for entry in row)
+            yield (Formula("0", names, letter, kind="matrix") if is_zero else matrix_of(letter, rows, names),)
         else:
             yield (Formula("", names, letter, kind="matrix"), f" has {length:,} characters: it is in the JSON.")
 

@@ -64,7 +64,7 @@ def outline(result: Mapping[str, Any], explain: bool) -> Iterator[Line]:
     sheet = sheets.sheet_of(result)
     system = result["system"] or {}
     if name := (system.get("given") or {}).get("name", "") if sheet.table else system.get("name"):
-        yield Line(0, (name,))
+        yield Line(0, (sheets.capitalized(name),))
     yield from (Line(1, (formula,), LONGEST) for formula in sheet.asked)
     if about := [piece for one in sheet.about for piece in (", ", *one)][1:]:
         yield Line(1, tuple(about))
