@@ -8,6 +8,7 @@ document does not use. `to_schema` and `to_system` take the prepared document; e
 
 from __future__ import annotations
 
+import difflib
 import json
 import re
 from collections.abc import Callable, Collection, Container, Iterator, Mapping, Sequence
@@ -121,21 +122,8 @@ BESIDE = {
 
 
 def near_key(key: str) -> str:
-    """The key that was meant by one with at most two wrong letters, and less than half of them; else nothing."""
-    most = min(2, (len(key) - 1) // 2)
-    return next((known for known in sorted(KEYS) if 0 < _distance(key, known) <= most), "")
-
-
-def _distance(first: str, second: str) -> int:
-    """How many letters are put in, left out or changed (Levenshtein); 3 where it is more than two."""
-    if abs(len(first) - len(second)) > 2:
-        return 3
-    row = list(range(len(second) + 1))
-    for place, letter in enumerate(first, 1):
-        before, row[0] = row[0], place
-        for column, other in enumerate(second, 1):
-            before, row[column] = row[column], min(row[column] + 1, row[column - 1] + 1, before + (letter != other))
-    return row[-1]
+    """The key that was meant by one that is spelled nearly so; else nothing."""
+    return "" if key in KEYS else next(iter(difflib.get_close_matches(key, sorted(KEYS), 1, 0.75)), "")
 
 
 def is_motion(document: Any) -> bool:
