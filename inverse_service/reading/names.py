@@ -181,6 +181,9 @@ class Names:
     forms: bool = False
     energy: bool = False
 
+    def __hash__(self) -> int:
+        return hash((self.coordinates, self.parameters, *self.functions, *self.splits, self.forms, self.energy))
+
     def role(self, name: str) -> Role | None:
         """What the name was declared as, None if it was not."""
         if name in self.coordinates:

@@ -10,6 +10,7 @@ from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from functools import lru_cache
 
 from inverse_service import errors
 from inverse_service.expressions import letters, tree as ex
@@ -156,21 +157,32 @@ def read_equations(formula: str, names: Names) -> list[tuple[ex.Expression, ex.E
 
 def read_tokens(formula: str, names: Names | None = None) -> list[Token]:
     """The tokens, before any name is looked up."""
-    _refuse_lost_backslashes(formula)
-    formula, names = _GREEK_OF_MATHEMATICA.sub(_greek, formula), names or Names()
-    latex, formula = is_latex(formula), _with_dots_after_letters(without_words(formula))
-    formula = _RAISED_FIRST.sub(r"\2\1", _BY_INDEX.sub(lambda index: index[1].ljust(len(index[0])), formula))
-    in_our_words = notations.with_derivatives if latex else notations.in_our_words
-    scanned = _without_given_names(_scanned(formula, names, latex))
-    tokens = in_our_words(_with_products(scanned, names), names)
-    tk.refuse_decimal_commas(tokens)
-    if names.energy:
-        _ask_about_primes(tokens)
-    if names.forms:
-        _ask_about_displacements(tokens, names)
-        tokens = _with_forms(tokens, names, _moves(tokens))
-    tokens = _without_remarks(tokens, formula, names)
-    return _without_names_of_forms(tokens, names) if names.forms else tokens
+    tokens, notes = _read(formula, replace(names or Names(), definitions={}), tk.refusals.most_characters())
+    for text, meant in notes.items():
+        note(text, meant)
+    return [*tokens]
+
+
+# One document is read for its names again and again.
+@lru_cache(maxsize=64)
+def _read(formula: str, names: Names, _: int) -> tuple[tuple[Token, ...], dict[str, str]]:
+    """The tokens and what is noted about them, for texts that may be so long."""
+    with noted() as notes:
+        _refuse_lost_backslashes(formula)
+        formula = _GREEK_OF_MATHEMATICA.sub(_greek, formula)
+        latex, formula = is_latex(formula), _with_dots_after_letters(without_words(formula))
+        formula = _RAISED_FIRST.sub(r"\2\1", _BY_INDEX.sub(lambda index: index[1].ljust(len(index[0])), formula))
+        in_our_words = notations.with_derivatives if latex else notations.in_our_words
+        scanned = _without_given_names(_scanned(formula, names, latex))
+        tokens = in_our_words(_with_products(scanned, names), names)
+        tk.refuse_decimal_commas(tokens)
+        if names.energy:
+            _ask_about_primes(tokens)
+        if names.forms:
+            _ask_about_displacements(tokens, names)
+            tokens = _with_forms(tokens, names, _moves(tokens))
+        tokens = _without_remarks(tokens, formula, names)
+        return tuple(_without_names_of_forms(tokens, names) if names.forms else tokens), notes
 
 
 def _without_given_names(tokens: list[Token]) -> list[Token]:
