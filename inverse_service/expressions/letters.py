@@ -22,6 +22,9 @@ LETTER_COMMANDS: dict[str, str] = {name: ALIKE.get(name, name) for name in (*GRE
 SCRIPT_L = "\u2113"
 
 SUBSCRIPTS = {chr(0x2080 + digit): str(digit) for digit in range(10)}
+# People write the lowered gamma for a y, which has no character of its own.
+_LOW = "\u2090\u2091\u2092\u2093\u2095\u2096\u2097\u2098\u2099\u209a\u209b\u209c\u1d62\u1d63\u1d64\u1d65\u2c7c\u1d67"
+SUBSCRIPTS |= dict(zip(_LOW, map("_".__add__, "aeoxhklmnpstiruvjy"), strict=True))
 SUPERSCRIPTS = dict(zip("\u2070\u00b9\u00b2\u00b3\u2074\u2075\u2076\u2077\u2078\u2079", "0123456789", strict=True))
 SUPERSCRIPT_MINUS = "\u207b"
 OPERATORS = {

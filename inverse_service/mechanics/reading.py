@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from inverse_service import errors
-from inverse_service.expressions import derivative, refusals, tree as ex
+from inverse_service.expressions import derivative, printing, refusals, tree as ex
 from inverse_service.mechanics import implicit_equations
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading import document_names, reader
@@ -170,13 +170,29 @@ def read_given(
 
 def _understood(declared: document_names.Declared, equations: Equations) -> tuple[Names, list[_Equation], _Others]:
     """The names that have no value and no formula, the equations with these put in, what pairs leave out."""
+    if isinstance(equations, str):
+        equations += _canonical_equations(equations)
+    try:
+        return _read_lines(declared, equations, False)
+    except errors.InputError as error:
+        if error.detail != NOT_PAIRS:
+            raise
+        return _read_lines(declared, equations, True)
+
+
+def _read_lines(
+    declared: document_names.Declared, equations: Equations, rates: bool
+) -> tuple[Names, list[_Equation], _Others]:
+    """The same; with `rates`, p = m x' beside p' = -k x defines a name whose rate is that of its formula."""
     texts = _texts(equations)
-    if not isinstance(equations, Mapping) and (defined := _definitions(texts, declared)):
-        declared = replace(declared, where={**declared.where, **defined})
+    defined = {} if isinstance(equations, Mapping) else _definitions(texts, declared, rates)
+    if rates and not defined:
+        raise errors.InputError(NOT_PAIRS, "/equations")
+    declared = replace(declared, where={**declared.where, **defined}) if defined else declared
     keys = tuple(equations) if isinstance(equations, Mapping) else ()
-    pairs = not keys and _are_pairs(texts, declared)
+    pairs = not keys and not rates and _are_pairs(texts, declared)
     asked = replace(declared, coordinates=None) if pairs else declared
-    known = document_names.known_names(asked, texts, 1 if pairs else 2, keys, pairs)
+    known = document_names.known_names(asked, texts, 1 if pairs or rates else 2, keys, pairs)
     found = [
         (known.put_in(left), known.put_in(right), pointer) for left, right, pointer in _read(equations, known.names)
     ]
@@ -190,7 +206,40 @@ def _understood(declared: document_names.Declared, equations: Equations) -> tupl
     return names, [(ex.Acceleration(name), tree, "/equations") for name, tree in trees], system.others
 
 
-def _definitions(texts: Mapping[str, str], declared: document_names.Declared) -> dict[str, str]:
+def _canonical_equations(text: str) -> str:
+    """; x' = dH/dp; p' = -dH/dx for H = … alone, each momentum having its coordinate; else nothing."""
+    named = document_names.HAMILTONIAN.match(text)
+    tokens = reader.tokens_if_any(text, Names(guesses=True)) if named else []
+    found = list(dict.fromkeys(token.text for token in walk(tokens) if token.kind == "name"))
+    pairs = {name: _partner(name, found) for name in found if re.fullmatch(r"p(?:_\w+|\d)?", name)}
+    alone = sum(token.is_operator("=") for token in tokens) == 1 and not document_names.derivatives(tokens)
+    if named is None or not (alone and all(pairs.values())):
+        return ""
+    equations = [pair for p, q in pairs.items() for pair in ((q, "", p), (p, "-", q))]
+    if equations:
+        shown = "; ".join(f"{name}' = {sign}dH/d{by}" for name, sign, by in equations)
+        reader.note("H", f"the Hamiltonian, with {shown}")
+    if not reader.is_latex(text):
+        return "".join(f"; {name}' = {sign}dH/d{by}" for name, sign, by in equations)
+    write = printing.name_latex
+    return "".join(
+        rf"; {write(name, 'dot')} = {sign}\frac{{\partial {named[1]}}}{{\partial {write(by)}}}"
+        for name, sign, by in equations
+    )
+
+
+def _partner(momentum: str, names: Sequence[str]) -> str:
+    """The coordinate of p_x, p_1 or p."""
+    below = momentum[1:].removeprefix("_")
+    if below and not below.isdigit():
+        return below
+    known = (
+        ("q", "x", "r", "y", "theta", "phi") if not below else (f"q_{below}", f"q{below}", f"x_{below}", f"x{below}")
+    )
+    return next((name for name in known if name in names), "")
+
+
+def _definitions(texts: Mapping[str, str], declared: document_names.Declared, rates: bool = False) -> dict[str, str]:
     """The names that equations such as omega = sqrt(k/m) define, which move nothing, each with its formula.
 
     InputError for a definition of a name that has its own equation, and for a second derivative spelled as a name.
@@ -221,12 +270,13 @@ def _definitions(texts: Mapping[str, str], declared: document_names.Declared) ->
             is_definition = first.kind == "name" and not first.order and rest and rest[0].is_operator("=") and not moves
             if not is_definition or document_names.moving_names(rest, 2):  # F = m*x'' moves x
                 continue
-            if document_names.moving_names(rest, 1) and any(_moves(each, first.text, 1) for each in texts.values()):
+            rated = document_names.moving_names(rest, 1) and any(_moves(each, first.text, 1) for each in texts.values())
+            if rated and not rates:
                 continue  # p = m*x' next to p' = -k*x
-            if first.text != "L" and not any(map(_moves, texts.values())):
+            if not rated and first.text != "L" and not any(map(_moves, texts.values())):
                 continue  # what is missing is the motion
             what, instead = f"{first.text} = … is a definition, not an equation of motion; it occurs", ""
-            if first.text == "L":
+            if first.text == "L" and not rated:
                 raise refusals.refusal(what, first.column, 'write it in the document as "lagrangian": "…"').at(pointer)
             if [token.text for token in rest[1:]] == ["0"]:
                 what = f"{first.text} = 0 holds no acceleration, as an equation of a singular Lagrangian; it occurs"

@@ -15,7 +15,7 @@ from inverse_service import errors
 from inverse_service.expressions import collecting, derivative, graphs, tree as ex
 from inverse_service.expressions.refusals import LIMITS, joined, refusal, shorten
 from inverse_service.reading import names as nm, reader
-from inverse_service.reading.tokens import Token, after_power, at, flat, places, spelled, split_at, walk
+from inverse_service.reading.tokens import Token, after_power, at, flat, places, source, spelled, split_at, walk
 
 ParameterValue = str | int | float | None
 Parameters = Sequence[str] | Mapping[str, ParameterValue] | str
@@ -35,7 +35,7 @@ _SPELLED = {
         "{whole} is read as a name: write {meant} for a second derivative."
     ),
 }
-_HAMILTONIAN = re.compile(r"\s*(?:\\(?:mathcal|mathscr)\s*\{?\s*H\s*\}?|H)\s*(?:\([^()]*\))?\s*=")
+HAMILTONIAN = re.compile(r"\s*(\\(?:mathcal|mathscr)\s*\{?\s*H\s*\}?|H)\s*(?:\([^()]*\))?\s*=")
 _NO_MOTION = "H = … alone holds no motion: write its equations beside it, such as x' = dH/dp, p' = -dH/dx."
 _NO_VELOCITY = "the Lagrangian contains no velocity such as x': write kinetic minus potential energy."
 # Factors before an acceleration without a sign: m, ml, I, r.
@@ -55,6 +55,8 @@ _PROGRAMS = re.compile(r"\b(?:Eq|diff|Derivative|Mul|Add)\s*\(|\[")  # where E i
 _IMPULSES = frozenset(("delta", "theta", "Theta", "H"))
 # Names in order of appearance, functions with their arguments, and runs of letters that are products.
 _Guess = tuple[tuple[str, ...], dict[str, tuple[str, ...]], dict[str, tuple[str, ...]]]
+_ONE_UNIT = r"(?:k?[gmNJW]|[cm]m|m?s|V|Hz|rad|k?Pa)(?:\^\(?-?\d\)?)?"
+_UNIT = re.compile(rf"{_ONE_UNIT}(?:[*/]{_ONE_UNIT})*")  # of k = 3 N/m
 _MOST_ROUNDS = 4  # a run that is split may contain a name that splits others
 _COMPONENTS = frozenset("ABEFJPVpv")  # Fx and Fy are usually two components
 _CALL = re.compile(r"\s*([^\s(),;]+)\s*\(([^()]*)\)")  # A(r1), a function of one's own
@@ -435,7 +437,7 @@ def _nothing_moves(texts: Mapping[str, str], names: nm.Names, order: int) -> err
                 meant, span = f"{found[1]}''({(*found.groups(), 't')[1]})", (found.start() + 1, found.end() + 1)
                 detail = said.format(whole=found[0], name=found[1], meant=meant)
                 return errors.InputError(detail, pointer, span[0], (meant,), span)
-    alone = next((pointer for pointer, text in texts.items() if order == 2 and _HAMILTONIAN.match(text)), None)
+    alone = next((pointer for pointer, text in texts.items() if order == 2 and HAMILTONIAN.match(text)), None)
     return None if alone is None else errors.InputError(_NO_MOTION, alone)
 
 
@@ -607,7 +609,7 @@ def _guessed(texts: Mapping[str, str], declared: nm.Names, dummies: Collection[s
         for line, place, _ in everywhere
         if at(line, place + 1).is_operator("^") and not line[place].order
     }
-    if "E" not in raised and not any(_PROGRAMS.search(text) for text in texts.values()):
+    if not ("E" in raised or declared.role("E")) and not any(_PROGRAMS.search(text) for text in texts.values()):
         known -= {"E"}  # a field
     calls = {
         (line[place].text, arguments)
@@ -877,9 +879,10 @@ def _refused_operator(
     based = nm.reason_against(token.text, token.column) if token.text.startswith("log_") else None
     if error := based or _half_a_number(line, place):
         return error
-    if spelled(line[place : place + 3]) == "m/s" and "s" not in coordinates and before.kind == "number":
-        instead = "leave units out, write * between a number and a name"
-        return refusal("m/s could be a unit", token.column, instead)
+    if before.kind == "number" and (unit := _unit(line, place, coordinates)):
+        number, span = before.text, (before.column, token.column + len(unit))
+        instead = f"leave units out, or write {number}*{unit} for a product"
+        return refusal(f"{unit} could be a unit", token.column, instead, (number, f"{number}*{unit}"), span)
     if error := _raised_call(line, place, coordinates, calls):
         return error
     if token.text == "d" and after.text == "t":
@@ -889,6 +892,15 @@ def _refused_operator(
         what = f"Delta {after.text} usually means a difference or a Laplacian; it occurs"
         return refusal(what, token.column, instead, (f"Delta*{after.text}",))
     return None
+
+
+def _unit(line: Sequence[Token], place: int, coordinates: Sequence[str]) -> str:
+    """The N/m of k = 3 N/m and the m/s of 2 m/s; empty for other names after a number."""
+    rest = list(itertools.takewhile(lambda token: not token.is_operator(",", ";"), line[place:]))
+    given = (place < 2 or line[place - 2].is_operator("=")) and line[place].space_before
+    if given and _UNIT.fullmatch(source(rest)) and not {token.text for token in rest} & {*coordinates}:
+        return source(rest)
+    return "m/s" * (spelled(line[place : place + 3]) == "m/s" and "s" not in coordinates)
 
 
 def _raised_call(

@@ -41,7 +41,10 @@ _COMMAND = re.compile(rf"\\(?:(operatorname\*|[A-Za-z]+)|(\\){_ROW_SPACE}|(.))",
 _MARKED_LETTER = re.compile(f"[A-Za-z{''.join(letters.GREEK)}][{''.join((*letters.DOTS, *letters.SUBSCRIPTS))}]+")
 _INNER = r"(?:[^{}]|\{(?:[^{}]|\{[^{}]*\})*\})*"  # of braces, with two levels of others in them
 _FONT = r"\\(?:mathrm|operatorname\*?|textrm|textnormal|text|mbox|mathit|rm)" + _NO_LETTER
-_UPRIGHT = rf"(?:{_FONT}|\\(?:bar|tilde|widetilde){_NO_LETTER})"
+# \bar{x} is the name x_bar
+_ACCENTS = {"bar": "bar", "overline": "bar", "tilde": "tilde", "widetilde": "tilde", "hat": "hat", "widehat": "hat"}
+_ACCENT = rf"\\(?P<accent>{'|'.join(_ACCENTS)}){_NO_LETTER}"
+_UPRIGHT = rf"(?:{_FONT}|{_ACCENT.replace('?P<accent>', '?:')})"
 _ROMAN = re.compile(rf"\{{\s*\\rm{_NO_LETTER}")
 _RUN = re.compile("[A-Za-z0-9]+")
 _SCRIPTED = re.compile(r"\\(?:mathcal|mathscr|mathfrak|mathsf)\s*\{\s*([A-NP-Za-z])\s*\}")
@@ -49,10 +52,9 @@ _ANY_COMMAND = re.compile(r"\\[A-Za-z]+")
 _INDEX = r"(?:\{[^{}]*\}|\\[A-Za-z]+|.)"
 _INTO, _OUT = rf"(?:\s|\{{|\\left{_NO_LETTER})*", rf"(?:\s|\}}|\\right{_NO_LETTER})*"
 _RAISED_BRACKETS = re.compile(rf"\{{{_INTO}[(\[]{_INTO}\\?(\w+){_OUT}[)\]]{_OUT}\}}")
-_ACCENTS = {"bar": "bar", "tilde": "tilde", "widetilde": "tilde"}  # \bar{x} is the name x_bar
 _PART_OF_NAME = re.compile(
     rf"(?P<none>(?P<opens>{_FONT}|\{{)|\}}|\s)"
-    rf"|\\(?P<accent>bar|tilde|widetilde){_NO_LETTER}\s*(?P<under>\{{[^{{}}]*\}}|\\[A-Za-z]+|.)|\\(?P<command>[A-Za-z]+)|.",
+    rf"|{_ACCENT}\s*(?P<under>\{{[^{{}}]*\}}|\\[A-Za-z]+|.)|\\(?P<command>[A-Za-z]+)|.",
     re.DOTALL,
 )
 _WORDS = nm.FUNCTIONS | nm.DERIVATIVE_NAMES | nm.REFUSED.keys()

@@ -594,11 +594,11 @@ class FormulaParser:
         return found if found and "|" not in found else None
 
     def _bare_ends(self) -> bool:
-        """Whether a bare argument ends here: before an operator, another function, or a velocity such as (x')."""
+        """Whether a bare argument ends here: before an operator, another function, or a velocity, in brackets too."""
         ahead = self._stream.ahead
         if ahead.is_bracket():
-            moving = ahead.inside[0] if len(ahead.inside) == 1 else ahead
-            return moving.order > 0 and self._names.role(self._names.spelling(moving.text)) == "coordinate"
+            moving = [self._names.spelling(token.text) for token in tk.walk(ahead.inside) if token.order]
+            return any(self._names.role(name) == "coordinate" for name in moving)
         if ahead.kind != "name":
             return ahead.kind != "number"
         name = self._names.spelling(ahead.text)

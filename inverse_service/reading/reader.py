@@ -14,7 +14,7 @@ from functools import lru_cache
 
 from inverse_service import errors
 from inverse_service.expressions import letters, tree as ex
-from inverse_service.expressions.refusals import refusal, shorten
+from inverse_service.expressions.refusals import most_characters, refusal, shorten
 from inverse_service.reading import notations, parser, tokens as tk
 from inverse_service.reading.names import FUNCTIONS, GREEK_NAMES, MAY_BE_FUNCTIONS, Names, written_product
 from inverse_service.reading.tokens import Token, at
@@ -24,7 +24,8 @@ SHORTEST_REMARK = 4  # letters of a word that no constant needs
 _TO = r"(?:subject\s+to|s\.\s?t\.)"
 _KIND = r"(?:(?:the|two|a|(?:non-?)?holonomic|rolling|kinematic|velocity|linear)\s+)*"
 _WORDS = (
-    rf"(?:(?:{_TO}|with|under)\s+{_KIND}constraints?|{_TO}|{_KIND}constraints?(?=\s*:|\s+[\w\\$]))(?:\s*\d(?=\s*:))?"
+    rf"(?:(?:{_TO}|with|under)\s+{_KIND}constraints?|{_TO}|{_KIND}constraints?(?=\s*:|\s+[\w\\$]))"
+    r"(?:\s*\d(?=\s*:)|\s+(?:is|are|reads?)\b)?"
 )
 # The words between a Lagrangian and its constraints, in LaTeX in an upright font.
 _SUBJECT_TO = re.compile(
@@ -50,11 +51,25 @@ _RAISED_FIRST = re.compile(
 _FULL_STOP = re.compile(r"(?<![\d.\s])(?<!\\left)(?<!\\right)(\s*)\.(?=\s+\S|\s*\\(?:q?quad|\\|right|end))")
 # $x'' = -x$ where words, or other formulas, are beside it; not Maple's t$2.
 _MATHEMATICS = re.compile(r"(?<![\w)\\])(\$\$?)([^$]+)\1(?!\w)|(?<!\\)(?<!\\!)\\[(\[]((?:[^\\]|\\[^()\[\]])*)\\[)\]]")
+_JOINING = re.compile(r"\b(?:and|with|where)(?=\s+\\[^;,.]*=)")
 # Solve x'' = …, Consider the Lagrangian L = …
 _BEFORE = re.compile(
     r"^\s*(?i:(?:Solve|Find|Consider|Let|Given|Minimi[sz]e|Study|the|equations?|of|motion|for|system|Lagrangian)\s+)+"
     r"(?=[\w\\])"
 )
+# Words of a sentence, with single letters between them: where g is the acceleration of gravity.
+_WRAPPED = r"\\(?:text|textrm|mbox)\s*\{"
+_GAP = rf"(?:\s?\$\s|\s\$|[ \t]|{_WRAPPED}|\}})+"
+_SENTENCE = re.compile(
+    rf"(?<![\w\\'^{{.])(?:{_WRAPPED}\s*)?[A-Za-z]+(?:{_GAP}\\?[A-Za-z]+)+(?!\w|\s*[-+*/^=<>&('\[_])\s*[.:]?\s*\}}?"
+)
+_CLAUSE = re.compile(r"[;,\n]|\\\\|\\q?quad|[.:](?=\s|$)")
+_OF_SENTENCES = frozenset(("the", "is", "are", "of", "an", "denotes", "denote", "have", "has", "which"))
+_OPENS = re.compile(rf"(?:{_WRAPPED}\s*)?\b(?:where|with|which|here|is|are|and|in|on|at|being|that)\b", re.I)
+_CLOSES = re.compile(
+    r"(?:is|are|be|by|to|have|obtain|reads?|constraints?|equations?|motion|lagrangian|system|energy)\W*", re.I
+)
+_ARITHMETIC = re.compile(r"\b(?:times|plus|minus|over|divided|squared?|cubed?|per|sum|product|root|const\w*)\b", re.I)
 _LOST = dict(zip("\a\b\f\n\r\t\v", "abfnrtv", strict=True))
 _LOST_BACKSLASH = re.compile(
     r"([\a\b\f\v])(lpha|eta|ar[a-z]*|egin|oldsymbol|rac|ec)(?![A-Za-z])|(\t)(an|anh|heta|au|imes|ext|ilde)(?![A-Za-z])|(\r)(ho|ight)(?![A-Za-z])"
@@ -157,7 +172,7 @@ def read_equations(formula: str, names: Names) -> list[tuple[ex.Expression, ex.E
 
 def read_tokens(formula: str, names: Names | None = None) -> list[Token]:
     """The tokens, before any name is looked up."""
-    tokens, notes = _read(formula, replace(names or Names(), definitions={}), tk.refusals.most_characters())
+    tokens, notes = _read(formula, replace(names or Names(), definitions={}), most_characters())
     for text, meant in notes.items():
         note(text, meant)
     return [*tokens]
@@ -176,8 +191,7 @@ def _read(formula: str, names: Names, _: int) -> tuple[tuple[Token, ...], dict[s
         scanned = _without_given_names(_scanned(formula, names, latex))
         tokens = in_our_words(_with_products(scanned, names), names)
         tk.refuse_decimal_commas(tokens)
-        if names.energy:
-            _ask_about_primes(tokens)
+        _ask_about_primes(tokens, names.energy, latex)
         if names.forms:
             _ask_about_displacements(tokens, names)
             tokens = _with_forms(tokens, names, _moves(tokens))
@@ -197,15 +211,21 @@ def _without_given_names(tokens: list[Token]) -> list[Token]:
     return found
 
 
-def _ask_about_primes(tokens: Sequence[Token]) -> None:
-    """InputError for the I' of a Lagrangian with dots, where the prime may be a mark or a derivative by a position."""
+def _ask_about_primes(tokens: Sequence[Token], energy: bool, latex: bool) -> None:
+    """InputError for the I' of a Lagrangian with dots, where the prime may be a mark or a derivative by a position.
+
+    So is the theta' of an equation in which the same name has two dots.
+    """
     words = [(line[place], at(line, place + 1)) for line, place, _ in tk.places(tokens) if line[place].kind == "name"]
-    dotted = any(token.primed == token.column or token.text.endswith("dot") for token, _ in words)
-    marked = (token for token, after in words if token.primed > token.column and not after.is_bracket())
-    if dotted and (primed := next(marked, None)):
-        name, span = primed.text, (primed.column, primed.primed + primed.order)
-        instead = f"write {name}_1 for another name, a dot for a velocity"
-        raise refusal(f"a prime occurs beside dots: {name}'", primed.column, instead, (f"{name}_1",), span)
+    dotted = {token.text for token, _ in words if token.primed == token.column and (energy or token.order > 1)}
+    dotted |= {token.text for token, _ in words if energy and token.text.endswith("dot")}
+    for token, after in words:
+        again = token.text in dotted and token.order == 1
+        if token.primed > token.column and not after.is_bracket() and (again or (energy and dotted)):
+            name, span = token.text, (token.column, token.primed + token.order)
+            meant = (f"{name}_1", *((f"{name}_{{dot}}" if latex else f"{name}_dot",) * again))
+            instead = f"write {name}_1 for another name, a dot for a velocity"
+            raise refusal(f"a prime occurs beside dots: {name}'", token.column, instead, meant, span)
 
 
 def _with_forms(tokens: Sequence[Token], names: Names, moves: bool) -> list[Token]:
@@ -517,7 +537,7 @@ def without_words(formula: str) -> str:
     """The formula with separators and blanks for the words, labels and full stops of a text, at the same columns."""
     formula = _COMMENT.sub(_without_label, formula) if is_latex(formula) else formula
     formula = _SUBJECT_TO.sub(lambda words: ";".ljust(len(words[0])), _mathematics(formula))
-    formula = _PROSE.sub(_without_prose, formula)
+    formula = _PROSE.sub(_without_prose, _SENTENCE.sub(_without_sentence, formula))
     for pattern in (_BEFORE, _LABEL):
         formula = pattern.sub(_without_label, formula)
     return _FULL_STOP.sub(r"\1;", formula)
@@ -529,11 +549,14 @@ def _mathematics(formula: str) -> str:
     outside = " ".join(_MATHEMATICS.sub(" ", formula).split()).strip(".,; ")
     alone = len(parts) == 1 and not outside
     kept = [part.span(k) for part in parts for k in (2, 3) if part[k] and (alone or _COMPARES.search(part[k]))]
+    if parts and re.search(r"=\s*[^\s;$]", outside) and "$" not in outside:
+        return _JOINING.sub(lambda word: ";".ljust(len(word[0])), formula.replace("$", " "))
     if not kept or "$" in outside:
         return formula
     found = [" "] * len(formula)
     for start, end in kept:
-        found[start : end + 1] = f"{formula[start:end]}{' ' if alone else ';'}"
+        part = formula[start:end].rstrip().removesuffix(".").ljust(end - start)
+        found[start : end + 1] = f"{part}{' ' if alone else ';'}"
     if outside:
         note(outside, LEFT_OUT)
     return "".join(found)
@@ -549,6 +572,23 @@ def _without_prose(match: re.Match[str]) -> str:
         return match[0]
     note(words, LEFT_OUT)
     return "\n".ljust(len(match[0]))
+
+
+def _without_sentence(match: re.Match[str]) -> str:
+    """A separator for the words of a sentence that stand alone, before an equation or after one."""
+    text, whole = match[0], match.string
+    before = _CLAUSE.split(whole[: match.start()])[-1].strip(" $")
+    after = _CLAUSE.split(whole[match.end() :])[0].strip(" $}")
+    start = _OPENS.search(text) if "=" in before else None
+    words = text[start.start() :] if start else text
+    plain = {*re.findall("[a-z]+", words.lower())}
+    first = start or not before
+    last = not after or ("=" in after and _CLOSES.fullmatch(words.split()[-1]))
+    kept = _BINDING.search(words) or _ARITHMETIC.search(words) or words.count("{") != words.count("}")
+    if kept or not (first and last and plain & _OF_SENTENCES):
+        return text
+    note(words.strip(), LEFT_OUT)
+    return text[: len(text) - len(words)] + ";".ljust(len(words))
 
 
 def _greek(match: re.Match[str]) -> str:

@@ -475,12 +475,12 @@ def _long_name(text: str, place: int, known: Container[str]) -> tuple[list[tuple
     runs: list[tuple[str, int, int]] = []
     for name, order, at in letters:
         before, times, start = runs[-1] if runs else ("_", 0, at)
-        below = "_" in before or name == "_"
+        below = "_" in before or name[0] == "_"
         greek = len(name) > 1 or len((letter(text[start]) or ("", 0))[0]) > 1 or times
         if not runs or (not name.isdigit() and not before.endswith("_") and (order or (greek and not below))):
             runs.append((name, order, at))
         else:
-            runs[-1] = (before + name, times + order, start)
+            runs[-1] = (before + (name[1:] if "_" in before and name[0] == "_" else name), times + order, start)
     return runs, end
 
 

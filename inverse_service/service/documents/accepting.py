@@ -79,7 +79,7 @@ _VECTOR = re.compile(
 )
 # d/dt ∂L/∂x' - ∂L/∂x = 0 beside L = …
 _D = r"(?:d|\\(?:mathrm|text)\s*\{\s*d\s*\}|\\(?:rm|mathrm)\s+d)"
-_DL = r"(?:\u2202|\\partial)\s{0,9}L\b[^;,\n=]{0,120}"
+_DL = r"(?:\u2202|\\partial|\bd)\s{0,9}L\b[^;,\n=]{0,120}"
 _LAGRANGES_EQUATION = re.compile(
     rf"(?:\\[dt]?frac\s*\{{\s*{_D}\s*\}}\s*\{{\s*{_D}\s*t\s*\}}|d\s*/\s*dt)[^;,\n=]{{0,120}}?{_DL}=(?:\s*0|\s*\\?[dt]?\w*\{{?{_DL})\s*(?=$|[;,.\n\\])"
 )
@@ -207,6 +207,8 @@ def _with_lagrangian(plain: dict[str, Any]) -> tuple[dict[str, Any], dict[str, s
                 formula = line[named.end() :]
                 summed = _ENERGIES.match(formula)
                 energies[kind] = named, formula[summed.end() :].rjust(len(formula)) if summed else formula, pointer
+    if any("L" in document_names.moving_names(reader.tokens_if_any(line, Names()), 1) for _, line in others):
+        return plain, {}, {}  # dL/dt = 0 is about a momentum L
     formulas = [*(line for _, line in others), *(text for _, text, _ in energies.values())]
     moves = "kinetic" in energies and any(map(_MOVES.search, formulas))
     if not ("whole" in energies or moves) or any(map(_BARE.search, formulas)):
