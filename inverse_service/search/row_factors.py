@@ -285,9 +285,12 @@ def _self_adjoint_sums(lines: Lines) -> Lines | None:
         """The entries of C, and of C K."""
         return [*c, *(np.array(c).reshape(n, n).T @ others[0]).flat] if others else c
 
-    def rank(c: Vector) -> tuple[bool, int]:
-        """Squares of all velocities come first."""
-        return any(entry.is_zero for entry in np.diagonal(np.array(c).reshape(n, n).T @ mass)), size(shown(c))
+    def rank(c: Vector) -> tuple[bool, bool, int, int]:
+        """Squares of all velocities come first, then what can be definite for positive letters, and few terms."""
+        g = np.array(c).reshape(n, n).T @ mass
+        minors = [g[i, i] * g[j, j] - g[i, j] * g[j, i] for i, j in combinations(lines.places, 2)]
+        negative = any(all(a < 0 for a in minor.numerator.coeffs()) for minor in minors)
+        return any(entry.is_zero for entry in np.diagonal(g)), negative, size(_primitive(shown(c))), size(c)
 
     basis, found = [shown(c) for c in sums.basis], list[Vector]()
     for chosen in combinations(range(len(basis[0])), len(basis) - 1) if basis else ():
@@ -295,9 +298,14 @@ def _self_adjoint_sums(lines: Lines) -> Lines | None:
         if len(weights) == 1:
             vector = [matrices.dot(one - one, weights[0], entries) for entries in zip(*sums.basis, strict=True)]
             if not matrices.determinant([vector[i::n] for i in lines.places], one).is_zero:
-                inverse = exact_field.common_factor([c for c in vector if not c.is_zero]).inverse()
-                found.append([c * inverse for c in vector])
+                found.append(_primitive(vector))
     return lines.sums(_terms(sums.ring, min(found, key=rank))) if found else None
+
+
+def _primitive(vector: Vector) -> Vector:
+    """Without the common factor."""
+    inverse = exact_field.common_factor([c for c in vector if not c.is_zero]).inverse()
+    return [c * inverse for c in vector]
 
 
 def _terms(ring: exact_field.ExactRing, vector: Vector) -> list[tm.Terms]:
