@@ -292,7 +292,11 @@ def _self_adjoint_sums(lines: Lines) -> Lines | None:
         negative = any(all(a < 0 for a in minor.numerator.coeffs()) for minor in minors)
         return any(entry.is_zero for entry in np.diagonal(g)), negative, size(_primitive(shown(c))), size(c)
 
-    basis, found = [shown(c) for c in sums.basis], list[Vector]()
+    def tested(c: Vector) -> list[exact_field.Quotient]:
+        """What may be 0: the entries that are shown, and differences of two in one column of C."""
+        return [*shown(c), *(a - b for k in lines.places for a, b in combinations(c[k * n : (k + 1) * n], 2))]
+
+    basis, found = [tested(c) for c in sums.basis], list[Vector]()
     for chosen in combinations(range(len(basis[0])), len(basis) - 1) if basis else ():
         weights = [*matrices.null_space([[c[k] for c in basis] for k in chosen], len(basis), one).values()]
         if len(weights) == 1:
