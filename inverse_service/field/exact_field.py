@@ -445,6 +445,12 @@ def common_factor(coefficients: Sequence[Quotient]) -> Quotient:
     return content if number is None else content.scaled(number)
 
 
+def primitive(vector: Sequence[Quotient]) -> list[Quotient]:
+    """Polynomials without a common factor, a multiple of a vector that is not 0."""
+    inverse = common_factor([entry for entry in vector if not entry.is_zero]).inverse()
+    return [entry * inverse for entry in vector]
+
+
 def sum_of(zero: Quotient, terms: Iterable[Quotient]) -> Quotient:
     """The sum, terms of equal denominators first, so that few fractions are brought together."""
     groups: dict[Exponents, Quotient] = {}

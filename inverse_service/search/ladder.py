@@ -75,6 +75,14 @@ def _of_smaller(smaller: protocol.Smaller, seed: int) -> list[tuple[ex.Expressio
 
 LEAVES = (
     protocol.Leaf(
+        "blocks in sums of the coordinates",
+        0.05,
+        reductions.has_sums,
+        partial(_lifted, reductions.into_sums),
+        "In sums of the coordinates with constant factors the system decouples, so the Lagrangian is the sum of the "
+        "Lagrangians of its blocks.",
+    ),
+    protocol.Leaf(
         "each equation times a function",
         0.1,
         lambda material: True,

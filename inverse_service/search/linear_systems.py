@@ -67,8 +67,20 @@ def propose(material: Material, seed: int) -> list[ex.Expression]:
 
 
 def _rates(damping: row_factors.Table) -> Iterator[Rate]:
-    """(a, d) with a +- sqrt(d) the means of two eigenvalues of C, from the factors of degree 1 and 2 of det(C - x)."""
-    trees = [[tm.tree_of(entry) for entry in row] for row in damping]
+    """(a, d) with a +- sqrt(d) the means of two eigenvalues of C, a and d constant."""
+    eigenvalues = eigenvalues_of([[tm.tree_of(entry) for entry in row] for row in damping])
+    found = dict[Rate, None]()
+    for (a, d), (b, e) in combinations_with_replacement(eigenvalues, 2):
+        mean = tm.collected((a + b) / 2)
+        if (a, d) == (b, e):
+            found |= {(mean, ex.ZERO): None, (mean, d): None}
+        elif ex.ZERO in (d, e):
+            found[mean, tm.collected((d + e) / 4)] = None
+    yield from found
+
+
+def eigenvalues_of(trees: Sequence[Sequence[ex.Expression]]) -> list[Rate]:
+    """a for each factor x - a of det(trees - x), as (a, 0), and (a, d) for a pair a +- sqrt(d)."""
     constants = [entry for row in trees for entry in row]
     ring = exact_field.exact_ring(constants, (), 0, exact_field.Budget.long(), further=(_EIGENVALUE,))
     x, one = ring.atoms[_EIGENVALUE], ring.constant(1)
@@ -83,14 +95,7 @@ def _rates(damping: row_factors.Table) -> Iterator[Rate]:
             eigenvalues.append((-c / b, ex.ZERO))
         elif max(parts) == (2,):
             eigenvalues.append((-b / (2 * a), tm.collected(b**2 / (4 * a**2) - c / a)))
-    found = dict[Rate, None]()
-    for (a, d), (b, e) in combinations_with_replacement(eigenvalues, 2):
-        mean = tm.collected((a + b) / 2)
-        if (a, d) == (b, e):
-            found |= {(mean, ex.ZERO): None, (mean, d): None}
-        elif ex.ZERO in (d, e):
-            found[mean, tm.collected((d + e) / 4)] = None
-    yield from found
+    return eigenvalues
 
 
 @dataclass(frozen=True, slots=True)

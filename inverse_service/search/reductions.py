@@ -1,18 +1,30 @@
-"""Reductions: a system as blocks that share no coordinates, and with a coordinate as time."""
+"""Reductions: a system as blocks that share no coordinates, or no sums of them, and with a coordinate as time.
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+In sums u = C q with constants C a system decouples where the rows of C span left invariant subspaces of all f_q and
+f_v: those of a constant P that commutes with all of these (linear equations for P), where P has two eigenvalues.
+"""
+
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from itertools import product
+
+import numpy as np
 
 from inverse_service.decision import certify
-from inverse_service.expressions import collecting, tree as ex
-from inverse_service.field import exact_field
+from inverse_service.expressions import collecting, derivative, tree as ex
+from inverse_service.field import exact_field, flow, matrices, tower
 from inverse_service.mechanics import writing
 from inverse_service.mechanics.second_order_system import SecondOrderSystem, connected
-from inverse_service.search import quadratures
+from inverse_service.search import linear_systems, quadratures, row_factors
+from inverse_service.search.interpolation import kernel_of
 from inverse_service.search.material import Material
-from inverse_service.search.protocol import Smaller
+from inverse_service.search.protocol import Smaller, is_definite
 from inverse_service.search.terms import collected, tree_of
+
+Table = list[list[ex.Expression]]
+# Coordinates, and points at which matrices are compared.
+_MOST, _POINTS, _SEED = 8, 8, 1
 
 
 def decoupled_blocks(system: SecondOrderSystem) -> list[SecondOrderSystem]:
@@ -72,6 +84,97 @@ def _sum_of(system: SecondOrderSystem, trees: Sequence[ex.Expression]) -> ex.Exp
 def _renamed(tree: ex.Expression, names: Mapping[str, str]) -> ex.Expression:
     named = replace(tree, name=names.get(tree.name, tree.name)) if isinstance(tree, ex.Integral) else tree
     return ex.rebuild(named, lambda part: _renamed(part, names))
+
+
+def has_sums(material: Material) -> bool:
+    """Two coordinates or more that do not decouple themselves."""
+    system = material.analysis.system
+    return 1 < len(system.coordinates) <= _MOST and not system.functions and not is_decoupled(material)
+
+
+def _may_decouple(material: Material) -> bool:
+    """Whether P that are no multiples of 1 commute with f_q and f_v at points modulo a prime.
+
+    Not where sums of the equations have a definite Lagrangian, for letters of either order (those of the real point
+    and their inverses).
+    """
+    system = material.analysis.system
+    n = len(system.coordinates)
+    forces, random = tuple(map(tower.to_kernels, system.accelerations)), np.random.default_rng(_SEED)
+    fixed: dict[flow.Generator, int] = {
+        ("variable", ex.Symbol(name)): int(random.integers(2, flow.PRIME)) for name in system.parameters
+    }
+    points = flow.Points(system.coordinates, flow.Units.of(forces), _POINTS, random, fixed)
+    jacobians = np.concatenate([part[0][points.good] for part in flow.Flow(points, forces, 1).slopes()])
+    unit = np.eye(n, dtype=np.int64)
+    # P J - J P with P in the order of its rows.
+    rows = [np.kron(unit, j.T) - np.kron(j, unit) for j in jacobians]
+    if not rows or len(kernel_of(np.concatenate(rows) % flow.PRIME)) == 1:
+        return False
+    point = material.analysis.real_point or {}
+    other = point | {letter: 1 / point[letter] for letter in map(ex.Symbol, system.parameters) if letter in point}
+    found = row_factors.propose(material, _SEED)
+    return not any(all(is_definite(tree, system.coordinates, one) for one in (point, other)) for tree in found)
+
+
+def into_sums(material: Material, seed: int) -> Iterator[Smaller]:
+    """The two parts of the system in sums of the coordinates, each sum with the name of one of these."""
+    if not _may_decouple(material):
+        return
+    system, n = material.analysis.system, material.motion.size
+    variables = [kind(name) for kind in (ex.Symbol, ex.Velocity) for name in system.coordinates]
+    slopes = [derivative.differentiate(f, variable) for f, variable in product(system.accelerations, variables)]
+    ring = exact_field.exact_ring(slopes, system.variables, 0, exact_field.Budget.long())
+    jacobians = np.split(np.array(list(map(ring.value, slopes))).reshape(n, 2 * n), 2, axis=1)
+    zero, one = ring.constant(0), ring.constant(1)
+    units = [np.array([one if k == place else zero for k in range(n * n)]).reshape(n, n) for place in range(n * n)]
+    identity = sum(units[n + 1 :: n + 1], start=units[0])
+    columns = [[entry for j in jacobians for entry in (e @ j - j @ e).flat] for e in units]
+    for vector in matrices.null_vectors(ring, columns):
+        p = np.array(vector).reshape(n, n)
+        eigenvalues = linear_systems.eigenvalues_of(_trees(ring, p.tolist()))
+        for value in (value for value, spread in eigenvalues if spread == ex.ZERO):
+            power = np.linalg.matrix_power(p - identity * ring.value(value), n)
+            own, others = (
+                matrices.null_space(power.T.tolist(), n, one).values(),
+                matrices.reduced_rows(power.tolist(), range(n)).rows,
+            )
+            if own and others:
+                forms = [exact_field.primitive(form) for form in (*own, *others)]
+                solved = [matrices.solve_square(forms, row) or () for row in identity.tolist()]
+                inverse = _trees(ring, list(zip(*solved, strict=True)))
+                yield _in_forms(material, _trees(ring, forms), inverse, len(own))
+                return
+
+
+def _trees(ring: exact_field.ExactRing, rows: Sequence[Sequence[exact_field.Quotient]]) -> Table:
+    return [[exact_field.quotient_tree(ring, entry) for entry in row] for row in rows]
+
+
+def _in_forms(material: Material, forms: Table, inverse: Table, first: int) -> Smaller:
+    """The blocks of the first forms and of the others, each form with the name of the coordinate in its place."""
+    system, blocks = material.analysis.system, list[SecondOrderSystem]()
+    names, places = system.coordinates, range(len(system.coordinates))
+    forces = [ex.add(*map(ex.multiply, form, system.accelerations)) for form in forms]
+    for chosen in (places[:first], places[first:]):
+        own = tuple(names[k] for k in chosen)
+        table = _substitution(names, [[row[k] for k in chosen] for row in inverse], own)
+        accelerations = tuple(collected(ex.substitute(forces[k], table)) for k in chosen)
+        blocks.append(replace(system, coordinates=own, accelerations=accelerations, branch=None, nonzero=()))
+    back, timed = _substitution(names, forms, names), (material.motion.with_time,) * 2
+    return Smaller(
+        tuple(blocks), timed, lambda found: [ex.substitute(_sum_of(system, [one[0] for one in found]), back)]
+    )
+
+
+def _substitution(names: Sequence[str], forms: Table, others: Sequence[str]) -> dict[ex.Expression, ex.Expression]:
+    """The coordinates and velocities by name as forms of the others."""
+    kinds: tuple[Callable[[str], ex.Expression], ...] = (ex.Symbol, ex.Velocity)
+    return {
+        kind(name): ex.add(*map(ex.multiply, form, map(kind, others)))
+        for name, form in zip(names, forms, strict=True)
+        for kind in kinds
+    }
 
 
 def has_own_time(material: Material) -> bool:

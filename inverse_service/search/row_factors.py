@@ -290,7 +290,7 @@ def _self_adjoint_sums(lines: Lines) -> Lines | None:
         g = np.array(c).reshape(n, n).T @ mass
         minors = [g[i, i] * g[j, j] - g[i, j] * g[j, i] for i, j in combinations(lines.places, 2)]
         negative = any(all(a < 0 for a in minor.numerator.coeffs()) for minor in minors)
-        return any(entry.is_zero for entry in np.diagonal(g)), negative, size(_primitive(shown(c))), size(c)
+        return any(entry.is_zero for entry in np.diagonal(g)), negative, size(exact_field.primitive(shown(c))), size(c)
 
     def tested(c: Vector) -> list[exact_field.Quotient]:
         """What may be 0: the entries that are shown, and differences of two in one column of C."""
@@ -302,14 +302,8 @@ def _self_adjoint_sums(lines: Lines) -> Lines | None:
         if len(weights) == 1:
             vector = [matrices.dot(one - one, weights[0], entries) for entries in zip(*sums.basis, strict=True)]
             if not matrices.determinant([vector[i::n] for i in lines.places], one).is_zero:
-                found.append(_primitive(vector))
+                found.append(exact_field.primitive(vector))
     return lines.sums(_terms(sums.ring, min(found, key=rank))) if found else None
-
-
-def _primitive(vector: Vector) -> Vector:
-    """Without the common factor."""
-    inverse = exact_field.common_factor([c for c in vector if not c.is_zero]).inverse()
-    return [c * inverse for c in vector]
 
 
 def _terms(ring: exact_field.ExactRing, vector: Vector) -> list[tm.Terms]:
