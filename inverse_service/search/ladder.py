@@ -44,6 +44,10 @@ ANSATZ = (
     families.Family("products of up to four velocities", 7, families.polynomials, bounds.LARGE),
     families.Family("logarithms and arctangents of two velocities", 9, families.complex_logarithms, bounds.SMALL),
 )
+_TIMES_A_FUNCTION = (
+    "Multiplied by functions of `t` and the coordinates, the equations are self-adjoint. Their mass matrix is then the "
+    "velocity Hessian of `L`, and integration gives `L`."
+)
 _SMALLEST_DETERMINANT = mpmath.mpf(10) ** -25
 # An ansatz whose terms have no common points (a vanishing denominator, a missing root) finds nothing.
 _NO_POINTS = (errors.IrreducibleAtoms, SingularPoint, ValueError)
@@ -73,22 +77,21 @@ def _of_smaller(smaller: protocol.Smaller, seed: int) -> list[tuple[ex.Expressio
     return found
 
 
+def _definite_of_lines(material: Material, seed: int) -> Sequence[ex.Expression]:
+    """Those with squares of one sign, for letters of either order: those of the real point, and their inverses."""
+    system, point = material.analysis.system, material.analysis.real_point or {}
+    other = point | {letter: 1 / point[letter] for letter in map(ex.Symbol, system.parameters) if letter in point}
+    found, names = row_factors.propose(material, seed), system.coordinates
+    return [tree for tree in found if all(protocol.is_definite(tree, names, one) for one in (point, other))]
+
+
 LEAVES = (
-    protocol.Leaf(
-        "blocks in sums of the coordinates",
-        0.05,
-        reductions.has_sums,
-        partial(_lifted, reductions.into_sums),
-        "In sums of the coordinates with constant factors the system decouples, so the Lagrangian is the sum of the "
-        "Lagrangians of its blocks.",
-    ),
     protocol.Leaf(
         "each equation times a function",
         0.1,
         lambda material: True,
-        row_factors.propose,
-        "Multiplied by functions of `t` and the coordinates, the equations are self-adjoint. Their mass matrix is then "
-        "the velocity Hessian of `L`, and integration gives `L`.",
+        _definite_of_lines,
+        _TIMES_A_FUNCTION,
         exact=True,
     ),
     protocol.Leaf(
@@ -106,6 +109,22 @@ LEAVES = (
         moving_matrix.propose,
         "The algebraic conditions determine a matrix `G(t, q, v)` up to a factor `phi`, and `G` the derivatives of "
         "`phi`. Integrating `phi G` twice over the velocities, then `A` and `V`, gives `L`.",
+    ),
+    protocol.Leaf(
+        "blocks in sums of the coordinates",
+        2.05,
+        reductions.has_sums,
+        partial(_lifted, reductions.into_sums),
+        "In sums of the coordinates with constant factors the system decouples, so the Lagrangian is the sum of the "
+        "Lagrangians of its blocks.",
+    ),
+    protocol.Leaf(
+        "each equation times a function, squares of both signs",
+        2.1,
+        lambda material: True,
+        row_factors.propose,
+        _TIMES_A_FUNCTION,
+        exact=True,
     ),
     protocol.Leaf(
         "linear systems, a constant multiplier times exp(c*t)",

@@ -16,10 +16,10 @@ from inverse_service.expressions import collecting, derivative, tree as ex
 from inverse_service.field import exact_field, flow, matrices, tower
 from inverse_service.mechanics import writing
 from inverse_service.mechanics.second_order_system import SecondOrderSystem, connected
-from inverse_service.search import linear_systems, quadratures, row_factors
+from inverse_service.search import linear_systems, quadratures
 from inverse_service.search.interpolation import kernel_of
 from inverse_service.search.material import Material
-from inverse_service.search.protocol import Smaller, is_definite
+from inverse_service.search.protocol import Smaller
 from inverse_service.search.terms import collected, tree_of
 
 Table = list[list[ex.Expression]]
@@ -93,11 +93,7 @@ def has_sums(material: Material) -> bool:
 
 
 def _may_decouple(material: Material) -> bool:
-    """Whether P that are no multiples of 1 commute with f_q and f_v at points modulo a prime.
-
-    Not where sums of the equations have a definite Lagrangian, for letters of either order (those of the real point
-    and their inverses).
-    """
+    """Whether P that are no multiples of 1 commute with f_q and f_v at points modulo a prime."""
     system = material.analysis.system
     n = len(system.coordinates)
     forces, random = tuple(map(tower.to_kernels, system.accelerations)), np.random.default_rng(_SEED)
@@ -109,12 +105,7 @@ def _may_decouple(material: Material) -> bool:
     unit = np.eye(n, dtype=np.int64)
     # P J - J P with P in the order of its rows.
     rows = [np.kron(unit, j.T) - np.kron(j, unit) for j in jacobians]
-    if not rows or len(kernel_of(np.concatenate(rows) % flow.PRIME)) == 1:
-        return False
-    point = material.analysis.real_point or {}
-    other = point | {letter: 1 / point[letter] for letter in map(ex.Symbol, system.parameters) if letter in point}
-    found = row_factors.propose(material, _SEED)
-    return not any(all(is_definite(tree, system.coordinates, one) for one in (point, other)) for tree in found)
+    return bool(rows) and len(kernel_of(np.concatenate(rows) % flow.PRIME)) > 1
 
 
 def into_sums(material: Material, seed: int) -> Iterator[Smaller]:
