@@ -297,13 +297,14 @@ def _self_adjoint_sums(lines: Lines) -> Lines | None:
         return [*shown(c), *(a - b for k in lines.places for a, b in combinations(c[k * n : (k + 1) * n], 2))]
 
     basis, found = [tested(c) for c in sums.basis], list[Vector]()
-    for chosen in combinations(range(len(basis[0])), len(basis) - 1) if basis else ():
-        weights = [*matrices.null_space([[c[k] for c in basis] for k in chosen], len(basis), one).values()]
+    for places in combinations(range(len(basis[0])), len(basis) - 1) if basis else ():
+        weights = [*matrices.null_space([[c[k] for c in basis] for k in places], len(basis), one).values()]
         if len(weights) == 1:
             vector = [matrices.dot(one - one, weights[0], entries) for entries in zip(*sums.basis, strict=True)]
             if not matrices.determinant([vector[i::n] for i in lines.places], one).is_zero:
                 found.append(exact_field.primitive(vector))
-    return lines.sums(_terms(sums.ring, min(found, key=rank))) if found else None
+    chosen = found if len(found) < 2 else [min(found, key=rank)]  # ranks of long lines take long
+    return lines.sums(_terms(sums.ring, chosen[0])) if chosen else None
 
 
 def _terms(ring: exact_field.ExactRing, vector: Vector) -> list[tm.Terms]:
