@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from inverse_service.errors import InputError
+from inverse_service.expressions import letters
 from inverse_service.expressions.tree import Expression
 from inverse_service.integrators.trajectory import Array
 from inverse_service.simulation.numeric_formulas import array_value, table_of
@@ -103,9 +104,9 @@ def motion_of(result: Mapping[str, Any]) -> tuple[Array, tuple[str, str]] | None
         return None
     path = motion[: int(steps[best]), :, best]
     if len(coordinates) == 1:
-        return path[:, :, 0], (coordinates[0], f"{coordinates[0]}\u2032")
+        return path[:, :, 0], (letters.shown(coordinates[0]), f"{letters.shown(coordinates[0])}\u2032")
     pair = ("x", "y") if {"x", "y"} <= set(coordinates) else coordinates[:2]
-    return path[:, 0][:, [coordinates.index(name) for name in pair]], (pair[0], pair[1])
+    return path[:, 0][:, [coordinates.index(name) for name in pair]], (letters.shown(pair[0]), letters.shown(pair[1]))
 
 
 def picture_of(result: Mapping[str, Any], ending: str, words: str) -> bytes | None:
@@ -116,11 +117,11 @@ def picture_of(result: Mapping[str, Any], ending: str, words: str) -> bytes | No
     points, axes = found
     with mpl.rc_context({"svg.hashsalt": "answer", "font.size": 9, "text.usetex": False}):
         figure = Figure(SIZES[ending], facecolor=PAPER if ending == "png" else "none")
-        place = figure.add_axes((0.55, 0.12, 0.4, 0.76) if ending == "png" else (0.12, 0.1, 0.84, 0.86))
+        place = figure.add_axes((0.55, 0.16, 0.4, 0.72) if ending == "png" else (0.14, 0.12, 0.82, 0.8))
         place.plot(points[:, 0], points[:, 1], color=ACCENT, linewidth=1.6)
         place.plot(*points[0], "o", color=PAPER, markeredgecolor=ACCENT, markersize=7)
         place.set_xlabel(axes[0])
-        place.set_ylabel(axes[1])
+        place.set_title(axes[1], loc="left", fontsize=9)
         place.set_facecolor("none")
         for side in ("top", "right"):
             place.spines[side].set_visible(False)
