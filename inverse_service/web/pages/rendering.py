@@ -34,13 +34,7 @@ TYPES = {"css": "text/css", "js": "text/javascript", "svg": "image/svg+xml", "pn
 FONT = "stix-two-math.woff2"
 CHARTS = ("uPlot.iife.js", "uPlot.min.css")  # of the package uplot-python
 NAMES = (FONT, "style.css", "page.js", "figures.js", "motion.js", "play.js", "system.js", "icon.svg", *CHARTS)
-LOADED = {
-    "style.css": (FONT,),
-    "motion.js": ("system.js",),
-    "page.js": ("motion.js",),
-    "play.js": ("motion.js", "system.js"),
-}
-# A changed file has another address, so an address never changes its content.
+# With a changed file all have another address, so an address never changes its content; scripts import their neighbors.
 FOREVER = "public, max-age=31536000, immutable"
 THEMES = ("light", "dark")
 THEME_COOKIE = "theme"
@@ -53,11 +47,10 @@ OK, NOT_MODIFIED = 200, 304
 
 @dataclass(frozen=True, slots=True)
 class Asset:
-    """A file with its compressed form; `mark` is a hash of its content."""
+    """A file with its compressed form."""
 
     data: bytes
     compressed: bytes
-    mark: str
 
 
 @lru_cache(maxsize=len(NAMES))
@@ -65,8 +58,18 @@ def asset(name: str) -> Asset:
     """The file of this name; KeyError for any other."""
     if name not in NAMES:
         raise KeyError(name)
-    data = _source(name)
-    return Asset(data, gzip.compress(data, 6, mtime=0), hashlib.sha256(data).hexdigest()[:12])
+    folder = chart_folder() if name in CHARTS else resources.files("inverse_service.web") / "static"
+    if folder is None:
+        raise KeyError(name)
+    data = (folder / name).read_bytes()
+    return Asset(data, gzip.compress(data, 6, mtime=0))
+
+
+@lru_cache(maxsize=1)
+def mark() -> str:
+    """A hash of the content of all files."""
+    shown = NAMES if chart_folder() is not None else NAMES[: -len(CHARTS)]
+    return hashlib.sha256(b"".join(asset(name).data for name in shown)).hexdigest()[:12]
 
 
 @lru_cache(maxsize=1)
@@ -77,42 +80,30 @@ def chart_folder() -> Path | None:
     return Path(folders[0]) / "static" if folders else None
 
 
-def _source(name: str) -> bytes:
-    folder = chart_folder() if name in CHARTS else resources.files("inverse_service.web") / "static"
-    if folder is None:
-        raise KeyError(name)
-    data = (folder / name).read_bytes()
-    # What they load themselves is named by its marked address, so that it is asked for once.
-    for named in LOADED.get(name, ()):
-        data = re.sub(rb'"[./]*%b"' % re.escape(named.encode()), b'"%b"' % address(named).encode(), data)
-    return data
-
-
 @lru_cache(maxsize=1)
 def style() -> Markup:
     """The style sheet, included in each page so that its first paint waits for nothing else."""
-    return Markup(asset("style.css").data.decode())
+    return Markup(asset("style.css").data.decode().replace(FONT, address(FONT)))
 
 
 @lru_cache(maxsize=1)
 def style_hash() -> str:
     """The hash of the style sheet in the policy of the pages."""
-    return "sha256-" + base64.b64encode(hashlib.sha256(asset("style.css").data).digest()).decode()
+    return "sha256-" + base64.b64encode(hashlib.sha256(style().encode()).digest()).decode()
 
 
-@lru_cache(maxsize=len(NAMES))
 def address(name: str) -> str:
     """The address of the file in a page."""
-    return f"/static/{asset(name).mark}/{name}"
+    return f"/static/{mark()}/{name}"
 
 
-async def static(request: Request, mark: str, name: str) -> Response:
+async def static(request: Request, asked: str, name: str) -> Response:
     """One file; a request with an old hash gets the current file, which must be revalidated."""
     if name not in NAMES or (name in CHARTS and chart_folder() is None):
         raise Refusal(404, "not-found", "There is no such file.")
     found = asset(name)
-    keep = FOREVER if address(name).split("/")[2] == mark else "no-cache"
-    headers = {"Cache-Control": keep, "ETag": f'"{found.mark}"', "Vary": "Accept-Encoding"}
+    keep = FOREVER if asked == mark() else "no-cache"
+    headers = {"Cache-Control": keep, "ETag": f'"{mark()}"', "Vary": "Accept-Encoding"}
     if request.headers.get("if-none-match") == headers["ETag"]:
         return Response(status_code=304, headers=headers)
     media_type = TYPES[name.rpartition(".")[2]]

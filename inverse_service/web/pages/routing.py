@@ -104,7 +104,7 @@ def _is_secure(request: Request) -> bool:
     return request.url.scheme == "https"
 
 
-router.get("/static/{mark}/{name}")(rendering.static)
+router.get("/static/{asked}/{name}")(rendering.static)
 for part in (account, library.open_router):
     router.include_router(part, dependencies=[Depends(rendering.note_visitor)])
 for pages in (solve, exercises, results, simulate, library):
