@@ -46,7 +46,11 @@ def text_page(result: Mapping[str, Any], explain: bool) -> str:
 
 def plain(said: sheets.Sentence, most: int = LONGEST) -> str:
     """A sentence as text; a formula with more characters is only measured."""
-    return "".join(_plain(piece, most) for piece in said)
+    found = ""
+    for piece in said:
+        is_apart = isinstance(piece, sheets.Formula) and piece.kind == "display" and not found.endswith(" ")
+        found += f"{' ' * is_apart}{_plain(piece, most)}"
+    return found
 
 
 def _plain(piece: str | sheets.Formula | sheets.Word, most: int) -> str:
@@ -55,7 +59,7 @@ def _plain(piece: str | sheets.Formula | sheets.Word, most: int) -> str:
     if isinstance(piece, sheets.Word):
         return "" if isinstance(piece.target, Mapping) else piece.words
     if len(piece.text) <= most:
-        return f"{' ' * (piece.kind == 'display')}{piece.whole}"
+        return piece.whole
     return f"{piece.letter or 'a formula'}: {len(piece.text)} characters, in the JSON"
 
 
