@@ -9,6 +9,7 @@ H quadratic in the momenta are such pairs.
 import itertools
 import re
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 from inverse_service import errors
@@ -175,9 +176,10 @@ def _understood(declared: document_names.Declared, equations: Equations) -> tupl
     try:
         return _read_lines(declared, equations, False)
     except errors.InputError as error:
-        if error.detail != NOT_PAIRS:
-            raise
-        return _read_lines(declared, equations, True)
+        if error.detail == NOT_PAIRS:
+            with suppress(errors.InputError):
+                return _read_lines(declared, equations, True)
+        raise
 
 
 def _read_lines(
@@ -185,10 +187,8 @@ def _read_lines(
 ) -> tuple[Names, list[_Equation], _Others]:
     """The same; with `rates`, p = m x' beside p' = -k x defines a name whose rate is that of its formula."""
     texts = _texts(equations)
-    defined = {} if isinstance(equations, Mapping) else _definitions(texts, declared, rates)
-    if rates and not defined:
-        raise errors.InputError(NOT_PAIRS, "/equations")
-    declared = replace(declared, where={**declared.where, **defined}) if defined else declared
+    if not isinstance(equations, Mapping) and (defined := _definitions(texts, declared, rates)):
+        declared = replace(declared, where={**declared.where, **defined})
     keys = tuple(equations) if isinstance(equations, Mapping) else ()
     pairs = not keys and not rates and _are_pairs(texts, declared)
     asked = replace(declared, coordinates=None) if pairs else declared

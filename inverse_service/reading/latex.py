@@ -35,7 +35,7 @@ _CONDITIONS = {
         for word, sign in (("otherwise", "true"), ("else", "true"), ("and", "&"), ("or", "|"))
     },
 }
-_CONNECTIVES = {"land": "and", "wedge": "and", "lor": "or", "vee": "or"}
+_CONNECTIVES = {"land": "and", "wedge": "and", "lor": "or", "vee": "or", "forall": "for"}
 _ROW_SPACE = r"(?:\s*\[\s*-?[0-9.]+\s*(?:pt|pc|em|ex|mm|cm|in|jot|\\jot)\s*\])?"
 _COMMAND = re.compile(rf"\\(?:(operatorname\*|[A-Za-z]+)|(\\){_ROW_SPACE}|(.))", re.DOTALL)
 _MARKED_LETTER = re.compile(f"[A-Za-z{''.join(letters.GREEK)}][{''.join((*letters.DOTS, *letters.SUBSCRIPTS))}]+")
@@ -70,7 +70,7 @@ _SIGNS = {
     **dict.fromkeys(("cdot", "times", "ast"), "*"),
     **dict.fromkeys(("lbrace", "{"), "("),
     **dict.fromkeys(("rbrace", "}"), ")"),
-    **dict.fromkeys(("vert", "lvert", "rvert"), "|"),
+    **dict.fromkeys(("vert", "lvert", "rvert", "|", "Vert", "lVert", "rVert"), "|"),
     **dict.fromkeys(("le", "leq", "leqslant", "lt", "ll"), "<"),
     **dict.fromkeys(("ge", "geq", "geqslant", "gt", "gg"), ">"),
     **dict.fromkeys(("ne", "neq"), "\u2260"),
@@ -79,6 +79,8 @@ _PRODUCTS = {"cdot": plain.DOT, "times": plain.CROSS}
 _OPENING, _CLOSING = "([", ")]"
 # Words in \text that are read, as everywhere.
 _IN_TEXT = frozenset(("where", "with", "given", "and", "for", "if", "when", "const", "constant"))
+# Words that are no product of letters; where they join nothing they are refused.
+_ENGLISH = {word for word, reason in nm.REFUSED_UNLESS_DECLARED.items() if reason.problem == "is a word"}
 _TENSORS = frozenset(("Gamma", "g", "R", "T", "F", "eta", "h", "delta", "epsilon", "varepsilon"))
 _REASONS = nm.reasons("commands")
 _MISPLACED = {"_": "a subscript belongs to a name, as in r_1", "}": "it closes nothing, leave it out"}
@@ -302,7 +304,7 @@ class _Translator:
         elif (letter := self._scripted(command)) is not None:
             self._place = letter.end()
             self._emit_name(self._with_subscript(letter[1]), here)
-        elif self._matrices and name in _CONNECTIVES:
+        elif name in _CONNECTIVES and (self._matrices or name == "forall"):
             self._emit_name(_CONNECTIVES[name], here)
         else:
             what, reason = f"the command \\{shorten(name)} is not accepted", _REASONS.get(name)
@@ -375,7 +377,7 @@ class _Translator:
             self._emit("(" if side == "left" else ")", here, space=True)
         elif text == "|":
             self._emit("|", here)
-        elif text != ".":
+        elif text != "." and (text or side == "left"):
             raise refusal(f"this delimiter after \\{side} is not accepted", here.column, "write ( and )")
         elif opening in ("{", "lbrace") and line is self._tokens:
             del line[start]  # \left\{ before a list of equations that \right. ends
@@ -511,7 +513,7 @@ class _Translator:
         word = run[0][: LIMITS.name_characters] if run else ""
         for size in range(len(word), 1, -1):
             part = word[:size]
-            known = (part in _WORDS and size == len(word)) or (
+            known = (part in _WORDS | _ENGLISH and size == len(word)) or (
                 size > 2 and part in letters.LETTER_COMMANDS
             )  # alpha for \alpha
             if known or self._names.role(part) or self._names.derivative(part):
