@@ -187,8 +187,10 @@ def _read_lines(
 ) -> tuple[Names, list[_Equation], _Others]:
     """The same; with `rates`, p = m x' beside p' = -k x defines a name whose rate is that of its formula."""
     texts = _texts(equations)
-    if not isinstance(equations, Mapping) and (defined := _definitions(texts, declared, rates)):
-        declared = replace(declared, where={**declared.where, **defined})
+    defined = {} if isinstance(equations, Mapping) else _definitions(texts, declared, rates)
+    if rates and not defined:
+        raise errors.InputError(NOT_PAIRS, "/equations")
+    declared = replace(declared, where={**declared.where, **defined}) if defined else declared
     keys = tuple(equations) if isinstance(equations, Mapping) else ()
     pairs = not keys and not rates and _are_pairs(texts, declared)
     asked = replace(declared, coordinates=None) if pairs else declared
