@@ -188,7 +188,7 @@ def _read_lines(
     """The same; with `rates`, p = m x' beside p' = -k x defines a name whose rate is that of its formula."""
     texts = _texts(equations)
     defined = {} if isinstance(equations, Mapping) else _definitions(texts, declared, rates)
-    if rates and not defined:
+    if rates and defined.keys() == _definitions(texts, declared).keys():
         raise errors.InputError(NOT_PAIRS, "/equations")
     declared = replace(declared, where={**declared.where, **defined}) if defined else declared
     keys = tuple(equations) if isinstance(equations, Mapping) else ()
