@@ -1,9 +1,14 @@
-"""The job store in one SQLite file: write-ahead log, synchronous=FULL, one process, one thread at a time writes."""
+"""The job store in one SQLite file with a write-ahead log: one process, one thread at a time writes.
+
+SQLite itself waits for the disk only where it empties the log into the file. What is to be durable is synced here after
+its commit, while others write already: one wait for the disk may serve several of them.
+"""
 
 from __future__ import annotations
 
 import contextlib
 import json
+import os
 import shutil
 import sqlite3
 import threading
@@ -112,6 +117,9 @@ class SqliteStore(JobStore):
                 opened.enter_context(alone(path))
             self._connection = opened.enter_context(contextlib.closing(connect(self.address)))
             (_refuse_other_version if guest else prepare)(self._connection)
+            self._connection.execute("PRAGMA synchronous = NORMAL")
+            self._log = os.open(f"{path}-wal", os.O_RDONLY)
+            opened.callback(os.close, self._log)
             if guest:
                 self._connection.execute("PRAGMA secure_delete = ON")
             # All that is closed with the store.
@@ -158,16 +166,16 @@ class SqliteStore(JobStore):
 
     def _write(self, change: Callable[[statements.Session], T], durable: bool = True) -> T:
         told = list[model.Change]()
-        synchronous = "FULL" if durable and self._durable else "NORMAL"
         with self._turn:  # or one with many changes in a row would go before all others
             self._writing.acquire()
         try:
-            self._connection.execute(f"PRAGMA synchronous = {synchronous}")
             with self._connection:  # committed at the end, undone where anything is raised
                 self._connection.execute("BEGIN IMMEDIATE")
                 value = change(statements.Session(self._connection, told, statements.SQLITE))
         finally:
             self._writing.release()
+        if durable and self._durable:
+            os.fdatasync(self._log)
         self.tell(told)
         return value
 

@@ -51,6 +51,13 @@ created = excluded.created, started = NULL, finished = NULL, attempt = jobs.atte
 owner = NULL
 WHERE jobs.{finished} AND (jobs.status = 'dismissed' OR ? OR jobs.expires <= moment())
 
+-- name: begin
+-- A new question begins as it is stored where none waits and the operator lets it.
+INSERT INTO jobs (id, kind, document, options, status, client, priority, created, started, heartbeat, attempt, owner)
+SELECT ?, ?, ?, ?, 'running', ?, ?, moment(), moment(), moment(), 1, ?
+WHERE NOT EXISTS (SELECT 1 FROM jobs WHERE status = 'accepted') AND NOT EXISTS ({is_drained})
+ON CONFLICT (id) DO NOTHING RETURNING {job}
+
 -- name: ask
 INSERT INTO askers VALUES (?, ?, 0) ON CONFLICT (job, client) DO UPDATE SET gone = 0
 

@@ -337,8 +337,8 @@ class Supervisor:
                 return
 
     def _claim_ahead(self) -> None:
-        """Where no worker is free, claim for clients with nothing running, so that short questions can be tried."""
-        if self._more and self._free() <= 0:
+        """Where `_claim` waits for runs to end, claim for clients with nothing running: short questions can be tried."""
+        if self._more and self._free() < self._together:
             self._begin(*self._room())
 
     def _begin(self, limit: int, most: int) -> int:
