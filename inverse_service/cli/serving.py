@@ -147,6 +147,7 @@ def _tell_of_the_end(server: Any, close_streams: Callable[[], None]) -> None:
         wake.append(lambda: loop.call_soon_threadsafe(ending.set))
         while not await server.on_tick(0):
             await until_set(ending, 1.0)
+            ending.clear()
 
     def handle_exit(number: int, frame: Any) -> None:
         close_streams()

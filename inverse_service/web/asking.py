@@ -5,15 +5,15 @@ import math
 import re
 import uuid
 from collections import defaultdict
-from collections.abc import AsyncIterator, Container, Iterable, Iterator
-from contextlib import asynccontextmanager, contextmanager
+from collections.abc import AsyncIterator, Container, Iterable
+from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 from starlette.requests import ClientDisconnect, Request
 
 from inverse_service.service.jobs import model
-from inverse_service.web import clients
+from inverse_service.web import clients, middleware
 from inverse_service.web.problems import Refusal
 
 if TYPE_CHECKING:
@@ -43,11 +43,14 @@ async def body_of(request: Request, limit: int, types: Container[str] | None = (
         lines = " or 'application/x-ndjson'" if types else ""
         raise Refusal(415, "content-type", f"Send JSON with the header 'Content-Type: application/json'{lines}.")
     too_large = Refusal(413, "too-large", f"The body has more than {limit:,} bytes; send a smaller document.")
-    declared = request.headers.get("content-length", "0")
+    declared = middleware.said(request.scope, b"content-length")
     if declared.isascii() and declared.isdigit() and (len(declared) > 15 or int(declared) > limit):
         raise too_large
-    if request.headers.get("content-encoding", "identity").lower() != "identity":
+    if middleware.said(request.scope, b"content-encoding").lower() not in ("", "identity"):
         raise Refusal(415, "content-type", "Compressed bodies are not accepted; send it without 'Content-Encoding'.")
+    if (whole := request.scope["state"].get("whole")) is not None:  # a small one
+        yield whole
+        return
     engine: Engine = request.app.state.engine
     with engine.bytes.hold(clients.client_of(request)) as take:
         parts = []
@@ -63,7 +66,7 @@ async def body_of(request: Request, limit: int, types: Container[str] | None = (
 
 def content_type(request: Request) -> str:
     """The media type of the body, without parameters."""
-    return request.headers.get("content-type", "").partition(";")[0].strip().lower()
+    return middleware.said(request.scope, b"content-type").partition(";")[0].strip().lower()
 
 
 def is_json(request: Request) -> bool:
@@ -82,7 +85,7 @@ class Preference:
 
 def preference_of(request: Request) -> Preference:
     """`Prefer: respond-async` and `wait=S`, of which at most 20 s are applied. Others are ignored (RFC 7240)."""
-    text = ", ".join(request.headers.getlist("prefer"))
+    text = middleware.said(request.scope, b"prefer")
     found = WAIT.search(text)
     seconds = min(float(found[1]), MAX_WAIT) if found else 0.0
     applied = f"wait={seconds:g}" if found else ""
@@ -94,13 +97,13 @@ def preference_of(request: Request) -> Preference:
 
 def wants_fresh(request: Request) -> bool:
     """`Cache-Control: no-cache`: the question is to be computed again."""
-    directives = {part.strip().lower() for part in request.headers.get("cache-control", "").split(",")}
+    directives = {part.strip().lower() for part in middleware.said(request.scope, b"cache-control").split(",")}
     return bool(directives & {"no-cache", "no-store"})
 
 
 def key_of(request: Request) -> str:
     """`Idempotency-Key`, which a client sends with one question or one batch only; empty where there is none."""
-    given = request.headers.get("idempotency-key", "")
+    given = middleware.said(request.scope, b"idempotency-key")
     if len(given) > LARGEST_KEY:
         raise Refusal(422, "limit", f"The header 'Idempotency-Key' takes at most {LARGEST_KEY} characters.")
     return given
@@ -113,7 +116,7 @@ def batch_key_of(request: Request) -> str:
 
 def time_limit_of(request: Request, server: model.JobOptions) -> float | None:
     """The `time_limit` of the query, which overrides the one of the document; None if there is none."""
-    text = request.query_params.get("time_limit")
+    text = request.query_params.get("time_limit") if request.scope["query_string"] else None
     if text is None:
         return None
     # Only Python takes 1_0 and the digits of other scripts for numbers.
@@ -127,9 +130,25 @@ def end_of(job: str) -> str:
 
 
 class Waiting(asyncio.Event):
-    """A waiting request; `job` is the job that ended, if it ended in this process."""
+    """A waiting request among `all` those that wait; `job` is the job that ended, if it ended in this process.
+
+    Its user clears it before looking at the store.
+    """
 
     job: model.Job | None = None
+
+    def __init__(self, all: dict[str, set["Waiting"]], id: str) -> None:
+        super().__init__()
+        self._all, self._id = all, id
+
+    def __enter__(self) -> "Waiting":
+        self._all[self._id].add(self)
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._all[self._id].discard(self)
+        if not self._all[self._id]:
+            del self._all[self._id]
 
 
 class Hub:
@@ -152,17 +171,9 @@ class Hub:
         self.closing = True
         self._loop.call_soon_threadsafe(lambda: self._set(tuple(self._waiting)))
 
-    @contextmanager
-    def waiting(self, id: str) -> Iterator[Waiting]:
-        """An event that is set at each change; its user clears it before looking at the store."""
-        event = Waiting()
-        self._waiting[id].add(event)
-        try:
-            yield event
-        finally:
-            self._waiting[id].discard(event)
-            if not self._waiting[id]:
-                del self._waiting[id]
+    def waiting(self, id: str) -> Waiting:
+        """An event that is set at each change, within its context."""
+        return Waiting(self._waiting, id)
 
     def _set(self, keys: Iterable[str], job: model.Job | None = None) -> None:
         for key in keys:
@@ -185,11 +196,10 @@ async def each(parts: Iterable[bytes] = ()) -> AsyncIterator[bytes]:
         yield part
 
 
-async def until_set(event: asyncio.Event, seconds: float) -> bool:
-    """Wait at most so long; return whether the event was set."""
+async def until_set(event: asyncio.Event, seconds: float) -> None:
+    """Wait for the event, which is set after so many seconds in any case."""
+    late = asyncio.get_running_loop().call_later(seconds, event.set)
     try:
-        async with asyncio.timeout(seconds):
-            await event.wait()
-    except TimeoutError:
-        return False
-    return True
+        await event.wait()
+    finally:
+        late.cancel()

@@ -122,19 +122,19 @@ async def require_client(request: Request) -> None:
 def note_client(request: Request) -> None:
     """Note the client; 401 without a valid key if keys are set."""
     keys = request.app.state.engine.keys
-    request.state.client_name = _client(request, keys)
-    request.state.viewer = Viewer(request.state.client_name, not keys.are_asked)
+    name = _client(request, keys)
+    request.scope["state"] |= {"client_name": name, "viewer": Viewer(name, not keys.are_asked)}
 
 
 def viewer_of(request: Request) -> Viewer:
     """Who asks, as `note_client` found: all that is read, listed and cancelled is checked against it."""
-    viewer: Viewer = request.state.viewer
+    viewer: Viewer = request.scope["state"]["viewer"]
     return viewer
 
 
 def client_of(request: Request) -> str:
     """The client that `note_client` found, or the address if no key was required."""
-    name: str = getattr(request.state, "client_name", None) or address_of(request)
+    name: str = request.scope["state"].get("client_name") or address_of(request)
     return name
 
 
@@ -164,9 +164,9 @@ def cookie_of_key(key: str) -> str:
 
 def is_of_own_page(request: Request) -> bool:
     """Whether a page of ours sends it, or no browser. Older ones, and all without TLS, tell the page's origin only."""
-    site, origin = request.headers.get("sec-fetch-site"), request.headers.get("origin")
-    if site is not None or origin is None:
-        return site is None or site in OWN_PAGES
+    site, origin = (middleware.said(request.scope, name) for name in (b"sec-fetch-site", b"origin"))
+    if site or not origin:
+        return not site or site in OWN_PAGES
     return middleware.name_of(origin.rpartition("//")[2]) == middleware.host_of(request.scope)
 
 
@@ -179,8 +179,8 @@ def key_of_cookie(request: Request) -> str:
 def _client(request: Request, keys: Keys) -> str:
     if not keys.are_asked:
         return address_of(request)
-    scheme, _, token = request.headers.get("authorization", "").partition(" ")
-    key = token.strip() if scheme.lower() == "bearer" else request.headers.get("x-api-key", "")
+    scheme, _, token = middleware.said(request.scope, b"authorization").partition(" ")
+    key = token.strip() if scheme.lower() == "bearer" else middleware.said(request.scope, b"x-api-key")
     name = keys.client_of(key or key_of_cookie(request))
     if name is None:
         detail = "This service asks for a key: send 'Authorization: Bearer KEY' or 'X-API-Key: KEY'; people use /login."

@@ -205,32 +205,36 @@ class Engine:
         """Whether a process that reads what comes in has answered once."""
         return self._quick.first.done()
 
-    @property
+    @functools.cached_property
     def server_options(self) -> model.JobOptions:
         """The bounds of this server, which are what a job gets that says nothing."""
         return model.JobOptions(self.settings.time_limit, self.settings.memory_limit)
 
-    @property
+    @functools.cached_property
     def bounds(self) -> model.Bounds:
         """How many open jobs there may be, and what a client may use in a day."""
         settings = self.settings
         return model.Bounds(settings.queue, settings.client_queue, settings.client_daily_seconds or model.NO_BOUND)
 
-    async def in_thread(self, function: Callable[P, T], *arguments: P.args, **named: P.kwargs) -> T:
-        """Run a function that waits for the disk in a thread."""
+    def in_thread(self, function: Callable[P, T], *arguments: P.args, **named: P.kwargs) -> asyncio.Future[T]:
+        """What a function that waits for the disk gives, in a thread."""
         work = functools.partial(function, *arguments, **named)
-        return await asyncio.get_running_loop().run_in_executor(self._threads, work)
+        return asyncio.get_running_loop().run_in_executor(self._threads, work)
 
     async def read(self, function: Callable[P, T], *arguments: P.args, **named: P.kwargs) -> T:
         """Call the store; raises StoreUnavailable if no answer comes within STORE_PATIENCE."""
         began = time.monotonic()
         try:
-            async with asyncio.timeout(STORE_PATIENCE):
-                return await self.in_thread(function, *arguments, **named)
-        except TimeoutError:
-            raise model.StoreUnavailable(LATE) from None
+            return await self._in_time(self.in_thread(function, *arguments, **named))
         finally:
             metrics.STORE.observe(time.monotonic() - began)
+
+    async def _in_time(self, stored: Awaitable[T]) -> T:
+        try:
+            async with asyncio.timeout(STORE_PATIENCE):
+                return await stored
+        except TimeoutError:
+            raise model.StoreUnavailable(LATE) from None
 
     async def job(self, id: str, viewer: model.Viewer) -> model.Job | None:
         """A job as this viewer may see it, with an answer that is not large; None also for another client's."""
@@ -249,22 +253,18 @@ class Engine:
         loop = asyncio.get_running_loop()
         with self.hub.waiting(asking.end_of(own.id)) as ended:
 
-            def note(stored: Future[model.Job]) -> None:
+            def store() -> None:
+                workers.do(storing, functools.partial(self._submit, own, key))
                 metrics.STORE.observe(time.monotonic() - began)
-                if stored.cancelled() or stored.exception() or not stored.result().is_open:
+                if storing.cancelled() or storing.exception() or not storing.result().is_open:
                     loop.call_soon_threadsafe(ended.set)
 
-            storing.add_done_callback(note)
-            chore = storing, functools.partial(self._submit, own, key)
-            if not self._working.lend(chore):
-                self._threads.submit(workers.do, chore)
+            if not self._working.lend(store):
+                self._threads.submit(store)
             try:
                 await asking.until_set(ended, min(seconds, self.look_again))
                 left = seconds + began - time.monotonic()
-                async with asyncio.timeout(STORE_PATIENCE):
-                    job = await asyncio.wrap_future(storing) if ended.job is None else ended.job
-            except TimeoutError:
-                raise model.StoreUnavailable(LATE) from None
+                job = await self._in_time(asyncio.wrap_future(storing)) if ended.job is None else ended.job
             finally:
                 storing.cancel()  # where it has not begun, nobody waits for it any more
             return await self._until_final(job, viewer, left, ended)
@@ -316,7 +316,7 @@ class Engine:
         if found is None or found.is_open or found.is_to_be_asked(request.fresh, time.time()):
             found, is_new = self.supervisor.submit(request, self.bounds, PART)
         if not is_new:
-            metrics.KNOWN.labels(request.kind).inc()
+            metrics.of(metrics.KNOWN, request.kind).inc()
         return found
 
     def _claim_key(self, client: str, key: str, digest: str) -> None:
@@ -434,8 +434,8 @@ class Engine:
             except asyncio.CancelledError:
                 running.cancel()
                 raise
-        metrics.QUICK.labels(task.__name__, outcome.status).inc()
-        metrics.QUICK_CPU.labels(task.__name__).inc(outcome.spent.cpu)
+        metrics.of(metrics.QUICK, task.__name__, outcome.status).inc()
+        metrics.of(metrics.QUICK_CPU, task.__name__).inc(outcome.spent.cpu)
         return outcome
 
     async def check(self, client: str, body: bytes) -> dict[str, Any]:
@@ -531,10 +531,13 @@ class KnownFirst(middleware.Middleware):
             await self.app(scope, receive, send)
             return
         pending = [await receive()]
-        key = b"" if pending[0].get("more_body") else _key_of(scope, pending[0].get("body", b""), read)
+        key = b""
+        if not pending[0].get("more_body"):
+            scope["state"]["whole"] = pending[0].get("body", b"")
+            key = _key_of(scope, scope["state"]["whole"], read)
         if (known := self._engine.known.get(key)) is not None and self._is_client(scope):
             scope["route"] = SimpleNamespace(path=scope["path"])  # as the counts of requests name it
-            metrics.KNOWN.labels(kind).inc()
+            metrics.of(metrics.KNOWN, kind).inc()
             more = await self._engine.rate_limit(scope["state"]["client_name"])
             of_call = [(name.lower().encode(), value.encode()) for name, value in more.items()]
             await send({"type": "http.response.start", "status": 200, "headers": [*known.headers, *of_call]})
@@ -549,7 +552,7 @@ class KnownFirst(middleware.Middleware):
         async def send_and_keep(message: Message) -> None:
             nonlocal key
             if message["type"] == "http.response.start":
-                headers.extend(pair for pair in message["headers"] if pair[0] not in OF_A_CALL)
+                headers.extend([pair for pair in message["headers"] if pair[0] not in OF_A_CALL])
             elif message.get("more_body"):
                 key = b""
             elif key and (job := scope["state"].get("answers")):

@@ -14,7 +14,7 @@ from starlette.responses import Response, StreamingResponse
 
 from inverse_service.service.documents import answers
 from inverse_service.service.jobs import batch, model, opening, statements
-from inverse_service.web import clients, problems
+from inverse_service.web import clients, middleware, problems
 from inverse_service.web.asking import Preference
 from inverse_service.web.engine import PART, Engine
 
@@ -110,7 +110,7 @@ async def job_response(request: Request, job: model.Job, engine: Engine) -> Resp
         return Response(status_code=304, headers=headers)
     if written:
         return await written_response(request, job, engine, written, headers)
-    is_whole = MINIMAL not in request.headers.get("prefer", "").lower()
+    is_whole = MINIMAL not in middleware.said(request.scope, b"prefer").lower()
     return await job_document(job, engine, headers, is_whole=is_whole)
 
 
@@ -134,7 +134,8 @@ async def job_document(
 
 def is_known(request: Request, tag: str) -> bool:
     """Whether the caller has the answer with this ETag already."""
-    known = {mark.strip().removeprefix("W/") for mark in request.headers.get("if-none-match", "").split(",")}
+    given = middleware.said(request.scope, b"if-none-match").split(",")
+    known = {mark.strip().removeprefix("W/") for mark in given}
     return bool(known & {tag, "*"})
 
 
@@ -212,7 +213,7 @@ def etag(job: model.Job, written: str | None = None) -> str:
 def media_type_of(request: Request) -> str | None:
     """The media type of MEDIA_TYPES that is asked for above JSON; None where JSON is as good."""
     best, quality = None, 0.0
-    for part in ",".join(request.headers.getlist("accept")).lower().split(","):
+    for part in middleware.said(request.scope, b"accept").lower().split(","):
         found = _QUALITY.search(part)
         name, weight = part.partition(";")[0].strip(), float(found[1]) if found else 1.0
         if weight > quality or (weight == quality and name not in MEDIA_TYPES):

@@ -1,17 +1,18 @@
 """What every request passes: counts, the log (a JSON object a line on standard error), strict headers, HEAD as GET."""
 
 import asyncio
+import itertools
 import json
 import logging
+import os
 import re
 import sys
 import time
-import uuid
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from contextvars import ContextVar
 
-from starlette.datastructures import Headers, MutableHeaders
+from starlette.datastructures import MutableHeaders
 from starlette.responses import Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
@@ -95,19 +96,23 @@ class Measured(Middleware):
             raise
         finally:
             route = getattr(scope.get("route"), "path", "none")
-            metrics.REQUESTS.labels(route, str(status)).inc()
-            metrics.ANSWERED.labels(route).observe(seconds or time.monotonic() - began)
+            metrics.of(metrics.REQUESTS, route, str(status)).inc()
+            metrics.of(metrics.ANSWERED, route).observe(seconds or time.monotonic() - began)
             _note(scope, status, time.monotonic() - began)
             REQUEST.reset(token)
 
 
+def said(scope: Scope, name: bytes) -> str:
+    """A header, of which more than one are one with commas (RFC 9110); empty where there is none."""
+    return b", ".join([value for each, value in scope["headers"] if each == name]).decode("latin-1")
+
+
 def identifier_of(scope: Scope) -> str:
     """The caller's `X-Request-Id`, the trace that it is part of, or a new one."""
-    headers = Headers(scope=scope)
-    given, trace = headers.get("x-request-id", ""), TRACE.fullmatch(headers.get("traceparent", ""))
+    given, trace = said(scope, b"x-request-id"), TRACE.fullmatch(said(scope, b"traceparent"))
     if GIVEN.fullmatch(given):
         return given
-    return trace[1] if trace is not None else uuid.uuid4().hex
+    return trace[1] if trace is not None else os.urandom(16).hex()
 
 
 def _note(scope: Scope, status: int, seconds: float) -> None:
@@ -152,7 +157,7 @@ class SecurityHeaders(Middleware):
 
     def _refusal(self, scope: Scope) -> Response | None:
         heads = scope["headers"]
-        if len(heads) > MOST_HEADERS or sum(len(name) + len(value) for name, value in heads) > LARGEST_HEADERS:
+        if len(heads) > MOST_HEADERS or sum(map(len, itertools.chain(*heads))) > LARGEST_HEADERS:
             return HEADERS_TOO_LARGE
         names = [name for name, _ in heads]
         if b"transfer-encoding" in names and (
@@ -176,7 +181,7 @@ class SecurityHeaders(Middleware):
 
 def host_of(scope: Scope) -> str:
     """The name in the Host header, in lower case and without its port."""
-    return name_of(Headers(scope=scope).get("host", ""))
+    return name_of(said(scope, b"host"))
 
 
 def name_of(address: str) -> str:

@@ -25,7 +25,7 @@ from inverse_service.service.jobs.batch import MAX_LINE_BYTES, batch_task
 from inverse_service.service.jobs.metrics import gauge, written as text_of
 from inverse_service.web import asking, clients, job_answers, openapi
 from inverse_service.web.engine import KEEP_ALIVE, LONG_DEADLINE, Engine, may_be_kept
-from inverse_service.web.middleware import StreamCut
+from inverse_service.web.middleware import StreamCut, said
 from inverse_service.web.problems import Refusal, known
 
 jobs = APIRouter(dependencies=[Depends(clients.require_client)], tags=["jobs"])
@@ -84,7 +84,8 @@ async def ask(request: Request, kind: str) -> Response:
     answer = await job_answers.result_response(request, job, engine, preference)
     if job.status == "successful" and job.expires is None and not terms.fresh:
         may_be_kept(request.scope, job.id)
-    answer.headers.update(await engine.rate_limit(client))
+    if limits := await engine.rate_limit(client):
+        answer.headers.update(limits)
     return answer
 
 
@@ -285,7 +286,7 @@ async def results(request: Request, id: str) -> Response:
 
 
 def _wants_array(request: Request) -> bool:
-    accepted = [part.partition(";")[0].strip() for part in request.headers.get("accept", "").lower().split(",")]
+    accepted = [part.partition(";")[0].strip() for part in said(request.scope, b"accept").lower().split(",")]
     # Who takes anything besides, as many programs say by default, gets the lines.
     return "application/json" in accepted and not {"*/*", *NDJSON_TYPES} & {*accepted}
 

@@ -4,7 +4,6 @@ Stricter than the libraries: a key given twice, NaN and the infinities, lone sur
 of thousands of digits, YAML anchors and deep nesting are refused. Decimal numbers stay exact.
 """
 
-import contextlib
 import functools
 import json
 import re
@@ -50,8 +49,13 @@ def read_json(data: bytes | str) -> Any:
 
 def write_json(value: Any, sort: bool = False) -> str:
     """Plain data as JSON in ASCII; a Decimal is written as the number it was read from."""
-    with contextlib.suppress(TypeError):  # there is one
+    try:
         return (_SORTING_WRITER if sort else _WRITER).encode(value)
+    except TypeError:  # there is one
+        return _with_decimals(value, sort)
+
+
+def _with_decimals(value: Any, sort: bool) -> str:
     if isinstance(value, Mapping):
         keys = sorted(value) if sort else list(value)
         return "{" + ",".join(f"{json.dumps(key)}:{write_json(value[key], sort)}" for key in keys) + "}"

@@ -1,8 +1,7 @@
 """What a process of the service counts, in the text format of Prometheus."""
 
-import threading
+import functools
 from collections.abc import Iterable, Mapping
-from functools import partial
 from types import SimpleNamespace
 from typing import Any, Final
 
@@ -14,8 +13,8 @@ prometheus_client.disable_created_metrics()  # type: ignore[no-untyped-call]
 REGISTRY: Final = prometheus_client.CollectorRegistry()
 BUCKETS: Final = (0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 5.0, 10.0, 30.0, 60.0)
 NAME: Final = "inverse_service"
-_counter = partial(prometheus_client.Counter, namespace=NAME, registry=REGISTRY)
-_times = partial(prometheus_client.Histogram, namespace=NAME, registry=REGISTRY, buckets=BUCKETS)
+_counter = functools.partial(prometheus_client.Counter, namespace=NAME, registry=REGISTRY)
+_times = functools.partial(prometheus_client.Histogram, namespace=NAME, registry=REGISTRY, buckets=BUCKETS)
 
 prometheus_client.ProcessCollector(NAME, registry=REGISTRY)
 REQUESTS: Final = _counter("http_requests", "Requests by route and status.", ("route", "status"))
@@ -32,13 +31,20 @@ DEATHS: Final = _counter("worker_deaths", "Workers that died.", ("how",))
 for how in ("crash", "killed"):  # an alert on what grows needs a beginning
     DEATHS.labels(how)
 _largest: dict[str, float] = {}
-_lock = threading.Lock()
 
 
-def note_memory(kind: str, mebibytes: float) -> None:
-    """What a run of this kind of job took."""
-    with _lock:
-        _largest[kind] = max(mebibytes, _largest.get(kind, mebibytes))
+@functools.lru_cache(maxsize=1024)
+def of(family: Any, *labels: str) -> Any:
+    """The part of a counter or of times with these labels; to look for it takes longer than to count."""
+    return family.labels(*labels)
+
+
+def note_run(kind: str, outcome: str, wall: float, processor: float, mebibytes: float) -> None:
+    """How a run of a job ended, and what it took: seconds, and memory."""
+    of(JOBS, kind, outcome).inc()
+    of(JOB_WALL, kind).observe(wall)
+    of(JOB_CPU, kind).inc(processor)
+    _largest[kind] = max(mebibytes, _largest.get(kind, mebibytes))
 
 
 def written(families: Iterable[Metric]) -> bytes:

@@ -227,6 +227,7 @@ class JobOptions:
     memory_limit: int = 4096
     seed: int = 1
 
+    @functools.lru_cache(maxsize=64)  # noqa: B019 - options are small, and their number is bounded here
     def canonical(self) -> str:
         """JSON with sorted keys: part of the identity of a job."""
         values = {"memory_limit": self.memory_limit, "seed": self.seed, "time_limit": float(self.time_limit)}

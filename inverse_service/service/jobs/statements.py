@@ -251,8 +251,8 @@ def submit_and_claim(
 ) -> tuple[model.Job, bool, list[model.Job]]:  # fmt: skip
     """`submit` of one question, and in the same transaction `claim`.
 
-    Its job as it was accepted, or with an answer that has at most so many bytes; whether it is new; those claimed. Well
-    below the bounds a new one that is next is stored as running.
+    Its job, with an answer that has at most so many bytes; whether it is new; those claimed. Far from the bounds a new
+    one that is next is stored as running.
     """
     about = (request.id, request.kind, request.document, request.options, request.client, request.priority)
     is_free = limit > 0 and client_running >= model.NO_BOUND <= bounds.daily
@@ -262,9 +262,7 @@ def submit_and_claim(
         return begun, True, [begun]
     is_new = _accept(session, [request], bounds, of_batch=False)
     claimed = {job.id: job for job in claim(session, owner, limit, client_running)} if is_new and limit > 0 else {}
-    session.told[:] = [change for change in session.told if change.what != "accepted" or change.id not in claimed]
-    begun = claimed.get(request.id)
-    job = replace(begun, status="accepted") if begun else _read(session, [request.id], largest)[request.id]
+    job = claimed.get(request.id) or _read(session, [request.id], largest)[request.id]
     return job, is_new, [*claimed.values()]
 
 

@@ -176,8 +176,8 @@ class EventLog:
     def flush(self, id: str | None = None) -> None:
         """Write what was collected, of one job or of all; of a job that has only begun there is nothing to tell."""
         with self._lock:
-            telling = {k: run for k, run in self._runs.items() if id in (None, k) and run.has_told}
-            due = [(k, event) for k, run in telling.items() for event in run.pending]
+            runs = self._runs.items() if id is None else [(id, self._runs[id])] if id in self._runs else []
+            due = [(k, event) for k, run in runs if run.has_told for event in run.pending]
         if due:
             self._store.add_events(due)
             written = {(k, event.number) for k, event in due}
@@ -237,7 +237,7 @@ class Supervisor:
         self._wake.set()
 
     def submit(self, request: model.JobRequest, bounds: model.Bounds, largest: int = 0) -> tuple[model.Job, bool]:
-        """Store a question, and begin in the same commit what may be claimed; its job as it was, and whether it is new.
+        """Store a question, and begin in the same commit what may be claimed; its job, and whether it is new.
 
         The job comes with an answer of at most so many bytes.
         """
@@ -337,7 +337,7 @@ class Supervisor:
                 return
 
     def _claim_ahead(self) -> None:
-        """Where `_claim` waits for runs to end, claim for clients with nothing running: short questions can be tried."""
+        """Where `_claim` waits for a run to end, claim for clients with nothing running: they may ask short ones."""
         if self._more and self._free() < self._together:
             self._begin(*self._room())
 
@@ -374,8 +374,8 @@ class Supervisor:
             if claimed.is_ended:
                 return False
             claimed.is_ended = True
-        is_known = self.events.so_far(job.id) is not None
-        if is_known or not is_undetermined(job, outcome) or self._stopping.is_set():
+        is_over = not is_undetermined(job, outcome) or self._stopping.is_set()
+        if is_over or self.events.so_far(job.id) is not None:
             self._hand_over(job, outcome)
             return True
         deadline = answers.UNDERSTAND_DEADLINE
@@ -407,13 +407,24 @@ class Supervisor:
 
     def _hand_over(self, job: model.Job, outcome: Outcome) -> None:
         """Conclude a run: in a thread of the pool where the store is a file here, which takes less than a hand-over."""
-        chore: workers.Chore = Future(), functools.partial(self._conclude, job, outcome)
-        if not (self._store.exclusive and self._executor.lend(chore)):
-            self._finishers.submit(workers.do, chore)
+        conclude = functools.partial(self._conclude, job, outcome)
+        if not (self._store.exclusive and self._executor.lend(conclude)):
+            self._finishers.submit(conclude)
 
     def _conclude(self, job: model.Job, outcome: Outcome) -> None:
+        """Store an answer however long the store stays away; where the service stops first, the job runs again."""
+        told = False
         try:
-            self._insist(job, outcome)
+            while True:
+                try:
+                    self._finish(job, outcome)
+                    break
+                except AWAY:
+                    if not told:
+                        log.exception("an answer waits for the store", extra={"job": job.id})
+                    told = True
+                if self._stopping.wait(POLL):
+                    break
         except Exception:
             log.exception("an answer could not be stored", extra={"job": job.id})
             with contextlib.suppress(Exception):  # claimed again after a restart; nobody else would end this job
@@ -427,34 +438,18 @@ class Supervisor:
             except Exception:  # the thread that keeps watch tries again, and says what is wrong
                 self._wake.set()
 
-    def _insist(self, job: model.Job, outcome: Outcome) -> None:
-        """Store an answer however long the store stays away; where the service stops first, the job runs again."""
-        told = False
-        while True:
-            try:
-                return self._finish(job, outcome)
-            except AWAY:
-                if not told:
-                    log.exception("an answer waits for the store", extra={"job": job.id})
-                told = True
-            if self._stopping.wait(POLL):
-                return None
-
     def _finish(self, job: model.Job, outcome: Outcome) -> None:
         self.events.flush(job.id)
-        label = finish(self._store, job, outcome, self.events.so_far(job.id))
+        label = finish(self._store, job, outcome, None if outcome.status == "done" else self.events.so_far(job.id))
         if label != "again":
             self.events.end(job)
         if outcome.status in ("crash", "killed"):
             metrics.DEATHS.labels(outcome.status).inc()
         spent = outcome.spent
-        about = {"kind": job.kind, "outcome": label}
-        metrics.JOBS.labels(**about).inc()
-        metrics.JOB_WALL.labels(job.kind).observe(spent.wall)
-        metrics.JOB_CPU.labels(job.kind).inc(spent.cpu)
-        metrics.note_memory(job.kind, spent.memory)
+        metrics.note_run(job.kind, label, spent.wall, spent.cpu, spent.memory)
+        about = {"job": job.id, "client": job.client, "attempt": job.attempt, "kind": job.kind, "outcome": label}
         figures = {"wall": round(spent.wall, 4), "cpu": round(spent.cpu, 4), "memory": round(spent.memory, 1)}
-        log.info("job ended", extra={"job": job.id, "client": job.client, "attempt": job.attempt, **about, **figures})
+        log.info("job ended", extra=about | figures)
 
     def _beat(self) -> None:
         """Keep the claims, stop what another front end dismissed or took over, take back those of one that is gone."""

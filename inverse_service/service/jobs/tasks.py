@@ -219,7 +219,8 @@ def ask_task(body: bytes, terms: Terms, look: Look | None = None) -> model.JobRe
     """A question to its JobRequest; the time limit of the call goes before that of the document."""
     document, given = model.split_options(read_body(body))
     options = model.read_options(given, terms.server)
-    options = replace(options, time_limit=terms.time_limit or options.time_limit)
+    if terms.time_limit:
+        options = replace(options, time_limit=terms.time_limit)
     return request_of(terms.kind, document, options, terms.client, fresh=terms.fresh, look=look)
 
 

@@ -21,6 +21,7 @@ import multiprocessing
 import multiprocessing.forkserver
 import multiprocessing.util
 import os
+import select
 import signal
 import sys
 import threading
@@ -32,11 +33,12 @@ from concurrent.futures import Future
 from dataclasses import dataclass, field, replace
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Any, Literal, Protocol
+from typing import Any, Literal, Protocol, TypeVar
 
 from inverse_service.service.jobs import locks, tasks
 from inverse_service.service.jobs.tasks import Call, Outcome, Report, Usage, guard, outcome_of_exit
 
+T = TypeVar("T")
 PR_SET_PDEATHSIG = 1
 # The wall clock ends a task first; the bound on processor time is for tasks that start threads.
 THREADS = 2
@@ -49,8 +51,8 @@ WARM = "inverse_service.service.jobs.warm"
 # What a task says is sent this often, so that a short one only says that it is done; s.
 BETWEEN_REPORTS = 0.1
 _starting = threading.Lock()
-# A call in this process, and who hears what it gives.
-Chore = tuple[Future[Any], Callable[[], Any]]
+# A call in this process, which raises nothing.
+Chore = Callable[[], object]
 # What the server that forks the workers has loaded.
 _preloaded = [WARM]
 NO_SHARE = 1_000_000
@@ -79,6 +81,8 @@ class WorkerProcess:
         context = context or process_context()
         receiver, sender = context.Pipe(duplex=True)
         self._connection: Connection = receiver
+        self._heard = select.poll()
+        self._heard.register(receiver, select.POLLIN)
         with _starting:
             self._process = context.Process(target=serve, args=(sender, memory_limit, is_alone), daemon=True)
             self._process.start()
@@ -128,7 +132,7 @@ class WorkerProcess:
         began = time.monotonic()
         end = began + deadline
         while True:
-            while not self._connection.poll(max(0.0, end - time.monotonic())):
+            while not self._heard.poll(max(0.0, 1e3 * (end - time.monotonic()))):
                 end = began + deadline + min(_waited(self.pid) - waited, (MOST_CROWDED - 1) * deadline)
                 if end <= time.monotonic():
                     self.kill()
@@ -325,13 +329,12 @@ def _limit(name: str, soft: int, hard: int | None) -> None:
         resource.setrlimit(which, (soft if present == resource.RLIM_INFINITY else min(soft, present), largest))
 
 
-def do(chore: Chore) -> None:
-    """Call it in this thread."""
-    future, function = chore
+def do(future: Future[T], function: Callable[[], T]) -> None:
+    """Call it in this thread, for who waits for the future."""
     if future.set_running_or_notify_cancel():
         try:
             future.set_result(function())
-        except BaseException as error:  # which is for who waits
+        except BaseException as error:
             future.set_exception(error)
 
 
@@ -375,16 +378,9 @@ class FairQueue:
         """The next task and its client, or a chore; None where none comes in so many seconds."""
         with self._changed:
             self._resting += 1
-            self._changed.wait_for(lambda: self._closed or self._chores or self._next() is not None, seconds)
+            found = self._changed.wait_for(lambda: self._next() or self._closed, seconds)
             self._resting -= 1
-            if self._chores:
-                return self._chores.popleft()
-            entry = self._next()
-            if entry is None:
-                return None
-            self._waiting.remove(entry)
-            self._out[entry[2]] += 1
-            return entry[2:]
+            return None if isinstance(found, bool) else found
 
     def done(self, client: str) -> None:
         """A task that `get` gave ended."""
@@ -403,10 +399,17 @@ class FairQueue:
             self._changed.notify_all()
             return left
 
-    def _next(self) -> tuple[int, int, str, Running] | None:
-        """Of the client with the fewest tasks out; some ten wait at most, so all are looked at."""
+    def _next(self) -> tuple[str, Running] | Chore | None:
+        """A chore, or a task of the client with the fewest out; some ten wait at most, so all are looked at."""
+        if self._chores:
+            return self._chores.popleft()
         able = [entry for entry in self._waiting if self._out[entry[2]] < self._share]
-        return min(able, key=lambda entry: (self._out[entry[2]], entry[:2]), default=None)
+        if not able:
+            return None
+        entry = min(able, key=lambda entry: (self._out[entry[2]], entry[:2]))
+        self._waiting.remove(entry)
+        self._out[entry[2]] += 1
+        return entry[2:]
 
 
 @dataclass(slots=True, eq=False)
@@ -521,7 +524,7 @@ class Workers:
         """Have this thread do it, where it is of the pool, or one that has no task; False: all are busy."""
         if threading.current_thread() not in self._threads:
             return self._tasks.lend(chore)
-        do(chore)
+        chore()
         return True
 
     def fault(self) -> str:
@@ -534,10 +537,8 @@ class Workers:
 
     def stop(self) -> None:
         """End all processes at once; tasks not done end as cancelled."""
-        with self._lock:
-            self._stopping.set()
-            running = list(self._running)
-        for task in (*self._tasks.close(), *running):
+        self._stopping.set()
+        for task in (*self._tasks.close(), *list(self._running)):
             task.cancel()
         for thread in self._threads:
             thread.join(2)
@@ -555,14 +556,13 @@ class Workers:
             if worker is None or found is None:  # one that has just answered lives
                 worker = self._noted(number, self._healthy(worker))
             found = self._tasks.get(IDLE_LOOK)
-            match found:
-                case (str(client), Running() as task):
-                    try:
-                        worker = self._noted(number, self._work(task, worker))
-                    finally:
-                        self._tasks.done(client)
-                case (Future(), _):
-                    do(found)
+            if isinstance(found, tuple):
+                try:
+                    worker = self._noted(number, self._work(found[1], worker))
+                finally:
+                    self._tasks.done(found[0])
+            elif found is not None:
+                found()
         if worker is not None:
             worker.close()
 
@@ -572,10 +572,9 @@ class Workers:
 
     def _work(self, task: Running, worker: WorkerProcess | None) -> WorkerProcess | None:
         """Run one task; the process to go on with."""
-        with self._lock:
-            self._running.add(task)
-            if self._stopping.is_set():
-                task.cancel()
+        self._running.add(task)
+        if self._stopping.is_set():
+            task.cancel()
         outcome = Outcome("unstarted", detail="no worker process can be started")
         has_waited = worker is not None
         for _ in range(STARTS):
@@ -597,8 +596,7 @@ class Workers:
             log.warning("a worker process was found dead")
             worker.close()
             worker = None
-        with self._lock:
-            self._running.discard(task)
+        self._running.discard(task)
         worker = _kept(worker, outcome)
         task.end(outcome)
         return worker
