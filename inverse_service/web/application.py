@@ -7,7 +7,6 @@ from typing import Any
 
 from fastapi import FastAPI
 from starlette.middleware.cors import CORSMiddleware
-from starlette.routing import Route
 
 from inverse_service import __version__, errors
 from inverse_service.settings import Settings
@@ -33,6 +32,7 @@ def create_application(settings: Settings) -> FastAPI:
     )  # fmt: skip
     app.state.engine = Engine(settings)
     problems.install(app, routing.page_of_refusal)
+    app.add_middleware(routes.Asked)
     app.add_middleware(middleware.SecurityHeaders, hosts=settings.hosts)
     app.add_middleware(KnownFirst, engine=app.state.engine)
     app.add_middleware(middleware.Measured)
@@ -45,8 +45,6 @@ def create_application(settings: Settings) -> FastAPI:
             expose_headers=["ETag", "Link", "Location", "Preference-Applied", "Retry-After", "X-Request-ID"],
             max_age=600,
         )
-    for path, answer in routes.ASKED.items():  # before all others, and without the resolving of the framework
-        app.router.routes.append(Route(path, answer, methods=["POST"], include_in_schema=False))
     app.include_router(routes.asked)
     for router in (routes.jobs, routes.plain, routes.batches, routes.named, routes.open_router):
         app.include_router(router)

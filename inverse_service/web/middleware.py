@@ -2,7 +2,6 @@
 
 import asyncio
 import itertools
-import json
 import logging
 import os
 import re
@@ -10,7 +9,6 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from contextvars import ContextVar
 
 from starlette.datastructures import MutableHeaders
 from starlette.responses import Response
@@ -44,10 +42,7 @@ STREAMS = ("/events", "/results")
 LARGEST_HEADERS = 32_768
 MOST_HEADERS = 500
 STANDARD = frozenset(vars(logging.makeLogRecord({}))) | {"message", "asctime", "color_message", "taskName"}
-AS_JSON = json.JSONEncoder(default=str).encode
 BETWEEN = 10.0
-# The id of the request that is worked on; every line of the log that comes of it has it.
-REQUEST: ContextVar[str] = ContextVar("request", default="")
 
 
 class Middleware:
@@ -75,7 +70,7 @@ class Measured(Middleware):
         began = time.monotonic()
         status, seconds = CLIENT_LEFT, None  # what was answered, and after how long
         identifier = identifier_of(scope)
-        token = REQUEST.set(identifier)
+        token = metrics.REQUEST.set(identifier)
         work = scope["work"] = asyncio.current_task()
 
         async def send_measured(message: Message) -> None:
@@ -99,7 +94,7 @@ class Measured(Middleware):
             metrics.of(metrics.REQUESTS, route, str(status)).inc()
             metrics.of(metrics.ANSWERED, route).observe(seconds or time.monotonic() - began)
             _note(scope, status, time.monotonic() - began)
-            REQUEST.reset(token)
+            metrics.REQUEST.reset(token)
 
 
 def said(scope: Scope, name: bytes) -> str:
@@ -122,7 +117,7 @@ def _note(scope: Scope, status: int, seconds: float) -> None:
     client = scope.get("state", {}).get("client_name") or (scope.get("client") or ("",))[0]
     about = {"client": client, "method": scope["method"], "path": scope["path"][:200], "status": status}
     level = logging.WARNING if status == 401 else logging.INFO
-    log.log(level, "request", extra={**about, "seconds": round(seconds, 4)})
+    metrics.say(log, "request", {**about, "seconds": round(seconds, 4)}, level)
 
 
 class SecurityHeaders(Middleware):
@@ -217,22 +212,13 @@ class StreamCut(Exception):
 
 
 class JsonLines(logging.Formatter):
-    """Time (UTC), level, where, what; then the extras of the record, such as `job`."""
+    """A record as a line of `metrics`, with its extras."""
 
     def format(self, record: logging.LogRecord) -> str:
-        moment = time.strftime("%Y-%m-%dT%H:%M:%S", time.gmtime(record.created))
-        line = {
-            "time": f"{moment}.{int(record.msecs):03d}Z",
-            "level": record.levelname.lower(),
-            "where": record.name,
-            "what": record.getMessage(),
-        }
-        if REQUEST.get():
-            line["request"] = REQUEST.get()
-        line |= {key: value for key, value in vars(record).items() if key not in STANDARD}
+        more = {key: value for key, value in vars(record).items() if key not in STANDARD}
         if record.exc_info:
-            line["trace"] = self.formatException(record.exc_info)
-        return AS_JSON(line)
+            more["trace"] = self.formatException(record.exc_info)
+        return metrics.line(record.levelname, record.name, record.getMessage(), record.created, more)
 
 
 class Seldom(logging.Filter):
@@ -257,7 +243,9 @@ class Seldom(logging.Filter):
 
 def begin(level: str) -> None:
     """Send all records of this process to standard error as JSON lines."""
+    metrics.WRITERS[:] = [sys.stderr.write]
     handler = logging.StreamHandler(sys.stderr)
+    handler.terminator = ""  # a line has its end
     handler.setFormatter(JsonLines())
     logging.basicConfig(level=logging.WARNING, handlers=[handler], force=True)
     logging.getLogger("inverse_service").setLevel(level.upper())
@@ -265,5 +253,3 @@ def begin(level: str) -> None:
     for name in ("asyncio", "uvicorn.error"):
         logging.getLogger(name).addFilter(Seldom())
     logging.captureWarnings(True)
-    for fact in ("_srcfile", "logThreads", "logProcesses", "logMultiprocessing"):  # which no line shows
-        setattr(logging, fact, None)

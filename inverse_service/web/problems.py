@@ -37,6 +37,12 @@ class Refusal(Exception):
         self.status, self.kind, self.detail, self.places, self.headers = status, kind, detail, places, dict(headers)
 
 
+# A full disk, for one (OperationalError): nothing was stored, and asking again is right.
+STORE = (model.TooManyJobs, model.StoreUnavailable, sqlite3.OperationalError)
+# What is answered by a problem document.
+REFUSED = (Refusal, InputError, WorkerFailed, *STORE)
+
+
 def known(found: Found | None, what: str) -> Found:
     """What was found; refuses with 404 where nothing was, also for what is another client's."""
     if found is None:
@@ -61,15 +67,14 @@ def install(app: FastAPI, page_of_refusal: Callable[[Request, Refusal], Response
     from fastapi.exceptions import RequestValidationError  # workers load this module, and never FastAPI
 
     app.state.page_of_refusal = page_of_refusal
-    # A full disk, for one (OperationalError): nothing was stored, and asking again is right.
-    store = (model.TooManyJobs, model.StoreUnavailable, sqlite3.OperationalError)
-    for error in (Refusal, InputError, WorkerFailed, *store, HTTPException):
-        app.add_exception_handler(error, _on_error)
+    for error in (*REFUSED, HTTPException):
+        app.add_exception_handler(error, on_error)
     app.add_exception_handler(RequestValidationError, _on_query)
     app.add_exception_handler(Exception, _on_fault)
 
 
-async def _on_error(request: Request, error: Exception) -> Response:
+async def on_error(request: Request, error: Exception) -> Response:
+    """The answer to what a route raised of REFUSED."""
     return answer_to(request, error if isinstance(error, Refusal) else _refusal_of(request, error))
 
 

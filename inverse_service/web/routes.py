@@ -13,6 +13,7 @@ from typing import Annotated, Any, Literal
 from fastapi import APIRouter, Depends, Query
 from starlette.requests import Request
 from starlette.responses import JSONResponse, PlainTextResponse, Response, StreamingResponse
+from starlette.types import Receive, Scope, Send
 
 from api_schemas import base
 from api_schemas.job import AtlasEntry, AtlasLine, AtlasList, Batch as BatchDocument, Job as JobDocument, JobList
@@ -24,9 +25,9 @@ from inverse_service.service.jobs import model, statements, supervisor, tasks, w
 from inverse_service.service.jobs.batch import MAX_LINE_BYTES, batch_task
 from inverse_service.service.jobs.metrics import gauge, written as text_of
 from inverse_service.web import asking, clients, job_answers, openapi
-from inverse_service.web.engine import KEEP_ALIVE, LONG_DEADLINE, Engine, may_be_kept
-from inverse_service.web.middleware import StreamCut, said
-from inverse_service.web.problems import Refusal, known
+from inverse_service.web.engine import ASKED, KEEP_ALIVE, LONG_DEADLINE, Engine, may_be_kept
+from inverse_service.web.middleware import Middleware, StreamCut, said
+from inverse_service.web.problems import REFUSED, Refusal, known, on_error
 
 jobs = APIRouter(dependencies=[Depends(clients.require_client)], tags=["jobs"])
 batches = APIRouter(dependencies=[Depends(clients.require_client)], tags=["batches"])
@@ -216,7 +217,20 @@ async def work_precision(request: Request) -> Response:
     return await ask(request, "work-precision")
 
 
-ASKED = {"/v1/solve": solve, "/v1/simulate": simulate, "/v1/work-precision": work_precision}
+class Asked(Middleware):
+    """Answers questions before all routes, and without what the framework does for them."""
+
+    async def handle(self, scope: Scope, receive: Receive, send: Send) -> None:
+        kind = ASKED.get(scope["path"])
+        if kind is None or scope["method"] != "POST":
+            await self.app(scope, receive, send)
+            return
+        request = Request(scope, receive)
+        try:
+            response = await ask(request, kind)
+        except REFUSED as error:
+            response = await on_error(request, error)
+        await response(scope, receive, send)
 
 
 KindName = Literal["solve", "check", "simulate", "work-precision"]

@@ -32,9 +32,7 @@ def read_json(data: bytes | str) -> Any:
         raise errors.InputError("The document is empty; write a JSON object with coordinates and equations.")
     _refuse_deep_json(text)
     try:
-        value = json.loads(
-            text, object_pairs_hook=_object, parse_constant=_refuse_constant, parse_float=_decimal, parse_int=_integer
-        )
+        value = _reader().decode(text)
     except json.JSONDecodeError as error:
         what = _first_lower(error.msg.removesuffix(" at"))
         raise errors.InputError(
@@ -45,6 +43,13 @@ def read_json(data: bytes | str) -> Any:
     if _ESCAPED_SURROGATE.search(text):
         refuse_surrogates(value)
     return value
+
+
+@functools.cache
+def _reader() -> json.JSONDecoder:
+    return json.JSONDecoder(
+        object_pairs_hook=_object, parse_constant=_refuse_constant, parse_float=_decimal, parse_int=_integer
+    )
 
 
 def write_json(value: Any, sort: bool = False) -> str:

@@ -449,7 +449,7 @@ class Supervisor:
         metrics.note_run(job.kind, label, spent.wall, spent.cpu, spent.memory)
         about = {"job": job.id, "client": job.client, "attempt": job.attempt, "kind": job.kind, "outcome": label}
         figures = {"wall": round(spent.wall, 4), "cpu": round(spent.cpu, 4), "memory": round(spent.memory, 1)}
-        log.info("job ended", extra=about | figures)
+        metrics.say(log, "job ended", about | figures)
 
     def _beat(self) -> None:
         """Keep the claims, stop what another front end dismissed or took over, take back those of one that is gone."""
