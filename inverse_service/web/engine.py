@@ -28,7 +28,6 @@ from inverse_service.service.documents import answers
 from inverse_service.service.jobs import metrics, model, opening, statements, tasks, workers
 from inverse_service.service.jobs.store import Cleaner, JobStore
 from inverse_service.service.jobs.supervisor import Supervisor
-from inverse_service.service.jobs.tasks import LIMITS, Call, Outcome, value_of
 from inverse_service.settings import Settings
 from inverse_service.web import asking, clients, middleware, pages, problems
 
@@ -77,11 +76,13 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, slots=True)
 class KnownAnswer:
-    """The answer to a question: its headers, its body, and until when it is given."""
+    """The answer to a question: its headers and body, until when it is given, its job, and the job's mark then."""
 
     headers: Sequence[tuple[bytes, bytes]]
     body: bytes
     until: float
+    job: str
+    mark: object
 
 
 class KnownAnswers:
@@ -90,13 +91,15 @@ class KnownAnswers:
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._answers: dict[bytes, KnownAnswer] = {}
-        self._keys: dict[str, set[bytes]] = {}
+        # Of each job; a job that changed has no mark, or another one.
+        self._marks: dict[str, object] = {}
         self._bytes = 0
 
     def get(self, key: bytes) -> KnownAnswer | None:
         """The answer to a question, if it was given a moment ago and its job has not changed."""
         found = self._answers.get(key)
-        return None if found is None or found.until < time.monotonic() else found
+        is_good = found and found.mark is self._marks.get(found.job) and found.until >= time.monotonic()
+        return found if is_good else None
 
     def keep(self, key: bytes, job: str, headers: Sequence[tuple[bytes, bytes]], body: bytes) -> None:
         """Note an answer that holds until its job changes."""
@@ -106,17 +109,13 @@ class KnownAnswers:
             before = self._answers.get(key)
             self._bytes += len(body) - (len(before.body) if before else 0)
             if self._bytes > MOST_BYTES:
-                self._answers, self._keys, self._bytes = {}, {}, len(body)
-            self._answers[key] = KnownAnswer(headers, body, time.monotonic() + KEPT)
-            self._keys.setdefault(job, set()).add(key)
+                self._answers, self._marks, self._bytes = {}, {}, len(body)
+            mark = self._marks.setdefault(job, object())
+            self._answers[key] = KnownAnswer(headers, body, time.monotonic() + KEPT, job, mark)
 
     def drop(self, change: model.Change) -> None:
         """A job changed."""
-        if change.id in self._keys:
-            with self._lock:
-                # A question may be one of another job since, whose change took its answer.
-                gone = [self._answers.pop(key, None) for key in self._keys.pop(change.id, ())]
-                self._bytes -= sum(len(answer.body) for answer in gone if answer)
+        self._marks.pop(change.id, None)
 
 
 class Engine:
@@ -412,20 +411,20 @@ class Engine:
         outcome = await self.run_quick(client, task, *arguments, seconds=seconds)
         if outcome.status == "deadline" and outcome.spent.cpu < seconds / 2:
             raise problems.Refusal(503, "busy", BUSY, headers={"Retry-After": "2"})
-        if outcome.status in LIMITS:
+        if outcome.status in tasks.LIMITS:
             raise problems.Refusal(status, "busy" if status == 503 else "limit", late.format(outcome.status))
-        found: T = value_of(outcome)
+        found: T = tasks.value_of(outcome)
         return found
 
     async def run_quick(
         self, client: str, task: Callable[..., Any], *arguments: Any, seconds: float, among_jobs: bool = False
-    ) -> Outcome:
+    ) -> tasks.Outcome:
         """Run a task in one of the quick processes, or `among_jobs`, for `seconds` and more where much is given.
 
         It is cancelled when no one waits for it any more.
         """
         size = sum(len(argument) for argument in arguments if isinstance(argument, bytes))
-        call = Call(task, arguments, seconds + SECONDS_FOR_A_BYTE * size, client=client)
+        call = tasks.Call(task, arguments, seconds + SECONDS_FOR_A_BYTE * size, client=client)
         executor = self._working if among_jobs else self._quick
         with self.places.hold(client, 1):
             running = executor.submit(call)

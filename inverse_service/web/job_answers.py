@@ -14,8 +14,7 @@ from starlette.responses import Response, StreamingResponse
 
 from inverse_service.service.documents import answers
 from inverse_service.service.jobs import batch, model, opening, statements
-from inverse_service.web import clients, middleware, problems
-from inverse_service.web.asking import Preference
+from inverse_service.web import asking, clients, middleware, problems
 from inverse_service.web.engine import PART, Engine
 
 # Answers of a batch that come with their lines: at most so large, and so many at once.
@@ -76,7 +75,7 @@ async def lines_of(engine: Engine, answers: list[statements.BatchAnswer]) -> Asy
         yield b"".join(together)
 
 
-async def result_response(request: Request, job: model.Job, engine: Engine, preference: Preference) -> Response:
+async def result_response(request: Request, job: model.Job, engine: Engine, preference: asking.Preference) -> Response:
     """The answer to the call that asked: the result, the problem it ended with, or 202 and where to look.
 
     `Accept` of text, LaTeX or a SymPy program gives the result of `solve` in that form.

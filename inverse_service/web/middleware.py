@@ -41,6 +41,9 @@ RAW_HEADERS = [(name.lower().encode(), value.encode()) for name, value in HEADER
 STREAMS = ("/events", "/results")
 LARGEST_HEADERS = 32_768
 MOST_HEADERS = 500
+TOO_LARGE = f"The headers have more than {LARGEST_HEADERS} bytes or {MOST_HEADERS} lines; send less."
+UNREADABLE = "This is no request of HTTP/1.1: a line of its head, or the length of its body, cannot be read."
+TOO_MANY = "Too many connections are open, in all or of this address; close some, or come again in some seconds."
 STANDARD = frozenset(vars(logging.makeLogRecord({}))) | {"message", "asctime", "color_message", "taskName"}
 BETWEEN = 10.0
 
@@ -192,19 +195,10 @@ def _refused(status: int, kind: str, detail: str, more: Mapping[str, str] = {}) 
     return Response(content, status, headers=headers, media_type="application/problem+json")
 
 
-HEADERS_TOO_LARGE = _refused(
-    431, "headers-too-large", f"The headers have more than {LARGEST_HEADERS} bytes or {MOST_HEADERS} lines; send less."
-)
+HEADERS_TOO_LARGE = _refused(431, "headers-too-large", TOO_LARGE)
 # The answers to bytes that cannot be read as HTTP, and to a connection whose request is not read.
-NOT_HTTP = _refused(
-    400, "unreadable", "This is no request of HTTP/1.1: a line of its head, or the length of its body, cannot be read."
-)
-TOO_MANY_CONNECTIONS = _refused(
-    503,
-    "busy",
-    "Too many connections are open, in all or of this address; close some, or come again in some seconds.",
-    {"Retry-After": "5"},
-)
+NOT_HTTP = _refused(400, "unreadable", UNREADABLE)
+TOO_MANY_CONNECTIONS = _refused(503, "busy", TOO_MANY, {"Retry-After": "5"})
 
 
 class StreamCut(Exception):

@@ -31,9 +31,7 @@ import distributed
 from distributed.scheduler import KilledWorker
 
 from inverse_service.errors import InputError
-from inverse_service.service.jobs import model, workers
-from inverse_service.service.jobs.tasks import Call, Outcome, Report, Usage
-from inverse_service.service.jobs.workers import Running
+from inverse_service.service.jobs import model, tasks, workers
 
 log = logging.getLogger(__name__)
 LOOK = 0.5
@@ -71,7 +69,7 @@ class Terms:
 
 
 @dataclass(slots=True, eq=False)
-class RemoteRunning(Running):
+class RemoteRunning(workers.Running):
     """A task of the cluster; `future` is Dask's when the scheduler has it."""
 
     key: str = ""
@@ -92,7 +90,7 @@ class RemoteRunning(Running):
         """
         self.is_cancelled = True
         wall = 0.0 if self.heard is None else time.monotonic() - self.heard
-        if self.end(Outcome("cancelled", spent=Usage(wall, wall))) and self.cluster is not None:
+        if self.end(tasks.Outcome("cancelled", spent=tasks.Usage(wall, wall))) and self.cluster is not None:
             self.cluster.abandon(self)
 
 
@@ -132,11 +130,11 @@ class Cluster:
                 self._thread.start()
             self._on_loop(self._begin()).result()
 
-    def submit(self, call: Call, report: Report | None = None) -> Running:
+    def submit(self, call: tasks.Call, report: tasks.Report | None = None) -> workers.Running:
         """Run the call on some worker; returns at once."""
         running = RemoteRunning(call, report, key=f"inverse-service-{uuid.uuid4().hex}", cluster=self)
         if self._stopped:
-            running.end(Outcome("crash", detail="The cluster is given up."))
+            running.end(tasks.Outcome("crash", detail="The cluster is given up."))
         else:
             self._open[running.key] = running
             self._on_loop(self._attend(running))
@@ -201,7 +199,7 @@ class Cluster:
             try:
                 found = await task.future
             except KilledWorker:
-                found = Outcome("crash", detail="the machines that ran this task died one after another")
+                found = tasks.Outcome("crash", detail="the machines that ran this task died one after another")
             except LOST:
                 lost = client
                 continue
@@ -212,7 +210,7 @@ class Cluster:
                 failures += 1
                 if failures < FAILURES:
                     continue
-                found = Outcome("crash", detail=f"no worker of the cluster can run this task: {found}")
+                found = tasks.Outcome("crash", detail=f"no worker of the cluster can run this task: {found}")
             task.end(found)
             break
         self._open.pop(task.key, None)
@@ -284,7 +282,7 @@ async def _close(client: Any) -> None:
         await asyncio.wait_for(client.close(), CLOSE)
 
 
-def perform(key: str, call: Call, terms: Terms) -> Outcome | str:
+def perform(key: str, call: tasks.Call, terms: Terms) -> tasks.Outcome | str:
     """The Dask task: the outcome of a call, or what differs between the front's program and this one."""
     if differs := difference(terms.fingerprint, fingerprint()):
         return differs
@@ -299,7 +297,7 @@ def perform(key: str, call: Call, terms: Terms) -> Outcome | str:
         return running.outcome.result(workers.MOST_CROWDED * call.deadline + GRACE)
     except concurrent.futures.TimeoutError:
         running.cancel()
-        return Outcome("crash", detail="the worker processes kept silent past the deadline")
+        return tasks.Outcome("crash", detail="the worker processes kept silent past the deadline")
     finally:
         _under_way.pop(key, None)
 

@@ -11,10 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from inverse_service import errors
-from inverse_service.service.jobs import locks, sqlite_store, statements
-from inverse_service.service.jobs.model import DatabaseTaken, WrongVersion
+from inverse_service.service.jobs import locks, model, sqlite_store, statements, workers
 from inverse_service.service.jobs.store import JobStore
-from inverse_service.service.jobs.workers import Executor, Workers
 
 log = logging.getLogger(__name__)
 POSTGRES = ("postgresql://", "postgres://")
@@ -37,9 +35,9 @@ def open_store(database: str | None, guest: bool = False) -> JobStore:
         if guest and not Path(database).is_file():
             raise errors.InputError(f"There is no database {database}; INVERSE_SERVICE_DATABASE names the service's.")
         return sqlite_store.SqliteStore(Path(database), guest=True) if guest else _store_at(Path(database))
-    except DatabaseTaken as error:
+    except model.DatabaseTaken as error:
         raise errors.InputError(error.detail) from None
-    except (OSError, sqlite3.Error, WrongVersion) as error:
+    except (OSError, sqlite3.Error, model.WrongVersion) as error:
         detail = f"The file INVERSE_SERVICE_DATABASE cannot be used as a database: {_reason(error)}."
         raise errors.InputError(detail) from None
 
@@ -52,7 +50,7 @@ def default_path() -> Path:
 
 def _default_store() -> JobStore:
     path = default_path()
-    with contextlib.suppress(OSError, sqlite3.Error, DatabaseTaken, WrongVersion):
+    with contextlib.suppress(OSError, sqlite3.Error, model.DatabaseTaken, model.WrongVersion):
         return _store_at(path)
     kept = contextlib.ExitStack()
     atexit.register(kept.close)
@@ -84,7 +82,7 @@ def _store_at(path: Path) -> sqlite_store.SqliteStore:
 
 
 def _reason(error: Exception) -> str:
-    if isinstance(error, WrongVersion | sqlite_store.Damaged):
+    if isinstance(error, model.WrongVersion | sqlite_store.Damaged):
         return str(error)
     match getattr(error, "sqlite_errorcode", 0) & 0xFF:  # extended codes have more above
         case sqlite3.SQLITE_READONLY | sqlite3.SQLITE_CANTOPEN:
@@ -109,13 +107,13 @@ def stored_answer(address: str, id: str) -> tuple[str, bytes]:
     return row["document"], bytes(row["body"])
 
 
-def executor(cluster: str | None, count: int, memory_limit: int) -> Executor:
+def executor(cluster: str | None, count: int, memory_limit: int) -> workers.Executor:
     """A pool of so many processes, or a cluster at an address, which connects when it is started; MiB a process.
 
     Raises InputError: the address is none, or the extra `dask` is not installed.
     """
     if cluster is None:
-        return Workers(count, memory_limit)
+        return workers.Workers(count, memory_limit)
     if not cluster.startswith(SCHEMES):
         raise errors.InputError("The address of a cluster must be that of a Dask scheduler, such as tcp://host:8786.")
     if find_spec("distributed") is None:

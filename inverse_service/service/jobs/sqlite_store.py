@@ -17,8 +17,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TypeVar
 
-from inverse_service.service.jobs import model, statements
-from inverse_service.service.jobs.locks import alone
+from inverse_service.service.jobs import locks, model, statements
 from inverse_service.service.jobs.store import JobStore, writing
 
 T = TypeVar("T")
@@ -114,7 +113,7 @@ class SqliteStore(JobStore):
         self._local = threading.local()
         with contextlib.ExitStack() as opened:
             if not guest:
-                opened.enter_context(alone(path))
+                opened.enter_context(locks.alone(path))
             self._connection = opened.enter_context(contextlib.closing(connect(self.address)))
             (_refuse_other_version if guest else prepare)(self._connection)
             self._connection.execute("PRAGMA synchronous = NORMAL")
@@ -153,7 +152,7 @@ class SqliteStore(JobStore):
         forgotten = super().erase_client(client)
         with contextlib.closing(connect(self.address)) as connection, contextlib.suppress(model.DatabaseTaken):
             connection.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchall()
-            with alone(Path(self.address)) if self._is_guest else contextlib.nullcontext():
+            with locks.alone(Path(self.address)) if self._is_guest else contextlib.nullcontext():
                 connection.execute("VACUUM")
         return forgotten
 

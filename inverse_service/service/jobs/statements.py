@@ -16,10 +16,9 @@ from importlib import resources
 from typing import Any, Final
 
 from inverse_service import errors
-from inverse_service.service.jobs import model
-from inverse_service.service.jobs.tasks import Usage
+from inverse_service.service.jobs import model, tasks
 
-NO_BOUNDS, NO_USE = model.Bounds(), Usage()
+NO_BOUNDS, NO_USE = model.Bounds(), tasks.Usage()
 VERSION: Final = 3
 ACCEPT_LOCK, CLAIM_LOCK, PRUNE_LOCK = 7_204_021_102, 7_204_021_104, 7_204_021_103
 # Near the bounds on open jobs front ends accept one after the other, so that they hold for all together.
@@ -276,7 +275,7 @@ def heartbeat(session: Session, owner: str, running: Sequence[tuple[str, int]]) 
 
 
 def finish(
-    session: Session, id: str, attempt: int, body: bytes, usage: Usage,
+    session: Session, id: str, attempt: int, body: bytes, usage: tasks.Usage,
     kept: float | None = None, status: model.JobStatus = "successful",
 ) -> bool:  # fmt: skip
     """running -> successful or failed; False where the attempt is no longer the current one.
@@ -343,7 +342,7 @@ def oldest(session: Session) -> float | None:
 
 
 def release(
-    session: Session, id: str, attempt: int, crashed: bool, usage: Usage = NO_USE, left: bytes | None = None
+    session: Session, id: str, attempt: int, crashed: bool, usage: tasks.Usage = NO_USE, left: bytes | None = None
 ) -> model.Job | None:
     """running -> accepted after the worker died; counts a crash where `crashed`.
 
@@ -360,7 +359,7 @@ def release(
     return job
 
 
-def count_use(session: Session, client: str, usage: Usage) -> None:
+def count_use(session: Session, client: str, usage: tasks.Usage) -> None:
     """Add a run to what the client used today."""
     session.run("count_use", client, float(usage.cpu))
 
