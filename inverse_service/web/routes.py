@@ -5,7 +5,7 @@ import asyncio
 import dataclasses
 import json
 import time
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Awaitable, Callable
 from importlib import resources
 from types import SimpleNamespace
 from typing import Annotated, Any, Literal
@@ -40,6 +40,7 @@ FORGOTTEN = "job of this id; it may have been forgotten. Ask again."
 STILL_THERE = b": still there\n\n"
 ASKED_ANSWERS = {202: {"model": JobDocument, "headers": openapi.JOB_HEADERS}, **openapi.BAD_BODY}
 SCENE = openapi.body_of("SceneDocument") | openapi.TIME_LIMIT_QUERY
+Route = Callable[[Request], Awaitable[Response]]
 NDJSON = "application/x-ndjson"
 NDJSON_TYPES = frozenset({NDJSON, "application/ndjson", "application/jsonl", "application/x-jsonlines"})
 # A stream that wakes for every job would read the store more than it writes answers.
@@ -50,12 +51,15 @@ LATE = "Reading these equations takes too long for a search."
 PROMETHEUS = "text/plain; version=0.0.4; charset=utf-8"
 
 
-@asked.post(
-    "/v1/solve",
-    tags=["systems"],
-    responses={200: openapi.SOLVED, **ASKED_ANSWERS},
-    openapi_extra=openapi.SYSTEM_BODY | openapi.TIME_LIMIT_QUERY,
-)
+def posted(
+    router: APIRouter, path: str, tag: str, found: dict[str, Any], taken: dict[str, Any]
+) -> Callable[[Route], Route]:
+    """A call that reads its body itself: what it answers with 200, and what it takes; those of `asked` make jobs."""
+    others = ASKED_ANSWERS if router is asked else openapi.BAD_BODY
+    return router.post(path, tags=[tag], responses={200: found, **others}, openapi_extra=taken)
+
+
+@posted(asked, "/v1/solve", "systems", openapi.SOLVED, openapi.SYSTEM_BODY | openapi.TIME_LIMIT_QUERY)
 async def solve(request: Request) -> Response:
     """Solve one system.
 
@@ -192,12 +196,7 @@ def engine_of(request: Request) -> Engine:
     return engine
 
 
-@asked.post(
-    "/v1/simulate",
-    tags=["simulations"],
-    responses={200: openapi.answer(openapi.any_of("SimulationResult")), **ASKED_ANSWERS},
-    openapi_extra=SCENE,
-)
+@posted(asked, "/v1/simulate", "simulations", openapi.answer(openapi.any_of("SimulationResult")), SCENE)
 async def simulate(request: Request) -> Response:
     """Integrate a scene: each method's outcome, the observed quantities, thinned points.
 
@@ -206,12 +205,7 @@ async def simulate(request: Request) -> Response:
     return await ask(request, "simulate")
 
 
-@asked.post(
-    "/v1/work-precision",
-    tags=["simulations"],
-    responses={200: openapi.answer(openapi.any_of("WorkPrecisionResult")), **ASKED_ANSWERS},
-    openapi_extra=SCENE,
-)
+@posted(asked, "/v1/work-precision", "simulations", openapi.answer(openapi.any_of("WorkPrecisionResult")), SCENE)
 async def work_precision(request: Request) -> Response:
     """Measure error against time for every method of a scene, at many step sizes."""
     return await ask(request, "work-precision")
@@ -347,12 +341,7 @@ async def _known_batch(request: Request, id: str) -> statements.Batch:
     return known(found, "batch of this id; it may have been forgotten.")
 
 
-@plain.post(
-    "/v1/parse",
-    tags=["systems"],
-    responses={200: openapi.PARSED, **openapi.BAD_BODY},
-    openapi_extra=openapi.SYSTEM_BODY,
-)
+@posted(plain, "/v1/parse", "systems", openapi.PARSED, openapi.SYSTEM_BODY)
 async def parse(request: Request) -> Response:
     """How a System document is parsed: text, LaTeX and MathML of each acceleration."""
     engine = engine_of(request)
@@ -361,12 +350,7 @@ async def parse(request: Request) -> Response:
     return Response(found, media_type="application/json")
 
 
-@plain.post(
-    "/v1/check",
-    tags=["systems"],
-    responses={200: {"model": base.CheckAnswer}, **openapi.BAD_BODY},
-    openapi_extra=openapi.body_of("CheckedDocument"),
-)
+@posted(plain, "/v1/check", "systems", {"model": base.CheckAnswer}, openapi.body_of("CheckedDocument"))
 async def check(request: Request) -> Response:
     """The independent checker's verdict on a result or a certificate, or on {"document": …, "result": …}.
 

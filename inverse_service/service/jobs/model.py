@@ -14,7 +14,7 @@ import json
 import math
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from decimal import Decimal
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple, TypeVar
@@ -230,8 +230,7 @@ class JobOptions:
     @functools.lru_cache(maxsize=64)  # noqa: B019 - options are small, and their number is bounded here
     def canonical(self) -> str:
         """JSON with sorted keys: part of the identity of a job."""
-        values = {"memory_limit": self.memory_limit, "seed": self.seed, "time_limit": float(self.time_limit)}
-        return json.dumps(values, sort_keys=True, separators=(",", ":"))
+        return canonical(asdict(self) | {"time_limit": float(self.time_limit)})
 
 
 @functools.lru_cache(maxsize=64)
