@@ -1,5 +1,5 @@
-"""The use cases: a document in, a result out; checking of results; one outline of an answer, printed as text and LaTeX.
+"""The use cases: a document in, a result out; checking of results; the sheet of an answer, which all printers print.
 
 Others use `documents`, `checking`, `own_lagrangian`, `derived`, `answers`, `growing`, `accepting`, `plain_data`,
-`text_page`, and `latex_page`.
+`sheets`, `text_page`, and `latex_page`.
 """

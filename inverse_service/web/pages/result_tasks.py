@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
+from markupsafe import Markup
 from starlette.responses import HTMLResponse
 
 from inverse_service import errors
@@ -21,7 +22,7 @@ from inverse_service.reading.names import Names
 from inverse_service.service.documents import latex_page, plain_data, sheets, text_page
 from inverse_service.service.figures import views
 from inverse_service.service.jobs import model, opening, tasks
-from inverse_service.web.pages import WORDS, forms, preview, rendering, simulations
+from inverse_service.web.pages import WORDS, forms, preview, rendering, simulations, typesetting
 
 T = TypeVar("T")
 OFFER_TERMS = "Offer terms that L may contain, in \u201cAsk in detail\u201d: for example {}."
@@ -138,7 +139,7 @@ class Judged:
     lagrangian: str
     verdict: str
     headline: str
-    lines: tuple[sheets.Sentence, ...] = ()
+    lines: tuple[Markup, ...] = ()
     reasons: tuple[str, ...] = ()
 
 
@@ -156,7 +157,13 @@ def judged_of(check: Mapping[str, Any], names: Names, letter: str = "L") -> Judg
     ]
     verdict, headline = WORDS["own"][check["verdict"]]
     reasons = () if verdict == sheets.YES else tuple(check.get("reasons") or ())  # of a yes the headline says them
-    return Judged(check["lagrangian"], verdict, headline.replace("this L", f"this {letter}"), tuple(lines), reasons)
+    return Judged(
+        check["lagrangian"],
+        verdict,
+        headline.replace("this L", f"this {letter}"),
+        tuple(map(typesetting.said, lines)),
+        reasons,
+    )
 
 
 def _with_own_names(lagrangian: str, names: Names) -> Names:
@@ -327,18 +334,23 @@ def curl_of(document: Mapping[str, Any], address: str) -> str:
 # The answer next to a form.
 
 
-def glance_task(body: bytes, content_type: str) -> dict[str, Any] | None:
-    """A short answer to the solve form, which is not stored; None if it takes longer than a glance."""
+def glance_task(body: bytes, content_type: str) -> Markup:
+    """A short answer to the solve form as HTML, which is not stored; a hint if it takes longer than a glance."""
     document = forms.sent_task(body, content_type).document
-    return None if document is None else glance_of(document)
+    return _in_html(None if document is None else glance_of(document))
 
 
-def glance_of_fields(fields: forms.Fields) -> dict[str, Any] | None:
+def _in_html(glance: Mapping[str, Any] | None) -> Markup:
+    return Markup(rendering.render("glance.html", glance=glance))
+
+
+def glance_of_fields(fields: forms.Fields) -> Markup | None:
     """The same for the fields of a link; also None if they cannot be read."""
     try:
-        return glance_of(forms.document_of_fields(fields))
+        found = glance_of(forms.document_of_fields(fields))
     except errors.InputError:
         return None
+    return None if found is None else _in_html(found)
 
 
 class _Enough(Exception):

@@ -8,6 +8,7 @@ from functools import lru_cache
 from typing import Any
 
 from fastapi import APIRouter
+from markupsafe import Markup
 from starlette.requests import Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
@@ -27,7 +28,7 @@ AT_ONCE = 0.1  # s
 SOON = 0.3  # s that a page waits for the answer next to its form
 START: str = EXAMPLES[0]["document"]["equations"]
 MOST_GLANCES = 64  # answers of links and examples that are kept to be shown at once
-_GLANCES: dict[str, Any] = {}
+_GLANCES: dict[str, Markup] = {}
 _ASKED: dict[str, asyncio.Future[None]] = {}
 
 
@@ -70,7 +71,7 @@ async def ask(request: Request) -> Response:
     )
 
 
-async def glance_of(request: Request, fields: dict[str, str], patience: float) -> dict[str, Any] | None:
+async def glance_of(request: Request, fields: dict[str, str], patience: float) -> Markup | None:
     """The answer to show next to a form at its start; None if it is not ready in a moment."""
     key = json.dumps(fields, sort_keys=True)
     if key not in _GLANCES:
@@ -140,7 +141,7 @@ async def answer_beside(request: Request) -> Response:
             found = await results.read_sent(request, result_tasks.glance_task, 2 * result_tasks.GLANCE)
     except Refusal as refusal:
         return rendering.page("glance.html", _status_of_busy(refusal), glance=None)
-    return rendering.page("glance.html", glance=found)
+    return rendering.sent(found, "text/html", {"Content-Security-Policy": rendering.POLICY})
 
 
 def _status_of_busy(refusal: Refusal) -> int:
