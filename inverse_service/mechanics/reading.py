@@ -34,6 +34,7 @@ _DERIVATIVE = re.compile(rf"_(\w)\1$|^dd?(?:[a-z]|{'|'.join(GREEK_NAMES)})_?\d*(
 _ACCELERATION = re.compile(r"([a-z]\w*?)_?(?:dd|pp)|dd([a-z]\w*)|[dD]2([a-z]\w*?)(?:dt2)?")  # xdd, ddx, d2x, d2xdt2
 DEFINITION = "a definition"
 ROOT = ", of the positive root"
+_AS_VARIANT = re.compile(r"\\(phi|theta|rho|epsilon|kappa|sigma|pi)(?![a-z])")  # \varphi is read as phi
 _DEFINES = re.compile(r"(:?==?|\\[a-z]+|.)")
 _END_OF_TEXT = re.compile(
     r"\\(?:quad|qquad|text|mbox|[,;]).*$|[\s.,;$]*(?:\\(?:\]|\)|end\s*\{\w+\*?\})\s*)*[\s.,;$]*$", re.DOTALL
@@ -223,7 +224,13 @@ def _canonical_equations(text: str) -> str:
         reader.note("H", f"the Hamiltonian, with {shown}")
     if not reader.is_latex(text):
         return "".join(f"; {name}' = {sign}dH/d{by}" for name, sign, by in equations)
-    write = printing.name_latex
+
+    def write(name: str, accent: str = "") -> str:
+        return _AS_VARIANT.sub(
+            lambda found: f"\\var{found[1]}" if f"\\var{found[1]}" in text else found[0],
+            printing.name_latex(name, accent),
+        )
+
     return "".join(
         rf"; {write(name, 'dot')} = {sign}\frac{{\partial {named[1]}}}{{\partial {write(by)}}}"
         for name, sign, by in equations
