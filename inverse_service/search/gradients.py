@@ -271,7 +271,7 @@ def expressions_without_acceleration(names: Sequence[str], terms: tm.Terms) -> l
 def _round_potential(names: Sequence[str], wanted: Sequence[tm.Terms], i: int, j: int) -> ex.Expression | None:
     """A(s) (x y' - y x') for the terms B y' of E_x, -B x' of E_y where B depends on x and y by s = x^2 + y^2 alone.
 
-    It is regular where B is, but for the axis: B = -2 (s A)', and s A is the integral of -x B by x at y = 0.
+    It is regular where B is: B = -2 (s A)', and s A is the integral of -x B by x at y = 0, from the axis on if it can be.
     """
     x, y, v, w = ex.Symbol(names[i]), ex.Symbol(names[j]), ex.Velocity(names[i]), ex.Velocity(names[j])
     field = tm.coefficient(wanted[i], tm.monomial(w))
@@ -283,9 +283,14 @@ def _round_potential(names: Sequence[str], wanted: Sequence[tm.Terms], i: int, j
     flux = quadratures.primitive(x, radial)
     if flux is None:
         return None
-    square = x**2 + y**2
+    at_axis, square = ex.substitute(flux, {x: ex.ZERO}), x**2 + y**2
+    if ex.ZERO in ex.walk(at_axis):  # it has no value there, or vanishes
+        at_axis = ex.ZERO
     table = {x**2: square, ex.Apply("log", x): ex.HALF * ex.Apply("log", square), x: ex.square_root(square)}
-    return ex.substitute(flux, table) * square**-1 * (y * v - x * w)
+    potential = ex.substitute(flux, table) - at_axis
+    if at_axis != ex.ZERO:
+        potential = writing.quotient(potential, exact_field.Budget.short())
+    return potential * square**-1 * (y * v - x * w)
 
 
 def _is_round(field: tm.Terms, x: ex.Symbol, y: ex.Symbol) -> bool:

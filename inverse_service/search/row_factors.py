@@ -400,8 +400,10 @@ def lagrangian_of(lines: Lines, integrator: gradients.Integrator) -> ex.Expressi
     if any(c != gradients.ONE_TERM for c in constants.values()):
         scaled = scaled.times([constants[i] for i in lines.places])
     kinetic = _kinetic(scaled)
-    first = tm.tree_of(scaled.matrix[0][0])
-    turned = positive(first, integrator.table) != first if kinetic is None else all(c < 0 for c in kinetic.values())
+    squares = [tm.tree_of(scaled.matrix[i][i]) for i in lines.places]
+    turned = all(tree != ex.ZERO and positive(tree, integrator.table) != tree for tree in squares) or (
+        kinetic is not None and all(c < 0 for c in kinetic.values())
+    )
     if kinetic is None:
         kinetic = integrator.with_hessian([row[j] for i, row in enumerate(scaled.matrix) for j in lines.places[i:]])
     if kinetic is None:

@@ -46,7 +46,7 @@ def tidied(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
         return tree
     tree = _with_squares_inside(system, writing.joined(_shortened(tree, system)))
     tree = writing.numbers_outside(writing.minus_inside(ex.negated(tree) if _is_upside_down(tree) else tree))
-    return _in_order(_turns_together(_grouped_alike(kinetic_first(tree)), _parameters(system)), system)
+    return _in_order(_turns_together(_grouped_alike(kinetic_first(tree)), _parameters(system) | {ex.TIME}), system)
 
 
 def _shortened(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
@@ -64,14 +64,14 @@ def _in_order(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
 
 
 def _turns_together(tree: ex.Expression, constants: frozenset[ex.Symbol]) -> ex.Expression:
-    """B (x y' - y x')/2 for B x y'/2 - B y x'/2 with constants B."""
+    """B (x y' - y x')/2 for B x y'/2 - B y x'/2, B made of these constants."""
     terms = [*ex.summands(tree)]
     for one, other in combinations(terms, 2):
         if _degree(one) == _degree(other) == 1:
             parts = [[f for f in ex.factors_of(term) if _is_moving(f, constants)] for term in (one, other)]
             outside = ex.multiply(*(f for f in ex.factors_of(one) if f not in parts[0]))
             both = ex.multiply(*parts[0]) - ex.multiply(*parts[1])
-            if not isinstance(outside, ex.Number) and other == ex.negated(outside * ex.multiply(*parts[1])):
+            if not isinstance(outside, ex.Number) and not tm.terms_of(other + outside * ex.multiply(*parts[1])):
                 terms[terms.index(one)] = outside * both
                 terms.remove(other)
                 return _turns_together(ex.add(*terms), constants)
@@ -449,7 +449,7 @@ def _is_symbolic(node: ex.Expression) -> bool:
 
 
 def _with_shifted_rates(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
-    """c ((x' - w y)^2 + (y' + w x)^2)/2 for c (x'^2 + y'^2)/2 + 2 c w x y', as in a turning frame with constant w.
+    """c ((x' - w y)^2 + (y' + w x)^2)/2 for c (x'^2 + y'^2)/2 + 2 c w x y', as in a frame that turns at a constant rate.
 
     c (v + w)^2/2 for c v^2/2 + c w v with a constant w, too. Terms of the potential that change have to vanish.
     """
@@ -468,12 +468,15 @@ def _with_shifted_rates(system: SecondOrderSystem, tree: ex.Expression) -> ex.Ex
         squares, linear = (
             {key - {(v, e)}: value for key, value in terms.items() if (v, e) in key} for e in (Fraction(2), Fraction(1))
         )
-        ((key, twice),) = (tm.monomial_factor(linear, squares) or {tm.monomial(v): Fraction(0)}).items()
-        square = (v + twice / 2 * tm.monomial_tree(key)) ** 2
+        ((key, c), *others) = squares.items() or [(tm.EMPTY, Fraction(1))]
+        one = {tm.times(part, key, -1): a / c for part, a in linear.items()}
+        shift = tm.scaled((tm.monomial_factor(linear, squares) or {}) if others else one, _HALF)
+        square = (v + tm.tree_of(shift)) ** 2
         whole = tm.terms_of(tm.tree_of(squares) * square)
         rest = tm.add_terms(terms, whole, -1)
-        fixed = constants.issuperset(p for p, _ in key) or not tm.coefficient(whole, tm.EMPTY).keys() & rest.keys()
-        if fixed and not any(tm.has_velocity(p) for p, _ in key):
+        letters = {p for part in shift for p, _ in part}
+        fixed = constants.issuperset(letters) or not tm.coefficient(whole, tm.EMPTY).keys() & rest.keys()
+        if shift and fixed and not any(map(tm.has_velocity, letters)):
             groups.setdefault(tm.tree_of(squares), []).append(square)
             terms = rest
     potential = angles.shortest(tm.coefficient(terms, tm.EMPTY))
