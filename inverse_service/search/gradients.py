@@ -271,7 +271,8 @@ def expressions_without_acceleration(names: Sequence[str], terms: tm.Terms) -> l
 def _round_potential(names: Sequence[str], wanted: Sequence[tm.Terms], i: int, j: int) -> ex.Expression | None:
     """A(s) (x y' - y x') for the terms B y' of E_x, -B x' of E_y where B depends on x and y by s = x^2 + y^2 alone.
 
-    It is regular where B is: B = -2 (s A)', and s A is the integral of -x B by x at y = 0, from the axis on if it can be.
+    It is regular where B is: B = -2 (s A)', and s A is the integral of -x B by x at y = 0, from the axis on where that
+    is possible.
     """
     x, y, v, w = ex.Symbol(names[i]), ex.Symbol(names[j]), ex.Velocity(names[i]), ex.Velocity(names[j])
     field = tm.coefficient(wanted[i], tm.monomial(w))

@@ -449,7 +449,7 @@ def _is_symbolic(node: ex.Expression) -> bool:
 
 
 def _with_shifted_rates(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
-    """c ((x' - w y)^2 + (y' + w x)^2)/2 for c (x'^2 + y'^2)/2 + 2 c w x y', as in a frame that turns at a constant rate.
+    """c ((x' - w y)^2 + (y' + w x)^2)/2 for c (x'^2 + y'^2)/2 + 2 c w x y', as in a frame that turns steadily.
 
     c (v + w)^2/2 for c v^2/2 + c w v with a constant w, too. Terms of the potential that change have to vanish.
     """
