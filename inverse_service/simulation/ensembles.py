@@ -193,8 +193,9 @@ def _observed(
             continue
     numbers: dict[str, Array] = {}
     if "energy" in series and velocities is not None and observing.why_energy_varies(scene) is None:
-        begin = many.positions[:, 0], velocities[:, 0], np.full(shape[0], many.times[0])
-        start = observing.without_noise(series["energy"][:, 0], observing.point_kinetic(scene, *begin, values))[:, None]
+        moments = np.full(shape[0], many.times[0])
+        begin = table_of(scene.coordinates, many.positions[:, 0], velocities[:, 0], values, moments)
+        start = observing.without_noise(*observing.energies(scene, begin))[:, None]
         with np.errstate(all="ignore"):
             errors = np.abs(series["energy"] - start) / np.where(start == 0, 1.0, np.abs(start))
         numbers["max_energy_error"] = np.where(many.completed, errors.max(axis=1), np.nan)

@@ -211,14 +211,12 @@ def _change_of_energy(energies: trajectory.Array, kinetic: trajectory.Array) -> 
 
 def energies_of(run: observing.Observed) -> tuple[trajectory.Array, trajectory.Array] | None:
     """E and the kinetic energy at the recorded points, (m,) each; None where E is no constant, or not known."""
-    scene, at = run.scene, run.trajectory
+    scene = run.scene
     if observing.lagrangian_of_energy(scene) is None or observing.why_energy_varies(scene):
         return None
-    velocities = observing.velocities_at_points(run)
-    if velocities is None or observing.end_of_energy(scene, at.positions, velocities, at.times):
+    if run.velocities is None or observing.end_of_energy(run):
         return None
-    points = scene, at.positions, velocities, at.times
-    return observing.point_energy(*points), observing.point_kinetic(*points)
+    return observing.energies(scene, run.table)
 
 
 def other_motion(run: observing.Observed) -> trajectory.Outcome | None:
@@ -229,12 +227,10 @@ def other_motion(run: observing.Observed) -> trajectory.Outcome | None:
     scene, problem, at = run.scene, run.problem, run.trajectory
     if scene.accelerations is None or problem is None or problem.free_lagrangian is None:
         return None
-    velocities = observing.velocities_at_points(run)
-    if velocities is None:
+    if run.velocities is None:
         return None
-    table = nf.table_of(scene.coordinates, at.positions, velocities, run.values, at.times)
-    apart = accelerating.distance_of_motion(problem.free_lagrangian, scene.coordinates, scene.accelerations, table)
-    apart += np.sum([0 * nf.array_value(f, table) for f in scene.accelerations], axis=0)  # no number where one has none
+    apart = accelerating.distance_of_motion(problem.free_lagrangian, scene.coordinates, scene.accelerations, run.table)
+    apart += 0 * np.sum(run.values_of(*scene.accelerations), axis=0)  # no number where one has none
     apart[0] = 0.0  # where the start was looked at, which may be a pole that the motion leaves
     places = np.flatnonzero(~(apart <= accelerating.NOTICED))
     if not len(places):
@@ -255,7 +251,7 @@ def moments_between(run: observing.Observed) -> trajectory.Array:
     well. In a long run only the first MOST_VALUES values are examined.
     """
     problem, choice, at, scene = run.problem, run.requested.choice, run.trajectory, run.scene
-    velocities = observing.velocities_at_points(run)
+    velocities = run.velocities
     if problem is None or choice is None or not choice.guard or velocities is None:
         return np.empty(0)
     moving: set[ex.Expression] = {ex.TIME, *map(ex.Symbol, scene.coordinates), *map(ex.Velocity, scene.coordinates)}

@@ -78,9 +78,8 @@ def located(
     run: observing.Observed, events: Sequence[data.Event], motion: data.Problem | data.Unavailable
 ) -> tuple[Found, ...]:
     """All points of these events along a run."""
-    velocities = observing.velocities_at_points(run)
-    follow = _follower(run, velocities, motion)
-    return tuple(_located(run, event, velocities, follow) for event in events)
+    follow = _follower(run, motion)
+    return tuple(_located(run, event, follow) for event in events)
 
 
 def with_events(
@@ -109,18 +108,16 @@ def until(found: Found, end: float) -> Found:
     return Found(found.event, found.times[kept], found.positions[kept], found.velocities[kept], found.note)
 
 
-def _follower(
-    run: observing.Observed, velocities: Array | None, motion: data.Problem | data.Unavailable
-) -> Follow | None:
+def _follower(run: observing.Observed, motion: data.Problem | data.Unavailable) -> Follow | None:
     """A function of indices k and lengths: the motion at this length of time after point k."""
     ran, values, method = run.trajectory, run.values, run.requested.method
     choice, what = run.requested.choice, run.problem
     stepped = choice is not None and method not in ("heyoka", "modified")
     if not stepped or (ran.momenta is None and method not in method_table.POINT_METHODS):
         choice, what = CONTINUED, None if isinstance(motion, data.Unavailable) else motion
-    if velocities is None or what is None or choice is None:
+    if run.velocities is None or what is None or choice is None:
         return None
-    speeds, run_by, of = velocities, choice, what
+    speeds, run_by, of = run.velocities, choice, what
 
     def follow(places: NDArray[np.int64], lengths: Array) -> State:
         carried = None if run_by.method in method_table.POINT_METHODS or ran.momenta is None else ran.momenta[places]
@@ -139,19 +136,18 @@ def _follower(
     return follow
 
 
-def _located(run: observing.Observed, event: data.Event, velocities: Array | None, follow: Follow | None) -> Found:
+def _located(run: observing.Observed, event: data.Event, follow: Follow | None) -> Found:
     scene, ran = run.scene, run.trajectory
     nothing = np.empty((0, len(scene.coordinates)))
 
-    def value(state: tuple[Array, Array, Array | None], formula: ex.Expression = event.formula) -> Array:
+    def value(state: State) -> Array:
         times, positions, speeds = state
-        return nf.array_value(formula, nf.table_of(scene.coordinates, positions, speeds, dict(scene.values), times))
+        return nf.array_value(event.formula, nf.table_of(scene.coordinates, positions, speeds, scene.values, times))
 
     try:
-        whole = (ran.times, ran.positions, velocities)
-        along = value(whole)
         terms = event.formula.terms if isinstance(event.formula, ex.Sum) else ()
-        if terms and (np.abs(along) <= NOISE * sum(np.abs(value(whole, term)) for term in terms)).all():
+        along, *parts = run.values_of(event.formula, *terms)
+        if terms and (np.abs(along) <= NOISE * np.abs(parts).sum(axis=0)).all():
             return Found(event, nothing[:, 0], nothing, nothing, NO_SIZE)
         if follow is None:
             return Found(event, nothing[:, 0], nothing, nothing, NO_VELOCITIES if _turns(along) else "")

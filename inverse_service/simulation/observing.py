@@ -17,8 +17,9 @@ holds half a reaction. Methods of order 2 without momenta have differences of th
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -43,6 +44,7 @@ MOVING_CONSTRAINTS = (
 )
 ENERGY_START = "energy_of_the_start"
 ROUND_OFF = 1e-14
+NOTHING = "nothing to compare with"
 KEPT = "See `conserved`: {} is constant."
 _NO_VELOCITIES = "The method has no velocities at the recorded points: record every step."
 _NO_ENERGY = "The system is given by its equations and no Lagrangian was found, so no energy is defined."
@@ -58,8 +60,7 @@ def greatest(values: Array) -> float | None:
 
 def energy(lagrangian: ex.Expression, coordinates: tuple[str, ...]) -> ex.Expression:
     """v L_v - L."""
-    pairs = zip(coordinates, euler_lagrange.momenta(lagrangian, coordinates), strict=True)
-    return ex.add(*(ex.Velocity(name) * p for name, p in pairs)) - lagrangian
+    return ex.dot(map(ex.Velocity, coordinates), euler_lagrange.momenta(lagrangian, coordinates)) - lagrangian
 
 
 def lagrangian_of_energy(scene: data.Scene) -> ex.Expression | None:
@@ -67,12 +68,22 @@ def lagrangian_of_energy(scene: data.Scene) -> ex.Expression | None:
     return scene.found.lagrangian if scene.lagrangian is None and scene.found is not None else scene.lagrangian
 
 
+def energies(scene: data.Scene, table: Mapping[ex.Expression, Any]) -> tuple[Array, Array]:
+    """E and |v dL/dv|/2, the kinetic energy where L has masses, at the points of a table, (m,) each."""
+    lagrangian, names = lagrangian_of_energy(scene), scene.coordinates
+    assert lagrangian is not None
+    double = ex.dot(map(ex.Velocity, names), euler_lagrange.momenta(lagrangian, names))
+    found, powers = nf.array_values([energy(lagrangian, names), double], table)
+    return found, np.abs(powers) / 2
+
+
 def start_energy(scene: data.Scene) -> float | None:
-    """E_0 of the initial data, 0 if it is round-off; None for a system without a Lagrangian."""
+    """E_0 of the initial data; None for a system without a Lagrangian."""
     if lagrangian_of_energy(scene) is None:
         return None
-    start = scene, scene.positions[None], scene.velocities[None], np.array([scene.grid.begin])
-    return float(without_noise(point_energy(*start), point_kinetic(*start))[0])
+    place, rate = scene.positions[None], scene.velocities[None]
+    table = nf.table_of(scene.coordinates, place, rate, scene.values, np.array([scene.grid.begin]))
+    return float(without_noise(*energies(scene, table))[0])
 
 
 def without_noise(energies: Array, kinetic: Array) -> Array:
@@ -157,58 +168,6 @@ def factor_of_time(scene: data.Scene, times: Array) -> Array | None:
     return np.asarray(found[1:] / found[0])
 
 
-def point_energy(scene: data.Scene, positions: Array, velocities: Array, times: Array | None = None) -> Array:
-    """E(q_k, v_k) at the recorded points, (m,)."""
-    lagrangian = lagrangian_of_energy(scene)
-    assert lagrangian is not None
-    table = nf.table_of(scene.coordinates, positions, velocities, scene.values, times)
-    return nf.array_value(energy(lagrangian, scene.coordinates), table)
-
-
-def point_kinetic(
-    scene: data.Scene,
-    positions: Array,
-    velocities: Array,
-    times: Array,
-    values: Mapping[str, float | Array] | None = None,
-) -> Array:
-    """|v dL/dv| / 2 at the recorded points, (m,): the kinetic energy where L has masses."""
-    lagrangian = lagrangian_of_energy(scene)
-    assert lagrangian is not None
-    table = nf.table_of(scene.coordinates, positions, velocities, values or scene.values, times)
-    powers = [
-        v * nf.array_value(p, table)
-        for v, p in zip(velocities.T, euler_lagrange.momenta(lagrangian, scene.coordinates), strict=True)
-    ]
-    return np.abs(sum(powers, np.zeros(len(positions)))) / 2
-
-
-def end_of_energy(scene: data.Scene, positions: Array, velocities: Array, times: Array) -> str | None:
-    """How the Lagrangian that was found stops being one of the motion at the points; None where it does not.
-
-    It is divided by, or takes roots or logarithms of, what passes through 0, its domain ends, or its equations are
-    others. The energy of the other side may differ from this one by anything.
-    """
-    if scene.found is None:
-        return None
-    table = nf.table_of(scene.coordinates, positions, velocities, scene.values, times)
-    own = nf.walls(scene.found.lagrangian, set(map(ex.Symbol, scene.coordinates)))
-    for wall in dict.fromkeys((*own, *scene.found.domain)):
-        values = nf.array_value(wall, table)
-        if not (np.isfinite(values).all() and (values.min() > 0 or values.max() < 0)):
-            return f"ends where {printing.to_text(wall)} = 0, and the motion passes there"
-    apart = accelerating.distance_of_motion(scene.found.lagrangian, scene.coordinates, scene.accelerations or (), table)
-    return "does not give the motion of the equations everywhere" if (apart > accelerating.NOTICED).any() else None
-
-
-def point_constraints(scene: data.Scene, positions: Array, velocities: Array) -> dict[str, Any]:
-    """max |w(q_k) v_k| of all constraints over the recorded points."""
-    table = nf.table_of(scene.coordinates, positions, velocities, scene.values)
-    defects = [greatest(nf.array_value(w, table)) for w in scene.constraints]
-    known = [defect for defect in defects if defect is not None]
-    return {"max_constraint_at_points": max(known) if len(known) == len(defects) else None}
-
-
 def error_numbers(
     scene: data.Scene, positions: Array, true: Array, truth: data.Truth
 ) -> tuple[dict[str, Any], dict[str, Array]]:
@@ -237,80 +196,39 @@ def error_numbers(
 
 
 def point_velocities(
-    scene: data.Scene, problem: data.Problem, method: str, trajectory: Trajectory, values: dict[str, float]
+    scene: data.Scene, problem: data.Problem, method: str, trajectory: Trajectory, values: Mapping[str, Any]
 ) -> Array | None:
-    """(m, n), or None where the method has no momenta or their velocities have no formula or no value."""
-    if trajectory.momenta is None:
+    """(m, n) from the momenta, or None where the method has none or their velocities have no formula or no value."""
+    momenta, names = trajectory.momenta, scene.coordinates
+    if momenta is None:
         return None
+    rest = np.zeros_like(trajectory.positions)
+    table = nf.table_of(names, trajectory.positions, rest, values, trajectory.times)
+    if method == "variational" and problem.free_hamiltonian is not None:
+        symbols = [ex.Symbol(f"p_{name}") for name in names]
+        slopes = [derivative.differentiate(problem.free_hamiltonian, p) for p in symbols]
+        return np.column_stack(nf.array_values(slopes, table | dict(zip(symbols, momenta.T, strict=True))))
+    if method != "nonholonomic" or scene.lagrangian is None:
+        return None
+    # g v + w^T s = p - b, w v = -c.
+    matrix = euler_lagrange.hessian(scene.lagrangian, names)
+    if any(isinstance(node, ex.Velocity) for row in matrix for entry in row for node in ex.walk(entry)):
+        return None
+    n, size = len(names), len(names) + len(scene.constraints)
+    whole = np.zeros((len(momenta), size, size))
+    for k, name in enumerate(names):
+        rows = [derivative.differentiate(w, ex.Velocity(name)) for w in scene.constraints]
+        whole[:, :, k] = np.column_stack(nf.array_values([*matrix[k], *rows], table))
+    whole[:, :n, n:] = whole[:, n:, :n].transpose(0, 2, 1)
+    offsets = nf.array_values([*euler_lagrange.momenta(scene.lagrangian, names), *scene.constraints], table)
+    right = np.column_stack([*momenta.T, *rest.T[: size - n]]) - np.column_stack(offsets)
     try:
-        return _velocities_of_method(scene, problem, method, trajectory, values)
+        return np.asarray(np.linalg.solve(whole, right[:, :, None])[:, :n, 0])
     except np.linalg.LinAlgError:  # the kinetic energy is degenerate at a point
         return None
 
 
-def mean_velocities(positions: Array, grid: data.Grid) -> Array | None:
-    """Differences of positions about each point, of order 2, (m, n); None where steps are left out."""
-    if grid.record_every > 1 or len(positions) < 3:
-        return None
-    found: Array = np.gradient(positions, grid.step, axis=0, edge_order=2)
-    return found
-
-
-def _velocities_of_method(
-    scene: data.Scene, problem: data.Problem, method: str, trajectory: Trajectory, values: dict[str, float]
-) -> Array | None:
-    if method == "variational" and problem.free_hamiltonian is not None:
-        return _from_hamiltonian(scene, problem.free_hamiltonian, trajectory, values)
-    if method == "nonholonomic" and scene.lagrangian is not None:
-        return _from_lagrangian(scene, scene.lagrangian, trajectory, values)
-    return None
-
-
-def _from_hamiltonian(
-    scene: data.Scene, hamiltonian: ex.Expression, trajectory: Trajectory, values: dict[str, float]
-) -> Array:
-    assert trajectory.momenta is not None
-    table = nf.table_of(scene.coordinates, trajectory.positions, None, values, trajectory.times)
-    names = [ex.Symbol(f"p_{name}") for name in scene.coordinates]
-    table |= {name: trajectory.momenta[:, k] for k, name in enumerate(names)}
-    return np.column_stack([nf.array_value(derivative.differentiate(hamiltonian, name), table) for name in names])
-
-
-def _from_lagrangian(
-    scene: data.Scene, lagrangian: ex.Expression, trajectory: Trajectory, values: dict[str, float]
-) -> Array | None:
-    assert trajectory.momenta is not None
-    rates = [ex.Velocity(name) for name in scene.coordinates]
-    matrix = euler_lagrange.hessian(lagrangian, scene.coordinates)
-    if any(isinstance(node, ex.Velocity) for row in matrix for entry in row for node in ex.walk(entry)):
-        return None
-    rest = np.zeros_like(trajectory.positions)
-    table = nf.table_of(scene.coordinates, trajectory.positions, rest, values, trajectory.times)
-    mass = np.array([[nf.array_value(entry, table) for entry in row] for row in matrix]).transpose(2, 0, 1)
-    offsets = np.column_stack([nf.array_value(p, table) for p in euler_lagrange.momenta(lagrangian, scene.coordinates)])
-    free = _solved(mass, (trajectory.momenta - offsets)[:, :, None])
-    if not scene.constraints:
-        return np.asarray(free[:, :, 0])
-    rows = np.array(
-        [[nf.array_value(derivative.differentiate(w, rate), table) for rate in rates] for w in scene.constraints]
-    )
-    rows = rows.transpose(2, 0, 1)
-    drifts = np.column_stack([nf.array_value(w, table) for w in scene.constraints])[:, :, None]
-    lifted = _solved(mass, rows.transpose(0, 2, 1))
-    reactions = np.linalg.solve(rows @ lifted, rows @ free + drifts)
-    return np.asarray((free - lifted @ reactions)[:, :, 0])
-
-
-def _solved(matrices: Array, right: Array) -> Array:
-    """matrices^-1 right for each point, (m, n, k); a constant matrix is factored once."""
-    if not (matrices == matrices[:1]).all():
-        return np.asarray(np.linalg.solve(matrices, right))
-    columns = right.transpose(1, 0, 2).reshape(right.shape[1], -1)
-    found = np.linalg.solve(matrices[0], columns).reshape(right.shape[1], len(right), -1)
-    return np.asarray(found.transpose(1, 0, 2))
-
-
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Observed:
     """An observed run: `problem` is None for the exact solution, `values` hold the free constants too. A run
     `in_pieces` has the velocities of its points, and no momenta."""
@@ -323,186 +241,216 @@ class Observed:
     truth: data.Truth | data.Unavailable | None
     in_pieces: bool = False
 
+    @cached_property
+    def velocities(self) -> Array | None:
+        """(m, n) at the recorded points: from the momenta, else differences of order 2; None where it has neither."""
+        at, grid = self.trajectory, self.scene.grid
+        if self.problem is None or self.requested.alpha is None or self.in_pieces:
+            return at.velocities
+        found = point_velocities(self.scene, self.problem, self.requested.method, at, self.values)
+        if found is None and grid.record_every == 1 and len(at.times) > 2:
+            found = np.gradient(at.positions, grid.step, axis=0, edge_order=2)
+        return found
 
-def observed_quantities(run: Observed, seconds: dict[str, float]) -> tuple[dict[str, Any], dict[str, Array]]:
+    @cached_property
+    def table(self) -> dict[ex.Expression, Any]:
+        """The names of all formulas with their values at the recorded points."""
+        at = self.trajectory
+        return nf.table_of(self.scene.coordinates, at.positions, self.velocities, self.values, at.times)
+
+    def values_of(self, *formulas: ex.Expression) -> list[Array]:
+        """The formulas at the recorded points, (m,) each."""
+        return nf.array_values(formulas, self.table)
+
+    @cached_property
+    def true(self) -> Array | None:
+        """The true positions at the recorded points, (m, n)."""
+        if not isinstance(self.truth, data.Truth):
+            return None
+        return self.truth.positions[data.places_of(self.truth, self.trajectory.times)]
+
+
+Observations = tuple[dict[str, Any], dict[str, Array]]  # numbers, and columns at the recorded points
+
+
+def observed_quantities(run: Observed, seconds: dict[str, float]) -> Observations:
     """Numbers and columns of every observed quantity, none of any other; `seconds` gets what each took."""
     numbers: dict[str, Any] = {}
     series: dict[str, Array] = {}
-    scene, truth = run.scene, run.truth
-    true = truth.positions[data.places_of(truth, run.trajectory.times)] if isinstance(truth, data.Truth) else None
-    for name in scene.observe:
+    wanted = {name: QUANTITIES[name] for name in run.scene.observe if name in QUANTITIES}
+    for name, quantity in (wanted | ({"own observables": _own} if run.scene.own else {})).items():
         with derivation.timed(seconds, name):
-            found, columns = _quantity(name, run, true)
-            numbers |= found
-            series |= columns
-    if scene.own:
-        with derivation.timed(seconds, "own observables"):
-            found, columns = _own(run)
-            numbers |= found
-            series |= columns
+            found, columns = quantity(run)
+        numbers |= found
+        series |= columns
     return numbers, series
 
 
-def _own(run: Observed) -> tuple[dict[str, Any], dict[str, Array]]:
+def _own(run: Observed) -> Observations:
     """The observables given by formula, at the recorded points: first, last, least and greatest values."""
-    velocities = velocities_at_points(run)
     numbers: dict[str, Any] = {}
     series: dict[str, Array] = {}
-    at = run.trajectory
-    values = dict(run.scene.values)
-    table = nf.table_of(run.scene.coordinates, at.positions, velocities, values, at.times)
     for one in run.scene.own:
         try:
-            column = nf.array_value(one.expression, table)
+            (column,) = run.values_of(one.expression)
         except nf.NoValue:
             numbers[one.name] = {"note": _NO_VELOCITIES}
             continue
         series[one.name] = column
-        ends = {"first": float(column[0]), "last": float(column[-1])}
+        numbers[one.name] = {"first": float(column[0]), "last": float(column[-1])}
         lost = ~np.isfinite(column)
         if lost.any():
-            note = _NO_VALUE.format(lost.sum(), len(column), at.times[lost.argmax()])
-            numbers[one.name] = {**ends, "note": note}
+            note = _NO_VALUE.format(lost.sum(), len(column), run.trajectory.times[lost.argmax()])
+            numbers[one.name] |= {"note": note}
         else:
-            numbers[one.name] = {**ends, "least": float(column.min()), "greatest": float(column.max())}
+            numbers[one.name] |= {"least": float(column.min()), "greatest": float(column.max())}
     return {"observables": numbers}, series
-
-
-def _balance(run: Observed, velocities: Array, points: Array, start: float) -> tuple[dict[str, Any], dict[str, Array]]:
-    """Power Q v and its work at the recorded points, and how far E - E_0 is from the work."""
-    scene, times = run.scene, run.trajectory.times
-    table = nf.table_of(scene.coordinates, run.trajectory.positions, velocities, dict(scene.values), times)
-    # What is at rest takes no power, whatever static friction is there: sign(0) has no value.
-    parts = [
-        np.where(v == 0, 0.0, nf.array_value(force, table) * v)
-        for force, v in zip(scene.forces, velocities.T, strict=True)
-    ]
-    power = np.asarray(sum(parts))
-    work = _integral(power, times)
-    difference = np.abs(points - start - work)
-    numbers = {"work": float(work[-1]), "max_balance_error": greatest(difference)}
-    return numbers, {"power": power, "work": work}
 
 
 def _integral(values: Array, times: Array) -> Array:
     """The integral from the start, (m,), by the cubic through each point and its neighbors: order 4 in the spacing."""
-    if len(values) < 3:
-        return np.concatenate([[0.0], np.cumsum(np.diff(times) * (values[1:] + values[:-1]) / 2)])
-    steps, slopes = np.diff(times), np.gradient(values, times, edge_order=2)
-    parts = steps * (values[1:] + values[:-1]) / 2 - steps**2 * (slopes[1:] - slopes[:-1]) / 12
+    steps = np.diff(times)
+    parts = steps * (values[1:] + values[:-1]) / 2
+    if len(values) > 2:
+        parts -= steps**2 * np.diff(np.gradient(values, times, edge_order=2)) / 12
     return np.concatenate([[0.0], np.cumsum(parts)])
 
 
-def _quantity(name: str, run: Observed, true: Array | None) -> tuple[dict[str, Any], dict[str, Array]]:
-    scene, trajectory, problem, truth = run.scene, run.trajectory, run.problem, run.truth
-    positions = trajectory.positions
-    if name == "energy":
-        return _energy(run)
-    if name == "constraints":
-        columns = {key: column for key, column in trajectory.series.items() if key.startswith("constraint_")}
-        sizes = [size for key, size in trajectory.maxima.items() if key.startswith("constraint_")]
-        numbers: dict[str, Any] = {"max_constraint": max(sizes, default=None)}
-        if run.requested.method == "variational" and scene.constraints:
-            velocities = velocities_at_points(run)
-            numbers |= {} if velocities is None else point_constraints(scene, positions, velocities)
-        return numbers, columns
-    if name == "momenta" and problem is not None:
-        if trajectory.momenta is None:
-            return {}, {}
-        drifts = np.abs(trajectory.momenta - trajectory.momenta[0]).max(axis=0)
-        kept = [float(drifts[k]) for k in conserved_momenta(scene, problem)]
-        return {"max_momentum_drift": max(kept, default=None)}, columns_of(scene, trajectory.momenta, "p_")
-    if name == "velocities":
-        points = velocities_at_points(run)
-        return ({"velocities_note": _NO_VELOCITIES}, {}) if points is None else ({}, columns_of(scene, points, "v_"))
-    if name == "matching_circle":
-        if scene.circle is None:
-            return {"circle": None}, {}
-        pair = list(scene.circle)
-        every = scene.grid.record_every
-        reach = float(np.hypot(*scene.velocities[pair])) * abs(scene.grid.step) * every
-        return circles.circle_numbers(positions[:, pair], None if true is None else true[:, pair], every, reach), {}
-    if name == "constraint_forces":
-        return _constraint_forces(run)
-    if name in ("phase", "error"):
-        return _compared(name, scene, positions, true, truth)
-    return {}, {}
+def _constraints(run: Observed) -> Observations:
+    columns = {key: column for key, column in run.trajectory.series.items() if key.startswith("constraint_")}
+    sizes = [size for key, size in run.trajectory.maxima.items() if key.startswith("constraint_")]
+    numbers: dict[str, Any] = {"max_constraint": max(sizes, default=None)}
+    if run.requested.method == "variational" and run.scene.constraints and run.velocities is not None:
+        numbers["max_constraint_at_points"] = constraint_at_points(run)
+    return numbers, columns
 
 
-def _constraint_forces(run: Observed) -> tuple[dict[str, Any], dict[str, Array]]:
+def constraint_at_points(run: Observed) -> float | None:
+    """max |w(q_k) v_k| of all constraints over the recorded points."""
+    return greatest(np.concatenate(run.values_of(*run.scene.constraints)))
+
+
+def _momenta(run: Observed) -> Observations:
+    momenta = run.trajectory.momenta
+    if run.problem is None or momenta is None:
+        return {}, {}
+    drifts = np.abs(momenta - momenta[0]).max(axis=0)
+    kept = [float(drifts[k]) for k in conserved_momenta(run.scene, run.problem)]
+    return {"max_momentum_drift": max(kept, default=None)}, columns_of(run.scene, momenta, "p_")
+
+
+def _velocities(run: Observed) -> Observations:
+    if run.velocities is None:
+        return {"velocities_note": _NO_VELOCITIES}, {}
+    return {}, columns_of(run.scene, run.velocities, "v_")
+
+
+def _matching_circle(run: Observed) -> Observations:
+    scene, true = run.scene, run.true
+    if scene.circle is None:
+        return {"circle": None}, {}
+    pair, every = list(scene.circle), scene.grid.record_every
+    reach = float(np.hypot(*scene.velocities[pair])) * abs(scene.grid.step) * every
+    exact = None if true is None else true[:, pair]
+    return circles.circle_numbers(run.trajectory.positions[:, pair], exact, every, reach), {}
+
+
+def _constraint_forces(run: Observed) -> Observations:
     """The multipliers lambda_a of the constraints and the forces w^T lambda that they exert, at the recorded points."""
-    scene, velocities = run.scene, velocities_at_points(run)
-    if velocities is None or scene.lagrangian is None or not scene.constraints:
-        note = _NO_VELOCITIES if velocities is None else "There are no constraints."
+    scene = run.scene
+
+    def missing(note: str) -> Observations:
         return {"constraint_forces": None, "constraint_forces_note": note}, {}
+
+    if run.velocities is None:
+        return missing(_NO_VELOCITIES)
+    if scene.lagrangian is None or not scene.constraints:
+        return missing("There are no constraints.")
     found = accelerating.accelerations_and_multipliers(
         scene.coordinates, scene.lagrangian, scene.constraints, scene.forces
     )
     if found is None:
-        return {"constraint_forces": None, "constraint_forces_note": "The constraints are too many for a formula."}, {}
-    table = nf.table_of(scene.coordinates, run.trajectory.positions, velocities, dict(run.values), run.trajectory.times)
-    columns = {f"lambda_{a}": nf.array_value(one, table) for a, one in enumerate(found[1], 1)}
+        return missing("The constraints are too many for a formula.")
+    multipliers = run.values_of(*found[1])
+    columns = {f"lambda_{a}": column for a, column in enumerate(multipliers, 1)}
     for name in scene.coordinates:
-        pairs = zip(scene.constraints, columns.copy().items(), strict=False)
-        forces = [
-            nf.array_value(derivative.differentiate(w, ex.Velocity(name)), table) * column for w, (key, column) in pairs
-        ]
-        columns[f"force_{name}"] = sum(forces, np.zeros(len(run.trajectory.times)))
+        rows = run.values_of(*(derivative.differentiate(w, ex.Velocity(name)) for w in scene.constraints))
+        columns[f"force_{name}"] = np.sum(np.multiply(rows, multipliers), axis=0)
     formulas = {f"lambda_{a}": printing.to_text(one) for a, one in enumerate(found[1], 1)}
     largest = {name: greatest(column) for name, column in columns.items()}
     return {"constraint_forces": {"formulas": formulas, "greatest": largest}}, columns
 
 
-def _energy(run: Observed) -> tuple[dict[str, Any], dict[str, Array]]:
+def _energy(run: Observed) -> Observations:
     """The energy at the recorded points for every method; that of the discrete Lagrangian, where there is one, under a
     separate name."""
-    start = start_energy(run.scene)
+    scene = run.scene
+    start = start_energy(replace(scene, values=run.values))
     if start is None:
         return {"max_energy_error": None, "energy_note": _NO_ENERGY}, {}
     numbers, series = _discrete_energy(run, start)
-    velocities = velocities_at_points(run)
-    if velocities is None:
-        note = why_energy_varies(run.scene) or _NO_VELOCITIES
-        return {"energy_start": start, "max_energy_error": None, "energy_note": note} | numbers, series
-    points = point_energy(run.scene, run.trajectory.positions, velocities, run.trajectory.times)
-    series = {"energy": points} | series
-    wall = end_of_energy(run.scene, run.trajectory.positions, velocities, run.trajectory.times)
-    varies = why_energy_varies(run.scene) or (wall and _WALL.format(wall))
-    if varies:
-        kept, drifts = _conserved(run, velocities)
-        factor = factor_of_time(run.scene, run.trajectory.times)
-        series |= {} if factor is None else {"mechanical_energy": points / factor}
-        note = f"{varies} {KEPT.format(run.scene.conserved[0].name)}" if kept else varies
-        numbers = {"energy_start": start, "max_energy_error": None, "energy_note": note} | kept
-        if not run.scene.forces:
-            return numbers, series | drifts
-        further, columns = _balance(run, velocities, points, start)
-        return numbers | further, series | columns | drifts
-    errors = np.abs(points - start) / (abs(start) or 1.0)
-    found: dict[str, Any] = {"energy_start": start, "max_energy_error": greatest(errors)}
-    found |= {} if start else {"energy_error_is": "absolute, because the energy of the start is 0"}
-    return found | numbers, series
+    numbers |= {"energy_start": start, "max_energy_error": None}
+    note = why_energy_varies(scene)
+    if run.velocities is None:
+        return numbers | {"energy_note": note or _NO_VELOCITIES}, series
+    points, _ = energies(scene, run.table)
+    series["energy"] = points
+    if not note and (wall := end_of_energy(run)):
+        note = _WALL.format(wall)
+    if not note:
+        numbers["max_energy_error"] = greatest(np.abs(points - start) / (abs(start) or 1.0))
+        absolute = {"energy_error_is": "absolute, because the energy of the start is 0"}
+        return numbers | ({} if start else absolute), series
+    kept, drifts = _conserved(run)
+    numbers["energy_note"] = f"{note} {KEPT.format(scene.conserved[0].name)}" if kept else note
+    if (factor := factor_of_time(scene, run.trajectory.times)) is not None:
+        series["mechanical_energy"] = points / factor
+    if scene.forces:
+        # What is at rest takes no power, whatever static friction is there: sign(0) has no value.
+        pairs = zip(run.values_of(*scene.forces), run.velocities.T, strict=True)
+        series["power"] = np.sum([np.where(v == 0, 0.0, force * v) for force, v in pairs], axis=0)
+        series["work"] = work = _integral(series["power"], run.trajectory.times)
+        numbers |= {"work": float(work[-1]), "max_balance_error": greatest(points - start - work)}
+    return numbers | kept, series | drifts
 
 
-def _conserved(run: Observed, velocities: Array) -> tuple[dict[str, Any], dict[str, Array]]:
+def end_of_energy(run: Observed) -> str | None:
+    """How the Lagrangian that was found stops being one of the motion at the points; None where it does not.
+
+    It is divided by, or takes roots or logarithms of, what passes through 0, its domain ends, or its equations are
+    others. The energy of the other side may differ from this one by anything.
+    """
+    scene = run.scene
+    if scene.found is None:
+        return None
+    own = nf.walls(scene.found.lagrangian, set(map(ex.Symbol, scene.coordinates)))
+    for wall in dict.fromkeys((*own, *scene.found.domain)):
+        (values,) = run.values_of(wall)
+        if not (np.isfinite(values).all() and (values.min() > 0 or values.max() < 0)):
+            return f"ends where {printing.to_text(wall)} = 0, and the motion passes there"
+    apart = accelerating.distance_of_motion(
+        scene.found.lagrangian, scene.coordinates, scene.accelerations or (), run.table
+    )
+    return "does not give the motion of the equations everywhere" if (apart > accelerating.NOTICED).any() else None
+
+
+def _conserved(run: Observed) -> Observations:
     """The drift of each constant of the motion that was found, from the start of each part of the way on which its
     formula is one: where it passes a pole, as an arctangent of x'/x at x = 0, it begins again."""
     found: dict[str, Any] = {}
     series: dict[str, Array] = {}
-    at, scene = run.trajectory, run.scene
-    table = nf.table_of(scene.coordinates, at.positions, velocities, dict(run.values), at.times)
-    for k, one in enumerate(scene.conserved, 1):
-        values = nf.array_value(one.expression, table)
-        ends = nf.walls(one.expression, set(map(ex.Symbol, scene.coordinates)))
-        turned = [np.diff(np.sign(nf.array_value(wall, table))) != 0 for wall in ends]
+    for k, one in enumerate(run.scene.conserved, 1):
+        ends = nf.walls(one.expression, set(map(ex.Symbol, run.scene.coordinates)))
+        values, *walls = run.values_of(one.expression, *ends)
+        turned = [np.diff(np.sign(wall)) != 0 for wall in walls]
         cuts = np.flatnonzero(np.any([*turned, np.zeros(len(values) - 1, dtype=bool)], axis=0)) + 1
         pieces = np.split(values, cuts)
-        drift = np.concatenate([piece - piece[0] for piece in pieces])
-        size = float(np.nanmax(_terms_size(one.expression, table), initial=0.0)) or 1.0
+        size = float(np.nanmax(_terms_size(one.expression, run.table), initial=0.0)) or 1.0
+        drift = np.concatenate([piece - piece[0] for piece in pieces]) / size
         found[one.name] = {
-            "text": printing.to_text(one.expression), "max_error": greatest(drift / size), "parts": len(pieces),
+            "text": printing.to_text(one.expression), "max_error": greatest(drift), "parts": len(pieces),
         }  # fmt: skip
-        series[f"conserved_{k}"] = drift / size
+        series[f"conserved_{k}"] = drift
     return ({"conserved": found} if found else {}), series
 
 
@@ -516,7 +464,7 @@ def _terms_size(tree: ex.Expression, table: Mapping[ex.Expression, Any]) -> Arra
     return np.abs(nf.array_value(tree, table))
 
 
-def _discrete_energy(run: Observed, start: float) -> tuple[dict[str, Any], dict[str, Array]]:
+def _discrete_energy(run: Observed, start: float) -> Observations:
     """E at the point and velocity of the discrete Lagrangian, the paper's: of methods of order 2 that have one."""
     choice = run.requested.choice
     if choice is None or run.requested.alpha is None or choice.order > 2 or run.scene.found is not None:
@@ -527,34 +475,32 @@ def _discrete_energy(run: Observed, start: float) -> tuple[dict[str, Any], dict[
     return {"max_discrete_energy_error": run.trajectory.maxima["energy_error"] / (abs(start) or 1.0)}, series
 
 
-def velocities_at_points(run: Observed) -> Array | None:
-    """(m, n) at the recorded points, from the momenta where the method has them; None where it has neither."""
-    if run.problem is None or run.requested.alpha is None or run.in_pieces:
-        return run.trajectory.velocities
-    method, values = run.requested.method, dict(run.values)
-    found = point_velocities(run.scene, run.problem, method, run.trajectory, values)
-    return mean_velocities(run.trajectory.positions, run.scene.grid) if found is None else found
+def _error(run: Observed) -> Observations:
+    if run.true is None or not isinstance(run.truth, data.Truth):
+        return {"max_error": None, "error_note": getattr(run.truth, "reason", NOTHING)}, {}
+    return error_numbers(run.scene, run.trajectory.positions, run.true, run.truth)
 
 
-def _compared(
-    name: str, scene: data.Scene, positions: Array, true: Array | None, truth: data.Truth | data.Unavailable | None
-) -> tuple[dict[str, Any], dict[str, Array]]:
-    if true is None or not isinstance(truth, data.Truth):
-        reason = truth.reason if isinstance(truth, data.Unavailable) else "nothing to compare with"
-        return {f"max_{name}" if name == "error" else "max_phase_error": None, f"{name}_note": reason}, {}
-    if name == "error":
-        return error_numbers(scene, positions, true, truth)
-    if scene.circle is None:
+def _phase(run: Observed) -> Observations:
+    if run.true is None:
+        return {"max_phase_error": None, "phase_note": getattr(run.truth, "reason", NOTHING)}, {}
+    if run.scene.circle is None:
         return {"max_phase_error": None}, {}
-    pair = list(scene.circle)
-    angles = circles.phase_error(positions[:, pair], true[:, pair])
+    pair = list(run.scene.circle)
+    angles = circles.phase_error(run.trajectory.positions[:, pair], run.true[:, pair])
     return {"max_phase_error": greatest(angles), "final_phase_error": float(angles[-1])}, {"phase_error": angles}
+
+
+QUANTITIES: dict[str, Callable[[Observed], Observations]] = {
+    "energy": _energy, "constraints": _constraints, "momenta": _momenta, "velocities": _velocities,
+    "matching_circle": _matching_circle, "constraint_forces": _constraint_forces, "phase": _phase, "error": _error,
+}  # fmt: skip
 
 
 def last_point(run: Observed) -> tuple[float, Array, Array | None]:
     """(t, q, v) at the end of the run, from which another can continue; v is None if the method has none."""
     at = run.trajectory
-    velocities = velocities_at_points(replace(run, trajectory=at.part(slice(-3, None))))
+    velocities = replace(run, trajectory=at.part(slice(-3, None))).velocities
     return float(at.times[-1]), at.positions[-1], None if velocities is None else velocities[-1]
 
 

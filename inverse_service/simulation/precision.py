@@ -17,7 +17,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from inverse_service.integrators import method_table
-from inverse_service.integrators.trajectory import Array
 from inverse_service.simulation import derivation, observing, running, scene_data as data, truth as true_motions
 
 CHECKS = 8
@@ -241,14 +240,6 @@ def _first(
     )  # fmt: skip
 
 
-def energy_errors(scene: data.Scene, positions: Array, velocities: Array, times: Array) -> Array | None:
-    """E/E_0 - 1 (E - E_0 where E_0 is 0) at points, (m,); None where E is no constant or is not known."""
-    if scene.lagrangian is None or observing.why_energy_varies(scene) is not None:
-        return None
-    start = observing.start_energy(scene) or 0.0
-    return (observing.point_energy(scene, positions, velocities, times) - start) / (abs(start) or 1.0)
-
-
 def reason_of(run: running.MethodRun) -> str:
     """The reason why a setting has no error, in one line."""
     outcome = run.outcome
@@ -394,15 +385,16 @@ def _long_run(scene: data.Scene, one: Setting, derived: derivation.Derived) -> L
     run = running.observed_run(scene, requested, derived)
     if run.trajectory is None or not run.outcome.completed or run.observed is None:
         return LongRun(one, reason=reason_of(run))
-    at, velocities = run.trajectory, observing.velocities_at_points(run.observed)
+    at = run.trajectory
     part = max(2, len(at.times) // PARTS)
     extents = [np.ptp(at.positions[rows], axis=0) for rows in (slice(0, part), slice(-part, None))]
     shape = float(np.max(np.abs(extents[1] - extents[0]) / max(float(extents[0].max()), 1e-300)))
     energy = drift = constraint = None
-    if velocities is not None:
-        errors = energy_errors(scene, at.positions, velocities, at.times)
-        if errors is not None:
+    if run.observed.velocities is not None:
+        if scene.lagrangian is not None and observing.why_energy_varies(scene) is None:
+            start = observing.start_energy(scene) or 0.0
+            errors = (observing.energies(scene, run.observed.table)[0] - start) / (abs(start) or 1.0)
             energy, drift = observing.greatest(errors), float(abs(errors[-part:].mean() - errors[:part].mean()))
         if scene.constraints:
-            constraint = observing.point_constraints(scene, at.positions, velocities)["max_constraint_at_points"]
+            constraint = observing.constraint_at_points(run.observed)
     return LongRun(one, at.run_seconds, energy, drift, constraint, shape)

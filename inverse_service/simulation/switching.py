@@ -384,7 +384,7 @@ class _Run:
                 replace(scene, grid=piece), replace(self.requested, method=choice.method, choice=choice,
                 alpha=None if by_forces else self.requested.alpha), ran, what, self.motion.values, None,
             )  # fmt: skip
-            velocities = observing.velocities_at_points(observed)
+            velocities = observed.velocities
             if velocities is None:
                 return data.Unavailable("The method has no velocities at its points, which events need.")
             ran = replace(ran, velocities=velocities, momenta=None)

@@ -23,7 +23,7 @@ from inverse_service.simulation.derivation import derive, derived_for_truth
 from inverse_service.simulation.ensembles import EnsembleRun
 from inverse_service.simulation.estimates import order_of
 from inverse_service.simulation.events import Found, where_ended
-from inverse_service.simulation.observing import columns_of, last_point, velocities_at_points, why_energy_varies
+from inverse_service.simulation.observing import columns_of, last_point, why_energy_varies
 from inverse_service.simulation.running import MethodRun, SceneRun, run_scene
 from inverse_service.simulation.scene_data import Progress, Requested, Scene, Truth, Unavailable
 from inverse_service.simulation.switching import Switch
@@ -136,7 +136,7 @@ def table_of_run(scene: Scene, run: MethodRun) -> dict[str, Any]:
     trajectory = run.trajectory
     assert trajectory is not None
     columns: dict[str, Any] = {"t": trajectory.times}
-    velocities = None if run.observed is None else velocities_at_points(run.observed)
+    velocities = None if run.observed is None else run.observed.velocities
     for prefix, table in (("", trajectory.positions), ("v_", velocities), ("p_", trajectory.momenta)):
         if table is not None:
             columns |= columns_of(scene, table, prefix)
