@@ -13,7 +13,7 @@ import symengine
 from benchmarks.simulation_cases import SpeedCase, lane, program
 from inverse_service.kernels.codegen.compiled import Compiled, card_of, kernel_text, load, object_code
 from inverse_service.kernels.codegen.program import Assign, Program, Solve, changing
-from inverse_service.simulation.execution import execute, memory_of
+from inverse_service.simulation.execution import execute
 from inverse_service.simulation.scene_data import Grid
 
 Runner = Callable[[int], float]  # steps -> seconds
@@ -27,8 +27,7 @@ def ours(case: SpeedCase) -> Runner:
 
 def _kernel_runner(case: SpeedCase, kernel: Compiled) -> Runner:
     def go(steps: int) -> float:
-        memory = memory_of(kernel.card, lane(case)).ravel()
-        found = execute(kernel, memory, (1.0,), Grid(0.01, steps, steps))
+        found = execute(kernel, lane(case), case.choice, Grid(0.01, steps, steps))
         assert found.done == steps
         return found.seconds
 

@@ -29,7 +29,7 @@ from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.kernels.codegen import program as programs
 from inverse_service.kernels.codegen.compiled import Card, Compiled, compiled
 from inverse_service.kernels.codegen.kernel import CONTROL, MOST_TRIES
-from inverse_service.kernels.codegen.symengine_trees import ZERO, Formula, closure, real_value
+from inverse_service.kernels.codegen.symengine_trees import ZERO, Formula
 from inverse_service.kernels.machine_code.loading import processor_features
 from inverse_service.simulation import peers, schemes
 from inverse_service.simulation.numeric_formulas import MOMENT, Formulas, formulas_of
@@ -52,7 +52,6 @@ NEARLY_SINGULAR = 0.25
 # At this distance a pole affects the guard or Newton's method; the path to it is nearly straight.
 STEPS_AHEAD, BISECTIONS, LARGE = 20, 30, 1e4
 Numbers = dict[str, float]
-OFF_CONSTRAINTS = 1e-9
 # Distances at which a power of the distance is read off, their ratio in decades, and what counts as a power below 1: in
 # doubles a smooth force shows 1, a jump 0, and round-off two powers that differ.
 NEARER, NEARER_BY = (1e-4, 1e-7, 1e-10), 3
@@ -115,7 +114,7 @@ def run(
     ready = prepared(problem, choice, start, grid, values, observation)
     if isinstance(ready, Trajectory):
         return ready
-    found = trajectory_of(Ended(ready.formulas, choice, ready.kernel, ready.go(grid, stop), ready.begin, grid))
+    found = trajectory_of(Ended(ready, ready.go(grid, stop)))
     return found if choice.guard else replace(found, outcome=replace(found.outcome, note=NO_GUARD))
 
 
@@ -131,8 +130,7 @@ class Prepared:
 
     def go(self, grid: Grid, stop: Stop | None = None) -> Run:
         """All steps of the grid, from the start."""
-        memory = memory_of(self.kernel.card, numbers_of(self.choice, self.begin, grid, self.parameters))
-        return execute(self.kernel, memory.ravel(), weights_of(self.choice), grid, stop)
+        return execute(self.kernel, numbers_of(self.choice, self.begin, grid, self.parameters), self.choice, grid, stop)
 
 
 def prepared(
@@ -161,15 +159,37 @@ def _takes_many(ready: Prepared, grid: Grid) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """The result of a kernel: `rows` (recorded, columns), `memory` (places,) after the last good step."""
+    """The result of a kernel for `count` starts, in groups of its lanes: `record` (groups, rows, columns, lanes) at the
+    recorded steps after the start, nan where it did not come, and the `memory` (groups, places, lanes) at the end."""
 
-    rows: Array
-    steps_at: NDArray[np.int64]
+    card: Card
+    count: int
+    begin: Mapping[str, float | Array]
+    grid: Grid
+    record: Array
     memory: Array
     iterations: int
     seconds: float
     cancelled: bool
     done: int
+
+    def last(self, name: str) -> Array:
+        """A number of the memory, (N,)."""
+        return self.memory[:, self.card.layout.place(name)].ravel()[: self.count]
+
+    def column(self, name: str) -> Array:
+        """A column of the record, (N, rows)."""
+        found = self.record[:, :, self.card.layout.columns.index(name)].swapaxes(1, 2)
+        return found.reshape(found.shape[0] * found.shape[1], found.shape[2])[: self.count]
+
+    def points(self, letter: str, size: int) -> Array:
+        """q, v or p at the start and the recorded steps, (N, m, n); a value that is constant is not recorded."""
+        found = np.empty((self.count, self.record.shape[1] + 1, size))
+        for k in range(size):
+            found[:, :, k] = np.reshape(self.begin.get(f"{letter}{k}", math.nan), (-1, 1))
+            if f"{letter}{k}" in self.card.layout.columns:
+                found[:, 1:, k] = self.column(f"{letter}{k}")
+        return found
 
 
 def memory_of(card: Card, numbers: Mapping[str, float | Array], count: int = 1) -> Array:
@@ -191,46 +211,47 @@ def memory_of(card: Card, numbers: Mapping[str, float | Array], count: int = 1) 
 
 
 def execute(
-    kernel: Compiled, memory: Array, weights: Sequence[float], grid: Grid, stop: Callable[[], bool] | None = None
-) -> Run:
-    """All steps of the grid; `memory` is changed."""
-    columns = len(kernel.card.layout.columns)
-    every = max(1, min(grid.record_every, grid.steps or 1))
-    substeps = np.array(weights, dtype=np.float64)
-    pieces: list[Array] = []
-    steps_at: list[int] = []
-    done = iterations = 0
-    seconds, cancelled = 0.0, False
+    kernel: Compiled, begin: Mapping[str, float | Array], choice: MethodChoice, grid: Grid,
+    stop: Stop | None = None, count: int = 1,
+) -> Run:  # fmt: skip
+    """All steps of the grid from `begin`, in pieces, after each of which `stop` is asked; groups on all cores."""
+    memory, substeps = memory_of(kernel.card, begin, count), np.array(weights_of(choice), dtype=np.float64)
+    every = max(1, min(grid.record_every, grid.steps))
+    whole, rest = divmod(grid.steps, every)
+    record = np.full((len(memory), whole + bool(rest), len(kernel.card.layout.columns), kernel.card.lanes), np.nan)
+    control = np.zeros((len(memory), len(CONTROL)), dtype=np.int64)
+    steps, until_record, made = (control[:, CONTROL.index(name)] for name in ("steps", "until_record", "done"))
+    control[:, 1:3] = len(substeps), every
     least = _FIRST_OWN if programs.TRIAL in kernel.card.layout.persistent else _FIRST_PIECE
-    piece = least
-    until = every
-    while done < grid.steps and not cancelled:
-        todo, until = _portion(piece, grid.steps - done, until)
-        last = done + todo == grid.steps
-        control = np.array([todo, len(substeps), every, until, 0, 0, 0], dtype=np.int64)
-        record = np.empty((todo // every + 2, columns))
-        addresses = [array.ctypes.data for array in (memory, substeps, control, record)]
-        begin = time.perf_counter()
-        kernel.machine.call(*addresses)
-        passed = time.perf_counter() - begin
-        state = dict(zip(CONTROL, (int(x) for x in control), strict=True))
-        pieces.append(record[: state["rows"]].copy() if state["rows"] < len(record) else record)
-        steps_at += [done + until + k * every for k in range(state["rows"])]
-        until, done, iterations = state["until_record"], done + state["done"], iterations + state["iterations"]
-        seconds += passed
-        if state["done"] < todo or last:
-            break
-        piece = max(least, min(4 * piece, int(piece * _SECONDS_PER_PIECE / max(passed, 1e-6))))
-        cancelled = bool(stop and stop())
-    rows = np.concatenate(pieces) if pieces else np.empty((0, columns))
-    return Run(rows, np.array(steps_at, dtype=np.int64), memory, iterations, seconds, cancelled, done)
+    at_once, seconds = max(1, STEPS_AT_ONCE // max(1, grid.steps * len(substeps))), [0.0]
 
+    def go(groups: slice) -> tuple[int, bool]:
+        """The steps made, and whether it was stopped."""
+        piece, done = least, 0
+        for end in (whole * every, grid.steps):
+            until_record[groups] = min(every, grid.steps - done)  # the last step is always recorded
+            while done < end:
+                if stop is not None and stop():
+                    return done, True
+                steps[groups], made[groups] = (todo := min(piece, end - done)), 0
+                clock = time.perf_counter()
+                kernel.machine.call(memory[groups], substeps, control[groups], record[groups])
+                seconds.append(time.perf_counter() - clock)
+                done += int(made[groups].max())
+                if made[groups].max() < todo:
+                    return done, False
+                piece = max(least, min(4 * piece, int(piece * _SECONDS_PER_PIECE / max(seconds[-1], 1e-6))))
+        return done, False
 
-def _portion(piece: int, left: int, until: int) -> tuple[int, int]:
-    """(steps to do now, steps to the next record): the last step is always recorded."""
-    if left == 1:
-        return 1, 1
-    return min(piece, left - 1), until
+    parts = [slice(k, min(k + at_once, len(memory))) for k in range(0, len(memory), at_once)]
+    if len(memory) * grid.steps * len(substeps) < WORTH_THREADS or len(parts) == 1:
+        ran = list(map(go, parts))
+    else:
+        with ThreadPoolExecutor(settings.cores()) as pool:
+            ran = list(pool.map(go, parts))
+    iterations = int(control[:, CONTROL.index("iterations")].sum())
+    done, ends = max(done for done, _ in ran), any(ended for _, ended in ran)
+    return Run(kernel.card, count, begin, grid, record, memory, iterations, sum(seconds), ends, done)
 
 
 def stopped(card: Card, memory: Array, unknown_names: Mapping[str, str], grid: Grid) -> Outcome | None:
@@ -287,23 +308,15 @@ def _determinant(card: Card, place: int, unknown_names: Mapping[str, str]) -> st
 
 @dataclass(frozen=True)
 class Ended:
-    """A run of a kernel from `begin` to the point that it reached."""
+    """A run of a kernel to the point that it reached."""
 
-    f: Formulas
-    choice: MethodChoice
-    kernel: Compiled
+    ready: Prepared
     run: Run
-    begin: Initial
-    grid: Grid
-
-    @property
-    def card(self) -> Card:
-        return self.kernel.card
 
     @cached_property
     def halt(self) -> Outcome | None:
         """The reason for stopping; None if the run reached the end."""
-        return stopped(self.card, self.run.memory, unknown_names(self.f), self.grid)
+        return stopped(self.run.card, self.run.memory[0, :, 0], unknown_names(self.ready.formulas), self.run.grid)
 
     @property
     def done(self) -> int:
@@ -312,37 +325,33 @@ class Ended:
 
     @cached_property
     def last(self) -> dict[str, float]:
-        """State variables and rates after the last good step."""
-        return {name: float(self.run.memory[place]) for place, name in enumerate(self.card.layout.persistent)}
-
-    @cached_property
-    def parameters(self) -> dict[str, float]:
-        """The arguments of the kernel but h."""
-        layout = self.card.layout
-        return {name: float(self.run.memory[layout.argument_place(name)]) for name in layout.arguments if name != "h"}
+        """State variables, rates and parameters after the last good step."""
+        layout, memory = self.run.card.layout, self.run.memory[0, :, 0].tolist()
+        found = dict(zip((*layout.persistent, *layout.arguments), memory, strict=True))
+        return {name: value for name, value in found.items() if name != "h"}
 
 
 def trajectory_of(ended: Ended) -> Trajectory:
     """The run as a trajectory."""
-    card, run, begin, grid = ended.card, ended.run, ended.begin, ended.grid
-    kept = run.steps_at <= ended.done
-    columns = {name: run.rows[kept, place] for place, name in enumerate(card.layout.columns)}
-    size = ended.f.size
-    letter = "v" if ended.choice.method in method_table.POINT_METHODS else "p"
-    carried = _with_start(columns, begin, [f"{letter}{k}" for k in range(size)])
-    taken = int(run.memory[card.layout.place("clock")]) if ended.halt is None else ended.done
+    run, choice, grid, card = ended.run, ended.ready.choice, ended.run.grid, ended.run.card
+    rows, size = grid.recorded <= ended.done, ended.ready.formulas.size
+    letter = "v" if choice.method in method_table.POINT_METHODS else "p"
+    carried = run.points(letter, size)[0, rows]
+    taken = int(run.last(programs.CLOCK)[0]) if ended.halt is None else ended.done
+    # The first value of an observed quantity is repeated in front, because no step leads to the start.
+    seen = {name: run.column(f"observed_{k}")[0] for k, name in enumerate(card.observed)}
     return Trajectory(
-        times=grid.begin + np.concatenate([[0.0], run.steps_at[kept] * grid.step]),
-        positions=_with_start(columns, begin, [f"q{k}" for k in range(size)]),
+        times=grid.times[rows],
+        positions=run.points("q", size)[0, rows],
         momenta=carried if letter == "p" and not np.isnan(carried).any() else None,
         velocities=carried if letter == "v" else None,
         outcome=_outcome(ended),
-        force_evaluations=_evaluations(ended.choice, card, taken, run.iterations),
-        newton_iterations=0 if ended.choice.method in method_table.OWN_STEPS else run.iterations,
-        compile_seconds=sum(ended.kernel.seconds.values()),
+        force_evaluations=_evaluations(choice, card, taken, run.iterations),
+        newton_iterations=0 if choice.method in method_table.OWN_STEPS else run.iterations,
+        compile_seconds=sum(ended.ready.kernel.seconds.values()),
         run_seconds=run.seconds,
-        series={name: _headed(columns[f"observed_{k}"]) for k, name in enumerate(card.observed)},
-        maxima={name: float(run.memory[card.layout.place(f"maximum_{k}")]) for k, name in enumerate(card.observed)},
+        series={name: np.append(column[:1] if len(column) else np.nan, column)[rows] for name, column in seen.items()},
+        maxima={name: float(run.last(f"maximum_{k}")[0]) for k, name in enumerate(card.observed)},
     )
 
 
@@ -357,21 +366,6 @@ def _evaluations(choice: MethodChoice, card: Card, taken: int, iterations: int) 
     return card.forces * taken * len(weights_of(choice)) + iterations * (6 if choice.method == "reference" else 1)
 
 
-def _with_start(columns: dict[str, Array], begin: Initial, names: list[str]) -> Array:
-    """Recorded values after the start; constant values are repeated, and missing ones are NaN."""
-    rows = len(next(iter(columns.values()))) if columns else 0
-    table = np.empty((rows + 1, len(names)))
-    for k, name in enumerate(names):
-        table[0, k] = begin.state.get(name, math.nan)
-        table[1:, k] = columns.get(name, table[0, k])
-    return table
-
-
-def _headed(values: Array) -> Array:
-    """Repeat the first value in front, because no step leads to the start."""
-    return np.concatenate([values[:1] if len(values) else [math.nan], values])
-
-
 def unknown_names(f: Formulas) -> dict[str, str]:
     """The unknowns of the kernels in the user's names."""
     letters = {"d": "the step of {}", "e": "the change of p_{}", "g": "the change of p_{}"}
@@ -384,7 +378,7 @@ def unknown_names(f: Formulas) -> dict[str, str]:
 
 
 def _outcome(ended: Ended) -> Outcome:
-    f, choice, halt, grid = ended.f, ended.choice, ended.halt, ended.grid
+    f, choice, halt, grid = ended.ready.formulas, ended.ready.choice, ended.halt, ended.run.grid
     if halt is None:
         kind = "cancelled" if ended.run.cancelled and ended.run.done < grid.steps else "completed"
         return Outcome(kind, ended.run.done, grid.begin + ended.run.done * grid.step)
@@ -403,35 +397,37 @@ def _outcome(ended: Ended) -> Outcome:
     return halt
 
 
-def _way(ended: Ended) -> Callable[[float], dict[str, float]]:
-    """The straight path from the last good point: (q, v, p) this many steps after it."""
-    last, start, step = ended.last, ended.begin.state, ended.grid.step
+def _way(ended: Ended, formulas: Sequence[Formula]) -> Callable[[float], list[float]]:
+    """Formulas along the straight path from the last good point, so many steps after it."""
+    last, start, step, f = ended.last, ended.ready.begin.state, ended.run.grid.step, ended.ready.formulas
     passed = last[programs.CLOCK] * step
-    means = [(last[f"q{k}"] - start[f"q{k}"]) / passed if passed else 0.0 for k in range(ended.f.size)]
+    means = [(last[f"q{k}"] - start[f"q{k}"]) / passed if passed else 0.0 for k in range(f.size)]
     # A rate of 0 is that of the step that failed; the mean one says where the way led.
     rates = [last.get(f"d{k}_rate", 0.0) or mean for k, mean in enumerate(means)]
-    table = {**start, **last, **ended.parameters, **{f"v{k}": rate for k, rate in enumerate(rates)}}
-    return lambda part: table | {f"q{k}": last[f"q{k}"] + part * step * rate for k, rate in enumerate(rates)}
+    table = {str(MOMENT): ended.run.grid.begin, **start, **last, **_named("v", rates)}
+    return lambda part: f.values(
+        formulas, table | {f"q{k}": last[f"q{k}"] + part * step * rate for k, rate in enumerate(rates)}
+    )
 
 
 def _pole(ended: Ended) -> tuple[str, float] | None:
     """(text, value now) of the first denominator of L~ that passes 0 just ahead, where dH~/dq has a pole: guard and
     Newton fail because of it. Those that H~ is smooth through, as cos(phi) of the disk, do not count."""
-    f = ended.f
-    if ended.choice.method != "variational" or not (f.problem.free_hamiltonian and f.problem.free_lagrangian):
+    f = ended.ready.formulas
+    if ended.ready.choice.method != "variational" or not (f.problem.free_hamiltonian and f.problem.free_lagrangian):
         return None
-    at, slopes = _way(ended), [f.hamiltonian.diff(q) for q in f.symbols("q")]
+    slopes = _way(ended, [f.hamiltonian.diff(q) for q in f.symbols("q")])
     for item in f.denominators:
-        now = real_value(item.formula, at(0.0))
-        first = next((k for k in range(STEPS_AHEAD) if now * real_value(item.formula, at(k + 1.0)) <= 0), None)
+        along = _way(ended, [item.formula])
+        (now,) = along(0.0)
+        first = next((k for k in range(STEPS_AHEAD) if now * along(k + 1.0)[0] <= 0), None)
         if first is None:
             continue
         low, high = float(first), first + 1.0
         for _ in range(BISECTIONS):
             middle = (low + high) / 2
-            passed = now * real_value(item.formula, at(middle)) <= 0
-            low, high = (low, middle) if passed else (middle, high)
-        here, there = (max(abs(real_value(slope, at(part))) for slope in slopes) for part in (0.0, low))
+            low, high = (low, middle) if now * along(middle)[0] <= 0 else (middle, high)
+        here, there = (np.abs(slopes(part)).max() for part in (0.0, low))
         if not math.isfinite(there) or there > LARGE * (1.0 + here):
             return item.text, now
     return None
@@ -440,12 +436,12 @@ def _pole(ended: Ended) -> tuple[str, float] | None:
 def _vanished(ended: Ended) -> tuple[str, float] | None:
     """The factor of L~'s denominators that passes 0 about the step that failed, with its value before it: from a step
     before the last good point to a step and a half after it."""
-    choice, at = ended.choice, _way(ended)
+    choice = ended.ready.choice
     if choice.method not in ("variational", "modified"):
         return None
     raw = choice.method == "modified" or choice.form == "raw" or _has_two_places(choice)
-    for item in ended.f.denominators:
-        values = [real_value(item.formula, at(part)) for part in (-1.0, 0.0, 1.5)]
+    for item in ended.ready.formulas.denominators:
+        values = [_way(ended, [item.formula])(part)[0] for part in (-1.0, 0.0, 1.5)]
         passes = not min(values) * max(values) > 0 or abs(values[-1]) < 1e-3 * abs(values[1])
         if (raw or item.moves) and passes:
             return item.text, values[1]
@@ -483,88 +479,82 @@ class Initial:
 
 def initial(f: Formulas, choice: MethodChoice, start: Start, step: float, parameters: Mapping[str, float]) -> Initial:
     """State of the kernel at its start time, which is one of the parameters (0 if it is not)."""
-    parameters = {str(MOMENT): 0.0, **parameters}
-    q = _named("q", start.positions)
+    q, velocities = _named("q", start.positions), np.array(start.velocities, dtype=float)
+    table: Numbers = {str(MOMENT): 0.0, **parameters, **q, **_named("v", velocities)}
     if choice.method in method_table.POINT_METHODS:
-        state = {**q, **_named("v", start.velocities)}
-        at = (*parameters.items(), *state.items())
-        return Initial(state, missing=no_one_motion(f, choice.method in BY_SLOPES, at))
+        at = tuple((name, value) for name, value in table.items())
+        return Initial({**q, **_named("v", velocities)}, missing=no_one_motion(f, choice.method in BY_SLOPES, at))
     if start.convention == "discrete_constraint":
         if choice.order > 2:
             raise InputError("A composition starts from momenta: the discrete constraint is that of the plain step.")
-        return _on_discrete_constraint(f, choice, start, step, parameters)
-    if start.momenta is not None and choice.method != "modified":
-        return Initial({**q, **_named("p", start.momenta)}, _named("d", start.velocities))
-    return _at_point(f, choice, q, list(start.velocities), parameters)
-
-
-def _named(letter: str, values: Sequence[float]) -> Numbers:
-    return {f"{letter}{k}": float(value) for k, value in enumerate(values)}
-
-
-def _at_point(
-    f: Formulas, choice: MethodChoice, q: Numbers, velocities: list[float], parameters: Mapping[str, float]
-) -> Initial:
-    table = {**parameters, **q, **_named("v", velocities)}
-    return _checked(f, choice, q, _momenta(f, choice, table), velocities, table)
-
-
-def _momenta(f: Formulas, choice: MethodChoice, table: Mapping[str, float]) -> list[float]:
-    """dL/dv; of L~ with the constraints put in where they hold, so that common factors A_alpha cancel."""
-    velocities = f.symbols("v")
-    if choice.method == "nonholonomic":
-        return f.values([f.lagrangian.diff(v) for v in velocities], table)
-    if not f.forms or not _holds(f, table):
-        return f.values([f.free_lagrangian.diff(v) for v in velocities], table)
-    given = {velocities[k]: value for k, value in f.dependent.items()}
-    return f.values([f.free_lagrangian.diff(v).subs(given) for v in velocities], table)
-
-
-def _holds(f: Formulas, table: Mapping[str, float]) -> bool:
-    """Whether the velocities satisfy the constraints, to round-off."""
-    size = max((abs(table[f"v{k}"]) for k in range(f.size)), default=0.0)
-    values = f.values([_along(row, f.symbols("v")) + c for row, c in zip(f.forms, f.drifts, strict=True)], table)
-    return all(abs(value) <= OFF_CONSTRAINTS * size for value in values)
-
-
-def _along(row: Sequence[Formula], velocities: Sequence[Formula]) -> Formula:
-    return sum((a * v for a, v in zip(row, velocities, strict=True)), ZERO)
-
-
-def _checked(
-    f: Formulas, choice: MethodChoice, q: Numbers, momenta: Sequence[float], velocities: Sequence[float],
-    table: Mapping[str, float],
-) -> Initial:  # fmt: skip
+        velocities, momenta = _on_discrete_constraint(f, choice, table, step)
+        table |= _named("v", velocities)
+    elif start.momenta is not None and choice.method != "modified":
+        return Initial({**q, **_named("p", start.momenta)}, _named("d", velocities))
+    else:
+        (momenta,) = start_momenta(f, choice, table)
     kept = [k for k in range(f.size) if choice.method != "modified" or k not in f.dependent]
-    whole = f.lagrangian if choice.method == "nonholonomic" else f.free_lagrangian
     undefined = undefined_force(f, f.forces, table)
     if undefined is None and f.depends_on_time:  # elsewhere L~ may be 0/0 at the start
-        undefined = undefined_force(f, [whole.diff(place) for place in f.symbols("q")], table)
-    state = {**q, **{f"p{k}": momenta[k] for k in kept}}
-    rates = {f"d{k}": velocity for k, velocity in enumerate(velocities)}
-    if all(math.isfinite(momenta[k]) for k in kept):
+        undefined = undefined_force(f, [f.discretized(choice.method).diff(x) for x in f.symbols("q")], table)
+    state, rates = {**q, **{f"p{k}": float(momenta[k]) for k in kept}}, _named("d", velocities)
+    if np.isfinite(momenta[kept]).all():
         return Initial(state, rates, undefined)
     quantity, value = vanishing(f, table)
     remedy = "start where it is not 0, from momenta, or with another associated system or method"
     return Initial(state, rates, Outcome("off_domain", 0, table[str(MOMENT)], quantity, value, remedy))
 
 
+def _named(letter: str, values: Sequence[float] | Array) -> Numbers:
+    return {f"{letter}{k}": float(value) for k, value in enumerate(values)}
+
+
+def start_momenta(f: Formulas, choice: MethodChoice, columns: Mapping[str, float | Array]) -> Array:
+    """dL/dv of the Lagrangian that the method discretizes, (N, n); of L~ with the constraints put in, which hold, so
+    that common factors A_alpha cancel."""
+    given = f.on_constraints if choice.method != "nonholonomic" else {}
+    return f.rows([f.discretized(choice.method).diff(v).subs(given) for v in f.symbols("v")], columns)
+
+
+def _on_discrete_constraint(f: Formulas, choice: MethodChoice, table: Numbers, step: float) -> tuple[Array, Array]:
+    """v, so that q_1 = q_0 + h v is on the discrete constraint, and p_0 = -D1 L_d(q_0, q_1)."""
+    parts = [float(part.subs({"a": choice.alpha})) for part in schemes.parts_of(choice)]
+    v = np.array([table[f"v{k}"] for k in range(f.size)])
+
+    def mean(formulas: Sequence[Formula], part: float) -> Array:
+        """Formulas at the discrete point."""
+        place = {f"q{k}": table[f"q{k}"] + part * step * rate for k, rate in enumerate(v)}
+        return np.array(f.values(formulas, {**table, **place, **_named("v", v)}))
+
+    for _ in range(50):  # a few sweeps where the dependent velocities enter their own formulas
+        old = v.copy()
+        v[[*f.dependent]] = np.mean([mean([*f.dependent.values()], part) for part in parts], axis=0)
+        if (np.abs(v - old) <= 1e-15 * np.abs(old)).all():
+            break
+    whole, given = f.discretized(choice.method), f.on_constraints
+    if choice.method == "nonholonomic" or len(parts) > 1:
+        given = {}
+    impulses, pulls = ([whole.diff(x).subs(given) for x in f.symbols(letter)] for letter in "vq")
+    pulls = [a + b for a, b in zip(pulls, f.forces or [ZERO] * f.size, strict=True)]
+    return v, np.mean([mean(impulses, part) - (1 - part) * step * mean(pulls, part) for part in parts], axis=0)
+
+
 def undefined_force(f: Formulas, forces: Sequence[Formula], table: Mapping[str, float]) -> Outcome | None:
     """The outcome if a force has no value at the start, where no step would notice this or no step succeeds."""
     for name, formula in zip(f.problem.coordinates, forces, strict=False):
-        if not math.isfinite(real_value(formula, table)) or _divides_by_zero(formula, table):
+        if not math.isfinite(f.values([formula], table)[0]) or _divides_by_zero(f, formula, table):
             begin = table[str(MOMENT)]
             quantity = f"the force on {name} at the start, t = {begin:.12g}, which has no value"
             return Outcome("off_domain", 0, begin, quantity, None, BEGIN_ELSEWHERE)
     return None
 
 
-def _divides_by_zero(formula: Formula, table: Mapping[str, float]) -> bool:
+def _divides_by_zero(f: Formulas, formula: Formula, table: Mapping[str, float]) -> bool:
     """Whether it divides by 0 there, or takes the logarithm of 0: in doubles atan(v/x) has a value at x = 0."""
     powers = formula.atoms(symengine.Pow)
     divided = [power.args[0] for power in powers if power.args[1].is_Number and power.args[1].is_negative]
     divided += [logarithm.args[0] for logarithm in formula.atoms(symengine.log)]
-    return any(real_value(base, table) == 0 for base in divided)
+    return 0 in f.values(divided, table)
 
 
 @lru_cache(maxsize=64)
@@ -615,60 +605,9 @@ def _steep(f: Formulas, table: Mapping[str, float]) -> NDArray[np.bool_]:
 
 def vanishing(f: Formulas, table: Mapping[str, float]) -> tuple[str, float]:
     """The factor of a denominator that is nearest to 0, by name, and its value."""
-    values = [(item.text, real_value(item.formula, table)) for item in f.denominators]
-    values = [(text, value) for text, value in values if math.isfinite(value)]
-    return min(values, key=lambda item: abs(item[1])) if values else ("dL/dv", math.nan)
-
-
-def _on_discrete_constraint(
-    f: Formulas, choice: MethodChoice, start: Start, step: float, parameters: Mapping[str, float]
-) -> Initial:
-    """p_0 = -D1 L_d(q_0, q_1) with q_1 = q_0 + h v and v on the discrete constraint."""
-    parts = [float(part.subs({"a": choice.alpha})) for part in schemes.parts_of(choice)]
-    q = [float(x) for x in start.positions]
-    v = _discrete_velocities(f, q, list(start.velocities), parts, step, parameters)
-    total = [0.0] * f.size
-    table: Numbers = {}
-    for part in parts:
-        place = _named("q", [x + part * step * y for x, y in zip(q, v, strict=True)])
-        table = {**parameters, **place, **_named("v", v)}
-        for k, (impulse, force) in enumerate(_discrete_slopes(f, choice, table, len(parts) == 1)):
-            total[k] += (impulse - (1 - part) * step * force) / len(parts)
-    return _checked(f, choice, _named("q", q), total, v, table)
-
-
-def _discrete_velocities(
-    f: Formulas, q: list[float], v: list[float], parts: Sequence[float], step: float, parameters: Mapping[str, float]
-) -> list[float]:
-    """Dependent velocities from the mean discrete constraint; a few sweeps where they enter it themselves."""
-    for _ in range(50):
-        old = list(v)
-        for k, formula in f.dependent.items():
-            values = []
-            for part in parts:
-                place = _named("q", [x + part * step * y for x, y in zip(q, v, strict=True)])
-                values.append(real_value(formula, {**parameters, **place, **_named("v", v)}))
-            v[k] = sum(values) / len(values)
-        if all(abs(a - b) <= 1e-15 * abs(a) for a, b in zip(v, old, strict=True)):
-            break
-    return v
-
-
-def _discrete_slopes(
-    f: Formulas, choice: MethodChoice, table: Mapping[str, float], on_constraint: bool
-) -> list[tuple[float, float]]:
-    """(L_v, L_q) for each coordinate at a discrete point; factors cancelled where the point is on the constraint."""
-    lagrangian = f.lagrangian if choice.method == "nonholonomic" else f.free_lagrangian
-    velocities = f.symbols("v")
-    given = {velocities[k]: value for k, value in f.dependent.items()}
-    if choice.method == "nonholonomic" or not on_constraint:
-        given = {}
-    slopes = []
-    for q, v in zip(f.symbols("q"), velocities, strict=True):
-        impulse, force = (lagrangian.diff(name).subs(given) for name in (v, q))
-        slopes.append((real_value(impulse, table), real_value(force, table)))
-    pushes = [real_value(force, table) for force in f.forces] or [0.0] * f.size
-    return [(impulse, force + push) for (impulse, force), push in zip(slopes, pushes, strict=True)]
+    values = zip(f.denominators, f.values([item.formula for item in f.denominators], table), strict=True)
+    known = [(item.text, value) for item, value in values if math.isfinite(value)]
+    return min(known, key=lambda item: abs(item[1]), default=("dL/dv", math.nan))
 
 
 @dataclass(frozen=True)
@@ -735,79 +674,16 @@ def run_ensemble(
     columns |= {"h": grid.step if steps is None else steps, "a": _setting(choice)}
     columns[str(MOMENT)] = grid.begin if begins is None else begins
     columns |= {f"q{k}": positions[:, k] for k in span} | {f"v{k}": velocities[:, k] for k in span}
-    if choice.method not in method_table.POINT_METHODS:
-        start = _start_momenta(f, choice, columns) if momenta is None else momenta
-        columns |= {f"p{k}": start[:, k] for k in span} | {f"d{k}_rate": velocities[:, k] for k in span}
-    memory = memory_of(kernel.card, columns, count)
-    record, iterations, cancelled = _run_groups(kernel, memory, weights_of(choice), grid, stop)
-    flat = np.moveaxis(memory, 1, 0).reshape(memory.shape[1], -1)[:, :count]
-    rows = np.moveaxis(record, (1, 2), (0, 1)).reshape(record.shape[1], record.shape[2], -1)[:, :, :count]
-    return _together(f, choice, kernel.card, columns, rows, flat, grid, cancelled, iterations)
-
-
-def _start_momenta(f: Formulas, choice: MethodChoice, columns: Mapping[str, float | Array]) -> Array:
-    """dL/dv of the Lagrangian that the method discretizes, (N, n)."""
-    velocities = f.symbols("v")
-    lagrangian = f.lagrangian if choice.method == "nonholonomic" else f.free_lagrangian
-    given = {velocities[k]: value for k, value in f.dependent.items()} if choice.method != "nonholonomic" else {}
-    names = [*(str(name) for letter in "qv" for name in f.symbols(letter)), *f.parameters, str(MOMENT)]
-    function = closure(names, [lagrangian.diff(v).subs(given) for v in velocities])
-    with np.errstate(all="ignore"):
-        found = function(np.stack(np.broadcast_arrays(*(columns[name] for name in names)), axis=1))
-    return np.asarray(found, dtype=float).reshape(-1, f.size)
-
-
-def _run_groups(
-    kernel: Compiled, memory: Array, weights: tuple[float, ...], grid: Grid, stop: Stop | None
-) -> tuple[Array, int, bool]:
-    """Records (groups, rows, columns, lanes), iterations, and whether the run was stopped before its end."""
-    every = max(1, min(grid.record_every, grid.steps))
-    whole, rest = divmod(grid.steps, every)
-    width = (len(kernel.card.layout.columns), kernel.card.lanes)
-    record = np.full((len(memory), whole + bool(rest), *width), np.nan)
-    substeps = np.array(weights, dtype=np.float64)
-
-    control = np.zeros((2, len(memory), len(CONTROL)), dtype=np.int64)
-    control[0, :, :4] = whole * every, len(substeps), every, every
-    control[1, :, :4] = rest, len(substeps), every, rest
-    at_once = max(1, STEPS_AT_ONCE // max(1, grid.steps * len(substeps)))
-
-    def call(part: NDArray[np.int64]) -> bool:
-        for groups in (slice(k, k + at_once) for k in range(part[0], part[-1] + 1, at_once)):
-            if stop is not None and stop():
-                return False
-            groups = slice(groups.start, min(groups.stop, int(part[-1]) + 1))
-            kernel.machine.call_groups(memory[groups], substeps, control[0, groups], record[groups])
-            if rest:
-                kernel.machine.call_groups(memory[groups], substeps, control[1, groups], record[groups, whole:])
-        return True
-
-    parts = [part for part in np.array_split(np.arange(len(memory)), settings.cores()) if len(part)]
-    if len(memory) * grid.steps * len(substeps) < WORTH_THREADS:
-        ran = list(map(call, parts))
-    else:
-        with ThreadPoolExecutor(settings.cores()) as pool:
-            ran = list(pool.map(call, parts))
-    return record, int(control[:, :, CONTROL.index("iterations")].sum()), not all(ran)
-
-
-def _together(
-    f: Formulas, choice: MethodChoice, card: Card, columns: Mapping[str, float | Array], rows: Array, memory: Array,
-    grid: Grid, cancelled: bool, iterations: int,
-) -> Many:  # fmt: skip
-    """Records by member, beginning with the start; constant values are repeated."""
     letter = "v" if choice.method in method_table.POINT_METHODS else "p"
-    places = {name: k for k, name in enumerate(card.layout.columns)}
-    tables = []
-    for kind in ("q", letter):
-        table = np.empty((memory.shape[1], len(rows) + 1, f.size))
-        for k in range(f.size):
-            table[:, :, k] = np.reshape(columns[f"{kind}{k}"], (-1, 1))  # a value that is constant is not recorded
-            if (place := places.get(f"{kind}{k}")) is not None:
-                table[:, 1:, k] = rows[:, place].T
-        tables.append(table)
-    status, stopped_at = (memory[card.layout.place(name)] for name in (programs.STATUS, programs.STOPPED_AT))
-    ended = (status[:, None] != 0) & (grid.recorded[None, :] > stopped_at[:, None])
+    if letter == "p":
+        start = start_momenta(f, choice, columns) if momenta is None else momenta
+        columns |= {f"p{k}": start[:, k] for k in span} | {f"d{k}_rate": velocities[:, k] for k in span}
+    ran = execute(kernel, columns, choice, grid, stop, count)
+    memory = np.moveaxis(ran.memory, 1, 0).reshape(ran.memory.shape[1], -1)[:, :count]
+    tables = ran.points("q", f.size), ran.points(letter, f.size)
+    ended = (ran.last(programs.STATUS) != 0)[:, None] & (grid.recorded > ran.last(programs.STOPPED_AT)[:, None])
     for table in tables:
         table[ended] = np.nan
-    return Many(grid.times, tables[0], tables[1], letter, card, memory, grid, unknown_names(f), cancelled, iterations)
+    return Many(
+        grid.times, *tables, letter, ran.card, memory, grid, unknown_names(f), ran.cancelled, ran.iterations,
+    )  # fmt: skip

@@ -208,8 +208,24 @@ class Formulas:
 
     def values(self, formulas: Sequence[se.Formula], table: Mapping[str, float]) -> list[float]:
         """Those of formulas over q, v, the parameters and t; nan or infinite where there is none."""
-        names = [*(str(name) for letter in "qv" for name in self.symbols(letter)), *self.parameters, str(MOMENT)]
-        return [float(value) for value in se.closure(names, formulas)([table[name] for name in names]).ravel()]
+        return [float(value) for value in self.rows(formulas, table)[0]] if formulas else []
+
+    def rows(self, formulas: Sequence[se.Formula], columns: Mapping[str, float | Array]) -> Array:
+        """The same for columns of N numbers, (N, formulas)."""
+        names = [*(str(name) for letter in "qvp" for name in self.symbols(letter)), *self.parameters, "a", str(MOMENT)]
+        names = [name for name in names if name in columns]
+        with np.errstate(all="ignore"):
+            found = se.closure(names, formulas)(np.stack(np.broadcast_arrays(*(columns[name] for name in names)), -1))
+        return np.asarray(found, dtype=float).reshape(-1, len(formulas))
+
+    def discretized(self, method: str) -> se.Formula:
+        """The Lagrangian that a method discretizes."""
+        return self.lagrangian if method == "nonholonomic" else self.free_lagrangian
+
+    @property
+    def on_constraints(self) -> dict[se.Formula, se.Formula]:
+        """The dependent velocities with their formulas."""
+        return {self.symbols("v")[k]: value for k, value in self.dependent.items()}
 
     def gradient(
         self, formula: se.Formula, letter: str, first: str = "q", second: str = "v", moment: se.Formula = MOMENT

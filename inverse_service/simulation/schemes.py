@@ -204,8 +204,7 @@ def _solved(
 
 
 def _on_constraints(f: Formulas, formula: Formula) -> Formula:
-    velocities = f.symbols("v")
-    return formula.subs({velocities[k]: value for k, value in f.dependent.items()})
+    return formula.subs(f.on_constraints)
 
 
 def _momentum(f: Formulas, place: int) -> Formula:

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from inverse_service.kernels.codegen.compiled import Card, card_of, kernel_text, load, object_code
+from inverse_service.kernels.codegen.compiled import Card, Machine, card_of, kernel_text, load, object_code
 from inverse_service.kernels.codegen.program import Program
 from inverse_service.kernels.codegen.symengine_trees import Formula
 
@@ -17,12 +17,12 @@ def program_for(formulas: Sequence[Formula], arguments: Sequence[str]) -> Progra
     return Program(state, ("h", *arguments), (), tuple(formulas))
 
 
-def call(function: object, card: Card, memory: np.ndarray, steps: int = 1, weights: Sequence[float] = (1.0,)) -> int:
+def call(machine: Machine, card: Card, memory: np.ndarray, steps: int = 1, weights: Sequence[float] = (1.0,)) -> int:
     """Run; the number of steps done."""
     substeps = np.array(weights)
     control = np.array([steps, len(substeps), 10**9, 10**9, 0, 0, 0], dtype=np.int64)
     record = np.zeros((1, len(card.layout.columns), memory.shape[1]))
-    function(memory.ctypes.data, substeps.ctypes.data, control.ctypes.data, record.ctypes.data)  # type: ignore[operator]
+    machine.call(memory[None], substeps, control[None], record[None])
     return int(control[4])
 
 
@@ -44,5 +44,5 @@ def values_of(formulas: Sequence[Formula], lanes: Sequence[Mapping[str, float]])
     card = card_of(program, len(lanes))
     memory = memory_for(card, lanes)
     machine = load(object_code(kernel_text(program, len(lanes))))
-    call(machine.call, card, memory)
+    call(machine, card, memory)
     return np.array([memory[card.layout.place(name)] for name in program.state])

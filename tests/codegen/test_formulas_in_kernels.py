@@ -71,7 +71,7 @@ def test_sine_and_cosine_are_good_to_two_units() -> None:
         for first in range(0, len(points), lanes):
             group = points[first : first + lanes]
             memory = memory_for(card, [{"x": value} for value in group])
-            call(machine.call, card, memory)
+            call(machine, card, memory)
             for row, function in ((4, math.sin), (5, math.cos)):
                 for lane, value in enumerate(group):
                     expected = function(value)

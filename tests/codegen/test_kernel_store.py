@@ -33,7 +33,7 @@ def make(increment: int = 1) -> Program:
 def result(identity: object, increment: int = 1) -> tuple[float, dict[str, float]]:
     kernel = compiled(identity, lambda: make(increment))
     memory = memory_for(kernel.card, [{"h": 2.0}])
-    call(kernel.machine.call, kernel.card, memory, steps=3)
+    call(kernel.machine, kernel.card, memory, steps=3)
     return float(memory[kernel.card.layout.place("s"), 0]), kernel.seconds
 
 

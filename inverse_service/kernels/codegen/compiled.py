@@ -83,33 +83,26 @@ def _optimise(machine: Any, module: Any, thorough: bool) -> None:
 
 @dataclass(frozen=True, slots=True)
 class Machine:
-    """A loaded kernel; it lives as long as its engine. `groups` is there where it has lanes."""
+    """A loaded kernel; it lives as long as its engine."""
 
     engine: Any
     function: Any
-    groups: Any = None
 
-    def call(self, memory: int, weights: int, control: int, record: int) -> None:
-        """Run the kernel on these addresses; Python's lock is free meanwhile."""
-        self.function(memory, weights, control, record)
-
-    def call_groups(self, memory: Array, weights: Array, control: NDArray[np.int64], record: Array) -> None:
-        """Run the kernel with one row of `memory`, `control` and `record` after another."""
+    def call(self, memory: Array, weights: Array, control: NDArray[np.int64], record: Array) -> None:
+        """Run it with one row of `memory`, `control` and `record` after another; Python's lock is free meanwhile."""
         strides = np.array([memory.strides[0], control.strides[0], record.strides[0]], dtype=np.int64)
         starts = memory.ctypes.data, weights.ctypes.data, control.ctypes.data, record.ctypes.data
-        self.groups(*starts, len(memory), strides.ctypes.data)
+        self.function(*starts, len(memory), strides.ctypes.data)
 
 
 def load(code: bytes) -> Machine:
     """The kernel of an object file, ready to be called."""
     engine = loading.engine_of(code)
-    address = engine.get_function_address("kernel")
+    address = engine.get_function_address("groups")
     if not address:
         raise OSError("the object file has no kernel")
-    one, pointers = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 4)(address), [ctypes.c_void_p] * 4
-    several = engine.get_function_address("groups")
-    many = ctypes.CFUNCTYPE(None, *pointers, ctypes.c_int64, ctypes.c_void_p)(several) if several else None
-    return Machine(engine, one, many)
+    pointers = [ctypes.c_void_p] * 4
+    return Machine(engine, ctypes.CFUNCTYPE(None, *pointers, ctypes.c_int64, ctypes.c_void_p)(address))
 
 
 @dataclass(frozen=True, slots=True)

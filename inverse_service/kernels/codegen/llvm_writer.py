@@ -226,7 +226,7 @@ class LlvmWriter:
     def text(self) -> str:
         body = "\n".join(["entry:", *self._slots, *self.lines, "  ret void", "}"])
         declared = dict(self.declared)
-        parts = [f"define void @kernel({SIGNATURE}) nounwind {{", body, *([GROUPS] if self.lanes > 1 else [])]
+        parts = [f"define void @kernel({SIGNATURE}) nounwind {{", body, GROUPS]
         if self._uses_sine_cosine:
             definitions, needs = trigonometric_functions(self.lanes)
             declared.update(needs)

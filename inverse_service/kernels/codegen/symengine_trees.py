@@ -4,7 +4,6 @@ No name of a user reaches symengine: coordinate i is q{i}, its velocity v{i}, it
 """
 
 import functools
-import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -97,15 +96,6 @@ def free_names(formula: Formula) -> frozenset[str]:
 
 def contains(formula: Formula, variable: Formula) -> bool:
     return variable in formula.free_symbols
-
-
-def real_value(formula: Formula, table: Mapping[str, float]) -> float:
-    """The value at a point, NaN where it has none."""
-    try:
-        value = formula.subs({symbol(name): symengine.RealDouble(x) for name, x in table.items()}).n(real=True)
-        return float(value)
-    except (RuntimeError, ValueError, TypeError, ZeroDivisionError, OverflowError):
-        return math.nan
 
 
 def closure(names: Sequence[str], formulas: Sequence[Formula]) -> Any:
