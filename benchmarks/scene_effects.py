@@ -21,14 +21,13 @@ from inverse_service.expressions.tree import add
 from inverse_service.reading.names import Names
 from inverse_service.reading.reader import read_formula
 from inverse_service.simulation.costs import operations as operations_of
-from inverse_service.simulation.derivation import derive, lagrangian_parts, problem_of
+from inverse_service.simulation.derivation import Derived, lagrangian_parts, problem_of
 from inverse_service.simulation.observing import observed_problem
 from inverse_service.simulation.running import MethodRun, run_method
 from inverse_service.simulation.scene_data import (
     FreeLagrangian,
     Grid,
     MethodChoice,
-    Problem,
     Requested,
     Scene,
     Unavailable,
@@ -88,15 +87,16 @@ def costs(steps: int, repeats: int) -> list[Cost]:
     firsts, derived_in = [], []
     for scene in scenes:
         begun = time.perf_counter()
-        derived = derive(scene, _no_free)
+        derived = Derived(scene, _no_free)
+        problem_of(METHOD, derived)
         derived_in.append(time.perf_counter() - begun)
-        firsts.append(run_method(replace(scene, grid=Grid(0.01, 10)), METHOD, derived, None, None, _no_free))
+        firsts.append(run_method(replace(scene, grid=Grid(0.01, 10)), METHOD, derived, None, None))
     best = [float("inf")] * len(scenes)
     last: list[MethodRun] = list(firsts)
     for turn in range(repeats):
         order = range(len(scenes)) if turn % 2 == 0 else range(len(scenes) - 1, -1, -1)
         for k in order:
-            last[k] = run_method(scenes[k], METHOD, derive(scenes[k], _no_free), None, None, _no_free)
+            last[k] = run_method(scenes[k], METHOD, Derived(scenes[k], _no_free), None, None)
             best[k] = min(best[k], last[k].seconds["run"])
     rows = zip(ROWS, derived_in, firsts, best, last, strict=True)
     return [
@@ -107,17 +107,15 @@ def costs(steps: int, repeats: int) -> list[Cost]:
 
 def operations(scene: Scene) -> int:
     """Floating-point instructions and calls in the kernel of the scene's method, each counted once."""
-    problem = problem_of(scene, METHOD, derive(scene, _no_free))
-    assert isinstance(problem, Problem)
-    return operations_of(*observed_problem(scene, problem), METHOD)
+    return operations_of(*observed_problem(scene, problem_of(METHOD, Derived(scene, _no_free))), METHOD)
 
 
 def _observing(run: MethodRun) -> float:
     return sum(value for name, value in run.seconds.items() if name not in ("compile", "run"))
 
 
-def _no_free(*_: object) -> FreeLagrangian | Unavailable:
-    return Unavailable("not asked for")
+def _no_free(*_: object) -> FreeLagrangian:
+    raise Unavailable("not asked for")
 
 
 def table(found: Sequence[Cost]) -> str:

@@ -1,5 +1,6 @@
 """Recommend a method for a scene from its formulas."""
 
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
@@ -19,9 +20,9 @@ SHARE = 10.0  # real parts compared with imaginary ones
 def advice(scene: data.Scene, derived: derivation.Derived) -> dict[str, Any] | None:
     """{method, order, alpha, reason}: separable, constrained, conservative, stiff or none of these; None if L is
     degenerate. Of a system given by its equations a Lagrangian may have been found."""
-    free = derived.free.get(None) if scene.accelerations is not None else None
-    lagrangian = free.lagrangian if isinstance(free, data.FreeLagrangian) else scene.lagrangian
-    if is_stiff(scene, derived.accelerations):
+    free = scene.found
+    lagrangian = free.lagrangian if free is not None else scene.lagrangian
+    if is_stiff(derived):
         return method_advice.advice("stiff", None, "what decays fast would hold an explicit method to short steps.")
     if lagrangian is None or scene.forces:
         return method_advice.advice("adaptive", None, method_advice.NOTHING_KEPT)
@@ -30,23 +31,24 @@ def advice(scene: data.Scene, derived: derivation.Derived) -> dict[str, Any] | N
     if scene.constraints:
         return method_advice.for_constraints(lagrangian, scene.constraints, scene.coordinates)
     moving: set[ex.Expression] = set(map(ex.Symbol, scene.coordinates))
-    ends = (*numeric_formulas.walls(lagrangian, moving), *free.domain) if isinstance(free, data.FreeLagrangian) else ()
+    ends = (*numeric_formulas.walls(lagrangian, moving), *free.domain) if free is not None else ()
     return method_advice.for_lagrangian(lagrangian, scene.coordinates, ends)
 
 
 def by_itself(scene: data.Scene, derived: derivation.Derived) -> data.Scene:
     """A scene that names no method, with `stiff` in the place of `adaptive` where this is faster."""
-    if not is_stiff(scene, derived.accelerations, SLOWER):
+    with suppress(data.Unavailable):
+        derived.accelerations()
+    if not is_stiff(derived, SLOWER):
         return scene
     choice = data.MethodChoice("stiff", tolerance=method_table.METHODS["adaptive"].tolerance or 0.0)
     instead = data.Requested("stiff", "stiff", None, choice)
     return replace(scene, methods=(instead,), notes=(*scene.notes, INSTEAD))
 
 
-def is_stiff(
-    scene: data.Scene, accelerations: tuple[ex.Expression, ...] | data.Unavailable | None, beyond: float = STIFF
-) -> bool:
-    """Whether an explicit method would be held to short steps by what decays."""
+def is_stiff(derived: derivation.Derived, beyond: float = STIFF) -> bool:
+    """Whether an explicit method would be held to short steps by what decays, as far as the accelerations tell."""
+    scene, accelerations = derived.scene, derived.known.get("accelerations")
     may_decay = scene.lagrangian is None or bool(scene.forces)
     return may_decay and isinstance(accelerations, tuple) and decay_times(scene, accelerations) > beyond
 

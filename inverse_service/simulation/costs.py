@@ -25,29 +25,23 @@ _OPERATION = re.compile(r"= (?:fadd|fsub|fmul|fdiv|fneg|fcmp|(?:tail )?call)\b")
 
 
 def part_costs(
-    scene: data.Scene, requested: data.Requested, derived: derivation.Derived, find: derivation.Find,
-    stop: data.Stop | None,
-) -> dict[str, Any]:  # fmt: skip
+    scene: data.Scene, requested: data.Requested, derived: derivation.Derived, stop: data.Stop | None
+) -> dict[str, Any]:
     """The key `cost` of a method: the whole step, and each part of it as the difference to the scene without it; no
     time where that is below the noise. A step is timed as a run of many less that of one, each the best of several: to
     call a kernel takes longer than many steps."""
     if not method_table.METHODS[requested.method].has_kernel:
         return {"note": NOT_IN_STEPS}
 
-    def price(variant: data.Scene, derived: derivation.Derived) -> tuple[float, int, int] | data.Unavailable:
+    def price(variant: data.Scene, derived: derivation.Derived) -> tuple[float, int, int]:
         """(ns of a step or nan, operations, steps that were timed)."""
-        problem, choice = derivation.problem_of(variant, requested, derived), requested.choice
-        if isinstance(problem, data.Unavailable) or choice is None:
-            return problem if isinstance(problem, data.Unavailable) else data.Unavailable(NOT_IN_STEPS)
-        own, observation = observing.observed_problem(variant, problem)
-        try:
-            execution.check(own, choice)
-            values, start = observing.beginning(variant, requested, derivation.free_of(requested, derived))
-            ready = execution.prepared(own, choice, start, variant.grid, values, observation)
-        except InputError as error:
-            return data.Unavailable(error.detail)
+        own, observation = observing.observed_problem(variant, derivation.problem_of(requested, derived))
+        assert requested.choice is not None
+        execution.check(own, requested.choice)
+        values, start = observing.beginning(variant, requested, derivation.free_of(requested, derived))
+        ready = execution.prepared(own, requested.choice, start, variant.grid, values, observation)
         if isinstance(ready, Trajectory):
-            return data.Unavailable("no step is made.")
+            raise data.Unavailable("no step is made.")
         begun, steps = _fastest(ready, variant, 1, stop), min(scene.grid.steps, TIMED_STEPS)
         whole = _fastest(ready, variant, steps, stop)
         while not whole[0] > 2 * begun[0] and whole[1] == steps < TIMED_STEPS:
@@ -57,9 +51,10 @@ def part_costs(
         step = 1e9 * (whole[0] - begun[0]) / (whole[1] - 1) if is_long else np.nan
         return step, operations(own, observation, requested), whole[1]
 
-    whole = price(scene, derived)
-    if isinstance(whole, data.Unavailable):
-        return {"note": whole.reason}
+    try:
+        whole = price(scene, derived)
+    except InputError as error:
+        return {"note": error.detail}
     together = _belongs_together(scene, requested)
     variants = [] if together else [(part.name, "effect", turned(scene, part)) for part in scene.parts if part.acts]
     for name in (name for name in scene.observe if name in IN_KERNEL):
@@ -67,13 +62,13 @@ def part_costs(
         variants.append((name, "observed", replace(scene, observe=others)))
     parts = []
     for name, kind, variant in variants:
-        found = price(variant, derivation.derive(_alone(variant, requested), find))
         part: dict[str, Any] = {"name": name, "kind": kind, "step_ns": None, "operations": None}
-        if isinstance(found, data.Unavailable):
-            part["note"] = f"Without it: {found.reason}"
-        else:
+        try:
+            found = price(variant, derivation.Derived(variant, derived.find))
             part["operations"] = whole[1] - found[1]
             part |= {"step_ns": whole[0] - found[0]} if whole[0] > found[0] else {"note": "Its time is below noise."}
+        except InputError as error:
+            part["note"] = f"Without it: {error.detail}"
         parts.append(part)
     note = TOO_SHORT if np.isnan(whole[0]) else TOGETHER if together and scene.parts else ""
     numbers = dict(zip(("step_ns", "operations", "steps"), whole, strict=True))
@@ -103,31 +98,24 @@ def turned(scene: data.Scene, part: data.Effect) -> data.Scene:
     return replace(scene, lagrangian=part.lagrangian, constraints=part.constraints, forces=part.forces, effects=effects)
 
 
-def _alone(scene: data.Scene, requested: data.Requested) -> data.Scene:
-    """The scene with one method and what its kernel observes."""
-    return replace(scene, methods=(requested,), observe=tuple(name for name in scene.observe if name in IN_KERNEL))
-
-
-def effects_of(scene: data.Scene, derived: derivation.Derived, find: derivation.Find) -> dict[str, Any]:
+def effects_of(scene: data.Scene, derived: derivation.Derived) -> dict[str, Any]:
     """{acting, left_out, method}: each effect with the operations of a step that it adds, or would add, to the first
     method that steps with a kernel; None if that cannot be determined."""
     method = next((one for one in scene.methods if method_table.METHODS[one.method].has_kernel
                    and not _belongs_together(scene, one)), None)  # fmt: skip
 
-    def count(variant: data.Scene, known: derivation.Derived | None) -> int | None:
+    def count(variant: data.Scene, known: derivation.Derived) -> int | None:
         if method is None or len(scene.coordinates) > LARGE:
             return None
-        alone = _alone(variant, method)
-        problem = derivation.problem_of(variant, method, known or derivation.derive(alone, find))
         with suppress(InputError):  # the method may be for other scenes
-            if isinstance(problem, data.Problem):
-                return operations(*observing.observed_problem(alone, problem), method)
+            return operations(*observing.observed_problem(variant, derivation.problem_of(method, known)), method)
         return None
 
     whole = count(scene, derived)
     found: dict[bool, list[dict[str, Any]]] = {True: [], False: []}
     for part in scene.parts:
-        other = None if whole is None else count(turned(scene, part), None)
+        variant = turned(scene, part)
+        other = None if whole is None else count(variant, derivation.Derived(variant, derived.find))
         more = None if whole is None or other is None else (whole - other if part.acts else other - whole)
         found[part.acts].append({"name": part.name, "operations": more})
     label = None if whole is None or method is None else method.label

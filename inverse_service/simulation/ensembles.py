@@ -39,26 +39,28 @@ class EnsembleRun:
     seconds: Mapping[str, float] = field(default_factory=dict)
 
 
-def run_members(scene: data.Scene, derived: Derived, requested: data.Requested, stop: data.Stop | None) -> EnsembleRun:
-    """All members by one method."""
-    assert scene.ensemble is not None
-    if requested.method in (data.EXACT, "heyoka", "modified") or requested.choice is None:
-        return EnsembleRun(requested, Outcome("unavailable", remedy=ALL_METHODS), None)
-    problem = problem_of(scene, requested, derived)
-    if isinstance(problem, data.Unavailable):
-        return EnsembleRun(requested, Outcome("unavailable", remedy=problem.reason), None)
-    problem = problem.with_used_parameters()
-    known, members = free_of(requested, derived), scene.ensemble
+def run_members(derived: Derived, requested: data.Requested, stop: data.Stop | None) -> EnsembleRun:
+    """All members by one method; an outcome where it cannot run them."""
+    try:
+        return _run_members(derived, requested, stop)
+    except InputError as error:
+        return EnsembleRun(requested, Outcome("unavailable", remedy=error.detail), None)
+
+
+def _run_members(derived: Derived, requested: data.Requested, stop: data.Stop | None) -> EnsembleRun:
+    scene = derived.scene
+    members = scene.ensemble
+    assert members is not None
+    if requested.choice is None:
+        raise data.Unavailable(ALL_METHODS)
+    known, problem = free_of(requested, derived), problem_of(requested, derived).with_used_parameters()
     values: dict[str, float | Array] = {**scene.values, **(known.constants if known else {})}
     values |= dict(requested.constants) | dict(members.values)
     begun = time.perf_counter()
     momenta = _momenta(known, members, values)
-    try:
-        many = run_ensemble(
-            problem, requested.choice, members.positions, members.velocities, scene.grid, values, momenta, stop=stop
-        )
-    except InputError as error:
-        return EnsembleRun(requested, Outcome("unavailable", remedy=error.detail), None)
+    many = run_ensemble(
+        problem, requested.choice, members.positions, members.velocities, scene.grid, values, momenta, stop=stop
+    )
     ran = time.perf_counter()
     lost = initial.without_value(scene) & (many.memory[many.card.layout.place(STATUS)] == 0)
     for name, value in NOT_STARTED.items():

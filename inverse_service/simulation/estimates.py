@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from inverse_service.errors import InputError
 from inverse_service.expressions import tree as ex
 from inverse_service.integrators import method_table, trajectory
 from inverse_service.simulation import (
@@ -39,7 +40,7 @@ AGAIN, TRUE = "With {}, the trajectory", "The true motion"
 ELSEWHERE = "{} differs: from t = {:.6g} on, {} is off by about {:.3g}. Take a smaller step or tolerance."
 GOES_ON = ("completed", "cancelled")
 ENDS_EARLY = "With {}, the run ends at t = {:.6g}: {}."
-Repeat = Callable[[data.Scene, data.Requested], trajectory.Trajectory | data.Unavailable]
+Repeat = Callable[[data.Scene, data.Requested], trajectory.Trajectory]
 _OTHER = "the Euler-Lagrange equations of the free Lagrangian at the motion"
 TOO_LARGE, NOT_CHOSEN, OVER_TOLERANCE = 0.1, 0.01, 100.0  # the first two of the size of the motion
 GOLDEN, GOLDEN_STEPS, MOST_MOMENTS, MOST_VALUES = 0.618033988749895, 75, 64, 2**21  # to the last bit of a step
@@ -95,12 +96,15 @@ def errors_of(
     return errors, errors / np.maximum(np.maximum(ranges, least), schemes.SMALLEST)
 
 
-def _again(run: observing.Observed, repeat: Repeat) -> tuple[Finer, trajectory.Trajectory | data.Unavailable]:
+def _again(run: observing.Observed, repeat: Repeat) -> tuple[Finer, trajectory.Trajectory | None]:
     """The finer run, without the guard if that ends it early."""
     again = finer(run.requested, run.scene.grid)
     scene, choice = replace(run.scene, grid=again.grid), again.requested.choice
-    found = repeat(scene, again.requested)
-    if choice is None or isinstance(found, data.Unavailable) or found.outcome.kind in GOES_ON:
+    try:
+        found = repeat(scene, again.requested)
+    except InputError:
+        return again, None
+    if choice is None or found.outcome.kind in GOES_ON:
         return again, found
     return again, repeat(scene, replace(again.requested, choice=replace(choice, guard=False)))
 
@@ -118,7 +122,7 @@ def estimated(run: observing.Observed, repeat: Repeat) -> dict[str, Any]:
         return numbers | {"doubt": ""}
     doubts = ["" if known is None else _change_of_energy(*known)]
     again, found = _again(run, repeat)
-    if isinstance(found, trajectory.Trajectory):
+    if found is not None:
         count = min(len(found.times), len(at.times))
         if count < len(at.times) and found.outcome.kind not in GOES_ON and again.how == HALF:
             end, kind = float(found.times[-1]), found.outcome.kind.replace("_", " ")
@@ -133,12 +137,8 @@ def estimated(run: observing.Observed, repeat: Repeat) -> dict[str, Any]:
         early = count < len(at.times) and found.outcome.kind not in GOES_ON
         if early and not doubts[-1]:
             doubts.append(ENDS_EARLY.format(again.how, found.times[-1], found.outcome.kind.replace("_", " ")))
-    if isinstance(run.truth, data.Truth) and not any(doubts[1:]):
-        doubts.append(
-            _elsewhere(
-                run, *errors_of(at.positions, run.truth.positions[data.places_of(run.truth, at.times)], turns), TRUE
-            )
-        )
+    if run.true is not None and not any(doubts[1:]):
+        doubts.append(_elsewhere(run, *errors_of(at.positions, run.true, turns), TRUE))
     return numbers | {"doubt": " ".join(filter(None, doubts))}
 
 

@@ -10,6 +10,7 @@ continued by `adaptive` from the point before. The period of an orbit is the tim
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any
@@ -55,6 +56,7 @@ NO_SIZE = "The formula is 0 within round-off during the whole run, so its change
 NO_PERIOD = "A period needs every step recorded, and a start that moves or is pushed."
 ACTS_AT_START = "An event acts where the motion starts: to observe its period, begin elsewhere on it."
 NO_VELOCITIES = "The method has no velocities at its points, which the event needs."
+Motion = Callable[[], data.Problem]  # the motion as q'' = f; Unavailable where that is not known
 Follow = Callable[[NDArray[np.int64], Array], State]
 
 
@@ -74,17 +76,13 @@ def float_number(value: float) -> ex.Expression:
     return ex.Number(Fraction(float(value)))
 
 
-def located(
-    run: observing.Observed, events: Sequence[data.Event], motion: data.Problem | data.Unavailable
-) -> tuple[Found, ...]:
+def located(run: observing.Observed, events: Sequence[data.Event], motion: Motion) -> tuple[Found, ...]:
     """All points of these events along a run."""
     follow = _follower(run, motion)
     return tuple(_located(run, event, follow) for event in events)
 
 
-def with_events(
-    run: observing.Observed, motion: data.Problem | data.Unavailable
-) -> tuple[Trajectory, tuple[Found, ...]]:
+def with_events(run: observing.Observed, motion: Motion) -> tuple[Trajectory, tuple[Found, ...]]:
     """The run, which ends at the first event that stops it, and all events found up to there."""
     ran, found = run.trajectory, located(run, run.scene.events, motion)
     ends = [float(one.times[0]) for one in found if one.event.stops and len(one.times)]
@@ -108,13 +106,15 @@ def until(found: Found, end: float) -> Found:
     return Found(found.event, found.times[kept], found.positions[kept], found.velocities[kept], found.note)
 
 
-def _follower(run: observing.Observed, motion: data.Problem | data.Unavailable) -> Follow | None:
+def _follower(run: observing.Observed, motion: Motion) -> Follow | None:
     """A function of indices k and lengths: the motion at this length of time after point k."""
     ran, values, method = run.trajectory, run.values, run.requested.method
     choice, what = run.requested.choice, run.problem
     stepped = choice is not None and method not in ("heyoka", "modified")
     if not stepped or (ran.momenta is None and method not in method_table.POINT_METHODS):
-        choice, what = CONTINUED, None if isinstance(motion, data.Unavailable) else motion
+        choice, what = CONTINUED, None
+        with suppress(data.Unavailable):
+            what = motion()
     if run.velocities is None or what is None or choice is None:
         return None
     speeds, run_by, of = run.velocities, choice, what
@@ -335,16 +335,17 @@ def _zeros(brackets: Brackets, way: Way) -> State:
     return state
 
 
-def section_of(scene: data.Scene, motion: data.Problem | data.Unavailable) -> data.Event | None:
+def section_of(scene: data.Scene, motion: Motion) -> data.Event | None:
     """The returns to the section through the start, across its velocity, or across its acceleration among the
     velocities where it begins at rest; None where every step is not recorded, or neither is known."""
     way, turns = scene.velocities, initial.angles(scene)
     parts = [ex.Symbol(x) - float_number(q) for x, q in zip(scene.coordinates, scene.positions, strict=True)]
     terms = [ex.Apply("sin", part) if turn else part for part, turn in zip(parts, turns, strict=True)]
-    if not way.any() and isinstance(motion, data.Problem):
+    if not way.any():
         at = scene.positions[None], scene.velocities[None], dict(scene.values), np.array([scene.grid.begin])
-        values = nf.array_values(motion.accelerations or (), nf.table_of(scene.coordinates, *at))
-        way, terms = np.array(values)[:, 0], [ex.Velocity(name) for name in scene.coordinates]
+        with suppress(data.Unavailable):
+            values = nf.array_values(motion().accelerations or (), nf.table_of(scene.coordinates, *at))
+            way, terms = np.array(values)[:, 0], [ex.Velocity(name) for name in scene.coordinates]
     if scene.grid.record_every > 1 or not (way.any() and np.isfinite(way).all()):
         return None
     return data.Event(ex.add(*(float_number(v) * term for v, term in zip(way, terms, strict=True) if v)), 1, False)

@@ -64,35 +64,35 @@ def motion_by_quadrature(
     lagrangian: ex.Expression,
     constraints: Sequence[ex.Expression],
     values: Mapping[str, float],
-) -> ExactMotion | Unavailable:
-    """The exact motion of a system of the class above, or the reason why it is not in that class."""
+) -> ExactMotion:
+    """The exact motion of a system of the class above; Unavailable, with the reason, where it is not in that class."""
     names = tuple(coordinates)
     inertia = euler_lagrange.hessian(lagrangian, names)
     mass = _mass(lagrangian, inertia, names, values)
     if mass is None:
-        return Unavailable("The kinetic energy has coefficients that are not constant, or there is a potential.")
+        raise Unavailable("The kinetic energy has coefficients that are not constant, or there is a potential.")
     if np.linalg.matrix_rank(mass) < len(names):
-        return Unavailable("The kinetic energy is degenerate.")
+        raise Unavailable("The kinetic energy is degenerate.")
     rows = [_coefficients(constraint, names) for constraint in constraints]
     linear = [row for row in rows if row is not None]
     if len(linear) < len(rows):
-        return Unavailable("A constraint is not linear and homogeneous in the velocities.")
+        raise Unavailable("A constraint is not linear and homogeneous in the velocities.")
     used = {node.name for row in linear for entry in row for node in ex.walk(entry) if isinstance(node, ex.Symbol)}
     turning = [k for k, name in enumerate(names) if name in used]
     if ex.TIME.name in used or len(turning) > 1:
-        return Unavailable("The constraints depend on more than one coordinate.")
+        raise Unavailable("The constraints depend on more than one coordinate.")
     found = ExactMotion(names, inertia, mass, tuple(linear), turning[0] if turning else None, dict(values))
     return found if not turning else _with_one_direction(found)
 
 
-def _with_one_direction(found: ExactMotion) -> ExactMotion | Unavailable:
+def _with_one_direction(found: ExactMotion) -> ExactMotion:
     k, names = found.turning or 0, found.coordinates
     if any(row[k] != ex.ZERO for row in found.constraints):
-        return Unavailable(f"A constraint contains the velocity of {names[k]}, on which it depends.")
+        raise Unavailable(f"A constraint contains the velocity of {names[k]}, on which it depends.")
     if np.delete(found.mass[k], k).any():
-        return Unavailable(f"The kinetic energy couples {names[k]} with another coordinate.")
+        raise Unavailable(f"The kinetic energy couples {names[k]} with another coordinate.")
     if len(found.constraints) != len(names) - 2:
-        return Unavailable(f"The constraints leave more than one direction in addition to {names[k]}.")
+        raise Unavailable(f"The constraints leave more than one direction in addition to {names[k]}.")
     return found
 
 

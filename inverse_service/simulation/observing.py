@@ -238,7 +238,7 @@ class Observed:
     trajectory: Trajectory
     problem: data.Problem | None
     values: Mapping[str, float]
-    truth: data.Truth | data.Unavailable | None
+    truth: data.Truth | str | None
     in_pieces: bool = False
 
     @cached_property
@@ -477,13 +477,13 @@ def _discrete_energy(run: Observed, start: float) -> Observations:
 
 def _error(run: Observed) -> Observations:
     if run.true is None or not isinstance(run.truth, data.Truth):
-        return {"max_error": None, "error_note": getattr(run.truth, "reason", NOTHING)}, {}
+        return {"max_error": None, "error_note": run.truth or NOTHING}, {}
     return error_numbers(run.scene, run.trajectory.positions, run.true, run.truth)
 
 
 def _phase(run: Observed) -> Observations:
     if run.true is None:
-        return {"max_phase_error": None, "phase_note": getattr(run.truth, "reason", NOTHING)}, {}
+        return {"max_phase_error": None, "phase_note": run.truth or NOTHING}, {}
     if run.scene.circle is None:
         return {"max_phase_error": None}, {}
     pair = list(run.scene.circle)

@@ -110,17 +110,15 @@ def measure(
     time_limit: float,
     progress: data.Progress | None = None,
     long: bool = False,
-) -> Precision | data.Unavailable:
+) -> Precision:
     """Measure every method of the scene but the exact one, at `steps` or from coarse to fine; Unavailable where nothing
     is true."""
     begun, length = time.process_time(), scene.grid.step * scene.grid.steps
     plain = replace(scene, observe=())
     finest = max(_counts(length, steps or [scene.grid.step / 8]))
     truth = true_motions.true_motion(replace(plain, grid=_grid(length, min(finest, 65_536))), derived)
-    if isinstance(truth, data.Unavailable):
-        return truth
     if not np.isfinite(truth.positions).all():
-        return data.Unavailable(truth.reason)
+        raise data.Unavailable(truth.reason)
     scale = float(np.abs(truth.positions - truth.positions[0]).max()) or 1.0
     methods = [requested for requested in scene.methods if requested.method != data.EXACT]
 

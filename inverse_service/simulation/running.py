@@ -2,6 +2,7 @@
 
 import logging
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -15,8 +16,6 @@ from inverse_service.simulation import (
     ensembles,
     estimates,
     events as happening,
-    exact_motion,
-    execution,
     initial,
     lyapunov,
     numeric_formulas,
@@ -48,16 +47,16 @@ class MethodRun:
     free: data.FreeLagrangian | None = None
     events: tuple[happening.Found, ...] = ()
     observed: observing.Observed | None = None
-    pieces: switching.Pieces | None = None
+    ran: switching.Run | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class SceneRun:
-    """All runs of a scene, with the true motion where something observed needed it."""
+    """All runs of a scene, with the true motion where something observed needed it, or why it is not known."""
 
     scene: data.Scene
     derived: derivation.Derived
-    truth: data.Truth | data.Unavailable | None
+    truth: data.Truth | str | None
     runs: tuple[MethodRun, ...]
     members: tuple[ensembles.EnsembleRun, ...] = ()
     lyapunov: Mapping[str, Any] | None = None
@@ -65,17 +64,17 @@ class SceneRun:
 
 
 def run_scene(
-    scene: data.Scene, derived: derivation.Derived, find: derivation.Find, progress: data.Progress | None = None,
-    stop: data.Stop | None = None, compared_until: data.Stop | None = None,
+    derived: derivation.Derived, progress: data.Progress | None = None, stop: data.Stop | None = None,
+    compared_until: data.Stop | None = None,
 ) -> SceneRun:  # fmt: skip
     """Run every method; the failure of one method is its outcome and does not affect the others.
 
-    `find` looks for free Lagrangians where the cost of parts is observed. The true motion is abandoned when
-    `compared_until` says so, so that the methods have time left.
+    The true motion is abandoned when `compared_until` says so, so that the methods have time left.
     """
     tell = progress or (lambda message: None)
-    scene = derivation.with_energy(scene, derived)
-    truth = None
+    derived = derivation.with_energy(derived)
+    scene = derived.scene
+    truth: data.Truth | str | None = None
     if derivation.USES_EXACT & set(scene.observe) and scene.ensemble is None:
         tell("true motion")
         truth = _truth(scene, derived, compared_until or stop)
@@ -89,24 +88,23 @@ def run_scene(
             continue
         try:
             if scene.ensemble is not None:
-                members.append(ensembles.run_members(scene, derived, requested, stop))
+                members.append(ensembles.run_members(derived, requested, stop))
                 continue
-            runs.append(run_method(scene, requested, derived, truth, stop, find))
+            runs.append(run_method(scene, requested, derived, truth, stop))
         except (ArithmeticError, ValueError, LookupError, TypeError, RuntimeError) as error:
             logging.getLogger(__name__).exception("the method %s failed", requested.method)
             runs.append(MethodRun(requested, Outcome("failed", remedy=FAULT.format(type(error).__name__)), None))
-    exponent, motion = None, derivation.with_accelerations(scene, derived)
-    if "lyapunov" in scene.observe and isinstance(motion, data.Problem):
+    exponent = None
+    if "lyapunov" in scene.observe:
         tell("Lyapunov exponent")
-        exponent = lyapunov.largest_exponent(scene, motion, stop)
-    return SceneRun(
-        scene, derived, truth, tuple(runs), tuple(members), exponent, costs.effects_of(scene, derived, find)
-    )
+        with suppress(data.Unavailable):
+            exponent = lyapunov.largest_exponent(scene, derived.motion(), stop)
+    return SceneRun(scene, derived, truth, tuple(runs), tuple(members), exponent, costs.effects_of(scene, derived))
 
 
 def run_method(
-    scene: data.Scene, requested: data.Requested, derived: derivation.Derived,
-    truth: data.Truth | data.Unavailable | None, stop: data.Stop | None, find: derivation.Find,
+    scene: data.Scene, requested: data.Requested, derived: derivation.Derived, truth: data.Truth | str | None,
+    stop: data.Stop | None,
 ) -> MethodRun:  # fmt: skip
     """One method and its observed quantities, with an estimate of its error, and the cost of its parts."""
     run = observed_run(scene, requested, derived, truth, stop)
@@ -115,9 +113,8 @@ def run_method(
     outcome, numbers, seconds = run.outcome, dict(run.numbers), dict(run.seconds)
     problem = run.observed.problem
 
-    def again(scene: data.Scene, requested: data.Requested) -> Trajectory | data.Unavailable:
-        found = _integrated(scene, requested, problem, derived, stop)
-        return found.trajectory if isinstance(found, switching.Pieces) else found
+    def again(scene: data.Scene, requested: data.Requested) -> Trajectory:
+        return _integrated(scene, requested, problem, derived, stop).trajectory
 
     if outcome.completed:
         with derivation.timed(seconds, "half the step"):
@@ -130,7 +127,7 @@ def run_method(
         outcome = replace(outcome, doubt=numbers.pop("doubt"))
     if "cost" in scene.observe:
         with derivation.timed(seconds, "cost"):
-            numbers["cost"] = costs.part_costs(scene, requested, derived, find, stop)
+            numbers["cost"] = costs.part_costs(scene, requested, derived, stop)
     return replace(run, outcome=outcome, numbers=numbers, seconds=seconds)
 
 
@@ -148,37 +145,35 @@ def _cut(run: MethodRun, observed: observing.Observed, outcome: Outcome) -> Meth
 
 
 def observed_run(
-    scene: data.Scene, requested: data.Requested, derived: derivation.Derived,
-    truth: data.Truth | data.Unavailable | None = None, stop: data.Stop | None = None,
+    scene: data.Scene, requested: data.Requested, derived: derivation.Derived, truth: data.Truth | str | None = None,
+    stop: data.Stop | None = None,
 ) -> MethodRun:  # fmt: skip
     """One method and its observed quantities, up to the point that it reached within the domain of its formulas."""
     free = derivation.free_of(requested, derived)
     if (lost := initial.ended_at_start(scene)) is not None:
         return MethodRun(requested, lost.outcome, lost, free=free)
-    problem = None if requested.method == data.EXACT else derivation.problem_of(scene, requested, derived)
-    motion = derivation.with_accelerations(scene, derived)
-    section = happening.section_of(scene, motion) if "period" in scene.observe else None
+    section = happening.section_of(scene, derived.motion) if "period" in scene.observe else None
     watched = scene if section is None else replace(scene, events=(*scene.events, section))
-    ran: Trajectory | switching.Pieces | data.Unavailable
-    if problem is None:
-        ran = _with_series(scene, truths.exact_trajectory(scene, derived))
-    else:
-        ran = _integrated(watched, requested, problem, derived, stop)
-    if isinstance(ran, data.Unavailable) or isinstance(problem, data.Unavailable):
-        return MethodRun(requested, Outcome("unavailable", remedy=getattr(ran, "reason", None)), None)
-    pieces = ran if isinstance(ran, switching.Pieces) else None
-    found = ran.trajectory if isinstance(ran, switching.Pieces) else ran
+    try:
+        problem = None if requested.method == data.EXACT else derivation.problem_of(requested, derived)
+        if problem is None:
+            ran = switching.Run(_with_series(scene, truths.exact_trajectory(scene, derived)))
+        else:
+            ran = _integrated(watched, requested, problem, derived, stop)
+    except InputError as error:
+        return MethodRun(requested, Outcome("unavailable", remedy=error.detail), None)
+    found = ran.trajectory
     seconds = {"compile": found.compile_seconds, "run": found.run_seconds}
     values, _ = observing.beginning(scene, requested, free)
-    observed = observing.Observed(scene, requested, found, problem, values, truth, pieces is not None)
-    events: tuple[happening.Found, ...] = () if pieces is None else pieces.events
-    if pieces is None:
+    observed = observing.Observed(scene, requested, found, problem, values, truth, ran.in_pieces)
+    events = ran.events
+    if not ran.in_pieces:
         if found.outcome.completed and (other := estimates.other_motion(observed)) is not None:
             found = found.ended(found.times <= (other.time or 0.0), other)
             observed = replace(observed, trajectory=found)
         if watched.events and len(found.times) > 1:
             with derivation.timed(seconds, "events"):
-                found, events = happening.with_events(replace(observed, scene=watched), motion)
+                found, events = happening.with_events(replace(observed, scene=watched), derived.motion)
                 observed = replace(observed, trajectory=found)
     if not found.outcome.completed and len(found.times) < 2:  # it did not make a step: nothing to observe
         return MethodRun(requested, found.outcome, found, seconds=seconds, free=free)
@@ -188,35 +183,22 @@ def observed_run(
     elif section is not None and events:
         *others, returns = events
         numbers, events = numbers | happening.period_of(observed, returns, others), tuple(others)
-    return MethodRun(requested, found.outcome, found, numbers, series, seconds, free, events, observed, pieces)
+    return MethodRun(requested, found.outcome, found, numbers, series, seconds, free, events, observed, ran)
 
 
 def _integrated(
-    scene: data.Scene, requested: data.Requested, problem: data.Problem | data.Unavailable,
-    derived: derivation.Derived, stop: data.Stop | None,
-) -> Trajectory | switching.Pieces | data.Unavailable:  # fmt: skip
+    scene: data.Scene, requested: data.Requested, problem: data.Problem, derived: derivation.Derived,
+    stop: data.Stop | None,
+) -> switching.Run:  # fmt: skip
     """The run of a method, in pieces where the scene has some."""
-    if isinstance(problem, data.Unavailable):
-        return problem
     values, start = observing.beginning(scene, requested, derivation.free_of(requested, derived))
     if not np.isfinite(values.get(observing.ENERGY_START, 0.0)):
-        return data.Unavailable("The energy has no finite value at the start: start somewhere else.")
-
-    def piece(what: data.Problem, choice: data.MethodChoice, start: data.Start, grid: data.Grid) -> Trajectory:
-        own, observation = observing.observed_problem(scene, what)
-        return execution.run(own, choice, start, grid, values, observation, stop)
-
-    try:
-        motion = derivation.with_accelerations(scene, derived)
-        return switching.run_motion(scene, requested, problem, motion, start, values, piece, stop)
-    except InputError as error:
-        return data.Unavailable(error.detail)
+        raise data.Unavailable("The energy has no finite value at the start: start somewhere else.")
+    return switching.run_motion(scene, requested, problem, derived.motion, start, values, stop)
 
 
-def _with_series(scene: data.Scene, exact: Trajectory | data.Unavailable) -> Trajectory | data.Unavailable:
+def _with_series(scene: data.Scene, exact: Trajectory) -> Trajectory:
     """The exact trajectory with the formulas of the observed quantities at its points."""
-    if isinstance(exact, data.Unavailable):
-        return exact
     values = dict(scene.values) | {observing.ENERGY_START: observing.start_energy(scene) or 0.0}
     table = numeric_formulas.table_of(scene.coordinates, exact.positions, exact.velocities, values, exact.times)
     series = {one.name: numeric_formulas.array_value(one.expression, table) for one in observing.observables(scene)}
@@ -224,8 +206,11 @@ def _with_series(scene: data.Scene, exact: Trajectory | data.Unavailable) -> Tra
     return replace(exact, series=series, maxima=maxima)
 
 
-def _truth(scene: data.Scene, derived: derivation.Derived, stop: data.Stop | None) -> data.Truth | data.Unavailable:
+def _truth(scene: data.Scene, derived: derivation.Derived, stop: data.Stop | None) -> data.Truth | str:
     """The true motion; circles are compared with the exact solution only, so they cost no reference run."""
-    if derivation.COMPARED & set(scene.observe) or isinstance(derived.exact, exact_motion.ExactMotion):
+    if not derivation.COMPARED & set(scene.observe) and derived.exact_or_none() is None:
+        return "No exact solution is known here."
+    try:
         return truths.true_motion(scene, derived, stop)
-    return data.Unavailable("No exact solution is known here.")
+    except data.Unavailable as error:
+        return error.detail

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from inverse_service.errors import InputError
 from inverse_service.expressions import tree as ex
 from inverse_service.integrators.trajectory import Array
 
@@ -152,11 +153,8 @@ class FreeLagrangian:
     domain: tuple[ex.Expression, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class Unavailable:
-    """A part that a method needs does not exist or was not found; `reason` is a sentence."""
-
-    reason: str
+class Unavailable(InputError):
+    """A part that a method needs does not exist or was not found; `detail` is a sentence."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -26,12 +26,13 @@ from inverse_service.integrators import method_table
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.simulation import (
     accelerations as accelerating,
+    execution,
     initial,
     numeric_formulas as nf,
     observing,
     scene_data as data,
 )
-from inverse_service.simulation.events import CONTINUED, ENDED, NOISE, Found, Point, located
+from inverse_service.simulation.events import CONTINUED, ENDED, NOISE, Found, Motion, Point, located
 
 FIRST, MOST = 16, 4096  # steps of a piece that is looked at for events at once
 SAME = 1e-12  # of a step: events at one time; of the size of a state: what does not move
@@ -46,7 +47,6 @@ NO_MOTION = "the motion has several continuations, or none, where {} = 0"
 MOST_TRIES = 64  # shorter steps up to a switch where the formulas of one side end behind it
 BEGIN_ELSEWHERE = "begin elsewhere"
 ENDS_BEYOND = ("singular", "not_finite", "off_domain", "no_convergence")  # of a step that may lead beyond a switch
-Integrate = Callable[[data.Problem, data.MethodChoice, data.Start, data.Grid], Trajectory | data.Unavailable]
 Sides = dict[ex.Expression, int]  # of each switching function: 1 above zero, -1 below, 0 where the motion sticks
 
 
@@ -60,15 +60,17 @@ class Switch:
 
 
 @dataclass(frozen=True, slots=True)
-class Pieces:
-    """A run in pieces: velocities at its points, no momenta. `final` is the state at the end."""
+class Run:
+    """The run of a method; where it is `in_pieces`, with velocities at its points, no momenta, the events and switches
+    on the way, and the state at the end."""
 
     trajectory: Trajectory
-    events: tuple[Found, ...]
-    switches: tuple[Switch, ...]
-    final: Point | None
+    in_pieces: bool = False
+    events: tuple[Found, ...] = ()
+    switches: tuple[Switch, ...] = ()
+    final: Point | None = None
 
-    def thinned(self, grid: data.Grid) -> Pieces:
+    def thinned(self, grid: data.Grid) -> Run:
         """With the points that the grid records."""
         found, every = self.trajectory, grid.record_every
         rows = grid.recorded if found.outcome.completed else np.arange(0, len(found.times), every)
@@ -306,30 +308,34 @@ def run_motion(
     scene: data.Scene,
     requested: data.Requested,
     problem: data.Problem,
-    motion: data.Problem | data.Unavailable,
+    motion: Motion,
     start: data.Start,
     values: Mapping[str, float],
-    integrate: Integrate,
     stop: data.Stop | None = None,
-) -> Trajectory | Pieces | data.Unavailable:
-    """The run of a method by `integrate`, in pieces where it has some; `motion` has the accelerations."""
-    if requested.choice is None or not has_pieces(scene, problem):
-        return integrate(problem, requested.choice or CONTINUED, start, scene.grid)
-    if isinstance(motion, data.Unavailable) or motion.accelerations is None:
-        return motion if isinstance(motion, data.Unavailable) else data.Unavailable("The accelerations are not known.")
-    functions = switches_of(problem, scene)
-    formulas = _Motion(scene, values, problem, motion.accelerations, functions)
+) -> Run:
+    """The run of a method with what the scene observes at every step, in pieces where it has some; `motion` has the
+    accelerations."""
+    choice = requested.choice or CONTINUED
+
+    def integrate(what: data.Problem, by: data.MethodChoice, begin: data.Start, grid: data.Grid) -> Trajectory:
+        own, observation = observing.observed_problem(scene, what)
+        return execution.run(own, by, begin, grid, values, observation, stop)
+
+    if not has_pieces(scene, problem):
+        return Run(integrate(problem, choice, start, scene.grid))
+    accelerations = motion().accelerations
+    assert accelerations is not None
+    formulas = _Motion(scene, values, problem, accelerations, switches_of(problem, scene))
     every_point = replace(scene, grid=replace(scene.grid, record_every=1))
-    found = _Run(every_point, requested, formulas, integrate, stop).go(start)
-    return found.thinned(scene.grid) if isinstance(found, Pieces) else found
+    return _Pieces(every_point, requested, formulas, integrate, stop).go(start).thinned(scene.grid)
 
 
 @dataclass
-class _Run:
+class _Pieces:
     scene: data.Scene
     requested: data.Requested
     motion: _Motion
-    integrate: Integrate
+    integrate: Callable[[data.Problem, data.MethodChoice, data.Start, data.Grid], Trajectory]
     stop: data.Stop | None
 
     def __post_init__(self) -> None:
@@ -341,7 +347,7 @@ class _Run:
         self.settled: set[ex.Expression] = set()  # functions whose sides at the last event are known
         self.held: dict[int, float] = {}  # the sense in which each event was reached that turned the motion back
 
-    def go(self, start: data.Start) -> Pieces | data.Unavailable:
+    def go(self, start: data.Start) -> Run:
         scene, grid = self.scene, self.scene.grid
         state = (
             grid.begin,
@@ -371,8 +377,6 @@ class _Run:
             what = self.motion.problem_on(sides, by_forces)
             begin = begun or data.Start(tuple(map(float, state[1])), velocities=tuple(map(float, state[2])))
             ran = self.integrate(what, choice, begin, piece)
-            if isinstance(ran, data.Unavailable):
-                return ran
             if len(ran.times) < 2:
                 failed, share, tries = failed or (ran.outcome, state), share / 2, tries + 1
                 if self.motion.functions and ran.outcome.kind in ENDS_BEYOND and tries < MOST_TRIES:
@@ -386,7 +390,7 @@ class _Run:
             )  # fmt: skip
             velocities = observed.velocities
             if velocities is None:
-                return data.Unavailable("The method has no velocities at its points, which events need.")
+                raise data.Unavailable("The method has no velocities at its points, which events need.")
             ran = replace(ran, velocities=velocities, momenta=None)
             if (turned := self._turned(ran, velocities, sides)) is not None:
                 sides = turned
@@ -397,7 +401,7 @@ class _Run:
                 ran = replace(ran.part(slice(last)), outcome=Outcome("completed"))
                 observed = replace(observed, trajectory=observed.trajectory.part(slice(last)))
                 velocities = velocities[:last]
-            found = self._first(observed, replace(self.motion.problem, accelerations=self.motion.forces(sides)), sides)
+            found = self._first(observed, sides)
             begun = None
             if self._fell_through(ran, velocities, np.inf if found is None else found[0][0]):
                 outcome = self._zeno(state[0], place)
@@ -437,7 +441,7 @@ class _Run:
             text = printing.to_text(self.motion.functions[-1]) if self.motion.functions else ""
             outcome = Outcome("singular", place, state[0], NO_MOTION.format(text), None, BEGIN_ELSEWHERE)
         whole = self._joined(outcome or Outcome("completed", grid.steps, grid.begin + grid.steps * grid.step), start)
-        return Pieces(whole, tuple(self._events()), tuple(self.switches), state)
+        return Run(whole, True, tuple(self._events()), tuple(self.switches), state)
 
     def _passed(self, ran: Trajectory, velocities: Array, sides: Sides) -> int:
         """How many points lead to the first beyond a switch, or all."""
@@ -485,9 +489,7 @@ class _Run:
         moved = abs(self.scene.grid.step) * abs(float(self.motion.at([rate], state)[0]))
         return value + moved <= SAME * size
 
-    def _first(
-        self, run: observing.Observed, motion: data.Problem, sides: Sides
-    ) -> tuple[Point, list[int | ex.Expression]] | None:
+    def _first(self, run: observing.Observed, sides: Sides) -> tuple[Point, list[int | ex.Expression]] | None:
         """The state at the first event of a piece that acts, stops or switches, and all events at that time."""
         shares = self.motion.shares(sides)
         watched: list[tuple[int | ex.Expression, data.Event]] = list(enumerate(self.scene.events))
@@ -498,13 +500,15 @@ class _Run:
         at, least = run.trajectory, SAME * abs(self.scene.grid.step)
         ends: list[tuple[float, int | ex.Expression, Point]] = []
         records: list[tuple[float, int, Point]] = []
-        for (kind, event), found in zip(watched, located(run, [e for _, e in watched], motion), strict=True):
+        motion = replace(self.motion.problem, accelerations=self.motion.forces(sides))
+        places = located(run, [event for _, event in watched], lambda: motion)
+        for (kind, _), found in zip(watched, places, strict=True):
             if isinstance(kind, int) and found.note:
                 self.notes[kind] = found.note
             for row in range(len(found.times)):
                 state = (float(found.times[row]), found.positions[row], found.velocities[row])
                 new = state[0] > at.times[0] + (least if len(self.parts) else -least)
-                if new and isinstance(kind, int) and not (event.acts or event.stops):
+                if new and isinstance(kind, int) and not (found.event.acts or found.event.stops):
                     records.append((state[0], kind, state))
                 elif new:
                     ends.append((state[0], kind, state))

@@ -19,7 +19,6 @@ from inverse_service.simulation import (
     derivation,
     estimates,
     exact_motion,
-    execution,
     initial,
     observing,
     scene_data,
@@ -47,41 +46,36 @@ TOO_NARROW = "A force acts within a step at t = {:.6g}, and `adaptive` cannot re
 
 def true_motion(
     scene: scene_data.Scene, derived: derivation.Derived, stop: scene_data.Stop | None = None
-) -> scene_data.Truth | scene_data.Unavailable:
-    """The true motion at the recorded times of the scene, or why it is not known."""
-    if not isinstance(derived.exact, exact_motion.ExactMotion):
-        return _references(scene, derived, stop)
+) -> scene_data.Truth:
+    """The true motion at the recorded times of the scene; Unavailable where it is not known."""
+    if derived.exact_or_none() is None:
+        return _references(scene, derived.motion(), stop)
     found = exact_trajectory(scene, derived)
-    if isinstance(found, scene_data.Unavailable) or found.velocities is None:
-        return found if isinstance(found, scene_data.Unavailable) else scene_data.Unavailable(NONE_FOUND)
+    assert found.velocities is not None
     bounds = ROUND_OFF * (1 + np.maximum.accumulate(np.abs(found.positions).max(axis=1)))
     return scene_data.Truth(found.times, found.positions, found.velocities, "exact", bounds, found.run_seconds)
 
 
-def exact_trajectory(scene: scene_data.Scene, derived: derivation.Derived) -> Trajectory | scene_data.Unavailable:
+def exact_trajectory(scene: scene_data.Scene, derived: derivation.Derived) -> Trajectory:
     """The exact solution as a trajectory, at the recorded times."""
-    if not isinstance(derived.exact, exact_motion.ExactMotion):
-        reason = derived.exact.reason if derived.exact is not None else "It was not requested."
-        return scene_data.Unavailable(f"No exact solution is known for this scene. {reason}")
+    try:
+        exact = derived.exact()
+    except scene_data.Unavailable as error:
+        raise scene_data.Unavailable(f"No exact solution is known for this scene. {error.detail}") from None
     if initial.ended_at_start(scene) is not None:
-        return scene_data.Unavailable(initial.NO_VALUE)
+        raise scene_data.Unavailable(initial.NO_VALUE)
     begun = time.perf_counter()
     times = scene.grid.times
     try:
-        rows = exact_motion.positions_of(derived.exact, scene.positions, scene.velocities, times - scene.grid.begin)
+        rows = exact_motion.positions_of(exact, scene.positions, scene.velocities, times - scene.grid.begin)
     except ValueError as error:
-        return scene_data.Unavailable(f"The exact solution ends: {error}.")
+        raise scene_data.Unavailable(f"The exact solution ends: {error}.") from None
     seconds = time.perf_counter() - begun
     return Trajectory(times, rows[0], None, np.array(rows[1]), Outcome("completed"), run_seconds=seconds)
 
 
-def _references(
-    scene: scene_data.Scene, derived: derivation.Derived, stop: scene_data.Stop | None
-) -> scene_data.Truth | scene_data.Unavailable:
+def _references(scene: scene_data.Scene, problem: scene_data.Problem, stop: scene_data.Stop | None) -> scene_data.Truth:
     begun, times = time.perf_counter(), scene.grid.times
-    problem = derivation.with_accelerations(scene, derived)
-    if isinstance(problem, scene_data.Unavailable):
-        return problem
 
     def rows(choice: scene_data.MethodChoice, refinement: int = 1) -> Array:
         """Positions and velocities at the recorded times, (m, 2 n); nan where the reference did not arrive."""
@@ -125,18 +119,10 @@ def _part(
     stop: scene_data.Stop | None,
 ) -> Trajectory:
     """A part of the run, with the events that act and the switches in it."""
-
-    def piece(
-        what: scene_data.Problem, by: scene_data.MethodChoice, begin: scene_data.Start, over: scene_data.Grid
-    ) -> Trajectory:
-        return execution.run(what, by, begin, over, dict(scene.values), (), stop)
-
     acting = tuple(event for event in scene.events if event.acts)
-    requested, own = scene_data.Requested("", choice.method, None, choice), replace(scene, grid=grid, events=acting)
-    found = run_motion(own, requested, problem, problem, start, scene.values, piece, stop)
-    if isinstance(found, scene_data.Unavailable):
-        raise InputError(found.reason)
-    return found if isinstance(found, Trajectory) else found.trajectory
+    requested, own = scene_data.Requested("", choice.method, None, choice), replace(
+        scene, grid=grid, events=acting, observe=())  # fmt: skip
+    return run_motion(own, requested, problem, lambda: problem, start, scene.values, stop).trajectory
 
 
 def _size(rows: Array) -> float:
@@ -153,15 +139,13 @@ def _distances(first: Array, second: Array) -> Array:
     return found
 
 
-def _judged(
-    times: Array, first: Array, second: Array, by: str, begun: float
-) -> scene_data.Truth | scene_data.Unavailable:
+def _judged(times: Array, first: Array, second: Array, by: str, begun: float) -> scene_data.Truth:
     """The reference, the bound of its error, and the time until which it is known."""
     distances = _distances(first, second)
     good = np.isfinite(distances) & (SAFETY * distances <= USELESS * _size(first))
     until = len(good) if good.all() else int(np.argmin(good))
     if until < 2:
-        return scene_data.Unavailable(NONE_FOUND)
+        raise scene_data.Unavailable(NONE_FOUND)
     rows, reason = first.copy(), ""
     rows[until:] = np.nan
     if until < len(times):
@@ -181,9 +165,11 @@ def with_missed_force(
     """The estimate of a completed run. Where a force acts within a step, `adaptive` runs too, its steps ending on the
     peaks of the forces: with a doubt and the true size of the error if that leads elsewhere, or cannot pass a peak."""
     scene, grid, moments = run.scene, run.scene.grid, estimates.moments_between(run)
-    problem = None if not len(moments) else derivation.with_accelerations(
-        scene, derivation.derived_for_truth(scene, derived))  # fmt: skip
-    if problem is None or isinstance(problem, scene_data.Unavailable):
+    if not len(moments):
+        return numbers
+    try:
+        problem = derived.motion()
+    except scene_data.Unavailable:
         return numbers
     start = scene_data.Start(tuple(scene.positions), velocities=tuple(scene.velocities))
     found = [scene.positions]

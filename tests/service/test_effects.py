@@ -11,10 +11,10 @@ from inverse_service.expressions.tree import Symbol, walk
 from inverse_service.kernels.codegen.compiled import kernel_text
 from inverse_service.service.scenes.scene_reading import read_scene, scene_schema
 from inverse_service.service.scenes.simulating import simulate
-from inverse_service.simulation.derivation import derive, problem_of
+from inverse_service.simulation.derivation import Derived, problem_of
 from inverse_service.simulation.numeric_formulas import Formulas
 from inverse_service.simulation.observing import observed_problem
-from inverse_service.simulation.scene_data import Problem, Unavailable
+from inverse_service.simulation.scene_data import Problem
 from inverse_service.simulation.schemes import program_of
 from tests.values import slow
 
@@ -39,8 +39,8 @@ def test_an_effect_that_is_left_out_leaves_no_symbol(left_out: str, method: str)
     acting = [name for name in NAMES if name != left_out]
     scene, _ = read_scene(scene_schema(EFFECTS | {"effects": acting, "methods": [method], "observe": ["energy"]}))
     for name, parameter in NAMES.items():
-        derived = derive(scene, lambda *_: Unavailable(""))
-        problem = problem_of(scene, scene.methods[0], derived)
+        derived = Derived(scene, None)
+        problem = problem_of(scene.methods[0], derived)
         assert isinstance(problem, Problem)
         problem, observation = observed_problem(scene, problem)
         is_there = name != left_out
@@ -53,7 +53,7 @@ def test_an_effect_that_is_left_out_leaves_no_symbol(left_out: str, method: str)
     # The very kernel of a system that never had it.
     kernel = kernel_text(program)
     bare, _ = read_scene(scene_schema(without(left_out) | {"methods": [method], "observe": ["energy"]}))
-    own = observed_problem(bare, problem_of(bare, bare.methods[0], derive(bare, lambda *_: Unavailable(""))))
+    own = observed_problem(bare, problem_of(bare.methods[0], Derived(bare, None)))
     assert kernel_text(program_of(Formulas(own[0]), bare.methods[0].choice, own[1])) == kernel
     result = simulate(EFFECTS | {"effects": acting, "methods": [method], "observe": ["trajectory", "constraints"]})
     texts = [result["system"]["lagrangian"], *result["system"]["constraints"]]
@@ -101,7 +101,7 @@ def test_a_quantity_that_is_not_observed_leaves_no_symbol(observed: str) -> None
     for names in (every, [name for name in every if name != observed]):
         document = EFFECTS | {"methods": ["nonholonomic"], "observe": names}
         scene, _ = read_scene(scene_schema(document))
-        problem = problem_of(scene, scene.methods[0], derive(scene, lambda *_: Unavailable("")))
+        problem = problem_of(scene.methods[0], Derived(scene, None))
         own = observed_problem(scene, problem)
         kernels.append(kernel_text(program_of(Formulas(own[0]), scene.methods[0].choice, own[1])))
         columns.append(set(simulate(document)["methods"][0]["points"]["columns"]))

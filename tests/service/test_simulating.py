@@ -18,7 +18,7 @@ from inverse_service.service.documents.plain_data import read_json
 from inverse_service.service.scenes.scene_lagrangian import finder
 from inverse_service.service.scenes.scene_reading import read_scene, scene_schema
 from inverse_service.service.scenes.simulating import MOST_POINTS, simulate, simulate_tables
-from inverse_service.simulation.derivation import derive, problem_of
+from inverse_service.simulation.derivation import Derived, problem_of
 from inverse_service.simulation.numeric_formulas import Formulas
 from inverse_service.simulation.observing import ENERGY_START, observables
 from inverse_service.simulation.scene_data import Problem
@@ -106,8 +106,8 @@ def kernel(document: dict[str, Any]) -> str:
     """The text of the kernel of the first method."""
     schema = scene_schema(document)
     found, system = read_scene(schema)
-    derived = derive(found, finder(schema, system))
-    problem, choice = problem_of(found, found.methods[0], derived), found.methods[0].choice
+    derived = Derived(found, finder(schema, system))
+    problem, choice = problem_of(found.methods[0], derived), found.methods[0].choice
     assert isinstance(problem, Problem)
     assert choice is not None
     problem = replace(problem, parameters=(*problem.parameters, ENERGY_START))

@@ -4,9 +4,10 @@ The solver and the simulation exchange text: the answer of the solver is parsed 
 """
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -42,13 +43,10 @@ NO_INVERSE = (
 def finder(schema: SceneDocument, system: scene_reading.MechanicalSystem) -> derivation.Find:
     """The function that `derive` calls for the free Lagrangian of a method."""
 
-    def find(
-        scene: Scene, name: str | None, exact: exact_motion.ExactMotion | Unavailable
-    ) -> FreeLagrangian | Unavailable:
+    def find(scene: Scene, name: str | None, exact: exact_motion.ExactMotion | None) -> FreeLagrangian:
         wanted = name if name is not None else schema.free_lagrangian
         found = _Search(scene, system, _constants(schema)).found(wanted, exact, _pointer(schema, name))
-        if isinstance(found, FreeLagrangian):
-            _refuse_unknown_constants(schema, found)
+        _refuse_unknown_constants(schema, found)
         return found
 
     return find
@@ -62,44 +60,32 @@ class _Search:
     system: scene_reading.MechanicalSystem
     constants: Mapping[str, float]
 
-    def found(
-        self, wanted: str | None, exact: exact_motion.ExactMotion | Unavailable, pointer: str
-    ) -> FreeLagrangian | Unavailable:
+    def found(self, wanted: str | None, exact: exact_motion.ExactMotion | None, pointer: str) -> FreeLagrangian:
         """L~ as `wanted`: a formula, or the name of an associated system; None for the best one known."""
         scene = self.scene
         if wanted is not None and wanted not in KINDS:
             return self.given(wanted, pointer, "given in the scene")
         if not scene.constraints and scene.lagrangian is not None:
-            found = _with_hamiltonian(scene, scene.lagrangian, {}, "the Lagrangian of the scene")
-            return replace(found, forced=bool(scene.forces)) if isinstance(found, FreeLagrangian) else found
+            own = _with_hamiltonian(scene, scene.lagrangian, {}, "the Lagrangian of the scene")
+            return replace(own, forced=bool(scene.forces))
         if scene.forces:
-            return Unavailable(FORCED)
+            raise Unavailable(FORCED)
         if wanted is None and self.system.known:
             return self.first_fitting(self.system.known, self.system.source)
-        if wanted in (None, "second") and isinstance(exact, exact_motion.ExactMotion):
+        if wanted in (None, "second") and exact is not None:
             known = exact_motion.class_lagrangian(exact, tuple(scene.values))
             if known is not None:
                 return _of_class(known, exact, self.constants)
-        found = self.of_associated(wanted or "second")
-        if wanted is not None or scene.lagrangian is None or isinstance(found, FreeLagrangian):
-            return found
-        others = (self.of_associated(which) for which in ("first", "third"))
-        return next((other for other in others if isinstance(other, FreeLagrangian)), found)
+        return _first(
+            partial(self.of_associated, which)
+            for which in ([wanted] if wanted or scene.lagrangian is None else ["second", "first", "third"])
+        )
 
-    def first_fitting(
-        self, known: Sequence[scene_reading.KnownLagrangian], source: str
-    ) -> FreeLagrangian | Unavailable:
-        """The first that has the motion and whose domain contains the start; else why the last one fails."""
-        found: FreeLagrangian | Unavailable = Unavailable("")
-        for one in known:
-            found = self.given(one.text, "/system", source, one.domain)
-            if isinstance(found, FreeLagrangian):
-                break
-        return found
+    def first_fitting(self, known: Sequence[scene_reading.KnownLagrangian], source: str) -> FreeLagrangian:
+        """The first that has the motion and whose domain contains the start."""
+        return _first(partial(self.given, one.text, "/system", source, one.domain) for one in known)
 
-    def given(
-        self, text: str, pointer: str, source: str, conditions: Sequence[str] = ()
-    ) -> FreeLagrangian | Unavailable:
+    def given(self, text: str, pointer: str, source: str, conditions: Sequence[str] = ()) -> FreeLagrangian:
         """The L~ of a text, tested against the motion."""
         scene, names, constants = self.scene, self.system.names, self.constants
         extra = tuple(name for name in constants if name not in names.parameters)
@@ -110,33 +96,37 @@ class _Search:
         own = {name: value for name, value in constants.items() if name in used and name not in scene.values}
         values = dict(scene.values) | own
         accelerations = derivation.accelerations_of(scene)
-        if isinstance(accelerations, Unavailable):
-            return accelerations
         domain = _domain(scene, self.system, conditions, values)
         if domain is None:
-            return Unavailable(ELSEWHERE.format(source, ", ".join(conditions)))
+            raise Unavailable(ELSEWHERE.format(source, ", ".join(conditions)))
         if accelerating.keeps_motion(scene, tree, accelerations, values, domain) is False:
             if pointer == "/system":
-                detail = f"For the Lagrangian that is {source}, {OTHER}: the effects of the scene changed it."
-                return Unavailable(detail)
+                raise Unavailable(f"For the Lagrangian that is {source}, {OTHER}: the effects of the scene changed it.")
             raise InputError(f"{OTHER}: give one of an associated system of it, or leave it out.", pointer)
-        found = _with_hamiltonian(scene, tree, own, source)
-        return replace(found, domain=domain) if isinstance(found, FreeLagrangian) else found
+        return replace(_with_hamiltonian(scene, tree, own, source), domain=domain)
 
-    def of_associated(self, which: str) -> FreeLagrangian | Unavailable:
-        """The L~ of an associated system: that of the catalogue, or what the solver finds."""
+    def of_associated(self, which: str | None) -> FreeLagrangian:
+        """The L~ of an associated system, or of the system: that of the catalogue, or what the solver finds."""
+        which = which or "second"
         if (catalogued := _catalogued(self.system.catalogue_name, which)) is not None:
-            found = self.given(catalogued, "/system", f"the known Lagrangian of the {which} associated system")
-            if isinstance(found, FreeLagrangian):
-                return found
-        question = _question(self.scene, which)
-        if isinstance(question, Unavailable):
-            return question
-        known, reason = _solved(question, self.system.names)
+            with suppress(Unavailable):
+                return self.given(catalogued, "/system", f"the known Lagrangian of the {which} associated system")
+        known, reason = _solved(_question(self.scene, which), self.system.names)
         what = f"the {which} associated system" if self.scene.lagrangian is not None else "the system"
         if not known:
-            return Unavailable(f"No free Lagrangian was found for {what}: {reason} Use the other methods.")
+            raise Unavailable(f"No free Lagrangian was found for {what}: {reason} Use the other methods.")
         return self.first_fitting(known, f"found by the solver for {what}")
+
+
+def _first(ways: Iterable[Callable[[], FreeLagrangian]]) -> FreeLagrangian:
+    """What the first of the ways finds; else why the first one fails."""
+    reasons = []
+    for way in ways:
+        try:
+            return way()
+        except Unavailable as reason:
+            reasons.append(reason)
+    raise reasons[0]
 
 
 def _domain(
@@ -159,14 +149,12 @@ def _domain(
     return tuple(dict.fromkeys(end if sign > 0 else -end for end, sign in pairs if sign))
 
 
-def _with_hamiltonian(
-    scene: Scene, tree: ex.Expression, constants: Mapping[str, float], source: str
-) -> FreeLagrangian | Unavailable:
+def _with_hamiltonian(scene: Scene, tree: ex.Expression, constants: Mapping[str, float], source: str) -> FreeLagrangian:
     """L~, with its H~ if a closed form exists that reproduces the initial velocities."""
     try:
         found = legendre(tree, scene.coordinates)
     except InputError as error:
-        return Unavailable(f"The Lagrangian cannot be used: {error.detail}")
+        raise Unavailable(f"The Lagrangian cannot be used: {error.detail}") from None
     standard = all(symbol.name == f"p_{name}" for symbol, name in zip(found.symbols, scene.coordinates, strict=True))
     hamiltonian, lost = None, ""
     if not found.implicit and found.velocities is not None and standard:
@@ -193,18 +181,18 @@ def _of_class(
     return FreeLagrangian(known.lagrangian, known.hamiltonian, chosen, source, momenta)
 
 
-def _question(scene: Scene, which: str) -> dict[str, Any] | Unavailable:
+def _question(scene: Scene, which: str) -> dict[str, Any]:
     """The question to the solver: the equations of the scene, or those of an associated system with its effects."""
     accelerations = scene.accelerations
     if accelerations is None:
         try:
             found = _associated(scene, which)
         except InputError as error:
-            return Unavailable(f"The {which} associated system is not defined: {error.detail}")
+            raise Unavailable(f"The {which} associated system is not defined: {error.detail}") from None
         except TooLarge as error:
-            return Unavailable(f"The {which} associated system is too large to be written out: {error}.")
+            raise Unavailable(f"The {which} associated system is too large to be written out: {error}.") from None
         if found.system is None:
-            return Unavailable(found.explanation)
+            raise Unavailable(found.explanation)
         accelerations = found.system.accelerations
     # For the system itself an L(t, q, q') serves too; for an associated one, the form of the paper is wanted.
     return _of_equations(scene, accelerations, False if scene.accelerations is None else None)
@@ -267,11 +255,14 @@ def _answer(question: str, seconds: float) -> dict[str, Any] | str:
         return error.detail
 
 
-def conserved(
-    scene: Scene, system: scene_reading.MechanicalSystem, accelerations: Sequence[ex.Expression] | Unavailable | None
-) -> tuple[Observable, ...]:
+def conserved(system: scene_reading.MechanicalSystem, derived: derivation.Derived) -> tuple[Observable, ...]:
     """Constants of the motion if the energy is not one: found by the solver for the equations that are integrated."""
-    if accelerations is None or isinstance(accelerations, Unavailable) or len(scene.coordinates) > MOST_CONSERVED:
+    scene = derived.scene
+    if len(scene.coordinates) > MOST_CONSERVED:
+        return ()
+    try:
+        accelerations = derived.accelerations()
+    except Unavailable:
         return ()
     jumps = switching_functions(accelerations, scene.coordinates)
     if scene.constraints or jumps or any(event.acts for event in scene.events):

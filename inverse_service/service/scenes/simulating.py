@@ -19,13 +19,13 @@ from inverse_service.expressions.printing import to_text
 from inverse_service.integrators.trajectory import Array, Trajectory
 from inverse_service.service.scenes import scene_lagrangian, scene_reading
 from inverse_service.simulation.advice import advice, by_itself
-from inverse_service.simulation.derivation import derive, derived_for_truth
+from inverse_service.simulation.derivation import Derived
 from inverse_service.simulation.ensembles import EnsembleRun
 from inverse_service.simulation.estimates import order_of
 from inverse_service.simulation.events import Found, where_ended
 from inverse_service.simulation.observing import columns_of, last_point, why_energy_varies
 from inverse_service.simulation.running import MethodRun, SceneRun, run_scene
-from inverse_service.simulation.scene_data import Progress, Requested, Scene, Truth, Unavailable
+from inverse_service.simulation.scene_data import Progress, Requested, Scene, Truth
 from inverse_service.simulation.switching import Switch
 
 FORMAT = "inverse-service/simulation/1"
@@ -117,16 +117,14 @@ def run_document(document: Any, progress: Progress | None, time_limit: float) ->
     if progress is not None:
         progress("deriving")
     find = scene_lagrangian.finder(schema, system)
-    derived = derive(scene, find)
+    derived = Derived(scene, find)
     if not schema.methods:
         scene = by_itself(scene, derived)
     if "energy" in scene.observe and (scene.accelerations is not None or why_energy_varies(scene)):
-        scene = replace(
-            scene, conserved=scene_lagrangian.conserved(scene, system, derived_for_truth(scene, derived).accelerations)
-        )
+        scene = replace(scene, conserved=scene_lagrangian.conserved(system, derived))
     done = time.perf_counter()
     half = (now() + end) / 2
-    found = run_scene(scene, derived, find, progress, lambda: now() > end, lambda: now() > half)
+    found = run_scene(replace(derived, scene=scene), progress, lambda: now() > end, lambda: now() > half)
     stages = {"read": read - begun, "derive": done - read, "run": time.perf_counter() - done}
     return found, stages
 
@@ -194,10 +192,10 @@ def _method(scene: Scene, run: MethodRun) -> dict[str, Any]:
     if run.events:
         document["events"] = [_event(scene, one) for one in run.events]
     if run.observed is not None:
-        pieces = None if run.pieces is None else run.pieces.final
-        document["final"] = _final(scene, pieces or where_ended(run.events, run.outcome) or last_point(run.observed))
-    if run.pieces is not None and run.pieces.switches:
-        document["switches"] = _switches(run.pieces.switches)
+        known = None if run.ran is None else run.ran.final
+        document["final"] = _final(scene, known or where_ended(run.events, run.outcome) or last_point(run.observed))
+    if run.ran is not None and run.ran.switches:
+        document["switches"] = _switches(run.ran.switches)
     if run.free is not None:
         document["free_lagrangian"] = to_text(run.free.lagrangian)
         document["constants"] = dict(run.free.constants) | dict(requested.constants)
@@ -281,11 +279,11 @@ def _points(scene: Scene, run: MethodRun, trajectory: Trajectory) -> dict[str, A
     return {"points": {"every": every * scene.grid.record_every, "columns": thinned}}
 
 
-def _truth(truth: Truth | Unavailable | None) -> dict[str, Any] | None:
+def _truth(truth: Truth | str | None) -> dict[str, Any] | None:
     if truth is None:
         return None
-    if isinstance(truth, Unavailable):
-        return {"against": None, "reason": truth.reason}
+    if isinstance(truth, str):
+        return {"against": None, "reason": truth}
     found = {"against": truth.against, "uncertainty": truth.uncertainty, "seconds": truth.seconds}
     found |= {"by": truth.by} if truth.by else {}
     return found | ({"reason": truth.reason} if truth.reason else {})

@@ -4,6 +4,7 @@ import dataclasses
 import platform
 import sys
 import time
+from contextlib import suppress
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -33,29 +34,35 @@ def work_precision(
     schema = scene_reading.scene_schema(document)
     steps = _steps(schema)
     scene, system = scene_reading.read_scene(schema)
+    find = scene_lagrangian.finder(schema, system)
     if not schema.methods:
-        schema = schema.model_copy(update={"methods": _suitable(scene)})
+        schema = schema.model_copy(update={"methods": _suitable(derivation.Derived(scene, find))})
         scene = dataclasses.replace(scene, methods=scene_reading.read_methods(schema))
     # Errors are always compared, even if the scene does not observe them, so the true motion is always derived.
     compared = dataclasses.replace(scene, observe=("error",), methods=(*scene.methods, *_peers(scene)))
-    derived = derivation.derive(compared, scene_lagrangian.finder(schema, system))
+    derived = derivation.Derived(compared, find)
     left = time_limit - (time.monotonic() - begun)
-    measured = precision.measure(compared, derived, steps, schema.repeats, left, progress, schema.long)
-    if isinstance(measured, scene_data.Unavailable):
-        raise errors.InputError(f"the errors of this scene cannot be measured: {measured.reason}", "/system")
-    plain: dict[str, Any] = simulating.as_plain(_document(measured, advising.advice(scene, derived)))
+    try:
+        measured = precision.measure(compared, derived, steps, schema.repeats, left, progress, schema.long)
+    except scene_data.Unavailable as error:
+        raise errors.InputError(f"the errors of this scene cannot be measured: {error.detail}", "/system") from None
+    advice = advising.advice(derivation.with_energy(derived).scene, derived)
+    plain: dict[str, Any] = simulating.as_plain(_document(measured, advice))
     return plain
 
 
-def _suitable(scene: scene_data.Scene) -> list[SceneMethod]:
+def _suitable(derived: derivation.Derived) -> list[SceneMethod]:
     """The methods that are measured if the scene names none."""
+    scene = derived.scene
     chosen: list[dict[str, Any]] = [{"method": "adaptive"}, {"method": "reference"}]
     chosen += [{"method": "runge-kutta", "order": order} for order in (4, 8)]
     if scene.lagrangian is not None:
         separable = method_advice.is_separable(scene.lagrangian, scene.coordinates) and not scene.forces
         own = "nonholonomic" if scene.constraints else "stormer-verlet" if separable else "variational"
         chosen += [{"method": own, "order": order} for order in (2, 4, 8)]
-    if advising.is_stiff(scene, derivation.accelerations_of(scene)):
+    with suppress(scene_data.Unavailable):
+        derived.accelerations()
+    if advising.is_stiff(derived):
         chosen.append({"method": "stiff"})
     return [SceneMethod.model_validate(one) for one in chosen]
 

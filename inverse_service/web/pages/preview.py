@@ -33,12 +33,13 @@ def accelerations_of(document: Mapping[str, Any]) -> tuple[Scene, tuple[trees.Ex
     Called in workers only: the web process loads nothing of this.
     """
     from inverse_service.service.scenes.scene_reading import read_scene, scene_schema
-    from inverse_service.simulation.derivation import derive
-    from inverse_service.simulation.scene_data import Unavailable
+    from inverse_service.simulation import derivation, scene_data
 
     scene, _ = read_scene(scene_schema({**document, "methods": ["runge-kutta"], "observe": []}))
-    found = derive(scene, lambda *_: Unavailable("")).accelerations
-    return scene, found if isinstance(found, tuple) else None
+    try:
+        return scene, derivation.accelerations_of(scene)
+    except scene_data.Unavailable:
+        return scene, None
 
 
 def preview_task(document: Mapping[str, Any]) -> dict[str, Any]:
