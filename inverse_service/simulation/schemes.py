@@ -238,7 +238,7 @@ def _finished(
     """The program with a clock where t matters, and without what nothing needs."""
     state, changes = with_clock(f, carried, changes, observed)
     known = _assigned(statements)
-    updates = tuple(None if number(0) in (change, known.get(change)) else change for change in changes)
+    updates = tuple(None if known.get(change, change) == number(0) else change for change in changes)
     needed = [change for change in updates if change is not None]
     needed += [*further, *(watch.formula for watch in watches), *(formula for _, formula in observed)]
     return programs.Program(

@@ -278,11 +278,28 @@ class _Motion:
                 others = [u for u in zero if u not in stuck]
                 for signs in product((1, -1), repeat=len(others)):
                     sides = found | dict.fromkeys(stuck, STICKS) | dict(zip(others, signs, strict=True))
-                    shares = self.at(list(self.shares(sides).values()), state)
-                    inside = len(shares) == count and bool((np.abs(shares) <= 1 + AT_ZERO).all())
-                    if inside and self.goes(sides, others, state):
+                    inside = len(self.shares(sides)) == count and self._stay_inside(sides, state)
+                    rest = [u for u in others if not self._held(u, stuck, sides, state)]
+                    if inside and self.goes(sides, rest, state):
                         return sides
         return None
+
+    def _stay_inside(self, sides: Sides, state: Point) -> bool:
+        """Whether the shares of what sticks are at most 1, and do not grow beyond it."""
+        shares, forces = list(self.shares(sides).values()), self.forces(sides)
+        values, rates = (self.at(trees, state) for trees in (shares, [self.rate(one, forces) for one in shares]))
+        leaves = (np.abs(values) > 1 - AT_ZERO) & (values * rates > AT_ZERO * np.abs(rates).max(initial=0.0))
+        return bool((np.abs(values) <= 1 + AT_ZERO).all() and not leaves.any())
+
+    def _held(self, u: ex.Expression, stuck: Sequence[ex.Expression], sides: Sides, state: Point) -> bool:
+        """Whether a function stays zero because others stick, as two blocks at rest on the ground do not rub."""
+        names, surfaces = self.scene.coordinates, [self.surface(one, sides) for one in (*stuck, u)]
+        slopes = [derivative.differentiate(w, ex.Velocity(name)) for w in surfaces for name in names]
+        rows = self.at(slopes, state).reshape(-1, len(names))
+        rate = self.at([self.rate(surfaces[-1], self.forces(sides))], state)
+        free = self.at(self.forces(sides | dict.fromkeys(stuck, 1)), state)
+        still = bool(np.abs(rate).max() <= AT_ZERO * np.abs(free).max(initial=0.0))
+        return still and bool(np.linalg.matrix_rank(rows) == np.linalg.matrix_rank(rows[:-1]))
 
     def _is_continuous(self, passing: Sequence[Sides], state: Point) -> bool:
         """Whether the forces have one value on all sides."""
@@ -296,9 +313,7 @@ class _Motion:
             first = self.rate(own, forces)
             rates = self.at([first, self.rate(first, forces)], state)
             scale = 1e-9 * (abs(rates[1]) + float(np.abs(state[2]).max()) + 1e-300)
-            slow = abs(rates[0]) <= scale and not any(
-                ex.holds(own, ex.Velocity(name)) for name in self.scene.coordinates
-            )
+            slow = abs(rates[0]) <= scale
             if not sides[u] * rates[1 if slow else 0] > 0:
                 return False
         return True
