@@ -237,7 +237,7 @@ class Observed:
     requested: data.Requested
     trajectory: Trajectory
     problem: data.Problem | None
-    values: Mapping[str, float]
+    values: Mapping[str, Any]
     truth: data.Truth | str | None
     in_pieces: bool = False
 

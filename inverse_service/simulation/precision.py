@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from inverse_service.integrators import method_table
-from inverse_service.simulation import derivation, observing, running, scene_data as data, truth as true_motions
+from inverse_service.simulation import accuracy, derivation, observing, running, scene_data as data
 
 CHECKS = 8
 TARGETS = (1e-3, 1e-6, 1e-9, 1e-12)
@@ -116,7 +116,7 @@ def measure(
     begun, length = time.process_time(), scene.grid.step * scene.grid.steps
     plain = replace(scene, observe=())
     finest = max(_counts(length, steps or [scene.grid.step / 8]))
-    truth = true_motions.true_motion(replace(plain, grid=_grid(length, min(finest, 65_536))), derived)
+    truth = accuracy.true_motion(replace(plain, grid=_grid(length, min(finest, 65_536))), derived)
     if not np.isfinite(truth.positions).all():
         raise data.Unavailable(truth.reason)
     scale = float(np.abs(truth.positions - truth.positions[0]).max()) or 1.0

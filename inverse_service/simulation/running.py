@@ -1,6 +1,10 @@
-"""Run a scene: every method with its observed quantities, an estimate of its error, and the cost of its parts."""
+"""Run a scene: every method with its observed quantities, an estimate of its error, and the cost of its parts; one
+motion, or the members of an ensemble, which are started, run and checked together.
+"""
 
 import logging
+import time
+from collections import Counter
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -10,23 +14,29 @@ import numpy as np
 
 from inverse_service.errors import InputError
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
+from inverse_service.kernels.codegen.program import NOT_STARTED, STATUS
 from inverse_service.simulation import (
+    accuracy,
     costs,
     derivation,
-    ensembles,
-    estimates,
     events as happening,
+    execution,
     initial,
     lyapunov,
-    numeric_formulas,
+    numeric_formulas as nf,
     observing,
     scene_data as data,
     switching,
-    truth as truths,
 )
 
 LATE = "The time limit was reached before this method could run. Take fewer methods or steps, or a longer time limit."
 FAULT = "This method failed because of a fault of the program ({}): please report the scene."
+MOST_SHARPER, LOOKED_AT = 2**22, 16  # steps of all members together; members in which a missed force is looked for
+MEMBER = "Member {}: {}"
+ELSEWHERE = (
+    "{} of {} members differ with {} by more than a tenth of the range of a coordinate. The first one of them is "
+    "member {}."
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +61,19 @@ class MethodRun:
 
 
 @dataclass(frozen=True, slots=True)
+class EnsembleRun:
+    """One method for all members. `series` are columns (N, m) of what is observed, `numbers` (N,) of each member."""
+
+    requested: data.Requested
+    outcome: Outcome
+    many: execution.Many | None
+    velocities: Array | None = None
+    series: Mapping[str, Array] = field(default_factory=dict)
+    numbers: Mapping[str, Array] = field(default_factory=dict)
+    seconds: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
 class SceneRun:
     """All runs of a scene, with the true motion where something observed needed it, or why it is not known."""
 
@@ -58,7 +81,7 @@ class SceneRun:
     derived: derivation.Derived
     truth: data.Truth | str | None
     runs: tuple[MethodRun, ...]
-    members: tuple[ensembles.EnsembleRun, ...] = ()
+    members: tuple[EnsembleRun, ...] = ()
     lyapunov: Mapping[str, Any] | None = None
     effects: Mapping[str, Any] = field(default_factory=dict)
 
@@ -79,7 +102,7 @@ def run_scene(
         tell("true motion")
         truth = _truth(scene, derived, compared_until or stop)
     runs: list[MethodRun] = []
-    members: list[ensembles.EnsembleRun] = []
+    members: list[EnsembleRun] = []
     for place, requested in enumerate(scene.methods, 1):
         tell(f"{requested.label} ({place} of {len(scene.methods)})")
         if stop is not None and stop() and scene.ensemble is None:
@@ -88,7 +111,7 @@ def run_scene(
             continue
         try:
             if scene.ensemble is not None:
-                members.append(ensembles.run_members(derived, requested, stop))
+                members.append(run_members(derived, requested, stop))
                 continue
             runs.append(run_method(scene, requested, derived, truth, stop))
         except (ArithmeticError, ValueError, LookupError, TypeError, RuntimeError) as error:
@@ -118,10 +141,10 @@ def run_method(
 
     if outcome.completed:
         with derivation.timed(seconds, "half the step"):
-            numbers |= estimates.estimated(run.observed, again)
+            numbers |= accuracy.estimated(run.observed, again)
             lost = numbers.pop("lost")
             if lost is None and not numbers["doubt"]:
-                numbers = truths.with_missed_force(run.observed, numbers, derived, stop)
+                numbers = accuracy.with_missed_force(run.observed, numbers, derived, stop)
         if lost is not None:
             return _cut(run, run.observed, lost)
         outcome = replace(outcome, doubt=numbers.pop("doubt"))
@@ -157,7 +180,7 @@ def observed_run(
     try:
         problem = None if requested.method == data.EXACT else derivation.problem_of(requested, derived)
         if problem is None:
-            ran = switching.Run(_with_series(scene, truths.exact_trajectory(scene, derived)))
+            ran = switching.Run(_with_series(scene, accuracy.exact_trajectory(scene, derived)))
         else:
             ran = _integrated(watched, requested, problem, derived, stop)
     except InputError as error:
@@ -168,7 +191,7 @@ def observed_run(
     observed = observing.Observed(scene, requested, found, problem, values, truth, ran.in_pieces)
     events = ran.events
     if not ran.in_pieces:
-        if found.outcome.completed and (other := estimates.other_motion(observed)) is not None:
+        if found.outcome.completed and (other := accuracy.other_motion(observed)) is not None:
             found = found.ended(found.times <= (other.time or 0.0), other)
             observed = replace(observed, trajectory=found)
         if watched.events and len(found.times) > 1:
@@ -200,8 +223,8 @@ def _integrated(
 def _with_series(scene: data.Scene, exact: Trajectory) -> Trajectory:
     """The exact trajectory with the formulas of the observed quantities at its points."""
     values = dict(scene.values) | {observing.ENERGY_START: observing.start_energy(scene) or 0.0}
-    table = numeric_formulas.table_of(scene.coordinates, exact.positions, exact.velocities, values, exact.times)
-    series = {one.name: numeric_formulas.array_value(one.expression, table) for one in observing.observables(scene)}
+    table = nf.table_of(scene.coordinates, exact.positions, exact.velocities, values, exact.times)
+    series = {one.name: nf.array_value(one.expression, table) for one in observing.observables(scene)}
     maxima = {name: float(np.abs(column).max()) for name, column in series.items()}
     return replace(exact, series=series, maxima=maxima)
 
@@ -211,6 +234,142 @@ def _truth(scene: data.Scene, derived: derivation.Derived, stop: data.Stop | Non
     if not derivation.COMPARED & set(scene.observe) and derived.exact_or_none() is None:
         return "No exact solution is known here."
     try:
-        return truths.true_motion(scene, derived, stop)
+        return accuracy.true_motion(scene, derived, stop)
     except data.Unavailable as error:
         return error.detail
+
+
+def run_members(derived: derivation.Derived, requested: data.Requested, stop: data.Stop | None) -> EnsembleRun:
+    """All members by one method; an outcome where it cannot run them."""
+    try:
+        return _run_members(derived, requested, stop)
+    except InputError as error:
+        return EnsembleRun(requested, Outcome("unavailable", remedy=error.detail), None)
+
+
+def _run_members(derived: derivation.Derived, requested: data.Requested, stop: data.Stop | None) -> EnsembleRun:
+    scene = derived.scene
+    members = scene.ensemble
+    assert members is not None
+    if requested.choice is None:
+        raise data.Unavailable(execution.ALL_METHODS)
+    known, problem = derivation.free_of(requested, derived), derivation.problem_of(requested, derived)
+    problem = problem.with_used_parameters()
+    values: dict[str, Any] = {**scene.values, **(known.constants if known else {}), **dict(requested.constants)}
+    values |= members.values
+    momenta = _momenta(known, members, values)
+    begun = time.perf_counter()
+    many = execution.run_ensemble(
+        problem, requested.choice, members.positions, members.velocities, scene.grid, values, momenta, stop=stop
+    )
+    ran = time.perf_counter()
+    lost = initial.without_value(scene) & (many.memory[many.card.layout.place(STATUS)] == 0)
+    for name, value in NOT_STARTED.items():
+        many.memory[many.card.layout.place(name), lost] = value
+    many.positions[lost, 1:] = many.rates[lost, 1:] = np.nan
+    velocities, series, numbers = _observed(scene, problem, requested, many, values)
+    seconds = {"run": ran - begun, "observed": time.perf_counter() - ran}
+    run = EnsembleRun(requested, Outcome("cancelled", scene.grid.steps), many, velocities, series, numbers, seconds)
+    if many.cancelled:
+        return run
+    numbers["estimated_error"], doubt = _estimated(scene, problem, run, values, momenta)
+    doubt = doubt or _missed(scene, problem, run, derived, values, stop)
+    return replace(run, outcome=Outcome(_kind(many), scene.grid.steps, doubt=doubt))
+
+
+def _kind(many: execution.Many) -> str:
+    """The common outcome: all members completed, some did, or, if none did, the most frequent outcome."""
+    if many.completed.any():
+        return "completed" if many.completed.all() else "partly"
+    return Counter(many.outcome(member).kind for member in range(len(many.positions))).most_common(1)[0][0]
+
+
+def _estimated(
+    scene: data.Scene, problem: data.Problem, run: EnsembleRun, values: dict[str, Any], momenta: Array | None
+) -> tuple[Array, str]:
+    """The estimated errors (N,), and how many members differ with half the step, or a smaller tolerance, for as many
+    members as MOST_SHARPER allows; nan for other members and those that did not reach the end."""
+    members, many, again = scene.ensemble, run.many, accuracy.finer(run.requested, scene.grid)
+    assert members is not None
+    assert many is not None
+    assert again.requested.choice is not None
+    count, most = len(many.positions), max(1, MOST_SHARPER // max(again.grid.steps, 1))
+    rows = np.unique(np.linspace(0, count - 1, min(count, most)).astype(int))
+    own = {name: value[rows] if isinstance(value, np.ndarray) else value for name, value in values.items()}
+    found = execution.run_ensemble(
+        problem, again.requested.choice, members.positions[rows], members.velocities[rows], again.grid, own,
+        None if momenta is None else momenta[rows],
+    )  # fmt: skip
+    points, estimates = many.positions[rows, : found.positions.shape[1]], np.full(count, np.nan)
+    errors, shares = accuracy.errors_of(points, found.positions, initial.angles(scene), again.part)
+    estimates[rows] = np.where(many.completed[rows], errors.max(axis=(1, 2)), np.nan)
+    far = (shares > accuracy.TOO_LARGE).any(axis=(1, 2)) & many.completed[rows]
+    looked = f"{len(rows):,}" if len(rows) == count else f"{len(rows):,} examined (of {count:,})"
+    doubt = ELSEWHERE.format(f"{far.sum():,}", looked, again.how, rows[far.argmax()]) if far.any() else ""
+    return estimates, doubt
+
+
+def _missed(
+    scene: data.Scene, problem: data.Problem, run: EnsembleRun, derived: derivation.Derived, values: dict[str, Any],
+    stop: data.Stop | None,
+) -> str:  # fmt: skip
+    """The doubt of the first of LOOKED_AT members that misses a force acting within a step, with its error."""
+    many, members, estimates = run.many, scene.ensemble, run.numbers["estimated_error"]
+    assert many is not None
+    assert members is not None
+    for row in np.flatnonzero(many.completed)[:: max(1, len(many.positions) // LOOKED_AT)]:
+        if run.velocities is None or (stop is not None and stop()):
+            break
+        own = _of_member(values, row)
+        start = members.positions[row], members.velocities[row]
+        alone = replace(scene, positions=start[0], velocities=start[1], values=own, ensemble=None)
+        ran = Trajectory(many.times, many.positions[row], None, run.velocities[row], many.outcome(row))
+        seen = observing.Observed(alone, run.requested, ran, problem, own, None, in_pieces=True)
+        found = accuracy.with_missed_force(seen, {"estimated_error": estimates[row], "doubt": ""}, derived, stop)
+        if found["doubt"]:
+            estimates[row] = np.nan if found["estimated_error"] is None else found["estimated_error"]
+            return MEMBER.format(row, found["doubt"])
+    return ""
+
+
+def _momenta(free: data.FreeLagrangian | None, members: data.Members, values: dict[str, Any]) -> Array | None:
+    """The momenta that L~ gives directly (they may be 0/0 in the velocities), by member if parameters differ."""
+    if free is None or free.start_momenta is None:
+        return None
+    if not members.values:
+        return free.start_momenta(members.positions, members.velocities, {k: float(x) for k, x in values.items()})
+    starts = enumerate(zip(members.positions, members.velocities, strict=True))
+    return np.array([free.start_momenta(q, v, _of_member(values, k)) for k, (q, v) in starts])
+
+
+def _of_member(values: dict[str, Any], row: int) -> dict[str, float]:
+    return {name: float(value[row]) if isinstance(value, np.ndarray) else value for name, value in values.items()}
+
+
+def _observed(
+    scene: data.Scene, problem: data.Problem, requested: data.Requested, many: execution.Many, values: dict[str, Any]
+) -> tuple[Array | None, dict[str, Array], dict[str, Array]]:
+    """Velocities (N, m, n), columns (N, m) of the energy and own observables, as of one run, and numbers (N,)."""
+    count, points, n = many.positions.shape
+    rates, times = many.rates.reshape(-1, n), np.tile(many.times, count)
+    own = {name: np.repeat(x, points) if isinstance(x, np.ndarray) else x for name, x in values.items()}
+    flat = Trajectory(times, many.positions.reshape(-1, n), rates, rates, Outcome("completed"))
+    if many.carried == "p":
+        flat = replace(flat, velocities=observing.point_velocities(scene, problem, requested.method, flat, own))
+    seen = observing.Observed(scene, requested, flat, problem, own, None, in_pieces=True)
+    series: dict[str, Array] = {}
+    numbers: dict[str, Array] = {}
+    for one in scene.own:
+        with suppress(nf.NoValue):
+            series[one.name] = seen.values_of(one.expression)[0].reshape(count, points)
+    if flat.velocities is None:
+        return None, series, numbers
+    if "energy" in scene.observe and scene.lagrangian is not None:
+        energies, kinetic = (part.reshape(count, points) for part in observing.energies(scene, seen.table))
+        series["energy"] = energies
+        if observing.why_energy_varies(scene) is None:
+            start = observing.without_noise(energies[:, 0], kinetic[:, 0])[:, None]
+            with np.errstate(all="ignore"):
+                errors = np.abs(energies - start) / np.where(start == 0, 1.0, np.abs(start))
+            numbers["max_energy_error"] = np.where(many.completed, errors.max(axis=1), np.nan)
+    return flat.velocities.reshape(many.positions.shape), series, numbers

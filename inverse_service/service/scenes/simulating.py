@@ -18,13 +18,12 @@ from inverse_service.errors import InputError
 from inverse_service.expressions.printing import to_text
 from inverse_service.integrators.trajectory import Array, Trajectory
 from inverse_service.service.scenes import scene_lagrangian, scene_reading
+from inverse_service.simulation.accuracy import order_of
 from inverse_service.simulation.advice import advice, by_itself
 from inverse_service.simulation.derivation import Derived
-from inverse_service.simulation.ensembles import EnsembleRun
-from inverse_service.simulation.estimates import order_of
 from inverse_service.simulation.events import Found, where_ended
 from inverse_service.simulation.observing import columns_of, last_point, why_energy_varies
-from inverse_service.simulation.running import MethodRun, SceneRun, run_scene
+from inverse_service.simulation.running import EnsembleRun, MethodRun, SceneRun, run_scene
 from inverse_service.simulation.scene_data import Progress, Requested, Scene, Truth
 from inverse_service.simulation.switching import Switch
 

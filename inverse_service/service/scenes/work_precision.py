@@ -16,7 +16,7 @@ from inverse_service import __version__, errors, settings
 from inverse_service.integrators import method_table
 from inverse_service.mechanics import method_advice
 from inverse_service.service.scenes import prices, scene_lagrangian, scene_reading, simulating
-from inverse_service.simulation import advice as advising, derivation, estimates, precision, scene_data
+from inverse_service.simulation import accuracy, advice as advising, derivation, precision, scene_data
 
 FORMAT = "inverse-service/work-precision/1"
 FEWEST_STEPS = 8
@@ -109,7 +109,7 @@ def _document(measured: precision.Precision, taken: dict[str, Any] | None) -> di
                 "label": label,
                 "method": requested.method.replace("_", "-"),
                 "family": method_table.METHODS[requested.method].family,
-                "order": estimates.order_of(requested),
+                "order": accuracy.order_of(requested),
                 "measured_order": precision.measured_order(drawn[label], measured.scale),
             }
             for label, requested in named.items()
@@ -133,7 +133,7 @@ def _targets(measured: precision.Precision, named: dict[str, scene_data.Requeste
             blank = dict.fromkeys(("seconds", "step", "tolerance", "evaluations", "at_most"))
             ratio = None if price is None or not best else price.seconds / best
             rows.append(
-                {"method": label, "order": estimates.order_of(named[label])} | blank | numbers | {"ratio": ratio}
+                {"method": label, "order": accuracy.order_of(named[label])} | blank | numbers | {"ratio": ratio}
             )
         found.append({"error": target, "rows": rows})
     return found
@@ -141,7 +141,7 @@ def _targets(measured: precision.Precision, named: dict[str, scene_data.Requeste
 
 def _run(setting: precision.Setting, scale: float) -> dict[str, Any]:
     """A run with all that was measured; the step is given only if the method uses it."""
-    named = {"method": setting.requested.label, "order": estimates.order_of(setting.requested)}
+    named = {"method": setting.requested.label, "order": accuracy.order_of(setting.requested)}
     steps = (setting.step, setting.steps) if setting.tolerance is None else (None, None)
     numbers = {"step": steps[0], "steps": steps[1], "tolerance": setting.tolerance}
     numbers["error"] = None if setting.error is None else setting.error / scale

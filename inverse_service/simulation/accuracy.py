@@ -1,14 +1,19 @@
-"""Estimate the error of a completed run, with a warning if it is large.
+"""How far a run is from the true motion: an estimate of its error, warnings where it is large, and the true motion.
 
 The method is run again with half the step h. If the error is C h^p, both differ by (1 - 2^-p) of the error of the run;
 a method that chooses its steps also gets a tenth of its tolerance, or ten times it where a tenth is round-off. Errors
 common to both runs are not detected in this way, so the energy, a constant, and the true motion, if known, are compared
-too.
+too. A run with a Lagrangian that has another motion there than the given equations is `off_domain`.
 
-A force that acts within a step, unnoticed by both runs, is searched for in the formulas between the points. A run
-with a Lagrangian that has another motion there than the given equations is `off_domain`.
+The true motion is exact where that is known, else a reference that a second one confirms: heyoka's Taylor series, where
+that is installed, checked by `adaptive`; without it, that is checked by Gauss-Legendre of order 12. Four times the
+distance of the two bounds the error.
+
+A force that acts within a step, unnoticed by both runs, is searched for in the formulas between the points; where there
+is one, the run is compared with `adaptive`, whose steps end there.
 """
 
+import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
@@ -18,15 +23,19 @@ from numpy.typing import NDArray
 
 from inverse_service.errors import InputError
 from inverse_service.expressions import tree as ex
-from inverse_service.integrators import method_table, trajectory
+from inverse_service.integrators import method_table
+from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.simulation import (
     accelerations as accelerating,
+    derivation,
+    exact_motion,
     initial,
     numeric_formulas as nf,
     observing,
     scene_data as data,
     schemes,
 )
+from inverse_service.simulation.switching import run_motion
 
 MOST_STEPS = 1_000_000
 CHANGED, TIGHTER, TIGHTEST, LEAST_RANGE, ROUND_OFF = 0.1, 0.1, 1e-14, 0.01, 1e-15
@@ -40,7 +49,7 @@ AGAIN, TRUE = "With {}, the trajectory", "The true motion"
 ELSEWHERE = "{} differs: from t = {:.6g} on, {} is off by about {:.3g}. Take a smaller step or tolerance."
 GOES_ON = ("completed", "cancelled")
 ENDS_EARLY = "With {}, the run ends at t = {:.6g}: {}."
-Repeat = Callable[[data.Scene, data.Requested], trajectory.Trajectory]
+Repeat = Callable[[data.Scene, data.Requested], Trajectory]
 _OTHER = "the Euler-Lagrange equations of the free Lagrangian at the motion"
 TOO_LARGE, NOT_CHOSEN, OVER_TOLERANCE = 0.1, 0.01, 100.0  # the first two of the size of the motion
 GOLDEN, GOLDEN_STEPS, MOST_MOMENTS, MOST_VALUES = 0.618033988749895, 75, 64, 2**21  # to the last bit of a step
@@ -49,6 +58,20 @@ NOT_CONSTANT = "the energy, which is constant, changes in one step by {:.3g} of 
 LOST, SUDDEN = "one step differs from two of half its length by {:.3g} of the range of a coordinate", 0.05
 ENDS = "the end of the run with half the step: {}"
 SHORTER = "take a smaller step, or `adaptive`"
+ENOUGH = 1e-12  # two solutions agree if their distance over the size of the motion is less
+USELESS = 1e-3  # if they differ by more than this share of the motion, the true motion is unknown
+SAFETY = 4.0  # times the distance of the two: a bound of the error of the better one
+TAYLOR, EXPLICIT, IMPLICIT = (
+    data.MethodChoice("heyoka", tolerance=1e-15), data.MethodChoice("adaptive", tolerance=1e-13),
+    data.MethodChoice("reference"),
+)  # fmt: skip
+NONE_FOUND = "No reference solution was found: the reference integrators did not complete the run."
+PARTED = "The true motion is known until t = {:.6g} only: {}."
+MISSED, NEGLIGIBLE, NARROW = 10.0, 1e-6, 1e-4  # times the estimated error, and of the size of the motion
+ENDS_ELSEWHERE = (
+    "`adaptive`, stopping at the peaks of the forces, ends {:.3g} away: one acts within a step. Take a smaller step."
+)
+TOO_NARROW = "A force acts within a step at t = {:.6g}, and `adaptive` cannot resolve it. Give it more width."
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,8 +107,8 @@ def order_of(requested: data.Requested) -> int | None:
 
 
 def errors_of(
-    positions: trajectory.Array, nearer: trajectory.Array, turns: NDArray[np.bool_], part: float = 1.0
-) -> tuple[trajectory.Array, trajectory.Array]:  # fmt: skip
+    positions: Array, nearer: Array, turns: NDArray[np.bool_], part: float = 1.0
+) -> tuple[Array, Array]:  # fmt: skip
     """Both (..., m, n): by how much positions are off, by round-off at least, and which share of the range of the
     coordinate that is, of at least LEAST_RANGE of the widest one, and of one of the angles `turns` at most a turn."""
     ranges = np.nanmax(nearer, axis=-2, keepdims=True) - np.nanmin(nearer, axis=-2, keepdims=True)
@@ -96,7 +119,7 @@ def errors_of(
     return errors, errors / np.maximum(np.maximum(ranges, least), schemes.SMALLEST)
 
 
-def _again(run: observing.Observed, repeat: Repeat) -> tuple[Finer, trajectory.Trajectory | None]:
+def _again(run: observing.Observed, repeat: Repeat) -> tuple[Finer, Trajectory | None]:
     """The finer run, without the guard if that ends it early."""
     again = finer(run.requested, run.scene.grid)
     scene, choice = replace(run.scene, grid=again.grid), again.requested.choice
@@ -127,7 +150,7 @@ def estimated(run: observing.Observed, repeat: Repeat) -> dict[str, Any]:
         if count < len(at.times) and found.outcome.kind not in GOES_ON and again.how == HALF:
             end, kind = float(found.times[-1]), found.outcome.kind.replace("_", " ")
             step = min((count - 1) * run.scene.grid.record_every, run.scene.grid.steps)
-            lost = trajectory.Outcome("unresolved", step, end, ENDS.format(kind), None, SHORTER)
+            lost = Outcome("unresolved", step, end, ENDS.format(kind), None, SHORTER)
             return numbers | {"lost": lost, "doubt": ""}
         errors, shares = errors_of(at.positions[:count], found.positions[:count], turns, again.part)
         numbers |= {"estimated_error": observing.greatest(errors), "estimated_error_share": observing.greatest(shares)}
@@ -148,7 +171,7 @@ def _is_guarded(run: observing.Observed) -> bool:
     return choice is not None and choice.guard and run.scene.grid.record_every == 1 and not run.in_pieces
 
 
-def _lost(run: observing.Observed, shares: trajectory.Array) -> trajectory.Outcome | None:
+def _lost(run: observing.Observed, shares: Array) -> Outcome | None:
     """The outcome of a run that one step takes from SUDDEN of TOO_LARGE of the range to all of it: no chaos parts
     motions so fast, and the step is too long there."""
     before = np.maximum.accumulate(shares[:-1])
@@ -156,14 +179,10 @@ def _lost(run: observing.Observed, shares: trajectory.Array) -> trajectory.Outco
     if not len(places) or not _is_guarded(run):
         return None
     k = int(places[0])
-    return trajectory.Outcome(
-        "unresolved", k, float(run.trajectory.times[k]), LOST.format(shares[k + 1]), None, SHORTER
-    )
+    return Outcome("unresolved", k, float(run.trajectory.times[k]), LOST.format(shares[k + 1]), None, SHORTER)
 
 
-def _with_made_energy(
-    run: observing.Observed, energies: trajectory.Array, kinetic: trajectory.Array
-) -> trajectory.Outcome | None:
+def _with_made_energy(run: observing.Observed, energies: Array, kinetic: Array) -> Outcome | None:
     """The outcome of a run in which one step changes a constant energy by CREATED of the kinetic energy, the mean one
     and that at its ends, without what the step itself has made: it is too long there, and what follows is another
     motion."""
@@ -180,12 +199,10 @@ def _with_made_energy(
     if end is None:
         return None
     part = changes[end] / max(about[end], float(kinetic[: end + 2].mean()))
-    return trajectory.Outcome(
-        "unresolved", end, float(run.trajectory.times[end]), NOT_CONSTANT.format(part), None, SHORTER
-    )
+    return Outcome("unresolved", end, float(run.trajectory.times[end]), NOT_CONSTANT.format(part), None, SHORTER)
 
 
-def _elsewhere(run: observing.Observed, errors: trajectory.Array, shares: trajectory.Array, which: str) -> str:
+def _elsewhere(run: observing.Observed, errors: Array, shares: Array, which: str) -> str:
     """A warning if the error of a coordinate exceeds TOO_LARGE of its range; of a method that chooses its steps for an
     error, OVER_TOLERANCE times its tolerance, and at least NOT_CHOSEN, is enough: it has missed something."""
     choice, limit = run.requested.choice, TOO_LARGE
@@ -200,7 +217,7 @@ def _elsewhere(run: observing.Observed, errors: trajectory.Array, shares: trajec
     return ELSEWHERE.format(which, run.trajectory.times[first], run.scene.coordinates[k], worst)
 
 
-def _change_of_energy(energies: trajectory.Array, kinetic: trajectory.Array) -> str:
+def _change_of_energy(energies: Array, kinetic: Array) -> str:
     """max |E - E_0|, where it is more than CHANGED of the mean kinetic energy, which no constant in L changes; a tenth
     of that suffices where it is CHANGED of E_0, which is what `max_energy_error` shows."""
     mean = max(float(kinetic.mean()), schemes.SMALLEST)
@@ -209,7 +226,7 @@ def _change_of_energy(energies: trajectory.Array, kinetic: trajectory.Array) -> 
     return VARIES.format(change, change / mean, start) if is_much else ""
 
 
-def energies_of(run: observing.Observed) -> tuple[trajectory.Array, trajectory.Array] | None:
+def energies_of(run: observing.Observed) -> tuple[Array, Array] | None:
     """E and the kinetic energy at the recorded points, (m,) each; None where E is no constant, or not known."""
     scene = run.scene
     if observing.lagrangian_of_energy(scene) is None or observing.why_energy_varies(scene):
@@ -219,7 +236,7 @@ def energies_of(run: observing.Observed) -> tuple[trajectory.Array, trajectory.A
     return observing.energies(scene, run.table)
 
 
-def other_motion(run: observing.Observed) -> trajectory.Outcome | None:
+def other_motion(run: observing.Observed) -> Outcome | None:
     """The outcome if the Lagrangian of the method has a motion at a point of the run that differs from the equations.
 
     The known conditions of its domain are watched at every step; a given Lagrangian has none.
@@ -237,12 +254,10 @@ def other_motion(run: observing.Observed) -> trajectory.Outcome | None:
         return None
     point = int(places[0])
     step = min(point * scene.grid.record_every, scene.grid.steps)
-    return trajectory.Outcome(
-        "off_domain", step, float(at.times[point]), _OTHER, float(apart[point]), schemes.OTHER_MOTION
-    )
+    return Outcome("off_domain", step, float(at.times[point]), _OTHER, float(apart[point]), schemes.OTHER_MOTION)
 
 
-def moments_between(run: observing.Observed) -> trajectory.Array:
+def moments_between(run: observing.Observed) -> Array:
     """Times, at most MOST_MOMENTS, at which a function or power in the formulas rises to a value that half a step
     before and after do not show: a force that acts within a step and is missed by a method that steps over it.
 
@@ -265,12 +280,12 @@ def moments_between(run: observing.Observed) -> trajectory.Array:
     if count < 3:
         return np.empty(0)
 
-    def values(moments: trajectory.Array, *trees: ex.Expression) -> list[trajectory.Array]:
+    def values(moments: Array, *trees: ex.Expression) -> list[Array]:
         table = nf.table_of(scene.coordinates, *between_points(times, places, speeds, moments), run.values, moments)
         return nf.array_values(trees, table)
 
     known = values(times, *(tree for pair in pairs for tree in pair))
-    found: list[trajectory.Array] = [np.empty(0)]
+    found: list[Array] = [np.empty(0)]
     for (node, inner), shown, along in zip(pairs, known[::2], known[1::2], strict=True):
         turns, zeros = (np.flatnonzero(np.diff(np.sign(one)) != 0) for one in (np.diff(along), along))
         low, high = times[np.concatenate([turns, zeros])], times[np.concatenate([turns + 2, zeros + 1])]
@@ -297,9 +312,7 @@ def moments_between(run: observing.Observed) -> trajectory.Array:
     return np.unique(np.concatenate(found))[:MOST_MOMENTS]
 
 
-def between_points(
-    times: trajectory.Array, positions: trajectory.Array, velocities: trajectory.Array, moments: trajectory.Array
-) -> tuple[trajectory.Array, trajectory.Array]:
+def between_points(times: Array, positions: Array, velocities: Array, moments: Array) -> tuple[Array, Array]:
     """Positions and velocities, (k, n) each, at the moments (k,) by the cubic of Hermite through the points about."""
     after = np.clip(np.searchsorted(times, moments), 1, len(times) - 1)
     length = (times[after] - times[after - 1])[:, None]
@@ -309,3 +322,156 @@ def between_points(
     curve = 3 * moved / length - 2 * first - last
     places = positions[after - 1] + length * s * (first + s * (curve + s * bend))
     return places, first + s * (2 * curve + 3 * s * bend)
+
+
+def true_motion(scene: data.Scene, derived: derivation.Derived, stop: data.Stop | None = None) -> data.Truth:
+    """The true motion at the recorded times of the scene; Unavailable where it is not known."""
+    if derived.exact_or_none() is None:
+        return _references(scene, derived.motion(), stop)
+    found = exact_trajectory(scene, derived)
+    assert found.velocities is not None
+    bounds = ROUND_OFF * (1 + np.maximum.accumulate(np.abs(found.positions).max(axis=1)))
+    return data.Truth(found.times, found.positions, found.velocities, "exact", bounds, found.run_seconds)
+
+
+def exact_trajectory(scene: data.Scene, derived: derivation.Derived) -> Trajectory:
+    """The exact solution as a trajectory, at the recorded times."""
+    try:
+        exact = derived.exact()
+    except data.Unavailable as error:
+        raise data.Unavailable(f"No exact solution is known for this scene. {error.detail}") from None
+    if initial.ended_at_start(scene) is not None:
+        raise data.Unavailable(initial.NO_VALUE)
+    begun = time.perf_counter()
+    times = scene.grid.times
+    try:
+        rows = exact_motion.positions_of(exact, scene.positions, scene.velocities, times - scene.grid.begin)
+    except ValueError as error:
+        raise data.Unavailable(f"The exact solution ends: {error}.") from None
+    seconds = time.perf_counter() - begun
+    return Trajectory(times, rows[0], None, np.array(rows[1]), Outcome("completed"), run_seconds=seconds)
+
+
+def _references(scene: data.Scene, problem: data.Problem, stop: data.Stop | None) -> data.Truth:
+    begun, times = time.perf_counter(), scene.grid.times
+
+    def rows(choice: data.MethodChoice, refinement: int = 1) -> Array:
+        """Positions and velocities at the recorded times, (m, 2 n); nan where the reference did not arrive."""
+        grid, start = scene.grid, data.Start(tuple(scene.positions), velocities=tuple(scene.velocities))
+        steps, every = refinement * grid.steps, refinement * grid.record_every
+        finer = replace(grid, step=grid.step / refinement, steps=steps, record_every=every)
+        found = np.full((len(times), 2 * len(scene.coordinates)), np.nan)
+        ran = _part(scene, problem, choice, start, finer, stop)
+        if ran.velocities is not None:
+            found[: len(ran.times)] = np.column_stack([ran.positions, ran.velocities])
+        return found
+
+    try:
+        first, second, by = rows(TAYLOR), rows(EXPLICIT), "heyoka, checked by adaptive"
+    except InputError:  # heyoka is not installed, or does not know a function
+        first, by = rows(EXPLICIT), "adaptive, checked by Gauss-Legendre of order 12"
+        second = _collocation(rows, first, scene.grid.steps, stop)
+    return _judged(times, first, second, by, begun)
+
+
+def _collocation(rows: Callable[..., Array], other: Array, steps: int, stop: data.Stop | None) -> Array:
+    """Gauss-Legendre of order 12, refined until it agrees with the other or no longer comes nearer."""
+    nearest, refinement, best = np.inf, 1, np.full_like(other, np.nan)
+    while refinement * steps <= MOST_STEPS and not (stop and stop()):
+        found = rows(IMPLICIT, refinement)
+        apart = float(np.nan_to_num(_distances(found, other), nan=np.inf)[-1])
+        if apart < nearest or refinement == 1:
+            best = found
+        if apart <= ENOUGH * _size(other) or (np.isfinite(nearest) and apart > 0.5 * nearest):
+            break
+        nearest, refinement = min(apart, nearest), 2 * refinement
+    return best
+
+
+def _part(
+    scene: data.Scene,
+    problem: data.Problem,
+    choice: data.MethodChoice,
+    start: data.Start,
+    grid: data.Grid,
+    stop: data.Stop | None,
+) -> Trajectory:
+    """A part of the run, with the events that act and the switches in it."""
+    acting = tuple(event for event in scene.events if event.acts)
+    requested, own = data.Requested("", choice.method, None, choice), replace(
+        scene, grid=grid, events=acting, observe=())  # fmt: skip
+    return run_motion(own, requested, problem, lambda: problem, start, scene.values, stop).trajectory
+
+
+def _size(rows: Array) -> float:
+    """The size of the motion: the greatest change of a coordinate."""
+    half = rows[:, : rows.shape[1] // 2]
+    change = np.abs(half - half[0])
+    return float(change[np.isfinite(change)].max(initial=0.0)) or 1.0
+
+
+def _distances(first: Array, second: Array) -> Array:
+    """The greatest distance of a coordinate up to each time, (m,); nan where one has ended."""
+    n = first.shape[1] // 2
+    found: Array = np.maximum.accumulate(np.abs(first[:, :n] - second[:, :n]).max(axis=1))
+    return found
+
+
+def _judged(times: Array, first: Array, second: Array, by: str, begun: float) -> data.Truth:
+    """The reference, the bound of its error, and the time until which it is known."""
+    distances = _distances(first, second)
+    good = np.isfinite(distances) & (SAFETY * distances <= USELESS * _size(first))
+    until = len(good) if good.all() else int(np.argmin(good))
+    if until < 2:
+        raise data.Unavailable(NONE_FOUND)
+    rows, reason = first.copy(), ""
+    rows[until:] = np.nan
+    if until < len(times):
+        ended = bool(np.isnan(first[until]).any() or np.isnan(second[until]).any())
+        why = "the reference solutions end there" if ended else "from there on, the reference solutions differ"
+        reason = PARTED.format(times[until - 1], why)
+    n = rows.shape[1] // 2
+    bounds = SAFETY * np.where(good, distances, np.nan)
+    bounds = bounds + ROUND_OFF * np.maximum.accumulate(np.abs(rows[:, :n]).max(axis=1))
+    seconds = time.perf_counter() - begun
+    return data.Truth(times, rows[:, :n], rows[:, n:], "reference", bounds, seconds, reason, by)
+
+
+def with_missed_force(
+    run: observing.Observed, numbers: dict[str, Any], derived: derivation.Derived, stop: data.Stop | None
+) -> dict[str, Any]:
+    """The estimate of a completed run. Where a force acts within a step, `adaptive` runs too, its steps ending on the
+    peaks of the forces: with a doubt and the true size of the error if that leads elsewhere, or cannot pass a peak."""
+    scene, grid, moments = run.scene, run.scene.grid, moments_between(run)
+    if not len(moments):
+        return numbers
+    try:
+        problem = derived.motion()
+    except data.Unavailable:
+        return numbers
+    start = data.Start(tuple(scene.positions), velocities=tuple(scene.velocities))
+    found = [scene.positions]
+    begin, end = grid.begin, grid.begin + grid.step * grid.steps
+    for moment in [*moments[(moments > begin) & (moments < end)], end]:
+        part = data.Grid(grid.step, max(1, round((moment - begin) / grid.step)), 1, begin)
+        part = replace(part, step=(moment - begin) / part.steps)
+        ran = _part(scene, problem, EXPLICIT, start, part, stop)
+        if stop is not None and stop():
+            return numbers
+        if not ran.outcome.completed or ran.velocities is None:
+            unknown = {"estimated_error": None, "estimated_error_share": None}
+            return numbers | unknown | {"doubt": TOO_NARROW.format(float(moment))}
+        found += list(ran.positions[1:])
+        start, begin = data.Start(tuple(ran.positions[-1]), velocities=tuple(ran.velocities[-1])), float(moment)
+    apart = float(np.abs(found[-1] - run.trajectory.positions[-1]).max())
+    size, expected = float(np.ptp(found, axis=0).max()), numbers.get("estimated_error") or 0.0
+    if not apart > NEGLIGIBLE * size:
+        return numbers
+    share = apart / max(size, schemes.SMALLEST)
+    limit = NARROW if run.requested.method in method_table.OWN_STEPS else TOO_LARGE
+    is_far = apart > MISSED * expected or share > limit
+    known = {
+        "estimated_error": max(apart, expected),
+        "estimated_error_share": max(share, numbers.get("estimated_error_share") or 0.0),
+    }
+    return numbers | known | {"doubt": ENDS_ELSEWHERE.format(apart) if is_far else numbers["doubt"]}
