@@ -628,6 +628,7 @@ class Many:
     names: Mapping[str, str]
     cancelled: bool
     iterations: int
+    remedy: str = ""  # where it is another than that of a single run
 
     @cached_property
     def completed(self) -> NDArray[np.bool_]:
@@ -638,8 +639,10 @@ class Many:
     def outcome(self, member: int) -> Outcome:
         """The outcome of one trajectory."""
         kind = "cancelled" if self.cancelled else "completed"
-        whole = Outcome(kind, self.grid.steps, float(self.times[-1]))
-        return stopped(self.card, self.memory[:, member], self.names, self.grid) or whole
+        found = stopped(self.card, self.memory[:, member], self.names, self.grid)
+        if found is None:
+            return Outcome(kind, self.grid.steps, float(self.times[-1]))
+        return replace(found, remedy=self.remedy or found.remedy)
 
 
 def lanes_here() -> int:

@@ -33,6 +33,7 @@ LATE = "The time limit was reached before this method could run. Take fewer meth
 FAULT = "This method failed because of a fault of the program ({}): please report the scene."
 MOST_SHARPER, LOOKED_AT = 2**22, 16  # steps of all members together; members in which a missed force is looked for
 MEMBER = "Member {}: {}"
+ALONE = "run this member as a scene of its own: single runs pass where sign, abs or pieces switch, and stick there"
 ELSEWHERE = (
     "{} of {} members differ with {} by more than a tenth of the range of a coordinate. The first one of them is "
     "member {}."
@@ -263,6 +264,8 @@ def _run_members(derived: derivation.Derived, requested: data.Requested, stop: d
         problem, requested.choice, members.positions, members.velocities, scene.grid, values, momenta, stop=stop
     )
     ran = time.perf_counter()
+    if switching.has_pieces(scene, problem):
+        many = replace(many, remedy=ALONE)
     lost = initial.without_value(scene) & (many.memory[many.card.layout.place(STATUS)] == 0)
     for name, value in NOT_STARTED.items():
         many.memory[many.card.layout.place(name), lost] = value
