@@ -83,11 +83,6 @@ def plain(text: str) -> str:
     return text.replace("$", "\\$")
 
 
-def joined(parts: Sequence[str]) -> str:
-    """a, b and c."""
-    return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} and {parts[-1]}" if parts else ""
-
-
 def shown(value: float) -> str:
     """A number in a caption: two digits, or a power of ten if that is shorter."""
     if value == 0:
@@ -148,21 +143,20 @@ def series_figure(
 ) -> tuple[Figure, str] | None:  # fmt: skip
     """An observed quantity in time: its size on a logarithmic axis, and each of its columns with its sign."""
     result, tables = _with_truth(result, tables, truth)
-    sizes = views.lines_of(result, tables, views.QUANTITIES[name].size)
-    figure = view_figure(views.quantity_views(name, result, tables)[:MOST_PANELS], 1)
-    return _with_caption(figure, series_caption(views.QUANTITIES[name].words, sizes) + _bands(tables))
-
-
-def series_caption(words: str, lines: Sequence[views.Line]) -> str:
-    """Say which method preserves the quantity best and which one worst."""
+    lines = views.lines_of(result, tables, views.QUANTITIES[name].size)
     sizes = {method["label"]: float(np.nanmax(np.abs(values))) for _, method, _, values in lines}
+    figure = view_figure(views.quantity_views(name, result, tables)[:MOST_PANELS], 1)
+    return _with_caption(figure, extremes(views.QUANTITIES[name].words, sizes) + _bands(tables))
+
+
+def extremes(words: str, sizes: Mapping[str, float]) -> str:
+    """Say which method has the least and which one the greatest of what should be small."""
     if not (sizes := {name: size for name, size in sizes.items() if math.isfinite(size)}):
         return ""
     best, worst = min(sizes, key=sizes.__getitem__), max(sizes, key=sizes.__getitem__)
     if best == worst:
         return f"Greatest {words}: {shown(sizes[best])} ({best})."
-    least, most = shown(sizes[best]), shown(sizes[worst])
-    return f"Greatest {words}: {best} has the least ({least}), {worst} the most ({most})."
+    return f"Greatest {words}: {best} has the least ({shown(sizes[best])}), {worst} the most ({shown(sizes[worst])})."
 
 
 def _bands(tables: Mapping[str, Mapping[str, Array]]) -> str:
@@ -349,32 +343,16 @@ def _below(method: Mapping[str, Any], path: Array, center: Array, half: float) -
 
 
 def path_caption(result: Mapping[str, Any], drawn: Sequence[Mapping[str, Any]], compared: bool) -> str:
-    """State the result: which methods preserve the circle best and worst."""
-    sizes = {
-        m["label"]: abs(m["circle"]["radius_change"])
-        for m in drawn
-        if m.get("circle") and (m["circle"]["revolutions"] or 2) >= 2 and math.isfinite(m["circle"]["radius_change"])
-    }
-    start = f"{result['name'] or 'Path'}: {run_of(result)}."
-    black = " The broad pale curve is the true motion." if compared else ""
-    if any((m.get("circle") or {}).get("through_three_points") for m in drawn):
-        black += " Dashed: the matching circles through three points."
-    if not sizes:
-        return f"{start}{black}"
-    best, worst = min(sizes, key=sizes.__getitem__), max(sizes, key=sizes.__getitem__)
-    if len(sizes) == 1:
-        change = _share(sizes[best])
-        return f"{start}{black} From the first revolution to the last, {best} changes the radius by {change}."
-    steady = [label for label, size in sizes.items() if size < 0.01]
-    kept = f" {joined(steady)} keep{'s' if len(steady) == 1 else ''} it within 1 %." if steady else ""
-    return (
-        f"{start}{black} From the first revolution to the last, the radius changes least by {best} "
-        f"({_share(sizes[best])}) and most by {worst} ({_share(sizes[worst])}).{kept}"
-    )
-
-
-def _share(size: float) -> str:
-    return f"{shown(100 * size)} %" if size < 10 else f"a factor {shown(1 + size)}"
+    """What is drawn, and which methods preserve the circle best and worst."""
+    circles_of = {method["label"]: method["circle"] for method in drawn if method.get("circle")}
+    parts = [f"{result['name'] or 'Path'}: {run_of(result)}."]
+    parts += ["The broad pale curve is the true motion."] * compared
+    if any(circle.get("through_three_points") for circle in circles_of.values()):
+        parts.append("Dashed: the matching circles through three points.")
+    known = {name: circle for name, circle in circles_of.items() if (circle["revolutions"] or 2) >= 2}
+    sizes = {name: abs(circle["radius_change"]) for name, circle in known.items()}
+    words = "relative change of the radius from the first revolution to the last"
+    return " ".join(filter(None, [*parts, extremes(words, sizes)]))
 
 
 def _box(true: Array | None, paths: Sequence[Array]) -> tuple[Array, float]:
