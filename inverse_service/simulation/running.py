@@ -202,11 +202,13 @@ def observed_run(
     if not found.outcome.completed and len(found.times) < 2:  # it did not make a step: nothing to observe
         return MethodRun(requested, found.outcome, found, seconds=seconds, free=free)
     numbers, series = observing.observed_quantities(observed, seconds)
-    if section is None and "period" in scene.observe:
-        numbers |= {"period": None, "period_note": happening.NO_PERIOD}
-    elif section is not None and events:
-        *others, returns = events
-        numbers, events = numbers | happening.period_of(observed, returns, others), tuple(others)
+    if "period" in scene.observe:
+        with derivation.timed(seconds, "period"):
+            if section is None:
+                numbers |= {"period": None, "period_note": happening.NO_PERIOD}
+            elif events:
+                *others, returns = events
+                numbers, events = numbers | happening.period_of(observed, returns, others), tuple(others)
     return MethodRun(requested, found.outcome, found, numbers, series, seconds, free, events, observed, ran)
 
 
