@@ -278,20 +278,20 @@ def _round_potential(names: Sequence[str], wanted: Sequence[tm.Terms], i: int, j
     field = tm.coefficient(wanted[i], tm.monomial(w))
     if not field or not _is_round(field, x, y) or tm.add_terms(field, tm.coefficient(wanted[j], tm.monomial(v))):
         return None
-    radial = tm.multiply_terms(
-        tm.terms_of(ex.substitute(tm.tree_of(field), {y: ex.ZERO})), {tm.monomial(x): Fraction(1)}
-    )
-    flux = quadratures.primitive(x, radial)
+    square, s = x**2 + y**2, ex.Symbol("a square")
+    turn, beside = y * v - x * w, ex.substitute(tm.tree_of(field), {y: ex.ZERO})
+    even = ex.substitute(beside, {x**2: s})
+    is_even = not ex.holds(even, x)
+    letter, slope = (s, ex.HALF * even) if is_even else (x, x * beside)
+    flux = quadratures.primitive(letter, tm.terms_of(slope))
     if flux is None:
         return None
-    at_axis, square = ex.substitute(flux, {x: ex.ZERO}), x**2 + y**2
-    if ex.ZERO in ex.walk(at_axis):  # it has no value there, or vanishes
-        at_axis = ex.ZERO
-    table = {x**2: square, ex.Apply("log", x): ex.HALF * ex.Apply("log", square), x: ex.square_root(square)}
-    potential = ex.substitute(flux, table) - at_axis
-    if at_axis != ex.ZERO:
-        potential = writing.quotient(potential, exact_field.Budget.short())
-    return potential * square**-1 * (y * v - x * w)
+    if is_even:
+        from_axis = writing.quotient((flux - ex.substitute(flux, {s: ex.ZERO})) / s, exact_field.Budget.short())
+        if ex.ZERO not in ex.walk(ex.substitute(from_axis, {s: ex.ZERO})):
+            return ex.substitute(from_axis, {s: square}) * turn
+    table = {x**2: square, ex.Apply("log", x): ex.HALF * ex.Apply("log", square), x: ex.square_root(square), s: square}
+    return ex.substitute(flux, table) * square**-1 * turn
 
 
 def _is_round(field: tm.Terms, x: ex.Symbol, y: ex.Symbol) -> bool:
