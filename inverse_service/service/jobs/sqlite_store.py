@@ -27,6 +27,7 @@ PAGES_AT_ONCE, PAGES_KEPT = 256, 2048
 LEAST_FREE = 256 * 1024
 # Larger files are not rewritten at the start to give space back later; see docs/how-to/operate.md.
 REWRITTEN = 256 * 2**20
+SYNC = getattr(os, "fdatasync", os.fsync)  # macOS has no fdatasync
 OWN_TABLES = {"jobs", "bodies", "events", "batches", "lines", "counters"}
 
 
@@ -174,7 +175,7 @@ class SqliteStore(JobStore):
         finally:
             self._writing.release()
         if durable and self._durable:
-            os.fdatasync(self._log)
+            SYNC(self._log)
         self.tell(told)
         return value
 
