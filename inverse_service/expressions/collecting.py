@@ -224,13 +224,21 @@ def _number_power(value: Fraction, exponent: Fraction) -> Terms:
     return _normal(table, Fraction(1))
 
 
-def _function(tree: ex.Apply) -> Terms:
+def of_inverse(tree: ex.Apply) -> ex.Expression | None:
+    """sin(asin(u)) = u, cos(asin(u)) = sqrt(1 - u^2) and the like, where asin(u) is real; None for all else."""
     inner, row = tree.argument, derivative.FUNCTION.get(tree.function)
     if isinstance(inner, ex.Apply) and row is not None:
         if row.undoes == inner.function:
-            return _expand(inner.argument)
+            return inner.argument
         if row.root is not None and row.root[0] == inner.function:
-            return _expand(ex.square_root(row.root[1] + row.root[2] * inner.argument**2))
+            return ex.square_root(row.root[1] + row.root[2] * inner.argument**2)
+    return None
+
+
+def _function(tree: ex.Apply) -> Terms:
+    inner, row = tree.argument, derivative.FUNCTION.get(tree.function)
+    if (simple := of_inverse(tree)) is not None:
+        return _expand(simple)
     special = _SPECIAL.get(tree.function)
     if special:
         return special(_expand(inner))

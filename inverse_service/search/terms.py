@@ -139,6 +139,8 @@ def terms_of(expression: ex.Expression) -> Terms:
             return {times(monomial(ex.Power(base, rest)), beside, whole): content**whole}
         case ex.Apply("exp", argument):
             return _exponential(argument)
+        case ex.Apply() if (simple := collecting.of_inverse(expression)) is not None:
+            return terms_of(simple)
         case ex.Apply(function, argument) if function in _QUOTIENTS:
             pairs = zip(*_QUOTIENTS[function], strict=True)
             return terms_of(ex.multiply(*(ex.Apply(name, argument) ** e for name, e in pairs if e)))

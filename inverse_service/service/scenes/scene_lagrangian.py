@@ -270,9 +270,10 @@ def conserved(system: scene_reading.MechanicalSystem, derived: derivation.Derive
     given = scene.accelerations is not None
     question = _of_equations(scene, accelerations, None)
     result = _answer(json.dumps(question), SOLVE_SECONDS if given else CONSERVED_SECONDS)
-    listed = [] if isinstance(result, str) else result.get("first_integrals") or []
+    if isinstance(result, str) or result.get("integrals"):  # a scene knows no functions by their derivatives
+        return ()
     found = []
-    for one in listed[:MOST_CONSERVED]:
+    for one in (result.get("first_integrals") or [])[:MOST_CONSERVED]:
         name = "H" if one["name"] == "energy" else one["name"]
         found.append(Observable(name, scene_reading.formula(one["text"], system.names, "/system")))
     return tuple(found)
