@@ -263,7 +263,7 @@ def test_kinds_and_a_clock_are_options(call: Any) -> None:
 def test_a_lagrangian_alone_is_answered(call: Any, tmp_path: Path) -> None:
     name = written(tmp_path, {"lagrangian": "x'^2/2 - k*x^2/2", "parameters": ["k"]})
     found = call("solve", name, "--format", "text")
-    assert (found.code, "  x'' = -k*x\n" in found.out, "  p_x = x'\n" in found.out) == (0, True, True)
+    assert (found.code, "  x'' = -k*x\n" in found.out, "with p_x = x'\n" in found.out) == (0, True, True)
     assert "\\[ H = " in call("solve", name, "--format", "latex").out
 
 
