@@ -42,7 +42,7 @@ _MARKED_LETTER = re.compile(f"[A-Za-z{''.join(letters.GREEK)}][{''.join((*letter
 _INNER = r"(?:[^{}]|\{(?:[^{}]|\{[^{}]*\})*\})*"  # of braces, with two levels of others in them
 _FONT = r"\\(?:mathrm|operatorname\*?|textrm|textnormal|text|mbox|mathit|rm)" + _NO_LETTER
 # \bar{x} is the name x_bar
-_ACCENTS = {"bar": "bar", "overline": "bar", "tilde": "tilde", "widetilde": "tilde", "hat": "hat", "widehat": "hat"}
+_ACCENTS = {"bar": "bar", "tilde": "tilde", "widetilde": "tilde"}
 _ACCENT = rf"\\(?P<accent>{'|'.join(_ACCENTS)}){_NO_LETTER}"
 _UPRIGHT = rf"(?:{_FONT}|{_ACCENT.replace('?P<accent>', '?:')})"
 _ROMAN = re.compile(rf"\{{\s*\\rm{_NO_LETTER}")
