@@ -113,7 +113,8 @@ class Grid:
     @property
     def recorded(self) -> NDArray[np.int64]:
         """The steps that are recorded, the last one always."""
-        return np.unique([*range(0, self.steps + 1, self.record_every), self.steps])
+        steps = np.arange(0, self.steps + 1, self.record_every)
+        return steps if steps[-1] == self.steps else np.append(steps, self.steps)
 
     @property
     def times(self) -> Array:
