@@ -13,12 +13,14 @@ error^(-1/k), within a factor of 5. The last step before a point of the grid end
 Norsett, G. Wanner, Solving Ordinary Differential Equations I (1993), II.4.
 """
 
+import operator
 from collections.abc import Sequence
+from functools import reduce
 
 import symengine
 
 from inverse_service.kernels.codegen import program as programs
-from inverse_service.kernels.codegen.llvm_writer import Emitter, LlvmWriter
+from inverse_service.kernels.codegen.llvm_writer import Emitter, LlvmWriter, Operand, Value
 from inverse_service.kernels.codegen.symengine_trees import ALPHA, STEP, WHOLE_STEP, Formula, symbol
 
 MOST_NEWTON_STEPS = 32
@@ -38,58 +40,35 @@ SHORTEST = 1e-15  # of the grid's step
 MOST_TRIES = 4_000_000  # between two points of the grid
 
 
-def solve_dense(writer: LlvmWriter, matrix: Sequence[Sequence[str]], right: Sequence[str]) -> tuple[list[str], str]:
-    """(solution of matrix x = right, determinant), in values of the writer."""
+def solve_dense(matrix: Sequence[Sequence[Value]], right: Sequence[Value]) -> tuple[list[Value], Value]:
+    """(solution of matrix x = right, determinant)."""
     size = len(right)
     if size == 1:
-        return [writer.binary("/", right[0], matrix[0][0])], matrix[0][0]
-    if size == 2:
-        return _by_cramer(writer, matrix, right)
+        return [right[0] / matrix[0][0]], matrix[0][0]
+    if size == 2:  # Cramer's rule
+        (a, b), (c, d) = matrix
+        determinant = a * d - b * c
+        above = right[0] * d - b * right[1], a * right[1] - right[0] * c
+        return [one / determinant for one in above], determinant
     rows = [[*row, value] for row, value in zip(matrix, right, strict=True)]
-    determinant = writer.number(1.0)
+    sign: Operand = 1.0
     for column in range(size):
-        determinant = _pivot(writer, rows, column, determinant)
-        determinant = writer.binary("*", determinant, rows[column][column])
+        for row in range(column + 1, size):  # the largest entry of the column comes up by exchanges
+            larger = abs(rows[row][column]) > abs(rows[column][column])
+            for place in range(column, size + 1):
+                upper, lower = rows[column][place], rows[row][place]
+                rows[column][place], rows[row][place] = larger.choose(lower, upper), larger.choose(upper, lower)
+            sign = larger.choose(-sign, sign)
         for row in range(column + 1, size):
-            factor = writer.binary("/", rows[row][column], rows[column][column])
+            factor = rows[row][column] / rows[column][column]
             for place in range(column + 1, size + 1):
-                rows[row][place] = _less(writer, rows[row][place], factor, rows[column][place])
-    return _back(writer, rows), determinant
-
-
-def _less(writer: LlvmWriter, value: str, factor: str, other: str) -> str:
-    return writer.binary("-", value, writer.binary("*", factor, other))
-
-
-def _by_cramer(writer: LlvmWriter, matrix: Sequence[Sequence[str]], right: Sequence[str]) -> tuple[list[str], str]:
-    (a, b), (c, d) = matrix
-    determinant = _less(writer, writer.binary("*", a, d), b, c)
-    first = _less(writer, writer.binary("*", right[0], d), b, right[1])
-    second = _less(writer, writer.binary("*", a, right[1]), c, right[0])
-    return [writer.binary("/", first, determinant), writer.binary("/", second, determinant)], determinant
-
-
-def _pivot(writer: LlvmWriter, rows: list[list[str]], column: int, determinant: str) -> str:
-    """The largest entry of the column comes up by exchanges, each of which turns the determinant's sign."""
-    for row in range(column + 1, len(rows)):
-        larger = writer.compare(">", writer.absolute(rows[row][column]), writer.absolute(rows[column][column]))
-        for place in range(column, len(rows[row])):
-            upper, lower = rows[column][place], rows[row][place]
-            rows[column][place] = writer.select(larger, lower, upper)
-            rows[row][place] = writer.select(larger, upper, lower)
-        determinant = writer.select(larger, writer.negate(determinant), determinant)
-    return determinant
-
-
-def _back(writer: LlvmWriter, rows: Sequence[Sequence[str]]) -> list[str]:
-    size = len(rows)
-    solution = [""] * size
+                rows[row][place] = rows[row][place] - factor * rows[column][place]
+    solution = [line[size] for line in rows]
     for row in reversed(range(size)):
-        value = rows[row][size]
         for place in range(row + 1, size):
-            value = _less(writer, value, rows[row][place], solution[place])
-        solution[row] = writer.binary("/", value, rows[row][row])
-    return solution
+            solution[row] = solution[row] - rows[row][place] * solution[place]
+        solution[row] = solution[row] / rows[row][row]
+    return solution, reduce(operator.mul, (rows[k][k] for k in range(size))) * sign
 
 
 class Blocks:
@@ -98,7 +77,7 @@ class Blocks:
     def __init__(self, writer: LlvmWriter, emitter: Emitter) -> None:
         self.writer, self.emitter = writer, emitter
         self._solves = self._labels = self._iterated = self._stops = 0
-        self.active: str | None = None  # where it does not hold, nothing stops a run and no sign is kept
+        self.active: Value | None = None  # where it does not hold, nothing stops a run and no sign is kept
 
     def write(self, block: programs.Solve | programs.Iterate) -> None:
         if isinstance(block, programs.Iterate):
@@ -108,55 +87,48 @@ class Blocks:
         else:
             self._newton(block)
 
-    def stop_unless(self, condition: str, code: int, value: str) -> None:
+    def going(self) -> Value:
+        """Whether nothing has stopped the run."""
+        return self.writer[programs.STATUS].equals(0.0)
+
+    def stop_unless(self, condition: Value, code: int, value: Operand) -> None:
         """Set the status of lanes where the condition fails and that have not stopped before."""
         w = self.writer
         if w.lanes == 1 and self.active is None:
             self._branch_off(condition, code, value)
             return
-        status = w.read(programs.STATUS)
-        good, going = w.number(0.0), w.compare("==", status, w.number(0.0))
-        new = w.select(condition, good, w.number(float(code)))
-        status_now = w.select(going, new, status)
-        status_now = status_now if self.active is None else w.select(self.active, status_now, status)
-        stops = w.compare("!=", status_now, status)
-        w.write(programs.STATUS, status_now)
-        w.write(programs.STOPPED_AT, w.select(stops, w.read(programs.CLOCK), w.read(programs.STOPPED_AT)))
-        w.write(programs.STOPPED_VALUE, w.select(stops, value, w.read(programs.STOPPED_VALUE)))
+        status = w[programs.STATUS]
+        going = status.equals(0.0)
+        now = going.choose(condition.choose(0.0, float(code)), status)
+        now = now if self.active is None else self.active.choose(now, status)
+        stops = now.differs(status)
+        w[programs.STATUS] = now
+        w[programs.STOPPED_AT] = stops.choose(w[programs.CLOCK], w[programs.STOPPED_AT])
+        w[programs.STOPPED_VALUE] = stops.choose(value, w[programs.STOPPED_VALUE])
 
-    def _branch_off(self, condition: str, code: int, value: str) -> None:
+    def _branch_off(self, condition: Value, code: int, value: Operand) -> None:
         """One trajectory: a jump that is hardly ever taken costs less than the choice of four values."""
         w = self.writer
         self._stops += 1
         fails, first, onwards = (f"{name}_{self._stops}" for name in ("fails", "first_to_fail", "holds"))
         w.branch(condition, onwards, fails, rare=True)
         w.open(fails)
-        w.branch(w.compare("==", w.read(programs.STATUS), w.number(0.0)), first, onwards)
+        w.branch(self.going(), first, onwards)
         w.open(first)
-        w.write(programs.STATUS, w.number(float(code)))
-        w.write(programs.STOPPED_AT, w.read(programs.CLOCK))
-        w.write(programs.STOPPED_VALUE, value)
-        w.jump(onwards)
-        w.open(onwards)
+        w[programs.STATUS], w[programs.STOPPED_AT] = float(code), w[programs.CLOCK]
+        w[programs.STOPPED_VALUE] = value
+        w.label(onwards)
 
-    def keep_sign(self, slot: str, value: str, code: int, share: float = 0.0) -> None:
+    def keep_sign(self, slot: str, value: Value, code: int, share: float = 0.0) -> None:
         """The value must keep the sign it had first, and this share of its size; where the slot is 0 there is no first
         yet."""
         w = self.writer
-        sign, zero = w.read(slot), w.number(0.0)
-        if share:
-            own = w.binary("/", w.number(1.0), value)
-        else:
-            own = w.select(w.compare("<", value, zero), w.number(-1.0), w.number(1.0))
-        fresh = w.compare("==", sign, zero)
-        sign = w.select(fresh, own, sign)
-        good = w.compare(">", w.binary("*", sign, value), w.number(share))
-        w.write(slot, sign if self.active is None else w.select(self.active, sign, w.read(slot)))
+        sign = w[slot]
+        own = 1.0 / value if share else (value < 0.0).choose(-1.0, 1.0)
+        kept = sign.equals(0.0).choose(own, sign)
+        good = kept * value > share
+        w[slot] = kept if self.active is None else self.active.choose(kept, w[slot])
         self.stop_unless(good, code, value)
-
-    def _declare(self, names: Sequence[str]) -> None:
-        for name in names:
-            self.writer.slot(name)
 
     def _hoisted(self, formulas: Sequence[Formula], unknowns: Sequence[str]) -> list[Formula]:
         """Formulas in which parts without unknowns are names, bound to values computed before the loop."""
@@ -175,79 +147,68 @@ class Blocks:
         entries = [entry for row in block.jacobian for entry in row]
         values = e.write([*(residual.subs(zero) for residual in block.residuals), *entries])
         matrix = [values[size * (k + 1) : size * (k + 2)] for k in range(size)]
-        solution, determinant = solve_dense(w, matrix, [w.negate(value) for value in values[:size]])
+        solution, determinant = solve_dense(matrix, [-value for value in values[:size]])
         for name, value in zip(block.unknowns, solution, strict=True):
             e.bind(name, value)
         if block.tested:
-            self._end_linear(block, solution, determinant)
+            w["iterations"] = w["iterations"] + 1
+            self._test_determinant(determinant)
+            going = self.going()
+            for name, value in zip(block.unknowns, solution, strict=True):
+                rate = value / e.value(STEP)
+                w[f"{name}_rate"] = going.choose(rate, w[f"{name}_rate"])
 
-    def _end_linear(self, block: programs.Solve, solution: Sequence[str], determinant: str) -> None:
-        w, e = self.writer, self.emitter
-        self._count_iteration()
-        self._test_determinant(determinant)
-        going = w.compare("==", w.read(programs.STATUS), w.number(0.0))
-        for name, value in zip(block.unknowns, solution, strict=True):
-            rate = w.binary("/", value, e.value(symbol("h")))
-            w.write(f"{name}_rate", w.select(going, rate, w.read(f"{name}_rate")))
-
-    def _test_determinant(self, determinant: str) -> None:
+    def _test_determinant(self, determinant: Value) -> None:
         """It must keep its sign; the first and the last good one are kept."""
         w, place = self.writer, self._solves
-        first = w.read(f"first_{place}")
-        good = w.compare(">=", w.binary("*", first, determinant), w.number(0.0))
-        good = w.both(good, w.compare("!=", determinant, w.number(0.0)))
+        first = w[f"first_{place}"]
+        good = first * determinant >= 0.0
+        good = good & determinant.differs(0.0)
         self.stop_unless(good, programs.SINGULAR + place, determinant)
-        going = w.compare("==", w.read(programs.STATUS), w.number(0.0))
-        begun = w.compare("!=", first, w.number(0.0))
-        w.write(f"first_{place}", w.select(begun, first, w.select(going, determinant, first)))
-        w.write(f"last_{place}", w.select(going, determinant, w.read(f"last_{place}")))
+        going = self.going()
+        begun = first.differs(0.0)
+        w[f"first_{place}"] = begun.choose(first, going.choose(determinant, first))
+        w[f"last_{place}"] = going.choose(determinant, w[f"last_{place}"])
         self._solves += 1
 
-    def _guard(self, block: programs.Solve, determinant: str) -> None:
+    def _guard(self, block: programs.Solve, determinant: Value) -> None:
         """|det - det0| < |det0| with det0 that of h -> 0 (at the new rates)."""
         if block.limit is None:
             return
-        w, e = self.writer, self.emitter
-        with e.inner():
+        with self.emitter.inner():
             for name in block.unknowns:
-                e.bind(name, w.read(name))
-            limit = e.value(block.limit)
-        distance = w.absolute(w.binary("-", determinant, limit))
-        ratio = w.binary("/", distance, w.absolute(limit))
-        self.stop_unless(w.compare("<", ratio, w.number(1.0)), programs.GUARDED + self._solves, ratio)
-
-    def _count_iteration(self) -> None:
-        w = self.writer
-        w.write_counter("iterations", w.add_counters(w.read_counter("iterations"), "1"))
+                self.emitter.bind(name, self.writer[name])
+            limit = self.emitter.value(block.limit)
+        ratio = abs(determinant - limit) / abs(limit)
+        self.stop_unless(ratio < 1.0, programs.GUARDED + self._solves, ratio)
 
     def _begin_loop(self, unknowns: Sequence[str]) -> str:
         """Slots, first guesses rate * h and the label of the loop."""
         w, e = self.writer, self.emitter
         label = f"iterate_{self._labels}"
-        self._declare([*unknowns, f"{label}_settled", f"{label}_before"])
-        w.write(f"{label}_settled", w.number(0.0))
-        w.write(f"{label}_before", w.number(HUGE))
-        step = e.value(symbol("h"))
         for name in unknowns:
-            w.write(name, w.binary("*", w.read(f"{name}_rate"), step))
-        w.counter(label)
-        w.write_counter(label, "0")
+            w.slot(name)
+        w.slot(f"{label}_settled", 0.0)
+        w.slot(f"{label}_before", HUGE)
+        step = e.value(STEP)
+        for name in unknowns:
+            w[name] = w[f"{name}_rate"] * step
+        w.slot(label, 0, is_counter=True)
         w.label(label)
         for name in unknowns:
-            e.bind(name, w.read(name))
+            e.bind(name, w[name])
         return label
 
-    def _end_loop(self, label: str, settled: str, most: int) -> None:
+    def _end_loop(self, label: str, settled: Value, most: int) -> None:
         w = self.writer
-        w.write(f"{label}_settled", settled)
-        count = w.add_counters(w.read_counter(label), "1")
-        w.write_counter(label, count)
-        self._count_iteration()
-        stopped = w.compare("!=", w.read(programs.STATUS), w.number(0.0))
-        good = w.compare("==", w.select(stopped, w.number(1.0), settled), w.number(1.0))
+        w[f"{label}_settled"] = settled
+        w[label] = count = w[label] + 1
+        w["iterations"] = w["iterations"] + 1
+        stopped = w[programs.STATUS].differs(0.0)
+        good = stopped.choose(1.0, settled).equals(1.0)
         w.branch(w.everywhere(good), f"{label}_done", f"{label}_test")
         w.open(f"{label}_test")
-        w.branch(w.compare_counters("<", count, str(most)), label, f"{label}_done")
+        w.branch(count < most, label, f"{label}_done")
         w.open(f"{label}_done")
 
     def _newton(self, block: programs.Solve) -> None:
@@ -255,33 +216,27 @@ class Blocks:
         size = len(block.unknowns)
         entries = [entry for row in block.jacobian for entry in row]
         formulas = self._hoisted([*block.residuals, *entries], block.unknowns)
-        tag = f"b{self._solves}"
-        self._declare([f"{tag}_determinant"])
-        w.write(f"{tag}_determinant", w.number(0.0))
+        worst = f"b{self._solves}_determinant"
+        w.slot(worst, 0.0)
         with e.inner():
             label = self._begin_loop(block.unknowns)
             values = e.write(formulas)
             matrix = [values[size * (k + 1) : size * (k + 2)] for k in range(size)]
-            change, determinant = solve_dense(w, matrix, values[:size])
+            change, determinant = solve_dense(matrix, values[:size])
             settled = self._apply(label, block, change, LAST_CORRECTION)
-            self._keep_worst(f"{tag}_determinant", determinant)
+            # One of the wrong sign that an iterate met before counts: Newton has then left its basin.
+            first, met = w[f"first_{self._solves}"], w[worst]
+            w[worst] = (first * met < 0.0).choose(met, determinant)
             self._end_loop(label, settled, MOST_NEWTON_STEPS)
-        good = w.compare("==", w.read(f"{label}_settled"), w.number(1.0))
-        self.stop_unless(good, programs.NO_CONVERGENCE + self._solves, w.read(f"{tag}_determinant"))
-        self._guard(block, w.read(f"{tag}_determinant"))
-        self._test_determinant(w.read(f"{tag}_determinant"))
+        good = w[f"{label}_settled"].equals(1.0)
+        self.stop_unless(good, programs.NO_CONVERGENCE + self._solves, w[worst])
+        self._guard(block, w[worst])
+        self._test_determinant(w[worst])
         self._keep_rates(block.unknowns)
 
-    def _keep_worst(self, slot: str, determinant: str) -> None:
-        """The determinant, or one of the wrong sign that an iterate met before: Newton has then left its basin."""
-        w = self.writer
-        first, met = w.read(f"first_{self._solves}"), w.read(slot)
-        turned = w.compare("<", w.binary("*", first, met), w.number(0.0))
-        w.write(slot, w.select(turned, met, determinant))
-
     def _apply(
-        self, label: str, block: programs.Solve | programs.Iterate, change: Sequence[str], relative: float
-    ) -> str:
+        self, label: str, block: programs.Solve | programs.Iterate, change: Sequence[Value], relative: float
+    ) -> Value:
         """unknown -= change; 1 from where every change is within its tolerance or is noise, else 0.
 
         The round-off of every state variable of the block counts for every unknown: an angle of 1e5 is known to 1e-11
@@ -290,59 +245,60 @@ class Blocks:
         is known to its stiffness times the round-off of the place, however small it is itself.
         """
         w = self.writer
-        within, small, total, noise = w.number(1.0), w.number(1.0), w.number(0.0), self._noise(block)
-        bounds = self._bounds(block)
+        within: Operand = 1.0
+        small: Operand = 1.0
+        total: Operand = 0.0
+        noise, bounds = self._noise(block), self._bounds(block)
         for name, delta in zip(block.unknowns, change, strict=True):
-            new = w.binary("-", self.emitter.value(symbol(name)), delta)
-            w.write(name, new)
-            size, moved = w.absolute(delta), w.absolute(new)
-            allowed = w.binary("+", w.binary("*", w.number(relative), moved), noise)
-            within = w.select(w.compare("<=", size, allowed), within, w.number(0.0))
-            small = w.select(w.compare("<=", size, bounds[name[0]]), small, w.number(0.0))
-            total = w.binary("+", total, w.binary("*", delta, delta))
-        stalls = w.compare(">=", total, w.read(f"{label}_before"))
-        early = w.compare_counters("<", w.read_counter(label), str(EARLIEST_NOISE))
-        w.write(f"{label}_before", w.choose(early, w.number(HUGE), total))
-        reached = w.select(w.compare("==", within, w.number(1.0)), within, w.select(stalls, small, w.number(0.0)))
-        before = w.read(f"{label}_settled")
-        return w.select(w.compare("==", before, w.number(1.0)), before, reached)
+            w[name] = new = self.emitter.value(symbol(name)) - delta
+            size, moved = abs(delta), abs(new)
+            within = (size <= relative * moved + noise).choose(within, 0.0)
+            small = (size <= bounds[name[0]]).choose(small, 0.0)
+            total = total + delta * delta
+        assert isinstance(within, Value)
+        assert isinstance(total, Value)
+        stalls = total >= w[f"{label}_before"]
+        early = w[label] < EARLIEST_NOISE
+        w[f"{label}_before"] = w.select("i1", early, HUGE, total)
+        reached = within.equals(1.0).choose(within, stalls.choose(small, 0.0))
+        before = w[f"{label}_settled"]
+        return before.equals(1.0).choose(before, reached)
 
-    def _noise(self, block: programs.Solve | programs.Iterate) -> str:
+    def _noise(self, block: programs.Solve | programs.Iterate) -> Operand:
         """The round-off of the state variables that the unknowns are added to."""
-        w, noise = self.writer, self.writer.number(0.0)
+        noise: Operand = 0.0
         for scale in dict.fromkeys(scale for scale in block.scales if scale):
-            size = w.binary("*", w.number(ROUND_OFF), w.absolute(self.emitter.value(symbol(scale))))
-            noise = w.binary("+", noise, size)
+            noise = noise + ROUND_OFF * abs(self.emitter.value(symbol(scale)))
         return noise
 
-    def _bounds(self, block: programs.Solve | programs.Iterate) -> dict[str, str]:
+    def _bounds(self, block: programs.Solve | programs.Iterate) -> dict[str, Value]:
         """What counts as small for the unknowns of each letter: NOISE times the greatest so far.
 
         Multipliers m are h times a change of momenta: what is small compared with h p is small, too, as all of them are
         noise where a motion needs no force.
         """
-        w, e, found = self.writer, self.emitter, {}
+        found = {}
         for letter in dict.fromkeys(name[0] for name in block.unknowns):
-            greatest = w.read(programs.size_name(self._iterated, letter))
+            greatest = self.writer[programs.size_name(self._iterated, letter)]
             sizes = [symbol(name) for name in block.unknowns if name[0] == letter]
             if letter == "m":
-                sizes += [symbol("h") * symbol(f"p{scale[1:]}") for scale in block.scales if scale]
-            for size in map(w.absolute, e.write(sizes)):
-                greatest = w.select(w.compare(">", size, greatest), size, greatest)
-            found[letter] = w.binary("*", w.number(NOISE), greatest)
+                sizes += [STEP * symbol(f"p{scale[1:]}") for scale in block.scales if scale]
+            for size in map(abs, self.emitter.write(sizes)):
+                greatest = (size > greatest).choose(size, greatest)
+            found[letter] = NOISE * greatest
         return found
 
     def _keep_rates(self, unknowns: Sequence[str]) -> None:
         w, e = self.writer, self.emitter
-        step = e.value(symbol("h"))
-        going = w.compare("==", w.read(programs.STATUS), w.number(0.0))
+        step = e.value(STEP)
+        going = self.going()
         for name in unknowns:
-            value = w.read(name)
+            value = w[name]
             e.bind(name, value)
-            w.write(f"{name}_rate", w.select(going, w.binary("/", value, step), w.read(f"{name}_rate")))
-            size, kept = w.absolute(value), programs.size_name(self._iterated, name)
-            larger = w.both(going, w.compare(">", size, w.read(kept)))
-            w.write(kept, w.select(larger, size, w.read(kept)))
+            w[f"{name}_rate"] = going.choose(value / step, w[f"{name}_rate"])
+            size, kept = abs(value), programs.size_name(self._iterated, name)
+            larger = going & (size > w[kept])
+            w[kept] = larger.choose(size, w[kept])
         self._iterated += 1
 
     def _iterate(self, block: programs.Iterate) -> None:
@@ -351,13 +307,10 @@ class Blocks:
         with e.inner():
             label = self._begin_loop(block.unknowns)
             values = e.write(formulas)
-            change = [
-                w.binary("-", e.value(symbol(name)), value) for name, value in zip(block.unknowns, values, strict=True)
-            ]
-            settled = self._apply(label, block, change, ROUND_OFF)
-            self._end_loop(label, settled, MOST_ITERATIONS)
-        good = w.compare("==", w.read(f"{label}_settled"), w.number(1.0))
-        self.stop_unless(good, programs.NO_CONVERGENCE + 50, w.number(0.0))
+            change = [e.value(symbol(name)) - value for name, value in zip(block.unknowns, values, strict=True)]
+            self._end_loop(label, self._apply(label, block, change, ROUND_OFF), MOST_ITERATIONS)
+        good = w[f"{label}_settled"].equals(1.0)
+        self.stop_unless(good, programs.NO_CONVERGENCE + 50, 0.0)
         self._keep_rates(block.unknowns)
 
 
@@ -400,15 +353,13 @@ class Kernel:
     def _open(self) -> None:
         w = self.writer
         for place, name in enumerate(self.layout.persistent):
-            w.slot(name)
-            w.write(name, w.load("memory", place))
+            w.slot(name, w.load("memory", place))
         for name in self.layout.arguments:
             self.emitter.bind(name, w.load("memory", self.layout.argument_place(name)))
         self._whole_step = self.emitter.value(STEP)
         for place, name in enumerate(CONTROL):
-            w.counter(name)
-            w.write_counter(name, w.load_counter("control", place))
-        w.counter("stage")
+            w.slot(name, w.load("control", place, is_counter=True), is_counter=True)
+        w.slot("stage", is_counter=True)
         for place in range(len(self.program.observed)):
             w.slot(f"seen_{place}")
         with self.emitter.inner():
@@ -418,38 +369,34 @@ class Kernel:
         """Those of the quantities that keep their signs, where the start shows them: the first step may pass a zero."""
         w, e = self.writer, self.emitter
         self._bind_state()
-        known = set(map(symbol, (*self.program.state, *self.layout.arguments)))
+        known = {symbol(name) for name in (*self.program.state, *self.layout.arguments)}
         for place, watch in enumerate(self.program.watches):
             if watch.begin is None or not watch.begin.free_symbols <= known:
                 continue
             noise = [watch.begin.diff(x) * x for x in map(symbol, self.program.state)]
             value, least = e.write([watch.begin, sum(part**2 for part in noise) * ROUND_OFF_AT_START**2])
-            zero, slot = w.number(0.0), f"watch_{place}"
-            sign = w.select(w.compare("<", value, zero), w.number(-1.0), w.number(1.0))
-            sign = w.select(w.compare(">", w.binary("*", value, value), least), sign, zero)
-            w.write(slot, w.select(w.compare("==", w.read(slot), zero), sign, w.read(slot)))
+            slot = f"watch_{place}"
+            sign = (value < 0.0).choose(-1.0, 1.0)
+            sign = (value * value > least).choose(sign, 0.0)
+            w[slot] = w[slot].equals(0.0).choose(sign, w[slot])
 
     def _step(self) -> None:
         w = self.writer
         w.label("next_step")
-        left = w.compare_counters("<", w.read_counter("done"), w.read_counter("steps"))
-        w.branch(left, "begin_step", "finish")
+        w.branch(w["done"] < w["steps"], "begin_step", "finish")
         w.open("begin_step")
-        w.write_counter("stage", "0")
+        w["stage"] = 0
         w.label("next_stage")
-        stage = w.read_counter("stage")
+        stage = w["stage"]
         with self.emitter.inner():
             self._stage(stage)
-        after = w.add_counters(stage, "1")
-        w.write_counter("stage", after)
-        more = w.compare_counters("<", after, w.read_counter("stages"))
-        w.branch(more, "next_stage", "end_stages")
+        w["stage"] = after = stage + 1
+        w.branch(after < w["stages"], "next_stage", "end_stages")
         w.open("end_stages")
         self._end_step()
 
-    def _stage(self, stage: str) -> None:
-        w, e = self.writer, self.emitter
-        e.bind("h", w.binary("*", self._whole_step, w.load_shared("weights", stage)))
+    def _stage(self, stage: Value) -> None:
+        self.emitter.bind("h", self._whole_step * self.writer.load_shared("weights", stage))
         self._bind_state()
         self._statements()
         self._watch()
@@ -467,113 +414,97 @@ class Kernel:
 
     def _bind_state(self) -> None:
         for name in self.program.state:
-            self.emitter.bind(name, self.writer.read(name))
+            self.emitter.bind(name, self.writer[name])
 
     def _watch(self) -> None:
-        w = self.writer
         watches = self.program.watches
         values = self.emitter.write([watch.formula for watch in watches]) if watches else []
         for place, (watch, value) in enumerate(zip(watches, values, strict=True)):
-            limit, zero = w.number(watch.limit), w.number(0.0)
             if watch.kind in ("sign", "rank"):
                 share = watch.limit if watch.kind == "rank" else 0.0
                 self.blocks.keep_sign(f"watch_{place}", value, programs.WATCHED + place, share)
                 continue
             if watch.kind in ("positive", "domain"):
-                good = w.compare(">", value, zero)
+                good = value > 0.0
             elif watch.kind == "bound":
-                good = w.compare("<", w.absolute(value), limit)
+                good = abs(value) < watch.limit
             else:
-                beyond = w.compare(">", w.absolute(value), limit)
-                good = w.compare("==", w.select(beyond, limit, zero), zero)
+                good = (abs(value) > watch.limit).choose(watch.limit, 0.0).equals(0.0)
             self.blocks.stop_unless(good, programs.WATCHED + place, value)
 
     def _leave_if_stopped(self, stopped: str, onwards: str) -> None:
         """A single trajectory ends here; lanes continue until all have ended."""
         w = self.writer
-        w.branch(w.everywhere(w.compare("!=", w.read(programs.STATUS), w.number(0.0))), stopped, onwards)
+        w.branch(w.everywhere(w[programs.STATUS].differs(0.0)), stopped, onwards)
         w.open(onwards)
 
-    def _alive(self, value: str) -> str:
+    def _alive(self, value: Value) -> Value:
         """The value, 0 in lanes that have stopped."""
-        if self.writer.lanes == 1:
-            return value
-        going = self.writer.compare("==", self.writer.read(programs.STATUS), self.writer.number(0.0))
-        return self.writer.select(going, value, self.writer.number(0.0))
+        return value if self.writer.lanes == 1 else self.blocks.going().choose(value, 0.0)
 
-    def _seen(self) -> list[str]:
+    def _seen(self) -> list[Value]:
         """The observed values; one that is not finite ends the run."""
-        w = self.writer
         values = self.emitter.write([formula for _, formula in self.program.observed]) if self.program.observed else []
         for place, value in enumerate(values):
-            finite = w.compare("==", w.binary("*", value, w.number(0.0)), w.number(0.0))
-            self.blocks.stop_unless(finite, programs.UNOBSERVABLE + place, value)
+            self.blocks.stop_unless((value * 0.0).equals(0.0), programs.UNOBSERVABLE + place, value)
         return values
 
-    def _observe(self, values: list[str]) -> None:
+    def _observe(self, values: list[Value]) -> None:
         w = self.writer
         for place, value in enumerate(values):
-            size, greatest = w.absolute(self._alive(value)), w.read(f"maximum_{place}")
-            w.write(f"maximum_{place}", w.select(w.compare(">", size, greatest), size, greatest))
-            w.write(f"seen_{place}", value)
+            size, greatest = abs(self._alive(value)), w[f"maximum_{place}"]
+            w[f"maximum_{place}"] = (size > greatest).choose(size, greatest)
+            w[f"seen_{place}"] = value
 
     def _update(self) -> None:
-        names = programs.changing(self.program)
+        """Compensated sums, Kahan (1965): the low part is what the sum lost."""
+        w, names = self.writer, programs.changing(self.program)
         values = self.emitter.write([update for update in self.program.updates if update is not None])
         for name, value in zip(names, values, strict=True):
-            self._add_compensated(name, self._alive(value))
-
-    def _add_compensated(self, name: str, increment: str) -> None:
-        """Kahan (1965): the low part is what the sum lost."""
-        w = self.writer
-        old = w.read(name)
-        step = w.binary("-", increment, w.read(f"{name}_low"), exact=True)
-        new = w.binary("+", old, step, exact=True)
-        w.write(f"{name}_low", w.binary("-", w.binary("-", new, old, exact=True), step, exact=True))
-        w.write(name, new)
+            increment, old = self._alive(value), w[name]
+            with w.exact():
+                step = increment - w[f"{name}_low"]
+                new = old + step
+                w[f"{name}_low"] = (new - old) - step
+            w[name] = new
 
     def _end_step(self) -> None:
         w = self.writer
         self._test_finite()
-        w.write(programs.CLOCK, w.binary("+", w.read(programs.CLOCK), w.number(1.0)))
+        w[programs.CLOCK] = w[programs.CLOCK] + 1.0
         self._leave_if_stopped("stopped_early", "step_is_good")
-        w.write_counter("done", w.add_counters(w.read_counter("done"), "1"))
-        until = w.add_counters(w.read_counter("until_record"), "-1")
-        w.write_counter("until_record", until)
-        w.branch(w.compare_counters(">", until, "0"), "next_step", "record_row")
+        w["done"] = w["done"] + 1
+        w["until_record"] = until = w["until_record"] + -1
+        w.branch(until > 0, "next_step", "record_row")
         w.open("record_row")
         self._record()
         w.jump("next_step")
 
     def _test_finite(self) -> None:
-        w = self.writer
-        names = programs.changing(self.program)
-        if not names:
-            return
-        total = w.number(0.0)
-        for name in names:
-            total = w.binary("+", total, w.binary("*", w.read(name), w.number(0.0)))
-        self.blocks.stop_unless(w.compare("==", total, w.number(0.0)), programs.NOT_FINITE, total)
+        total: Operand = 0.0
+        for name in programs.changing(self.program):
+            total = total + self.writer[name] * 0.0
+        if isinstance(total, Value):
+            self.blocks.stop_unless(total.equals(0.0), programs.NOT_FINITE, total)
 
     def _record(self) -> None:
         w = self.writer
-        row = w.read_counter("rows")
-        first = w.multiply_counters(row, str(len(self.layout.columns)))
-        values = [w.read(name) for name in programs.changing(self.program)]
-        values += [w.read(f"seen_{k}") for k in range(len(self.program.observed))]
+        row = w["rows"]
+        first = row * len(self.layout.columns)
+        values = [w[name] for name in programs.changing(self.program)]
+        values += [w[f"seen_{k}"] for k in range(len(self.program.observed))]
         for place, value in enumerate(values):
-            w.store("record", w.add_counters(first, str(place)), value)
-        w.write_counter("rows", w.add_counters(row, "1"))
-        w.write_counter("until_record", w.read_counter("every"))
+            w.store("record", first + place, value)
+        w["rows"] = row + 1
+        w["until_record"] = w["every"]
 
     def _close(self) -> None:
         w = self.writer
         w.open("stopped_early")
         w.label("finish")
-        for place, name in enumerate(self.layout.persistent):
-            w.store("memory", place, w.read(name))
-        for place, name in enumerate(CONTROL):
-            w.store_counter("control", place, w.read_counter(name))
+        for array, names in (("memory", self.layout.persistent), ("control", CONTROL)):
+            for place, name in enumerate(names):
+                w.store(array, place, w[name])
 
 
 class AdaptiveKernel(Kernel):
@@ -583,83 +514,72 @@ class AdaptiveKernel(Kernel):
         w = self.writer
         for name in ("left", "length"):
             w.slot(name)
-        w.counter("tries")
+        w.slot("tries", is_counter=True)
         w.label("next_step")
-        left = w.compare_counters("<", w.read_counter("done"), w.read_counter("steps"))
-        w.branch(left, "begin_step", "finish")
+        w.branch(w["done"] < w["steps"], "begin_step", "finish")
         w.open("begin_step")
-        w.write("left", self._whole_step)
-        w.write_counter("tries", "0")
+        w["left"], w["tries"] = self._whole_step, 0
         w.label("next_try")
         with self.emitter.inner():
             self._try()
-        more = w.compare_counters("<", w.read_counter("tries"), str(MOST_TRIES))
+        more = w["tries"] < MOST_TRIES
         w.branch(w.everywhere(self._arrived()), "end_tries", "try_again")
         w.open("try_again")
         w.branch(more, "next_try", "end_tries")
         w.open("end_tries")
         self.blocks.active = None
-        zero = w.number(0.0)
-        self.blocks.stop_unless(w.compare("==", w.read("left"), zero), programs.TOO_MANY, w.read("length"))
+        self.blocks.stop_unless(w["left"].equals(0.0), programs.TOO_MANY, w["length"])
         # A motion that ends at this very point of the grid, as x'' = x'^2 at t = 1/x'(0): the time itself is not known
         # to more than the tolerance.
-        known = w.binary("*", self.emitter.value(ALPHA), w.absolute(self._whole_step))
-        self.blocks.stop_unless(
-            w.compare(">", w.absolute(w.read(programs.TRIAL)), known), programs.TOO_SHORT, w.read(programs.TRIAL)
-        )
+        known = self.emitter.value(ALPHA) * abs(self._whole_step)
+        self.blocks.stop_unless(abs(w[programs.TRIAL]) > known, programs.TOO_SHORT, w[programs.TRIAL])
         self._end_step()
 
-    def _arrived(self) -> str:
+    def _arrived(self) -> Value:
         w = self.writer
-        stopped = w.compare("!=", w.read(programs.STATUS), w.number(0.0))
-        at_end = w.compare("==", w.read("left"), w.number(0.0))
-        one = w.number(1.0)
-        return w.compare("==", w.select(stopped, one, w.select(at_end, one, w.number(0.0))), one)
+        stopped, at_end = w[programs.STATUS].differs(0.0), w["left"].equals(0.0)
+        return stopped.choose(1.0, at_end.choose(1.0, 0.0)).equals(1.0)
 
     def _try(self) -> None:
         w, e = self.writer, self.emitter
-        left, trial, zero = w.read("left"), w.read(programs.TRIAL), w.number(0.0)
-        trial = w.select(w.compare("==", trial, zero), w.binary("*", self._whole_step, w.number(FIRST)), trial)
-        ends = w.compare("<=", w.absolute(left), w.binary("*", w.absolute(trial), w.number(1.01)))
-        length = w.select(ends, left, trial)
-        w.write("length", length)
+        left, trial = w["left"], w[programs.TRIAL]
+        trial = trial.equals(0.0).choose(self._whole_step * FIRST, trial)
+        length = (abs(left) <= abs(trial) * 1.01).choose(left, trial)
+        w["length"] = length
         e.bind("h", length)
         e.bind(str(WHOLE_STEP), self._whole_step)
         self._bind_state()
         self._statements()
         assert self.program.error is not None
         error = e.value(self.program.error)
-        going = w.both(w.compare("==", w.read(programs.STATUS), zero), w.compare("!=", left, zero))
-        accepted = w.both(going, w.compare("<=", error, w.number(1.0)))
+        going = self.blocks.going() & left.differs(0.0)
+        accepted = going & (error <= 1.0)
         self.blocks.active = accepted
         self._watch()
         seen = self._seen()
         self._observe(seen)
         self._update()
-        accepted = w.both(accepted, w.compare("==", w.read(programs.STATUS), zero))
-        w.write("left", w.select(accepted, w.binary("-", left, length, exact=True), left))
+        accepted = accepted & self.blocks.going()
+        with w.exact():
+            w["left"] = accepted.choose(left - length, left)
         self._next_trial(error, length, trial, accepted, going)
-        self._count()
+        for name in ("tries", "iterations"):
+            w[name] = w[name] + 1
 
-    def _next_trial(self, error: str, length: str, trial: str, accepted: str, going: str) -> None:
+    def _next_trial(self, error: Value, length: Value, trial: Value, accepted: Value, going: Value) -> None:
         """length times 0.9 error^(-1/2k), within bounds; a step that was cut short by the grid does not shorten it."""
         w = self.writer
-        factor = w.binary("*", w.number(SAFETY), w.rough_root(error, 2 * self.program.order))
-        factor = w.select(w.compare("<", factor, w.number(MOST)), factor, w.number(MOST))
-        factor = w.select(w.compare(">", factor, w.number(LEAST)), factor, w.number(LEAST))
-        factor = w.select(w.compare("==", error, error), factor, w.number(LEAST))
-        new = w.binary("*", length, factor)
-        keeps = w.both(accepted, w.compare("<", w.absolute(new), w.absolute(trial)))
-        cut = w.both(keeps, w.compare("<", w.absolute(length), w.absolute(trial)))
-        w.write(programs.TRIAL, w.select(going, w.select(cut, trial, new), w.read(programs.TRIAL)))
-        shortest = w.binary("*", w.number(SHORTEST), w.absolute(self._whole_step))
+        factor = SAFETY * w.rough_root(error, 2 * self.program.order)
+        factor = (factor < MOST).choose(factor, MOST)
+        factor = (factor > LEAST).choose(factor, LEAST)
+        factor = error.equals(error).choose(factor, LEAST)
+        new = length * factor
+        keeps = accepted & (abs(new) < abs(trial))
+        cut = keeps & (abs(length) < abs(trial))
+        w[programs.TRIAL] = going.choose(cut.choose(trial, new), w[programs.TRIAL])
+        shortest = SHORTEST * abs(self._whole_step)
         self.blocks.active = going
-        self.blocks.stop_unless(w.compare(">", w.absolute(new), shortest), programs.TOO_SHORT, new)
+        self.blocks.stop_unless(abs(new) > shortest, programs.TOO_SHORT, new)
 
-    def _count(self) -> None:
-        w = self.writer
-        for name in ("tries", "iterations"):
-            w.write_counter(name, w.add_counters(w.read_counter(name), "1"))
-
-    def _alive(self, value: str) -> str:
-        return self.writer.select(self.blocks.active or "true", value, self.writer.number(0.0))
+    def _alive(self, value: Value) -> Value:
+        return value if self.blocks.active is None else self.blocks.active.choose(value, 0.0)
