@@ -8,6 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import symengine
 
 from benchmarks.simulation_cases import SpeedCase, lane, program
@@ -142,11 +143,11 @@ def _sympy_equations(case: SpeedCase, sympy: Any) -> tuple[list[Any], list[Any],
     f = Formulas(case.problem)
     q, p, d, e = (f.symbols(letter) for letter in "qpde")
     if case.choice.method == "variational":
-        by_q, by_p = (f.gradient(f.hamiltonian, letter, "q", "p") for letter in "qp")
+        by_q, by_p = (f.gradient(f.hamiltonian, letter, "p") for letter in "qp")
         equations, pushes = hamiltonian_step(q, p, d, e, STEP, alpha_of(case.choice), by_q, by_p)
         unknowns = [*d, *e]
     else:
-        m = [symengine.Symbol(f"m{k}") for k in range(len(f.forms))]
+        m = np.array([symengine.Symbol(f"m{k}") for k in range(len(f.forms))])
         by_q, by_v = (f.gradient(f.lagrangian, letter) for letter in "qv")
         parts = parts_of(case.choice)
         equations, pushes = lagrange_dalembert_step(q, p, d, m, STEP, parts, by_q, by_v, f.forms_at, f.drifts_at)

@@ -29,7 +29,7 @@ from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.kernels.codegen import program as programs
 from inverse_service.kernels.codegen.compiled import Card, Compiled, compiled
 from inverse_service.kernels.codegen.kernel import CONTROL, MOST_TRIES
-from inverse_service.kernels.codegen.symengine_trees import ZERO, Formula
+from inverse_service.kernels.codegen.symengine_trees import Formula
 from inverse_service.kernels.machine_code.loading import processor_features
 from inverse_service.simulation import peers, schemes
 from inverse_service.simulation.numeric_formulas import MOMENT, Formulas, formulas_of
@@ -535,7 +535,7 @@ def _on_discrete_constraint(f: Formulas, choice: MethodChoice, table: Numbers, s
     if choice.method == "nonholonomic" or len(parts) > 1:
         given = {}
     impulses, pulls = ([whole.diff(x).subs(given) for x in f.symbols(letter)] for letter in "vq")
-    pulls = [a + b for a, b in zip(pulls, f.forces or [ZERO] * f.size, strict=True)]
+    pulls = pulls if not len(f.forces) else [a + b for a, b in zip(pulls, f.forces, strict=True)]
     return v, np.mean([mean(impulses, part) - (1 - part) * step * mean(pulls, part) for part in parts], axis=0)
 
 

@@ -6,7 +6,7 @@ cos(u) of tan(u). Along a motion it keeps its sign, or the motion has left the d
 `array_value` is the value of a formula along a trajectory: one numpy operation for each node of the tree.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -18,6 +18,7 @@ from inverse_service import errors
 from inverse_service.expressions import derivative, printing, tree as ex
 from inverse_service.field import exact_field
 from inverse_service.integrators.trajectory import Array
+from inverse_service.integrators.variational import Gradient, Vector
 from inverse_service.kernels.codegen import symengine_trees as se
 from inverse_service.simulation.scene_data import Problem
 
@@ -26,7 +27,6 @@ _POLES = {"tan": "cos", "sec": "cos", "cot": "sin", "csc": "sin"}
 _AT_ZERO = frozenset({"log", "coth", "csch"})
 # t in a kernel: the time at the start of the step, a state variable of systems that depend on it.
 MOMENT = se.symbol("t")
-Gradient = Callable[[list[se.Formula], list[se.Formula]], list[se.Formula]]
 # NumPy's names, where they are not ours.
 _NUMPY = {name: f"arc{name[1:]}" for name in ("asin", "acos", "atan", "asinh", "acosh", "atanh")}
 
@@ -131,8 +131,14 @@ class Formulas:
     def table(self) -> dict[ex.Expression, se.Formula]:
         return se.names_of(self.problem.coordinates, self.problem.parameters) | {ex.TIME: MOMENT}
 
-    def symbols(self, letter: str) -> list[se.Formula]:
-        return [se.symbol(f"{letter}{k}") for k in range(self.size)]
+    def symbols(self, letter: str) -> Vector:
+        """The names with this letter, one for each coordinate."""
+        return np.array([se.symbol(f"{letter}{k}") for k in range(self.size)])
+
+    def point(self, moment: se.Formula, **places: Vector) -> dict[se.Formula, se.Formula]:
+        """t and the names of these letters with what stands in their place."""
+        names = np.concatenate([[MOMENT], *map(self.symbols, places)])
+        return dict(zip(names, np.concatenate([[moment], *places.values()]), strict=True))
 
     @property
     def parameters(self) -> tuple[str, ...]:
@@ -158,57 +164,44 @@ class Formulas:
         return self.of(self.problem.free_hamiltonian, what)
 
     @cached_property
-    def accelerations(self) -> list[se.Formula]:
+    def accelerations(self) -> Vector:
         assert self.problem.accelerations is not None
-        return [se.translate(tree, self.table) for tree in self.problem.accelerations]
+        return self._translated(self.problem.accelerations)
 
     @cached_property
-    def forces(self) -> list[se.Formula]:
+    def forces(self) -> Vector:
         """The additional forces Q(t, q, v), empty if there are none."""
-        return [se.translate(tree, self.table) for tree in self.problem.forces]
+        return self._translated(self.problem.forces)
 
-    def forces_at(
-        self, place: Sequence[se.Formula], velocity: Sequence[se.Formula], moment: se.Formula
-    ) -> list[se.Formula]:
-        return _put(self.forces, [*self.symbols("q"), *self.symbols("v"), MOMENT], [*place, *velocity, moment])
+    def _translated(self, trees: Sequence[ex.Expression]) -> Vector:
+        return np.array([se.translate(tree, self.table) for tree in trees], dtype=object)
 
     def pushed(self, slope_q: Gradient, moment: se.Formula) -> Gradient:
         """L_q + Q in the place of L_q: the discrete forces of Lagrange and d'Alembert at the same point."""
-        if not self.forces:
+        if not len(self.forces):
             return slope_q
-
-        def at(place: list[se.Formula], velocity: list[se.Formula]) -> list[se.Formula]:
-            forces = self.forces_at(place, velocity, moment)
-            return [slope + force for slope, force in zip(slope_q(place, velocity), forces, strict=True)]
-
-        return at
+        return lambda q, v: slope_q(q, v) + put(self.forces, self.point(moment, q=q, v=v))
 
     def held(self, slope_q: Gradient, slope_p: Gradient, moment: se.Formula) -> Gradient:
         """H_q - Q at the velocity H_p in the place of H_q."""
-        if not self.forces:
+        if not len(self.forces):
             return slope_q
-
-        def at(place: list[se.Formula], momentum: list[se.Formula]) -> list[se.Formula]:
-            forces = self.forces_at(place, slope_p(place, momentum), moment)
-            return [slope - force for slope, force in zip(slope_q(place, momentum), forces, strict=True)]
-
-        return at
+        return lambda q, p: slope_q(q, p) - put(self.forces, self.point(moment, q=q, v=slope_p(q, p)))
 
     @cached_property
-    def forms(self) -> list[list[se.Formula]]:
+    def forms(self) -> Vector:
         """omega^a_i(q), one row for each constraint."""
-        formulas = [se.translate(tree, self.table) for tree in self.problem.constraints]
-        return [[formula.diff(v) for v in self.symbols("v")] for formula in formulas]
+        rows = [formula.diff(v) for formula in self._translated(self.problem.constraints) for v in self.symbols("v")]
+        return np.array(rows, dtype=object).reshape(-1, self.size)
 
     @cached_property
-    def drifts(self) -> list[se.Formula]:
+    def drifts(self) -> Vector:
         """The parts c^a(q) of the constraints omega^a v + c^a = 0 that hold no velocity."""
-        rest = dict.fromkeys(self.symbols("v"), se.ZERO)
-        return [se.translate(tree, self.table).subs(rest) for tree in self.problem.constraints]
+        return put(self._translated(self.problem.constraints), dict.fromkeys(self.symbols("v"), se.ZERO))
 
     def values(self, formulas: Sequence[se.Formula], table: Mapping[str, float]) -> list[float]:
         """Those of formulas over q, v, the parameters and t; nan or infinite where there is none."""
-        return [float(value) for value in self.rows(formulas, table)[0]] if formulas else []
+        return [float(value) for value in self.rows(formulas, table)[0]] if len(formulas) else []
 
     def rows(self, formulas: Sequence[se.Formula], columns: Mapping[str, float | Array]) -> Array:
         """The same for columns of N numbers, (N, formulas)."""
@@ -227,20 +220,17 @@ class Formulas:
         """The dependent velocities with their formulas."""
         return {self.symbols("v")[k]: value for k, value in self.dependent.items()}
 
-    def gradient(
-        self, formula: se.Formula, letter: str, first: str = "q", second: str = "v", moment: se.Formula = MOMENT
-    ) -> Gradient:
-        """The derivatives by the symbols of `letter` at the time `moment`, as a callable of (values of first, values
-        of second)."""
-        slopes = [formula.diff(variable) for variable in self.symbols(letter)]
-        names = [*self.symbols(first), *self.symbols(second), MOMENT]
-        return lambda left, right: _put(slopes, names, [*left, *right, moment])
+    def gradient(self, formula: se.Formula, letter: str, second: str = "v", moment: se.Formula = MOMENT) -> Gradient:
+        """The derivatives by the symbols of `letter` at the time `moment`, as a callable of (values of q, values of
+        v or p, as `second` says)."""
+        slopes = np.array([formula.diff(variable) for variable in self.symbols(letter)], dtype=object)
+        return lambda q, other: put(slopes, self.point(moment, q=q, **{second: other}))
 
-    def forms_at(self, place: Sequence[se.Formula]) -> list[list[se.Formula]]:
-        return [_put(row, self.symbols("q"), place) for row in self.forms]
+    def forms_at(self, place: Vector) -> Vector:
+        return put(self.forms, self.point(MOMENT, q=place))
 
-    def drifts_at(self, place: Sequence[se.Formula]) -> list[se.Formula]:
-        return _put(self.drifts, self.symbols("q"), place)
+    def drifts_at(self, place: Vector) -> Vector:
+        return put(self.drifts, self.point(MOMENT, q=place))
 
     @cached_property
     def dependent(self) -> dict[int, se.Formula]:
@@ -251,7 +241,7 @@ class Formulas:
         solved: dict[int, se.Formula] = {}
         velocities = self.symbols("v")
         for row, drift in zip(self.forms, self.drifts, strict=True):
-            formula = (_linear(row, velocities) + drift).subs({velocities[k]: value for k, value in solved.items()})
+            formula = (row @ velocities + drift).subs({velocities[k]: value for k, value in solved.items()})
             entries = [formula.diff(v) for v in velocities]
             place = _pivot(entries)
             rest = formula.subs({velocities[place]: se.ZERO})
@@ -287,8 +277,8 @@ class Formulas:
         slopes = [self.free_lagrangian.diff(v) for v in velocities]
         if not any(slope.diff(v).free_symbols & set(velocities) for slope in slopes for v in velocities):
             return []
-        inverted = _put(slopes, velocities, [self.hamiltonian.diff(p) for p in momenta])
-        defects = [p - slope for p, slope in zip(momenta, inverted, strict=True)]
+        inverted = dict(zip(velocities, map(self.hamiltonian.diff, momenta), strict=True))
+        defects = (p - slope.subs(inverted) for p, slope in zip(momenta, slopes, strict=True))
         return [defect for defect in defects if defect.expand() != se.ZERO]
 
     def _denominator(self, base: ex.Expression) -> Denominator:
@@ -302,14 +292,9 @@ def formulas_of(problem: Problem) -> Formulas:
     return Formulas(problem)
 
 
-def _put(formulas: Sequence[se.Formula], names: Sequence[se.Formula], values: Sequence[se.Formula]) -> list[se.Formula]:
-    """The formulas with values in the place of names."""
-    table = dict(zip(names, values, strict=True))
-    return [formula.subs(table) for formula in formulas]
-
-
-def _linear(row: Sequence[se.Formula], velocities: Sequence[se.Formula]) -> se.Formula:
-    return sum((a * v for a, v in zip(row, velocities, strict=True)), se.ZERO)
+def put(formulas: Vector, table: Mapping[se.Formula, se.Formula]) -> Vector:
+    """The formulas, of any shape, with what the table has in the place of names."""
+    return np.array([formula.subs(table) for formula in formulas.flat], dtype=object).reshape(formulas.shape)
 
 
 def _pivot(entries: Sequence[se.Formula]) -> int:
