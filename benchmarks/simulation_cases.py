@@ -9,7 +9,7 @@ from benchmarks.problems import DISK, PARTICLE
 from inverse_service.kernels.codegen.program import Program
 from inverse_service.simulation.execution import initial, numbers_of
 from inverse_service.simulation.numeric_formulas import Formulas
-from inverse_service.simulation.scene_data import Grid, MethodChoice, Observation, Problem, Start
+from inverse_service.simulation.scene_data import MethodChoice, Observation, Problem, Start
 from inverse_service.simulation.schemes import program_of
 
 BARE: Observation = ()
@@ -45,4 +45,4 @@ def lane(case: SpeedCase, step: float = STEP) -> dict[str, float]:
     """State, rates and arguments at the start."""
     formulas, values = Formulas(case.problem), {"c0": CONSTANT}
     begin = initial(formulas, case.choice, case.start, step, values)
-    return numbers_of(case.choice, begin, Grid(step, 1), values)
+    return {**numbers_of(case.choice, begin, values), "h": step, "t": 0.0}

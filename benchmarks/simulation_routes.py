@@ -14,7 +14,8 @@ import symengine
 from benchmarks.simulation_cases import SpeedCase, lane, program
 from inverse_service.kernels.codegen.compiled import Compiled, card_of, kernel_text, load, object_code
 from inverse_service.kernels.codegen.program import Assign, Program, Solve, changing
-from inverse_service.simulation.execution import execute
+from inverse_service.simulation.execution import Prepared
+from inverse_service.simulation.numeric_formulas import Formulas
 from inverse_service.simulation.scene_data import Grid
 
 Runner = Callable[[int], float]  # steps -> seconds
@@ -28,7 +29,7 @@ def ours(case: SpeedCase) -> Runner:
 
 def _kernel_runner(case: SpeedCase, kernel: Compiled) -> Runner:
     def go(steps: int) -> float:
-        found = execute(kernel, lane(case), case.choice, Grid(0.01, steps, steps))
+        found = Prepared(Formulas(case.problem), case.choice, kernel, lane(case)).go(Grid(0.01, steps, steps))
         assert found.done == steps
         return found.seconds
 
@@ -137,7 +138,6 @@ def _sympy_equations(case: SpeedCase, sympy: Any) -> tuple[list[Any], list[Any],
     """(residuals, unknowns, state, increments) of the whole step before anything is eliminated."""
     from inverse_service.integrators.variational import hamiltonian_step, lagrange_dalembert_step
     from inverse_service.kernels.codegen.symengine_trees import STEP
-    from inverse_service.simulation.numeric_formulas import Formulas
     from inverse_service.simulation.schemes import alpha_of, parts_of
 
     f = Formulas(case.problem)

@@ -127,7 +127,7 @@ def _follower(run: observing.Observed, motion: Motion) -> Follow | None:
             begins=begins,
         )  # fmt: skip
         positions, rates = many.positions[:, -1], many.rates[:, -1]
-        if many.carried == "v":
+        if many.letter == "v":
             return begins + lengths, positions, rates
         bare = replace(ran, times=begins + lengths, positions=positions, momenta=rates, velocities=None)
         found = observing.point_velocities(run.scene, of, method, bare, dict(values))

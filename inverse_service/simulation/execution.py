@@ -17,6 +17,7 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
+from typing import Any
 
 import numpy as np
 import symengine
@@ -72,10 +73,14 @@ def check(problem: Problem, choice: MethodChoice) -> None:
         raise InputError("Symmetrised steps require a system without t: take alpha = 1/2, which also has order 2.")
 
 
-def numbers_of(choice: MethodChoice, begin: Initial, grid: Grid, parameters: Mapping[str, float]) -> dict[str, float]:
-    """State, rates and arguments of one trajectory by the names of the kernel."""
-    rates = {f"{name}_rate": value for name, value in begin.rates.items()}
-    return {**begin.state, **rates, str(MOMENT): grid.begin, "h": grid.step, "a": _setting(choice), **parameters}
+def numbers_of(choice: MethodChoice, begin: Initial, parameters: Mapping[str, float]) -> dict[str, float]:
+    """State, rates and arguments of one trajectory by the names of the kernel, but its step and its time."""
+    return {
+        **begin.state,
+        **{f"{name}_rate": x for name, x in begin.rates.items()},
+        "a": _setting(choice),
+        **parameters,
+    }
 
 
 def _setting(choice: MethodChoice) -> float:
@@ -114,23 +119,61 @@ def run(
     ready = prepared(problem, choice, start, grid, values, observation)
     if isinstance(ready, Trajectory):
         return ready
-    found = trajectory_of(Ended(ready, ready.go(grid, stop)))
+    found = trajectory_of(ready.go(grid, stop))
     return found if choice.guard else replace(found, outcome=replace(found.outcome, note=NO_GUARD))
 
 
 @dataclass(frozen=True, slots=True)
 class Prepared:
-    """A run of a kernel that has everything but the number of its steps."""
+    """`count` runs of a kernel that have everything but the number of steps; `begin` has the numbers of the kernel by
+    name, each one or (count,), the step and the time where they are not those of the grid."""
 
     formulas: Formulas
     choice: MethodChoice
     kernel: Compiled
-    begin: Initial
-    parameters: Mapping[str, float]
+    begin: Mapping[str, Any]
+    count: int = 1
 
     def go(self, grid: Grid, stop: Stop | None = None) -> Run:
-        """All steps of the grid, from the start."""
-        return execute(self.kernel, numbers_of(self.choice, self.begin, grid, self.parameters), self.choice, grid, stop)
+        """All steps of the grid from the start, in pieces, after each of which `stop` is asked; groups on all cores."""
+        kernel, card, begin = self.kernel, self.kernel.card, {"h": grid.step, str(MOMENT): grid.begin, **self.begin}
+        memory, substeps = memory_of(card, begin, self.count), np.array(weights_of(self.choice), dtype=np.float64)
+        every = max(1, min(grid.record_every, grid.steps))
+        whole, rest = divmod(grid.steps, every)
+        record = np.full((len(memory), whole + bool(rest), len(card.layout.columns), card.lanes), np.nan)
+        control = np.zeros((len(memory), len(CONTROL)), dtype=np.int64)
+        steps, until_record, made = (control[:, CONTROL.index(name)] for name in ("steps", "until_record", "done"))
+        control[:, 1:3] = len(substeps), every
+        least = _FIRST_OWN if programs.TRIAL in card.layout.persistent else _FIRST_PIECE
+        at_once, seconds = max(1, STEPS_AT_ONCE // max(1, grid.steps * len(substeps))), [0.0]
+
+        def work(groups: slice) -> tuple[int, bool]:
+            """The steps made, and whether it was stopped."""
+            piece, done = least, 0
+            for end in (whole * every, grid.steps):
+                until_record[groups] = min(every, grid.steps - done)  # the last step is always recorded
+                while done < end:
+                    if stop is not None and stop():
+                        return done, True
+                    steps[groups], made[groups] = (todo := min(piece, end - done)), 0
+                    clock = time.perf_counter()
+                    kernel.machine.call(memory[groups], substeps, control[groups], record[groups])
+                    seconds.append(time.perf_counter() - clock)
+                    done += int(made[groups].max())
+                    if made[groups].max() < todo:
+                        return done, False
+                    piece = max(least, min(4 * piece, int(piece * _SECONDS_PER_PIECE / max(seconds[-1], 1e-6))))
+            return done, False
+
+        parts = [slice(k, min(k + at_once, len(memory))) for k in range(0, len(memory), at_once)]
+        if len(memory) * grid.steps * len(substeps) < WORTH_THREADS or len(parts) == 1:
+            ran = list(map(work, parts))
+        else:
+            with ThreadPoolExecutor(settings.cores()) as pool:
+                ran = list(pool.map(work, parts))
+        iterations = int(control[:, CONTROL.index("iterations")].sum())
+        done, ends = max(done for done, _ in ran), any(ended for _, ended in ran)
+        return Run(self, grid, record, memory, iterations, sum(seconds), ends, done)
 
 
 def prepared(
@@ -143,7 +186,8 @@ def prepared(
     begin = initial(formulas, choice, start, grid.step, parameters | {str(MOMENT): grid.begin})
     if begin.missing:
         return Trajectory.of_start(grid.begin, start.positions, None, begin.missing)
-    found = Prepared(formulas, choice, kernel_of(formulas, choice, observation), begin, parameters)
+    numbers = numbers_of(choice, begin, parameters)
+    found = Prepared(formulas, choice, kernel_of(formulas, choice, observation), numbers)
     if choice.method != "adaptive" or formulas.depends_on_velocities or not _takes_many(found, grid):
         return found
     highest = replace(choice, order=method_table.PAIRS[-1])
@@ -157,14 +201,15 @@ def _takes_many(ready: Prepared, grid: Grid) -> bool:
     return not steps or ready.go(replace(grid, steps=steps)).iterations > BEGINNING + MANY * steps
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Run:
-    """The result of a kernel for `count` starts, in groups of its lanes: `record` (groups, rows, columns, lanes) at the
-    recorded steps after the start, nan where it did not come, and the `memory` (groups, places, lanes) at the end."""
+    """What kernels did from each start, in groups of their lanes: `record` (groups, rows, columns, lanes) at the
+    recorded steps after the start, and the `memory` (groups, places, lanes) at the end.
 
-    card: Card
-    count: int
-    begin: Mapping[str, float | Array]
+    `done` are the steps of the longest; where `cancelled`, none reached the end. `remedy` replaces those of kernels.
+    """
+
+    ready: Prepared
     grid: Grid
     record: Array
     memory: Array
@@ -172,24 +217,65 @@ class Run:
     seconds: float
     cancelled: bool
     done: int
+    remedy: str = ""
+
+    @property
+    def card(self) -> Card:
+        return self.ready.kernel.card
 
     def last(self, name: str) -> Array:
         """A number of the memory, (N,)."""
-        return self.memory[:, self.card.layout.place(name)].ravel()[: self.count]
+        return self.memory[:, self.card.layout.place(name)].ravel()[: self.ready.count]
 
     def column(self, name: str) -> Array:
         """A column of the record, (N, rows)."""
         found = self.record[:, :, self.card.layout.columns.index(name)].swapaxes(1, 2)
-        return found.reshape(found.shape[0] * found.shape[1], found.shape[2])[: self.count]
+        return found.reshape(found.shape[0] * found.shape[1], found.shape[2])[: self.ready.count]
 
-    def points(self, letter: str, size: int) -> Array:
-        """q, v or p at the start and the recorded steps, (N, m, n); a value that is constant is not recorded."""
-        found = np.empty((self.count, self.record.shape[1] + 1, size))
-        for k in range(size):
-            found[:, :, k] = np.reshape(self.begin.get(f"{letter}{k}", math.nan), (-1, 1))
+    def _points(self, letter: str) -> Array:
+        """(N, m, n) at the start and the recorded steps, nan after the end; a constant value is not recorded."""
+        found = np.empty((self.ready.count, self.record.shape[1] + 1, self.ready.formulas.size))
+        for k in range(found.shape[2]):
+            found[:, :, k] = np.reshape(self.ready.begin.get(f"{letter}{k}", math.nan), (-1, 1))
             if f"{letter}{k}" in self.card.layout.columns:
                 found[:, 1:, k] = self.column(f"{letter}{k}")
+        ended = (self.last(programs.STATUS) != 0)[:, None] & (
+            self.grid.recorded > self.last(programs.STOPPED_AT)[:, None]
+        )
+        found[ended] = np.nan
         return found
+
+    @property
+    def letter(self) -> str:
+        """v or p: what `rates` are."""
+        return "v" if self.ready.choice.method in method_table.POINT_METHODS else "p"
+
+    @cached_property
+    def positions(self) -> Array:
+        return self._points("q")
+
+    @cached_property
+    def rates(self) -> Array:
+        return self._points(self.letter)
+
+    @cached_property
+    def completed(self) -> NDArray[np.bool_]:
+        """Which reached the end, (N,)."""
+        found: NDArray[np.bool_] = self.last(programs.STATUS) == 0
+        return found & (not self.cancelled)
+
+    def numbers(self, member: int = 0) -> dict[str, float]:
+        """State variables, rates, arguments and what the kernel notes, after the last good step."""
+        layout, (group, lane) = self.card.layout, divmod(member, self.card.lanes)
+        return dict(zip((*layout.persistent, *layout.arguments), self.memory[group, :, lane].tolist(), strict=True))
+
+    def outcome(self, member: int) -> Outcome:
+        """How one ended."""
+        found = stopped(self, member)
+        if found is None:
+            kind = "cancelled" if self.cancelled else "completed"
+            return Outcome(kind, self.grid.steps, float(self.grid.times[-1]))
+        return replace(found, remedy=self.remedy or found.remedy)
 
 
 def memory_of(card: Card, numbers: Mapping[str, float | Array], count: int = 1) -> Array:
@@ -210,58 +296,12 @@ def memory_of(card: Card, numbers: Mapping[str, float | Array], count: int = 1) 
     return memory
 
 
-def execute(
-    kernel: Compiled, begin: Mapping[str, float | Array], choice: MethodChoice, grid: Grid,
-    stop: Stop | None = None, count: int = 1,
-) -> Run:  # fmt: skip
-    """All steps of the grid from `begin`, in pieces, after each of which `stop` is asked; groups on all cores."""
-    memory, substeps = memory_of(kernel.card, begin, count), np.array(weights_of(choice), dtype=np.float64)
-    every = max(1, min(grid.record_every, grid.steps))
-    whole, rest = divmod(grid.steps, every)
-    record = np.full((len(memory), whole + bool(rest), len(kernel.card.layout.columns), kernel.card.lanes), np.nan)
-    control = np.zeros((len(memory), len(CONTROL)), dtype=np.int64)
-    steps, until_record, made = (control[:, CONTROL.index(name)] for name in ("steps", "until_record", "done"))
-    control[:, 1:3] = len(substeps), every
-    least = _FIRST_OWN if programs.TRIAL in kernel.card.layout.persistent else _FIRST_PIECE
-    at_once, seconds = max(1, STEPS_AT_ONCE // max(1, grid.steps * len(substeps))), [0.0]
-
-    def go(groups: slice) -> tuple[int, bool]:
-        """The steps made, and whether it was stopped."""
-        piece, done = least, 0
-        for end in (whole * every, grid.steps):
-            until_record[groups] = min(every, grid.steps - done)  # the last step is always recorded
-            while done < end:
-                if stop is not None and stop():
-                    return done, True
-                steps[groups], made[groups] = (todo := min(piece, end - done)), 0
-                clock = time.perf_counter()
-                kernel.machine.call(memory[groups], substeps, control[groups], record[groups])
-                seconds.append(time.perf_counter() - clock)
-                done += int(made[groups].max())
-                if made[groups].max() < todo:
-                    return done, False
-                piece = max(least, min(4 * piece, int(piece * _SECONDS_PER_PIECE / max(seconds[-1], 1e-6))))
-        return done, False
-
-    parts = [slice(k, min(k + at_once, len(memory))) for k in range(0, len(memory), at_once)]
-    if len(memory) * grid.steps * len(substeps) < WORTH_THREADS or len(parts) == 1:
-        ran = list(map(go, parts))
-    else:
-        with ThreadPoolExecutor(settings.cores()) as pool:
-            ran = list(pool.map(go, parts))
-    iterations = int(control[:, CONTROL.index("iterations")].sum())
-    done, ends = max(done for done, _ in ran), any(ended for _, ended in ran)
-    return Run(kernel.card, count, begin, grid, record, memory, iterations, sum(seconds), ends, done)
-
-
-def stopped(card: Card, memory: Array, unknown_names: Mapping[str, str], grid: Grid) -> Outcome | None:
-    """The meaning of the status in the memory (places,); None if the run reached the end."""
-    layout = card.layout
-    code = int(memory[layout.place(programs.STATUS)])
-    if code == 0:
+def stopped(run: Run, member: int = 0) -> Outcome | None:
+    """Why a run stopped; None if it reached the end."""
+    card, grid, last, names = run.card, run.grid, run.numbers(member), unknown_names(run.ready.formulas)
+    if not (code := int(last[programs.STATUS])):
         return None
-    step = int(memory[layout.place(programs.STOPPED_AT)])
-    value = float(memory[layout.place(programs.STOPPED_VALUE)])
+    step, value = int(last[programs.STOPPED_AT]), last[programs.STOPPED_VALUE]
 
     def ends(kind: str, quantity: str, value: float, remedy: str) -> Outcome:
         return Outcome(kind, step, grid.begin + step * grid.step, quantity, value, remedy)
@@ -274,17 +314,15 @@ def stopped(card: Card, memory: Array, unknown_names: Mapping[str, str], grid: G
         value = abs(value) if kind == "bound" else value
         return ends(_KINDS.get(kind, "singular"), quantity, value, remedy)
     if code >= programs.GUARDED:
-        quantity = f"1 - det/det(h -> 0): {_determinant(card, code - programs.GUARDED, unknown_names)}"
+        quantity = f"1 - det/det(h -> 0): {_determinant(card, code - programs.GUARDED, names)}"
         return ends("guard", quantity, value, _REMEDY)
     if code >= programs.SINGULAR:
-        return ends("singular", _determinant(card, code - programs.SINGULAR, unknown_names), value, _REMEDY)
+        return ends("singular", _determinant(card, code - programs.SINGULAR, names), value, _REMEDY)
     if code >= programs.NO_CONVERGENCE:
         place = code - programs.NO_CONVERGENCE
-        quantity = _determinant(card, place, unknown_names)
-        if place < len(card.solves):
-            first, last = (float(memory[layout.place(f"{which}_{place}")]) for which in ("first", "last"))
-            if abs(last) < NEARLY_SINGULAR * abs(first):
-                return ends("singular", quantity, last, _REMEDY)
+        quantity = _determinant(card, place, names)
+        if place < len(card.solves) and abs(last[f"last_{place}"]) < NEARLY_SINGULAR * abs(last[f"first_{place}"]):
+            return ends("singular", quantity, last[f"last_{place}"], _REMEDY)
         remedy = _NO_VALUE if math.isnan(value) else _REMEDY
         return ends("no_convergence", quantity, value if place < len(card.solves) else math.nan, remedy)
     if code == programs.NO_START:
@@ -306,49 +344,24 @@ def _determinant(card: Card, place: int, unknown_names: Mapping[str, str]) -> st
     return f"determinant of the discrete equations for {names}"
 
 
-@dataclass(frozen=True)
-class Ended:
-    """A run of a kernel to the point that it reached."""
-
-    ready: Prepared
-    run: Run
-
-    @cached_property
-    def halt(self) -> Outcome | None:
-        """The reason for stopping; None if the run reached the end."""
-        return stopped(self.run.card, self.run.memory[0, :, 0], unknown_names(self.ready.formulas), self.run.grid)
-
-    @property
-    def done(self) -> int:
-        """The number of steps made."""
-        return self.run.done if self.halt is None else self.halt.step or 0
-
-    @cached_property
-    def last(self) -> dict[str, float]:
-        """State variables, rates and parameters after the last good step."""
-        layout, memory = self.run.card.layout, self.run.memory[0, :, 0].tolist()
-        found = dict(zip((*layout.persistent, *layout.arguments), memory, strict=True))
-        return {name: value for name, value in found.items() if name != "h"}
-
-
-def trajectory_of(ended: Ended) -> Trajectory:
-    """The run as a trajectory."""
-    run, choice, grid, card = ended.run, ended.ready.choice, ended.run.grid, ended.run.card
-    rows, size = grid.recorded <= ended.done, ended.ready.formulas.size
-    letter = "v" if choice.method in method_table.POINT_METHODS else "p"
-    carried = run.points(letter, size)[0, rows]
-    taken = int(run.last(programs.CLOCK)[0]) if ended.halt is None else ended.done
+def trajectory_of(run: Run) -> Trajectory:
+    """The first run as a trajectory."""
+    card, choice, halt = run.card, run.ready.choice, stopped(run)
+    done = run.done if halt is None else halt.step or 0
+    rows = run.grid.recorded <= done
+    carried = run.rates[0, rows]
+    taken = int(run.last(programs.CLOCK)[0]) if halt is None else done
     # The first value of an observed quantity is repeated in front, because no step leads to the start.
     seen = {name: run.column(f"observed_{k}")[0] for k, name in enumerate(card.observed)}
     return Trajectory(
-        times=grid.times[rows],
-        positions=run.points("q", size)[0, rows],
-        momenta=carried if letter == "p" and not np.isnan(carried).any() else None,
-        velocities=carried if letter == "v" else None,
-        outcome=_outcome(ended),
+        times=run.grid.times[rows],
+        positions=run.positions[0, rows],
+        momenta=carried if run.letter == "p" and not np.isnan(carried).any() else None,
+        velocities=carried if run.letter == "v" else None,
+        outcome=_outcome(run, halt),
         force_evaluations=_evaluations(choice, card, taken, run.iterations),
         newton_iterations=0 if choice.method in method_table.OWN_STEPS else run.iterations,
-        compile_seconds=sum(ended.ready.kernel.seconds.values()),
+        compile_seconds=sum(run.ready.kernel.seconds.values()),
         run_seconds=run.seconds,
         series={name: np.append(column[:1] if len(column) else np.nan, column)[rows] for name, column in seen.items()},
         maxima={name: float(run.last(f"maximum_{k}")[0]) for k, name in enumerate(card.observed)},
@@ -377,17 +390,17 @@ def unknown_names(f: Formulas) -> dict[str, str]:
     return names | {f"m{k}": f"multiplier {k + 1}" for k in range(len(f.problem.constraints))}
 
 
-def _outcome(ended: Ended) -> Outcome:
-    f, choice, halt, grid = ended.ready.formulas, ended.ready.choice, ended.halt, ended.run.grid
+def _outcome(run: Run, halt: Outcome | None) -> Outcome:
+    f, choice, grid = run.ready.formulas, run.ready.choice, run.grid
     if halt is None:
-        kind = "cancelled" if ended.run.cancelled and ended.run.done < grid.steps else "completed"
-        return Outcome(kind, ended.run.done, grid.begin + ended.run.done * grid.step)
+        kind = "cancelled" if run.cancelled and run.done < grid.steps else "completed"
+        return Outcome(kind, run.done, grid.begin + run.done * grid.step)
     if choice.method == "modified" and halt.kind == "singular" and len(schemes.parts_of(choice)) == 1:
         # It has its own singular set: it is smooth through the zeros of A_alpha, even if other factors vanish nearby.
         return replace(halt, remedy=_remedy(f, choice))
-    if halt.kind in ("no_convergence", "not_finite", "singular") and (cause := _vanished(ended)):
+    if halt.kind in ("no_convergence", "not_finite", "singular") and (cause := _vanished(run)):
         return replace(halt, kind="singular", quantity=cause[0], value=cause[1], remedy=_remedy(f, choice))
-    if cause := _pole(ended):
+    if cause := _pole(run):
         return replace(halt, kind="singular", quantity=cause[0], value=cause[1], remedy=schemes.where_it_ends(f))
     if halt.kind == "guard" and halt.value:
         # The determinant differs from its limit by h^2 at alpha = 1/2, other guards are proportional to h.
@@ -397,28 +410,28 @@ def _outcome(ended: Ended) -> Outcome:
     return halt
 
 
-def _way(ended: Ended, formulas: Sequence[Formula]) -> Callable[[float], list[float]]:
+def _way(run: Run, formulas: Sequence[Formula]) -> Callable[[float], list[float]]:
     """Formulas along the straight path from the last good point, so many steps after it."""
-    last, start, step, f = ended.last, ended.ready.begin.state, ended.run.grid.step, ended.ready.formulas
+    last, start, step, f = run.numbers(), run.ready.begin, run.grid.step, run.ready.formulas
     passed = last[programs.CLOCK] * step
     means = [(last[f"q{k}"] - start[f"q{k}"]) / passed if passed else 0.0 for k in range(f.size)]
     # A rate of 0 is that of the step that failed; the mean one says where the way led.
     rates = [last.get(f"d{k}_rate", 0.0) or mean for k, mean in enumerate(means)]
-    table = {str(MOMENT): ended.run.grid.begin, **start, **last, **_named("v", rates)}
+    table = {str(MOMENT): run.grid.begin, **start, **last, **_named("v", rates)}
     return lambda part: f.values(
         formulas, table | {f"q{k}": last[f"q{k}"] + part * step * rate for k, rate in enumerate(rates)}
     )
 
 
-def _pole(ended: Ended) -> tuple[str, float] | None:
+def _pole(run: Run) -> tuple[str, float] | None:
     """(text, value now) of the first denominator of L~ that passes 0 just ahead, where dH~/dq has a pole: guard and
     Newton fail because of it. Those that H~ is smooth through, as cos(phi) of the disk, do not count."""
-    f = ended.ready.formulas
-    if ended.ready.choice.method != "variational" or not (f.problem.free_hamiltonian and f.problem.free_lagrangian):
+    f = run.ready.formulas
+    if run.ready.choice.method != "variational" or not (f.problem.free_hamiltonian and f.problem.free_lagrangian):
         return None
-    slopes = _way(ended, [f.hamiltonian.diff(q) for q in f.symbols("q")])
+    slopes = _way(run, [f.hamiltonian.diff(q) for q in f.symbols("q")])
     for item in f.denominators:
-        along = _way(ended, [item.formula])
+        along = _way(run, [item.formula])
         (now,) = along(0.0)
         first = next((k for k in range(STEPS_AHEAD) if now * along(k + 1.0)[0] <= 0), None)
         if first is None:
@@ -433,15 +446,15 @@ def _pole(ended: Ended) -> tuple[str, float] | None:
     return None
 
 
-def _vanished(ended: Ended) -> tuple[str, float] | None:
+def _vanished(run: Run) -> tuple[str, float] | None:
     """The factor of L~'s denominators that passes 0 about the step that failed, with its value before it: from a step
     before the last good point to a step and a half after it."""
-    choice = ended.ready.choice
+    choice = run.ready.choice
     if choice.method not in ("variational", "modified"):
         return None
     raw = choice.method == "modified" or choice.form == "raw" or _has_two_places(choice)
-    for item in ended.ready.formulas.denominators:
-        values = [_way(ended, [item.formula])(part)[0] for part in (-1.0, 0.0, 1.5)]
+    for item in run.ready.formulas.denominators:
+        values = [_way(run, [item.formula])(part)[0] for part in (-1.0, 0.0, 1.5)]
         passes = not min(values) * max(values) > 0 or abs(values[-1]) < 1e-3 * abs(values[1])
         if (raw or item.moves) and passes:
             return item.text, values[1]
@@ -610,41 +623,6 @@ def vanishing(f: Formulas, table: Mapping[str, float]) -> tuple[str, float]:
     return min(known, key=lambda item: abs(item[1]), default=("dL/dv", math.nan))
 
 
-@dataclass(frozen=True)
-class Many:
-    """The recorded points of N trajectories: `times` (m,), `positions` and `rates` (N, m, n), nan after a run's end.
-
-    `rates` are the momenta p or velocities v of the method, as `carried` says; `memory` (places, N) is the final
-    kernel memory of each.
-    """
-
-    times: Array
-    positions: Array
-    rates: Array
-    carried: str
-    card: Card
-    memory: Array
-    grid: Grid
-    names: Mapping[str, str]
-    cancelled: bool
-    iterations: int
-    remedy: str = ""  # where it is another than that of a single run
-
-    @cached_property
-    def completed(self) -> NDArray[np.bool_]:
-        """Which trajectories reached the end, (N,)."""
-        found: NDArray[np.bool_] = self.memory[self.card.layout.place(programs.STATUS)] == 0
-        return found & (not self.cancelled)
-
-    def outcome(self, member: int) -> Outcome:
-        """The outcome of one trajectory."""
-        kind = "cancelled" if self.cancelled else "completed"
-        found = stopped(self.card, self.memory[:, member], self.names, self.grid)
-        if found is None:
-            return Outcome(kind, self.grid.steps, float(self.times[-1]))
-        return replace(found, remedy=self.remedy or found.remedy)
-
-
 def lanes_here() -> int:
     """The number of doubles that a core processes at once."""
     return 8 if "+avx512f" in processor_features() else 4
@@ -661,7 +639,7 @@ def run_ensemble(
     steps: Array | None = None,
     stop: Stop | None = None,
     begins: Array | None = None,
-) -> Many:
+) -> Run:
     """N trajectories from `positions` and `velocities` (N, n), or `momenta` where they are known.
 
     `values` gives each parameter a number or (N,) numbers; `steps` (N,) are individual steps that replace that of
@@ -672,7 +650,7 @@ def run_ensemble(
         raise InputError(ALL_METHODS)
     f = Formulas(problem)
     kernel = kernel_of(f, choice, (), lanes_here())
-    count, span = len(positions), range(f.size)
+    span = range(f.size)
     columns: dict[str, float | Array] = {f"c{place}": values[name] for place, name in enumerate(problem.parameters)}
     columns |= {"h": grid.step if steps is None else steps, "a": _setting(choice)}
     columns[str(MOMENT)] = grid.begin if begins is None else begins
@@ -681,12 +659,4 @@ def run_ensemble(
     if letter == "p":
         start = start_momenta(f, choice, columns) if momenta is None else momenta
         columns |= {f"p{k}": start[:, k] for k in span} | {f"d{k}_rate": velocities[:, k] for k in span}
-    ran = execute(kernel, columns, choice, grid, stop, count)
-    memory = np.moveaxis(ran.memory, 1, 0).reshape(ran.memory.shape[1], -1)[:, :count]
-    tables = ran.points("q", f.size), ran.points(letter, f.size)
-    ended = (ran.last(programs.STATUS) != 0)[:, None] & (grid.recorded > ran.last(programs.STOPPED_AT)[:, None])
-    for table in tables:
-        table[ended] = np.nan
-    return Many(
-        grid.times, *tables, letter, ran.card, memory, grid, unknown_names(f), ran.cancelled, ran.iterations,
-    )  # fmt: skip
+    return Prepared(f, choice, kernel, columns, len(positions)).go(grid, stop)

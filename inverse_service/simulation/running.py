@@ -14,7 +14,6 @@ import numpy as np
 
 from inverse_service.errors import InputError
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
-from inverse_service.kernels.codegen.program import NOT_STARTED, STATUS
 from inverse_service.simulation import (
     accuracy,
     costs,
@@ -67,7 +66,7 @@ class EnsembleRun:
 
     requested: data.Requested
     outcome: Outcome
-    many: execution.Many | None
+    many: execution.Run | None
     velocities: Array | None = None
     series: Mapping[str, Array] = field(default_factory=dict)
     numbers: Mapping[str, Array] = field(default_factory=dict)
@@ -262,16 +261,13 @@ def _run_members(derived: derivation.Derived, requested: data.Requested, stop: d
     values |= members.values
     momenta = _momenta(known, members, values)
     begun = time.perf_counter()
+    steps = np.where(initial.without_value(scene), np.nan, scene.grid.step)  # without one, a member does not start
     many = execution.run_ensemble(
-        problem, requested.choice, members.positions, members.velocities, scene.grid, values, momenta, stop=stop
+        problem, requested.choice, members.positions, members.velocities, scene.grid, values, momenta, steps, stop
     )
     ran = time.perf_counter()
     if switching.has_pieces(scene, problem):
         many = replace(many, remedy=ALONE)
-    lost = initial.without_value(scene) & (many.memory[many.card.layout.place(STATUS)] == 0)
-    for name, value in NOT_STARTED.items():
-        many.memory[many.card.layout.place(name), lost] = value
-    many.positions[lost, 1:] = many.rates[lost, 1:] = np.nan
     velocities, series, numbers = _observed(scene, problem, requested, many, values)
     seconds = {"run": ran - begun, "observed": time.perf_counter() - ran}
     run = EnsembleRun(requested, Outcome("cancelled", scene.grid.steps), many, velocities, series, numbers, seconds)
@@ -282,7 +278,7 @@ def _run_members(derived: derivation.Derived, requested: data.Requested, stop: d
     return replace(run, outcome=Outcome(_kind(many), scene.grid.steps, doubt=doubt))
 
 
-def _kind(many: execution.Many) -> str:
+def _kind(many: execution.Run) -> str:
     """The common outcome: all members completed, some did, or, if none did, the most frequent outcome."""
     if many.completed.any():
         return "completed" if many.completed.all() else "partly"
@@ -328,7 +324,7 @@ def _missed(
         own = _of_member(values, row)
         start = members.positions[row], members.velocities[row]
         alone = replace(scene, positions=start[0], velocities=start[1], values=own, ensemble=None)
-        ran = Trajectory(many.times, many.positions[row], None, run.velocities[row], many.outcome(row))
+        ran = Trajectory(many.grid.times, many.positions[row], None, run.velocities[row], many.outcome(row))
         seen = observing.Observed(alone, run.requested, ran, problem, own, None, in_pieces=True)
         found = accuracy.with_missed_force(seen, {"estimated_error": estimates[row], "doubt": ""}, derived, stop)
         if found["doubt"]:
@@ -352,14 +348,14 @@ def _of_member(values: dict[str, Any], row: int) -> dict[str, float]:
 
 
 def _observed(
-    scene: data.Scene, problem: data.Problem, requested: data.Requested, many: execution.Many, values: dict[str, Any]
+    scene: data.Scene, problem: data.Problem, requested: data.Requested, many: execution.Run, values: dict[str, Any]
 ) -> tuple[Array | None, dict[str, Array], dict[str, Array]]:
     """Velocities (N, m, n), columns (N, m) of the energy and own observables, as of one run, and numbers (N,)."""
     count, points, n = many.positions.shape
-    rates, times = many.rates.reshape(-1, n), np.tile(many.times, count)
+    rates, times = many.rates.reshape(-1, n), np.tile(many.grid.times, count)
     own = {name: np.repeat(x, points) if isinstance(x, np.ndarray) else x for name, x in values.items()}
     flat = Trajectory(times, many.positions.reshape(-1, n), rates, rates, Outcome("completed"))
-    if many.carried == "p":
+    if many.letter == "p":
         flat = replace(flat, velocities=observing.point_velocities(scene, problem, requested.method, flat, own))
     seen = observing.Observed(scene, requested, flat, problem, own, None, in_pieces=True)
     series: dict[str, Array] = {}

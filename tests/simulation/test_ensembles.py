@@ -11,11 +11,11 @@ from benchmarks.hard_cases import disk_start, particle_start
 from benchmarks.problems import DISK, PARTICLE, PENDULUM
 from inverse_service.errors import InputError
 from inverse_service.service.scenes.simulating import simulate
-from inverse_service.simulation.execution import Many, run, run_ensemble
+from inverse_service.simulation.execution import Run, run, run_ensemble
 from inverse_service.simulation.scene_data import Grid, MethodChoice, Problem, Start
 
 
-def together(what: Problem, choice: MethodChoice, starts: list[Start], grid: Grid, values: dict[str, object]) -> Many:
+def together(what: Problem, choice: MethodChoice, starts: list[Start], grid: Grid, values: dict[str, object]) -> Run:
     positions, velocities = (
         np.array([getattr(start, name) for start in starts]) for name in ("positions", "velocities")
     )
@@ -35,7 +35,7 @@ def test_many_starts(count: int) -> None:
         assert np.abs(positions - alone.positions).max() < 1e-12
         assert alone.momenta is not None
         assert np.abs(momenta - alone.momenta).max() < 1e-12
-        assert np.all(found.times == alone.times)
+        assert np.all(found.grid.times == alone.times)
 
 
 @pytest.mark.slow

@@ -344,7 +344,7 @@ def member_columns(scene: Scene, run: EnsembleRun) -> dict[str, Array]:
 def ensemble_arrays(scene: Scene, run: EnsembleRun) -> dict[str, Array]:
     """t (m,), each coordinate, velocity and observable (N, m), and one number per member: the content of NPZ files."""
     assert run.many is not None
-    arrays: dict[str, Array] = {"t": run.many.times}
+    arrays: dict[str, Array] = {"t": run.many.grid.times}
     for k, name in enumerate(scene.coordinates):
         arrays[name] = run.many.positions[:, :, k]
         if run.velocities is not None:
