@@ -85,35 +85,35 @@ def test_forces_without_velocities_need_the_conditions_of_nystrom(order: int) ->
 
 def test_formulas_hold_for_plain_numbers() -> None:
     """The harmonic oscillator's midpoint step by hand: d = h (p - h q/2)/(1 + h^2/4)."""
-    q, p, h = [0.4], [0.7], 0.1
-    d = h * (p[0] - h * q[0] / 2) / (1 + h * h / 4)
-    e = -h * (q[0] + d / 2)
-    residuals, pushes = variational.hamiltonian_step(q, p, [d], [e], h, 0.5, lambda x, y: x, lambda x, y: y)
+    q, p, h = np.array([0.4]), np.array([0.7]), 0.1
+    d = h * (p - h * q / 2) / (1 + h * h / 4)
+    e = -h * (q + d / 2)
+    residuals, pushes = variational.hamiltonian_step(q, p, d, e, h, 0.5, lambda x, y: x, lambda x, y: y)
     assert np.abs(residuals).max() < 1e-16
-    assert pushes == [e]
-    residuals, pushes = variational.raw_step(q, p, [d], h, (0.5,), lambda x, v: [-x[0]], lambda x, v: v)
+    assert pushes == e
+    residuals, pushes = variational.raw_step(q, p, d, h, (0.5,), lambda x, v: -x, lambda x, v: v)
     assert abs(residuals[0]) < 1e-16
-    assert pushes[0] == pytest.approx(e, rel=1e-15)
+    assert pushes[0] == pytest.approx(e[0], rel=1e-15)
     both, _ = variational.symmetrised_hamiltonian_step(
-        q, p, [d], ([d / h - p[0]], [d / h - p[0]]), h, 0.5, lambda x, y: x, lambda x, y: y
+        q, p, d, (d / h - p, d / h - p), h, 0.5, lambda x, y: x, lambda x, y: y
     )
     assert np.abs(both).max() < 1e-16
 
 
 def test_a_constraint_force_keeps_the_constraint() -> None:
     """A particle held to the line v1 = v2: momentum (1, 0) becomes (1/2, 1/2)."""
-    d, m = [0.05, 0.05], [0.05]
+    q, p, d, m = np.zeros(2), np.array([1.0, 0.0]), np.full(2, 0.05), np.array([0.05])
     residuals, changes = variational.lagrange_dalembert_step(
-        [0.0, 0.0],
-        [1.0, 0.0],
+        q,
+        p,
         d,
         m,
         0.1,
         (0.5,),
-        lambda x, v: [0.0, 0.0],
+        lambda x, v: 0 * x,
         lambda x, v: v,
-        lambda x: [[1.0, -1.0]],
-        lambda x: [0.0],
+        lambda x: np.array([[1.0, -1.0]]),
+        lambda x: np.zeros(1),
     )
     assert np.abs(residuals).max() < 1e-16
     assert changes == pytest.approx([-0.5, 0.5])
