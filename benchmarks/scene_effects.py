@@ -13,7 +13,7 @@ import os
 import tempfile
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -90,13 +90,13 @@ def costs(steps: int, repeats: int) -> list[Cost]:
         derived = Derived(scene, _no_free)
         problem_of(METHOD, derived)
         derived_in.append(time.perf_counter() - begun)
-        firsts.append(run_method(replace(scene, grid=Grid(0.01, 10)), METHOD, derived, None, None))
+        firsts.append(run_method(derived.but(grid=Grid(0.01, 10)), METHOD))
     best = [float("inf")] * len(scenes)
     last: list[MethodRun] = list(firsts)
     for turn in range(repeats):
         order = range(len(scenes)) if turn % 2 == 0 else range(len(scenes) - 1, -1, -1)
         for k in order:
-            last[k] = run_method(scenes[k], METHOD, Derived(scenes[k], _no_free), None, None)
+            last[k] = run_method(Derived(scenes[k], _no_free), METHOD)
             best[k] = min(best[k], last[k].seconds["run"])
     rows = zip(ROWS, derived_in, firsts, best, last, strict=True)
     return [

@@ -324,18 +324,19 @@ def between_points(times: Array, positions: Array, velocities: Array, moments: A
     return places, first + s * (2 * curve + 3 * s * bend)
 
 
-def true_motion(scene: data.Scene, derived: derivation.Derived, stop: data.Stop | None = None) -> data.Truth:
+def true_motion(derived: derivation.Derived) -> data.Truth:
     """The true motion at the recorded times of the scene; Unavailable where it is not known."""
     if derived.exact_or_none() is None:
-        return _references(scene, derived.motion(), stop)
-    found = exact_trajectory(scene, derived)
+        return _references(derived)
+    found = exact_trajectory(derived)
     assert found.velocities is not None
     bounds = ROUND_OFF * (1 + np.maximum.accumulate(np.abs(found.positions).max(axis=1)))
     return data.Truth(found.times, found.positions, found.velocities, "exact", bounds, found.run_seconds)
 
 
-def exact_trajectory(scene: data.Scene, derived: derivation.Derived) -> Trajectory:
+def exact_trajectory(derived: derivation.Derived) -> Trajectory:
     """The exact solution as a trajectory, at the recorded times."""
+    scene = derived.scene
     try:
         exact = derived.exact()
     except data.Unavailable as error:
@@ -352,8 +353,9 @@ def exact_trajectory(scene: data.Scene, derived: derivation.Derived) -> Trajecto
     return Trajectory(times, rows[0], None, np.array(rows[1]), Outcome("completed"), run_seconds=seconds)
 
 
-def _references(scene: data.Scene, problem: data.Problem, stop: data.Stop | None) -> data.Truth:
-    begun, times = time.perf_counter(), scene.grid.times
+def _references(derived: derivation.Derived) -> data.Truth:
+    begun, scene, problem = time.perf_counter(), derived.scene, derived.motion()
+    times = scene.grid.times
 
     def rows(choice: data.MethodChoice, refinement: int = 1) -> Array:
         """Positions and velocities at the recorded times, (m, 2 n); nan where the reference did not arrive."""
@@ -361,7 +363,7 @@ def _references(scene: data.Scene, problem: data.Problem, stop: data.Stop | None
         steps, every = refinement * grid.steps, refinement * grid.record_every
         finer = replace(grid, step=grid.step / refinement, steps=steps, record_every=every)
         found = np.full((len(times), 2 * len(scene.coordinates)), np.nan)
-        ran = _part(scene, problem, choice, start, finer, stop)
+        ran = _part(scene, problem, choice, start, finer, derived.stop)
         if ran.velocities is not None:
             found[: len(ran.times)] = np.column_stack([ran.positions, ran.velocities])
         return found
@@ -370,14 +372,14 @@ def _references(scene: data.Scene, problem: data.Problem, stop: data.Stop | None
         first, second, by = rows(TAYLOR), rows(EXPLICIT), "heyoka, checked by adaptive"
     except InputError:  # heyoka is not installed, or does not know a function
         first, by = rows(EXPLICIT), "adaptive, checked by Gauss-Legendre of order 12"
-        second = _collocation(rows, first, scene.grid.steps, stop)
+        second = _collocation(rows, first, derived)
     return _judged(times, first, second, by, begun)
 
 
-def _collocation(rows: Callable[..., Array], other: Array, steps: int, stop: data.Stop | None) -> Array:
+def _collocation(rows: Callable[..., Array], other: Array, derived: derivation.Derived) -> Array:
     """Gauss-Legendre of order 12, refined until it agrees with the other or no longer comes nearer."""
     nearest, refinement, best = np.inf, 1, np.full_like(other, np.nan)
-    while refinement * steps <= MOST_STEPS and not (stop and stop()):
+    while refinement * derived.scene.grid.steps <= MOST_STEPS and not derived.is_over:
         found = rows(IMPLICIT, refinement)
         apart = float(np.nan_to_num(_distances(found, other), nan=np.inf)[-1])
         if apart < nearest or refinement == 1:
@@ -389,13 +391,9 @@ def _collocation(rows: Callable[..., Array], other: Array, steps: int, stop: dat
 
 
 def _part(
-    scene: data.Scene,
-    problem: data.Problem,
-    choice: data.MethodChoice,
-    start: data.Start,
-    grid: data.Grid,
+    scene: data.Scene, problem: data.Problem, choice: data.MethodChoice, start: data.Start, grid: data.Grid,
     stop: data.Stop | None,
-) -> Trajectory:
+) -> Trajectory:  # fmt: skip
     """A part of the run, with the events that act and the switches in it."""
     acting = tuple(event for event in scene.events if event.acts)
     requested, own = data.Requested("", choice.method, None, choice), replace(
@@ -437,9 +435,7 @@ def _judged(times: Array, first: Array, second: Array, by: str, begun: float) ->
     return data.Truth(times, rows[:, :n], rows[:, n:], "reference", bounds, seconds, reason, by)
 
 
-def with_missed_force(
-    run: observing.Observed, numbers: dict[str, Any], derived: derivation.Derived, stop: data.Stop | None
-) -> dict[str, Any]:
+def with_missed_force(run: observing.Observed, numbers: dict[str, Any], derived: derivation.Derived) -> dict[str, Any]:
     """The estimate of a completed run. Where a force acts within a step, `adaptive` runs too, its steps ending on the
     peaks of the forces: with a doubt and the true size of the error if that leads elsewhere, or cannot pass a peak."""
     scene, grid, moments = run.scene, run.scene.grid, moments_between(run)
@@ -455,8 +451,8 @@ def with_missed_force(
     for moment in [*moments[(moments > begin) & (moments < end)], end]:
         part = data.Grid(grid.step, max(1, round((moment - begin) / grid.step)), 1, begin)
         part = replace(part, step=(moment - begin) / part.steps)
-        ran = _part(scene, problem, EXPLICIT, start, part, stop)
-        if stop is not None and stop():
+        ran = _part(scene, problem, EXPLICIT, start, part, derived.stop)
+        if derived.is_over:
             return numbers
         if not ran.outcome.completed or ran.velocities is None:
             unknown = {"estimated_error": None, "estimated_error_share": None}

@@ -5,11 +5,13 @@ The parts of a Lagrangian that a scene can leave out:
 L = T(q, v) + b_i(q) v^i - V(q):   kinetic part, "magnetic" (linear in v), "potential" (free of v)
 """
 
+from __future__ import annotations
+
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+from functools import partial
 from typing import Any
 
 from inverse_service.errors import InputError
@@ -18,7 +20,7 @@ from inverse_service.expressions.tree import ZERO, Expression, Sum, Velocity, ad
 from inverse_service.integrators.method_table import USES_ACCELERATIONS, USES_FREE
 from inverse_service.mechanics import constrained_motion
 from inverse_service.simulation import accelerations as accelerating, exact_motion, initial
-from inverse_service.simulation.scene_data import FreeLagrangian, Problem, Requested, Scene, Unavailable
+from inverse_service.simulation.scene_data import FreeLagrangian, Problem, Requested, Scene, Stop, Unavailable
 
 KINETIC, POTENTIAL, MAGNETIC, CONSTRAINTS = "kinetic", "potential", "magnetic", "constraints"
 BUILT_IN = (CONSTRAINTS, POTENTIAL, MAGNETIC, KINETIC)
@@ -57,13 +59,14 @@ def _kind(term: Expression, coordinates: Sequence[str]) -> str:
 
 @dataclass(frozen=True)
 class Derived:
-    """What is derived for a scene, each part when it is first needed; `seconds` are the times they took.
+    """A scene with what is derived for it, each part when it is first needed; `seconds` are the times they took.
 
-    `find` looks for the free Lagrangian of a name (None: that of the scene).
+    `find` looks for the free Lagrangian of a name (None: that of the scene). `stop` says when the time is over.
     """
 
     scene: Scene
     find: Find
+    stop: Stop | None = None
     seconds: dict[str, float] = field(default_factory=dict)
     known: dict[str, Any] = field(default_factory=dict)
 
@@ -78,10 +81,21 @@ class Derived:
             raise self.known[key]
         return self.known[key]
 
-    @cached_property
+    def but(self, **changes: Any) -> Derived:
+        """What is derived is that of the scene with the changes too, such as another grid."""
+        return replace(self, scene=replace(self.scene, **changes))
+
+    @property
+    def is_over(self) -> bool:
+        """Whether the time is over."""
+        return self.stop is not None and self.stop()
+
+    @property
     def degenerate(self) -> bool:
         """Whether the masses of the scene's Lagrangian do not determine the accelerations."""
-        return self.scene.lagrangian is not None and initial.is_degenerate(self.scene)
+        if "degenerate" not in self.known:
+            self.known["degenerate"] = self.scene.lagrangian is not None and initial.is_degenerate(self.scene)
+        return bool(self.known["degenerate"])
 
     def exact(self) -> exact_motion.ExactMotion:
         """The exact motion."""

@@ -14,7 +14,7 @@ from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.tree import Expression, Symbol, Velocity, add
 from inverse_service.integrators.trajectory import Array
-from inverse_service.simulation import execution, numeric_formulas as nf, scene_data as data
+from inverse_service.simulation import derivation, execution, numeric_formulas as nf, scene_data as data
 
 PARTS = 200
 CHOICE = data.MethodChoice("adaptive", tolerance=1e-10)
@@ -23,8 +23,9 @@ ACTS = "No exponent is found where events change the motion."
 ENDED = "The motion ends at t = {:.6g}, before the exponent has converged."
 
 
-def largest_exponent(scene: data.Scene, motion: data.Problem, stop: data.Stop | None = None) -> dict[str, Any]:
+def largest_exponent(derived: derivation.Derived) -> dict[str, Any]:
     """{largest, half, time}: the exponent over the whole run and over its first half, which shows its convergence."""
+    scene, motion = derived.scene, derived.motion()
     if any(event.acts for event in scene.events):
         return {"largest": None, "note": ACTS}
     problem = with_tangent(scene, motion.accelerations or ())
@@ -38,10 +39,9 @@ def largest_exponent(scene: data.Scene, motion: data.Problem, stop: data.Stop | 
     for part in range(PARTS):
         begin = scene.grid.begin + part * length / PARTS
         start = data.Start((*positions, *tangent[:n]), velocities=(*velocities, *tangent[n:]))
-        found = execution.run(
-            problem, CHOICE, start, data.Grid(length / PARTS, 1, 1, begin), dict(scene.values), (), stop
-        )
-        if stop is not None and stop():
+        grid = data.Grid(length / PARTS, 1, 1, begin)
+        found = execution.run(problem, CHOICE, start, grid, dict(scene.values), (), derived.stop)
+        if derived.is_over:
             return {"largest": None, "note": OVER}
         if not found.outcome.completed or found.velocities is None:
             return {"largest": None, "note": ENDED.format(begin)}

@@ -103,20 +103,15 @@ class Price:
 
 
 def measure(
-    scene: data.Scene,
-    derived: derivation.Derived,
-    steps: Sequence[float],
-    repeats: int,
-    time_limit: float,
-    progress: data.Progress | None = None,
-    long: bool = False,
-) -> Precision:
+    derived: derivation.Derived, steps: Sequence[float], repeats: int, time_limit: float,
+    progress: data.Progress | None = None, long: bool = False,
+) -> Precision:  # fmt: skip
     """Measure every method of the scene but the exact one, at `steps` or from coarse to fine; Unavailable where nothing
     is true."""
-    begun, length = time.process_time(), scene.grid.step * scene.grid.steps
-    plain = replace(scene, observe=())
+    begun, scene, derived = time.process_time(), derived.scene, derived.but(observe=())
+    length = scene.grid.step * scene.grid.steps
     finest = max(_counts(length, steps or [scene.grid.step / 8]))
-    truth = accuracy.true_motion(replace(plain, grid=_grid(length, min(finest, 65_536))), derived)
+    truth = accuracy.true_motion(derived.but(grid=_grid(length, min(finest, 65_536))))
     if not np.isfinite(truth.positions).all():
         raise data.Unavailable(truth.reason)
     scale = float(np.abs(truth.positions - truth.positions[0]).max()) or 1.0
@@ -130,7 +125,7 @@ def measure(
         if late:
             return replace(blank, reason=LATE)
         end = time.process_time() + SHARE_OF_ONE * time_limit
-        return _first(plain, blank, derived, truth, length, lambda: time.process_time() > end)
+        return _first(replace(derived, stop=lambda: time.process_time() > end), blank, truth, length)
 
     settings: list[Setting] = []
     seconds = SECONDS * repeats / len(methods)
@@ -141,9 +136,8 @@ def measure(
             settings += [run(_blank(requested, length, count)) for count in _counts(length, steps)]
         else:
             settings += _by_halves(run, requested, length, scene.grid.step, truth, scale, seconds)
-    settings = _repeated(
-        plain, derived, settings, length, repeats, min(SHARE_OF_REPEATS * time_limit, LATER_SECONDS * repeats)
-    )
+    budget = min(SHARE_OF_REPEATS * time_limit, LATER_SECONDS * repeats)
+    settings = _repeated(derived, settings, length, repeats, budget)
     settings = _with_floor(settings, scale, truth.uncertainty)
     found = Precision(scene, truth, scale, tuple(settings))
     if long:
@@ -220,11 +214,9 @@ def _grid(length: float, count: int) -> data.Grid:
     return data.Grid(length / count, count, count // CHECKS)
 
 
-def _first(
-    scene: data.Scene, blank: Setting, derived: derivation.Derived, truth: data.Truth, length: float, stop: data.Stop
-) -> Setting:
+def _first(derived: derivation.Derived, blank: Setting, truth: data.Truth, length: float) -> Setting:
     begun = time.perf_counter()
-    run = running.observed_run(replace(scene, grid=_grid(length, blank.steps)), blank.requested, derived, None, stop)
+    run = running.observed_run(derived.but(grid=_grid(length, blank.steps)), blank.requested)
     first, at = time.perf_counter() - begun, run.trajectory
     if at is None or not run.outcome.completed:
         reason = CUT if run.outcome.kind == "cancelled" else reason_of(run)
@@ -249,7 +241,7 @@ def reason_of(run: running.MethodRun) -> str:
 
 
 def _repeated(
-    scene: data.Scene, derived: derivation.Derived, settings: list[Setting], length: float, repeats: int, budget: float
+    derived: derivation.Derived, settings: list[Setting], length: float, repeats: int, budget: float
 ) -> list[Setting]:
     """Steady times: rounds over the settings that worked, in alternating order, until the budget is used up; a run that
     takes a twentieth of it is not repeated."""
@@ -260,7 +252,7 @@ def _repeated(
         if time.process_time() - begun > budget:
             break
         one = settings[k]
-        run = running.observed_run(replace(scene, grid=_grid(length, one.steps)), one.requested, derived)
+        run = running.observed_run(derived.but(grid=_grid(length, one.steps)), one.requested)
         if run.trajectory is not None and run.outcome.completed:
             times[k].append(run.trajectory.run_seconds)
     return [
@@ -363,7 +355,7 @@ def prices(measured: Precision) -> dict[float, dict[str, Price]]:
 
 def _long_runs(measured: Precision, derived: derivation.Derived, budget: float) -> Iterator[LongRun]:
     """Each method over LONG times the time, with the coarsest setting that has an error of a thousandth."""
-    begun, scene = time.process_time(), measured.scene
+    begun = time.process_time()
     wanted = [next((s for s in curve if (s.error or 1.0) <= TARGETS[0] * measured.scale), curve[-1])
               for curve in curves(measured).values() if curve]  # fmt: skip
     for one in sorted(wanted, key=lambda setting: setting.best_seconds or 0.0):
@@ -373,14 +365,14 @@ def _long_runs(measured: Precision, derived: derivation.Derived, budget: float) 
             continue
         count = one.steps * LONG
         grid = data.Grid(one.step, count, max(1, count // (PARTS * 200)))
-        yield _long_run(replace(scene, observe=(), grid=grid), one, derived)
+        yield _long_run(derived.but(grid=grid), one)
 
 
-def _long_run(scene: data.Scene, one: Setting, derived: derivation.Derived) -> LongRun:
-    requested = one.requested
+def _long_run(derived: derivation.Derived, one: Setting) -> LongRun:
+    scene, requested = derived.scene, one.requested
     if requested.choice is not None:  # a long run is not checked a second time
         requested = replace(requested, choice=replace(requested.choice, guard=False))
-    run = running.observed_run(scene, requested, derived)
+    run = running.observed_run(derived, requested)
     if run.trajectory is None or not run.outcome.completed or run.observed is None:
         return LongRun(one, reason=reason_of(run))
     at = run.trajectory

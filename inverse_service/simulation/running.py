@@ -87,9 +87,8 @@ class SceneRun:
 
 
 def run_scene(
-    derived: derivation.Derived, progress: data.Progress | None = None, stop: data.Stop | None = None,
-    compared_until: data.Stop | None = None,
-) -> SceneRun:  # fmt: skip
+    derived: derivation.Derived, progress: data.Progress | None = None, compared_until: data.Stop | None = None
+) -> SceneRun:
     """Run every method; the failure of one method is its outcome and does not affect the others.
 
     The true motion is abandoned when `compared_until` says so, so that the methods have time left.
@@ -100,20 +99,20 @@ def run_scene(
     truth: data.Truth | str | None = None
     if derivation.USES_EXACT & set(scene.observe) and scene.ensemble is None:
         tell("true motion")
-        truth = _truth(scene, derived, compared_until or stop)
+        truth = _truth(replace(derived, stop=compared_until or derived.stop))
     runs: list[MethodRun] = []
     members: list[EnsembleRun] = []
     for place, requested in enumerate(scene.methods, 1):
         tell(f"{requested.label} ({place} of {len(scene.methods)})")
-        if stop is not None and stop() and scene.ensemble is None:
+        if derived.is_over and scene.ensemble is None:
             # Compiling it without taking a step would use the time needed to write the other methods.
             runs.append(MethodRun(requested, Outcome("cancelled", remedy=LATE), None))
             continue
         try:
             if scene.ensemble is not None:
-                members.append(run_members(derived, requested, stop))
+                members.append(run_members(derived, requested))
                 continue
-            runs.append(run_method(scene, requested, derived, truth, stop))
+            runs.append(run_method(derived, requested, truth))
         except (ArithmeticError, ValueError, LookupError, TypeError, RuntimeError) as error:
             logging.getLogger(__name__).exception("the method %s failed", requested.method)
             runs.append(MethodRun(requested, Outcome("failed", remedy=FAULT.format(type(error).__name__)), None))
@@ -121,36 +120,35 @@ def run_scene(
     if "lyapunov" in scene.observe:
         tell("Lyapunov exponent")
         with suppress(data.Unavailable):
-            exponent = lyapunov.largest_exponent(scene, derived.motion(), stop)
-    return SceneRun(scene, derived, truth, tuple(runs), tuple(members), exponent, costs.effects_of(scene, derived))
+            exponent = lyapunov.largest_exponent(derived)
+    return SceneRun(scene, derived, truth, tuple(runs), tuple(members), exponent, costs.effects_of(derived))
 
 
 def run_method(
-    scene: data.Scene, requested: data.Requested, derived: derivation.Derived, truth: data.Truth | str | None,
-    stop: data.Stop | None,
-) -> MethodRun:  # fmt: skip
+    derived: derivation.Derived, requested: data.Requested, truth: data.Truth | str | None = None
+) -> MethodRun:
     """One method and its observed quantities, with an estimate of its error, and the cost of its parts."""
-    run = observed_run(scene, requested, derived, truth, stop)
+    run = observed_run(derived, requested, truth)
     if run.observed is None or run.observed.problem is None:
         return run
     outcome, numbers, seconds = run.outcome, dict(run.numbers), dict(run.seconds)
     problem = run.observed.problem
 
     def again(scene: data.Scene, requested: data.Requested) -> Trajectory:
-        return _integrated(scene, requested, problem, derived, stop).trajectory
+        return _integrated(replace(derived, scene=scene), requested, problem).trajectory
 
     if outcome.completed:
         with derivation.timed(seconds, "half the step"):
             numbers |= accuracy.estimated(run.observed, again)
             lost = numbers.pop("lost")
             if lost is None and not numbers["doubt"]:
-                numbers = accuracy.with_missed_force(run.observed, numbers, derived, stop)
+                numbers = accuracy.with_missed_force(run.observed, numbers, derived)
         if lost is not None:
             return _cut(run, run.observed, lost)
         outcome = replace(outcome, doubt=numbers.pop("doubt"))
-    if "cost" in scene.observe:
+    if "cost" in derived.scene.observe:
         with derivation.timed(seconds, "cost"):
-            numbers["cost"] = costs.part_costs(scene, requested, derived, stop)
+            numbers["cost"] = costs.part_costs(derived, requested)
     return replace(run, outcome=outcome, numbers=numbers, seconds=seconds)
 
 
@@ -168,21 +166,21 @@ def _cut(run: MethodRun, observed: observing.Observed, outcome: Outcome) -> Meth
 
 
 def observed_run(
-    scene: data.Scene, requested: data.Requested, derived: derivation.Derived, truth: data.Truth | str | None = None,
-    stop: data.Stop | None = None,
-) -> MethodRun:  # fmt: skip
+    derived: derivation.Derived, requested: data.Requested, truth: data.Truth | str | None = None
+) -> MethodRun:
     """One method and its observed quantities, up to the point that it reached within the domain of its formulas."""
+    scene = derived.scene
     free = derivation.free_of(requested, derived)
     if (lost := initial.ended_at_start(scene)) is not None:
         return MethodRun(requested, lost.outcome, lost, free=free)
     section = happening.section_of(scene, derived.motion) if "period" in scene.observe else None
-    watched = scene if section is None else replace(scene, events=(*scene.events, section))
+    watched = derived if section is None else derived.but(events=(*scene.events, section))
     try:
         problem = None if requested.method == data.EXACT else derivation.problem_of(requested, derived)
         if problem is None:
-            ran = switching.Run(_with_series(scene, accuracy.exact_trajectory(scene, derived)))
+            ran = switching.Run(_with_series(scene, accuracy.exact_trajectory(derived)))
         else:
-            ran = _integrated(watched, requested, problem, derived, stop)
+            ran = _integrated(watched, requested, problem)
     except InputError as error:
         return MethodRun(requested, Outcome("unavailable", remedy=error.detail), None)
     found = ran.trajectory
@@ -194,9 +192,9 @@ def observed_run(
         if found.outcome.completed and (other := accuracy.other_motion(observed)) is not None:
             found = found.ended(found.times <= (other.time or 0.0), other)
             observed = replace(observed, trajectory=found)
-        if watched.events and len(found.times) > 1:
+        if watched.scene.events and len(found.times) > 1:
             with derivation.timed(seconds, "events"):
-                found, events = happening.with_events(replace(observed, scene=watched), derived.motion)
+                found, events = happening.with_events(replace(observed, scene=watched.scene), derived.motion)
                 observed = replace(observed, trajectory=found)
     if not found.outcome.completed and len(found.times) < 2:  # it did not make a step: nothing to observe
         return MethodRun(requested, found.outcome, found, seconds=seconds, free=free)
@@ -211,15 +209,13 @@ def observed_run(
     return MethodRun(requested, found.outcome, found, numbers, series, seconds, free, events, observed, ran)
 
 
-def _integrated(
-    scene: data.Scene, requested: data.Requested, problem: data.Problem, derived: derivation.Derived,
-    stop: data.Stop | None,
-) -> switching.Run:  # fmt: skip
+def _integrated(derived: derivation.Derived, requested: data.Requested, problem: data.Problem) -> switching.Run:
     """The run of a method, in pieces where the scene has some."""
+    scene = derived.scene
     values, start = observing.beginning(scene, requested, derivation.free_of(requested, derived))
     if not np.isfinite(values.get(observing.ENERGY_START, 0.0)):
         raise data.Unavailable("The energy has no finite value at the start: start somewhere else.")
-    return switching.run_motion(scene, requested, problem, derived.motion, start, values, stop)
+    return switching.run_motion(scene, requested, problem, derived.motion, start, values, derived.stop)
 
 
 def _with_series(scene: data.Scene, exact: Trajectory) -> Trajectory:
@@ -231,25 +227,25 @@ def _with_series(scene: data.Scene, exact: Trajectory) -> Trajectory:
     return replace(exact, series=series, maxima=maxima)
 
 
-def _truth(scene: data.Scene, derived: derivation.Derived, stop: data.Stop | None) -> data.Truth | str:
+def _truth(derived: derivation.Derived) -> data.Truth | str:
     """The true motion; circles are compared with the exact solution only, so they cost no reference run."""
-    if not derivation.COMPARED & set(scene.observe) and derived.exact_or_none() is None:
+    if not derivation.COMPARED & set(derived.scene.observe) and derived.exact_or_none() is None:
         return "No exact solution is known here."
     try:
-        return accuracy.true_motion(scene, derived, stop)
+        return accuracy.true_motion(derived)
     except data.Unavailable as error:
         return error.detail
 
 
-def run_members(derived: derivation.Derived, requested: data.Requested, stop: data.Stop | None) -> EnsembleRun:
+def run_members(derived: derivation.Derived, requested: data.Requested) -> EnsembleRun:
     """All members by one method; an outcome where it cannot run them."""
     try:
-        return _run_members(derived, requested, stop)
+        return _run_members(derived, requested)
     except InputError as error:
         return EnsembleRun(requested, Outcome("unavailable", remedy=error.detail), None)
 
 
-def _run_members(derived: derivation.Derived, requested: data.Requested, stop: data.Stop | None) -> EnsembleRun:
+def _run_members(derived: derivation.Derived, requested: data.Requested) -> EnsembleRun:
     scene = derived.scene
     members = scene.ensemble
     assert members is not None
@@ -263,7 +259,15 @@ def _run_members(derived: derivation.Derived, requested: data.Requested, stop: d
     begun = time.perf_counter()
     steps = np.where(initial.without_value(scene), np.nan, scene.grid.step)  # without one, a member does not start
     many = execution.run_ensemble(
-        problem, requested.choice, members.positions, members.velocities, scene.grid, values, momenta, steps, stop
+        problem,
+        requested.choice,
+        members.positions,
+        members.velocities,
+        scene.grid,
+        values,
+        momenta,
+        steps,
+        derived.stop,
     )
     ran = time.perf_counter()
     if switching.has_pieces(scene, problem):
@@ -274,7 +278,7 @@ def _run_members(derived: derivation.Derived, requested: data.Requested, stop: d
     if many.cancelled:
         return run
     numbers["estimated_error"], doubt = _estimated(scene, problem, run, values, momenta)
-    doubt = doubt or _missed(scene, problem, run, derived, values, stop)
+    doubt = doubt or _missed(derived, problem, run, values)
     return replace(run, outcome=Outcome(_kind(many), scene.grid.steps, doubt=doubt))
 
 
@@ -310,23 +314,20 @@ def _estimated(
     return estimates, doubt
 
 
-def _missed(
-    scene: data.Scene, problem: data.Problem, run: EnsembleRun, derived: derivation.Derived, values: dict[str, Any],
-    stop: data.Stop | None,
-) -> str:  # fmt: skip
+def _missed(derived: derivation.Derived, problem: data.Problem, run: EnsembleRun, values: dict[str, Any]) -> str:
     """The doubt of the first of LOOKED_AT members that misses a force acting within a step, with its error."""
-    many, members, estimates = run.many, scene.ensemble, run.numbers["estimated_error"]
+    many, members, estimates = run.many, derived.scene.ensemble, run.numbers["estimated_error"]
     assert many is not None
     assert members is not None
     for row in np.flatnonzero(many.completed)[:: max(1, len(many.positions) // LOOKED_AT)]:
-        if run.velocities is None or (stop is not None and stop()):
+        if run.velocities is None or derived.is_over:
             break
         own = _of_member(values, row)
         start = members.positions[row], members.velocities[row]
-        alone = replace(scene, positions=start[0], velocities=start[1], values=own, ensemble=None)
+        alone = replace(derived.scene, positions=start[0], velocities=start[1], values=own, ensemble=None)
         ran = Trajectory(many.grid.times, many.positions[row], None, run.velocities[row], many.outcome(row))
         seen = observing.Observed(alone, run.requested, ran, problem, own, None, in_pieces=True)
-        found = accuracy.with_missed_force(seen, {"estimated_error": estimates[row], "doubt": ""}, derived, stop)
+        found = accuracy.with_missed_force(seen, {"estimated_error": estimates[row], "doubt": ""}, derived)
         if found["doubt"]:
             estimates[row] = np.nan if found["estimated_error"] is None else found["estimated_error"]
             return MEMBER.format(row, found["doubt"])

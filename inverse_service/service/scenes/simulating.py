@@ -116,14 +116,14 @@ def run_document(document: Any, progress: Progress | None, time_limit: float) ->
     if progress is not None:
         progress("deriving")
     find = scene_lagrangian.finder(schema, system)
-    derived = Derived(scene, find)
+    derived = Derived(scene, find, lambda: now() > end)
     if not schema.methods:
         scene = by_itself(scene, derived)
     if "energy" in scene.observe and (scene.accelerations is not None or why_energy_varies(scene)):
         scene = replace(scene, conserved=scene_lagrangian.conserved(system, derived))
     done = time.perf_counter()
     half = (now() + end) / 2
-    found = run_scene(replace(derived, scene=scene), progress, lambda: now() > end, lambda: now() > half)
+    found = run_scene(replace(derived, scene=scene), progress, lambda: now() > half)
     stages = {"read": read - begun, "derive": done - read, "run": time.perf_counter() - done}
     return found, stages
 

@@ -43,7 +43,7 @@ def work_precision(
     derived = derivation.Derived(compared, find)
     left = time_limit - (time.monotonic() - begun)
     try:
-        measured = precision.measure(compared, derived, steps, schema.repeats, left, progress, schema.long)
+        measured = precision.measure(derived, steps, schema.repeats, left, progress, schema.long)
     except scene_data.Unavailable as error:
         raise errors.InputError(f"the errors of this scene cannot be measured: {error.detail}", "/system") from None
     advice = advising.advice(derivation.with_energy(derived).scene, derived)
