@@ -30,8 +30,8 @@ from inverse_service.expressions.letters import (
 )
 from inverse_service.reading.names import Reason, reasons
 
-Kind = Literal["number", "name", "prime", "operator", "bracket", "newline", "end", "vector"]
-FACTOR, FRACTION = Fraction(1), Fraction(2)
+Kind = Literal["number", "name", "prime", "operator", "bracket", "newline", "end", "vector", "command", "fault"]
+FACTOR, FRACTION, MATRIX, CASES = map(Fraction, range(1, 5))
 DOT, CROSS = Fraction(1), Fraction(2)
 GIVEN = Fraction(1)
 PARTIAL, TOTAL = "\u2202", "\u2146"  # TOTAL: the upright d of a derivative
@@ -121,8 +121,8 @@ def bracket(inside: Sequence[Token], at: Token, value: Fraction = Fraction(0), s
     return Token("bracket", "(", at.column, space, value, tuple(inside), at.column)
 
 
-def nested(tokens: Sequence[Token]) -> Tokens:
-    """The tokens with each pair of brackets as one, and primes as a part of what they follow.
+def nested(tokens: Sequence[Token], primes: bool = True) -> Tokens:
+    """The tokens with each pair of brackets as one, and `primes` as a part of what they follow.
 
     InputError for a bracket without its partner, LimitError for too many in each other. No equation ends in brackets,
     so the line ends in them go. Maxima's quote in 'diff(x, t) is no prime.
@@ -142,15 +142,24 @@ def nested(tokens: Sequence[Token]) -> Tokens:
                 closes = any(CLOSING[other.text] == token.text for other, _ in outer)
                 raise never_closed(opening) if closes else unexpected(token, f"'{CLOSING[opening.text]}'")
             line = [*before, replace(opening, kind="bracket", inside=tuple(line), end=token.column)]
-        elif token.kind == "prime" and line and line[-1].kind in ("name", "bracket", "vector"):
-            if at(tokens, place + 1).text != "diff":
-                primed = line[-1].primed or token.column
-                line[-1] = replace(line[-1], order=line[-1].order + int(token.value), primed=primed)
-        elif not (outer and token.kind == "newline") and (token.kind, at(tokens, place + 1).text) != ("prime", "diff"):
+        elif token.kind == "prime" and at(tokens, place + 1).text == "diff":
+            continue
+        elif token.kind == "prime" and primes:
+            add_prime(line, token)
+        elif token.kind != "newline" or not outer:
             line.append(token)
     if outer:
         raise never_closed(outer[-1][0])
     return line
+
+
+def add_prime(line: Tokens, prime: Token) -> None:
+    """Join the prime to the name or bracket before it; where there is none, it stays a token."""
+    last = at(line, len(line) - 1)
+    if last.kind in ("name", "bracket", "vector"):
+        line[-1] = replace(last, order=last.order + int(prime.value), primed=last.primed or prime.column)
+    else:
+        line.append(prime)
 
 
 def places(line: Sequence[Token], outer: Token = _BEYOND) -> Iterator[tuple[Sequence[Token], int, Token]]:
@@ -263,6 +272,8 @@ def refuse_decimal_commas(tokens: Sequence[Token]) -> None:
 
 def never_closed(opening: Token) -> InputError:
     """The refusal of a bracket that is never closed."""
+    if opening.value == MATRIX:
+        return refusals.refusal("a matrix is never ended", opening.column, "add the missing \\end")
     closing = CLOSING.get(opening.text, opening.text)
     return refusals.refusal(f"the '{opening.text}' is never closed", opening.column, f"add the missing '{closing}'")
 
