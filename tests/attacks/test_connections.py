@@ -77,6 +77,7 @@ def test_a_document_in_chunks_of_one_byte_is_read(service: Attacked) -> None:
     assert answer.startswith(b"HTTP/1.1 200 "), answer
 
 
+@pytest.mark.slow
 def test_a_client_that_offers_http_2_is_answered_in_http_1(service: Attacked) -> None:
     """As Java's client does with its first request, also with a body."""
     offer = b"\r\nConnection: Upgrade, HTTP2-Settings\r\nUpgrade: h2c\r\nHTTP2-Settings: AAMAAABkAAQAAP__\r\n\r\n"

@@ -128,6 +128,7 @@ def test_sides_on_which_f_is_another_formula_are_cells_of_their_own() -> None:
     assert inverse_service.check(result)["verdict"] == "valid"
 
 
+@pytest.mark.slow
 def test_several_coordinates_have_the_domain_of_the_proof() -> None:
     result = inverse_service.solve({"equations": {"x": "-x - c*x'", "y": "-y"}, "parameters": ["c"]})
     said = inverse_service.check(result)

@@ -28,6 +28,7 @@ def given_equations(row: rows.Row) -> judge.Equations | None:
     return judge.equations_of({"equations": equations, "coordinates": names, "time": document.get("time")}, values)
 
 
+@pytest.mark.slow
 def test_the_known_lagrangians_of_all_rows_hold() -> None:
     """Each row proves its yes by itself."""
     known = [(row, text) for row in SYSTEMS for text in row.get("known", ())]

@@ -50,6 +50,7 @@ def read(count: int, seed: int) -> None:
         assert time.process_time() - start < MOST_SECONDS, document
 
 
+@pytest.mark.slow
 def test_a_damaged_document_is_read_or_refused() -> None:
     read(400, 1)
 

@@ -43,6 +43,7 @@ def test_wrong_motion_and_wrong_associated_systems_differ(particle: Member) -> N
     assert propositions.associated_systems([other]).finding == "differs"
 
 
+@pytest.mark.slow
 def test_a_verdict_without_a_check_differs_and_is_printed(particle: Member) -> None:
     associated = [{**one, "verdict": "undetermined", "checked": None} for one in particle.result["associated"]]
     other = replace(particle, result={**particle.result, "associated": associated})

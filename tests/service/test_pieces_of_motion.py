@@ -202,6 +202,7 @@ def test_a_ball_with_drag_bounces_in_a_box() -> None:
     assert np.abs(y - expected[:, 1]).max() < 1e-8
 
 
+@pytest.mark.slow
 def test_a_kicked_rotor_is_the_standard_map() -> None:
     scene = system("x'^2/2", "x") | start(1, 0.5) | {
         "time": 20.5, "events": [{"when": "sin(pi*t)", "do": {"set": {"x'": "x' + 0.9*sin(x)"}}}]}  # fmt: skip
@@ -296,6 +297,7 @@ def test_a_place_from_which_two_motions_go_ends_by_name() -> None:
     assert "several continuations" in found["stopped"]["quantity"]
 
 
+@pytest.mark.slow
 def test_errors_are_against_the_motion_with_its_events() -> None:
     found = run(BALL | {"time": 3, "events": [BOUNCE], "observe": ["error", "energy"]}, "stormer-verlet")
     assert found["max_error"] < 1e-9

@@ -114,6 +114,7 @@ def test_every_object_has_latex_and_a_result_a_picture() -> None:
     assert result.domain._repr_html_() == r"<ol><li>$\displaystyle m \neq 0$</li></ol>"
 
 
+@pytest.mark.slow
 def test_a_motion_is_drawn_from_its_start() -> None:
     axes = solve(sp.Eq(X.diff(T, 2), -X)).plot(start=[1, 0], time=3)
     x, v = axes.lines[0].get_data()
