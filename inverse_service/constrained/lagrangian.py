@@ -293,8 +293,8 @@ def _solve_ansatz(sampler: ansatz.Sampler, candidates: Sequence[Monomial], seed:
         return _euler_lagrange_matrix(table, letters, candidates)
 
     # Equations of cyclic coordinates can be trivial, so the first samples need not suffice.
-    found = null_vectors.rational_vectors(len(candidates), null_vectors.SampledRows(equations, n), sampler.prime(seed))
-    return ansatz.LagrangianSpace(sampler, tuple({candidates[k]: a for k, a in vector.items()} for vector in found))
+    kernel = null_vectors.settled_kernel(len(candidates), equations, n, sampler.prime(seed))
+    return ansatz.LagrangianSpace(sampler, tuple(ansatz.null_combinations(kernel, candidates)))
 
 
 def _euler_lagrange_matrix(

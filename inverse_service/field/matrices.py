@@ -13,6 +13,7 @@ and tested exactly.
 
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cache
@@ -186,14 +187,9 @@ def definite_or_orthogonal(space: Sequence[Matrix], size: int) -> tuple[Matrix |
     space = [w for w in space if any(map(any, w))]
     if not space:
         return None, _matrix([1 if i == j else 0 for i, j in _places(size)], size)
-    flat = np.array([[float(x) for row in w for x in row] for w in space])
-    flat /= np.abs(flat).max(axis=1)[:, None]
-    _, lengths, units = np.linalg.svd(flat, full_matrices=False)
-    basis = units[lengths > 1e-10 * lengths[0]].reshape(-1, size, size)
     try:
         with np.errstate(all="ignore"):
-            for weights, orthogonal in _central_path(basis):
-                member = np.tensordot(weights, basis, 1)
+            for member, orthogonal in _central_path(np.array(space, float)):
                 for w in _rounded(member, space, size) if np.linalg.eigvalsh(member)[0] > 0 else ():
                     if rank_if_semidefinite(w) == size:
                         return w, None
@@ -203,6 +199,18 @@ def definite_or_orthogonal(space: Sequence[Matrix], size: int) -> tuple[Matrix |
     except np.linalg.LinAlgError:
         pass
     return None, None
+
+
+def definite_weights(space: Sequence[Floats]) -> list[float] | None:
+    """Weights of a definite sum, far from singular ones; None where none is found."""
+    sizes = [float(np.abs(w).max()) for w in space]
+    units = np.array([w / size for w, size in zip(space, sizes, strict=True)])
+    with np.errstate(all="ignore"), suppress(np.linalg.LinAlgError):
+        for member, _ in _central_path(units):
+            if np.linalg.eigvalsh(member)[0] > 0:
+                weights = np.linalg.lstsq(units.reshape(len(units), -1).T, member.ravel(), rcond=None)[0]
+                return [float(w) / size for w, size in zip(weights, sizes, strict=True)]
+    return None
 
 
 def rank_if_semidefinite(matrix: Sequence[Sequence[Fraction]]) -> int | None:
@@ -218,8 +226,14 @@ def rank_if_semidefinite(matrix: Sequence[Sequence[Fraction]]) -> int | None:
     return rank
 
 
-def _central_path(basis: Floats) -> Iterator[tuple[Floats, Floats]]:
-    """(c, Y) on the path of max s/mu + log det(sum c_k w_k - s) + log(1 - |c|^2): soon, and at its end."""
+def _central_path(space: Floats) -> Iterator[tuple[Floats, Floats]]:
+    """(sum c_k w_k, Y) on the path of max s/mu + log det(sum c_k w_k - s) + log(1 - |c|^2): soon, and at its end.
+
+    w_k are an orthonormal basis of the space.
+    """
+    flat = space.reshape(len(space), -1)
+    _, lengths, units = np.linalg.svd(flat / np.abs(flat).max(axis=1)[:, None], full_matrices=False)
+    basis = units[lengths > 1e-10 * lengths[0]].reshape(-1, *space.shape[1:])
     m, n, _ = basis.shape
     x, mu = np.append(np.zeros(m), -1.0), 1.0
     directions = np.concatenate([basis, -np.eye(n)[None]])
@@ -241,7 +255,7 @@ def _central_path(basis: Floats) -> Iterator[tuple[Floats, Floats]]:
                 break
             x = x + step
         if x[m] > _INSIDE or mu < _SOON <= mu / _SHRINK or mu * _SHRINK <= _FINEST:
-            yield x[:m], mu * inverse
+            yield np.tensordot(x[:m], basis, 1), mu * inverse
         mu *= _SHRINK
 
 

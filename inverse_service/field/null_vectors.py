@@ -8,7 +8,6 @@ import random
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -133,46 +132,16 @@ def restricted(known: Kernel, matrix: Words) -> Kernel:
     return Kernel(inside.basis * known.basis, tuple(known.columns[k] for k in inside.columns))
 
 
-def settled_kernel(
-    equations: Callable[[int, int], Words], prime: int, first: int, further: Callable[[int], int]
-) -> Kernel:
+def settled_kernel(unknowns: int, equations: Callable[[int, int], Words], width: int, prime: int) -> Kernel:
     """The kernel of the equations at so many samples that more of them no longer shrink it.
 
-    `equations(begin, end)` gives those of these samples; `first` samples are taken, then `further(nullity)`
-    at a time.
+    `equations(begin, end)` gives `width` of them for each of these samples.
     """
-    found, taken = kernel(equations(0, first), prime), first
+    taken = (unknowns + SPARE) // width + 1
+    found = kernel(equations(0, taken), prime)
     while found.nullity:
-        before, end = found.nullity, taken + further(found.nullity)
+        before, end = found.nullity, taken + (found.nullity + SPARE) // width + 1
         found, taken = restricted(found, equations(taken, end)), end
         if found.nullity == before:
             break
     return found
-
-
-@dataclass(slots=True)
-class SampledRows:
-    """Equations sample by sample, each computed once; `equations(begin, end)` gives `width` rows for each of these."""
-
-    equations: Callable[[int, int], Words]
-    width: int
-    rows: Words | None = None
-
-    def of(self, columns: Sequence[int], begin: int, end: int) -> Words:
-        """The rows of these samples for these unknowns."""
-        taken = 0 if self.rows is None else len(self.rows) // self.width
-        if end > taken:
-            further = self.equations(taken, end)
-            self.rows = further if self.rows is None else np.concatenate([self.rows, further])
-        assert self.rows is not None
-        return self.rows[begin * self.width : end * self.width, columns]
-
-
-def rational_vectors(unknowns: int, rows: SampledRows, prime: int) -> list[dict[int, Fraction]]:
-    """The rational null vectors, in the order of their own columns."""
-
-    def samples(unknowns: int) -> int:
-        return (unknowns + SPARE) // rows.width + 1
-
-    inside = settled_kernel(partial(rows.of, range(unknowns)), prime, samples(unknowns), samples)
-    return sorted(inside.rational_vectors(), key=max)

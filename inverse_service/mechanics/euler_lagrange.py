@@ -11,6 +11,8 @@ import mpmath
 from inverse_service.expressions import collecting, derivative, evaluation, tree as ex
 
 Matrix = tuple[tuple[ex.Expression, ...], ...]
+# Eigenvalues below this part of the largest are zero.
+_TINY = mpmath.mpf(10) ** -20
 
 
 def gradient(
@@ -58,6 +60,16 @@ def hessian_at(
         rows = hessian(lagrangian, coordinates)
         return mpmath.matrix([[evaluation.evaluate(entry, point) for entry in row] for row in rows])
     return None
+
+
+def inertia(form: mpmath.matrix | None) -> tuple[int, int] | None:
+    """(positive, negative) eigenvalues of a symmetric matrix; None without one."""
+    if form is None:
+        return None
+    with mpmath.workdps(30):
+        values = mpmath.eigsy(form, eigvals_only=True)
+        least = max(map(abs, values)) * _TINY
+        return sum(value > least for value in values), sum(value < -least for value in values)
 
 
 def euler_lagrange_residual(

@@ -249,23 +249,26 @@ def letters_of(candidates: Sequence[Monomial]) -> list[Expression]:
     return list(dict.fromkeys(letter for candidate in candidates for letter, _ in candidate))
 
 
-def null_combinations(matrix: Words, candidates: Sequence[Monomial], prime: int) -> list[Combination]:
-    """The rational part of the kernel of a matrix, (equations, candidates)."""
-    vectors = null_vectors.kernel(matrix, prime).rational_vectors()
-    return [{candidates[k]: a for k, a in vector.items()} for vector in vectors]
+def null_combinations(kernel: null_vectors.Kernel, candidates: Sequence[Monomial]) -> list[Combination]:
+    """The rational part of a kernel, the vectors in the order of their own columns."""
+    return [{candidates[k]: a for k, a in vector.items()} for vector in sorted(kernel.rational_vectors(), key=max)]
+
+
+def _kernel(sampler: Sampler, points: SamplePoints, terms: Sequence[Monomial]) -> null_vectors.Kernel:
+    """Coefficients of the terms that fulfil (H2) and (H3)."""
+    letters, n = letters_of(terms), len(sampler.analysis.accelerations)
+
+    def equations(begin: int, end: int) -> Words:
+        table = table_at(points, letters, end, with_third=True, first=begin)
+        return helmholtz_matrix(sampler, table, letters, terms)[0]
+
+    # Many of the n^2 conditions can be trivial, so the first samples need not suffice.
+    return null_vectors.settled_kernel(len(terms), equations, n * n, points.prime)
 
 
 def solve_multiplier(sampler: Sampler, terms: Sequence[Monomial], seed: int) -> LagrangianSpace:
     """Combinations of the terms, each of which is a Lagrangian up to a potential and linear terms."""
-    letters, n = letters_of(terms), len(sampler.analysis.accelerations)
-
-    def equations(begin: int, end: int) -> Words:
-        table = table_at(sampler.points(seed), letters, end, with_third=True, first=begin)
-        return helmholtz_matrix(sampler, table, letters, terms)[0]
-
-    # Many of the n^2 conditions can be trivial, so the first samples need not suffice.
-    vectors = null_vectors.rational_vectors(len(terms), null_vectors.SampledRows(equations, n * n), sampler.prime(seed))
-    return LagrangianSpace(sampler, tuple({terms[k]: a for k, a in vector.items()} for vector in vectors))
+    return LagrangianSpace(sampler, tuple(null_combinations(_kernel(sampler, sampler.points(seed), terms), terms)))
 
 
 def occurring_terms(sampler: Sampler, terms: Sequence[Monomial], seed: int) -> list[Monomial]:
@@ -274,19 +277,9 @@ def occurring_terms(sampler: Sampler, terms: Sequence[Monomial], seed: int) -> l
     Terms that are combinations of simpler ones there, as k - r is of 1 and r, are left out.
     """
     points, letters = sampler.points(seed, tuple(sampler.variables)), letters_of(terms)
-    rows = values_at(points, letters, len(terms) + null_vectors.SPARE)
-    terms = [terms[k] for k in null_vectors.pivots(monomial_values(rows, letters, terms, points.prime), points.prime)]
-    letters, n = letters_of(terms), len(sampler.analysis.accelerations)
-
-    def equations(begin: int, end: int) -> Words:
-        table = table_at(points, letters, end, with_third=True, first=begin)
-        return helmholtz_matrix(sampler, table, letters, terms)[0]
-
-    def samples(unknowns: int) -> int:
-        return (unknowns + null_vectors.SPARE) // n**2 + 1
-
-    found = null_vectors.settled_kernel(equations, points.prime, samples(len(terms)), samples)
-    used = {k for row in found.basis.tolist() for k, x in enumerate(row) if int(x)}
+    values = values_at(points, letters, len(terms) + null_vectors.SPARE)
+    terms = [terms[k] for k in null_vectors.pivots(monomial_values(values, letters, terms, points.prime), points.prime)]
+    used = {k for row in _kernel(sampler, points, terms).basis.tolist() for k, x in enumerate(row) if int(x)}
     return [terms[k] for k in sorted(used)]
 
 

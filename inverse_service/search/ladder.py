@@ -48,7 +48,6 @@ _TIMES_A_FUNCTION = (
     "Multiplied by functions of `t` and the coordinates, the equations are self-adjoint. Their mass matrix is then the "
     "velocity Hessian of `L`, and integration gives `L`."
 )
-_SMALLEST_DETERMINANT = mpmath.mpf(10) ** -25
 # An ansatz whose terms have no common points (a vanishing denominator, a missing root) finds nothing.
 _NO_POINTS = (errors.IrreducibleAtoms, SingularPoint, ValueError)
 
@@ -173,40 +172,29 @@ REASONS = {rung.name: rung.reason for rung in LEAVES}
 
 
 def holds_numerically(analysis: deciding.Analysis, tree: ex.Expression, seed: int) -> bool:
-    """Whether the Euler-Lagrange expressions vanish to 50 digits and g is regular at points near a real one."""
-    system = analysis.system
+    """Whether the Euler-Lagrange expressions vanish to 50 digits and g is regular at two points near a real one."""
+    system, generator = analysis.system, random.Random(seed)
     residuals = euler_lagrange.euler_lagrange_sums(tree, system.coordinates, system.accelerations)
     form = euler_lagrange.hessian(tree, system.coordinates)
-    functions = [
-        node for node in ex.distinct_nodes((*residuals, *itertools.chain(*form))) if isinstance(node, ex.Arbitrary)
-    ]
-    for table in (
-        analysis.real_point,
-        real_point.find_real_point([*system.accelerations, tree], deciding.variables_of(system), seed),
-    ):
-        generator = random.Random(seed)
+    nodes = ex.distinct_nodes((*residuals, *itertools.chain(*form)))
+    functions = [node for node in nodes if isinstance(node, ex.Arbitrary)]
+    other = real_point.find_real_point([*system.accelerations, tree], deciding.variables_of(system), seed)
+    for table in filter(None, (analysis.real_point, other)):
         with mpmath.workdps(bounds.DIGITS), suppress(evaluation.NoRealValue):
-            # Two points will do; with four, systems of four coordinates take half as long again.
-            for _ in range(2 if table else 0):
+            for _ in range(2):
                 # Near the given one, so on the same branch of all roots; values of functions are their own letters.
-                near = {name: value * (1 + _small(generator) / 10**5) for name, value in (table or {}).items()}
+                near = {name: value * (1 + _small(generator) / 10**5) for name, value in table.items()}
                 point = {node: _small(generator) for node in functions} | near
-                entries = [[evaluation.evaluate(entry, point) for entry in row] for row in form]
-                if not (_is_regular(entries) and all(implicit_equations.is_small(one, point) for one in residuals)):
+                entries = mpmath.matrix([[evaluation.evaluate(entry, point) for entry in row] for row in form])
+                is_regular = sum(euler_lagrange.inertia(entries) or ()) == len(system.coordinates)
+                if not (is_regular and all(implicit_equations.is_small(one, point) for one in residuals)):
                     return False
-            if table:
-                return True
+            return True
     return False
 
 
 def _small(generator: random.Random) -> mpmath.mpf:
     return mpmath.mpf(generator.randrange(1, 1000)) / 1000
-
-
-def _is_regular(form: Sequence[Sequence[mpmath.mpf]]) -> bool:
-    matrix = mpmath.matrix(form)
-    size = max(abs(entry) for entry in matrix)
-    return bool(size and abs(mpmath.det(matrix / size)) > _SMALLEST_DETERMINANT)
 
 
 @dataclass(slots=True)

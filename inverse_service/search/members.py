@@ -1,8 +1,7 @@
 """From a space of Lagrangians to the members worth showing: regular, definite where possible, simple.
 
-Where the simplest regular sums are indefinite, weights that make a positive definite Hessian of several are found by
-alternating projections at one real point: onto the span of the Hessians, and onto the matrices whose eigenvalues are at
-least `_FLOOR`. Then the weights are made few and short.
+Where the simplest regular sums are indefinite, weights that make a positive definite Hessian of several are found at
+one real point. Then they are made few and short.
 """
 
 import random
@@ -10,25 +9,20 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
-import mpmath
 import numpy as np
 from flint import nmod_mat
 from numpy.typing import NDArray
 
 from inverse_service import bounds, deadline
 from inverse_service.expressions import tree as ex
-from inverse_service.field import null_vectors, point, real_point
+from inverse_service.field import matrices, null_vectors, point, real_point
 from inverse_service.field.sample_points import SamplePoints
 from inverse_service.mechanics import euler_lagrange
 from inverse_service.search import ansatz, terms as tm
 
 Residues = NDArray[np.object_]
-# Eigenvalues below this part of the largest are zero.
-_TINY = mpmath.mpf(10) ** -20
 Matrix = NDArray[np.float64]
-_FLOOR = 0.25
-_ROUNDS = 60
-# Of the largest eigenvalue, the least that counts as positive.
+# The least eigenvalue that counts as positive.
 _POSITIVE = 1e-3
 _DENOMINATORS = (1, 2, 3, 4, 6, 12)
 _SEED = 1
@@ -66,66 +60,35 @@ def independent(space: ansatz.LagrangianSpace, seed: int) -> ansatz.LagrangianSp
     return replace(space, combinations=tuple(ordered.combinations[k] for k in chosen))
 
 
-def regular_members(space: ansatz.LagrangianSpace, seed: int, most: int = 4) -> list[tuple[int, ...]]:
-    """Index sets of combinations whose generic sum is regular, simplest first.
-
-    Combinations without a Hessian (total derivatives, relations among letters) are left aside.
-    """
-    if not space.combinations:
-        return []
-    prime, matrices = hessians(space, space.sampler.points(seed))
-    useful = [k for k, matrix in enumerate(matrices) if matrix.any()]
-    order = sorted(useful, key=lambda k: complexity(space.combinations[k]))
-    squares_first = sorted(order, key=lambda k: not _is_diagonal(matrices[k]))
+def _regular_sets(
+    space: ansatz.LagrangianSpace, order: Sequence[int], forms: Sequence[Residues], prime: int, seed: int
+) -> list[tuple[int, ...]]:
+    """Index sets of combinations, which are in this order, whose generic sum is regular, simplest first."""
+    squares_first = sorted(order, key=lambda k: not _is_diagonal(forms[k]))
     generator = random.Random(seed)
     weights = {k: generator.randrange(1, prime) for k in order}
-    found: list[tuple[int, ...]] = [(k,) for k in order if _rank([matrices[k]], [1], prime) == len(matrices[k])]
+
+    def is_regular(chosen: Sequence[int]) -> bool:
+        total = sum((weights[k] * forms[k] for k in chosen), start=0 * forms[0]) % prime
+        return bool(nmod_mat(total.tolist(), prime).rank() == len(total))
+
+    found: list[tuple[int, ...]] = [(k,) for k in order if is_regular([k])]
     for sequence in (squares_first, order):
-        together = _pruned(sequence, matrices, weights, prime)
-        if together is not None:
-            found.append(together)
-    found = list(dict.fromkeys(found))
-    found.sort(key=lambda ks: sum(complexity(space.combinations[k])[0] for k in ks))
-    return found[:most]
+        chosen = list(sequence) if is_regular(sequence) else []
+        for k in reversed(chosen.copy()):  # the last in order are left out first
+            rest = [j for j in chosen if j != k]
+            chosen = rest if is_regular(rest) else chosen
+        found += [tuple(chosen)] if chosen else []
+    return sorted(dict.fromkeys(found), key=lambda ks: sum(complexity(space.combinations[k])[0] for k in ks))
 
 
 def _is_diagonal(matrix: Residues) -> bool:
     return not (matrix - np.diag(np.diagonal(matrix))).any()
 
 
-def _pruned(
-    order: Sequence[int], matrices: Sequence[Residues], weights: dict[int, int], prime: int
-) -> tuple[int, ...] | None:
-    """The combinations without which the generic sum is singular, the last in order left out first."""
-    chosen = list(order)
-    if not chosen or not _is_regular(chosen, matrices, weights, prime):
-        return None
-    for k in reversed(order):
-        rest = [j for j in chosen if j != k]
-        if rest and _is_regular(rest, matrices, weights, prime):
-            chosen = rest
-    return tuple(chosen)
-
-
-def _is_regular(chosen: Sequence[int], matrices: Sequence[Residues], weights: dict[int, int], prime: int) -> bool:
-    found = _rank([matrices[k] for k in chosen], [weights[k] for k in chosen], prime)
-    return found == len(matrices[chosen[0]])
-
-
-def _rank(matrices: Sequence[Residues], weights: Sequence[int], prime: int) -> int:
-    total = sum((w * m for m, w in zip(matrices, weights, strict=True)), start=0 * matrices[0]) % prime
-    return int(nmod_mat(total.tolist(), prime).rank())
-
-
 def complexity(combination: ansatz.Combination) -> tuple[Fraction | int, int]:
     """Total weight of its terms, and their number."""
     return sum((tm.rank(key)[0] + 1 for key in combination), Fraction(0)), len(combination)
-
-
-def gauge_of(space: ansatz.LagrangianSpace, seed: int) -> list[ansatz.Combination]:
-    """The combinations without Hessian."""
-    _, matrices = hessians(space, space.sampler.points(seed))
-    return [c for c, m in zip(space.combinations, matrices, strict=True) if not m.any()]
 
 
 def reduced(total: ansatz.Combination, gauge: Sequence[ansatz.Combination]) -> ansatz.Combination:
@@ -154,67 +117,26 @@ def scaled(combination: ansatz.Combination, sign: int = 0) -> ansatz.Combination
     return {key: a * factor for key, a in combination.items()}
 
 
-def inertia(space: ansatz.LagrangianSpace, combination: ansatz.Combination) -> tuple[int, int] | None:
-    """(positive, negative) eigenvalues of its Hessian at the real point of the space; None where it has no value."""
-    names = space.sampler.analysis.system.coordinates
-    form = euler_lagrange.hessian_at(tm.tree_of(combination), names, space.sampler.real_point)
-    if form is None:
-        return None
-    with mpmath.workdps(30):
-        values = mpmath.eigsy(form, eigvals_only=True)
-        size = max(abs(value) for value in values)
-        return sum(1 for x in values if x > size * _TINY), sum(1 for x in values if x < -size * _TINY)
-
-
 def definite_weights(hessians: Sequence[Matrix]) -> list[list[Fraction]]:
-    """Weights w with sum w_k H_k positive definite: nearest to the identity, and as few as will do.
+    """Weights w with sum w_k H_k positive definite: far from all singular sums, and as few as will do.
 
     H_k are symmetric of shape (n, n), finite and not zero; at most `bounds.COLUMNS` of them.
     """
-    if not 0 < len(hessians) <= bounds.COLUMNS:
+    near = matrices.definite_weights(hessians) if 0 < len(hessians) <= bounds.COLUMNS else None
+    if near is None:
         return []
-    hessians = _balanced(hessians)
-    sizes = [float(np.abs(matrix).max()) for matrix in hessians]
-    units = [matrix / size for matrix, size in zip(hessians, sizes, strict=True)]
-    weights = _projected(units)
-    if weights is None:
-        return []
-    near = [w / size for w, size in zip(weights, sizes, strict=True)]
     found = [_short(near, hessians), _short(_few(near, hessians), hessians)]
     return [one for k, one in enumerate(found) if one is not None and one not in found[:k]]
 
 
-def _balanced(hessians: Sequence[Matrix]) -> list[Matrix]:
-    """All in units, powers of 1000, in which the rows are of like size; a sum is definite in all units or in none."""
-    rows = np.max([np.abs(np.diagonal(matrix)) for matrix in hessians], axis=0)
-    rows = np.where(rows > 0, rows, np.max([np.abs(matrix).max(axis=1) for matrix in hessians], axis=0))
-    units = 1000.0 ** -np.round(np.log10(np.where(rows > 0, rows, 1.0)) / 6)
-    return [units[:, None] * matrix * units for matrix in hessians]
-
-
-def _projected(units: Sequence[Matrix]) -> list[float] | None:
-    n = len(units[0])
-    columns = np.stack([matrix.ravel() for matrix in units], axis=1)
-    target = np.eye(n)
-    for _ in range(_ROUNDS):
-        weights = np.linalg.lstsq(columns, target.ravel(), rcond=None)[0]
-        whole = (columns @ weights).reshape(n, n)
-        if _is_definite(whole):
-            return [float(w) for w in weights]
-        values, vectors = np.linalg.eigh((whole + whole.T) / 2)
-        target = (vectors * np.maximum(values, _FLOOR)) @ vectors.T
-    return None
-
-
 def _is_definite(matrix: Matrix) -> bool:
-    values = np.linalg.eigvalsh((matrix + matrix.T) / 2)
-    return bool(values[0] > _POSITIVE * max(values[-1], -values[0]))
+    """Clearly, in units in which all squares have the coefficient 1."""
+    sizes = np.sqrt(np.abs(np.diagonal(matrix)))
+    return bool(sizes.all() and np.linalg.eigvalsh(matrix / np.outer(sizes, sizes))[0] > _POSITIVE)
 
 
 def _sum(weights: Sequence[float], hessians: Sequence[Matrix]) -> Matrix:
-    total = np.zeros_like(hessians[0])
-    for weight, matrix in zip(weights, hessians, strict=True):
-        total = total + weight * matrix
+    total: Matrix = np.tensordot(weights, hessians, 1)
     return total
 
 
@@ -251,13 +173,17 @@ def best_members(
     space: ansatz.LagrangianSpace, seed: int, completed: Callable[[ansatz.Combination], ansatz.Combination] = dict
 ) -> list[Member]:
     """The simplest regular members that can be `completed` by potentials: definite ones first, then short ones."""
-    sets = regular_members(space, seed)
-    if not sets:
+    if not space.combinations:
         return []
-    gauge = gauge_of(space, seed)
+    prime, forms = hessians(space, space.sampler.points(seed))
+    # The others are total derivatives, or vanish by relations among letters.
+    moving = [k for k, form in enumerate(forms) if form.any()]
+    gauge = [c for c, form in zip(space.combinations, forms, strict=True) if not form.any()]
+    order = sorted(moving, key=lambda k: complexity(space.combinations[k]))
+    sets = _regular_sets(space, order, forms, prime, seed)[: bounds.FEW]
     found = [_sum_of(space, gauge, chosen) for chosen in sets]
-    if not any(member.definite for member in found):
-        found += _definite_sums(space, gauge)
+    if sets and not any(member.definite for member in found):
+        found += _definite_sums(space, gauge, [space.combinations[k] for k in order[: bounds.COLUMNS]])
     found = [replace(member, terms=whole) for member in found if (whole := completed(member.terms))]
     parameters = frozenset(ex.Symbol(name) for name in space.sampler.analysis.system.parameters)
     table = space.sampler.real_point
@@ -295,9 +221,13 @@ def _sum_of(space: ansatz.LagrangianSpace, gauge: Sequence[ansatz.Combination], 
 
     Where that sum is singular the parts get different weights.
     """
-    size = len(space.sampler.analysis.system.coordinates)
+    names, table = space.sampler.analysis.system.coordinates, space.sampler.real_point
+
+    def inertia(combination: ansatz.Combination) -> tuple[int, int] | None:
+        return euler_lagrange.inertia(euler_lagrange.hessian_at(tm.tree_of(combination), names, table))
+
     parts = [scaled(reduced(space.combinations[k], gauge)) for k in chosen]
-    signs = [-1 if found is not None and found[1] > found[0] else 1 for found in (inertia(space, p) for p in parts)]
+    signs = [-1 if found is not None and found[1] > found[0] else 1 for found in (inertia(p) for p in parts)]
     total: ansatz.Combination = {}
     found = None
     for spread in range(3):
@@ -305,29 +235,25 @@ def _sum_of(space: ansatz.LagrangianSpace, gauge: Sequence[ansatz.Combination], 
         for k, (part, sign) in enumerate(zip(parts, signs, strict=True)):
             total = tm.add_terms(total, part, sign * (1 + spread * k))
         total = reduced(total, gauge)
-        found = inertia(space, total)
-        if found is None or sum(found) == size:
+        found = inertia(total)
+        if found is None or sum(found) == len(names):
             break
     given = tuple(space.combinations[k] for k in chosen)
-    return Member(total, given, found is not None and found[0] == size)
+    return Member(total, given, found is not None and found[0] == len(names))
 
 
-def _definite_sums(space: ansatz.LagrangianSpace, gauge: Sequence[ansatz.Combination]) -> list[Member]:
-    """Sums with a positive definite Hessian at the real point, from the simplest combinations."""
+def _definite_sums(
+    space: ansatz.LagrangianSpace, gauge: Sequence[ansatz.Combination], simplest: Sequence[ansatz.Combination]
+) -> list[Member]:
+    """Sums of the simplest combinations with a positive definite Hessian at the real point."""
     if not all(map(_is_quadratic, space.combinations)):
         return []  # a Hessian that holds velocities is definite at some places only
-    _, matrices = hessians(space, space.sampler.points(_SEED))
-    # A combination that vanishes as a function has small numbers for a Hessian at a real point.
-    moving = [c for c, matrix in zip(space.combinations, matrices, strict=True) if matrix.any()]
-    simplest = sorted(moving, key=complexity)[: bounds.COLUMNS]
     with_hessian = [(c, matrix) for c in simplest if (matrix := _real_hessian(space, c)) is not None]
     found = []
     for weights in definite_weights([matrix for _, matrix in with_hessian]):
-        total: ansatz.Combination = {}
-        for weight, (c, _) in zip(weights, with_hessian, strict=True):
-            total = tm.add_terms(total, c, weight)
-        parts = tuple(c for weight, (c, _) in zip(weights, with_hessian, strict=True) if weight)
-        found.append(Member(scaled(reduced(total, gauge), sign=1), parts, definite=True))
+        used = [(weight, c) for weight, (c, _) in zip(weights, with_hessian, strict=True) if weight]
+        total = tm.sum_of(tm.scaled(c, weight) for weight, c in used)
+        found.append(Member(scaled(reduced(total, gauge), sign=1), tuple(c for _, c in used), definite=True))
     return found
 
 
@@ -343,8 +269,6 @@ def _is_quadratic(combination: ansatz.Combination) -> bool:
 def _real_hessian(space: ansatz.LagrangianSpace, combination: ansatz.Combination) -> Matrix | None:
     """d2L/dv dv at the real point; None where it vanishes or has no value."""
     deadline.check()
-    if all(map(tm.is_linear, combination)):
-        return None
     names = space.sampler.analysis.system.coordinates
     form = euler_lagrange.hessian_at(tm.tree_of(combination), names, space.sampler.real_point)
     matrix = np.array([] if form is None else form.tolist(), float)

@@ -30,47 +30,28 @@ from inverse_service.search.factors import Factors, find_factors
 from inverse_service.search.gradients import ONE_TERM, Integrator
 from inverse_service.search.material import Material, antiderivatives, positive
 
-_LINEAR = ("-3", "-2", "-1", "-4", "-3/2", "-1/2", "-5", "-5/2", "-4/3", "-5/3", "1", "2")
-_QUADRATIC = ("-1", "-3/2", "-1/2", "-2", "-5/2", "1", "1/2")
-EXPONENTS = (
-    (1, tuple(map(Fraction, _LINEAR))),
-    (2, tuple(map(Fraction, _QUADRATIC))),
-)
-_HIGHEST = max(degree for degree, _ in EXPONENTS)
+# Of a polynomial of degree 1 or 2 in v.
+_EXPONENTS = {
+    1: tuple(map(Fraction, ("-3", "-2", "-1", "-4", "-3/2", "-1/2", "-5", "-5/2", "-4/3", "-5/3", "1", "2"))),
+    2: tuple(map(Fraction, ("-1", "-3/2", "-1/2", "-2", "-5/2", "1", "1/2"))),
+}
+_HIGHEST = max(_EXPONENTS)
 # With 60 a force of many terms takes 6 s without success.
 _MOST_TERMS_OF_FORCE = 30
 
 
 @dataclass(frozen=True, slots=True)
-class DarbouxPower:
-    """g = factor * base^exponent; `factor` holds no velocity, `base` is a polynomial in v."""
+class LastMultiplier:
+    """g = factor * product of base^exponent; only the bases, polynomials in v, hold the velocity."""
 
     factor: tm.Monomial
-    base: tuple[tuple[tm.Monomial, Fraction], ...]
-    exponent: Fraction
+    moving: tuple[tuple[ex.Expression, ex.Expression], ...]
 
 
-def darboux_powers(material: Material, factors: Factors, seed: int) -> list[DarbouxPower]:
-    """Multipliers phi P^e, P of degree 1 or 2 in v; empty where none is found.
-
-    Where df/dv = 0 they are first integrals, and g = 1 is one: none can spare the integral of f that g = 1 needs.
-    """
-    found: dict[DarbouxPower, None] = {}
-    if not tm.derivative_of_terms(material.motion.forces[0], material.motion.velocities[0]):
-        return []
-    for degree, exponents in EXPONENTS:
-        try:
-            found.update(dict.fromkeys(_of_degree(material, factors, degree, exponents, seed)))
-        except (errors.IrreducibleAtoms, SingularPoint, tm.TooManyTerms, ValueError):
-            continue
-    return list(found)
-
-
-def _of_degree(
-    material: Material, factors: Factors, degree: int, exponents: Sequence[Fraction], seed: int
-) -> Iterator[DarbouxPower]:
-    phis = {e: position_factors(factors, degree * e) for e in exponents}
-    candidates = candidate_terms(material, degree)
+def _darboux_powers(material: Material, factors: Factors, seed: int, degree: int) -> Iterator[LastMultiplier]:
+    """Multipliers phi P^e, P of this degree in v, in factors."""
+    phis = {e: _position_factors(factors, degree * e) for e in _EXPONENTS[degree]}
+    candidates = _candidate_terms(material, degree)
     every = [*candidates, *(phi for group in phis.values() for phi in group)]
     letters, sampler = ansatz.letters_of(every), ansatz.sampler_of(material.analysis, every)
     table = ansatz.table_at(sampler.points(seed), letters, len(candidates) + null_vectors.SPARE)
@@ -84,27 +65,19 @@ def _of_degree(
 
     products = ansatz.monomial_values(table.values, letters, candidates, prime)
     independent = null_vectors.pivots(products, prime)  # without 1 where it is sin^2 + cos^2
-    candidates, values = [candidates[k] for k in independent], products[:, independent].tolist()
-    rates = list(zip(*map(along, candidates), strict=True))
+    candidates, values = [candidates[k] for k in independent], products[:, independent].astype(object)
+    rates = np.array(list(map(along, candidates)), object).T
     for e, group in phis.items():
         for phi in group:
-            wanted = [slope + rate for slope, rate in zip(slopes, along(phi), strict=True)]
-            rows = _equations(values, rates, number_value(e, prime), wanted, prime)
-            for terms in ansatz.null_combinations(np.array(rows, np.uint64), candidates, prime):
-                yield DarbouxPower(phi, tuple(terms.items()), e)
+            wanted = np.array([slope + rate for slope, rate in zip(slopes, along(phi), strict=True)], object)
+            # e Gamma(P) + (df/dv + Gamma(log phi)) P = 0 for the terms of P.
+            rows = values * (number_value(e, prime) * rates + wanted[:, None]) % prime
+            for terms in ansatz.null_combinations(null_vectors.kernel(rows.astype(np.uint64), prime), candidates):
+                with suppress(tm.TooManyTerms):
+                    yield _in_factors(material, phi, tm.tree_of(terms), e)
 
 
-def _equations(
-    values: Sequence[Sequence[int]], rates: Sequence[Sequence[int]], weight: int, wanted: Sequence[int], prime: int
-) -> list[list[int]]:
-    """Rows of e Gamma(P) + (df/dv + Gamma(log phi)) P = 0 for the terms of P."""
-    return [
-        [value * (weight * rate + target) % prime for value, rate in zip(row, along_row, strict=True)]
-        for row, along_row, target in zip(values, rates, wanted, strict=True)
-    ]
-
-
-def position_factors(factors: Factors, degree: Fraction) -> list[tm.Monomial]:
+def _position_factors(factors: Factors, degree: Fraction) -> list[tm.Monomial]:
     """1, and the factors that go with v^degree where f has a term c(x) v^2, times functions of t.
 
     With y' = E x', E = exp(-int c dx), a factor P(x, y')^e of a multiplier for y gives E^(2 + e) for x.
@@ -114,7 +87,7 @@ def position_factors(factors: Factors, degree: Fraction) -> list[tm.Monomial]:
     return list(dict.fromkeys(tm.times(phi, in_time) for phi in fitted for in_time in factors.in_time[:3]))
 
 
-def candidate_terms(material: Material, degree: int) -> list[tm.Monomial]:
+def _candidate_terms(material: Material, degree: int) -> list[tm.Monomial]:
     """v^degree and the terms B(x) v^j that can cancel residuals of terms before, simple ones first."""
     motion = material.motion
     velocity = motion.velocities[0]
@@ -172,31 +145,22 @@ def _is_admissible(key: tm.Monomial, with_time: bool, velocity: ex.Velocity, deg
     return with_time or not any(ex.holds(p, ex.TIME) for p, _ in key)
 
 
-@dataclass(frozen=True, slots=True)
-class LastMultiplier:
-    """g = factor * product of base^exponent; only the bases, polynomials in v, hold the velocity."""
+def _last_multipliers(material: Material, factors: Factors, seed: int) -> list[LastMultiplier]:
+    """Multipliers in factors, each once, few factors first; no formula of which much would be integrated in vain.
 
-    factor: tm.Monomial
-    moving: tuple[tuple[ex.Expression, ex.Expression], ...]
-
-
-def last_multipliers(material: Material, factors: Factors, seed: int) -> list[LastMultiplier]:
-    """Multipliers in factors, each once, few factors first; no formula of which much would be integrated in vain."""
-    found = dict.fromkeys(LastMultiplier(phi, ()) for phi in position_factors(factors, Fraction(0)) if phi)
+    Where df/dv = 0 they are first integrals, and g = 1 is one: none can spare the integral of f that g = 1 needs.
+    """
+    found = dict.fromkeys(LastMultiplier(phi, ()) for phi in _position_factors(factors, Fraction(0)) if phi)
+    powers = dict[LastMultiplier, None]()
     if not tm.derivative_of_terms(material.motion.forces[0], material.motion.velocities[0]):
         found[LastMultiplier(tm.EMPTY, ())] = None
-    powers = [
-        (power.factor, tm.tree_of(dict(power.base)), power.exponent)
-        for power in darboux_powers(material, factors, seed)
-    ]
+    else:
+        for degree in _EXPONENTS:
+            with suppress(errors.IrreducibleAtoms, SingularPoint, tm.TooManyTerms, ValueError):
+                powers |= dict.fromkeys(_darboux_powers(material, factors, seed, degree))
     if moving := _moving_factors(material):
         found[LastMultiplier(tm.EMPTY, tuple((base, ex.negated(e)) for base, e in moving))] = None
-    for phi, base, exponent in powers:
-        try:
-            found[_in_factors(material, phi, base, exponent)] = None
-        except tm.TooManyTerms:
-            continue
-    fulfilled = (multiplier for multiplier in found if _may_hold(material, multiplier))
+    fulfilled = (multiplier for multiplier in found | powers if _may_hold(material, multiplier))
     return sorted(fulfilled, key=lambda multiplier: len(multiplier.moving))
 
 
@@ -309,7 +273,7 @@ def applies(material: Material) -> bool:
 def propose(material: Material, seed: int) -> Sequence[ex.Expression]:
     """Lagrangians whose multiplier is a product of Darboux factors, the simplest first; each is a candidate only."""
     found: dict[ex.Expression, None] = {}
-    for multiplier in last_multipliers(material, find_factors(material), seed)[: bounds.CANDIDATES]:
+    for multiplier in _last_multipliers(material, find_factors(material), seed)[: bounds.CANDIDATES]:
         deadline.check()
         lagrangian = lagrangian_of(material, multiplier)
         if lagrangian is not None:

@@ -121,9 +121,7 @@ def why_shown(
 
 def is_definite(lagrangian: ex.Expression, names: Sequence[str], table: real_point.RealTable | None) -> bool:
     """Whether the Hessian is positive definite at the real point."""
-    form = euler_lagrange.hessian_at(lagrangian, names, table)
-    with mpmath.workdps(30):
-        return form is not None and all(mpmath.det(form[:k, :k]) > _TINY for k in range(1, len(names) + 1))
+    return euler_lagrange.inertia(euler_lagrange.hessian_at(lagrangian, names, table)) == (len(names), 0)
 
 
 def _kind(lagrangian: ex.Expression, names: Sequence[str]) -> tuple[int, bool]:

@@ -35,13 +35,8 @@ def decoupled_blocks(system: SecondOrderSystem) -> list[SecondOrderSystem]:
 
 
 def _coordinates_in(tree: ex.Expression, names: Sequence[str]) -> set[str]:
-    found = set()
-    for node in ex.walk(tree):
-        if isinstance(node, ex.Velocity):
-            found.add(node.coordinate)
-        elif isinstance(node, ex.Symbol) and node.name in names:
-            found.add(node.name)
-    return found
+    held = set(ex.walk(tree))
+    return {name for name in names if not held.isdisjoint((ex.Symbol(name), ex.Velocity(name)))}
 
 
 def _block(system: SecondOrderSystem, group: Collection[str]) -> SecondOrderSystem:

@@ -261,12 +261,10 @@ def _other_forms(tree: ex.Expression, system: SecondOrderSystem) -> list[ex.Expr
     found = []
     constants = partial(_by_parameters, _parameters(system))
     of_system: tuple[Callable[[SecondOrderSystem, ex.Expression], ex.Expression], ...] = (
-        _with_common_factor, _grouped, _by_rates, _with_whole_squares, _by_functions, _with_shifted_rates,
+        _with_common_factor, _by_rates, _with_whole_squares, _by_functions, _with_shifted_rates,
         _with_springs, _by_sines, _by_cosines,
     )  # fmt: skip
-    forms: list[Callable[[ex.Expression], ex.Expression]] = [partial(writing.collected_inside, cost=_size), constants]
-    forms += [partial(one, system) for one in of_system]
-    for form in forms:
+    for form in (constants, *(partial(one, system) for one in of_system)):
         try:
             found.append(form(tree))
         except _FAILED:
@@ -433,12 +431,8 @@ def _by_both(system: SecondOrderSystem, terms: tm.Terms) -> ex.Expression:
     return _by_parameters(parameters, tm.tree_of(several)) + _by_letters(system, rest)
 
 
-def _grouped(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
-    """The sum over velocities and parameters of their coefficients, each in its shortest form."""
-    return _by_letters(system, _without_squares(tm.terms_of(tree), _parameters(system)))
-
-
 def _by_letters(system: SecondOrderSystem, terms: tm.Terms) -> ex.Expression:
+    """The sum over velocities and parameters of their coefficients, each in its shortest form."""
     parameters = _parameters(system)
     groups = tm.grouped(terms, lambda letter: letter in parameters or tm.has_velocity(letter))
     return ex.add(*(_part(outer, inner, system) for outer, inner in groups.items()))
