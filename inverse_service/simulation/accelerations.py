@@ -164,9 +164,7 @@ def _points(scene: Scene) -> tuple[Array, Array]:
         v = scene.velocities + 0.2 * (1 + np.abs(scene.velocities)) * random.normal(0, 1, n)
         given = dict(zip(scene.coordinates, map(float, v), strict=True))
         try:
-            v = initial.initial_velocities(
-                scene.coordinates, scene.constraints, scene.lagrangian, scene.values, q, given, project=True
-            )
+            v = initial.initial_velocities(scene, scene.values, q, given, project=True)
         except errors.InputError:
             continue
         found_q.append(q)

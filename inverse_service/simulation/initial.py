@@ -5,7 +5,7 @@ Constraints w(q) v + c(q) = 0. The projection is orthogonal in the kinetic energ
     v - g^-1 w^T (w g^-1 w^T)^-1 (w v + c)
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import suppress
 
 import numpy as np
@@ -18,7 +18,7 @@ from inverse_service.expressions.tree import ZERO, Apply, Expression, Number, Sy
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.mechanics.euler_lagrange import hessian, momenta
 from inverse_service.simulation.numeric_formulas import array_value, table_of
-from inverse_service.simulation.scene_data import Members, Scene
+from inverse_service.simulation.scene_data import Members, Problem, Scene
 
 TOLERANCE = 1e-9
 RANK = 1e-10
@@ -28,11 +28,13 @@ PERIODIC = frozenset({"sin", "cos", "tan", "cot", "sec", "csc"})
 NO_VALUE = "The Lagrangian has no value at the start: start somewhere else."
 
 
-def check_constraints(
-    coordinates: Sequence[str], constraints: Sequence[Expression], values: Mapping[str, float], positions: Array
-) -> None:
+System = Problem | Scene  # coordinates, a Lagrangian where there is one, and constraints
+Values = Mapping[str, float | Array]  # one number, or one for each start
+
+
+def check_constraints(what: System, values: Values, positions: Array) -> None:
     """Raise InputError for constraints that are nonlinear in the velocities or dependent, or that leave no motion."""
-    names = tuple(coordinates)
+    names, constraints = what.coordinates, what.constraints
     rates = [Velocity(name) for name in names]
     for place, constraint in enumerate(constraints, 1):
         slopes = [collect(differentiate(constraint, rate)) for rate in rates]
@@ -44,7 +46,7 @@ def check_constraints(
             )
     if not constraints:
         return
-    rank = max(np.linalg.matrix_rank(rows) for rows in _rows_nearby(names, constraints, values, positions))
+    rank = max(np.linalg.matrix_rank(rows) for rows in _rows_nearby(what, values, positions))
     if rank < len(constraints):
         raise InputError(f"only {rank} of the {len(constraints)} constraints are independent: leave out the others.",
                          "/system")  # fmt: skip
@@ -52,16 +54,14 @@ def check_constraints(
         raise InputError(f"{rank} constraints on {len(names)} coordinates leave no motion: leave some out.", "/system")
 
 
-def _rows_nearby(
-    names: tuple[str, ...], constraints: Sequence[Expression], values: Mapping[str, float], positions: Array
-) -> list[Array]:
+def _rows_nearby(what: System, values: Values, positions: Array) -> list[Array]:
     """The coefficients of the velocities at the start and at points about it, where they have values."""
     random = np.random.default_rng(3)
-    places = [positions, *(positions + random.normal(0, 1, len(names)) for _ in range(NEARBY))]
-    found = [_linear(names, constraints, values, positions[None])[0][0]]
+    places = [positions, *(positions + random.normal(0, 1, len(positions)) for _ in range(NEARBY))]
+    found = [_linear(what, values, positions[None])[0][0]]
     for place in places[1:]:
         with suppress(InputError):
-            found.append(_linear(names, constraints, values, place[None])[0][0])
+            found.append(_linear(what, values, place[None])[0][0])
     return found
 
 
@@ -114,32 +114,24 @@ def is_degenerate(scene: Scene) -> bool:
     return True
 
 
-def initial_velocities(
-    coordinates: Sequence[str],
-    constraints: Sequence[Expression],
-    lagrangian: Expression | None,
-    values: Mapping[str, float | Array],
-    positions: Array,
-    given: Mapping[str, float | Array],
-    project: bool,
-) -> Array:
+def initial_velocities(what: System, values: Values, positions: Array, given: Values, project: bool) -> Array:
     """The velocities of a start (n,), or of N starts (N, n), on the constraints; `values` and `given` are numbers or
     (N,).
 
     InputError (pointer below /initial) where some are missing that the constraints do not determine, and where
     the given ones violate the constraints and `project` is not set.
     """
-    names, places = tuple(coordinates), np.atleast_2d(positions)
-    rows, offsets = _linear(names, constraints, values, places)
+    names, places = what.coordinates, np.atleast_2d(positions)
+    rows, offsets = _linear(what, values, places)
     velocities = _filled(names, rows, offsets, given)
     defects = _times(rows, velocities) + offsets
     beyond = np.abs(defects) - TOLERANCE * (1 + _times(np.abs(rows), np.abs(velocities)) + np.abs(offsets))
     worst = int(np.argmax(beyond)) if beyond.size else 0
     if beyond.size and beyond.flat[worst] > 0:
-        better = _projected(names, lagrangian, values, places, velocities, rows, defects)
+        better = _projected(what, values, places, velocities, rows, defects)
         off = (beyond > 0).any(axis=1)
         if not project:
-            member, place = divmod(worst, len(constraints))
+            member, place = divmod(worst, len(what.constraints))
             _refuse_off(names, better[member], place, float(defects[member, place]), len(places), member)
         velocities[off] = better[off]
     return velocities.reshape(positions.shape)
@@ -182,12 +174,12 @@ def _is_angle(stack: list[Expression], name: Symbol) -> bool:
     return turns
 
 
-def velocities_from_momenta(
-    coordinates: Sequence[str], lagrangian: Expression, values: Mapping[str, float], positions: Array, target: Array
-) -> Array:
+def velocities_from_momenta(what: System, values: Mapping[str, float], positions: Array, target: Array) -> Array:
     """v with dL/dv(q, v) = p, (n,); one step for a quadratic L, Newton elsewhere. InputError where that fails."""
-    names = tuple(coordinates)
-    functions, matrix = momenta(lagrangian, names), hessian(lagrangian, names)
+    if what.lagrangian is None:
+        raise InputError("the system has no Lagrangian, so no momenta: give velocities.", "/initial/momenta")
+    names = what.coordinates
+    functions, matrix = momenta(what.lagrangian, names), hessian(what.lagrangian, names)
     velocities = np.full(len(names), 0.0)
     for attempt in (0.0, 1.0, 0.1):
         velocities = np.full(len(names), attempt)
@@ -206,10 +198,9 @@ def velocities_from_momenta(
     )
 
 
-def _linear(
-    names: tuple[str, ...], constraints: Sequence[Expression], values: Mapping[str, float | Array], positions: Array
-) -> tuple[Array, Array]:
+def _linear(what: System, values: Values, positions: Array) -> tuple[Array, Array]:
     """The coefficients of the velocities (N, m, n) and what is free of them (N, m) at the positions (N, n)."""
+    names, constraints = what.coordinates, what.constraints
     table = table_of(names, positions, np.zeros(positions.shape), values)
     shape = (len(constraints), len(names), len(positions))
     entries = [array_value(differentiate(w, Velocity(name)), table) for w in constraints for name in names]
@@ -222,7 +213,7 @@ def _linear(
     return rows, offsets
 
 
-def _filled(names: tuple[str, ...], rows: Array, offsets: Array, given: Mapping[str, float | Array]) -> Array:
+def _filled(names: tuple[str, ...], rows: Array, offsets: Array, given: Values) -> Array:
     velocities = np.zeros((len(rows), len(names)))
     for k, name in enumerate(names):
         velocities[:, k] = given.get(name, 0.0)
@@ -257,19 +248,12 @@ def _undetermined(matrix: Array) -> list[int]:
     return [k for k in range(matrix.shape[1]) if len(null) and np.abs(null[:, k]).max() > 1e-8]
 
 
-def _projected(
-    names: tuple[str, ...],
-    lagrangian: Expression | None,
-    values: Mapping[str, float | Array],
-    positions: Array,
-    velocities: Array,
-    rows: Array,
-    defects: Array,
-) -> Array:
+def _projected(what: System, values: Values, positions: Array, velocities: Array, rows: Array, defects: Array) -> Array:
+    names = what.coordinates
     mass = np.broadcast_to(np.eye(len(names)), (len(rows), len(names), len(names)))
-    if lagrangian is not None:
+    if what.lagrangian is not None:
         table = table_of(names, positions, velocities, values)
-        entries = [array_value(entry, table) for row in hessian(lagrangian, names) for entry in row]
+        entries = [array_value(entry, table) for row in hessian(what.lagrangian, names) for entry in row]
         mass = np.array(entries).T.reshape(mass.shape)
     if not np.isfinite(mass).all():
         raise InputError("the kinetic energy has no finite value at the start: start somewhere else.", "/initial")

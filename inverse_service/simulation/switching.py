@@ -580,10 +580,7 @@ class _Pieces:
             (v if isinstance(target, ex.Velocity) else q)[self._place(target)] = value
         if self.scene.constraints and np.isfinite([*q, *v]).all():
             given = dict(zip(self.scene.coordinates, map(float, v), strict=True))
-            v = initial.initial_velocities(
-                self.scene.coordinates, self.scene.constraints, self.scene.lagrangian, self.motion.values, q, given,
-                project=True,
-            )  # fmt: skip
+            v = initial.initial_velocities(self.scene, self.motion.values, q, given, project=True)
         return q, v
 
     def _zeno(self, time: float, place: int | None) -> Outcome:

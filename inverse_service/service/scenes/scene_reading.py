@@ -5,10 +5,12 @@ grid of times, methods with their settings and labels, initial data on the const
 Each error is one sentence with its location.
 """
 
+from __future__ import annotations
+
 import math
 import re
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
 from pathlib import Path
@@ -34,7 +36,7 @@ from inverse_service.service.documents import accepting
 from inverse_service.service.documents.plain_data import escape
 from inverse_service.simulation import scene_data as data
 from inverse_service.simulation.derivation import BUILT_IN, CONSTRAINTS, KINETIC, lagrangian_parts
-from inverse_service.simulation.initial import check_constraints, initial_velocities, velocities_from_momenta
+from inverse_service.simulation.initial import System, check_constraints, initial_velocities, velocities_from_momenta
 from inverse_service.simulation.numeric_formulas import NoValue, array_value, walls
 
 SYSTEM = (
@@ -43,19 +45,10 @@ SYSTEM = (
 )
 LAGRANGIAN_KEYS = "name, coordinates, lagrangian, constraints, parameters, functions, where, time"
 # Keys of a nonholonomic document that are options of `solve` and do not affect the motion.
-SOLVE_ONLY = frozenset(
-    {
-        "multiples",
-        "search",
-        "special_cases",
-        "first_integrals",
-        "time_dependent_lagrangian",
-        "ansatz",
-        "series_order",
-        "question",
-        "id",
-    }
-)
+SOLVE_ONLY = frozenset({
+    "multiples", "search", "special_cases", "first_integrals", "time_dependent_lagrangian", "ansatz", "series_order",
+    "question", "id",
+})  # fmt: skip
 SYSTEM_WORDING = accepting.Wording(
     "The system",
     accepting.EXPECTED,
@@ -161,26 +154,19 @@ def mechanical_system(given: Any, extra: Sequence[str]) -> MechanicalSystem:
 
     InputError with its pointer below /system.
     """
-    match given:
-        case schemas.CatalogueSystem(catalogue=name):
-            return _at("/system/catalogue", _of_catalogue, name, extra)
-        case schemas.DocumentSystem(document=document):
-            return _at("/system/document", _of_document, document, extra)
-        case schemas.ResultSystem(result=result):
-            return _at("/system/result", _of_result, result, extra)
-        case _:
-            return _at("/system", _of_document, given, extra)
+    for kind, key, read in KINDS:
+        if isinstance(given, kind):
+            return _at(f"/system/{key}", read, getattr(given, key), extra)
+    return _at("/system", _of_document, given, extra)
 
 
-def _at(pointer: str, read: Any, *arguments: Any) -> MechanicalSystem:
+def _at(pointer: str, read: ReadSystem, given: Any, extra: Sequence[str]) -> MechanicalSystem:
     try:
-        found: MechanicalSystem = read(*arguments)
+        return read(given, extra)
     except DocumentRefused as error:
-        places = (replace(p, pointer=pointer + p.pointer) for p in error.places)
-        raise DocumentRefused(tuple(places)) from None
+        raise DocumentRefused(tuple(replace(p, pointer=pointer + p.pointer) for p in error.places)) from None
     except InputError as error:
         raise error.at(pointer) from None
-    return found
 
 
 def _of_catalogue(name: str, extra: Sequence[str]) -> MechanicalSystem:
@@ -285,6 +271,13 @@ def _of_equations(document: Mapping[str, Any], extra: Sequence[str]) -> Mechanic
     names = document_names(Declared(system.coordinates, system.parameters, functions), {})
     accelerations = tuple(map(without_steps, system.accelerations))
     return MechanicalSystem(names, None, (), accelerations, values, schema.name, document=document)
+
+
+ReadSystem = Callable[[Any, Sequence[str]], MechanicalSystem]
+KINDS: tuple[tuple[type, str, ReadSystem], ...] = (
+    (schemas.CatalogueSystem, "catalogue", _of_catalogue), (schemas.DocumentSystem, "document", _of_document),
+    (schemas.ResultSystem, "result", _of_result),
+)  # fmt: skip
 
 
 def without_steps(tree: ex.Expression) -> ex.Expression:
@@ -486,7 +479,8 @@ def read_scene(schema: schemas.SceneDocument) -> tuple[data.Scene, MechanicalSys
         raise InputError(TIME_REFUSED, "/system")
     begin, initial = beginning(schema)
     _refuse_other_halves(initial, system)
-    positions, velocities = read_initial(initial, names, lagrangian, constraints, values)
+    what = data.Problem(names.coordinates, (), lagrangian, constraints)
+    positions, velocities = read_initial(initial, names, what, values)
     grid, notes = read_grid(schema, begin)
     scene = data.Scene(
         name=schema.name or system.name,
@@ -753,33 +747,19 @@ def read_circle(schema: schemas.SceneDocument, names: Names) -> tuple[int, int] 
 
 
 def read_initial(
-    given: schemas.SceneInitial,
-    names: Names,
-    lagrangian: ex.Expression | None,
-    constraints: tuple[ex.Expression, ...],
-    values: Mapping[str, float],
+    given: schemas.SceneInitial, names: Names, what: System, values: Mapping[str, float]
 ) -> tuple[Array, Array]:
     """Positions and velocities, (n,) each, the velocities on the constraints."""
     start = _of_all(given.positions, names, "position", "/initial/positions")
     if (given.velocities is None) == (given.momenta is None):
         raise InputError("give either 'velocities' or 'momenta' with the positions.", "/initial")
+    speeds = _by_coordinate(given.velocities or {}, names, "/initial/velocities")
     if given.momenta is not None:
-        speeds = _from_momenta(given.momenta, names, lagrangian, values, start)
-    else:
-        speeds = _by_coordinate(given.velocities or {}, names, "/initial/velocities")
-    check_constraints(names.coordinates, constraints, values, start)
-    velocities = initial_velocities(names.coordinates, constraints, lagrangian, values, start, speeds, given.project)
-    return start, velocities
-
-
-def _from_momenta(
-    given: Mapping[str, str], names: Names, lagrangian: ex.Expression | None, values: Mapping[str, float], start: Array
-) -> dict[str, float]:
-    target = _of_all(given, names, "momentum", "/initial/momenta")
-    if lagrangian is None:
-        raise InputError("the system has no Lagrangian, so no momenta: give velocities.", "/initial/momenta")
-    velocities = velocities_from_momenta(names.coordinates, lagrangian, values, start, target)
-    return dict(zip(names.coordinates, map(float, velocities), strict=True))
+        target = _of_all(given.momenta, names, "momentum", "/initial/momenta")
+        found = velocities_from_momenta(what, values, start, target)
+        speeds = dict(zip(names.coordinates, map(float, found), strict=True))
+    check_constraints(what, values, start)
+    return start, initial_velocities(what, values, start, speeds, given.project)
 
 
 def _of_all(given: Mapping[str, str], names: Names, what: str, pointer: str) -> Array:
@@ -862,7 +842,7 @@ def _one_by_one(
         for member in range(place * each, (place + 1) * each):
             own = {**scene.values, **{name: float(column[member]) for name, column in values.items()}}
             try:
-                found.append(read_initial(merged, names, scene.lagrangian, scene.constraints, own))
+                found.append(read_initial(merged, names, scene, own))
             except InputError as error:
                 raise error.placed(error.pointer.replace("/initial", f"/initial/{place}", 1)) from None
     return data.Members(np.array([q for q, _ in found]), np.array([v for _, v in found]), values)
@@ -890,11 +870,7 @@ def _together(
     each = len(next(iter(values.values()), tables[0])) // len(tables[0])
     positions, velocities = (np.repeat(table, each, axis=0) for table in tables)
     if scene.constraints:
-        speeds: dict[str, float | Array] = {
-            name: velocities[:, k] for k, name in enumerate(names.coordinates) if name in free
-        }
+        speeds = {name: velocities[:, k] for k, name in enumerate(names.coordinates) if name in free}
         numbers: dict[str, float | Array] = {**scene.values, **values}
-        velocities = initial_velocities(
-            names.coordinates, scene.constraints, scene.lagrangian, numbers, positions, speeds, base.project
-        )
+        velocities = initial_velocities(scene, numbers, positions, speeds, base.project)
     return data.Members(positions, velocities, values)
