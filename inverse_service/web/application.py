@@ -11,7 +11,7 @@ from starlette.middleware.cors import CORSMiddleware
 from inverse_service import __version__, errors
 from inverse_service.settings import Settings
 from inverse_service.web import middleware, openapi, problems, routes
-from inverse_service.web.engine import Engine, KnownFirst
+from inverse_service.web.engine import Engine
 from inverse_service.web.pages import routing
 
 TITLE = "inverse-service"
@@ -32,10 +32,7 @@ def create_application(settings: Settings) -> FastAPI:
     )  # fmt: skip
     app.state.engine = Engine(settings)
     problems.install(app, routing.page_of_refusal)
-    app.add_middleware(routes.Asked)
-    app.add_middleware(middleware.SecurityHeaders, hosts=settings.hosts)
-    app.add_middleware(KnownFirst, engine=app.state.engine)
-    app.add_middleware(middleware.Measured)
+    app.add_middleware(middleware.Entrance, hosts=settings.hosts, questions=routes.QUESTIONS, ask=routes.ask)
     if settings.cors_origins:
         app.add_middleware(
             CORSMiddleware,

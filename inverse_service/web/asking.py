@@ -48,9 +48,6 @@ async def body_of(request: Request, limit: int, types: Container[str] | None = (
         raise too_large
     if middleware.said(request.scope, b"content-encoding").lower() not in ("", "identity"):
         raise Refusal(415, "content-type", "Compressed bodies are not accepted; send it without 'Content-Encoding'.")
-    if (whole := request.scope["state"].get("whole")) is not None:  # a small one
-        yield whole
-        return
     engine: Engine = request.app.state.engine
     with engine.bytes.hold(clients.client_of(request)) as take:
         parts = []

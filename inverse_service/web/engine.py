@@ -15,12 +15,11 @@ from collections.abc import AsyncIterator, Awaitable, Callable, Sequence, Sized
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from types import SimpleNamespace
 from typing import Any, Final, ParamSpec, TypeVar
 
 from pydantic import ValidationError
-from starlette.requests import Request
-from starlette.types import ASGIApp, Message, Receive, Scope, Send
+from starlette.responses import Response
+from starlette.types import Scope
 
 from api_schemas.system import SystemDocument
 from inverse_service import __version__, errors
@@ -29,7 +28,7 @@ from inverse_service.service.jobs import metrics, model, opening, statements, ta
 from inverse_service.service.jobs.store import Cleaner, JobStore
 from inverse_service.service.jobs.supervisor import Supervisor
 from inverse_service.settings import Settings
-from inverse_service.web import asking, clients, middleware, pages, problems
+from inverse_service.web import asking, clients, pages, problems
 
 log = logging.getLogger(__name__)
 # What is no job has a second, and two more for each MB; batches of many lines have more, pages and figures too.
@@ -59,16 +58,12 @@ KEPT = 5.0
 # Bytes of all answers, and of one; larger ones are read in parts. To compress one of 7 kB takes 0.3 ms of processor
 # time, as much as all else that its giving takes.
 MOST_BYTES, LARGEST = 64 * 2**20, 256 * 2**10
-# Where questions are asked, by path: the kind of job.
-ASKED: Final = {f"/v1/{kind}": kind for kind in ("solve", "simulate", "work-precision")}
 # The headers that an answer depends on; it holds for the same ones, letter by letter.
 READ: Final = frozenset((
     b"accept", b"authorization", b"cache-control", b"content-encoding", b"content-length", b"content-type", b"cookie",
     b"host", b"idempotency-key", b"origin", b"prefer", b"sec-fetch-site", b"transfer-encoding", b"x-api-key",
 ))  # fmt: skip
-# Of each call, and so not of an answer.
-OF_A_CALL: Final = frozenset((b"ratelimit", b"ratelimit-policy"))
-# Larger questions, and those that come in pieces, are read where their bytes are counted.
+# The answers to larger questions are looked for in the store.
 SMALL_QUESTION = 64 * 1024
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -76,10 +71,9 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, slots=True)
 class KnownAnswer:
-    """The answer to a question: its headers and body, until when it is given, its job, and the job's mark then."""
+    """The answer to a question, until when it is given, its job, and the job's mark then."""
 
-    headers: Sequence[tuple[bytes, bytes]]
-    body: bytes
+    response: Response
     until: float
     job: str
     mark: object
@@ -95,27 +89,39 @@ class KnownAnswers:
         self._marks: dict[str, object] = {}
         self._bytes = 0
 
-    def get(self, key: bytes) -> KnownAnswer | None:
+    def get(self, key: bytes, kind: str) -> Response | None:
         """The answer to a question, if it was given a moment ago and its job has not changed."""
         found = self._answers.get(key)
-        is_good = found and found.mark is self._marks.get(found.job) and found.until >= time.monotonic()
-        return found if is_good else None
+        if found is None or found.mark is not self._marks.get(found.job) or found.until < time.monotonic():
+            return None
+        metrics.of(metrics.KNOWN, kind).inc()
+        return found.response
 
-    def keep(self, key: bytes, job: str, headers: Sequence[tuple[bytes, bytes]], body: bytes) -> None:
-        """Note an answer that holds until its job changes."""
-        if len(body) > LARGEST:
+    def keep(self, key: bytes, job: str, response: Response) -> None:
+        """Note an answer that holds until its job changes; not one that is large, or comes in parts."""
+        size = len(getattr(response, "body", b""))
+        if not key or not 0 < size <= LARGEST:
             return
         with self._lock:
             before = self._answers.get(key)
-            self._bytes += len(body) - (len(before.body) if before else 0)
+            self._bytes += size - (len(before.response.body) if before else 0)
             if self._bytes > MOST_BYTES:
-                self._answers, self._marks, self._bytes = {}, {}, len(body)
+                self._answers, self._marks, self._bytes = {}, {}, size
             mark = self._marks.setdefault(job, object())
-            self._answers[key] = KnownAnswer(headers, body, time.monotonic() + KEPT, job, mark)
+            self._answers[key] = KnownAnswer(response, time.monotonic() + KEPT, job, mark)
 
     def drop(self, change: model.Change) -> None:
         """A job changed."""
         self._marks.pop(change.id, None)
+
+
+def key_of(scope: Scope, body: bytes) -> bytes:
+    """The key of a question: everything that its answer depends on; none for a large one."""
+    if len(body) > SMALL_QUESTION:
+        return b""
+    read = [pair for pair in scope["headers"] if pair[0] in READ]
+    about = (scope["scheme"], scope["path"], scope["query_string"], body, read)
+    return hashlib.sha256(repr(about).encode()).digest()
 
 
 class Engine:
@@ -502,68 +508,3 @@ class Engine:
         while True:
             await self.in_thread(cleaner.clean)
             await asyncio.sleep(BETWEEN_CLEANINGS)
-
-
-def _key_of(scope: Scope, body: bytes, read: Sequence[tuple[bytes, bytes]]) -> bytes:
-    """The key of a question: everything that its answer depends on."""
-    about = (scope["scheme"], scope["path"], scope["query_string"], body, read)
-    return hashlib.sha256(repr(about).encode()).digest()
-
-
-def may_be_kept(scope: Scope, job: str) -> None:
-    """Note that the answer to this request holds until this job changes."""
-    scope["state"]["answers"] = job
-
-
-class KnownFirst(middleware.Middleware):
-    """Gives known answers before anything is routed or parsed; keeps those that `may_be_kept` notes."""
-
-    def __init__(self, app: ASGIApp, engine: Engine) -> None:
-        super().__init__(app)
-        self._engine = engine
-
-    async def handle(self, scope: Scope, receive: Receive, send: Send) -> None:
-        scope.setdefault("state", {})
-        kind, read = ASKED.get(scope["path"]), [pair for pair in scope["headers"] if pair[0] in READ]
-        length = dict(read).get(b"content-length", b"")
-        if kind is None or scope["method"] != "POST" or not length.isdigit() or int(length[:9]) > SMALL_QUESTION:
-            await self.app(scope, receive, send)
-            return
-        pending = [await receive()]
-        key = b""
-        if not pending[0].get("more_body"):
-            scope["state"]["whole"] = pending[0].get("body", b"")
-            key = _key_of(scope, scope["state"]["whole"], read)
-        if (known := self._engine.known.get(key)) is not None and self._is_client(scope):
-            scope["route"] = SimpleNamespace(path=scope["path"])  # as the counts of requests name it
-            metrics.of(metrics.KNOWN, kind).inc()
-            more = await self._engine.rate_limit(scope["state"]["client_name"])
-            of_call = [(name.lower().encode(), value.encode()) for name, value in more.items()]
-            await send({"type": "http.response.start", "status": 200, "headers": [*known.headers, *of_call]})
-            await send({"type": "http.response.body", "body": known.body})
-            return
-
-        async def receive_again() -> Message:
-            return pending.pop() if pending else await receive()
-
-        headers: list[tuple[bytes, bytes]] = []
-
-        async def send_and_keep(message: Message) -> None:
-            nonlocal key
-            if message["type"] == "http.response.start":
-                headers.extend([pair for pair in message["headers"] if pair[0] not in OF_A_CALL])
-            elif message.get("more_body"):
-                key = b""
-            elif key and (job := scope["state"].get("answers")):
-                self._engine.known.keep(key, job, headers, message["body"])
-            await send(message)
-
-        await self.app(scope, receive_again, send_and_keep)
-
-    def _is_client(self, scope: Scope) -> bool:
-        """Whether who asks may still ask."""
-        try:
-            clients.note_client(Request(scope))
-        except problems.Refusal:
-            return False
-        return self._engine.is_open

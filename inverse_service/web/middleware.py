@@ -8,7 +8,7 @@ import re
 import sys
 import time
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 
 from starlette.datastructures import MutableHeaders
 from starlette.responses import Response
@@ -48,43 +48,51 @@ STANDARD = frozenset(vars(logging.makeLogRecord({}))) | {"message", "asctime", "
 BETWEEN = 10.0
 
 
-class Middleware:
-    """Around the application `app`: `handle` has the requests, all else passes."""
+class Entrance:
+    """Around the application `app`: what every request passes, whatever it asks; all that is no request passes by.
 
-    def __init__(self, app: ASGIApp) -> None:
-        self.app = app
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        await (self.handle if scope["type"] == "http" else self.app)(scope, receive, send)
-
-    async def handle(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """One request to its answer."""
-        raise NotImplementedError
-
-
-class Measured(Middleware):
-    """Middleware; requests are distinguished by route (never by the path, which anyone can make up).
+    Requests are distinguished by route (never by the path, which anyone can make up). Those of `questions` go to
+    `ask`, before all routes and without what the framework does for them. HEADERS are added to every answer that does
+    not set them itself. `hosts` are the host names that are answered to: a page elsewhere may let its own name point
+    to this machine. No `hosts`: any is taken.
 
     The work on a request ends where its client closes the connection before the answer is out (see `connections`); what
     was stored for it by then, such as a job, stays.
     """
 
-    async def handle(self, scope: Scope, receive: Receive, send: Send) -> None:
+    def __init__(self, app: ASGIApp, hosts: Sequence[str], questions: Container[str], ask: ASGIApp) -> None:
+        self.app, self._questions, self._ask = app, questions, ask
+        self._hosts = frozenset(host.lower() for host in hosts)
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] != "http":
+            await self.app(scope, receive, send)
+            return
         began = time.monotonic()
+        scope.setdefault("state", {})
         status, seconds = CLIENT_LEFT, None  # what was answered, and after how long
         identifier = identifier_of(scope)
         token = metrics.REQUEST.set(identifier)
         work = scope["work"] = asyncio.current_task()
 
-        async def send_measured(message: Message) -> None:
+        async def send_whole(message: Message) -> None:
             nonlocal status, seconds
             if message["type"] == "http.response.start":
                 status, seconds = message["status"], time.monotonic() - began
-                message["headers"] = [*message["headers"], (b"x-request-id", identifier.encode())]
+                given = {name for name, _ in message["headers"]}
+                ours = [pair for pair in RAW_HEADERS if pair[0] not in given]
+                message["headers"] = [*message["headers"], *ours, (b"x-request-id", identifier.encode())]
+                if status == 307:  # by the framework, after a slash too many
+                    headers = MutableHeaders(scope=message)
+                    headers["location"] = "/" + headers["location"].split("/", 3)[3].lstrip("/")
             await send(message)
 
         try:
-            await self.app(scope, receive, send_measured)
+            is_question = scope["method"] == "POST" and scope["path"] in self._questions
+            # Routes that are read with GET are read with HEAD too; the server leaves the body out.
+            is_head = scope["method"] == "HEAD" and not scope["path"].endswith(STREAMS)
+            answer = self._refusal(scope) or (self._ask if is_question else self.app)
+            await answer({**scope, "method": "GET"} if is_head else scope, receive, send_whole)
         except asyncio.CancelledError:
             if not scope.get("left") or work is None or work.uncancel():
                 raise
@@ -99,10 +107,39 @@ class Measured(Middleware):
             _note(scope, status, time.monotonic() - began)
             metrics.REQUEST.reset(token)
 
+    def _refusal(self, scope: Scope) -> Response | None:
+        """Of too large headers (431), two lengths, of which a proxy may believe the other (400), a NUL, which databases
+        do not take (404, in a query 422), and another host (421)."""
+        heads = scope["headers"]
+        if len(heads) > MOST_HEADERS or sum(map(len, itertools.chain(*heads))) > LARGEST_HEADERS:
+            return HEADERS_TOO_LARGE
+        names = [name for name, _ in heads]
+        codings = [value.lower() for name, value in heads if name == b"transfer-encoding"]
+        if codings and (codings != [b"chunked"] or b"content-length" in names):
+            detail = (
+                "A body has a Content-Length, or comes in chunks (Transfer-Encoding: chunked); send only one of them."
+            )
+            return _refused(400, "unreadable", detail)
+        if names.count(b"host") != 1 and (names.count(b"host") or scope["http_version"] != "1.0"):
+            return _refused(400, "unreadable", "A request of HTTP/1.1 has one header 'Host'.")
+        if b"%00" in scope["query_string"]:
+            return _refused(422, "bad-input", "The query has a NUL character (%00), which no value has; leave it out.")
+        if "\x00" in scope["path"]:
+            return _refused(404, "not-found", "There is nothing at an address that has a NUL character.")
+        if self._hosts and not self._hosts & {host_of(scope), "*"}:
+            detail = "This service does not answer to this host name; its operator lists them in INVERSE_SERVICE_HOSTS."
+            return _refused(421, "host", detail)
+        return None
+
 
 def said(scope: Scope, name: bytes) -> str:
     """A header, of which more than one are one with commas (RFC 9110); empty where there is none."""
-    return b", ".join([value for each, value in scope["headers"] if each == name]).decode("latin-1")
+    if (found := scope.get("heads")) is None:
+        found = scope["heads"] = {}
+        for each, value in scope["headers"]:
+            found[each] = found[each] + b", " + value if each in found else value
+    text: str = found.get(name, b"").decode("latin-1")
+    return text
 
 
 def identifier_of(scope: Scope) -> str:
@@ -121,60 +158,6 @@ def _note(scope: Scope, status: int, seconds: float) -> None:
     about = {"client": client, "method": scope["method"], "path": scope["path"][:200], "status": status}
     level = logging.WARNING if status == 401 else logging.INFO
     metrics.say(log, "request", {**about, "seconds": round(seconds, 4)}, level)
-
-
-class SecurityHeaders(Middleware):
-    """Adds HEADERS to every response that does not set them itself.
-
-    Refuses requests with too large ones (431), with two lengths, of which a proxy may believe the other (400), with a
-    NUL, which databases do not take (404, in a query 422), and those to another host than `hosts` (421): a page
-    elsewhere may let its own name point to this machine. No `hosts`: any is taken.
-    """
-
-    def __init__(self, app: ASGIApp, hosts: Sequence[str] = ()) -> None:
-        super().__init__(app)
-        self._hosts = frozenset(host.lower() for host in hosts)
-
-    async def handle(self, scope: Scope, receive: Receive, send: Send) -> None:
-        if (refusal := self._refusal(scope)) is not None:
-            await refusal(scope, receive, send)
-            return
-
-        async def send_with_headers(message: Message) -> None:
-            if message["type"] == "http.response.start":
-                given = {name for name, _ in message["headers"]}
-                message["headers"] = [*message["headers"], *(pair for pair in RAW_HEADERS if pair[0] not in given)]
-                if message["status"] == 307:  # by the framework, after a slash too many
-                    headers = MutableHeaders(scope=message)
-                    headers["location"] = "/" + headers["location"].split("/", 3)[3].lstrip("/")
-            await send(message)
-
-        # Routes that are read with GET are read with HEAD too; the server leaves the body out.
-        is_head = scope["method"] == "HEAD" and not scope["path"].endswith(STREAMS)
-        await self.app({**scope, "method": "GET"} if is_head else scope, receive, send_with_headers)
-
-    def _refusal(self, scope: Scope) -> Response | None:
-        heads = scope["headers"]
-        if len(heads) > MOST_HEADERS or sum(map(len, itertools.chain(*heads))) > LARGEST_HEADERS:
-            return HEADERS_TOO_LARGE
-        names = [name for name, _ in heads]
-        if b"transfer-encoding" in names and (
-            b"content-length" in names or any(n == b"transfer-encoding" and v.lower() != b"chunked" for n, v in heads)
-        ):
-            detail = (
-                "A body has a Content-Length, or comes in chunks (Transfer-Encoding: chunked); send only one of them."
-            )
-            return _refused(400, "unreadable", detail)
-        if names.count(b"host") != 1 and (names.count(b"host") or scope["http_version"] != "1.0"):
-            return _refused(400, "unreadable", "A request of HTTP/1.1 has one header 'Host'.")
-        if b"%00" in scope["query_string"]:
-            return _refused(422, "bad-input", "The query has a NUL character (%00), which no value has; leave it out.")
-        if "\x00" in scope["path"]:
-            return _refused(404, "not-found", "There is nothing at an address that has a NUL character.")
-        if self._hosts and not self._hosts & {host_of(scope), "*"}:
-            detail = "This service does not answer to this host name; its operator lists them in INVERSE_SERVICE_HOSTS."
-            return _refused(421, "host", detail)
-        return None
 
 
 def host_of(scope: Scope) -> str:

@@ -2,6 +2,7 @@
 catalogue and the atlas (by name, tag and equations); what operators ask: does it live, is it ready, what does it do."""
 
 import asyncio
+import copy
 import dataclasses
 import json
 import time
@@ -11,6 +12,7 @@ from types import SimpleNamespace
 from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Depends, Query
+from starlette.datastructures import Headers
 from starlette.requests import Request
 from starlette.responses import JSONResponse, PlainTextResponse, Response, StreamingResponse
 from starlette.types import Receive, Scope, Send
@@ -25,8 +27,8 @@ from inverse_service.service.jobs import model, statements, supervisor, tasks, w
 from inverse_service.service.jobs.batch import MAX_LINE_BYTES, batch_task
 from inverse_service.service.jobs.metrics import gauge, written as text_of
 from inverse_service.web import asking, clients, job_answers, openapi
-from inverse_service.web.engine import ASKED, KEEP_ALIVE, LONG_DEADLINE, Engine, may_be_kept
-from inverse_service.web.middleware import Middleware, StreamCut, said
+from inverse_service.web.engine import KEEP_ALIVE, LONG_DEADLINE, Engine, key_of
+from inverse_service.web.middleware import StreamCut, said
 from inverse_service.web.problems import REFUSED, Refusal, known, on_error
 
 jobs = APIRouter(dependencies=[Depends(clients.require_client)], tags=["jobs"])
@@ -40,6 +42,8 @@ FORGOTTEN = "job of this id; it may have been forgotten. Ask again."
 STILL_THERE = b": still there\n\n"
 ASKED_ANSWERS = {202: {"model": JobDocument, "headers": openapi.JOB_HEADERS}, **openapi.BAD_BODY}
 SCENE = openapi.body_of("SceneDocument") | openapi.TIME_LIMIT_QUERY
+# Where questions are asked, and the kind of their jobs.
+QUESTIONS = {f"/v1/{kind}": kind for kind in ("solve", "simulate", "work-precision")}
 Route = Callable[[Request], Awaitable[Response]]
 NDJSON = "application/x-ndjson"
 NDJSON_TYPES = frozenset({NDJSON, "application/ndjson", "application/jsonl", "application/x-jsonlines"})
@@ -70,11 +74,21 @@ async def solve(request: Request) -> Response:
     `Idempotency-Key` that came with another question before is refused (422).
     `Accept` may ask for text, LaTeX or a SymPy program instead of JSON.
     """
-    return await ask(request, "solve")
+    return await answered(request, "solve")
 
 
-async def ask(request: Request, kind: str) -> Response:
-    """The common path of all questions: store the job, wait briefly, answer."""
+async def ask(scope: Scope, receive: Receive, send: Send) -> None:
+    """Answer a question; as the routes describe it."""
+    request = Request(scope, receive)
+    try:
+        response = await answered(request, QUESTIONS[scope["path"]])
+    except REFUSED as error:
+        response = await on_error(request, error)
+    await response(scope, receive, send)
+
+
+async def answered(request: Request, kind: str) -> Response:
+    """The common path of all questions: store the job, wait briefly, answer; one answered a moment ago is known."""
     request.scope["route"] = SimpleNamespace(path=f"/v1/{kind}")  # as the counts of requests name it
     clients.note_client(request)
     engine = engine_of(request)
@@ -82,15 +96,19 @@ async def ask(request: Request, kind: str) -> Response:
     client, server, viewer = clients.client_of(request), engine.server_options, clients.viewer_of(request)
     terms = tasks.Terms(kind, server, asking.time_limit_of(request, server), client, asking.wants_fresh(request))
     async with asking.body_of(request, asking.FACTORS[kind] * engine.settings.max_body) as body:
-        question = await engine.question(body, terms)
-    job = await engine.submit(question, viewer, preference.wait, asking.key_of(request))
-    if job.is_open and preference.wait <= 0 and kind == "solve":
-        await engine.look_ahead(client, question.document)
-    answer = await job_answers.result_response(request, job, engine, preference)
-    if job.status == "successful" and job.expires is None and not terms.fresh:
-        may_be_kept(request.scope, job.id)
+        key = key_of(request.scope, body)
+        if (answer := engine.known.get(key, kind)) is None:
+            question = await engine.question(body, terms)
+    if answer is None:
+        job = await engine.submit(question, viewer, preference.wait, asking.key_of(request))
+        if job.is_open and preference.wait <= 0 and kind == "solve":
+            await engine.look_ahead(client, question.document)
+        answer = await job_answers.result_response(request, job, engine, preference)
+        if job.status == "successful" and job.expires is None and not terms.fresh:
+            engine.known.keep(key, job.id, answer)
     if limits := await engine.rate_limit(client):
-        answer.headers.update(limits)
+        answer = copy.copy(answer)
+        answer.raw_headers = [*answer.raw_headers, *Headers(limits).raw]
     return answer
 
 
@@ -202,29 +220,13 @@ async def simulate(request: Request) -> Response:
 
     A method still running near the time limit is stopped there, and its outcome says so.
     """
-    return await ask(request, "simulate")
+    return await answered(request, "simulate")
 
 
 @posted(asked, "/v1/work-precision", "simulations", openapi.answer(openapi.any_of("WorkPrecisionResult")), SCENE)
 async def work_precision(request: Request) -> Response:
     """Measure error against time for every method of a scene, at many step sizes."""
-    return await ask(request, "work-precision")
-
-
-class Asked(Middleware):
-    """Answers questions before all routes, and without what the framework does for them."""
-
-    async def handle(self, scope: Scope, receive: Receive, send: Send) -> None:
-        kind = ASKED.get(scope["path"])
-        if kind is None or scope["method"] != "POST":
-            await self.app(scope, receive, send)
-            return
-        request = Request(scope, receive)
-        try:
-            response = await ask(request, kind)
-        except REFUSED as error:
-            response = await on_error(request, error)
-        await response(scope, receive, send)
+    return await answered(request, "work-precision")
 
 
 KindName = Literal["solve", "check", "simulate", "work-precision"]

@@ -105,6 +105,11 @@ class _Run:
         return self.number % NUMBERS_PER_ATTEMPT > 1
 
     @property
+    def is_written(self) -> bool:
+        """Whether some of this attempt is in the store."""
+        return self.number % NUMBERS_PER_ATTEMPT > len(self.pending)
+
+    @property
     def furthest(self) -> dict[str, Any] | None:
         """What is finished, as `so_far` and `seconds`: of this attempt or, where that came less far, of the earlier."""
         tries = (self.latest, self.earlier)
@@ -173,11 +178,15 @@ class EventLog:
         with self._lock:
             return self._runs[id].furthest if id in self._runs else None
 
-    def flush(self, id: str | None = None) -> None:
-        """Write what was collected, of one job or of all; of a job that has only begun there is nothing to tell."""
+    def flush(self, id: str | None = None, is_answered: bool = False) -> None:
+        """Write what was collected, of one job or of all; of a job that has only begun there is nothing to tell.
+
+        Of one that `is_answered` the rest of what is written already, if any: an answer tells all else.
+        """
         with self._lock:
             runs = self._runs.items() if id is None else [(id, self._runs[id])] if id in self._runs else []
-            due = [(k, event) for k, run in runs if run.has_told for event in run.pending]
+            told = [(k, run) for k, run in runs if (run.is_written if is_answered else run.has_told)]
+            due = [(k, event) for k, run in told for event in run.pending]
         if due:
             self._store.add_events(due)
             written = {(k, event.number) for k, event in due}
@@ -282,7 +291,7 @@ class Supervisor:
 
     def _work_loop(self) -> None:
         """Claim jobs when woken; write events, try short questions and keep the claims now and then."""
-        written = self._beaten
+        written = looked = self._beaten
         while not self._stopping.is_set():
             # Where more run than there are workers, one that waits may be short; else there is less to look for.
             is_woken = self._wake.wait(TICK if len(self._running) > self._executor.capacity else WRITE_EVENTS)
@@ -294,9 +303,10 @@ class Supervisor:
                 if now - written >= WRITE_EVENTS:
                     self.events.flush()
                     written = now
-                if self._quick is not None:
+                if self._quick is not None and now - looked >= TICK:
                     self._claim_ahead()
                     self._try_short(self._quick)
+                    looked = now
                 if now - self._beaten > HEARTBEAT:
                     self._beat()
             except (sqlite3.Error, errors.InverseServiceError, OSError):
@@ -313,10 +323,10 @@ class Supervisor:
         """How many are claimed in one commit, at least: no worker waits as long as fewer have ended."""
         return min(self._executor.capacity, AHEAD)
 
-    def _room(self, client: str | None = None) -> tuple[int, int]:
-        """How many jobs may be claimed, and how many of one client may run with them.
+    def _room(self, client: str) -> tuple[int, int]:
+        """How many jobs may be claimed as this client asks, and how many of one client may run with them.
 
-        Where none is free, there is room for clients with nothing running, among whom is `client`.
+        Where none is free, there is room for clients with nothing running.
         """
         if self._stopping.is_set():
             return 0, 0
@@ -338,8 +348,9 @@ class Supervisor:
 
     def _claim_ahead(self) -> None:
         """Where `_claim` waits for a run to end, claim for clients with nothing running: they may ask short ones."""
-        if self._more and self._free() < self._together:
-            self._begin(*self._room())
+        room = max(0, self._free() + AHEAD), 1
+        if self._more and self._free() < self._together and self._store.next_ones(*room):
+            self._begin(*room)
 
     def _begin(self, limit: int, most: int) -> int:
         """Claim so many jobs, `most` of one client, and run them; how many there were."""
@@ -439,7 +450,7 @@ class Supervisor:
                 self._wake.set()
 
     def _finish(self, job: model.Job, outcome: Outcome) -> None:
-        self.events.flush(job.id)
+        self.events.flush(job.id, outcome.status == "done")
         label = finish(self._store, job, outcome, None if outcome.status == "done" else self.events.so_far(job.id))
         if label != "again":
             self.events.end(job)
@@ -469,7 +480,7 @@ class Supervisor:
         """Claim what waits now; one question that had no room as it was accepted, at the end of a run."""
         if change.what == "accepted":
             self._more = True
-            if not change.id or self._free() > 0:
+            if not change.id or self._free() >= self._together:
                 self._wake.set()
 
     def _take_back(self, lease: float) -> None:

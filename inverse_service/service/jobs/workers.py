@@ -48,8 +48,8 @@ BETWEEN_COLLECTIONS = 100_000
 # A deadline is at most so many times as long where other programs have the processor.
 MOST_CROWDED = 2.0
 WARM = "inverse_service.service.jobs.warm"
-# What a task says is sent this often, so that a short one only says that it is done; s.
-BETWEEN_REPORTS = 0.1
+# What a task says is sent this often, from its beginning, so that a short one only says that it is done; s.
+BETWEEN_REPORTS = 0.3
 _starting = threading.Lock()
 # A call in this process, which raises nothing.
 Chore = Callable[[], object]
@@ -215,12 +215,14 @@ class _Saying:
         self._connection = connection
         self._lock, self._some = threading.Lock(), threading.Event()
         self._said: list[Any] = []
-        self._is_heard = False
+        self._is_heard, self._began = False, 0.0
         threading.Thread(target=self._send_in_time, name="reports", daemon=True).start()
 
     def say(self, value: Any) -> None:
         """Send it soon."""
         with self._lock:
+            if not (self._said or self._is_heard):
+                self._began = time.monotonic()
             self._said.append(value)
         self._some.set()
 
@@ -233,8 +235,10 @@ class _Saying:
     def _send_in_time(self) -> None:
         while self._some.wait():
             time.sleep(BETWEEN_REPORTS)
-            self._some.clear()
             with self._lock, contextlib.suppress(OSError):  # a parent that is gone is not told
+                if time.monotonic() - self._began < BETWEEN_REPORTS:  # it is of the next task
+                    continue
+                self._some.clear()
                 if self._said:
                     self._connection.send((self._said, None, None))
                     self._said, self._is_heard = [], True
