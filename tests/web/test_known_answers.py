@@ -6,13 +6,13 @@ import threading
 from typing import Any
 
 import httpx
+from starlette.responses import Response
 
 from inverse_service.service.jobs.model import Change
 from inverse_service.web.engine import KnownAnswers
 
 SYSTEM = {"name": "known", "coordinates": ["x"], "equations": {"x": "-3*x"}}
 WAIT = {"Prefer": "wait=20"}
-ETAG = ((b"etag", b"1"),)
 
 
 def answers_from_store(client: httpx.Client) -> float:
@@ -42,19 +42,18 @@ def test_the_same_bytes_have_the_same_answer_and_headers(service: str) -> None:
 
 def test_what_changes_is_forgotten_and_memory_is_bounded(monkeypatch: Any) -> None:
     known = KnownAnswers()
-    known.keep(b"a", "job", ETAG, b"body" * 100)
-    known.keep(b"b", "job", ETAG, b"body")
-    known.keep(b"c", "other", (), b"else")
-    found = known.get(b"a")
-    assert found is not None
-    assert (found.body, found.headers) == (b"body" * 100, ETAG)
+    first = Response(b"body" * 100, headers={"ETag": "1"})
+    known.keep(b"a", "job", first)
+    known.keep(b"b", "job", Response(b"body"))
+    known.keep(b"c", "other", Response(b"else"))
+    assert known.get(b"a", "solve") is first
     known.drop(Change("job", "accepted"))
-    assert (known.get(b"a"), known.get(b"b")) == (None, None)
-    assert known.get(b"c") is not None
+    assert (known.get(b"a", "solve"), known.get(b"b", "solve")) == (None, None)
+    assert known.get(b"c", "solve") is not None
     monkeypatch.setattr("inverse_service.web.engine.MOST_BYTES", 1_000)
     threads = [
         threading.Thread(
-            target=lambda n=n: [known.keep(b"%d of %d" % (k, n), str(k), (), b"x" * 10) for k in range(200)]
+            target=lambda n=n: [known.keep(b"%d of %d" % (k, n), str(k), Response(b"x" * 10)) for k in range(200)]
         )
         for n in range(4)
     ]
@@ -64,5 +63,5 @@ def test_what_changes_is_forgotten_and_memory_is_bounded(monkeypatch: Any) -> No
         thread.join()
     assert known._bytes <= 1_000
     monkeypatch.setattr("inverse_service.web.engine.KEPT", -1.0)
-    known.keep(b"d", "old", (), b"x")
-    assert known.get(b"d") is None
+    known.keep(b"d", "old", Response(b"x"))
+    assert known.get(b"d", "solve") is None
