@@ -10,7 +10,7 @@ from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
-from starlette.requests import ClientDisconnect, Request
+from starlette.requests import Request
 
 from inverse_service.service.jobs import model
 from inverse_service.web import clients, middleware
@@ -42,23 +42,27 @@ async def body_of(request: Request, limit: int, types: Container[str] | None = (
     if types is not None and not is_json(request) and content_type(request) not in types:
         lines = " or 'application/x-ndjson'" if types else ""
         raise Refusal(415, "content-type", f"Send JSON with the header 'Content-Type: application/json'{lines}.")
-    too_large = Refusal(413, "too-large", f"The body has more than {limit:,} bytes; send a smaller document.")
     declared = middleware.said(request.scope, b"content-length")
     if declared.isascii() and declared.isdigit() and (len(declared) > 15 or int(declared) > limit):
-        raise too_large
+        raise _too_large(limit)
     if middleware.said(request.scope, b"content-encoding").lower() not in ("", "identity"):
         raise Refusal(415, "content-type", "Compressed bodies are not accepted; send it without 'Content-Encoding'.")
     engine: Engine = request.app.state.engine
     with engine.bytes.hold(clients.client_of(request)) as take:
-        parts = []
-        try:
-            async for part in request.stream():
-                parts.append(part)
-                if take(len(part)) > limit:
-                    raise too_large
-        except ClientDisconnect:
-            raise Refusal(400, "unreadable", "The connection was closed before the whole body had come.") from None
+        parts, is_more = list[bytes](), True
+        while is_more:
+            message = await request.receive()
+            if message["type"] == "http.disconnect":
+                raise Refusal(400, "unreadable", "The connection was closed before the whole body had come.")
+            parts.append(message.get("body", b""))
+            if take(len(parts[-1])) > limit:
+                raise _too_large(limit)
+            is_more = message.get("more_body", False)
         yield b"".join(parts)
+
+
+def _too_large(limit: int) -> Refusal:
+    return Refusal(413, "too-large", f"The body has more than {limit:,} bytes; send a smaller document.")
 
 
 def content_type(request: Request) -> str:

@@ -1,13 +1,11 @@
-"""What every request passes: counts, the log (a JSON object a line on standard error), strict headers, HEAD as GET."""
+"""What every request passes: counts, a line of the log, strict headers, HEAD as GET."""
 
 import asyncio
 import itertools
 import logging
 import os
 import re
-import sys
 import time
-from collections import Counter
 from collections.abc import Container, Mapping, Sequence
 
 from starlette.datastructures import MutableHeaders
@@ -15,7 +13,7 @@ from starlette.responses import Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from inverse_service.service.documents import answers
-from inverse_service.service.jobs import metrics
+from inverse_service.service.jobs import log_lines, metrics
 
 log = logging.getLogger(__name__)
 GIVEN = re.compile(r"[A-Za-z0-9._-]{1,64}")
@@ -44,8 +42,6 @@ MOST_HEADERS = 500
 TOO_LARGE = f"The headers have more than {LARGEST_HEADERS} bytes or {MOST_HEADERS} lines; send less."
 UNREADABLE = "This is no request of HTTP/1.1: a line of its head, or the length of its body, cannot be read."
 TOO_MANY = "Too many connections are open, in all or of this address; close some, or come again in some seconds."
-STANDARD = frozenset(vars(logging.makeLogRecord({}))) | {"message", "asctime", "color_message", "taskName"}
-BETWEEN = 10.0
 
 
 class Entrance:
@@ -72,7 +68,7 @@ class Entrance:
         scope.setdefault("state", {})
         status, seconds = CLIENT_LEFT, None  # what was answered, and after how long
         identifier = identifier_of(scope)
-        token = metrics.REQUEST.set(identifier)
+        token = log_lines.REQUEST.set(identifier)
         work = scope["work"] = asyncio.current_task()
 
         async def send_whole(message: Message) -> None:
@@ -105,7 +101,7 @@ class Entrance:
             metrics.of(metrics.REQUESTS, route, str(status)).inc()
             metrics.of(metrics.ANSWERED, route).observe(seconds or time.monotonic() - began)
             _note(scope, status, time.monotonic() - began)
-            metrics.REQUEST.reset(token)
+            log_lines.REQUEST.reset(token)
 
     def _refusal(self, scope: Scope) -> Response | None:
         """Of too large headers (431), two lengths, of which a proxy may believe the other (400), a NUL, which databases
@@ -157,7 +153,7 @@ def _note(scope: Scope, status: int, seconds: float) -> None:
     client = scope.get("state", {}).get("client_name") or (scope.get("client") or ("",))[0]
     about = {"client": client, "method": scope["method"], "path": scope["path"][:200], "status": status}
     level = logging.WARNING if status == 401 else logging.INFO
-    metrics.say(log, "request", {**about, "seconds": round(seconds, 4)}, level)
+    log_lines.say(log, "request", {**about, "seconds": round(seconds, 4)}, level)
 
 
 def host_of(scope: Scope) -> str:
@@ -186,47 +182,3 @@ TOO_MANY_CONNECTIONS = _refused(503, "busy", TOO_MANY, {"Retry-After": "5"})
 
 class StreamCut(Exception):
     """A stream ends before its last answer; raised, as only a broken connection tells its reader so. It is no fault."""
-
-
-class JsonLines(logging.Formatter):
-    """A record as a line of `metrics`, with its extras."""
-
-    def format(self, record: logging.LogRecord) -> str:
-        more = {key: value for key, value in vars(record).items() if key not in STANDARD}
-        if record.exc_info:
-            more["trace"] = self.formatException(record.exc_info)
-        return metrics.line(record.levelname, record.name, record.getMessage(), record.created, more)
-
-
-class Seldom(logging.Filter):
-    """Lets the same sentence through once in BETWEEN, and says how many were left out since."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self._last: dict[str, float] = {}
-        self._left_out: Counter[str] = Counter()
-
-    def filter(self, record: logging.LogRecord) -> bool:
-        if record.exc_info and isinstance(record.exc_info[1], StreamCut):
-            return False
-        sentence = str(record.msg)[:100]
-        if record.created - self._last.get(sentence, -BETWEEN) < BETWEEN:
-            self._left_out[sentence] += 1
-            return False
-        self._last[sentence] = record.created
-        record.left_out = self._left_out.pop(sentence, 0)
-        return True
-
-
-def begin(level: str) -> None:
-    """Send all records of this process to standard error as JSON lines."""
-    metrics.WRITERS[:] = [sys.stderr.write]
-    handler = logging.StreamHandler(sys.stderr)
-    handler.terminator = ""  # a line has its end
-    handler.setFormatter(JsonLines())
-    logging.basicConfig(level=logging.WARNING, handlers=[handler], force=True)
-    logging.getLogger("inverse_service").setLevel(level.upper())
-    # What strangers can make these write has no end: bad requests, and connections where descriptors run out.
-    for name in ("asyncio", "uvicorn.error"):
-        logging.getLogger(name).addFilter(Seldom())
-    logging.captureWarnings(True)

@@ -1,12 +1,7 @@
-"""What a process of the service counts, in the text format of Prometheus, and the lines of its log."""
+"""What a process of the service counts, in the text format of Prometheus."""
 
-import contextlib
 import functools
-import json
-import logging
-import time
-from collections.abc import Callable, Iterable, Mapping
-from contextvars import ContextVar
+from collections.abc import Iterable, Mapping
 from types import SimpleNamespace
 from typing import Any, Final
 
@@ -36,11 +31,6 @@ DEATHS: Final = _counter("worker_deaths", "Workers that died.", ("how",))
 for how in ("crash", "killed"):  # an alert on what grows needs a beginning
     DEATHS.labels(how)
 _largest: dict[str, float] = {}
-# The id of the request that is worked on; every line of the log that comes of it has it.
-REQUEST: ContextVar[str] = ContextVar("request", default="")
-_AS_JSON = json.JSONEncoder(default=str).encode
-# Who writes the lines of the log, where they are JSON.
-WRITERS: Final[list[Callable[[str], object]]] = []
 
 
 @functools.lru_cache(maxsize=1024)
@@ -55,24 +45,6 @@ def note_run(kind: str, outcome: str, wall: float, processor: float, mebibytes: 
     of(JOB_WALL, kind).observe(wall)
     of(JOB_CPU, kind).inc(processor)
     _largest[kind] = max(mebibytes, _largest.get(kind, mebibytes))
-
-
-def line(level: str, where: str, what: str, moment: float, more: Mapping[str, Any]) -> str:
-    """A line of the log: time (UTC), level, where, what, the request; then more, such as `job`."""
-    second = time.strftime("%Y-%m-%dT%H:%M:%S", time.gmtime(moment))
-    about = {"time": f"{second}.{int(moment % 1 * 1000):03d}Z", "level": level.lower(), "where": where, "what": what}
-    if identifier := REQUEST.get():
-        about["request"] = identifier
-    return _AS_JSON({**about, **more}) + "\n"
-
-
-def say(log: logging.Logger, what: str, more: Mapping[str, Any], level: int = logging.INFO) -> None:
-    """Log what is said of each request; without the records of `logging`, which cost several times as much."""
-    if not WRITERS:
-        log.log(level, what, extra=more)
-    elif log.isEnabledFor(level):
-        with contextlib.suppress(OSError, ValueError):  # nobody reads the log any more
-            WRITERS[0](line(logging.getLevelName(level), log.name, what, time.time(), more))
 
 
 def written(families: Iterable[Metric]) -> bytes:
