@@ -115,7 +115,6 @@ class JobStore(ABC):
     events = _reading(statements.read_events)
     counts = _reading(statements.counts)
     is_waiting = _reading(statements.is_waiting)
-    next_ones = _reading(statements.next_ones)
     oldest = _reading(statements.oldest)
     used_today = _reading(statements.used_today)
     claim_key = writing(statements.claim_key, durable=False)

@@ -291,7 +291,7 @@ class Supervisor:
 
     def _work_loop(self) -> None:
         """Claim jobs when woken; write events, try short questions and keep the claims now and then."""
-        written = looked = self._beaten
+        written = self._beaten
         while not self._stopping.is_set():
             # Where more run than there are workers, one that waits may be short; else there is less to look for.
             is_woken = self._wake.wait(TICK if len(self._running) > self._executor.capacity else WRITE_EVENTS)
@@ -301,12 +301,11 @@ class Supervisor:
                 if is_woken:
                     self._claim()
                 if now - written >= WRITE_EVENTS:
-                    self.events.flush()
                     written = now
-                if self._quick is not None and now - looked >= TICK:
+                    self.events.flush()
                     self._claim_ahead()
+                if self._quick is not None:
                     self._try_short(self._quick)
-                    looked = now
                 if now - self._beaten > HEARTBEAT:
                     self._beat()
             except (sqlite3.Error, errors.InverseServiceError, OSError):
@@ -348,9 +347,9 @@ class Supervisor:
 
     def _claim_ahead(self) -> None:
         """Where `_claim` waits for a run to end, claim for clients with nothing running: they may ask short ones."""
-        room = max(0, self._free() + AHEAD), 1
-        if self._more and self._free() < self._together and self._store.next_ones(*room):
-            self._begin(*room)
+        free = self._free()
+        if self._more and -AHEAD < free < self._together and self._quick is not None:
+            self._begin(free + AHEAD, 1)
 
     def _begin(self, limit: int, most: int) -> int:
         """Claim so many jobs, `most` of one client, and run them; how many there were."""
