@@ -11,7 +11,7 @@ import itertools
 import math
 import statistics
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -127,15 +127,35 @@ def measure(
         end = time.process_time() + SHARE_OF_ONE * time_limit
         return _first(replace(derived, stop=lambda: time.process_time() > end), blank, truth, length)
 
+    def refined(blanks: Iterable[Setting]) -> list[Setting]:
+        """From coarse to fine until the error is round-off, no longer falls, or a run takes long."""
+        found: list[Setting] = []
+        for blank in blanks:
+            # The next setting takes as long as all previous ones together.
+            if sum(one.best_seconds or 0.0 for one in found) > SECONDS * repeats / len(methods) / 2:
+                return [*found, replace(blank, reason=TOO_SLOW.format(found[-1].best_seconds))]
+            found.append(run(blank))
+            errors = [one.error for one in found if one.error is not None]
+            if found[-1].reason in (LATE, CUT) or (errors and errors[-1] <= max(FINEST * scale, truth.uncertainty)):
+                break
+            if len(errors) > 2 and errors[-3] < COARSEST * scale and min(errors[-2:]) > STALLED * errors[-3]:
+                break
+        return found
+
     settings: list[Setting] = []
-    seconds = SECONDS * repeats / len(methods)
     for requested in methods:
         if method_table.METHODS[requested.method].own_steps:
-            settings += _refined(run, _tolerances(requested, length), truth, scale, seconds)
+            settings += refined(_tolerances(requested, length))
         elif steps:
             settings += [run(_blank(requested, length, count)) for count in _counts(length, steps)]
-        else:
-            settings += _by_halves(run, requested, length, scene.grid.step, truth, scale, seconds)
+        else:  # steps halved from four times that of the scene, or from longer ones if that is already accurate
+            parts = max(1, round(length / (4 * CHECKS * scene.grid.step)))
+            halves = (CHECKS * parts * 2**k for k in range(MOST_STEPS.bit_length()))
+            own = refined([_blank(requested, length, count) for count in halves if count <= MOST_STEPS])
+            while parts > 1 and own[0].error is not None and own[0].error <= COARSEST * scale:
+                parts //= 2
+                own.insert(0, run(_blank(requested, length, CHECKS * parts)))
+            settings += own
     budget = min(SHARE_OF_REPEATS * time_limit, LATER_SECONDS * repeats)
     settings = _repeated(derived, settings, length, repeats, budget)
     settings = _with_floor(settings, scale, truth.uncertainty)
@@ -143,49 +163,6 @@ def measure(
     if long:
         left = begun + time_limit - time.process_time()
         found = replace(found, long=tuple(_long_runs(found, derived, min(left, repeats))))
-    return found
-
-
-def _refined(
-    run: Callable[[Setting], Setting], blanks: Iterator[Setting], truth: data.Truth, scale: float, seconds: float
-) -> list[Setting]:
-    """From coarse to fine until the error is round-off, no longer falls, or a run takes long."""
-    found: list[Setting] = []
-    for blank in blanks:
-        # The next setting takes as long as all previous ones together.
-        if sum(one.best_seconds or 0.0 for one in found) > seconds / 2:
-            return [*found, replace(blank, reason=TOO_SLOW.format(found[-1].best_seconds))]
-        found.append(run(blank))
-        errors = [one.error for one in found if one.error is not None]
-        if found[-1].reason in (LATE, CUT) or (errors and errors[-1] <= max(FINEST * scale, truth.uncertainty)):
-            break
-        if len(errors) > 2 and errors[-3] < COARSEST * scale and min(errors[-2:]) > STALLED * errors[-3]:
-            break
-    return found
-
-
-def _by_halves(
-    run: Callable[[Setting], Setting],
-    requested: data.Requested,
-    length: float,
-    step: float,
-    truth: data.Truth,
-    scale: float,
-    seconds: float,
-) -> list[Setting]:
-    """Steps halved from four times that of the scene, or from longer ones if that is already accurate."""
-    begin = max(1, round(length / (4 * CHECKS * step)))
-
-    def blanks() -> Iterator[Setting]:
-        count = CHECKS * begin
-        while count <= MOST_STEPS:
-            yield _blank(requested, length, count)
-            count *= 2
-
-    found, parts = _refined(run, blanks(), truth, scale, seconds), begin
-    while parts > 1 and found[0].error is not None and found[0].error <= COARSEST * scale:
-        parts //= 2
-        found.insert(0, run(_blank(requested, length, CHECKS * parts)))
     return found
 
 
@@ -312,26 +289,22 @@ def measured_order(curve: Sequence[Setting], scale: float) -> float | None:
 def price_of(curve: Sequence[Setting], coarsest: Setting, error: float) -> Price | None:
     """What it costs by a method to get below an error, interpolated between the points of its curve; None if it never
     reaches it. `coarsest` is its first setting: where that failed a longer step is not faster."""
-    for a, b in itertools.pairwise(curve):
-        if a.error and b.error and a.best_seconds and b.best_seconds and a.error > error >= b.error:
-            share = math.log(a.error / error) / math.log(a.error / b.error)
-
-            def between(x: float, y: float, share: float = share) -> float:
-                return float(x * (y / x) ** share) if x > 0 and y > 0 else 0.0
-
-            own = a.tolerance is not None
-            return Price(
-                between(a.best_seconds, b.best_seconds),
-                None if own else between(a.step, b.step),
-                between(a.tolerance or 0.0, b.tolerance or 0.0) if own else None,
-                between(a.force_evaluations, b.force_evaluations),
-                False,
-            )
-    if not curve or not curve[0].error or not curve[0].best_seconds or curve[0].error > error:
+    pairs = [*itertools.pairwise(curve), *((one, one) for one in curve[:1] if (one.error or math.inf) <= error)]
+    a, b = next(((a, b) for a, b in pairs if a is b or (a.error or 0) > error >= (b.error or 0)), (None, None))
+    if a is None or b is None:
         return None
-    one = curve[0]
-    step = one.step if one.tolerance is None else None
-    return Price(one.best_seconds or 0.0, step, one.tolerance, float(one.force_evaluations), one is coarsest)
+    share = 0.0 if a is b or not (a.error and b.error) else math.log(a.error / error) / math.log(a.error / b.error)
+
+    def between(x: float | None, y: float | None) -> float:
+        return float(x * (y / x) ** share) if x and y else 0.0
+
+    return Price(
+        between(a.best_seconds, b.best_seconds),
+        between(a.step, b.step) if a.tolerance is None else None,
+        None if a.tolerance is None else between(a.tolerance, b.tolerance),
+        between(a.force_evaluations, b.force_evaluations),
+        a is b is coarsest,
+    )
 
 
 def prices(measured: Precision) -> dict[float, dict[str, Price]]:
