@@ -461,14 +461,10 @@ class Emitter:
         return self._leaf(ONE) if result is None else result
 
     def _function(self, name: str, argument: Formula) -> Value:
-        if name in ("sin", "cos", "tan", "cot"):
-            sine, cosine = self._sine_cosine(argument)
-            above, below = (cosine, sine) if name in ("cos", "cot") else (sine, cosine)
-            return above if name in ("sin", "cos") else above / below
+        if name in ("sin", "cos"):  # all that is made of them was translated so
+            return self._sine_cosine(argument)[name == "cos"]
         if name in derivative.RECIPROCALS:
             return 1.0 / self._function(derivative.RECIPROCALS[name], argument)
-        if name == "abs":
-            return abs(self._value(argument))
         if name in _LIBRARY or name == "log":
             return self.writer.call(name, self._value(argument))
         raise errors.InputError(f"A simulation cannot compute the function {name}.")

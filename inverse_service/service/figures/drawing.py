@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 from inverse_service.errors import InputError
 from inverse_service.integrators.trajectory import Array
 from inverse_service.service.figures import views
+from inverse_service.service.figures.views import Table, Tables
 from inverse_service.service.scenes.prices import best_first, power
 from inverse_service.simulation import circles
 
@@ -39,7 +40,7 @@ DASHES: Any = {
 }  # fmt: skip
 DRAWN = 24  # members drawn as lines
 MOST_COORDINATES = MOST_PANELS = 6
-Tables = Mapping[str, Mapping[str, Array]]
+Result = Mapping[str, Any]  # of a simulation, or of work against precision
 # A path that extends beyond this multiple of the true one leaves the picture, as its axis says.
 REACH = 1.6
 FRAMES_A_SECOND, SECONDS, TRAIL = 25, 8.0, 1.0  # frames, length at most, length of a trail in seconds of the picture
@@ -73,7 +74,7 @@ def save(figure: Figure, folder: Path, name: str, caption: str) -> list[str]:
     return names
 
 
-def run_of(result: Mapping[str, Any]) -> str:
+def run_of(result: Result) -> str:
     """The run in words: 600 steps of 0.05, 1 step of 0.1."""
     return f"{result['steps']} step{'s' if result['steps'] != 1 else ''} of {shown(result['step'])}"
 
@@ -137,10 +138,7 @@ def _limits(lines: Sequence[Mapping[str, Any]]) -> tuple[float, float]:
     return -reach, reach
 
 
-def series_figure(
-    name: str, result: Mapping[str, Any], tables: Mapping[str, Mapping[str, Array]],
-    truth: Mapping[str, Array] | None = None,
-) -> tuple[Figure, str] | None:  # fmt: skip
+def series_figure(name: str, result: Result, tables: Tables, truth: Table | None = None) -> tuple[Figure, str] | None:
     """An observed quantity in time: its size on a logarithmic axis, and each of its columns with its sign."""
     result, tables = _with_truth(result, tables, truth)
     lines = views.lines_of(result, tables, views.QUANTITIES[name].size)
@@ -159,15 +157,13 @@ def extremes(words: str, sizes: Mapping[str, float]) -> str:
     return f"Greatest {words}: {best} has the least ({shown(sizes[best])}), {worst} the most ({shown(sizes[worst])})."
 
 
-def _bands(tables: Mapping[str, Mapping[str, Array]]) -> str:
+def _bands(tables: Tables) -> str:
     """The sentence of a caption if bands replace lines."""
     most = max(len(table["t"]) for table in tables.values())
     return f" Bands reach from the least to the greatest of {most // views.BINS} points." * (most > views.MOST_POINTS)
 
 
-def _with_truth(
-    result: Mapping[str, Any], tables: Mapping[str, Mapping[str, Array]], truth: Mapping[str, Array] | None
-) -> tuple[Mapping[str, Any], Mapping[str, Mapping[str, Array]]]:
+def _with_truth(result: Result, tables: Tables, truth: Table | None) -> tuple[Result, Tables]:
     """The true motion as one more method, unless it is one."""
     if truth is None or any(method["method"] == "exact" for method in result["methods"]):
         return result, tables
@@ -175,7 +171,7 @@ def _with_truth(
     return {**result, "methods": [*result["methods"], {"label": label, "method": "exact"}]}, {**tables, label: truth}
 
 
-def ensemble_figure(result: Mapping[str, Any], tables: Mapping[str, Mapping[str, Array]]) -> tuple[Figure, str]:
+def ensemble_figure(result: Result, tables: Tables) -> tuple[Figure, str]:
     """One panel per coordinate and method: the median, the band from least to greatest, and lines of some members."""
     methods = [(k, method) for k, method in enumerate(result["methods"]) if method["label"] in tables]
     names = result["system"]["coordinates"][:MOST_COORDINATES]
@@ -206,7 +202,7 @@ def _panel(axes: Any, times: Array, values: Array, color: str) -> None:
     axes.plot(times, middle, color=color, linewidth=1.6)
 
 
-def sweep_figure(result: Mapping[str, Any], tables: Mapping[str, Mapping[str, Array]]) -> tuple[Figure, str] | None:
+def sweep_figure(result: Result, tables: Tables) -> tuple[Figure, str] | None:
     """The final values of the members of an ensemble against the parameter that varies; None unless one does."""
     columns = [
         (k, m, {name.removeprefix("member_"): column for name, column in tables[m["label"]].items()
@@ -218,16 +214,11 @@ def sweep_figure(result: Mapping[str, Any], tables: Mapping[str, Mapping[str, Ar
     ends = [name for name in first if name.endswith("_end") or name == "max_energy_error"][:MOST_COORDINATES]
     if len(varied) != 1 or not ends:
         return None
-    panels = [
-        views.view_of(
-            "",
-            varied[0],
-            name.replace("_", " "),
-            [(k, m, own[varied[0]], own[name]) for k, m, own in columns],
-            dots=True,
-        )
-        for name in ends
-    ]
+
+    def lines_to(name: str) -> list[views.Line]:
+        return [(k, m, own[varied[0]], own[name]) for k, m, own in columns]
+
+    panels = [views.view_of("", varied[0], name.replace("_", " "), lines_to(name), dots=True) for name in ends]
     return _with_caption(
         view_figure(panels, 2), f"{result['name'] or 'Sweep'}: the end of each member against {varied[0]}."
     )
@@ -237,12 +228,7 @@ def _with_caption(figure: Figure | None, caption: str) -> tuple[Figure, str] | N
     return None if figure is None else (figure, caption)
 
 
-def draw_simulation(
-    folder: Path,
-    result: Mapping[str, Any],
-    tables: Mapping[str, Mapping[str, Array]],
-    truth: Mapping[str, Array] | None,
-) -> list[dict[str, Any]]:
+def draw_simulation(folder: Path, result: Result, tables: Tables, truth: Table | None) -> list[dict[str, Any]]:
     """Write the figures of the observed quantities. Return the names of the files with their captions."""
     if not tables:
         return []
@@ -275,7 +261,7 @@ def draw_simulation(
     ]
 
 
-def picture(result: Mapping[str, Any], name: str, ending: str) -> bytes | None:
+def picture(result: Result, name: str, ending: str) -> bytes | None:
     """A figure of the page as an SVG or PNG file; None for one that the result does not have."""
     if name == "work-precision":
         figure: Figure | None = precision_figure(result)[0]
@@ -290,7 +276,7 @@ def picture(result: Mapping[str, Any], name: str, ending: str) -> bytes | None:
     return stream.getvalue()
 
 
-def _is_round(result: Mapping[str, Any], tables: Mapping[str, Mapping[str, Array]]) -> bool:
+def _is_round(result: Result, tables: Tables) -> bool:
     """Whether some path in the plane of the circle makes a full turn; other paths are shown by coordinate."""
     pair = result["circle_coordinates"]
     if pair is None:
@@ -299,9 +285,7 @@ def _is_round(result: Mapping[str, Any], tables: Mapping[str, Mapping[str, Array
     return "matching_circle" in result["observe"] or any(abs(circles.turned(path)[-1]) >= 2 * np.pi for path in paths)
 
 
-def path_figure(
-    result: Mapping[str, Any], tables: Tables, truth: Mapping[str, Array] | None
-) -> tuple[Figure, str] | None:
+def path_figure(result: Result, tables: Tables, truth: Table | None) -> tuple[Figure, str] | None:
     """A panel for each method, all of one scale: its path, the true one, and the paper's matching circle, which goes
     through three points of the first revolution."""
     result, tables = _with_truth(result, tables, truth)
@@ -342,7 +326,7 @@ def _below(method: Mapping[str, Any], path: Array, center: Array, half: float) -
     return "; ".join(notes)
 
 
-def path_caption(result: Mapping[str, Any], drawn: Sequence[Mapping[str, Any]], compared: bool) -> str:
+def path_caption(result: Result, drawn: Sequence[Mapping[str, Any]], compared: bool) -> str:
     """What is drawn, and which methods preserve the circle best and worst."""
     circles_of = {method["label"]: method["circle"] for method in drawn if method.get("circle")}
     parts = [f"{result['name'] or 'Path'}: {run_of(result)}."]
@@ -366,7 +350,7 @@ def _box(true: Array | None, paths: Sequence[Array]) -> tuple[Array, float]:
     return center, 1.06 * min(max(half, reach), REACH * half)
 
 
-def precision_figure(result: Mapping[str, Any], evaluations: bool = False) -> tuple[Figure, str]:
+def precision_figure(result: Result, evaluations: bool = False) -> tuple[Figure, str]:
     """The figure of a work-precision document and its caption: time against the error, and evaluations on request.
 
     A color for each family of methods, a line style for each order, the names at the ends of the curves. Points are
@@ -390,7 +374,7 @@ def precision_figure(result: Mapping[str, Any], evaluations: bool = False) -> tu
     return figure, f"{title}{result['sentences'][0]} Lower is better; curves end at the round-off floor."
 
 
-def _curve(axes: Axes, place: int, name: str, result: Mapping[str, Any], key: str) -> End | None:
+def _curve(axes: Axes, place: int, name: str, result: Result, key: str) -> End | None:
     """Draw a method; (x, y, name, color) of its end."""
     drawn = [
         run for run in result["runs"] if run["method"] == name and run["error"] and run[key] and not run["at_floor"]
@@ -419,7 +403,7 @@ def _label_ends(axes: Axes, ends: Sequence[End]) -> None:
         axes.text(1.02, place, plain(name), alpha=faded, fontsize=8.5, va="center", **leader)
 
 
-def animate(path: Path, result: Mapping[str, Any], tables: Mapping[str, Mapping[str, Array]]) -> None:
+def animate(path: Path, result: Result, tables: Tables) -> None:
     """Write an animation of the first method with a trajectory to a .gif or .mp4 file."""
     if path.suffix not in (".gif", ".mp4"):
         raise InputError("--animate needs the name of a file that ends with .gif or .mp4.")
