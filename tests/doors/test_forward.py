@@ -81,6 +81,11 @@ def test_a_forward_answer_claims_no_verdict() -> None:
     assert check({**found, "verdict": "variational"})["verdict"] == "invalid"
 
 
+def test_an_acceleration_has_one_denominator() -> None:
+    found = solve("L = ((M + m)*x'^2 + 2*m*l*x'*a'*cos(a) + m*l^2*a'^2)/2 + m*g*l*cos(a)", parameters="guess")
+    assert all(part["text"].count("/") == 1 for part in found["equations"].values())
+
+
 @pytest.mark.slow
 def test_two_hundred_masses_get_their_equations() -> None:
     names = [f"x{k}" for k in range(1, 201)]

@@ -18,7 +18,7 @@ from inverse_service.expressions.evaluation import NoRealValue, evaluate
 from inverse_service.expressions.inequalities import inequality_text
 from inverse_service.field import reduction, tower
 from inverse_service.field.real_point import RealTable, requirements
-from inverse_service.mechanics import constrained_motion, euler_lagrange, implicit_equations
+from inverse_service.mechanics import constrained_motion, euler_lagrange, implicit_equations, writing
 from inverse_service.mechanics.legendre.transform import legendre
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading.document_names import Declared, known_names
@@ -277,9 +277,16 @@ def _motion(schema: LagrangianDocument) -> tuple[ex.Expression, SecondOrderSyste
         lagrangian, names.coordinates, [ex.Acceleration(name) for name in names.coordinates]
     )
     equations = [implicit_equations.linear_equation(tree, "/lagrangian") for tree in sums]
-    accelerations = tuple(map(collecting.collect, implicit_equations.solve_accelerations(equations, names.coordinates)))
+    solved = implicit_equations.solve_accelerations(equations, names.coordinates)
+    accelerations = tuple(_written(tree, [*map(ex.Symbol, names.parameters)]) for tree in solved)
     functions = tuple(names.functions.items())
     return lagrangian, SecondOrderSystem(names.coordinates, accelerations, names.parameters, functions, schema.name)
+
+
+def _written(tree: ex.Expression, constants: Sequence[ex.Symbol]) -> ex.Expression:
+    """An acceleration as one quotient or multiplied out, whichever is shorter."""
+    shorter = min(collecting.collect(tree), writing.one_square(tree), key=ex.node_count)
+    return writing.with_products_in_order(shorter, constants)
 
 
 def _conserved(lagrangian: ex.Expression, functions: dict[str, ex.Expression]) -> list[ConservedQuantity]:

@@ -10,7 +10,7 @@ from typing import Any
 from markupsafe import Markup, escape
 
 from inverse_service import errors
-from inverse_service.expressions import letters, notation, printing
+from inverse_service.expressions import letters, notation, printing, tree as ex
 from inverse_service.reading import reader
 from inverse_service.reading.names import Names
 from inverse_service.service.documents import sheets
@@ -18,9 +18,12 @@ from inverse_service.service.documents import sheets
 # Beyond this a formula is read as text, in a box that scrolls.
 MAX_CHARACTERS = 4_000
 UNBROKEN = 48
+WIDE = 56  # characters, of names two at most, that a line of the page has room for
 SIGNS = {"-": "\u2212", "!=": "≠", ">=": "≥", "<=": "≤"}
 RELATIONS = ("!=", ">=", "<=", "=", ">", "<")
+_SIGNS = " (?:[-+=<>]|!=|>=|<=) "  # the printer writes signs with spaces
 _RELATION = re.compile(r" (!=|>=|<=|=|>|<) ")
+_LONG_NAME = re.compile(r"(?<=[A-Za-z_]{2})[A-Za-z_]+")
 _FENCE = re.compile(r"<mo>[()]</mo>")
 _TALL = re.compile(r"<(?:mfrac|msqrt|mtable)")
 # An invisible product sign with a little room, so that R sin x does not read Rsin x.
@@ -94,17 +97,39 @@ def _breakable(text: str, names: Names) -> Markup | None:
     if len(text) <= UNBROKEN:
         found = _relation(text, names)
         return None if found is None else math(found)
-    # The printer writes signs with spaces.
-    terms = [(sign.strip(), term) for sign, term in notation.split_outside(text, " (?:[-+=<>]|!=|>=|<=) ")]
-    parts: list[str] = []
-    for sign, term in terms:
+    parts = _terms(text, names)
+    return None if parts is None else Markup(" ").join(math(f"<mrow>{part}</mrow>") for part in parts)
+
+
+def _terms(text: str, names: Names) -> list[str] | None:
+    """The MathML of each term with its sign; None if one cannot be parsed.
+
+    Of a product that is too wide for a line, the longest sum among its factors is in brackets, term by term.
+    """
+    found: list[str] = []
+    for sign, term in notation.split_outside(text, _SIGNS):
         inner = inner_mathml(term, names) if term else ""
         if inner is None:
             return None
-        parts.append(f'<mo form="infix">{escape(SIGNS.get(sign, sign))}</mo>{inner}' if sign else inner)
-    if len(parts) > 1 and terms[1][0] in RELATIONS:  # no line ends behind the left side
-        parts[:2] = ["".join(parts[:2])]
-    return Markup(" ").join(math(f"<mrow>{part}</mrow>") for part in parts)
+        pieces = [inner]
+        if _width(term) > WIDE:
+            factors = ex.factors_of(reader.read_formula(term, names))
+            widest = max(factors, key=lambda factor: isinstance(factor, ex.Sum) * ex.node_count(factor))
+            written = printing.to_text(widest)
+            if isinstance(widest, ex.Sum) and len(factors) > 1 and _width(written) > WIDE // 2:
+                outside = printing.to_text(ex.multiply(*(factor for factor in factors if factor is not widest)))
+                pieces = _terms(written, names) or []
+                pieces[0] = f'{inner_mathml(outside, names)}<mo stretchy="false">(</mo>{pieces[0]}'
+                pieces[-1] += '<mo stretchy="false">)</mo>'
+        sign = sign.strip()
+        lead = f'<mo form="infix">{escape(SIGNS.get(sign, sign))}</mo>' if sign else ""
+        left = found.pop() if sign in RELATIONS and len(found) == 1 else ""  # no line ends behind the left side
+        found += [left + lead + pieces[0], *pieces[1:]]
+    return found
+
+
+def _width(text: str) -> int:
+    return len(_LONG_NAME.sub("", text))
 
 
 def code(text: str) -> Markup:
