@@ -361,13 +361,13 @@ def gauss_legendre(f: Formulas, choice: MethodChoice, observation: Observation) 
     """Unknowns u = h q'' at the stages, by fixed-point iteration."""
     tableau, n, (q, v) = GAUSS_LEGENDRE, f.size, map(f.symbols, "qv")
     u = np.array([[symbol(f"u{j}_{k}") for k in range(n)] for j in range(len(tableau.nodes))])
-    values: list[Formula] = []
-    for node, row, places in zip(tableau.nodes.tolist(), tableau.rows, tableau.places, strict=True):
+    residuals: list[Formula] = []
+    for own, node, row, places in zip(u, tableau.nodes.tolist(), tableau.rows, tableau.places, strict=True):
         moved = number(node) * v + _combined(places, u, n)
         at = f.point(moment_at(number(node)), q=q + STEP * moved, v=v + _combined(row, u, n))
-        values += [*(STEP * put(f.accelerations, at))]
-    names = tuple(str(name) for name in u.flat)
-    block = programs.Iterate(names, tuple(values), tuple(f"v{k}" for _ in u for k in range(n)))
+        residuals += [*(own - STEP * put(f.accelerations, at))]
+    scales = tuple(f"v{k}" for _ in u for k in range(n))
+    block = programs.Solve(tuple(map(str, u.flat)), tuple(residuals), (), False, scales)
     moves = v + _combined(tableau.ends, u, n)
     changes = np.concatenate([STEP * moves, _combined(tableau.weights, u, n)])
     watches = motion_walls(f, point_after(f, changes)) if choice.guard else []

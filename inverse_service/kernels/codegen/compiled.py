@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from inverse_service.integrators.trajectory import Array
 from inverse_service.kernels.codegen.kernel import AdaptiveKernel, Kernel
 from inverse_service.kernels.codegen.llvm_writer import LlvmWriter
-from inverse_service.kernels.codegen.program import Layout, Program, Solve, layout_of
+from inverse_service.kernels.codegen.program import Layout, Program, layout_of
 from inverse_service.kernels.machine_code import code_store, loading
 
 _ROOMS = ("kernels", "integrators", "simulation", "expressions")
@@ -191,7 +191,7 @@ def card_of(program: Program, lanes: int = 1) -> Card:
     return Card(
         layout=layout_of(program),
         unknowns=program.unknowns,
-        solves=tuple(block.unknowns for block in program.blocks if isinstance(block, Solve)),
+        solves=tuple(block.unknowns for block in program.solves),
         watches=tuple((watch.kind, watch.quantity, watch.remedy) for watch in program.watches),
         observed=tuple(name for name, _ in program.observed),
         forces=program.forces,

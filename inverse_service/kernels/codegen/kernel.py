@@ -79,13 +79,11 @@ class Blocks:
         self._solves = self._labels = self._iterated = self._stops = 0
         self.active: Value | None = None  # where it does not hold, nothing stops a run and no sign is kept
 
-    def write(self, block: programs.Solve | programs.Iterate) -> None:
-        if isinstance(block, programs.Iterate):
-            self._iterate(block)
-        elif block.affine:
+    def write(self, block: programs.Solve) -> None:
+        if block.affine:
             self._linear(block)
         else:
-            self._newton(block)
+            self._iterate(block)
 
     def going(self) -> Value:
         """Whether nothing has stopped the run."""
@@ -211,32 +209,33 @@ class Blocks:
         w.branch(count < most, label, f"{label}_done")
         w.open(f"{label}_done")
 
-    def _newton(self, block: programs.Solve) -> None:
-        w, e = self.writer, self.emitter
-        size = len(block.unknowns)
+    def _iterate(self, block: programs.Solve) -> None:
+        """Newton's method, or a contraction where there is no Jacobian."""
+        w, e, size = self.writer, self.emitter, len(block.unknowns)
         entries = [entry for row in block.jacobian for entry in row]
         formulas = self._hoisted([*block.residuals, *entries], block.unknowns)
-        worst = f"b{self._solves}_determinant"
+        worst, determinant = f"b{self._solves}_determinant", None
         w.slot(worst, 0.0)
         with e.inner():
             label = self._begin_loop(block.unknowns)
-            values = e.write(formulas)
-            matrix = [values[size * (k + 1) : size * (k + 2)] for k in range(size)]
-            change, determinant = solve_dense(matrix, values[:size])
-            settled = self._apply(label, block, change, LAST_CORRECTION)
-            # One of the wrong sign that an iterate met before counts: Newton has then left its basin.
-            first, met = w[f"first_{self._solves}"], w[worst]
-            w[worst] = (first * met < 0.0).choose(met, determinant)
-            self._end_loop(label, settled, MOST_NEWTON_STEPS)
-        good = w[f"{label}_settled"].equals(1.0)
-        self.stop_unless(good, programs.NO_CONVERGENCE + self._solves, w[worst])
-        self._guard(block, w[worst])
-        self._test_determinant(w[worst])
+            change = e.write(formulas)
+            if entries:
+                matrix = [change[size * (k + 1) : size * (k + 2)] for k in range(size)]
+                change, determinant = solve_dense(matrix, change[:size])
+            settled = self._apply(label, block, change, LAST_CORRECTION if entries else ROUND_OFF)
+            if determinant is not None:
+                # One of the wrong sign that an iterate met before counts: Newton has then left its basin.
+                first, met = w[f"first_{self._solves}"], w[worst]
+                w[worst] = (first * met < 0.0).choose(met, determinant)
+            self._end_loop(label, settled, MOST_NEWTON_STEPS if entries else MOST_ITERATIONS)
+        code = programs.NO_CONVERGENCE + (self._solves if entries else programs.CONTRACTION)
+        self.stop_unless(w[f"{label}_settled"].equals(1.0), code, w[worst])
+        if entries:
+            self._guard(block, w[worst])
+            self._test_determinant(w[worst])
         self._keep_rates(block.unknowns)
 
-    def _apply(
-        self, label: str, block: programs.Solve | programs.Iterate, change: Sequence[Value], relative: float
-    ) -> Value:
+    def _apply(self, label: str, block: programs.Solve, change: Sequence[Value], relative: float) -> Value:
         """unknown -= change; 1 from where every change is within its tolerance or is noise, else 0.
 
         The round-off of every state variable of the block counts for every unknown: an angle of 1e5 is known to 1e-11
@@ -264,14 +263,14 @@ class Blocks:
         before = w[f"{label}_settled"]
         return before.equals(1.0).choose(before, reached)
 
-    def _noise(self, block: programs.Solve | programs.Iterate) -> Operand:
+    def _noise(self, block: programs.Solve) -> Operand:
         """The round-off of the state variables that the unknowns are added to."""
         noise: Operand = 0.0
         for scale in dict.fromkeys(scale for scale in block.scales if scale):
             noise = noise + ROUND_OFF * abs(self.emitter.value(symbol(scale)))
         return noise
 
-    def _bounds(self, block: programs.Solve | programs.Iterate) -> dict[str, Value]:
+    def _bounds(self, block: programs.Solve) -> dict[str, Value]:
         """What counts as small for the unknowns of each letter: NOISE times the greatest so far.
 
         Multipliers m are h times a change of momenta: what is small compared with h p is small, too, as all of them are
@@ -300,18 +299,6 @@ class Blocks:
             larger = going & (size > w[kept])
             w[kept] = larger.choose(size, w[kept])
         self._iterated += 1
-
-    def _iterate(self, block: programs.Iterate) -> None:
-        w, e = self.writer, self.emitter
-        formulas = self._hoisted(block.formulas, block.unknowns)
-        with e.inner():
-            label = self._begin_loop(block.unknowns)
-            values = e.write(formulas)
-            change = [e.value(symbol(name)) - value for name, value in zip(block.unknowns, values, strict=True)]
-            self._end_loop(label, self._apply(label, block, change, ROUND_OFF), MOST_ITERATIONS)
-        good = w[f"{label}_settled"].equals(1.0)
-        self.stop_unless(good, programs.NO_CONVERGENCE + 50, 0.0)
-        self._keep_rates(block.unknowns)
 
 
 def _take_out(formula: Formula, changing: set[Formula], parts: dict[Formula, Formula], prefix: str) -> Formula:

@@ -25,6 +25,7 @@ from inverse_service.kernels.codegen.symengine_trees import STEP, ZERO, Formula,
 
 NOT_FINITE = 1
 NO_CONVERGENCE, SINGULAR, GUARDED, WATCHED = 100, 200, 300, 400
+CONTRACTION = 50  # of the blocks that have no determinant
 TOO_SHORT, NO_START, TOO_MANY = 2, 4, 6
 UNOBSERVABLE = 1000
 STATUS, CLOCK, STOPPED_AT, STOPPED_VALUE = "status", "clock", "stopped_at", "stopped_value"
@@ -62,7 +63,6 @@ def changing(program: Program) -> tuple[str, ...]:
 
 def layout_of(program: Program) -> Layout:
     """Status first; then state, compensations, rates of unknowns, determinants, signs, greatest values."""
-    solves = [block for block in program.blocks if isinstance(block, Solve)]
     persistent = [
         *(STATUS, CLOCK, STOPPED_AT, STOPPED_VALUE),
         *((TRIAL,) if program.error is not None else ()),
@@ -70,7 +70,7 @@ def layout_of(program: Program) -> Layout:
         *(f"{name}_low" for name in changing(program)),
         *(f"{name}_rate" for name in program.unknowns),
         *program.sizes,
-        *(f"{which}_{k}" for k in range(len(solves)) for which in ("first", "last")),
+        *(f"{which}_{k}" for k in range(len(program.solves)) for which in ("first", "last")),
         *(f"watch_{k}" for k, watch in enumerate(program.watches) if watch.kind in ("sign", "rank")),
         *(f"maximum_{k}" for k in range(len(program.observed))),
     ]
@@ -91,7 +91,8 @@ class Assign:
 
 @dataclass(frozen=True, slots=True)
 class Solve:
-    """residuals(unknowns) = 0 by Newton with the given Jacobian; one linear solve where `affine`.
+    """residuals(unknowns) = 0 by Newton with the given Jacobian; one linear solve where `affine`. Without a Jacobian
+    unknowns less residuals are a contraction, which is iterated until changes are within round-off.
 
     `scales` names the state variable of which each unknown is the increment ("" where there is none): convergence
     is judged against its round-off. `limit` is the determinant as h -> 0: where the actual one differs from it by
@@ -106,15 +107,6 @@ class Solve:
     scales: tuple[str, ...]
     limit: Formula | None = None
     tested: bool = True
-
-
-@dataclass(frozen=True, slots=True)
-class Iterate:
-    """unknowns := formulas(unknowns) until changes are within round-off (a contraction)."""
-
-    unknowns: tuple[str, ...]
-    formulas: tuple[Formula, ...]
-    scales: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,7 +126,7 @@ class Watch:
     begin: Formula | None = None
 
 
-Statement = Assign | Solve | Iterate
+Statement = Assign | Solve
 
 
 def size_name(block: int, unknown: str) -> str:
@@ -162,8 +154,13 @@ class Program:
     order: int = 0
 
     @property
-    def blocks(self) -> tuple[Solve | Iterate, ...]:
+    def blocks(self) -> tuple[Solve, ...]:
         return tuple(statement for statement in self.statements if not isinstance(statement, Assign))
+
+    @property
+    def solves(self) -> tuple[Solve, ...]:
+        """Those with a determinant, which is watched."""
+        return tuple(block for block in self.blocks if block.jacobian)
 
     @property
     def unknowns(self) -> tuple[str, ...]:
@@ -173,7 +170,7 @@ class Program:
     @property
     def sizes(self) -> tuple[str, ...]:
         """Names of the greatest increments so far: one for each letter in each block that is iterated."""
-        blocks = (block for block in self.blocks if not (isinstance(block, Solve) and block.affine))
+        blocks = (block for block in self.blocks if not block.affine)
         return tuple(dict.fromkeys(size_name(k, name) for k, block in enumerate(blocks) for name in block.unknowns))
 
 
@@ -342,11 +339,9 @@ def used_only(statements: Sequence[Statement], formulas: Sequence[Formula]) -> t
             if statement.name not in needed:
                 continue
             needed |= free_names(statement.formula)
-        elif isinstance(statement, Solve):
+        else:
             entries = [entry for row in statement.jacobian for entry in row]
             limits = [statement.limit] if statement.limit is not None else []
             needed |= {name for part in (*statement.residuals, *entries, *limits) for name in free_names(part)}
-        else:
-            needed |= {name for part in statement.formulas for name in free_names(part)}
         kept.append(statement)
     return tuple(reversed(kept))
