@@ -15,10 +15,10 @@ from functools import partial
 from typing import Any
 
 from inverse_service.errors import InputError
-from inverse_service.expressions import collecting, derivative
+from inverse_service.expressions import collecting
 from inverse_service.expressions.tree import ZERO, Expression, Sum, Velocity, add, walk
 from inverse_service.integrators.method_table import USES_ACCELERATIONS, USES_FREE
-from inverse_service.mechanics import constrained_motion
+from inverse_service.mechanics import constrained_motion, euler_lagrange
 from inverse_service.simulation import accelerations as accelerating, exact_motion, initial
 from inverse_service.simulation.scene_data import FreeLagrangian, Problem, Requested, Scene, Stop, Unavailable
 
@@ -47,14 +47,10 @@ def _terms(tree: Expression) -> tuple[Expression, ...]:
 
 
 def _kind(term: Expression, coordinates: Sequence[str]) -> str:
-    rates = [Velocity(name) for name in coordinates if Velocity(name) in set(walk(term))]
-    if not rates:
+    if not any(isinstance(node, Velocity) for node in walk(term)):
         return POTENTIAL
-    slopes = [derivative.differentiate(term, rate) for rate in rates]
-    linear = all(
-        collecting.collect(derivative.differentiate(slope, rate)) == ZERO for slope in slopes for rate in rates
-    )
-    return MAGNETIC if linear else KINETIC
+    masses = euler_lagrange.hessian(term, coordinates)
+    return KINETIC if any(entry != ZERO for row in masses for entry in row) else MAGNETIC
 
 
 @dataclass(frozen=True)

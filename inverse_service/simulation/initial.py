@@ -224,7 +224,8 @@ def _filled(names: tuple[str, ...], rows: Array, offsets: Array, given: Values) 
     sizes = np.linalg.svd(inner, compute_uv=False)
     ranks = (sizes > RANK * np.maximum(sizes.max(axis=1, initial=0.0), 1e-300)[:, None]).sum(axis=1)
     if (ranks < len(missing)).any():
-        open_ = _undetermined(inner[int(np.argmin(ranks))])
+        one = inner[int(np.argmin(ranks))]  # what its null space moves is open
+        open_ = np.flatnonzero(np.abs(np.eye(len(missing)) - np.linalg.pinv(one, RANK) @ one).max(axis=0) > 1e-8)
         shown, wanted = ", ".join(names[missing[k]] for k in open_), len(missing) - int(ranks.min())
         fault = f"the velocity of {shown} is missing and the constraints do not determine it: add it."
         if len(open_) > 1:
@@ -235,17 +236,6 @@ def _filled(names: tuple[str, ...], rows: Array, offsets: Array, given: Values) 
     inverse = np.asarray((np.linalg.inv if square else np.linalg.pinv)(inner), dtype=float)
     velocities[:, missing] = -_times(inverse, offsets + _times(rows, velocities))
     return velocities
-
-
-def _undetermined(matrix: Array) -> list[int]:
-    """The columns in which the null space of the matrix has nonzero entries."""
-    if not matrix.shape[0]:
-        return list(range(matrix.shape[1]))
-    _, sizes, right = np.linalg.svd(matrix)
-    largest = sizes[0] if len(sizes) else 0.0
-    rank = int((sizes > RANK * max(largest, 1e-300)).sum())
-    null = right[rank:]
-    return [k for k in range(matrix.shape[1]) if len(null) and np.abs(null[:, k]).max() > 1e-8]
 
 
 def _projected(what: System, values: Values, positions: Array, velocities: Array, rows: Array, defects: Array) -> Array:
