@@ -27,13 +27,17 @@ def shortest(terms: tm.Terms) -> tm.Terms:
     if 2 * len(waves) <= len(terms):
         return waves
     try:
-        for letter in sorted({p for key in terms for p, _ in key if isinstance(p, ex.Apply)}, key=repr):
-            for name in (letter.function, SQUARES.get(letter.function, ("",))[0]):
-                other = _exchanged(best, name, letter.argument)
-                best = other if _length(other) < _length(best) else best
+        letters = sorted({p for key in terms for p, _ in key if isinstance(p, ex.Apply)}, key=repr)
+        for name, argument in dict.fromkeys((name, p.argument) for p in letters for name in _with_partner(p.function)):
+            other = _exchanged(best, name, argument)
+            best = other if _length(other) < _length(best) else best
     except tm.TooManyTerms:
         return best
     return waves if _length(waves) < _length(best) else best
+
+
+def _with_partner(function: str) -> tuple[str, ...]:
+    return (function, SQUARES[function][0]) if function in SQUARES else ()
 
 
 def _length(terms: tm.Terms) -> tuple[int, int]:
@@ -46,19 +50,17 @@ def _arguments(terms: tm.Terms) -> list[ex.Expression]:
 
 def _exchanged(terms: tm.Terms, old: str, argument: ex.Expression) -> tm.Terms:
     """cos^2 replaced by 1 - sin^2 in one angle, sin^2 by 1 - cos^2, or likewise for hyperbolic functions."""
-    if old not in SQUARES:
-        return terms
     new, constant, factor = SQUARES[old]
     letter, square = ex.Apply(old, argument), tm.times(tm.EMPTY, tm.monomial(ex.Apply(new, argument)), 2)
-    result: tm.Terms = {}
+    parts = list[tm.Terms]()
     for key, value in terms.items():
         e = dict(key).get(letter, Fraction(0))
         half = int(e) // 2 if e.denominator == 1 and e >= 2 else 0
         part: tm.Terms = {tm.times(key, tm.monomial(letter), -2 * half) if half else key: value}
         for _ in range(half):
             part = tm.multiply_terms(part, {tm.EMPTY: Fraction(constant), square: Fraction(factor)})
-        result = tm.add_terms(result, part)
-    return result
+        parts.append(part)
+    return tm.sum_of(parts)
 
 
 def _halved(waves: tm.Terms) -> tm.Terms:

@@ -56,9 +56,9 @@ def _logarithm(
 
 def divergence_factor(material: Material) -> tm.Monomial | None:
     """exp(ct) with n c the constant terms of -div_v f; None where there are none."""
-    motion, rate = material.motion, tm.Terms()
-    for force, velocity in zip(motion.forces, motion.velocities, strict=True):
-        rate = tm.add_terms(rate, tm.derivative_of_terms(force, velocity), Fraction(-1, motion.size))
+    motion = material.motion
+    slopes = map(tm.derivative_of_terms, motion.forces, motion.velocities)
+    rate = tm.weighted_sum((slope, Fraction(-1, motion.size)) for slope in slopes)
     moving = material.analysis.system.variables
     constant = {key: c for key, c in rate.items() if not any(ex.holds(letter, *moving) for letter, _ in key)}
     return next(iter(tm.terms_of(ex.Apply("exp", tm.tree_of(constant) * ex.TIME))), None) if constant else None

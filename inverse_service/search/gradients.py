@@ -343,13 +343,10 @@ def is_zero(terms: tm.Terms) -> bool:
 def power_rule(own: tm.Monomial, beside: tm.Terms, x: Variable) -> tm.Terms | None:
     """The integral of own * beside over x where that is a power of x, or c u^e du/dx with u^e = own."""
     if not own:
-        total = tm.Terms()
+        total, logarithm = tm.Terms(), tm.monomial(ex.Apply("log", x))
         for key, value in beside.items():
             e, raised = dict(key).get(x, Fraction(0)), tm.times(key, tm.monomial(x))
-            if e == -1:
-                total = tm.add_terms(total, {tm.times(raised, tm.monomial(ex.Apply("log", x))): value})
-            else:
-                total = tm.add_terms(total, {raised: value / (e + 1)})
+            total[tm.times(raised, logarithm) if e == -1 else raised] = value if e == -1 else value / (e + 1)
         return total
     if len(own) != 1:
         return None
@@ -367,23 +364,21 @@ def power_rule(own: tm.Monomial, beside: tm.Terms, x: Variable) -> tm.Terms | No
 
 def _is_turned(symbols: Sequence[ex.Symbol], slopes: Sequence[tm.Terms], pairs: Sequence[tuple[int, int]]) -> bool:
     """Whether turning these pairs of coordinates, or scaling one up and the other down, leaves the potential alone."""
-    turning, scaling = tm.Terms(), tm.Terms()
-    for i, j in pairs:
-        one, other = ({tm.monomial(symbols[k]): Fraction(1)} for k in (i, j))
-        turning = tm.add_terms(turning, tm.multiply_terms(slopes[j], one))
-        turning = tm.add_terms(turning, tm.multiply_terms(slopes[i], other), -1)
-        scaling = tm.add_terms(scaling, tm.multiply_terms(slopes[i], one))
-        scaling = tm.add_terms(scaling, tm.multiply_terms(slopes[j], other), -1)
+
+    def moment(slope: int, arm: int) -> tm.Terms:
+        return tm.multiply_terms(slopes[slope], {tm.monomial(symbols[arm]): Fraction(1)})
+
+    turning = tm.weighted_sum(part for i, j in pairs for part in ((moment(j, i), 1), (moment(i, j), -1)))
+    scaling = tm.weighted_sum(part for i, j in pairs for part in ((moment(i, i), 1), (moment(j, j), -1)))
     return is_zero(turning) or is_zero(scaling)
 
 
 def _along_rays(fields: dict[tuple[int, int], tm.Terms], symbols: Sequence[ex.Symbol]) -> dict[int, tm.Terms] | None:
     """A_i = q_j int_0^1 s F_ij(s q) ds of constant fields (Poincare's homotopy); None for other fields."""
+    if any(_holds(terms, symbol) for terms in fields.values() for symbol in symbols):
+        return None
     found: dict[int, tm.Terms] = {}
     for (i, j), terms in fields.items():
-        for key, value in terms.items():
-            if any(ex.holds(letter, *symbols) for letter, _ in key):
-                return None
-            term = {tm.times(key, tm.monomial(symbols[j])): value / 2}
-            found[i] = tm.add_terms(found.get(i, {}), term)
+        arm: tm.Terms = {tm.monomial(symbols[j]): Fraction(1, 2)}
+        found[i] = tm.add_terms(found.get(i, {}), tm.multiply_terms(terms, arm))
     return found

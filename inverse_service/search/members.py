@@ -228,13 +228,10 @@ def _sum_of(space: ansatz.LagrangianSpace, gauge: Sequence[ansatz.Combination], 
 
     parts = [scaled(reduced(space.combinations[k], gauge)) for k in chosen]
     signs = [-1 if found is not None and found[1] > found[0] else 1 for found in (inertia(p) for p in parts)]
-    total: ansatz.Combination = {}
-    found = None
+    total, found = ansatz.Combination(), None
     for spread in range(3):
-        total = {}
-        for k, (part, sign) in enumerate(zip(parts, signs, strict=True)):
-            total = tm.add_terms(total, part, sign * (1 + spread * k))
-        total = reduced(total, gauge)
+        weights = (sign * (1 + spread * k) for k, sign in enumerate(signs))
+        total = reduced(tm.weighted_sum(zip(parts, weights, strict=True)), gauge)
         found = inertia(total)
         if found is None or sum(found) == len(names):
             break
@@ -252,7 +249,7 @@ def _definite_sums(
     found = []
     for weights in definite_weights([matrix for _, matrix in with_hessian]):
         used = [(weight, c) for weight, (c, _) in zip(weights, with_hessian, strict=True) if weight]
-        total = tm.sum_of(tm.scaled(c, weight) for weight, c in used)
+        total = tm.weighted_sum((c, weight) for weight, c in used)
         found.append(Member(scaled(reduced(total, gauge), sign=1), tuple(c for _, c in used), definite=True))
     return found
 

@@ -192,12 +192,13 @@ class OneMatrix:
         phi = self.scale(matrix, variables, integrator)
         if phi is None:
             return None
-        shown = [angles.shortest(terms) for terms in matrix]
-        kinetic = tm.Terms()
-        for (i, j), terms in zip(self.pairs, shown, strict=True):
-            v, w = (ex.Velocity(self.system.coordinates[k]) for k in (i, j))
-            square = {tm.monomial(v, w): Fraction(1, 2) if i == j else Fraction(1)}
-            kinetic = tm.add_terms(kinetic, tm.multiply_terms(terms, square))
+        velocities = list(map(ex.Velocity, self.system.coordinates))
+        kinetic = tm.sum_of(
+            tm.multiply_terms(
+                angles.shortest(terms), {tm.monomial(velocities[i], velocities[j]): Fraction(1, 2 if i == j else 1)}
+            )
+            for (i, j), terms in zip(self.pairs, matrix, strict=True)
+        )
         try:
             wanted = self._wanted(matrix, variables, phi)
         except NoFit:  # where f has roots

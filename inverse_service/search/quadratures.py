@@ -105,10 +105,7 @@ def solution(columns: Sequence[Mapping[Any, Fraction]], right: Mapping[Any, Frac
 
 def in_one_square(terms: tm.Terms) -> tm.Terms:
     """sin(u)^2/cos(u)^k as 1/cos(u)^k - 1/cos(u)^(k - 2) and so on, so that equal terms look equal."""
-    result: tm.Terms = {}
-    for key, value in terms.items():
-        result = tm.add_terms(result, _of_one_square(key), value)
-    return result
+    return tm.weighted_sum((_of_one_square(key), value) for key, value in terms.items())
 
 
 def _of_one_square(key: tm.Monomial) -> tm.Terms:

@@ -442,10 +442,9 @@ def _common_function(lines: Lines, part: Sequence[int], integrator: gradients.In
 
 def _rate(lines: Lines, i: int, j: int) -> tm.Terms:
     """(d_vj B_i + d_vi B_j)/2 - D G_ij."""
-    velocities, half = lines.velocities, Fraction(1, 2)
-    total = tm.scaled(tm.at_constant_velocity(lines.matrix[i][j], lines.coordinates), -1)
-    total = tm.add_terms(total, tm.derivative_of_terms(lines.rest[i], velocities[j]), half)
-    return tm.add_terms(total, tm.derivative_of_terms(lines.rest[j], velocities[i]), half)
+    slopes = (tm.derivative_of_terms(lines.rest[a], lines.velocities[b]) for a, b in ((i, j), (j, i)))
+    drift = tm.at_constant_velocity(lines.matrix[i][j], lines.coordinates)
+    return tm.weighted_sum([(drift, -1), *((slope, Fraction(1, 2)) for slope in slopes)])
 
 
 def _divided(left: tm.Terms, right: tm.Terms, system: SecondOrderSystem) -> tm.Terms:

@@ -80,33 +80,41 @@ def _have_number(terms: Iterable[Monomial]) -> bool:
 
 def _without_whole_powers(terms: Terms) -> Terms:
     """With 3 sqrt(3) for sqrt(3)^3: the generator sqrt(3) of a number has no whole powers."""
-    found = Terms()
+    parts = list[Terms]()
     for key, value in terms.items():
         wholes = [(letter, Fraction(int(e))) for letter, e in key if isinstance(letter, ex.Number) and abs(e) >= 1]
         for number, e in wholes:
             value *= number.value ** int(e)
-        found = add_terms(found, {times(key, frozenset(wholes), -1) if wholes else key: value})
-    return found
+        parts.append({times(key, frozenset(wholes), -1) if wholes else key: value})
+    return sum_of(parts)
 
 
 def add_terms(left: Terms, right: Mapping[Monomial, Fraction], factor: Fraction | int = 1) -> Terms:
-    result = dict(left)
-    for key, value in right.items():
-        more = value if factor == 1 else factor * value
-        before = result.get(key)
-        total = more if before is None else before + more
-        if total:
-            result[key] = total
-        else:
-            result.pop(key, None)
-    return result
+    """left + factor right."""
+    return weighted_sum(((left, 1), (right, factor)))
 
 
 def sum_of(parts: Iterable[Mapping[Monomial, Fraction]]) -> Terms:
     """The sum of sums."""
+    return weighted_sum((part, 1) for part in parts)
+
+
+def weighted_sum(parts: Iterable[tuple[Mapping[Monomial, Fraction], Fraction | int]]) -> Terms:
+    """The sum of sums, each times its factor."""
     total: Terms = {}
-    for part in parts:
-        total = add_terms(total, part)
+    for terms, factor in parts:
+        if not total and factor == 1:
+            total = dict(terms)
+            continue
+        for key, value in terms.items():
+            more = value if factor == 1 else factor * value
+            before = total.get(key)
+            if before is None:
+                total[key] = more
+            elif before + more:
+                total[key] = before + more
+            else:
+                del total[key]
     return total
 
 
@@ -394,13 +402,12 @@ def _is_moving_sum(tree: ex.Expression) -> bool:
 
 def derivative(key: Monomial, variable: ex.Expression) -> Terms:
     """The partial derivative of a monomial."""
-    result: Terms = {}
-    for letter, exponent in key:
-        inner = letter_derivative(letter, variable)
-        if inner:
-            lowered = times(key, frozenset([(letter, Fraction(1))]), -1)
-            result = add_terms(result, multiply_terms({lowered: exponent}, inner))
-    return result
+    slopes = ((letter, e, letter_derivative(letter, variable)) for letter, e in key)
+    return sum_of(
+        multiply_terms({times(key, frozenset([(letter, Fraction(1))]), -1): e}, slope)
+        for letter, e, slope in slopes
+        if slope
+    )
 
 
 @lru_cache(maxsize=4096)
@@ -432,10 +439,7 @@ def monomial_factor(left: Mapping[Monomial, Fraction], right: Mapping[Monomial, 
 
 
 def derivative_of_terms(terms: Mapping[Monomial, Fraction], variable: ex.Expression) -> Terms:
-    result: Terms = {}
-    for key, value in terms.items():
-        result = add_terms(result, derivative(key, variable), value)
-    return _bounded(result)
+    return _bounded(weighted_sum((derivative(key, variable), value) for key, value in terms.items()))
 
 
 @dataclass(frozen=True, slots=True)
@@ -454,19 +458,17 @@ class MotionTerms:
 
 def along(motion: MotionTerms, terms: Mapping[Monomial, Fraction]) -> Terms:
     """Gamma(terms)."""
-    total = at_constant_velocity(terms, motion.coordinates)
-    for v, f in zip(motion.velocities, motion.forces, strict=True):
-        total = add_terms(total, multiply_terms(derivative_of_terms(terms, v), f))
-    return total
+    pairs = zip(motion.velocities, motion.forces, strict=True)
+    parts = (multiply_terms(derivative_of_terms(terms, v), f) for v, f in pairs)
+    return sum_of((at_constant_velocity(terms, motion.coordinates), *parts))
 
 
 def at_constant_velocity(terms: Mapping[Monomial, Fraction], coordinates: Iterable[ex.Symbol]) -> Terms:
     """d_t + v_k d_k of the terms."""
-    total = derivative_of_terms(terms, ex.TIME)
-    for q in coordinates:
-        slope = derivative_of_terms(terms, q)
-        total = add_terms(total, multiply_terms(slope, {monomial(ex.Velocity(q.name)): Fraction(1)}))
-    return total
+    parts = (
+        multiply_terms(derivative_of_terms(terms, q), {monomial(ex.Velocity(q.name)): Fraction(1)}) for q in coordinates
+    )
+    return sum_of((derivative_of_terms(terms, ex.TIME), *parts))
 
 
 @lru_cache(maxsize=4096)

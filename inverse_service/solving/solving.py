@@ -315,11 +315,17 @@ def _with_time_instead(work: Work, autonomous: Answer) -> Answer:
     if decision.verdict != "variational":
         return autonomous
     complete = _is_complete(autonomous)
-    answer = _by_lagrangian(work, decision, _highest(autonomous))
+
+    def nicer(tree: ex.Expression) -> bool:
+        if autonomous.lagrangian is None:
+            return True
+        known = _expression(autonomous)
+        return tree != known and (not complete or ex.reading_class(tree, ex.TIME) < ex.reading_class(known, ex.TIME))
+
+    answer = _by_lagrangian(work, decision, _highest(autonomous), nicer)
     if answer is None or (autonomous.lagrangian is not None and not _is_complete(answer)):
         return autonomous
-    nicer = not complete or _reading_class(answer) < _reading_class(autonomous)
-    return answer if nicer else autonomous
+    return answer
 
 
 def _highest(autonomous: Answer) -> float:
@@ -435,13 +441,21 @@ def _by_existence(work: Work, decision: deciding.Decision) -> Answer:
     return Answer("variational", space=decision.space, certificate=certificate, explanation=steps, details=known)
 
 
-def _by_lagrangian(work: Work, decision: deciding.Decision, highest: float = math.inf) -> Answer | None:
-    """A Lagrangian that the checker confirms, with its Hamiltonian; None where none is found up to that cost."""
+def _by_lagrangian(
+    work: Work,
+    decision: deciding.Decision,
+    highest: float = math.inf,
+    wanted: Callable[[ex.Expression], bool] = lambda _: True,
+) -> Answer | None:
+    """A Lagrangian that is wanted and confirmed, with its Hamiltonian; None where none is found up to that cost."""
     work.outcome = _searched(work, decision, highest)
     if work.outcome.found is None:
         return None
     found = work.outcome.found
-    answer = replace(_proposed(work, decision, _as_written(work, decision, found.lagrangians[0])), checked="valid")
+    lagrangian = _as_written(work, decision, found.lagrangians[0])
+    if not wanted(lagrangian):
+        return None
+    answer = replace(_proposed(work, decision, lagrangian), checked="valid")
     return completed(work, answer, replace(found, lagrangians=found.lagrangians[1:]), decision.with_time)
 
 

@@ -61,7 +61,9 @@ def sample_points(trees: Sequence[ex.Expression], positive: Sequence[ex.Expressi
             if in_quadrant and in_all == _MOST_POSITIVE:
                 continue
             point = {
-                leaf: _draw_between(source, *boxes[leaf]) if leaf in boxes else _draw(source, width, least, in_quadrant)
+                leaf: _draw_inside(source, *boxes[leaf], _draw(source, width, least, True))
+                if leaf in boxes
+                else _draw(source, width, least, in_quadrant)
                 for leaf in leaves
             }
             point.update({call: point[canonical] for call, canonical in calls.items()})
@@ -91,23 +93,33 @@ def _draw(source: random.Random, width: evaluation.Real, least: evaluation.Real,
     return size if positive or source.random() < 0.5 else -size
 
 
-def _draw_between(source: random.Random, low: Fraction, high: Fraction) -> evaluation.Real:
-    part = Fraction(source.randrange(1, 10**18), 10**18)
-    inside = low + (high - low) * part
-    return mpf(inside.numerator) / inside.denominator
+def _draw_inside(source: random.Random, low: Fraction | None, high: Fraction | None, size: Any) -> evaluation.Real:
+    """Between the two, or at a distance of this size from the only one."""
+    if low is None or high is None:
+        return _real(low) + size if low is not None else _real(high or Fraction(0)) - size
+    return _real(low + (high - low) * Fraction(source.randrange(1, 10**18), 10**18))
 
 
-def _boxes(positive: Sequence[ex.Expression]) -> dict[ex.Expression, tuple[Fraction, Fraction]]:
-    """(a, b) of each name of which u - a > 0 and b - u > 0 are among the conditions."""
+def _real(value: Fraction) -> evaluation.Real:
+    return mpf(value.numerator) / value.denominator
+
+
+def _boxes(positive: Sequence[ex.Expression]) -> dict[ex.Expression, tuple[Fraction | None, Fraction | None]]:
+    """(a, b) of each name u of which u - a > 0 or b - u > 0 are among the conditions; None for what is not."""
     low: dict[ex.Expression, Fraction] = {}
     high: dict[ex.Expression, Fraction] = {}
     for condition in positive:
+        slope, level = (condition, Fraction(0))
         match condition:
-            case ex.Sum((ex.Symbol() | ex.Velocity() as leaf, ex.Number(c))):
-                low[leaf] = max(-c, low.get(leaf, -c))
-            case ex.Sum((ex.Product((ex.Number(k), ex.Symbol() | ex.Velocity() as leaf)), ex.Number(c))) if k == -1:
-                high[leaf] = min(c, high.get(leaf, c))
-    return {leaf: (low[leaf], high[leaf]) for leaf in low if leaf in high and low[leaf] < high[leaf]}
+            case ex.Sum((part, ex.Number(c))):
+                slope, level = part, c
+        match slope:
+            case ex.Symbol() | ex.Velocity() as leaf:
+                low[leaf] = max(-level, low.get(leaf, -level))
+            case ex.Product((ex.Number(k), ex.Symbol() | ex.Velocity() as leaf)) if k == -1:
+                high[leaf] = min(level, high.get(leaf, level))
+    leaves = dict.fromkeys([*low, *high])
+    return {u: (low.get(u), high.get(u)) for u in leaves if u not in low or u not in high or low[u] < high[u]}
 
 
 def value(tree: ex.Expression, point: Point) -> evaluation.Real | None:
