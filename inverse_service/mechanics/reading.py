@@ -191,7 +191,18 @@ def _read_lines(
     defined = {} if isinstance(equations, Mapping) else _definitions(texts, declared, rates)
     if rates and defined.keys() == _definitions(texts, declared).keys():
         raise errors.InputError(NOT_PAIRS, "/equations")
-    declared = replace(declared, where={**declared.where, **defined}) if defined else declared
+    where = {name: formula for name, (formula, _) in defined.items()}
+    try:
+        return _read_with(replace(declared, where={**declared.where, **where}), texts, equations, rates)
+    except errors.InputError as error:
+        typed = {f"/where/{escaped(name)}": pointer for name, (_, pointer) in defined.items()}
+        raise error.placed(typed.get(error.pointer, error.pointer)) from None
+
+
+def _read_with(
+    declared: document_names.Declared, texts: Mapping[str, str], equations: Equations, rates: bool
+) -> tuple[Names, list[_Equation], _Others]:
+    """The same, the definitions among the declarations."""
     keys = tuple(equations) if isinstance(equations, Mapping) else ()
     pairs = not keys and not rates and _are_pairs(texts, declared)
     asked = replace(declared, coordinates=None) if pairs else declared
@@ -248,13 +259,17 @@ def _partner(momentum: str, names: Sequence[str]) -> str:
     return next((name for name in known if name in names), "")
 
 
-def _definitions(texts: Mapping[str, str], declared: document_names.Declared, rates: bool = False) -> dict[str, str]:
-    """The names that equations such as omega = sqrt(k/m) define, which move nothing, each with its formula.
+def _definitions(
+    texts: Mapping[str, str], declared: document_names.Declared, rates: bool = False
+) -> dict[str, tuple[str, str]]:
+    """The names that equations such as omega = sqrt(k/m) define, which move nothing.
+
+    With each its formula, at the columns of the text that has it, and the pointer of that text.
 
     InputError for a definition of a name that has its own equation, and for a second derivative spelled as a name.
     """
     names = Names(tuple(declared.coordinates or ()), tuple(declared.named_parameters()), guesses=True)
-    found: dict[str, str] = {}
+    found: dict[str, tuple[str, str]] = {}
     for pointer, text in texts.items():
         try:
             groups = reader.split_equations(text, names) if "=" in text else []
@@ -300,7 +315,8 @@ def _definitions(texts: Mapping[str, str], declared: document_names.Declared, ra
                 formula = _END_OF_TEXT.sub("", formula)
                 root = ("\\sqrt{%s}" if reader.is_latex(text) else "sqrt(%s)") if squared else "%s"
                 name = before.rstrip(" &") if called else first.text
-                found[name.replace("\\left", "").replace("\\right", "")] = root % formula
+                before_root = " " * (rest[0].column - 1 + len(sign) - root.index("%"))
+                found[name.replace("\\left", "").replace("\\right", "")] = before_root + root % formula, pointer
                 reader.note(f"{before}{sign}{formula.rstrip()}", DEFINITION + ROOT * bool(squared))
     return found
 

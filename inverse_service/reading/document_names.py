@@ -490,8 +490,20 @@ def inferred_coordinates(texts: Mapping[str, str], declared: nm.Names, order: in
         moving = moving_names(tokens, order)
         moving += reader.moving_in_forms(tokens, declared) if pointer.startswith("/constraints") else []
         names = [name for name in moving if declared.role(declared.spelling(name)) is None]
+        with reader.placed_at(pointer):
+            _refuse_sums(tokens, names, order)
         found.update(dict.fromkeys(nm.declared_name(name, pointer, "coordinate") for name in names))
     return tuple(found)
+
+
+def _refuse_sums(tokens: Sequence[Token], moving: Sequence[str], order: int) -> None:
+    """InputError for x_i'x_i', a sum over i; so is each term of a Lagrangian with x_i."""
+    words = [*walk(tokens)]
+    for place, token in enumerate(words):
+        summed = token.text in moving and re.search("_[ijk]$", token.text) and token.order < 2
+        if summed and (order == 1 or at(words, place + 1).text == token.text):
+            instead = f"write each component, as in {token.text[:-1]}1 and {token.text[:-1]}2"
+            raise refusal(f"{token.text} could be summed over", token.column, instead, declare="coordinates")
 
 
 def key_coordinate(key: str, names: nm.Names, pointer: str) -> str:
@@ -628,7 +640,11 @@ def _guessed(texts: Mapping[str, str], declared: nm.Names, dummies: Collection[s
             token, after = line[place], at(line, place + 1)
             unknown = not is_known(token)
             marked = (unknown or not all(map(is_known, token.inside))) and line is tokens
-            if marked and not nm.only_split(token.text, declared) and (error := reader.remark(line, place)):
+            if (
+                marked
+                and not nm.only_split(token.text, declared)
+                and (error := reader.remark(line, place, not pointer.startswith("/constraints")))
+            ):
                 raise error.at(pointer)  # cosx sinx is none
             if not unknown:
                 continue

@@ -849,8 +849,18 @@ def _prime(token: Token) -> errors.InputError:
     return refusal("a prime occurs", token.primed or token.column, instead)
 
 
+def _refuse_stray_signs(line: Sequence[Token]) -> None:
+    """InputError for the * of x +* 3, before any name in it is looked up."""
+    for before, token in itertools.pairwise(line):
+        if before.is_operator(*"+-*/^") and token.is_operator(*"*/^"):
+            raise tk.unexpected(token, _OPERAND)
+    for token in line:
+        _refuse_stray_signs(token.inside)
+
+
 def parse_tokens(tokens: Tokens, end_column: int, names: nm.Names) -> ex.Expression:
     """The formula that the tokens spell; errors about a missing end give `end_column`."""
+    _refuse_stray_signs(tokens)
     try:
         return FormulaParser(tokens, end_column, names).formula()
     except RecursionError:  # the depth limit leaves ample room unless the caller is itself very deep

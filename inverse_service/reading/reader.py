@@ -35,8 +35,9 @@ _SUBJECT_TO = re.compile(
 _NUMBER = r"\(?[\d.]*\d[a-z]?\)?"
 _NUMBERED = rf"[Ee]q(?:uation|n)?(?:\.\s*|\s+|\s*(?=\()){_NUMBER}"
 _LABEL = re.compile(
-    rf"(?:^|(?<=[;,\n]))[ \t]*(?:[A-Z][\w -]{{2,40}}[\w]|[\w -]{{0,20}}(?:energy|slip(?:ping)?|conditions?)|"
+    rf"(?:^|(?<=[;,\n]))[ \t]*(?:[A-Z][\w\u2013' -]{{2,40}}[\w]|[\w -]{{0,20}}(?:energy|slip(?:ping)?|conditions?)|"
     rf"{_NUMBERED}|eq\d+)\s*:(?![=:])"
+    r"|^[ \t]*\([A-Z][a-z]{3,}(?:[ \u2013-][A-Za-z]{3,})*\)(?=[ \t])"
     rf"|(?<![ \t])[ \t]+(?:(?:,[ \t]*)?(?:\({_NUMBERED}\)|\[{_NUMBERED}\]|{_NUMBERED})"
     rf"|(?:\.{{3,}}|\u2026)[ \t]*{_NUMBER})"
     r"(?=[ \t]*(?:[.;\n]|$))"
@@ -47,6 +48,8 @@ _RAISED_FIRST = re.compile(
     r"|[\u2070\u00b9\u00b2\u00b3\u2074-\u2079]+|\^(?:\d|\{-?\d+\}))"
     r"(_(?:\{\w+\}|[A-Za-z](?!\w)|\d+(?![\d_']))|[\u2080-\u2089]+)"
 )
+# x'' = y: y'' = x
+_COLON = re.compile(r"(=[^=:;,\n]*):(?=\s[^=:;,\n]*=)")
 # m g. \quad (2) and y^{2} .\end{array}: the full stop after an equation.
 _FULL_STOP = re.compile(r"(?<![\d.\s])(?<!\\left)(?<!\\right)(\s*)\.(?=\s+\S|\s*\\(?:q?quad|\\|right|end))")
 # $x'' = -x$ where words, or other formulas, are beside it; not Maple's t$2.
@@ -60,16 +63,26 @@ _BEFORE = re.compile(
 # Words of a sentence, with single letters between them: where g is the acceleration of gravity.
 _WRAPPED = r"\\(?:text|textrm|mbox)\s*\{"
 _GAP = rf"(?:\s?\$\s|\s\$|[ \t]|{_WRAPPED}|\}})+"
+_WITH_ARGUMENT = r"d?dot|[dt]?frac|sqrt|left|right|partial|vec|bf|math|text|mbox|bold"
 _SENTENCE = re.compile(
-    rf"(?<![\w\\'^{{.])(?:{_WRAPPED}\s*)?[A-Za-z]+(?:{_GAP}\\?[A-Za-z]+)+(?!\w|\s*[-+*/^=<>&('\[_])\s*[.:]?\s*\}}?"
+    rf"(?<![\w\\'^{{.])(?:{_WRAPPED}\s*)?[A-Za-z]+"
+    rf"(?:{_GAP}(?:(?:\\(?!{_WITH_ARGUMENT}))?[A-Za-z]+|[\u0391-\u03c9\u2113])(?:[\u2080-\u2089]+|_\{{?\w+\}}?)?)+"
+    r"(?!\w|\s*[-+*/^=<>&('\[_\u2032\u2033\u0307\u0308])\s*[.:]?\s*\}?"
 )
+_WORD_IN_TEXT = re.compile(rf"(?:{_WRAPPED}\s*)?(?<!\\)\b([A-Za-z]+)(?:\s*\}})?")
 _CLAUSE = re.compile(r"[;,\n]|\\\\|\\q?quad|[.:](?=\s|$)")
-_OF_SENTENCES = frozenset(("the", "is", "are", "of", "an", "denotes", "denote", "have", "has", "which"))
-_OPENS = re.compile(rf"(?:{_WRAPPED}\s*)?\b(?:where|with|which|here|is|are|and|in|on|at|being|that)\b", re.I)
-_CLOSES = re.compile(
-    r"(?:is|are|be|by|to|have|obtain|reads?|constraints?|equations?|motion|lagrangian|system|energy)\W*", re.I
+# A sentence holds one of the first, and what is left out of it begins and ends with one of both.
+_OF_SENTENCES = (
+    "the is are of an denotes denote have has which that let suppose assume consider moves move slides rolls reads "
+    "obeys satisfies governed described acts"
 )
-_ARITHMETIC = re.compile(r"\b(?:times|plus|minus|over|divided|squared?|cubed?|per|sum|product|root|const\w*)\b", re.I)
+_BESIDE_THEM = (
+    "where with here and in on at by to be we being under obtain read subject constraint constraints equation "
+    "equations motion lagrangian system energy"
+)
+_ARITHMETIC = re.compile(
+    r"\b(?:times|plus|minus|over|divided|squared?|cubed?|per|sum|product|root|const|constants?)\b", re.I
+)
 _LOST = dict(zip("\a\b\f\n\r\t\v", "abfnrtv", strict=True))
 _LOST_BACKSLASH = re.compile(
     r"([\a\b\f\v])(lpha|eta|ar[a-z]*|egin|oldsymbol|rac|ec)(?![A-Za-z])|(\t)(an|anh|heta|au|imes|ext|ilde)(?![A-Za-z])|(\r)(ho|ight)(?![A-Za-z])"
@@ -79,7 +92,9 @@ _COMMENT = re.compile(r"(?<!\\)%.*")
 _COMPARES = re.compile(r"[=<>\u2264\u2265]|\\(?:le|ge|ne|equiv)")
 _PROSE = re.compile(r"(?<![_^]\{)(?<![_^])(\(\s*)?\\(?:text|textrm|mbox|intertext)\s*\{([^{}$\\]*)\}(?(1)\s*\))")
 _ITEM = re.compile(r"\((?:[a-h]|[ivx]+)\)")  # (a), (ii)
-_BINDING = re.compile(r"\b(?:if|when|while|for|unless|otherwise|else|not|or|except|either|only)\b", re.I)
+_BINDING = re.compile(
+    r"\b(?:if|when|while|for(?!\s+(?:an?|the|this)\s)|unless|otherwise|else|not|or|except|either|only)\b", re.I
+)
 # The y'' of y''_{xx} = x y.
 _BY_INDEX = re.compile(r"('')_?(?:\{([xts])\2\}|([xts])\3(?!\w))")
 _ACCELERATION = re.compile(r"(?<!')''(?!['(])")
@@ -536,11 +551,11 @@ def _without_label(match: re.Match[str]) -> str:
 def without_words(formula: str) -> str:
     """The formula with separators and blanks for the words, labels and full stops of a text, at the same columns."""
     formula = _COMMENT.sub(_without_label, formula) if is_latex(formula) else formula
-    formula = _SUBJECT_TO.sub(lambda words: ";".ljust(len(words[0])), _mathematics(formula))
-    formula = _PROSE.sub(_without_prose, _SENTENCE.sub(_without_sentence, formula))
+    formula = _SENTENCE.sub(_without_sentence, _mathematics(formula))
+    formula = _PROSE.sub(_without_prose, _SUBJECT_TO.sub(lambda words: ";".ljust(len(words[0])), formula))
     for pattern in (_BEFORE, _LABEL):
         formula = pattern.sub(_without_label, formula)
-    return _FULL_STOP.sub(r"\1;", formula)
+    return _FULL_STOP.sub(r"\1;", _COLON.sub(r"\1;", formula))
 
 
 def _mathematics(formula: str) -> str:
@@ -575,20 +590,20 @@ def _without_prose(match: re.Match[str]) -> str:
 
 
 def _without_sentence(match: re.Match[str]) -> str:
-    """A separator for the words of a sentence that stand alone, before an equation or after one."""
+    """A separator for the words of a sentence, from its first to its last, or to the end of what they stand in."""
     text, whole = match[0], match.string
-    before = _CLAUSE.split(whole[: match.start()])[-1].strip(" $")
-    after = _CLAUSE.split(whole[match.end() :])[0].strip(" $}")
-    start = _OPENS.search(text) if "=" in before else None
-    words = text[start.start() :] if start else text
-    plain = {*re.findall("[a-z]+", words.lower())}
-    first = start or not before
-    last = not after or ("=" in after and _CLOSES.fullmatch(words.split()[-1]))
-    kept = _BINDING.search(words) or _ARITHMETIC.search(words) or words.count("{") != words.count("}")
-    if kept or not (first and last and plain & _OF_SENTENCES):
+    of_sentences, known = {*_OF_SENTENCES.split()}, {*_OF_SENTENCES.split(), *_BESIDE_THEM.split()}
+    words = [word for word in _WORD_IN_TEXT.finditer(text) if word[1].lower() in known]
+    if of_sentences.isdisjoint(word[1].lower() for word in words) or _BINDING.search(text) or _ARITHMETIC.search(text):
         return text
-    note(words.strip(), LEFT_OUT)
-    return text[: len(text) - len(words)] + ";".ljust(len(words))
+    before = _CLAUSE.split(whole[: match.start()])[-1].strip(" $")
+    after = "" if text.rstrip(" }\n")[-1] in ".:" else _CLAUSE.split(whole[match.end() :])[0].strip(" $}")
+    start, end = words[0].start() * bool(before), words[-1].end() if after else len(text)
+    said = text[start:end]
+    if len(said.split()) < 2 or said.count("{") != said.count("}"):
+        return text
+    note(" ".join(re.sub(rf"{_WRAPPED}|[{{}}]", " ", said).split()), LEFT_OUT)
+    return text[:start] + ";".ljust(end - start) + text[end:]
 
 
 def _greek(match: re.Match[str]) -> str:
@@ -648,10 +663,13 @@ def read_equation(equation: EquationTokens, names: Names) -> tuple[ex.Expression
     return _side(left, equation.tokens[places[0]].column, names), _side(right, equation.end_column, names)
 
 
-def remark(line: Sequence[Token], place: int) -> errors.InputError | None:
-    """The refusal of names not meant as factors: a word after an equation, (spring) there, and (a) before one."""
+def remark(line: Sequence[Token], place: int, first: bool) -> errors.InputError | None:
+    """The refusal of names not meant as factors: a word after an equation, (spring) there, and (a) before one.
+
+    The `first` equation may begin with a word, as in mass x'' = -k x.
+    """
     token = line[place]
-    if _is_word_beside(line, place):
+    if _is_word_beside(line, place, first):
         shown = shorten(token.text)
         return refusal(f"{shown} could be a remark", token.column, "leave it out, or write * before a factor")
     if not token.is_bracket() or _moves(token.inside) or {each.kind for each in token.inside} != {"name"}:
@@ -666,11 +684,8 @@ def remark(line: Sequence[Token], place: int) -> errors.InputError | None:
     return refusal(f"{shown} could be a remark", token.column, "leave it out, or write * next to a factor")
 
 
-def _is_word_beside(line: Sequence[Token], place: int) -> bool:
-    """Whether a word such as damping, and no letter such as omega, ends or begins an equation, with a gap beside it.
-
-    The first equation may begin with it, as in mass x'' = -k x.
-    """
+def _is_word_beside(line: Sequence[Token], place: int, first: bool) -> bool:
+    """Whether a word such as damping, and no letter such as omega, ends or begins an equation, with a gap beside it."""
     word, before, after = line[place], at(line, place - 1), at(line, place + 1)
     ends = _is_edge(after) and word.space_before and _ends_factor(before) and before.kind != "number"
     return (
@@ -679,7 +694,7 @@ def _is_word_beside(line: Sequence[Token], place: int) -> bool:
         and word.text.isalpha()
         and word.text.islower()
         and word.text not in letters.LETTER_COMMANDS
-        and (ends or (place > 0 and _is_edge(before) and after.kind == "name" and after.space_before))
+        and bool(ends or ((place or not first) and _is_edge(before) and after.kind == "name" and after.space_before))
     )
 
 

@@ -348,7 +348,7 @@ def check_length(text: str) -> None:
 def without_full_stop(text: str) -> str:
     """The text without the dot that ends a sentence; the dot of a number (2.) is kept."""
     plain = text.rstrip()
-    return plain[:-1] if plain.endswith(".") and not plain[-2:-1].isdigit() and plain != "." else text
+    return plain[:-1] if plain.endswith(".") and not plain[-2:-1].isdecimal() and plain != "." else text
 
 
 def tokenize(text: str, known: Container[str] = ()) -> Tokens:
