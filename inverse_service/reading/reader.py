@@ -22,7 +22,7 @@ from inverse_service.reading.tokens import Token, at
 _GREEK_OF_MATHEMATICA = re.compile(r"\\\[(?:Curly)?(?:Capital)?([A-Z][a-z]+)\]")
 SHORTEST_REMARK = 4  # letters of a word that no constant needs
 _TO = r"(?:subject\s+to|s\.\s?t\.)"
-_KIND = r"(?:(?:the|two|a|(?:non-?)?holonomic|rolling|kinematic|velocity|linear)\s+)*"
+_KIND = r"(?:(?:the|two|a|(?:non-?)?holonomic|rolling|kinematic|velocity|linear)\s+){0,5}"
 _WORDS = (
     rf"(?:(?:{_TO}|with|under)\s+{_KIND}constraints?|{_TO}|{_KIND}constraints?(?=\s*:|\s+[\w\\$]))"
     r"(?:\s*\d(?=\s*:)|\s+(?:is|are|reads?)\b)?"
