@@ -59,11 +59,9 @@ def decay_times(scene: data.Scene, accelerations: tuple[ex.Expression, ...]) -> 
     n = len(scene.coordinates)
     table = numeric_formulas.table_of(scene.coordinates, scene.positions[None], scene.velocities[None], scene.values)
     names: list[ex.Expression] = [*map(ex.Symbol, scene.coordinates), *map(ex.Velocity, scene.coordinates)]
-    rows = [
-        [float(numeric_formulas.array_value(derivative.differentiate(f, name), table)[0]) for name in names]
-        for f in accelerations
-    ]
-    matrix = np.vstack([np.hstack([np.zeros((n, n)), np.eye(n)]), np.array(rows).reshape(n, 2 * n)])
+    slopes = [derivative.differentiate(f, name) for f in accelerations for name in names]
+    rows = np.array(numeric_formulas.array_values(slopes, table)).reshape(n, 2 * n)
+    matrix = np.vstack([np.hstack([np.zeros((n, n)), np.eye(n)]), rows])
     if not np.isfinite(matrix).all():
         return 0.0
     values = np.linalg.eigvals(matrix)

@@ -17,7 +17,7 @@ from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.tree import ZERO, Apply, Expression, Number, Symbol, Velocity, children, walk
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.mechanics.euler_lagrange import hessian, momenta
-from inverse_service.simulation.numeric_formulas import array_value, table_of
+from inverse_service.simulation.numeric_formulas import array_value, array_values, table_of
 from inverse_service.simulation.scene_data import Members, Problem, Scene
 
 TOLERANCE = 1e-9
@@ -97,14 +97,14 @@ def is_degenerate(scene: Scene) -> bool:
     assert scene.lagrangian is not None
     random = np.random.default_rng(4)
     matrix = hessian(scene.lagrangian, scene.coordinates)
+    slopes = [differentiate(w, Velocity(name)) for w in scene.constraints for name in scene.coordinates]
     for attempt in range(NEARBY):
         shift = random.normal(0, 0.1, (2, len(scene.coordinates))) * bool(attempt)
         place, rate = scene.positions + shift[0], scene.velocities + shift[1]
         moment = np.array([scene.grid.begin + attempt * scene.grid.step])
         table = table_of(scene.coordinates, place[None], rate[None], scene.values, moment)
-        mass = np.array([[array_value(entry, table)[0] for entry in row] for row in matrix])
-        rows = np.array([[array_value(differentiate(w, Velocity(name)), table)[0] for name in scene.coordinates]
-                         for w in scene.constraints]).reshape(-1, len(mass))  # fmt: skip
+        mass = np.array(array_values([entry for row in matrix for entry in row], table)).reshape(len(matrix), -1)
+        rows = np.array(array_values(slopes, table)).reshape(-1, len(mass))
         whole = np.block([[mass, rows.T], [rows, np.zeros((len(rows), len(rows)))]])
         size = np.abs(whole).max(axis=1)
         if not np.isfinite(whole).all() or (

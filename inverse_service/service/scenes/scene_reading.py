@@ -11,6 +11,7 @@ import math
 import re
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import product
 from pathlib import Path
@@ -426,24 +427,15 @@ def beginning(schema: schemas.SceneDocument) -> tuple[float, schemas.SceneInitia
     if schema.initial is not None or schema.start_time is not None:
         raise InputError("a scene that restarts begins where the result ended: leave out initial and start_time.",
                          "/restart")  # fmt: skip
-    final = _final(schema.restart)
-    try:
-        positions, velocities = (
-            {name: repr(float(x)) for name, x in final[key].items()} for key in ("positions", "velocities")
-        )
-        begin = number_of(repr(float(final["t"])), "/restart")
-        return begin, schemas.SceneInitial(positions=positions, velocities=velocities, project=True)
-    except (AttributeError, TypeError, ValueError):
-        raise InputError("this result has no last point: give the result of simulate.", "/restart") from None
-
-
-def _final(result: dict[str, Any]) -> dict[str, Any]:
-    """The last point of the first method that has one."""
-    methods = result.get("methods")
+    methods = schema.restart.get("methods")
     for method in methods if isinstance(methods, list) else []:
-        final = method.get("final") if isinstance(method, dict) else None
-        if isinstance(final, dict) and {"t", "positions", "velocities"} <= final.keys() and final["velocities"]:
-            return final
+        with suppress(InputError, AttributeError, KeyError, TypeError, ValueError):  # it has no last point
+            final = method["final"]
+            positions, velocities = (
+                {name: repr(float(x)) for name, x in final[key].items()} for key in ("positions", "velocities")
+            )
+            begin = number_of(repr(float(final["t"])), "/restart")
+            return begin, schemas.SceneInitial(positions=positions, velocities=velocities, project=True)
     raise InputError("no method of this result has a last point with velocities: give the result of simulate.",
                      "/restart")  # fmt: skip
 
