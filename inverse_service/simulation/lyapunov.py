@@ -61,7 +61,7 @@ def _on_constraints(
     if not slopes:
         return tangent
     table = nf.table_of(scene.coordinates, positions[None], velocities[None], scene.values)
-    rows = np.array([[float(nf.array_value(one, table).ravel()[0]) for one in row] for row in slopes])
+    rows = np.array(nf.array_values([one for row in slopes for one in row], table)).reshape(len(slopes), -1)
     found: Array = tangent - np.linalg.pinv(rows) @ (rows @ tangent)
     return found
 

@@ -154,7 +154,7 @@ class _Motion:
     def at(self, trees: Sequence[ex.Expression], state: Point) -> Array:
         time, q, v = state
         table = nf.table_of(self.scene.coordinates, q[None], v[None], dict(self.values), np.array([time]))
-        return np.array([float(nf.array_value(tree, table)[0]) for tree in trees])
+        return np.array(nf.array_values(trees, table)).ravel()
 
     def value(self, u: ex.Expression, sides: Sides, state: Point) -> float:
         """A switching function there, with those that it contains on their sides."""
