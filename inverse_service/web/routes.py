@@ -91,15 +91,15 @@ async def answered(request: Request, kind: str) -> Response:
     """The common path of all questions: store the job, wait briefly, answer; one answered a moment ago is known."""
     request.scope["route"] = SimpleNamespace(path=f"/v1/{kind}")  # as the counts of requests name it
     clients.note_client(request)
-    engine = engine_of(request)
-    preference = asking.preference_of(request)
-    client, server, viewer = clients.client_of(request), engine.server_options, clients.viewer_of(request)
-    terms = tasks.Terms(kind, server, asking.time_limit_of(request, server), client, asking.wants_fresh(request))
+    engine, client = engine_of(request), clients.client_of(request)
     async with asking.body_of(request, asking.FACTORS[kind] * engine.settings.max_body) as body:
         key = key_of(request.scope, body)
         if (answer := engine.known.get(key, kind)) is None:
+            limit = asking.time_limit_of(request, engine.server_options)
+            terms = tasks.Terms(kind, engine.server_options, limit, client, asking.wants_fresh(request))
             question = await engine.question(body, terms)
     if answer is None:
+        preference, viewer = asking.preference_of(request), clients.viewer_of(request)
         job = await engine.submit(question, viewer, preference.wait, asking.key_of(request))
         if job.is_open and preference.wait <= 0 and kind == "solve":
             await engine.look_ahead(client, question.document)
