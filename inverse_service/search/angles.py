@@ -82,16 +82,15 @@ def _halved(waves: tm.Terms) -> tm.Terms:
 
 def by_multiple_angles(terms: tm.Terms) -> tm.Terms:
     """Products of sines and cosines as sums of those of sums of angles."""
-    result: tm.Terms = {}
+    parts = list[tuple[tm.Terms, Fraction]]()
     for key, value in terms.items():
         circular: tm.Monomial = frozenset(
             (p, e)
             for p, e in key
             if isinstance(p, ex.Apply) and p.function in ("sin", "cos") and e.denominator == 1 and 0 < e <= _POWERS
         )
-        for letter, factor in _in_waves(circular):
-            _add(result, tm.times(key - circular, letter), factor * value)
-    return {key: value for key, value in result.items() if value}
+        parts += [({tm.times(key - circular, letter): factor}, value) for letter, factor in _in_waves(circular)]
+    return tm.weighted_sum(parts)
 
 
 @lru_cache(maxsize=1024)
@@ -118,22 +117,12 @@ def _in_waves(circular: tm.Monomial) -> tuple[tuple[tm.Monomial, Fraction], ...]
                     wave = "cos" if same else "sin", (*turns[:place], turns[place] + turn, *turns[place + 1 :])
                     product[wave] = product.get(wave, Fraction(0)) + (-half if odd else half)
             waves = product
-    result: tm.Terms = {}
-    sums = [tm.terms_of(angle) for angle in angles]
+    sums, parts = [tm.terms_of(angle) for angle in angles], list[tuple[tm.Terms, Fraction]]()
     for (name, turns), factor in waves.items():
-        argument: tm.Terms = {}
-        for turn, angle in zip(turns, sums, strict=True):
-            argument = tm.add_terms(argument, angle, turn) if turn else argument
-        if argument:
-            ((letter, sign),) = tm.terms_of(ex.Apply(name, tm.tree_of(argument))).items()
-            _add(result, letter, sign * factor)
-        elif name == "cos":
-            _add(result, frozenset(), factor)
-    return tuple(result.items())
-
-
-def _add(terms: tm.Terms, key: tm.Monomial, value: Fraction) -> None:
-    terms[key] = terms.get(key, Fraction(0)) + value
+        argument = tm.weighted_sum((angle, turn) for turn, angle in zip(turns, sums, strict=True) if turn)
+        shown = ex.Apply(name, tm.tree_of(argument)) if argument else ex.number(int(name == "cos"))
+        parts.append((tm.terms_of(shown), factor))
+    return tuple(tm.weighted_sum(parts).items())
 
 
 @lru_cache(maxsize=512)

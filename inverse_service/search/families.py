@@ -25,7 +25,7 @@ from inverse_service.expressions import tree as ex
 from inverse_service.field import modular, null_vectors
 from inverse_service.field.echelon import Words
 from inverse_service.field.exact_field import Budget, TooLarge, factored
-from inverse_service.field.modular import Field, compiled, multiply, reconstruct
+from inverse_service.field.modular import Field, compiled, multiply
 from inverse_service.field.point import SingularPoint, Variable, variables_in
 from inverse_service.search import terms as tm
 from inverse_service.search.ansatz import LetterTable, helmholtz_matrix, letters_of, sampler_of, table_at, to_montgomery
@@ -134,10 +134,8 @@ def exponentials(material: Material) -> list[tm.Monomial]:
     keys = [key for terms in material.motion.forces for key in terms]
     for letter in material.velocity_letters:
         if isinstance(letter, ex.Sum):
-            try:
+            with suppress(tm.TooManyTerms):
                 keys += list(tm.terms_of(letter))
-            except tm.TooManyTerms:
-                continue
     for key in keys:
         part: tm.Monomial = frozenset((p, e) for p, e in key if ex.is_exponential(p) and tm.has_velocity(p))
         if part:
@@ -189,23 +187,15 @@ def with_potential(
 class Possible:
     """The shapes that can occur in a regular multiplier, and what is known of their coefficients.
 
-    `fixed` are those of t and the coordinates that the coefficient of a shape does not hold in any of them. The
-    coefficients are e^(rho t) c(q) with one rho, where that of most of them is seen; `alone` where it is seen of all.
+    `fixed` are those of t and the coordinates that the coefficient of a shape does not hold in any of them.
     """
 
     shapes: list[tm.Monomial]
     fixed: Mapping[tm.Monomial, frozenset[Variable]] = field(default_factory=dict)
-    growth: Fraction | None = None
-    alone: bool = False
 
     def may_have(self, factor: tm.Monomial, shape: tm.Monomial) -> bool:
         """Whether a function of t and the coordinates can occur in the coefficient of a shape."""
         return self.fixed.get(shape, frozenset()).isdisjoint(name for p, _ in factor for name in variables_in(p))
-
-    def in_time(self, others: Sequence[tm.Monomial]) -> tuple[tm.Monomial, ...]:
-        """e^(rho t), before the others where it is not alone."""
-        own = frozenset([(ex.Apply("exp", ex.TIME), self.growth)]) if self.growth else tm.EMPTY
-        return tuple(others) if self.growth is None else tuple(dict.fromkeys([own, *(() if self.alone else others)]))
 
 
 def possible_shapes(material: Material, shapes: Sequence[tm.Monomial], seed: int) -> Possible:
@@ -228,17 +218,10 @@ def _possible_shapes(material: Material, shapes: Sequence[tm.Monomial], seed: in
     matrix, hessians = helmholtz_matrix(sampler, table, letters, chosen)
     generator = random.Random(f"velocity shapes {seed}")
 
-    def solution(places: Sequence[int]) -> list[int]:
-        return _random_solution(material, table, matrix[:, places], hessians[:, places], generator)
-
-    found = solution(range(len(chosen)))
+    found = _random_solution(material, table, matrix, hessians, generator)
     weights = found[: len(chosen)]
     fixed = dict(zip(chosen, _fixed(material, found, len(chosen)), strict=True))
-    used = _used(chosen, weights, hessians[0], table.prime)
-    if not used or not material.motion.with_time or material.analysis.system.depends_on_time:
-        return Possible(used, fixed)
-    again = solution([k for k, c in enumerate(weights) if c])
-    return Possible(used, fixed, *_growth(again[: len(used)], again[len(used) : 2 * len(used)], table.prime))
+    return Possible(_used(chosen, weights, hessians[0], table.prime), fixed)
 
 
 def _fixed(material: Material, solution: Sequence[int], count: int) -> list[frozenset[Variable]]:
@@ -251,15 +234,6 @@ def _fixed(material: Material, solution: Sequence[int], count: int) -> list[froz
     return [frozenset(name for name in names if not rates[name][shape]) for shape in range(count)]
 
 
-def _growth(weights: Sequence[int], rates: Sequence[int], prime: int) -> tuple[Fraction | None, bool]:
-    """rho with d_t c_k = rho c_k in a random solution for most k, and whether for all; None without one."""
-    pairs = zip(weights, rates, strict=True)
-    known = [reconstruct(rate * pow(c, -1, prime), prime, bounds.RATIO) if c else None for c, rate in pairs]
-    most = max(known, key=known.count)
-    is_seen = most is not None and 2 * known.count(most) > len(known)
-    return (most, set(known) == {most}) if is_seen else (None, False)
-
-
 def _random_solution(
     material: Material, table: LetterTable, matrix: Words, hessians: Words, generator: random.Random
 ) -> list[int]:
@@ -269,8 +243,7 @@ def _random_solution(
     width = matrix.shape[1]
     rows = np.zeros((len(matrix), width * (1 + len(rates[0]))), np.uint64)
     rows[:, :width] = matrix
-    in_order = np.ascontiguousarray(hessians)  # for machine code: some chosen along the second axis are not
-    _fill_rates(to_montgomery(np.array(rates, np.uint64), prime), in_order, rows, modular.field_of(prime))
+    _fill_rates(to_montgomery(np.array(rates, np.uint64), prime), hessians, rows, modular.field_of(prime))
     return null_vectors.random_null_vector(rows, prime, generator)
 
 
@@ -314,8 +287,8 @@ class Family:
 def kinetic_terms(material: Material, family: Family, factors: Factors, seed: int) -> Iterator[list[tm.Monomial]]:
     """The terms of an ansatz that have a Hessian, simple ones first; none where these make no regular multiplier.
 
-    Several coordinates have few multipliers, so constant coefficients, up to e^(rho t), come before functions of
-    position; a logarithm has values for some velocities only, so that what does without comes before it.
+    Several coordinates have few multipliers, so constant coefficients come before functions of position; a logarithm
+    has values for some velocities only, so that what does without comes before it.
     """
     shapes = [key for key in family.shapes(material) if not tm.is_linear(key)]
     if family.given:
@@ -327,10 +300,9 @@ def kinetic_terms(material: Material, family: Family, factors: Factors, seed: in
         yield chosen
         return
     if material.motion.size > 1:
-        plain = [
+        yield [
             shape for shape in chosen if not any(isinstance(p, ex.Apply) and not ex.is_exponential(p) for p, _ in shape)
         ]
-        yield products(possible.in_time([tm.EMPTY])[:1], plain)
     yield _with_functions(material, family, factors, possible, chosen)
 
 
@@ -338,7 +310,7 @@ def _with_functions(
     material: Material, family: Family, factors: Factors, possible: Possible, chosen: Sequence[tm.Monomial]
 ) -> list[tm.Monomial]:
     """The shapes with functions of t and of position as coefficients."""
-    in_time = possible.in_time(factors.in_time)
+    in_time = factors.in_time
     # For one coordinate every f has a Lagrangian, so most searches end with long rows, which found none there.
     terms = family.terms if material.motion.size > 1 else min(family.terms, bounds.SMALL)
     room = max(bounds.CANDIDATES, terms // (len(chosen) * len(in_time)))

@@ -11,7 +11,7 @@ from functools import partial
 import mpmath
 
 from inverse_service import bounds, errors
-from inverse_service.deadline import OutOfTime, check, until, within
+from inverse_service.deadline import OutOfTime, check, within
 from inverse_service.decision import deciding
 from inverse_service.expressions import evaluation, tree as ex
 from inverse_service.field import real_point
@@ -69,7 +69,7 @@ def _of_smaller(smaller: protocol.Smaller, seed: int) -> list[tuple[ex.Expressio
     found = []
     for system, with_time in zip(smaller.systems, smaller.with_time, strict=True):
         with within(bounds.WORK):
-            one = search(deciding.analyze(system), with_time, seed, math.inf, lambda _: None).found
+            one = search(deciding.analyze(system), with_time, seed, lambda _: None).found
         if one is None:
             return []
         found.append(one.lagrangians)
@@ -213,7 +213,6 @@ def search(
     analysis: deciding.Analysis,
     with_time: bool,
     seed: int,
-    deadline: float,
     progress: Callable[[str], None],
     own_terms: Sequence[ex.Expression] = (),
     holds: Callable[[ex.Expression], bool] = lambda _: True,
@@ -224,12 +223,19 @@ def search(
     Rungs of more than the `highest` cost are skipped. Lagrangians before the first that `holds` are dropped.
     """
     tried: list[tuple[str, int]] = []
-    found = None
-    with suppress(OutOfTime), until(deadline):
+    with suppress(OutOfTime, TooManyTerms):
         analysis = tidy.with_plain_forces(analysis)
-        candidates = _climb(analysis, with_time, seed, progress, own_terms, tried, highest)
-        found = next((kept for one in candidates if (kept := _kept(one, analysis, holds)) is not None), None)
-    return protocol.SearchOutcome(found, tuple(tried))
+        state = _Search(gather(analysis, with_time), seed, progress, tried)
+        own = families.own_family(own_terms)
+        chosen = [*([own] if own else []), *(rung for rung in RUNGS if rung.cost <= highest)]
+        for rung in sorted(chosen, key=lambda rung: rung.cost):
+            check()
+            found = attempt(state, rung)
+            if found is not None and (kept := _kept(found, analysis, holds)) is not None:
+                return protocol.SearchOutcome(kept, tuple(tried))
+            if rung.name == BLOCKS and reductions.is_decoupled(state.material):
+                break  # the same rows have been tried on each block, and pairs of blocks come before
+    return protocol.SearchOutcome(None, tuple(tried))
 
 
 def _kept(
@@ -245,31 +251,6 @@ def _kept(
                 trees = tuple(dict.fromkeys((form, *others)))
                 return replace(found, lagrangians=trees, parts=() if k else found.parts)
     return None
-
-
-def _climb(
-    analysis: deciding.Analysis,
-    with_time: bool,
-    seed: int,
-    progress: Callable[[str], None],
-    own_terms: Sequence[ex.Expression],
-    tried: list[tuple[str, int]],
-    highest: float,
-) -> Iterator[protocol.Found]:
-    """The results of the rungs, without those that find nothing."""
-    try:
-        state = _Search(gather(analysis, with_time), seed, progress, tried)
-    except TooManyTerms:
-        return
-    own = families.own_family(own_terms)
-    chosen = [*([own] if own else []), *(rung for rung in RUNGS if rung.cost <= highest)]
-    for rung in sorted(chosen, key=lambda rung: rung.cost):
-        check()
-        found = attempt(state, rung)
-        if found is not None:
-            yield found
-        if rung.name == BLOCKS and reductions.is_decoupled(state.material):
-            return  # the same rows have been tried on each block, and pairs of blocks come before
 
 
 def attempt(state: _Search, rung: Rung) -> protocol.Found | None:

@@ -53,21 +53,18 @@ def gather(analysis: Analysis, with_time: bool) -> Material:
 def _factored(analysis: Analysis) -> list[ex.Expression]:
     """f with numerators and denominators factored, known relations among atoms used."""
     system = analysis.system
-    try:
+    with suppress(exact_field.TooLarge, ZeroDivisionError):
         exact = conditions.motion_in_ring(system, 0, exact_field.Budget.long())
         return [exact_field.quotient_tree(exact.ring, value) for value in exact.motion.accelerations]
-    except (exact_field.TooLarge, ZeroDivisionError):
-        return list(system.accelerations)
+    return list(system.accelerations)
 
 
 def _shorter(factored: ex.Expression, given: ex.Expression) -> tm.Terms:
     """The expansion with fewer terms; a common denominator can make many of a few."""
     found = []
     for tree in (factored, given):
-        try:
+        with suppress(tm.TooManyTerms):
             found.append(tm.terms_of(tree))
-        except tm.TooManyTerms:
-            continue
     if not found:
         raise tm.TooManyTerms
     return min(found, key=len)
@@ -76,11 +73,10 @@ def _shorter(factored: ex.Expression, given: ex.Expression) -> tm.Terms:
 def simplified(material: Material, terms: tm.Terms) -> tm.Terms:
     """The sum over its common denominator with common factors cancelled, if that is shorter."""
     tree, symbols = tm.tree_of(terms), material.analysis.system.variables
-    try:
+    with suppress(exact_field.TooLarge, ZeroDivisionError, tm.TooManyTerms):
         other = tm.terms_of(exact_field.factored([tree], symbols, exact_field.Budget.long())[0])
-    except (exact_field.TooLarge, ZeroDivisionError, tm.TooManyTerms):
-        return terms
-    return other if len(other) < len(terms) else terms
+        return min(terms, other, key=len)
+    return terms
 
 
 def oriented(terms: tm.Terms, table: real_point.RealTable | None) -> tm.Terms:

@@ -135,17 +135,12 @@ def _is_definite(matrix: Matrix) -> bool:
     return bool(sizes.all() and np.linalg.eigvalsh(matrix / np.outer(sizes, sizes))[0] > _POSITIVE)
 
 
-def _sum(weights: Sequence[float], hessians: Sequence[Matrix]) -> Matrix:
-    total: Matrix = np.tensordot(weights, hessians, 1)
-    return total
-
-
 def _few(weights: list[float], hessians: Sequence[Matrix]) -> list[float]:
     """Without those that are not needed, the smallest left out first."""
     kept = list(weights)
     for k in sorted(range(len(kept)), key=lambda k: abs(weights[k])):
         without = [0.0 if j == k else w for j, w in enumerate(kept)]
-        if _is_definite(_sum(without, hessians)):
+        if _is_definite(np.tensordot(without, hessians, 1)):
             kept = without
     return kept
 
@@ -155,7 +150,7 @@ def _short(weights: Sequence[float], hessians: Sequence[Matrix]) -> list[Fractio
     largest = max(map(abs, weights))
     for d in _DENOMINATORS:
         rounded = [Fraction(round(w / largest * d), d) for w in weights]
-        if _is_definite(_sum([float(w) for w in rounded], hessians)):
+        if _is_definite(np.tensordot([float(w) for w in rounded], hessians, 1)):
             return rounded
     return None
 

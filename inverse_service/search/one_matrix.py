@@ -245,7 +245,7 @@ class OneMatrix:
         if not defect[good].any():
             return dict(ONE_TERM)
         for (i, j), terms in zip(self.pairs, matrix, strict=True):
-            if terms and not turned[good][:, i, j].any() and integrator.system:
+            if terms and not turned[good][:, i, j].any():
                 return tm.terms_of(ex.power(tm.tree_of(angles.shortest(terms)), -1))
         e = next(pair for pair, terms in zip(self.pairs, matrix, strict=True) if terms)
         n = len(self.forces)

@@ -484,10 +484,8 @@ def real_form(tree: ex.Expression, table: real_point.RealTable) -> ex.Expression
     The first changes it by a constant. In the second, sqrt(u)*sqrt(w) represents sqrt(u*w) next to integer powers of u.
     Odd roots of u < 0 are those of -u with their sign.
     """
-    if real_point.is_defined([tree], table):
-        return tree
     with suppress(evaluation.NoRealValue, errors.IrreducibleAtoms):
-        return _turned(tree, table)
+        return tree if real_point.is_defined([tree], table) else _turned(tree, table)
     return tree
 
 

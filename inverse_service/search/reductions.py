@@ -174,7 +174,7 @@ def along_a_coordinate(material: Material, seed: int) -> Iterator[Smaller]:
     M, homogeneous of degree 1, has the equations of the paths alone (Noether's second theorem: that of u follows from
     those of x), and S is a Lagrangian of u, whose equation no other coordinate enters. L is regular if M and S are.
     """
-    for u, paths, own in sorted(_along(material), key=lambda found: size(found[1].accelerations)):
+    for u, paths, own in sorted(_along(material), key=lambda found: sum(map(ex.node_count, found[1].accelerations))):
         yield Smaller((paths, own), (True, material.motion.with_time), partial(_homogeneous, u))
 
 
@@ -211,7 +211,3 @@ def _homogeneous(u: str, found: Sequence[Sequence[ex.Expression]]) -> list[ex.Ex
         table: dict[ex.Expression, ex.Expression] = {v: v / rate for v in velocities}
         lagrangians.append(collected(rate * ex.substitute(tree, {**table, ex.TIME: ex.Symbol(u)})))
     return [one + found[1][0] for one in lagrangians]
-
-
-def size(trees: Sequence[ex.Expression]) -> int:
-    return sum(map(ex.node_count, trees))

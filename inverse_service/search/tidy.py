@@ -265,10 +265,8 @@ def _other_forms(tree: ex.Expression, system: SecondOrderSystem) -> list[ex.Expr
         _with_springs, _by_sines, _by_cosines,
     )  # fmt: skip
     for form in (constants, *(partial(one, system) for one in of_system)):
-        try:
+        with suppress(*_FAILED):
             found.append(form(tree))
-        except _FAILED:
-            continue
     velocities, positions = ([kind(name) for name in system.coordinates] for kind in (ex.Velocity, ex.Symbol))
     springs = quadratic_forms.sums_of_squares(tree, tuple(positions))
     return [*found, *quadratic_forms.short_forms(tree, velocities), *springs]

@@ -488,7 +488,6 @@ def _searched(work: Work, decision: deciding.Decision, highest: float) -> Search
             work.analysis,
             decision.with_time,
             work.options.seed,
-            math.inf,
             telling(work, decision),
             work.options.ansatz,
             lambda tree: is_confirmed(work, tree, decision.with_time),

@@ -462,7 +462,7 @@ def _positive(
     from inverse_service.search.ladder import search
 
     with until(min(question.deadline, now() + _SEARCH_SECONDS)):
-        outcome = search(analysis, with_time, question.seed, question.deadline, lambda _: None)
+        outcome = search(analysis, with_time, question.seed, lambda _: None)
     if outcome.found is None:
         return (), False
     try:
