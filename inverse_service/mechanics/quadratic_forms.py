@@ -6,7 +6,7 @@ A part that is homogeneous of a degree above two is factored: (x'^2 + y'^2)^2.
 """
 
 import math
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from fractions import Fraction
 from functools import lru_cache
 from itertools import islice, permutations
@@ -16,6 +16,7 @@ from flint import fmpq, fmpq_mpoly_ctx
 from inverse_service import bounds
 from inverse_service.expressions import tree as ex
 from inverse_service.expressions.collecting import Monomial, Term, expand, terms_tree
+from inverse_service.mechanics import writing
 
 Expression = ex.Expression
 Terms = dict[Monomial, Fraction]
@@ -253,8 +254,22 @@ def _factors(terms: Sequence[Term]) -> list[tuple[Expression, int]] | None:
     return found
 
 
-def shortest_form(
-    tree: Expression, letters: Collection[Expression], cost: Callable[[Expression], int] = ex.node_count
-) -> Expression:
-    """The tree itself, or the shortest of its forms where one is shorter."""
-    return min([tree, *short_forms(tree, letters)], key=cost)
+def shortest_form(tree: Expression, letters: Collection[Expression], others: Collection[Expression] = ()) -> Expression:
+    """The tree itself, or the shortest of its forms where one is shorter.
+
+    One of them has outside what all terms with `letters` share, and inside squares of sums in `others`:
+    (x^2 + y^2 + 1) (p^2 + q^2 + (x p + y q)^2)/2.
+    """
+    forms = [tree, *short_forms(tree, letters)]
+    terms = [term for term in ex.summands(tree) if ex.holds(term, *letters)]
+    powers = [ex.powers_of(term) for term in terms]
+    sums = dict.fromkeys((p, e) for term in powers for p, e in term if isinstance(p, ex.Sum))
+    common = [power for power in sums if len(terms) > 1 and all(power in term for term in powers)]
+    if common:
+        parts = (ex.multiply(*(p**e for p, e in term if (p, e) not in common)) for term in powers)
+        inner = terms_tree(expand(ex.add(*parts)))
+        short = min([inner, *short_forms(inner, letters), *sums_of_squares(inner, tuple(others))], key=ex.node_count)
+        rest = (term for term in ex.summands(tree) if term not in terms)
+        whole = writing.numbers_outside(ex.multiply(*(p**e for p, e in common), short))
+        forms.append(ex.add(whole, *rest))
+    return min(forms, key=ex.node_count)
