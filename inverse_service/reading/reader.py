@@ -71,14 +71,15 @@ _SENTENCE = re.compile(
 )
 _WORD_IN_TEXT = re.compile(rf"(?:{_WRAPPED}\s*)?(?<!\\)\b([A-Za-z]+)(?:\s*\}})?")
 _CLAUSE = re.compile(r"[;,\n]|\\\\|\\q?quad|[.:](?=\s|$)")
-# A sentence holds one of the first, and what is left out of it begins and ends with one of both.
+_ARTICLE = re.compile(r"\b(?:the|an)\s+[A-Za-z]{4,}", re.I)
+# A sentence holds an article before a word, or one of the first; what is left out begins and ends with one of both.
 _OF_SENTENCES = (
-    "the is are of an denotes denote have has which that let suppose assume consider moves move slides rolls reads "
+    "is are study denotes denote have has which that let suppose assume consider moves move slides rolls reads "
     "obeys satisfies governed described acts"
 )
 _BESIDE_THEM = (
-    "where with here and in on at by to be we being under obtain read subject constraint constraints equation "
-    "equations motion lagrangian system energy"
+    "the an where with here and in of on at by to be we being under obtain read subject constraint constraints "
+    "equation equations motion lagrangian system energy"
 )
 _ARITHMETIC = re.compile(
     r"\b(?:times|plus|minus|over|divided|squared?|cubed?|per|sum|product|root|const|constants?)\b", re.I
@@ -594,7 +595,8 @@ def _without_sentence(match: re.Match[str]) -> str:
     text, whole = match[0], match.string
     of_sentences, known = {*_OF_SENTENCES.split()}, {*_OF_SENTENCES.split(), *_BESIDE_THEM.split()}
     words = [word for word in _WORD_IN_TEXT.finditer(text) if word[1].lower() in known]
-    if of_sentences.isdisjoint(word[1].lower() for word in words) or _BINDING.search(text) or _ARITHMETIC.search(text):
+    is_sentence = _ARTICLE.search(text) or not of_sentences.isdisjoint(word[1].lower() for word in words)
+    if not is_sentence or _BINDING.search(text) or _ARITHMETIC.search(text):
         return text
     before = _CLAUSE.split(whole[: match.start()])[-1].strip(" $")
     after = "" if text.rstrip(" }\n")[-1] in ".:" else _CLAUSE.split(whole[match.end() :])[0].strip(" $}")
