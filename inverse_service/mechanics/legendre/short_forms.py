@@ -192,7 +192,7 @@ def _cancelled(tree: ex.Expression, sign: int) -> ex.Expression:
         case ex.Power(ex.Power() as square, ex.Number(e)) if e.denominator == 2 and _is_square(square):
             return (sign * _root_of_square(square)) ** e.numerator
         case ex.Power(ex.Sum() as base, ex.Number(e)) if e.denominator == 2 and not isinstance(
-            short := quotient(base), ex.Sum
+            short := quotient(writing.one_square(base)), ex.Sum
         ):
             return _cancelled(short**e, sign)
         case _:
