@@ -28,8 +28,8 @@ from inverse_service.field.matrices import determinant, dot, reduced_rows, solve
 from inverse_service.field.real_point import RealTable, find_real_point
 from inverse_service.mechanics import implicit_equations, short_angles, writing
 from inverse_service.mechanics.second_order_system import Functions
-from inverse_service.reading.document_names import Declared, Parameters, known_names, parameter_values, with_values
-from inverse_service.reading.names import Names, escaped
+from inverse_service.reading.document_names import Declared, known_names
+from inverse_service.reading.names import Names
 from inverse_service.reading.reader import placed_at, read_equations, read_formula, without_accelerations
 
 TERM_LIMIT = 20_000
@@ -286,7 +286,8 @@ def frames(parts: Geometry) -> list[Frame]:
     Preferred: coordinates that L does not contain, a minor of the constraints that is constant (no
     singular positions), a short one, one of few coordinates, later coordinates.
     """
-    held = [_in_lagrangian(parts, place) for place in range(parts.size)]
+    elements = [*(entry for row in parts.mass for entry in row), *parts.linear, parts.potential]
+    held = [any(not parts.by_coordinate(k, element).is_zero for element in elements) for k in range(parts.size)]
     minors = _minors(parts)
     choices = sorted(
         (
@@ -307,11 +308,6 @@ def _minors(parts: Geometry) -> Minors:
     one, table = parts.ring.constant(1), [(*row, offset) for row, offset in zip(parts.rows, parts.offsets, strict=True)]
     chosen = combinations(range(parts.size + 1), len(table))
     return {columns: determinant([[row[k] for k in columns] for row in table], one) for columns in chosen}
-
-
-def _in_lagrangian(parts: Geometry, place: int) -> bool:
-    elements = [*(entry for row in parts.mass for entry in row), *parts.linear, parts.potential]
-    return any(not parts.by_coordinate(place, element).is_zero for element in elements)
 
 
 def _frame(parts: Geometry, minors: Minors, dependent: tuple[int, ...]) -> Frame:
@@ -561,49 +557,33 @@ def motion_on(system: NonholonomicSystem, accelerations: Mapping[str, Expression
 
 
 def read_nonholonomic(
-    coordinates: Sequence[str] | None,
-    lagrangian: str,
-    constraints: Sequence[str] | str,
-    parameters: Parameters = (),
-    functions: Mapping[str, Sequence[str]] | None = None,
-    name: str = "",
-    most: int = MOST_CONSTRAINED,
-    where: Mapping[str, str] | None = None,
+    declared: Declared, lagrangian: str, constraints: Sequence[str] | str, name: str = ""
 ) -> NonholonomicSystem:
     """The system of a document; a constraint is a formula that is zero, or an equation.
 
     `constraints` is a list, or one text with the constraints separated by semicolons. InputError with
     JSON pointer and column for anything that is wrong, LimitError for too many coordinates.
     """
-    declared = Declared(coordinates, parameters, functions or {}, where or {}, most)
     known = known_names(declared, {"/lagrangian": lagrangian, **_by_pointer(constraints)}, order=1)
     names = known.remaining()
     return NonholonomicSystem(
         coordinates=names.coordinates,
         lagrangian=known.put_in(read_lagrangian(lagrangian, known.names)),
-        constraints=tuple(known.put_in(tree) for tree in _constraints(constraints, known.names, most)),
+        constraints=tuple(known.put_in(tree) for tree in _constraints(constraints, known.names, declared.most)),
         parameters=names.parameters,
         functions=tuple(names.functions.items()),
         name=name,
     )
 
 
-def read_motion(
-    coordinates: Sequence[str] | None,
-    motion: Mapping[str, str],
-    constraints: Sequence[str] | str,
-    parameters: Parameters = (),
-    functions: Mapping[str, Sequence[str]] | None = None,
-    where: Mapping[str, str] | None = None,
-) -> ConstrainedMotion:
+def read_motion(declared: Declared, motion: Mapping[str, str], constraints: Sequence[str] | str) -> ConstrainedMotion:
     """A motion given by the accelerations of the free coordinates on the constraints.
 
     InputError where the free coordinates are not as many as the constraints leave, or do not fix the others.
     """
     texts = {f"/motion/{name}": text for name, text in motion.items()}
-    declared = Declared(coordinates or None, parameters, functions or {}, where or {}, MOST_CONSTRAINED)
     known = known_names(declared, texts | _by_pointer(constraints), order=1)
-    names, trees = known.remaining(), _constraints(constraints, known.names, MOST_CONSTRAINED)
+    names, trees = known.remaining(), _constraints(constraints, known.names, declared.most)
     free = {known.names.spelling(name): name for name in motion}
     strange = next((name for key, name in free.items() if key not in names.coordinates), None)
     if strange is not None:
@@ -693,34 +673,3 @@ def _by_pointer(constraints: Sequence[str] | str) -> dict[str, str]:
     if isinstance(constraints, str):
         return {"/constraints": constraints}
     return {f"/constraints/{place}": text for place, text in enumerate(constraints)}
-
-
-def read_multiples(
-    multiples: Mapping[str, str],
-    system: NonholonomicSystem,
-    parameters: Parameters,
-    pointer: str = "/multiples",
-) -> tuple[Expression, ...]:
-    """What a user adds to each acceleration, in the order of the coordinates; 0 by default.
-
-    InputError for a key that is not a coordinate, and for formulas that `read_formula` rejects.
-    """
-    named = Declared(parameters=parameters).named_parameters()
-    known = tuple(dict.fromkeys((*system.parameters, *named)))
-    names = Names(system.coordinates, known, dict(system.functions))
-    values = parameter_values(named)
-    found: dict[str, Expression] = {}
-    for key, text in multiples.items():
-        place = f"{pointer}/{escaped(key)}"
-        name = names.spelling(key)
-        if name not in system.coordinates:
-            raise InputError(
-                f"there is a multiple for a name that is not a coordinate: the coordinates are "
-                f"{', '.join(system.coordinates)}.",
-                place,
-            )
-        with placed_at(place):
-            tree = with_values(read_formula(text, names), values)
-        found[name] = without_accelerations(tree, f"the multiple for {name}", place)
-    zero = read_formula("0", names)
-    return tuple(found.get(name, zero) for name in system.coordinates)

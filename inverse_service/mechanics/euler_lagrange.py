@@ -5,21 +5,22 @@ Derivatives are collected (like terms added, exact) but not simplified.
 
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
+from typing import TypeVar
 
 import mpmath
 
 from inverse_service.expressions import collecting, derivative, evaluation, tree as ex
 
 Matrix = tuple[tuple[ex.Expression, ...], ...]
+Leaf = ex.Symbol | ex.Velocity | ex.Acceleration
+L = TypeVar("L", ex.Velocity, ex.Acceleration)
 # Eigenvalues below this part of the largest are zero.
 _TINY = mpmath.mpf(10) ** -20
 
 
-def gradient(
-    tree: ex.Expression, leaves: Iterable[ex.Symbol | ex.Velocity]
-) -> dict[ex.Symbol | ex.Velocity, ex.Expression]:
+def gradient(tree: ex.Expression, leaves: Iterable[Leaf]) -> dict[Leaf, ex.Expression]:
     """The derivatives by the leaves that occur; of a long sum each term is looked at once."""
-    wanted, parts = set(leaves), dict[ex.Symbol | ex.Velocity, list[ex.Expression]]()
+    wanted, parts = set(leaves), dict[Leaf, list[ex.Expression]]()
     left: list[tuple[ex.Expression, ex.Expression]] = [(ex.ONE, tree)]
     for factor, part in left:
         match part:
@@ -30,10 +31,23 @@ def gradient(
             ):
                 left += [(ex.multiply(factor, *constants), term) for term in terms]
             case _:
-                held = dict.fromkeys(node for node in ex.walk(part) if isinstance(node, ex.Symbol | ex.Velocity))
+                held = dict.fromkeys(node for node in ex.walk(part) if isinstance(node, Leaf))
                 for leaf in (node for node in held if node in wanted):
                     parts.setdefault(leaf, []).append(factor * derivative.differentiate(part, leaf))
     return {leaf: ex.add(*terms) for leaf, terms in parts.items()}
+
+
+def linear_parts(tree: ex.Expression, leaves: type[L]) -> tuple[dict[L, ex.Expression], ex.Expression] | L:
+    """(a, b) of sum a_i u_i + b, u_i the leaves of this type; one of them where it occurs otherwise."""
+    found = dict.fromkeys(node for node in ex.walk(tree) if isinstance(node, leaves))
+    slopes: dict[Leaf, ex.Expression] = gradient(tree, found)
+    # sign(u) has the slope 0.
+    parts = [*slopes.values(), *(node for node in ex.walk(tree) if isinstance(node, ex.Apply | ex.Arbitrary))]
+    for node in (node for part in parts for node in ex.walk(part)):
+        if isinstance(node, leaves):
+            return node
+    rest = ex.substitute(tree, dict[ex.Expression, ex.Expression](dict.fromkeys(found, ex.ZERO)))
+    return {leaf: slopes.get(leaf, ex.ZERO) for leaf in found}, rest
 
 
 def momenta(lagrangian: ex.Expression, coordinates: Sequence[str]) -> tuple[ex.Expression, ...]:

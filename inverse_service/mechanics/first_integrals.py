@@ -25,7 +25,7 @@ from inverse_service.expressions import collecting, derivative, printing, tree a
 from inverse_service.field import exact_field, flow, matrices, null_vectors
 from inverse_service.field.point import Variable
 from inverse_service.field.tower import to_kernels
-from inverse_service.mechanics import writing
+from inverse_service.mechanics import euler_lagrange, writing
 from inverse_service.mechanics.constrained_motion import ConstrainedMotion
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
@@ -429,10 +429,7 @@ class _Integrals:
             return f"momentum of {listed}" if len(moving) == 1 else f"momentum along {listed}"
         if len(moving) == 2:
             (one, first), (other, second) = moving
-            if (
-                first * ex.Symbol(one) + second * ex.Symbol(other) == ex.ZERO
-                or collecting.collect(first * ex.Symbol(one) + second * ex.Symbol(other)) == ex.ZERO
-            ):
+            if collecting.collect(first * ex.Symbol(one) + second * ex.Symbol(other)) == ex.ZERO:
                 return f"angular momentum in {listed}"
         return otherwise
 
@@ -468,12 +465,8 @@ def _squared_forms(lagrangian: Expression) -> tuple[Expression, ...]:
         match node:
             case ex.Power(base, ex.Number(exponent)) if exponent == 2:
                 for factor in ex.factors_of(base):
-                    velocities = {leaf for leaf in ex.walk(factor) if isinstance(leaf, ex.Velocity)}
-                    linear = all(
-                        not any(isinstance(leaf, ex.Velocity) for leaf in ex.walk(derivative.differentiate(factor, v)))
-                        for v in velocities
-                    )
-                    if velocities and linear:
+                    parts = euler_lagrange.linear_parts(factor, ex.Velocity)
+                    if isinstance(parts, tuple) and parts[0]:
                         found[factor] = None
     return tuple(found)
 
@@ -487,8 +480,17 @@ class _Units:
         nodes = list(dict.fromkeys(node for tree in work.trees for node in ex.walk(tree)))
         self.single: dict[Expression, dict[Expression, int]] = {q: {} for q in self.positions}
         self.mixed: dict[Expression, int] = {}
-        circular = {q for node in nodes if isinstance(node, ex.Apply) for q in self._angles(node)}
-        plain = {q for node in nodes if isinstance(node, ex.Sum | ex.Product | ex.Power) for q in self._bare(node)}
+        circular = {
+            q
+            for node in nodes
+            if isinstance(node, ex.Apply)
+            for q in self.positions
+            if node.function in ("sin", "cos", "tan", "cot") and ex.holds(node, q)
+        }
+        inner = (
+            part for node in nodes if isinstance(node, ex.Sum | ex.Product | ex.Power) for part in ex.children(node)
+        )
+        plain = {part for part in inner if part in self.single}
         for name, q in zip(self.names, self.positions, strict=True):
             if q not in circular or q in plain:
                 self.single[q] |= {q: 1, q**2: 2}
@@ -503,12 +505,6 @@ class _Units:
             angle = ex.Apply("sin", one), ex.Apply("cos", one)
             if all(unit in table for unit in angle) and work.lagrangian is not None and ex.holds(work.lagrangian, one):
                 table.update({angle[0] ** -1: 1, angle[1] / angle[0]: 1})
-
-    def _angles(self, node: ex.Apply) -> list[Expression]:
-        return [q for q in self.positions if node.function in ("sin", "cos", "tan", "cot") and ex.holds(node, q)]
-
-    def _bare(self, node: Expression) -> Iterator[Expression]:
-        yield from (part for part in ex.children(node) if part in self.single)
 
     def _add(self, node: Expression) -> None:
         """What a node of f or L brings in: its functions, and roots of sums that f divides by."""

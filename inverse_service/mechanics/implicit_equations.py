@@ -27,7 +27,7 @@ from mpmath import mp, mpf
 from inverse_service import bounds, errors
 from inverse_service.expressions import evaluation, graphs, inequalities, tree as ex
 from inverse_service.field import exact_field
-from inverse_service.mechanics import writing
+from inverse_service.mechanics import euler_lagrange, writing
 
 _POINTS = 3
 _ATTEMPTS = 60
@@ -52,57 +52,16 @@ class LinearEquation:
 
 def linear_equation(residual: ex.Expression, pointer: str = "") -> LinearEquation:
     """The parts of residual = 0; InputError where an acceleration enters otherwise than linearly."""
-    coefficients, rest = _parts(residual, pointer)
-    return LinearEquation(coefficients, rest, pointer)
+    parts = euler_lagrange.linear_parts(residual, ex.Acceleration)
+    if not isinstance(parts, tuple):
+        name = parts.coordinate
+        detail = f"the acceleration {name}'' does not enter linearly: write the equation solved for {name}''."
+        raise errors.InputError(detail, pointer)
+    return LinearEquation({leaf.coordinate: slope for leaf, slope in parts[0].items()}, parts[1], pointer)
 
 
 def has_acceleration(expression: ex.Expression) -> bool:
     return any(isinstance(node, ex.Acceleration) for node in ex.walk(expression))
-
-
-def _parts(expression: ex.Expression, pointer: str) -> tuple[dict[str, ex.Expression], ex.Expression]:
-    if not has_acceleration(expression):
-        return {}, expression
-    match expression:
-        case ex.Acceleration(coordinate):
-            return {coordinate: ex.ONE}, ex.ZERO
-        case ex.Sum(terms):
-            return _parts_of_sum(terms, pointer)
-        case ex.Product(factors):
-            return _parts_of_product(factors, pointer)
-        case _:
-            raise _nonlinear(expression, pointer)
-
-
-def _parts_of_sum(terms: tuple[ex.Expression, ...], pointer: str) -> tuple[dict[str, ex.Expression], ex.Expression]:
-    collected: dict[str, list[ex.Expression]] = {}
-    rests = []
-    for term in terms:
-        coefficients, rest = _parts(term, pointer)
-        rests.append(rest)
-        for coordinate, coefficient in coefficients.items():
-            collected.setdefault(coordinate, []).append(coefficient)
-    return {coordinate: ex.add(*found) for coordinate, found in collected.items()}, ex.add(*rests)
-
-
-def _parts_of_product(
-    factors: tuple[ex.Expression, ...], pointer: str
-) -> tuple[dict[str, ex.Expression], ex.Expression]:
-    holders = [factor for factor in factors if has_acceleration(factor)]
-    if len(holders) != 1:
-        raise _nonlinear(ex.Product(factors), pointer)
-    others = [factor for factor in factors if factor is not holders[0]]
-    coefficients, rest = _parts(holders[0], pointer)
-    scaled = {coordinate: ex.multiply(*others, found) for coordinate, found in coefficients.items()}
-    return scaled, ex.multiply(*others, rest)
-
-
-def _nonlinear(expression: ex.Expression, pointer: str) -> errors.InputError:
-    name = next(node.coordinate for node in ex.walk(expression) if isinstance(node, ex.Acceleration))
-    return errors.InputError(
-        f"the acceleration {name}'' does not enter linearly: write the equation solved for {name}''.",
-        pointer,
-    )
 
 
 def vanishes(tree: ex.Expression) -> bool:

@@ -57,7 +57,11 @@ def involutive_closure(partials: Sequence[Partial], fields: Sequence[Field]) -> 
     growth = [len(found.rows)]
     consistent = all(row[width].is_zero for _, row in found.dropped)
     while True:
-        brackets = [_bracket(partials, left, right) for left, right in combinations(found.rows, 2)]
+        # [X, Y], and X(k) - Y(h) as the last entry.
+        brackets = [
+            tuple(_along(partials, x, b) - _along(partials, y, a) for a, b in zip(x, y, strict=True))
+            for x, y in combinations(found.rows, 2)
+        ]
         fresh = [row for row in brackets if not all(entry.is_zero for entry in row)]
         if not fresh:
             break
@@ -67,11 +71,6 @@ def involutive_closure(partials: Sequence[Partial], fields: Sequence[Field]) -> 
             break
         growth.append(len(found.rows))
     return Closure(found.rows, found.pivots, tuple(growth), consistent)
-
-
-def _bracket(partials: Sequence[Partial], left: Field, right: Field) -> Field:
-    """[X, Y], and X(k) - Y(h) as the last entry."""
-    return tuple(_along(partials, left, b) - _along(partials, right, a) for a, b in zip(left, right, strict=True))
 
 
 def _along(partials: Sequence[Partial], field: Field, element: Quotient) -> Quotient:
@@ -191,8 +190,10 @@ def measure_density(motion: EliminatedMotion) -> MeasureDensity:
     The equations are closed under brackets; a contradiction shows that no density N(q) exists.
     """
     parts, choice = motion.geometry, motion.frame
-    divergence = _divergence(motion)
-    values, rest = _linear_parts(motion, divergence)
+    # div X in the coordinates (q, u) of the constraint manifold
+    terms = [parts.by_coordinate(k, motion.velocities[k]) for k in range(parts.size)]
+    terms += [parts.by_velocity(k, motion.accelerations[k]) for k in choice.free]
+    values, rest = _linear_parts(motion, sum_of(parts.zero, terms))
     if values is None:
         return MeasureDensity("not_found")
     with_time = needs_time(parts, choice) or not rest.is_zero
@@ -206,14 +207,6 @@ def measure_density(motion: EliminatedMotion) -> MeasureDensity:
     return MeasureDensity(
         "found", momenta.exponential(parts.ring), velocities.made_positive(parts.ring, table).exponential(parts.ring)
     )
-
-
-def _divergence(motion: EliminatedMotion) -> Quotient:
-    """div X in the coordinates (q, u) of the constraint manifold."""
-    parts = motion.geometry
-    terms = [parts.by_coordinate(k, motion.velocities[k]) for k in range(parts.size)]
-    terms += [parts.by_velocity(k, motion.accelerations[k]) for k in motion.frame.free]
-    return sum_of(parts.zero, terms)
 
 
 def _linear_parts(motion: EliminatedMotion, element: Quotient) -> tuple[list[Quotient] | None, Quotient]:

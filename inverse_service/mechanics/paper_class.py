@@ -192,7 +192,9 @@ def rotation(member: PaperClass) -> Rotation:
     names = member.geometry.system.coordinates
     r1 = Symbol(names[member.r1])
     masses = [member.geometry.tree(mass) for mass in member.masses]
-    constant = _constant_entries(member)
+    square = member.inverse_square_density
+    entries = enumerate(member.directions)  # u_i = N (1, -A)_i is constant where (u_i^2)' = 0
+    constant = [place for place, entry in entries if member.by_r1(entry * entry / square).is_zero]
     turning = tuple(place for place in range(len(masses)) if place not in constant)
     size = len(masses)
     generator: Matrix = [[ZERO] * size for _ in range(size)]
@@ -214,12 +216,6 @@ def rotation(member: PaperClass) -> Rotation:
         tuple(map(tuple, _inverse(form, turning, masses))),
         text,
     )
-
-
-def _constant_entries(member: PaperClass) -> list[int]:
-    """Places at which u = N (1, -A) is constant: (u_i^2)' = 0."""
-    square = member.inverse_square_density
-    return [place for place, entry in enumerate(member.directions) if member.by_r1(entry * entry / square).is_zero]
 
 
 def _unit(member: PaperClass) -> list[Expression]:
@@ -380,16 +376,13 @@ def _third(motion: EliminatedMotion, member: PaperClass) -> AssociatedSystem:
     trees = [parts.tree(element) for element in motion.accelerations]
     forces = [parts.tree(_velocity_free(motion, element)) for element in motion.accelerations]
     turned = rotation(member)
-    if len(turned.turning) > 2 and any(_is_negative(parts.tree(mass)) for mass in member.masses):
+    masses = [parts.tree(mass) for mass in member.masses]
+    if len(turned.turning) > 2 and any(isinstance(mass, Number) and mass.value < 0 for mass in masses):
         text = "The third system is not defined: with three and more turning velocities all masses have to be positive."
         return AssociatedSystem("third", None, text)
     for place, row in zip(member.moving, turned.terms(), strict=True):
         trees[place] = row + forces[place]
     return AssociatedSystem("third", _system(motion, "third", tuple(trees)), turned.explanation)
-
-
-def _is_negative(mass: Expression) -> bool:
-    return isinstance(mass, Number) and mass.value < 0
 
 
 def _velocity_free(motion: EliminatedMotion, element: Quotient) -> Quotient:
@@ -423,7 +416,10 @@ def propose_lagrangians(member: PaperClass, kind: str) -> tuple[PaperLagrangian,
     if member.has_force or kind not in ("second", "third"):
         return ()
     try:
-        return _of_second(member) if kind == "second" else (_of_third(member),)
+        if kind == "second":
+            return _of_second(member)
+        turned = rotation(member)
+        return (_proposal(member, "Lagrangian of the rotation", turned.form, turned.inverse, turned.turning),)
     except (TooLarge, ZeroDivisionError):
         return ()
 
@@ -446,11 +442,6 @@ def _of_second(member: PaperClass) -> tuple[PaperLagrangian, ...]:
     if not member.density_is_constant:
         return (first,)
     return first, _proposal(member, "second Lagrangian of Proposition 1", form, inverse, everything[1:])
-
-
-def _of_third(member: PaperClass) -> PaperLagrangian:
-    turned = rotation(member)
-    return _proposal(member, "Lagrangian of the rotation", turned.form, turned.inverse, turned.turning)
 
 
 def _proposal(member: PaperClass, label: str, form: _Rows, inverse: _Rows, coupled: Sequence[int]) -> PaperLagrangian:
@@ -511,7 +502,8 @@ def _images(
         return ()
     assert transform.velocities is not None
     directions = [member.geometry.tree(entry) for entry in member.directions]
-    constants = [_row(form, directions, coupled, i) if i in coupled else ZERO for i in range(len(p))]
+    su = [add(*(row[j] * directions[j] for j in coupled if row[j] != ZERO)) for row in form]
+    constants = [entry if i in coupled else ZERO for i, entry in enumerate(su)]
     first = coupled[0]
     ratios = [tidied(constants[i] / constants[first]) for i in coupled[1:]]
     found = [p[i] - ratio * p[first] for i, ratio in zip(coupled[1:], ratios, strict=True)]
@@ -521,7 +513,3 @@ def _images(
             factor = tidied(member.geometry.tree(member.masses[i]) * directions[i] / constants[first])
             found.append(p[i] - factor * p[first] * rate)
     return tuple(found)
-
-
-def _row(matrix: _Rows, vector: Sequence[Expression], places: Sequence[int], row: int) -> Expression:
-    return add(*(matrix[row][j] * vector[j] for j in places if matrix[row][j] != ZERO))

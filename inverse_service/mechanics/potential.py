@@ -12,11 +12,11 @@ import flint
 from inverse_service import bounds
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.evaluation import NoRealValue
-from inverse_service.expressions.tree import Apply, Arbitrary, Expression, Number, Product, Sum, add, multiply, negated
+from inverse_service.expressions.tree import Apply, Arbitrary, Expression, add, multiply
 from inverse_service.field.exact_field import ExactRing, Exponents, Quotient, as_fraction
 from inverse_service.field.matrices import kernel, numerators, solution
 from inverse_service.field.real_point import RealTable, real_sign
-from inverse_service.mechanics.writing import joined, readable
+from inverse_service.mechanics.writing import joined, readable, turned
 
 Partial = Callable[[Quotient], Quotient]
 
@@ -30,7 +30,7 @@ class Potential:
 
     def exponential(self, ring: ExactRing) -> Expression:
         """exp(phi) as a tree."""
-        factors = [_signed(readable(ring, element)) ** readable(ring, value) for value, element in self.logarithms]
+        factors = [turned(readable(ring, element)) ** readable(ring, value) for value, element in self.logarithms]
         if not self.rest.is_zero:
             factors.append(Apply("exp", readable(ring, self.rest)))
         return joined(multiply(*factors))
@@ -64,14 +64,6 @@ class Potential:
     def negated(self) -> Potential:
         """-phi."""
         return Potential(tuple((-value, element) for value, element in self.logarithms), -self.rest)
-
-
-def _signed(tree: Expression) -> Expression:
-    """With the sign of -(a + b) inside."""
-    match tree:
-        case Product((Number(factor), Sum() as rest)) if factor == -1:
-            return negated(rest)
-    return tree
 
 
 def _is_negative(tree: Expression, table: RealTable) -> bool:

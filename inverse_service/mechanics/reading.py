@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 from inverse_service import errors
 from inverse_service.expressions import derivative, printing, refusals, tree as ex
-from inverse_service.mechanics import implicit_equations
+from inverse_service.mechanics import euler_lagrange, implicit_equations
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading import document_names, reader
 from inverse_service.reading.names import GREEK_NAMES, Names, check_clashes, escaped, is_momentum
@@ -81,13 +81,10 @@ def _slopes(
     """What each derivative is, in the order of the equations; InputError for one that is not u' = … ."""
     found: dict[str, ex.Expression] = {}
     for left, right in equations:
-        zero = left - right
-        moving = {node for node in ex.walk(zero) if isinstance(node, ex.Velocity)}
-        rate = next(iter(moving), None)
-        factor = derivative.differentiate(zero, rate) if rate is not None and len(moving) == 1 else ex.ZERO
-        if rate is None or factor == ex.ZERO or any(isinstance(node, ex.Velocity) for node in ex.walk(factor)):
+        parts = euler_lagrange.linear_parts(left - right, ex.Velocity)
+        if not isinstance(parts, tuple) or len(parts[0]) != 1 or ex.ZERO in parts[0].values():
             raise errors.InputError(NOT_PAIRS, "/equations")
-        rest = ex.substitute(zero, {rate: ex.ZERO})
+        ((rate, factor),), rest = parts[0].items(), parts[1]
         found[rate.coordinate] = -(rest if factor == ex.ONE else rest / factor)
     return found
 
@@ -133,10 +130,30 @@ def read_system(
     and names in `where` are replaced exactly. InputError with JSON
     pointer and column for anything that is wrong, LimitError for more than `LIMITS.coordinates`.
     """
-    names, found, others = _understood(
-        document_names.Declared(coordinates, parameters, functions or {}, where or {}), equations
-    )
-    solved = _solved_for(found, names.coordinates)
+    declared = document_names.Declared(coordinates, parameters, functions or {}, where or {})
+    return solved_system(read_given(declared, equations), name)
+
+
+@dataclass(frozen=True, slots=True)
+class GivenEquations:
+    """What a document says before anything is solved: its names, parameters with a value left out, and its equations.
+
+    These are left and right side with their pointer; `others` are formulas for names that first-order pairs contain.
+    """
+
+    names: Names
+    equations: tuple[_Equation, ...]
+    others: _Others = ()
+
+    @property
+    def residuals(self) -> tuple[ex.Expression, ...]:
+        """E of E = 0."""
+        return tuple(left - right for left, right, _ in self.equations)
+
+
+def solved_system(given: GivenEquations, name: str = "") -> SecondOrderSystem:
+    """The equations solved for the accelerations; InputError and LimitError as in `read_system`."""
+    names, solved = given.names, _solved_for(given.equations, given.names.coordinates)
     return SecondOrderSystem(
         coordinates=names.coordinates,
         accelerations=solved.accelerations,
@@ -144,34 +161,12 @@ def read_system(
         parameters=names.parameters,
         functions=tuple(names.functions.items()),
         name=name,
-        others=others,
+        others=given.others,
     )
 
 
-@dataclass(frozen=True, slots=True)
-class GivenEquations:
-    """What a document says before anything is solved: its names, parameters with a value left out, and E = 0."""
-
-    names: Names
-    residuals: tuple[ex.Expression, ...]
-
-
-def read_given(
-    coordinates: Sequence[str] | None,
-    equations: Equations,
-    parameters: document_names.Parameters = (),
-    functions: Mapping[str, Sequence[str]] | None = None,
-    where: Mapping[str, str] | None = None,
-) -> GivenEquations:
-    """The equations of a document as given, left side minus right side; InputError as in `read_system`."""
-    names, found, _ = _understood(
-        document_names.Declared(coordinates, parameters, functions or {}, where or {}), equations
-    )
-    return GivenEquations(names, tuple(left - right for left, right, _ in found))
-
-
-def _understood(declared: document_names.Declared, equations: Equations) -> tuple[Names, list[_Equation], _Others]:
-    """The names that have no value and no formula, the equations with these put in, what pairs leave out."""
+def read_given(declared: document_names.Declared, equations: Equations) -> GivenEquations:
+    """The equations of a document as given; InputError as in `read_system`."""
     if isinstance(equations, str):
         equations += _canonical_equations(equations)
     try:
@@ -183,9 +178,7 @@ def _understood(declared: document_names.Declared, equations: Equations) -> tupl
         raise
 
 
-def _read_lines(
-    declared: document_names.Declared, equations: Equations, rates: bool
-) -> tuple[Names, list[_Equation], _Others]:
+def _read_lines(declared: document_names.Declared, equations: Equations, rates: bool) -> GivenEquations:
     """The same; with `rates`, p = m x' beside p' = -k x defines a name whose rate is that of its formula."""
     texts = _texts(equations)
     defined = {} if isinstance(equations, Mapping) else _definitions(texts, declared, rates)
@@ -201,7 +194,7 @@ def _read_lines(
 
 def _read_with(
     declared: document_names.Declared, texts: Mapping[str, str], equations: Equations, rates: bool
-) -> tuple[Names, list[_Equation], _Others]:
+) -> GivenEquations:
     """The same, the definitions among the declarations."""
     keys = tuple(equations) if isinstance(equations, Mapping) else ()
     pairs = not keys and not rates and _are_pairs(texts, declared)
@@ -212,12 +205,13 @@ def _read_with(
     ]
     names = known.remaining()
     if not pairs:
-        return names, found, ()
+        return GivenEquations(names, tuple(found))
     system = from_pairs([(left, right) for left, right, _ in found], names.coordinates, declared.coordinates or ())
     names = replace(names, coordinates=system.coordinates)
     check_clashes(names)
     trees = zip(system.coordinates, system.accelerations, strict=True)
-    return names, [(ex.Acceleration(name), tree, "/equations") for name, tree in trees], system.others
+    lines = tuple((ex.Acceleration(name), tree, "/equations") for name, tree in trees)
+    return GivenEquations(names, lines, system.others)
 
 
 def _canonical_equations(text: str) -> str:
@@ -442,7 +436,7 @@ def _right_side(value: str, coordinate: str, names: Names, pointer: str) -> ex.E
         return right
 
 
-def _solved_for(found: list[_Equation], coordinates: tuple[str, ...]) -> implicit_equations.Solved:
+def _solved_for(found: Sequence[_Equation], coordinates: tuple[str, ...]) -> implicit_equations.Solved:
     explicit = {left.coordinate: right for left, right, _ in found if isinstance(left, ex.Acceleration)}
     solved = not any(implicit_equations.has_acceleration(right) for right in explicit.values())
     if solved and len(explicit) == len(found) == len(coordinates):

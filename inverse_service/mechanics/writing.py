@@ -228,6 +228,16 @@ def one_square(tree: ex.Expression) -> ex.Expression:
     return tree
 
 
+def turned(tree: ex.Expression) -> ex.Expression:
+    """-(a - b) c as (b - a) c."""
+    match tree:
+        case ex.Product((ex.Number(value), *rest)) if value < 0:
+            place = next((k for k, factor in enumerate(rest) if isinstance(factor, ex.Sum)), None)
+            if place is not None:
+                return ex.multiply(ex.number(-value), *rest[:place], ex.negated(rest[place]), *rest[place + 1 :])
+    return tree
+
+
 def minus_inside(tree: ex.Expression) -> ex.Expression:
     """Each term -(a - b) c of a sum as (b - a) c, -c/(a - b) as c/(b - a); likewise where more terms are negative."""
     if isinstance(tree, ex.Sum):

@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from inverse_service.constrained.existence import AnalyzedMotion, analyze_motion
-from inverse_service.mechanics.constrained_motion import ConstrainedMotion, equations_of_motion, read_nonholonomic
+from inverse_service.mechanics.constrained_motion import ConstrainedMotion, equations_of_motion
 from inverse_service.mechanics.reading import read_system
+from inverse_service.service.documents.motion_documents import nonholonomic_of
 
 SLEIGH = "((x'-a*sin(phi)*phi')^2+(y'+a*cos(phi)*phi')^2)/2"
 BLADE = ["y'*cos(phi)-sin(phi)*x'"]
@@ -35,7 +36,7 @@ def disk(potential: str, **more: Any) -> dict[str, Any]:
 
 
 def motion_of(document: dict[str, Any]) -> ConstrainedMotion:
-    return equations_of_motion(read_nonholonomic(**document))
+    return equations_of_motion(nonholonomic_of(document))
 
 
 def analyzed(document: dict[str, Any]) -> AnalyzedMotion:

@@ -62,18 +62,13 @@ def occurrences(tree: ex.Expression, leaf: ex.Velocity) -> int:
     return sum(1 for node in ex.walk(tree) if node == leaf)
 
 
-def isolate(tree: ex.Expression, leaf: ex.Velocity, target: ex.Expression) -> Iterator[Root]:
-    """All solutions of tree = target for the leaf; none where it does not occur exactly once."""
-    if occurrences(tree, leaf) == 1:
-        yield from _inverted(tree, leaf, Root(target))
-
-
-def _inverted(tree: ex.Expression, leaf: ex.Velocity, known: Root) -> Iterator[Root]:
+def isolate(tree: ex.Expression, leaf: ex.Velocity, known: Root) -> Iterator[Root]:
+    """All solutions of tree = known.value for the leaf; none where it does not occur exactly once."""
     if tree == leaf:
         yield known
-        return
-    for inner, root in peeled(tree, leaf, known):
-        yield from _inverted(inner, leaf, root)
+    elif occurrences(tree, leaf) == 1:
+        for inner, root in peeled(tree, leaf, known):
+            yield from isolate(inner, leaf, root)
 
 
 def peeled(tree: ex.Expression, leaf: ex.Velocity, known: Root) -> Iterator[tuple[ex.Expression, Root]]:
@@ -157,13 +152,10 @@ def polynomial_roots(tree: ex.Expression, leaf: ex.Velocity, target: ex.Expressi
     unknown = laurent.generator**step
     c = [table.get(lowest + k * step, ex.ZERO) for k in range(int((max(table) - lowest) / step) + 1)]
     if len(c) == 2:
-        yield from _unwound(unknown, leaf, Root(-c[0] / c[1]))
-    elif len(c) == 3:
-        for root in _quadratic(c[2], c[1], c[0], unknown):
-            yield from _unwound(unknown, leaf, root)
-    elif len(c) == 4:
-        for root in _cubic(c, unknown):
-            yield from _unwound(unknown, leaf, root)
+        yield from isolate(unknown, leaf, Root(-c[0] / c[1]))
+    elif len(c) in (3, 4):
+        for root in _quadratic(c, unknown) if len(c) == 3 else _cubic(c, unknown):
+            yield from isolate(unknown, leaf, root)
 
 
 def _common_step(exponents: Sequence[Fraction]) -> Fraction:
@@ -209,13 +201,9 @@ def _is_linear(monomial: collecting.Monomial, leaf: ex.Velocity) -> bool:
     )
 
 
-def _unwound(tree: ex.Expression, leaf: ex.Velocity, known: Root) -> Iterator[Root]:
-    for root in isolate(tree, leaf, known.value):
-        yield Root(root.value, (*known.conditions, *root.conditions))
-
-
-def _quadratic(a: ex.Expression, b: ex.Expression, c: ex.Expression, y: ex.Expression) -> Iterator[Root]:
+def _quadratic(coefficients: Sequence[ex.Expression], y: ex.Expression) -> Iterator[Root]:
     """Both roots of a y^2 + b y + c; `y` as a tree in v says which one it is."""
+    c, b, a = coefficients
     discriminant = short_forms.simplified(b**2 - 4 * a * c)
     slope = 2 * a * y + b
     for sign in (1, -1):
@@ -230,7 +218,7 @@ def _cubic(c: list[ex.Expression], y: ex.Expression) -> Iterator[Root]:
     b = short_forms.simplified(h * (slope - 2 * h**2) - start)
     z, unknown = y + h, ex.Velocity(_NAME)
     if k == ex.ZERO:
-        for root in isolate(ex.Power(unknown, ex.number(3)), unknown, b):
+        for root in roots_of_power(unknown, ex.number(3), b):
             yield Root(root.value - h)
         return
     yield Root(_tripled(k, b, "asinh", "sinh") - h, (k,))
@@ -320,7 +308,7 @@ def roots_for(slope: ex.Expression, rate: ex.Velocity, momentum: ex.Expression) 
     collected = collecting.collect(slope)
     once = [form for form in (collected, slope, short_forms.quotient(collected)) if occurrences(form, rate) == 1]
     if once:
-        yield from isolate(short_forms.shortest(once), rate, momentum)
+        yield from isolate(short_forms.shortest(once), rate, Root(momentum))
         return
     yield from polynomial_roots(collected, rate, momentum)
     yield from _of_two_logarithms(collected, rate, momentum)
@@ -400,14 +388,9 @@ def _with_a_root(tree: ex.Expression, rate: ex.Velocity, known: Root) -> Iterato
 def _numerator(tree: ex.Expression, rate: ex.Velocity) -> list[ex.Expression]:
     """The bases of its factors that hold the velocity and something else, those under the line left out."""
     whole = short_forms.quotient(tree)
-    factors = [f for f in ex.factors_of(whole) if not _is_below(f)]
-    bases = [f.base if isinstance(f, ex.Power) else f for f in factors]
+    bases = [base for base, e in ex.powers_of(whole) if e > 0]
     leaves = [{node for node in ex.walk(base) if isinstance(node, ex.Symbol | ex.Velocity)} for base in bases]
     return [base for base, held in zip(bases, leaves, strict=True) if rate in held and held != {rate}]
-
-
-def _is_below(factor: ex.Expression) -> bool:
-    return isinstance(factor, ex.Power) and isinstance(factor.exponent, ex.Number) and factor.exponent.value < 0
 
 
 def _without_root(tree: ex.Expression, rate: ex.Velocity) -> ex.Expression:
@@ -416,16 +399,13 @@ def _without_root(tree: ex.Expression, rate: ex.Velocity) -> ex.Expression:
     rooted: dict[ex.Expression, list[ex.Expression]] = {}
     for term in collecting.expand(tree):
         factor = collecting.terms_tree([term])
-        roots = [node for node in ex.walk(factor) if _is_root(node) and occurrences(node, rate)]
+        powers = (node for node in ex.walk(factor) if isinstance(node, ex.Power) and node.exponent == ex.HALF)
+        roots = [node for node in powers if occurrences(node, rate)]
         (rooted.setdefault(roots[0], []) if roots else plain).append(factor / roots[0] if roots else factor)
     if len(rooted) != 1:
         return ex.ZERO
     ((root, terms),) = rooted.items()
     return ex.add(*plain) ** 2 - ex.add(*terms) ** 2 * root**2
-
-
-def _is_root(node: ex.Expression) -> bool:
-    return isinstance(node, ex.Power) and isinstance(node.exponent, ex.Number) and node.exponent.value == ex.HALF.value
 
 
 def elimination_branches(block: blocks.Block) -> Iterator[blocks.Branch]:
@@ -452,7 +432,9 @@ def _solutions(equations: Sequence[Equation], names: Sequence[str]) -> Iterator[
             yield {names[0]: root.value}, root.conditions
         return
     for name, root, reduced, left in _isolated(equations, names):
-        yield from _completed(name, root.value, root.conditions, _solutions(reduced, left))
+        for rates, others in _solutions(reduced, left):
+            table: dict[ex.Expression, ex.Expression] = {ex.Velocity(other): tree for other, tree in rates.items()}
+            yield {**rates, name: ex.substitute(root.value, table)}, root.conditions + others
 
 
 def _isolated(
@@ -462,20 +444,12 @@ def _isolated(
     for momentum, function in equations:
         others = [equation for equation in equations if equation[0] != momentum]
         for name in names:
-            for root in isolate(function, ex.Velocity(name), momentum):
+            for root in isolate(function, ex.Velocity(name), Root(momentum)):
                 table: dict[ex.Expression, ex.Expression] = {ex.Velocity(name): root.value}
                 left = [other for other in names if other != name]
                 reduced = [(p, short_forms.simplified(ex.substitute(f, table))) for p, f in others]
                 if all(short_forms.velocities_in(f, left) for _, f in reduced):
                     yield name, root, reduced, left
-
-
-def _completed(
-    name: str, value: ex.Expression, conditions: tuple[ex.Expression, ...], rest: Iterator[Solved]
-) -> Iterator[Solved]:
-    for rates, others in rest:
-        table: dict[ex.Expression, ex.Expression] = {ex.Velocity(other): tree for other, tree in rates.items()}
-        yield {**rates, name: ex.substitute(value, table)}, conditions + others
 
 
 @lru_cache(maxsize=512)

@@ -81,19 +81,9 @@ def inside(tree: ex.Expression) -> ex.Expression:
     """The tree with each sum that a function is taken of as one quotient, where that is shorter."""
     match ex.rebuild(tree, inside):
         case ex.Apply(function, ex.Sum() as argument):
-            return ex.Apply(function, shortest([argument, _turned(quotient(argument))]))
+            return ex.Apply(function, shortest([argument, writing.turned(quotient(argument))]))
         case other:
             return other
-
-
-def _turned(tree: ex.Expression) -> ex.Expression:
-    """-(a - b) c as (b - a) c."""
-    match tree:
-        case ex.Product((ex.Number(value), *rest)) if value < 0:
-            place = next((k for k, factor in enumerate(rest) if isinstance(factor, ex.Sum)), None)
-            if place is not None:
-                return ex.multiply(ex.number(-value), *rest[:place], ex.negated(rest[place]), *rest[place + 1 :])
-    return tree
 
 
 def _is_monomial(tree: ex.Expression) -> bool:

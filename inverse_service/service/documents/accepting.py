@@ -327,7 +327,8 @@ def _with_multipliers(
 
     given = {key: plain[key] for key in ("coordinates", "parameters", "functions", "where") if plain.get(key)}
     lines = [(pointer, line) for pointer, text in texts.items() for line in _lines(text)]
-    forms = [_is_form(line) for _, line in lines]
+    # dz = y dx, without a derivative dx/dt
+    forms = [_FORM.search(line) is not None and not re.search(r"d\s*t|''", line) for _, line in lines]
     pointers = [f"/{'constraints' if form else 'equations'}/{k}" for k, form in enumerate(forms)] if any(forms) else []
     origins = dict(zip(pointers, (pointer for pointer, _ in lines), strict=False))
     texts = dict(zip(pointers, (line for _, line in lines), strict=False)) or texts
@@ -341,11 +342,6 @@ def _with_multipliers(
     kept = {key: part for key, part in plain.items() if key != "equations"}
     places = {f"/constraints/{k}": origins.get(pointer, pointer) for k, pointer in enumerate(held)}
     return {**kept, **made}, places, dict.fromkeys(multipliers, "a multiplier of the constraints")
-
-
-def _is_form(line: str) -> bool:
-    """Whether it is dz = y dx, without a derivative dx/dt."""
-    return _FORM.search(line) is not None and not re.search(r"d\s*t|''", line)
 
 
 def _letter_l(match: re.Match[str]) -> str:
@@ -668,15 +664,20 @@ def _constrained(
         return None
     moving = [left - right for _, left, right in lines if _holds(left - right, ex.Acceleration)]
     held = [line for line in lines if not _holds(line[1] - line[2], ex.Acceleration)]
-    forms = [_form(left - right, names.coordinates) for _, left, right in held]
+    forms = [euler_lagrange.linear_parts(left - right, ex.Velocity) for _, left, right in held]
+    rows = [
+        [form[0].get(ex.Velocity(name), ex.ZERO) for name in names.coordinates]
+        for form in forms
+        if isinstance(form, tuple) and form[0]
+    ]
     multipliers = [
         ex.Symbol(name)
         for name in names.parameters
         if _MULTIPLIER.fullmatch(name) and any(ex.holds(line, ex.Symbol(name)) for line in moving)
     ]
-    if len(moving) != len(names.coordinates) or not held or len(multipliers) != len(held) or None in forms:
+    if len(moving) != len(names.coordinates) or not held or not len(multipliers) == len(held) == len(rows):
         return None
-    lagrangian = _lagrangian(names, moving, multipliers, [form for form in forms if form])
+    lagrangian = _lagrangian(names, moving, multipliers, rows)
     if lagrangian is None:
         return None
     made = {
@@ -689,14 +690,6 @@ def _constrained(
 
 def _holds(tree: ex.Expression, kind: type[ex.Expression]) -> bool:
     return any(isinstance(node, kind) for node in ex.walk(tree))
-
-
-def _form(tree: ex.Expression, coordinates: Sequence[str]) -> list[ex.Expression] | None:
-    """w of w_i v^i + c = 0; None where no velocity occurs, or one occurs otherwise."""
-    slopes = [derivative.differentiate(tree, ex.Velocity(name)) for name in coordinates]
-    if not _holds(tree, ex.Velocity) or any(_holds(slope, ex.Velocity) for slope in slopes):
-        return None
-    return slopes
 
 
 def _lagrangian(
@@ -759,14 +752,7 @@ def to_schema(document: Any) -> SystemDocument:
 
 def to_system(schema: SystemDocument) -> second_order_system.SecondOrderSystem:
     """The system that a document describes; raises InputError with pointer and column."""
-    return reading.read_system(
-        coordinates=schema.coordinates,
-        equations=schema.equations,
-        parameters=schema.parameters,
-        functions=schema.functions,
-        name=schema.name,
-        where=schema.where,
-    )
+    return reading.solved_system(to_given(schema), schema.name)
 
 
 def to_solvable(schema: SystemDocument) -> second_order_system.SecondOrderSystem:
@@ -774,49 +760,48 @@ def to_solvable(schema: SystemDocument) -> second_order_system.SecondOrderSystem
 
     That is where the accelerations, solved for, are too long to be written, or fill pages. InputError as `to_system`.
     """
-    if schema.special_cases or schema.kinds or schema.clock or schema.near or isinstance(schema.equations, Mapping):
-        return to_system(schema)
+    given, system = to_given(schema), None
+    asks_more = schema.special_cases or schema.kinds or schema.clock or schema.near
+    is_solved = bool(asks_more) or isinstance(schema.equations, Mapping)
+    try:
+        system = reading.solved_system(given, schema.name)
+    except errors.LimitError:
+        if is_solved:
+            raise
+    if system and (is_solved or sum(map(ex.node_count, system.accelerations)) <= _MOST_NODES):
+        return system
     from inverse_service.search import row_factors  # a simulation needs no solver
 
-    system = None
-    try:
-        system = to_system(schema)
-        if sum(map(ex.node_count, system.accelerations)) <= _MOST_NODES:
-            return system
-    except errors.LimitError:
-        pass
-    given = to_given(schema)
     lines = second_order_system.unsolved_system(given.names, given.residuals, schema.name)
     found = None if next(reduction.sign_cases(given.residuals)).roots else row_factors.in_own_order(lines)
     if found and all(ex.holds(f, ex.Acceleration(q)) for q, f in zip(found.coordinates, found.given, strict=True)):
         return found
-    return system or to_system(schema)
+    return system or reading.solved_system(given, schema.name)
 
 
 def to_given(schema: SystemDocument) -> reading.GivenEquations:
-    """The equations of the document as written, left side minus right side; raises InputError as `to_system`."""
-    return reading.read_given(schema.coordinates, schema.equations, schema.parameters, schema.functions, schema.where)
+    """The equations of the document as written; raises InputError as `to_system`."""
+    return reading.read_given(declared(schema), schema.equations)
+
+
+def declared(schema: Asking, most: int = refusals.LIMITS.coordinates) -> document_names.Declared:
+    """What the document says of its names."""
+    return document_names.Declared(schema.coordinates, schema.parameters, schema.functions, schema.where, most)
 
 
 def to_ansatz(schema: Asking, system: second_order_system.SecondOrderSystem) -> tuple[ex.Expression, ...]:
     """The user's own terms of a Lagrangian as trees; raises InputError with pointer and column."""
-    named = document_names.Declared(parameters=schema.parameters).named_parameters()
-    names = replace(system.names, parameters=tuple(dict.fromkeys((*system.parameters, *named))))
     places = {f"/ansatz/{place}": text for place, text in enumerate(schema.ansatz)}
-    terms = ((formula_about(text, names, schema, pointer), pointer) for pointer, text in places.items())
+    terms = ((formula_about(text, system.names, schema, pointer), pointer) for pointer, text in places.items())
     return tuple(reader.without_accelerations(term, "a term of a Lagrangian", pointer) for term, pointer in terms)
 
 
 def formula_about(text: str, names: Names, schema: NamedDocument | None, pointer: str) -> ex.Expression:
     """A formula about the system of a document, whose parameters with values are put in; InputError with pointer."""
-    values = (
-        {}
-        if schema is None
-        else document_names.parameter_values(document_names.Declared(parameters=schema.parameters).named_parameters())
-    )
-    known = replace(names, parameters=(*names.parameters, *values))
+    named = () if schema is None else document_names.Declared(parameters=schema.parameters).named_parameters()
+    known = replace(names, parameters=tuple(dict.fromkeys((*names.parameters, *named))))
     with reader.placed_at(pointer):
-        return document_names.with_values(reader.read_formula(text, known), values)
+        return document_names.with_values(reader.read_formula(text, known), document_names.parameter_values(named))
 
 
 @dataclass(frozen=True, slots=True)

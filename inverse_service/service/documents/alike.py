@@ -5,7 +5,6 @@ Two systems with one form need not be equivalent: a search shows them side by si
 
 import hashlib
 from collections.abc import Mapping
-from fractions import Fraction
 from itertools import permutations
 from typing import Any
 
@@ -32,16 +31,11 @@ def form_of(system: Mapping[str, Any]) -> str:
         formulas = [reader.read_formula(texts[name], names) for name in coordinates]
     except errors.InputError:
         return ""
-    written = [_written_in(order, formulas, coordinates, time) for order in permutations(range(len(coordinates)))]
+    written = []
+    for order in permutations(range(len(coordinates))):
+        places = {coordinates[k]: f"q{place}" for place, k in enumerate(order)}
+        written.append(";".join(_form(formulas[k], places, time) or "0" for k in order))
     return hashlib.sha256(min(written).encode()).hexdigest()[:16]
-
-
-def _written_in(
-    order: tuple[int, ...], formulas: list[trees.Expression], coordinates: tuple[str, ...], time: str
-) -> str:
-    """The equations in this order, with the names q0, q1, ... of their places."""
-    places = {coordinates[k]: f"q{place}" for place, k in enumerate(order)}
-    return ";".join(_form(formulas[k], places, time) or "0" for k in order)
 
 
 def _form(tree: trees.Expression, places: Mapping[str, str], time: str) -> str:
@@ -49,14 +43,10 @@ def _form(tree: trees.Expression, places: Mapping[str, str], time: str) -> str:
     found = set()
     for monomial, coefficient in collecting.expand(tree):
         if coefficient:
-            factors = [_power(atom, exponent, places, time) for atom, exponent in monomial]
-            found.add("*".join(sorted(factor for factor in factors if factor)) or "c")
+            pairs = [(_atom(atom, places, time), exponent) for atom, exponent in monomial]
+            factors = [base if exponent == 1 else f"({base})^{exponent}" for base, exponent in pairs if base]
+            found.add("*".join(sorted(factors)) or "c")
     return "+".join(sorted(found))
-
-
-def _power(atom: trees.Expression, exponent: Fraction, places: Mapping[str, str], time: str) -> str:
-    base = _atom(atom, places, time)
-    return base if exponent == 1 or not base else f"({base})^{exponent}"
 
 
 def _atom(tree: trees.Expression, places: Mapping[str, str], time: str) -> str:

@@ -1,13 +1,12 @@
 """The canonical statement of a check: written from the certificates that were found valid, and from nothing else."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from inverse_service.certificate.checker import CheckResult, near_points
 from inverse_service.decision import certify
 from inverse_service.expressions import printing
 from inverse_service.reading import reader
-from inverse_service.reading.names import Names
 
 QUESTIONS: Final = {"autonomous": "L(q, q')", "time_dependent": "L(t, q, q')"}
 _SAYS: Final = {
@@ -124,27 +123,18 @@ def are_found(exceptions: Sequence[str]) -> bool:
 
 def where(one: Mapping[str, Any]) -> str:
     """Where a cell lies, in words: " where x*y > 0, on the side of x = 1, y = 1"; nothing for all that is defined."""
-    point = ", ".join(f"{name} = {value}" for name, value in one["near"].items() if _occurs(name, one["domain"]))
+    words = "".join(c if c.isalnum() or c in "_'" else " " for text in one["domain"] for c in f"{text} ").split()
+    point = ", ".join(f"{name} = {value}" for name, value in one["near"].items() if name in words)
     side = f", on the side of {point}" if one["one_side"] and point else ""
     return f" where {', '.join(one['domain'])}{side}" if one["domain"] else ""
-
-
-def _occurs(name: str, domain: Iterable[str]) -> bool:
-    words = "".join(c if c.isalnum() or c in "_'" else " " for text in domain for c in f"{text} ").split()
-    return name in words
 
 
 def _latex(system: Mapping[str, Any], one: Mapping[str, Any]) -> str:
     names = certify.names_of(system)
     unsolved = any("''" in text for text in system["equations"].values())
     equations = [
-        f"{printing.to_latex(reader.read_formula(text, names))} = 0"
-        if unsolved
-        else f"{printing.name_latex(name, 'ddot')} = {_written(text, names)}"
+        f"{written} = 0" if unsolved else f"{printing.name_latex(name, 'ddot')} = {written}"
         for name, text in system["equations"].items()
+        for written in [printing.to_latex(reader.read_formula(text, names))]
     ]
     return ", \\; ".join([*equations, *one["domain_latex"]])
-
-
-def _written(text: str, names: Names) -> str:
-    return printing.to_latex(reader.read_formula(text, names))

@@ -20,6 +20,7 @@ from inverse_service.field import real_point
 from inverse_service.mechanics import second_order_system
 from inverse_service.mechanics.agreement import Canonical, GivenText, equations_agree, motion_agrees
 from inverse_service.reading import reader
+from inverse_service.reading.document_names import Declared
 from inverse_service.reading.names import Names
 from inverse_service.service.documents import accepting
 
@@ -58,7 +59,9 @@ def _compared(document: Any, canonical: Canonical, end: float) -> checker.CheckR
     try:
         document = accepting.prepared(document).document
         if accepting.is_nonholonomic(document):
-            return _compared_motion(document, canonical, end)
+            motion = _of_motions().nonholonomic_of(document)
+            names = Names(motion.coordinates, motion.parameters, dict(motion.functions))
+            return _named(names, canonical) or motion_agrees(motion, canonical, end - now())
         schema = accepting.to_schema(document)
         given = accepting.to_given(schema)
     except errors.InputError as error:
@@ -67,12 +70,6 @@ def _compared(document: Any, canonical: Canonical, end: float) -> checker.CheckR
     texts = texts if len(texts) == len(given.residuals) else []
     limit = end - now()
     return _named(names, canonical) or equations_agree(given.residuals, names.coordinates, canonical, limit, texts)
-
-
-def _compared_motion(document: Any, canonical: Canonical, end: float) -> checker.CheckResult:
-    motion = _of_motions().nonholonomic_of(document)
-    names = Names(motion.coordinates, motion.parameters, dict(motion.functions))
-    return _named(names, canonical) or motion_agrees(motion, canonical, end - now())
 
 
 def compared_claim(document: Any, certificate: Mapping[str, Any], time_limit: float = 60.0) -> checker.CheckResult:
@@ -135,12 +132,11 @@ def _with_velocities(system: Mapping[str, Any], document: Any) -> Mapping[str, A
 
 
 def _claimed(system: Mapping[str, Any]) -> ConstrainedMotion:
-    from inverse_service.mechanics.constrained_motion import read_motion
+    from inverse_service.mechanics.constrained_motion import MOST_CONSTRAINED, read_motion
 
     constraints = [f"{name}' = {w}" for name, w in system["velocities"].items()]
-    return read_motion(
-        system["coordinates"], system["equations"], constraints, system["parameters"], system["functions"]
-    )
+    declared = Declared(system["coordinates"] or None, system["parameters"], system["functions"], most=MOST_CONSTRAINED)
+    return read_motion(declared, system["equations"], constraints)
 
 
 def _of_motions() -> ModuleType:

@@ -13,6 +13,8 @@ from inverse_service.constrained.lagrangian import first_system
 from inverse_service.expressions import tree as ex
 from inverse_service.mechanics import constrained_motion
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.reading import reader
+from inverse_service.reading.names import Names, escaped
 from inverse_service.service.documents import accepting, derived, translate
 
 # What looking at a document again may take for an associated system that is only shown, s.
@@ -34,15 +36,8 @@ def nonholonomic_of(document: Any) -> constrained_motion.NonholonomicSystem:
 
 def to_nonholonomic(schema: schemas.NonholonomicDocument) -> constrained_motion.NonholonomicSystem:
     """The system that a document describes; raises InputError with pointer and column."""
-    return constrained_motion.read_nonholonomic(
-        schema.coordinates,
-        schema.lagrangian,
-        schema.constraints,
-        schema.parameters,
-        schema.functions,
-        schema.name,
-        where=schema.where,
-    )
+    declared = accepting.declared(schema, constrained_motion.MOST_CONSTRAINED)
+    return constrained_motion.read_nonholonomic(declared, schema.lagrangian, schema.constraints, schema.name)
 
 
 def to_families(
@@ -51,8 +46,20 @@ def to_families(
     """The families of multiples, each one tree for each coordinate; raises InputError."""
     given = [] if schema.multiples is None else schema.multiples
     families = {"": given} if isinstance(given, dict) else {f"/{place}": one for place, one in enumerate(given)}
-    read = constrained_motion.read_multiples
-    return [read(family, system, schema.parameters, f"/multiples{place}") for place, family in families.items()]
+    names = Names(system.coordinates, system.parameters, dict(system.functions))
+    found = []
+    for at, family in families.items():
+        multiples: dict[str, ex.Expression] = dict.fromkeys(system.coordinates, ex.ZERO)
+        for key, text in family.items():
+            name, place = names.spelling(key), f"/multiples{at}/{escaped(key)}"
+            if name not in multiples:
+                listed = ", ".join(system.coordinates)
+                detail = f"there is a multiple for a name that is not a coordinate: the coordinates are {listed}."
+                raise errors.InputError(detail, place)
+            tree = accepting.formula_about(text, names, schema, place)
+            multiples[name] = reader.without_accelerations(tree, f"the multiple for {name}", place)
+        found.append(tuple(multiples.values()))
+    return found
 
 
 def look_motion(document: Any) -> schemas.MotionDocument:
@@ -67,9 +74,8 @@ def motion_of(document: Any) -> constrained_motion.ConstrainedMotion:
 
 def read_given_motion(schema: schemas.MotionDocument) -> constrained_motion.ConstrainedMotion:
     """The motion that a document describes; raises InputError."""
-    return constrained_motion.read_motion(
-        schema.coordinates, schema.motion, schema.constraints, schema.parameters, schema.functions, schema.where
-    )
+    declared = accepting.declared(schema, constrained_motion.MOST_CONSTRAINED)
+    return constrained_motion.read_motion(declared, schema.motion, schema.constraints)
 
 
 def parse(schema: schemas.NonholonomicDocument) -> schemas.NonholonomicParseAnswer:

@@ -13,7 +13,7 @@ from api_schemas import nonholonomic as schemas
 from api_schemas.result import AdvicePart, HamiltonianPart
 from inverse_service import errors
 from inverse_service.constrained import answering, nonholonomic_study, reduced as deciding
-from inverse_service.constrained.hamiltonise import Comparison, Hamiltonisation
+from inverse_service.constrained.hamiltonise import Hamiltonisation
 from inverse_service.constrained.lagrangian import first_system
 from inverse_service.deadline import NOT_YET, now, share
 from inverse_service.decision import solutions
@@ -239,7 +239,11 @@ def _hamiltonisation(report: nonholonomic_study.Report) -> schemas.Hamiltonisati
             schemas.StatementPart(verdict=each.verdict, **_stated(each.text, key="text")) for each in found.statements
         ],
         holds=found.holds,
-        trajectory=None if found.comparison is None else _trajectory(found.comparison),
+        trajectory=None
+        if (seen := found.comparison) is None
+        else translate.part_of(
+            schemas.TrajectoryPart, seen, functions={name: printing.to_text(f) for name, f in seen.functions.items()}
+        ),
     )
 
 
@@ -252,11 +256,6 @@ def _hamiltonian(found: Hamiltonisation) -> HamiltonianPart | None:
     if found.transform is None:
         return None
     return translate.hamiltonian_part(solutions.Hamiltonian.of(found.transform, _images(found)))
-
-
-def _trajectory(comparison: Comparison) -> schemas.TrajectoryPart:
-    functions = {name: printing.to_text(body) for name, body in comparison.functions.items()}
-    return translate.part_of(schemas.TrajectoryPart, comparison, functions=functions)
 
 
 def solve_motion(document: Any, options: solutions.SolveOptions, grow: Growing) -> dict[str, Any]:

@@ -166,7 +166,7 @@ def refuse_surrogates(value: Any) -> None:
     stack: list[tuple[Any, str, int]] = [(value, "", 0)]
     while stack:
         node, pointer, depth = stack.pop()
-        if isinstance(node, str) and not _is_encodable(node):
+        if isinstance(node, str) and not node.isascii() and any("\ud800" <= c <= "\udfff" for c in node):
             raise errors.InputError("A text contains half of a surrogate pair; write the whole character.", pointer)
         if depth > MAX_DEPTH:
             raise _too_deep()
@@ -188,10 +188,6 @@ def _parts(node: Any, pointer: str) -> Iterable[tuple[Any, str]]:
     elif isinstance(node, list):
         for k, part in enumerate(node):
             yield part, f"{pointer}/{k}"
-
-
-def _is_encodable(text: str) -> bool:
-    return text.isascii() or not any("\ud800" <= character <= "\udfff" for character in text)
 
 
 def _refuse_deep_json(text: str) -> None:

@@ -134,7 +134,9 @@ def _both_answers(solution: solutions.Solution, schema: Asking, is_a_cell: bool)
     """The fields of the main answer, and what is said of the other question; `is_a_cell`: on one cell of several."""
     main, other = main_and_other(solution, schema.time_dependent_lagrangian)
     time = solution.with_time
-    proven = _proven(main, time)
+    # Where there is no L(t, q, q') there is no L(q, q'): that proof covers both verdicts.
+    covers = time is not None and time.verdict == main.verdict == "not_variational" and time.certificate is not None
+    proven = time if covers and time is not None else main
     shown = answer_fields(main)
     second = None if other is None else answer_fields(other)
     if other is not None and second is not None:
@@ -166,30 +168,17 @@ def main_and_other(
     if main is None:
         raise ValueError("the solver answered neither question")
     time = solution.with_time
-    differs = time is not None and time is not main and (time.verdict != main.verdict or _found_more(time, main))
-    return main, time if differs else None
-
-
-def _found_more(time: solutions.Answer, main: solutions.Answer) -> bool:
-    """Whether the question with time has a separate Lagrangian; the solver gives one only where it is better."""
-    return time.lagrangian is not None and (
-        main.lagrangian is None or time.lagrangian.expression != main.lagrangian.expression
-    )
+    if time is None or time is main:
+        return main, None
+    # The solver gives a separate Lagrangian with time only where it is better.
+    own, shown = (None if one.lagrangian is None else one.lagrangian.expression for one in (time, main))
+    return main, time if time.verdict != main.verdict or own not in (None, shown) else None
 
 
 def answers_time(solution: solutions.Solution, time_dependent: bool | None) -> bool:
     """Whether the main fields answer L(t, q, q'): asked for, or the only question where f contains t."""
     wants_time = time_dependent is True or solution.system.depends_on_time
     return solution.autonomous is None or (wants_time and solution.with_time is not None)
-
-
-def _proven(main: solutions.Answer, time: solutions.Answer | None) -> solutions.Answer:
-    """The answer whose certificate is shown: the main one, or the one that proves both.
-
-    Where there is no L(t, q, q') there is no L(q, q'): that proof covers both verdicts.
-    """
-    covers = time is not None and time.verdict == main.verdict == "not_variational" and time.certificate is not None
-    return time if covers and time is not None else main
 
 
 def answer_fields(answer: solutions.Answer) -> dict[str, Any]:
@@ -256,7 +245,11 @@ def hamiltonian_part(
     hamiltonian: solutions.Hamiltonian, lagrangian: solutions.Lagrangian | None = None
 ) -> schemas.HamiltonianPart:
     """With the conditions on the positions under which the Lagrangian is one: H holds only where L does."""
-    nonzero, positive = ((), ()) if lagrangian is None else map(_on_places, (lagrangian.nonzero, lagrangian.positive))
+    conditions = ((), ()) if lagrangian is None else (lagrangian.nonzero, lagrangian.positive)
+    nonzero, positive = (
+        [tree for tree in trees if not any(isinstance(node, ex.Velocity) for node in ex.walk(tree))]
+        for trees in conditions
+    )
     return schemas.HamiltonianPart(
         **formula_fields(hamiltonian.expression),
         momenta={
@@ -267,11 +260,6 @@ def hamiltonian_part(
         constraints=[printing.to_text(constraint) for constraint in hamiltonian.constraints],
         domain=certify.shortest([*positive, *hamiltonian.positive], nonzero),
     )
-
-
-def _on_places(trees: Iterable[ex.Expression]) -> list[ex.Expression]:
-    """Those without velocities."""
-    return [tree for tree in trees if not any(isinstance(node, ex.Velocity) for node in ex.walk(tree))]
 
 
 def name_of(key: ex.Expression) -> str:

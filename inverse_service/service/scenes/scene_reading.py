@@ -248,15 +248,8 @@ def _of_lagrangian(document: Mapping[str, Any], extra: Sequence[str]) -> Mechani
     known = known_names(declared, {"/lagrangian": schema.lagrangian}, order=1)
     names = known.remaining()
     if schema.constraints:
-        system = read_nonholonomic(
-            names.coordinates,
-            schema.lagrangian,
-            schema.constraints,
-            parameters,
-            schema.functions,
-            most=base.MAX_SIMULATED,
-            where=schema.where,
-        )
+        declared = replace(declared, coordinates=names.coordinates)
+        system = read_nonholonomic(declared, schema.lagrangian, schema.constraints)
         lagrangian, constraints = system.lagrangian, system.constraints
     else:
         lagrangian, constraints = known.put_in(formula(schema.lagrangian, known.names, "/lagrangian")), ()
