@@ -398,14 +398,6 @@ class EliminatedMotion:
     inertia: tuple[tuple[exact_field.Quotient, ...], ...]
     multipliers: tuple[exact_field.Quotient, ...]
 
-    def rate(self, element: exact_field.Quotient) -> exact_field.Quotient:
-        """The derivative along the motion of a function of (t, q, u)."""
-        parts = self.geometry
-        terms = [parts.by_time(element)]
-        terms += [self.velocities[k] * parts.by_coordinate(k, element) for k in range(parts.size)]
-        terms += [self.accelerations[k] * parts.by_velocity(k, element) for k in self.frame.free]
-        return exact_field.sum_of(parts.zero, terms)
-
 
 def equations_of_motion(system: NonholonomicSystem) -> EquationsOfMotion:
     """The equations of motion in the most convenient free coordinates; errors as in `eliminated`."""

@@ -452,9 +452,7 @@ def _cleared(
 
 def _is_negative(tree: Expression) -> bool:
     """Whether most of its terms are, or half of them with the first."""
-    negative = [
-        printing.to_text(term).startswith("-") for term in (tree.terms if isinstance(tree, ex.Sum) else (tree,))
-    ]
+    negative = [writing.is_negative(term) for term in ex.summands(tree)]
     return (2 * sum(negative), negative[0]) > (len(negative), False)
 
 

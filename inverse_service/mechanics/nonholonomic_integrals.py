@@ -41,10 +41,6 @@ class Closure:
     growth: tuple[int, ...]
     consistent: bool
 
-    @property
-    def rank(self) -> int:
-        return len(self.rows)
-
 
 def involutive_closure(partials: Sequence[Partial], fields: Sequence[Field]) -> Closure:
     """Brackets are added until nothing new appears, at most as many times as there are variables.

@@ -104,10 +104,6 @@ class PaperClass:
         terms = [mass * slope * self.by_r1(slope) for mass, slope in zip(self.masses[1:], self.slopes, strict=True)]
         return sum_of(self.geometry.zero, terms)
 
-    @property
-    def density_is_constant(self) -> bool:
-        return self.slope_of_density.is_zero
-
     def by_r1(self, element: Quotient) -> Quotient:
         return self.geometry.by_coordinate(self.r1, element)
 
@@ -439,7 +435,7 @@ def _of_second(member: PaperClass) -> tuple[PaperLagrangian, ...]:
         inverse[place][place] = tidied(sign * density * tree)
     everything = tuple(range(size))
     first = _proposal(member, "first Lagrangian of Proposition 1", form, inverse, everything)
-    if not member.density_is_constant:
+    if not member.slope_of_density.is_zero:
         return (first,)
     return first, _proposal(member, "second Lagrangian of Proposition 1", form, inverse, everything[1:])
 

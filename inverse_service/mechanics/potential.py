@@ -61,10 +61,6 @@ class Potential:
         kept = tuple((c, -element if _is_negative(tree, table) else element) for c, tree, element in pairs)
         return Potential(kept, self.rest)
 
-    def negated(self) -> Potential:
-        """-phi."""
-        return Potential(tuple((-value, element) for value, element in self.logarithms), -self.rest)
-
 
 def _is_negative(tree: Expression, table: RealTable) -> bool:
     try:
