@@ -160,10 +160,12 @@ class Letters:
 
     def without_squares(self, u: Quotient) -> Quotient:
         """With sqrt(w)^2 = w put in."""
+        degrees = u.above.degrees(), u.below.degrees()
         for place, w in self.squares.items():
-            if u.above.degrees()[place] > 1 or u.below.degrees()[place] > 1:
+            if max(each[place] for each in degrees) > 1:
                 above, below = (self.put_square(p, place, w) for p in (u.above, u.below))
                 u = self.reduced(above.above * below.below, above.below * below.above)
+                degrees = u.above.degrees(), u.below.degrees()
         return u
 
     def put_square(self, polynomial: Polynomial, place: int, w: Quotient) -> Quotient:
@@ -684,9 +686,8 @@ class Knowledge:
 
     def by_squares(self, p: Polynomial, depth: int) -> int:
         """a z^2 + b z + c has the sign of a where 4 a c - b^2 > 0."""
-        for k in self.ring.holds(p):
-            if p.degrees()[k] != 2:
-                continue
+        degrees = p.degrees()
+        for k in (k for k in self.ring.holds(p) if degrees[k] == 2):
             c, b, a = self.ring.parts_of(p, k, 2)
             if (sign := self.sign(a, depth - 1)) and self.sign(4 * a * c - b * b, depth - 1) > 0:
                 return sign
@@ -695,7 +696,7 @@ class Knowledge:
 
 def letters_of(question: Question, read: Callable[[Letters], object]) -> Letters:
     """The ring after the formulas were read, with as many generators as they need."""
-    size = SPARE
+    size = SPARE + len(question.plan.pairs)
     while True:
         ring = Letters(question, size)
         try:

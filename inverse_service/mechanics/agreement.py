@@ -89,7 +89,8 @@ def equations_agree(
         table, zeros = _table(ring, coordinates, ring.names), list[tuple[Value, str]]()
         for number, equation in enumerate(equations, 1):
             value = _value(equation, ring, table)
-            zeros.append((_against(value, ring), f"The accelerations do not satisfy equation {number} as given."))
+            left = _against(value, ring, candidates.setdefault(number, []))
+            zeros.append((left, f"The accelerations do not satisfy equation {number} as given."))
             second = _second_reading(texts[number - 1], ring, table) if texts else None
             if second is not None:
                 difference = ring.add([second, value], [1, -1])
@@ -105,17 +106,30 @@ def equations_agree(
     wrong = "The equations as given do not determine the accelerations."
     plain = _is_rational(equations) and not any(_is_irrational(text) for text in texts if text is not None)
     moving = {ex.TIME, *map(ex.Symbol, coordinates), *map(ex.Velocity, coordinates)}
+    candidates: dict[int, list[tuple[int, int]]] = {}
     return _examined(canonical, parts, plain, (found, wrong), time_limit, where)
 
 
-def _against(value: Value, ring: Ring) -> Value:
+def _against(value: Value, ring: Ring, candidates: list[tuple[int, int]]) -> Value:
     """A value that vanishes where E is plus or minus a line of the certificate, if these lines are not solved for q''.
 
-    As the matrix dE/dq'' is regular, two equations cannot be the same line.
+    As the matrix dE/dq'' is regular, two equations cannot be the same line. The first call finds the candidates, lines
+    with their signs: a difference that is not 0 at one point is not 0.
     """
-    lines = [Reader(ring, line).value for line in ring.question.unsolved]
-    differences = [ring.add([value, line], [1, sign]) for line in lines for sign in (1, -1)]
-    return reduce(lambda left, right: ring.multiply(left, right, 0), differences) if lines else value
+    texts = ring.question.unsolved
+    if not texts:
+        return value
+    lines = [Reader(ring, text).value for text in texts]
+    every = [(k, sign) for k in range(len(lines)) for sign in (1, -1)]
+    differences = {(k, sign): ring.add([value, lines[k]], [1, sign]) for k, sign in candidates or every}
+    if not candidates:
+        candidates += [one for one in every if _may_vanish(differences[one], ring)] or every
+    return reduce(lambda left, right: ring.multiply(left, right, 0), [differences[one] for one in candidates])
+
+
+def _may_vanish(value: Value, ring: Ring) -> bool:
+    """Whether a value read at one point is 0 there, or in balls perhaps."""
+    return all(number.contains(0) if isinstance(ring.arithmetic, Balls) else number == 0 for number in value.values())
 
 
 def motion_agrees(given: NonholonomicSystem, canonical: Canonical, time_limit: float = 60.0) -> checker.CheckResult:
@@ -301,7 +315,13 @@ def _table(ring: Ring, coordinates: Sequence[str], values: dict[str, Value]) -> 
 
 
 def _value(tree: ex.Expression, ring: Ring, table: Table) -> Value:
-    for node in reversed(list(ex.walk(tree))):  # parts before what they are parts of
+    unknown, stack = list[ex.Expression](), [tree]
+    while stack:
+        node = stack.pop()
+        if node not in table:
+            unknown.append(node)
+            stack.extend(ex.children(node))
+    for node in reversed(unknown):  # parts before what they are parts of
         if node not in table:
             table[node] = _evaluated(node, ring, table)
     return table[tree]
