@@ -755,12 +755,15 @@ def to_system(schema: SystemDocument) -> second_order_system.SecondOrderSystem:
     return reading.solved_system(to_given(schema), schema.name)
 
 
-def to_solvable(schema: SystemDocument) -> second_order_system.SecondOrderSystem:
+def to_solvable(
+    schema: SystemDocument, given: reading.GivenEquations | None = None
+) -> second_order_system.SecondOrderSystem:
     """The system of a document to be solved; its equations as given where these are Euler-Lagrange equations already.
 
     That is where the accelerations, solved for, are too long to be written, or fill pages. InputError as `to_system`.
+    `given` is `to_given` of the document where it is known.
     """
-    given, system = to_given(schema), None
+    given, system = given or to_given(schema), None
     asks_more = schema.special_cases or schema.kinds or schema.clock or schema.near
     is_solved = bool(asks_more) or isinstance(schema.equations, Mapping)
     try:

@@ -152,14 +152,15 @@ def solve_system(document: Any, options: SolveOptions, grow: Growing | None = No
     """
     grow, end = grow or Growing(None), now() + options.time_limit
     schema = accepting.to_schema(document)
-    system = accepting.to_solvable(schema)
+    given = accepting.to_given(schema)
+    system = accepting.to_solvable(schema, given)
     share = SHARE_BESIDE_CASES if schema.special_cases or schema.kinds or schema.clock else checking.SHARE_OF_SOLVER
     asked = dataclasses.replace(
         options,
         time_dependent=schema.time_dependent_lagrangian,
         time_limit=share * (end - now()),
         ansatz=accepting.to_ansatz(schema, system),
-        given=accepting.to_given(schema).residuals,
+        given=given.residuals,
         series_order=schema.series_order,
         first_integrals=schema.first_integrals,
     )
