@@ -278,7 +278,7 @@ def _definitions(
                 raise refusals.refusal(what, first.column, f"write {meant} for a second derivative", (meant,), span).at(
                     pointer
                 )
-            moves = names.role(first.text) or document_names.derived_stem(first.text) or _DERIVATIVE.search(first.text)
+            moves = names.role(first.text) or _DERIVATIVE.search(first.text)
             # r^2 = x^2 + y^2, where r is in another equation
             squared = _is_squared(group.tokens) * any(
                 token.text == first.text for other in groups if other != group for token in walk(other.tokens)

@@ -546,8 +546,6 @@ def derivatives(line: Sequence[Token]) -> list[tuple[str, str, int]]:
         elif name and token.order:
             by = _variable(after)
             found += [(name, by or "t", token.order)] if by or _multiplies_a_sum(token, after) else []
-        elif name and (stem := derived_stem(name)):
-            found.append((stem, "t", 2 if derived_stem(name, 2) else 1))
         elif token.inside and at(line, place - 1).text not in nm.DERIVATIVE_NAMES:
             found += derivatives(token.inside)
     return found
@@ -577,12 +575,6 @@ def _multiplies_a_sum(name: Token, bracket: Token) -> bool:
     """Whether the brackets after the primes are a factor: x''(1 + x^2), r'' (M + m); V''(x - y) is a function."""
     plain = nm.looks_like_a_coordinate(name.text) or name.text in nm.GREEK_NAMES
     return plain and any(token.is_operator("+", "-") for token in [*walk(bracket.inside)][1:])
-
-
-def derived_stem(word: str, order: int = 1) -> str:
-    """The x of x_ddot, xddot or x_dot_dot if it has at least this order; otherwise empty."""
-    endings = (ending for ending, times in nm.DOTTED if times >= order and word.endswith(ending))
-    return next((word.removesuffix(ending) for ending in endings), "").rstrip("_")
 
 
 def _with_guessed(texts: Mapping[str, str], declared: nm.Names, dummies: Collection[str]) -> nm.Names:
@@ -632,8 +624,7 @@ def _guessed(texts: Mapping[str, str], declared: nm.Names, dummies: Collection[s
     defined = {declared.spelling(place.removeprefix("/where/")) for place in texts if place.startswith("/where/")}
 
     def is_known(token: Token) -> bool:
-        spellings = {token.text, declared.spelling(token.text), derived_stem(token.text)}
-        return token.kind != "name" or not known.isdisjoint(spellings)
+        return token.kind != "name" or not known.isdisjoint((token.text, declared.spelling(token.text)))
 
     for pointer, tokens in lines.items():
         for line, place, outer in places(tokens):

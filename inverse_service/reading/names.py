@@ -203,13 +203,15 @@ class Names:
         alike = [known for known in self.declared() if _plain(known) == plain]
         return alike[0] if len(alike) == 1 else name
 
-    def derivative(self, name: str) -> tuple[str, int] | None:
-        """(coordinate, order) for x_dot, xdot, x_ddot, x_dot_dot that are not declared themselves, else None."""
-        for ending, order in DOTTED:
-            stem = self.spelling(name[: -len(ending)]) if name.endswith(ending) else ""
-            if stem in self.coordinates:
-                return stem, order
-        return None
+    def derivative(self, name: str, known: bool = True) -> tuple[str, int] | None:
+        """(x, order) for x_dot, xdot, x_ddot, x_dot_dot, x being a coordinate or, if not `known`, any name; else None.
+
+        None too for a name that is declared itself.
+        """
+        stems = [(name[: -len(ending)], order) for ending, order in DOTTED if name.endswith(ending) and name != ending]
+        moving = [(self.spelling(stem), order) for stem, order in stems if self.spelling(stem) in self.coordinates]
+        found = moving or ([] if known else stems)
+        return found[0] if found and self.role(self.spelling(name)) is None else None
 
 
 def _plain(name: str) -> str:
@@ -344,16 +346,11 @@ def factors_of(name: str) -> tuple[str, ...]:
     return found if 1 < len(found) < 5 and "".join(found) == name and not named else ()
 
 
-def _moving(names: Names) -> set[str]:
-    return {f"{each}{ending}" for each in names.coordinates for ending, _ in DOTTED}
-
-
 def _parts(name: str, names: Names) -> list[str]:
     """The known names and letters that form an undeclared name; empty if it may be a single name."""
-    moving = _moving(names)
-    known = {*names.declared(), *moving, "t", "pi", "ln"} | {word for word in FUNCTIONS if len(word) > 2}
+    known = {*names.declared(), "t", "pi", "ln"} | {word for word in FUNCTIONS if len(word) > 2}
     letters, cut = _cut(name, known)
-    moves = any(part in names.coordinates or part in moving for part in cut)
+    moves = any(part in names.coordinates for part in cut)
     if len(cut) < 2 or letters > 1 + moves or (cut[-1] in FUNCTIONS and not names.role(cut[-1])):
         return []
     return cut
@@ -377,9 +374,9 @@ def only_split(name: str, names: Names) -> tuple[str, ...]:
         inner = (rest,) if not rest or names.role(rest) or rest == "t" else only_split(rest, names)
         return (called[1], called[2], *(part for part in inner if part)) if inner else ()
     cut = _parts(name, names)
-    known = {*names.declared(), *_moving(names), "t", "pi"}
+    known = {*names.declared(), "t", "pi"}
     letters = [part for part in cut if part not in known and part not in FUNCTIONS and part not in GREEK_NAMES]
-    moving = {*names.coordinates, *_moving(names), "t"}
+    moving = {*names.coordinates, "t"}
     doubtful = (
         name[0] == "d"
         or {*letters} & {"e", "i", "j", "d", "D"}

@@ -290,7 +290,7 @@ class FormulaParser:
         below, above = stream.part(slash), stream.part(start, slash - 1)
         if below[-1].is_bracket() and below[0].kind in ("name", "operator", "bracket"):
             return name != "" or ahead.is_bracket()
-        moves = role == "coordinate" or name == "t" or self._names.derivative(name) is not None
+        moves = role == "coordinate" or name == "t"
         numbers = all(token.kind in ("number", "bracket") or token.is_operator("*", "^") for token in tk.walk(above))
         return len(below) == 1 and below[0].kind == "number" and (numbers or moves or ahead.is_bracket())
 
@@ -344,7 +344,7 @@ class FormulaParser:
         distance = -2 - self._stream.look(-2).is_operator("-")
         base, caret, number = (self._stream.look(place) for place in (distance - 1, distance, -1))
         name = self._names.spelling(ahead.text)
-        moves = self._names.role(name) == "coordinate" or self._names.derivative(name) is not None
+        moves = self._names.role(name) == "coordinate"
         euler = base.text in ("e", "E") and self._names.role(base.text) is None
         return moves and base.kind != "number" and not euler and number.column == caret.column - distance - 1
 
@@ -604,14 +604,13 @@ class FormulaParser:
         name = self._names.spelling(ahead.text)
         if self._names.role(name) == "coordinate":
             return ahead.order > 0
-        undeclared = self._names.role(name) is None
-        return undeclared and (name in nm.FUNCTIONS or self._names.derivative(name) is not None)
+        return self._is_function(ahead)
 
     def _name(self, token: Token) -> ex.Expression:
         name = self._names.spelling(token.text)
         match self._names.role(name):
             case "coordinate":
-                return self._coordinate(name, 0, token)
+                return self._coordinate(name, token)
             case "parameter":
                 return self._single(ex.Symbol(name), token)
             case "function":
@@ -633,9 +632,6 @@ class FormulaParser:
             return self._single(ex.TIME, token)
         if name == "t":
             raise refusal("the time t is not accepted here; it occurs", token.column, "leave it out")
-        dotted = self._names.derivative(name)
-        if dotted:
-            return self._coordinate(*dotted, token)
         follows = "'" if token.order else self._stream.ahead.text
         raise nm.unknown_name(token.text, self._names, token.column, follows)
 
@@ -697,9 +693,8 @@ class FormulaParser:
         weight = token.text in ("g", "G") and self._stream.look(-2).text in ("m", "M")
         return sums and (moves or weight or token.text not in nm.MAY_BE_FUNCTIONS)
 
-    def _coordinate(self, name: str, order: int, token: Token) -> ex.Expression:
-        order += token.order
-        if order > 2:
+    def _coordinate(self, name: str, token: Token) -> ex.Expression:
+        if token.order > 2:
             raise _third(token.column)
         self._skip_time_argument()
         ahead = self._stream.ahead
@@ -713,7 +708,7 @@ class FormulaParser:
             instead = f"write {name}*( for a product; delays are not accepted"
             what, span = f"{name}{gap}( could be a product or a function{of_time}", (ahead.column, ahead.column + 1)
             raise refusal(what, ahead.column, instead, ("*(",), span)
-        return self._single((ex.Symbol(name), ex.Velocity(name), ex.Acceleration(name))[order], token)
+        return self._single((ex.Symbol(name), ex.Velocity(name), ex.Acceleration(name))[token.order], token)
 
     def _opens_arguments(self) -> bool:
         return self._stream.ahead.is_bracket() and not self._stream.ahead.value

@@ -204,7 +204,7 @@ def _read(formula: str, names: Names, _: int) -> tuple[tuple[Token, ...], dict[s
         latex, formula = is_latex(formula), _with_dots_after_letters(without_words(formula))
         formula = _RAISED_FIRST.sub(r"\2\1", _BY_INDEX.sub(lambda index: index[1].ljust(len(index[0])), formula))
         in_our_words = notations.with_derivatives if latex else notations.in_our_words
-        scanned = _without_given_names(_scanned(formula, names, latex))
+        scanned = _without_given_names(_with_primes(_scanned(formula, names, latex), names))
         tokens = in_our_words(_with_products(scanned, names), names)
         tk.refuse_decimal_commas(tokens)
         _ask_about_primes(tokens, names.energy, latex)
@@ -213,6 +213,17 @@ def _read(formula: str, names: Names, _: int) -> tuple[tuple[Token, ...], dict[s
             tokens = _with_forms(tokens, names, _moves(tokens))
         tokens = _without_remarks(tokens, formula, names)
         return tuple(_without_names_of_forms(tokens, names) if names.forms else tokens), notes
+
+
+def _with_primes(tokens: Sequence[Token], names: Names) -> list[Token]:
+    """The tokens with x'' for x_ddot."""
+    found: list[Token] = []
+    for token in tokens:
+        dotted = names.derivative(token.text, known=False) if token.kind == "name" else None
+        if dotted:
+            token = replace(token, text=dotted[0], order=token.order + dotted[1], primed=token.column)
+        found.append(replace(token, inside=tuple(_with_primes(token.inside, names))) if token.inside else token)
+    return found
 
 
 def _without_given_names(tokens: list[Token]) -> list[Token]:
@@ -234,7 +245,6 @@ def _ask_about_primes(tokens: Sequence[Token], energy: bool, latex: bool) -> Non
     """
     words = [(line[place], at(line, place + 1)) for line, place, _ in tk.places(tokens) if line[place].kind == "name"]
     dotted = {token.text for token, _ in words if token.primed == token.column and (energy or token.order > 1)}
-    dotted |= {token.text for token, _ in words if energy and token.text.endswith("dot")}
     for token, after in words:
         again = token.text in dotted and token.order == 1
         if token.primed > token.column and not after.is_bracket() and (again or (energy and dotted)):
