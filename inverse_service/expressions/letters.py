@@ -15,7 +15,7 @@ _VARIANTS = {
 
 GREEK: dict[str, str] = dict(zip(_SMALL, _LETTERS, strict=True))
 GREEK |= {small.upper(): name.capitalize() for small, name in zip(_SMALL, _LETTERS, strict=True)}
-GREEK |= _VARIANTS | {"\u00b5": "mu"}
+GREEK |= _VARIANTS | {"\u00b5": "mu", "\u0127": "hbar", "\u210f": "hbar"}
 # Names that look or sound alike, each with the name that replaces it if only that one is declared.
 ALIKE = {name: name.removeprefix("var") for name in _VARIANTS.values()} | {"ell": "l"}
 LETTER_COMMANDS: dict[str, str] = {name: ALIKE.get(name, name) for name in (*GREEK.values(), "ell")}

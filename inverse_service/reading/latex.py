@@ -59,6 +59,7 @@ _COMMANDS = frozenset(
 _SIGNS = {
     "div": "/",
     "partial": PARTIAL,
+    "nabla": plain.NABLA,
     "\\": ";",
     **dict.fromkeys(("equiv", "triangleq", "coloneqq"), "="),
     **dict.fromkeys(("cdot", "times", "ast"), "*"),

@@ -324,7 +324,7 @@ def with_derivatives(line: Sequence[Token], names: Names, beyond: Token | None =
     while place < len(line):
         token = line[place]
         after_slash = at(line, place - 1).is_operator("/") and not token.is_fraction()
-        begins = token.inside or token.text[:1] in ("d", tk.PARTIAL, tk.TOTAL)
+        begins = token.inside or token.text[:1] in ("d", tk.PARTIAL, tk.TOTAL, tk.NABLA)
         if begins and not after_slash and (read := _derivative(line, place, names, beyond)):
             found, place = found + read[0], read[1]
             continue
@@ -340,6 +340,8 @@ def _derivative(
 ) -> tuple[Tokens, int] | None:
     """The derivative that begins here in our grammar, and the place after it; None if there is none."""
     token = line[place]
+    if token.is_operator(tk.NABLA):
+        return _gradient(line, place, names)
     if token.is_bracket():
         if power := _power_of_operator(line, place, names, depth):
             return power
@@ -360,6 +362,17 @@ def _derivative(
     if not quotient.operand:
         return _applied(line, quotient, place, names, depth)
     return _of_operand(line, quotient, place, names, beyond)
+
+
+def _gradient(line: Sequence[Token], place: int, names: Names) -> tuple[Tokens, int]:
+    """The gradient of V where one coordinate moves, as diff(V, x); before anything is known to move, V."""
+    sign, name = line[place], at(line, place + 1)
+    if name.kind != "name" or len(names.coordinates) > 1:
+        raise refusal("a gradient occurs", sign.column, "write an equation for each component")
+    after = place + 2 + _are_arguments(at(line, place + 2), name, names)
+    moving = [Token("name", coordinate, sign.column) for coordinate in names.coordinates]
+    operand = [*line[place + 1 : after]]
+    return (_carried_out(operand, moving, sign) if moving else operand), after
 
 
 def _of_operand(

@@ -659,7 +659,9 @@ class FormulaParser:
                 return self._defined_motion(node, token, what)
             span = (token.column, token.primed + token.order)
             raise refusal(what, token.primed, f"leave it out, or write {name}_1", (f"{name}_1",), span)
-        if ahead.is_bracket() and not ahead.space_before and not self._is_factor(token):
+        if ahead.is_bracket() and not ahead.space_before and self._are_its_names(node):
+            self._stream.take()
+        elif ahead.is_bracket() and not ahead.space_before and not self._is_factor(token):
             if len(tk.split_at(",", ahead.inside)) > 1:
                 raise refusal(f"{name} has several arguments", token.column, "", declare="functions")
             what = f"{name}( could be a product or a function"
@@ -667,6 +669,14 @@ class FormulaParser:
             declare = "functions" if self._is_constant(token) and node != ex.PI else ""
             raise refusal(what, ahead.column, f"write {name}*( for a product", ("*(",), span, declare)
         return node
+
+    def _are_its_names(self, node: ex.Expression) -> bool:
+        """Whether the bracket ahead lists all that moves in the formula of a name: V(x, y) for V = x^2 y."""
+        inside, formula = self._stream.ahead.inside, self._names.definitions.get(node)
+        listed = {self._names.spelling(token.text) for token in inside if not token.is_operator(",")}
+        names = {part.name for part in ex.walk(formula) if isinstance(part, ex.Symbol)} if formula else set()
+        moving = {"t", *self._names.coordinates}
+        return formula is not None and names & moving <= listed <= moving
 
     def _defined_motion(self, node: ex.Expression, token: Token, what: str) -> ex.Expression:
         """z' for z = a*r^2; InputError for U' or U'(x), usually a slope, and for a constant, whose prime is a mark."""

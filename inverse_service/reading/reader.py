@@ -34,9 +34,10 @@ _SUBJECT_TO = re.compile(
 # Van der Pol: x'' = …, Eq. (3.2): x'' = …, and x'' = … (eq. 3.2)
 _NUMBER = r"\(?[\d.]*\d[a-z]?\)?"
 _NUMBERED = rf"[Ee]q(?:uation|n)?(?:\.\s*|\s+|\s*(?=\()){_NUMBER}"
+_TITLE = r"[A-Z](?:[\w\u2013\u2019' -]|\\['\"`^~]\{?\w\}?){2,40}\w"  # H\'enon--Heiles
 _LABEL = re.compile(
-    rf"(?:^|(?<=[;,\n]))[ \t]*(?:[A-Z][\w\u2013' -]{{2,40}}[\w]|[\w -]{{0,20}}(?:energy|slip(?:ping)?|conditions?)|"
-    rf"{_NUMBERED}|eq\d+)\s*:(?![=:])"
+    rf"(?:^|(?<=[;,\n]))[ \t]*(?:{_TITLE}|[\w -]{{0,20}}(?:energy|slip(?:ping)?|conditions?)|"
+    rf"{_NUMBERED}|eq\d+)\s*:(?![=:])|^\s*{_TITLE}(?<=[a-z]{{3}})\.(?=\s)"
     r"|^[ \t]*\([A-Z][a-z]{3,}(?:[ \u2013-][A-Za-z]{3,})*\)(?=[ \t])"
     rf"|(?<![ \t])[ \t]+(?:(?:,[ \t]*)?(?:\({_NUMBERED}\)|\[{_NUMBERED}\]|{_NUMBERED})"
     rf"|(?:\.{{3,}}|\u2026)[ \t]*{_NUMBER})"
@@ -65,7 +66,7 @@ _WRAPPED = r"\\(?:text|textrm|mbox)\s*\{"
 _GAP = rf"(?:\s?\$\s|\s\$|[ \t]|{_WRAPPED}|\}})+"
 _WITH_ARGUMENT = r"d?dot|[dt]?frac|sqrt|left|right|partial|vec|bf|math|text|mbox|bold"
 _SENTENCE = re.compile(
-    rf"(?<![\w\\'^{{.])(?:{_WRAPPED}\s*)?[A-Za-z]+"
+    rf"(?<![\w\\'^{{.])(?:{_WRAPPED}\s*)?[A-Za-z]+(?:['\u2019]s(?!\w))?"
     rf"(?:{_GAP}(?:(?:\\(?!{_WITH_ARGUMENT}))?[A-Za-z]+|[\u0391-\u03c9\u2113])(?:[\u2080-\u2089]+|_\{{?\w+\}}?)?)+"
     r"(?!\w|\s*[-+*/^=<>&('\[_\u2032\u2033\u0307\u0308])\s*[.:]?\s*\}?"
 )
@@ -75,7 +76,7 @@ _ARTICLE = re.compile(r"\b(?:the|an)\s+[A-Za-z]{4,}", re.I)
 # A sentence holds an article before a word, or one of the first; what is left out begins and ends with one of both.
 _OF_SENTENCES = (
     "is are study denotes denote have has which that let suppose assume consider moves move slides rolls reads "
-    "obeys satisfies governed described acts"
+    "obeys satisfies governed described acts impose imposing small large"
 )
 _BESIDE_THEM = (
     "the an where with here and in of on at by to be we being under obtain read subject constraint constraints "
@@ -91,10 +92,14 @@ _LOST_BACKSLASH = re.compile(
 )
 _COMMENT = re.compile(r"(?<!\\)%.*")
 _COMPARES = re.compile(r"[=<>\u2264\u2265]|\\(?:le|ge|ne|equiv)")
-_PROSE = re.compile(r"(?<![_^]\{)(?<![_^])(\(\s*)?\\(?:text|textrm|mbox|intertext)\s*\{([^{}$\\]*)\}(?(1)\s*\))")
+_PROSE = re.compile(
+    r"(?<![_^]\{)(?<![_^])(\((?:\s*\\?\w+)?\s*)?\\(?:text|textrm|mbox|intertext)\s*\{([^{}$\\]*)\}(?(1)\s*\))"
+)
 _ITEM = re.compile(r"\((?:[a-h]|[ivx]+)\)")  # (a), (ii)
 _BINDING = re.compile(
-    r"\b(?:if|when|while|for(?!\s+(?:an?|the|this)\s)|unless|otherwise|else|not|or|except|either|only)\b", re.I
+    r"\b(?:if|when|while|for(?!\s+(?:an?|the|this)\s)|unless|otherwise|else|(?<!does )(?<!do )not|or|except|either"
+    r"|only)\b",
+    re.I,
 )
 # The y'' of y''_{xx} = x y.
 _BY_INDEX = re.compile(r"('')_?(?:\{([xts])\2\}|([xts])\3(?!\w))")
@@ -448,7 +453,8 @@ def _without_condition(group: list[Token], formula: str) -> list[Token]:
 def _is_initial(group: Sequence[Token]) -> bool:
     """Whether it is x(0) = 1, x'(t_0) = v, x = x(t), or k = const."""
     first, rest = at(group, 0), tk.spelled(group[1:])
-    if not first.order and rest in (f"={first.text}(t)", *(f"={word}" for word in _CONSTANT)):
+    said = rest.startswith("=") and rest.endswith(("isconstant", "isaconstant"))  # h = r^2 phi' is constant
+    if not first.order and (said or rest in (f"={first.text}(t)", *(f"={word}" for word in _CONSTANT))):
         return True
     timed = re.match(r"\((?:t_?0|[0-9.]+)\)=", rest)
     return first.kind == "name" and timed is not None

@@ -34,7 +34,7 @@ Kind = Literal["number", "name", "prime", "operator", "bracket", "newline", "end
 FACTOR, FRACTION, MATRIX, CASES = map(Fraction, range(1, 5))
 DOT, CROSS = Fraction(1), Fraction(2)
 GIVEN = Fraction(1)
-PARTIAL, TOTAL = "\u2202", "\u2146"  # TOTAL: the upright d of a derivative
+PARTIAL, TOTAL, NABLA = "\u2202", "\u2146", "\u2207"  # TOTAL: the upright d of a derivative
 CLOSING = {"(": ")", "[": "]", "{": "}"}
 _OPENING = {closing: opening for opening, closing in CLOSING.items()}
 _EXPECTS_MORE = ("+", "-", "*", "/", "^", "_", "=", ",", "&")
@@ -57,7 +57,7 @@ COMPARISONS = {"!=": "\u2260", "<=": "<", ">=": ">", "<": "<", ">": ">", "\u2264
                "\u2260": "\u2260", "\u226a": "<", "\u226b": ">"}  # fmt: skip
 COMPARED = ("<", ">", "\u2260")
 # What is written as what; some are signs of programs, .* of MATLAB and ~ of Julia.
-_SIGNS = {sign: sign for sign in "+-*/^()[]{},=;|!" + PARTIAL + TOTAL} | OPERATORS | COMPARISONS
+_SIGNS = {sign: sign for sign in "+-*/^()[]{},=;|!" + PARTIAL + TOTAL + NABLA} | OPERATORS | COMPARISONS
 # The signs that join conditions in a piecewise formula. Boundaries belong to no open set, so <= is read as <.
 _PIECEWISE = re.compile(r"\b[Pp]iecewise\s*[(\[]")
 _CONDITION = re.compile(r"<=|>=|&&|\|\|(?=\s)|[<>&~\u2264\u2265]|\b(?:and|or|not|true|True|otherwise)\b", re.ASCII)

@@ -80,9 +80,11 @@ _VECTOR = re.compile(
 # d/dt ∂L/∂x' - ∂L/∂x = 0 beside L = …
 _D = r"(?:d|\\(?:mathrm|text)\s*\{\s*d\s*\}|\\(?:rm|mathrm)\s+d)"
 _DL = r"(?:\u2202|\\partial|\bd)\s{0,9}L\b[^;,\n=]{0,120}"
+_REACTION = r"\s*[-+\u2212]?\s*(?:\u03bb|\\?lambda(?![A-Za-z]))[^;,.\n=]{0,60}"
 _LAGRANGES_EQUATION = re.compile(
-    rf"(?:\\[dt]?frac\s*\{{\s*{_D}\s*\}}\s*\{{\s*{_D}\s*t\s*\}}|d\s*/\s*dt)[^;,\n=]{{0,120}}?{_DL}=(?:\s*0|\s*\\?[dt]?\w*\{{?{_DL})\s*(?=$|[;,.\n\\])"
+    rf"(?:\\[dt]?frac\s*\{{\s*{_D}\s*\}}\s*\{{\s*{_D}\s*t\s*\}}|d\s*/\s*dt)[^;,\n=]{{0,120}}?{_DL}=(?:\s*0|{_REACTION}|\s*\\?[dt]?\w*\{{?{_DL})\s*(?=$|[;,.\n\\])"
 )
+_OF_REACTION = re.compile(rf"(?:\u2202|\\partial|d)\s*\\?(\w+)\s*\}}?\s*=({_REACTION})")
 _WORDS_AT_THE_END = re.compile(r"\s\([A-Za-z -]{4,}\)\s*$")
 _WRAPPER_ENDS = re.compile(r"(?:\$+|\\[\],;:! ]|\\end\s*\{\w+\*?\}|[\s;,.])*$")
 # dx and d\theta, in dz = y dx and dz = ydx; \delta x is a virtual displacement, or asked about
@@ -192,12 +194,15 @@ def _with_lagrangian(plain: dict[str, Any]) -> tuple[dict[str, Any], dict[str, s
     energies: dict[str, tuple[re.Match[str], str, str]] = {}
     others: list[tuple[str, str]] = []
     notes: dict[str, str] = {}
+    reactions: dict[str, str] = {}
     for pointer, text in texts.items():
         text = _LETTER_L.sub(_letter_l, text)
-        notes |= {match[0].strip(): reader.LEFT_OUT for match in _LAGRANGES_EQUATION.finditer(text)}
-        with reader.noted() as omitted:
+        omitted = [match[0].strip() for match in _LAGRANGES_EQUATION.finditer(text)]
+        notes |= dict.fromkeys(omitted, reader.LEFT_OUT)
+        reactions |= {found[1]: found[2] for line in omitted if (found := _OF_REACTION.search(line))}
+        with reader.noted() as noted:
             lines = _lines(_LAGRANGES_EQUATION.sub(lambda match: " " * len(match[0]), text))
-        notes |= omitted
+        notes |= noted
         for line in lines:
             named = _ENERGY.match(line)
             kind = next((kind for kind in ("whole", "kinetic", "potential") if named and named[kind]), "")
@@ -257,12 +262,32 @@ def _with_lagrangian(plain: dict[str, Any]) -> tuple[dict[str, Any], dict[str, s
     lagrangian, *constraints = (
         f"{text}{vectors}" if components.holds_vector(text) else text for text in (lagrangian, *constraints)
     )
-    found = {**{name: value for name, value in plain.items() if name != key}, "lagrangian": lagrangian}
+    _check_reactions(reactions, lagrangian, constraints)
+    made = {**{name: value for name, value in plain.items() if name != key}, "lagrangian": lagrangian}
     if where:
-        found["where"] = {**plain.get("where", {}), **where}
+        made["where"] = {**plain.get("where", {}), **where}
     if len(others) > len(where):
-        found["constraints"] = constraints
-    return found, places, notes
+        made["constraints"] = constraints
+    return made, places, notes
+
+
+def _check_reactions(reactions: Mapping[str, str], lagrangian: str, constraints: Sequence[str]) -> None:
+    """InputError where the lambda y of d/dt dL/dx' - dL/dx = lambda y, by x, is no reaction of a constraint."""
+    texts = {"/lagrangian": lagrangian, **{f"/constraints/{k}": text for k, text in enumerate(constraints)}}
+    texts |= {f"/reactions/{name}": text for name, text in reactions.items()}
+    try:
+        names = document_names.known_names(document_names.Declared(parameters="guess"), texts, 1).names
+        pairs = [pair for text in constraints for pair in reader.read_equations(text, replace(names, forms=True))]
+        forces = {names.spelling(name): reader.read_formula(text, names) for name, text in reactions.items()}
+    except errors.InputError:
+        return  # reported where it is read
+    places = [place for place, name in enumerate(names.coordinates) if name in forces]
+    forms = [[form[k] for k in places] for pair in pairs if (form := _form(ex.subtract(*pair), names.coordinates))]
+    for multiplier in (ex.Symbol(name) for name in names.parameters if _MULTIPLIER.fullmatch(name)):
+        force = [derivative.differentiate(forces[names.coordinates[k]], multiplier) for k in places]
+        if any(entry != ex.ZERO for entry in force) and not any(_are_parallel(force, form) for form in forms):
+            what = f"the right sides with {multiplier.name} are no reaction of a constraint"
+            raise errors.InputError(f"{what}: write those of d'Alembert, or leave these equations out.")
 
 
 def _defined(line: str, moving: Collection[str]) -> tuple[str, bool]:
