@@ -271,7 +271,7 @@ class _Line:
             self._power(token)
         elif token.is_operator("_"):
             raise refusal("'_' is not expected", token.column, "a subscript belongs to a name, as in r_1")
-        elif token.is_operator(PARTIAL) and self._ahead.is_operator("_"):
+        elif token.is_operator(PARTIAL, plain.NABLA) and self._ahead.is_operator("_"):
             self._partial(token)
         elif self._cells or not token.is_operator("&"):
             self._found.append(token)

@@ -594,11 +594,18 @@ class FormulaParser:
         return found if found and "|" not in found else None
 
     def _bare_ends(self) -> bool:
-        """Whether a bare argument ends here: before an operator, another function, or a velocity, in brackets too."""
+        """Whether a bare argument ends here: before an operator, another function, or a velocity, in brackets too.
+
+        So does an angle with a Greek letter before a sum: sin phi (a - b).
+        """
         ahead = self._stream.ahead
         if ahead.is_bracket():
             moving = [self._names.spelling(token.text) for token in tk.walk(ahead.inside) if token.order]
-            return any(self._names.role(name) == "coordinate" for name in moving)
+            angle = self._names.spelling(self._stream.look(-1).text)
+            greek = angle.rstrip("_0123456789") in nm.GREEK_NAMES and self._names.role(angle) == "coordinate"
+            sums = greek and ahead.space_before and any(part.is_operator("+", "-") for part in ahead.inside[1:])
+            sums = sums and not self._group_has_time()
+            return sums or any(self._names.role(name) == "coordinate" for name in moving)
         if ahead.kind != "name":
             return ahead.kind != "number"
         name = self._names.spelling(ahead.text)

@@ -21,23 +21,31 @@ from inverse_service.reading.tokens import Token, at
 
 _GREEK_OF_MATHEMATICA = re.compile(r"\\\[(?:Curly)?(?:Capital)?([A-Z][a-z]+)\]")
 SHORTEST_REMARK = 4  # letters of a word that no constant needs
-_TO = r"(?:subject\s+to|s\.\s?t\.)"
-_KIND = r"(?:(?:the|two|a|(?:non-?)?holonomic|rolling|kinematic|velocity|linear)\s+){0,5}"
+_TO = r"(?:subject\s+to|s\.\s?t\.|constrained\s+by)"
+_KIND = (
+    r"(?:(?:the|two|a|(?:non-?)?holonomic|rolling|kinematic|velocity|linear|Pfaffian|no-?slip|equations?\s+of)\s+){0,5}"
+)
 _WORDS = (
-    rf"(?:(?:{_TO}|with|under)\s+{_KIND}constraints?|{_TO}|{_KIND}constraints?(?=\s*:|\s+[\w\\$]))"
+    rf"(?:(?:{_TO}|with|under)\s+{_KIND}constraints?|{_TO}|{_KIND}constraints?(?=\s*:|\s+[-\u2212\w\\$]))"
     r"(?:\s*\d(?=\s*:)|\s+(?:is|are|reads?)\b)?"
 )
 # The words between a Lagrangian and its constraints, in LaTeX in an upright font.
 _SUBJECT_TO = re.compile(
-    rf"\\(?:text|textrm|mathrm|mbox)\s*\{{\s*(?:and\s+)?{_WORDS}\s*:?\s*\}}\s*:?|(?:\.\s+)?\b{_WORDS}\s*:?", re.I
+    rf"\\(?:text|textrm|mathrm|mbox)\s*\{{\s*(?:and\s+)?{_WORDS}\s*:?\s*\}}\s*:?|(?:\.\s+|\band\s+)?\b{_WORDS}\s*:?"
+    r"|\bi\.\s?e\.,?",
+    re.I,
 )
 # Van der Pol: x'' = …, Eq. (3.2): x'' = …, and x'' = … (eq. 3.2)
 _NUMBER = r"\(?[\d.]*\d[a-z]?\)?"
 _NUMBERED = rf"[Ee]q(?:uation|n)?(?:\.\s*|\s+|\s*(?=\()){_NUMBER}"
-_TITLE = r"[A-Z](?:[\w\u2013\u2019' -]|\\['\"`^~]\{?\w\}?){2,40}\w"  # H\'enon--Heiles
+# H\'enon--Heiles, Example 1 (skate)
+_TITLE = (
+    r"(?:[A-Z]|(?=[a-z]{3,}\s[a-z]{3,}))(?:[\w\u2013\u2019' -]|\\['\"`^~]\{?\w\}?){2,40}"
+    r"(?:\w|\s(?:\([\w ,-]+\)|\[[\w ,-]+\]))"
+)
 _LABEL = re.compile(
     rf"(?:^|(?<=[;,\n]))[ \t]*(?:{_TITLE}|[\w -]{{0,20}}(?:energy|slip(?:ping)?|conditions?)|"
-    rf"{_NUMBERED}|eq\d+)\s*:(?![=:])|^\s*{_TITLE}(?<=[a-z]{{3}})\.(?=\s)"
+    rf"{_NUMBERED}|eq\d+)\s*:(?![=:])|^\s*{_TITLE}(?<=[a-z]{{2}}[a-z)\]])\.(?=\s)"
     r"|^[ \t]*\([A-Z][a-z]{3,}(?:[ \u2013-][A-Za-z]{3,})*\)(?=[ \t])"
     rf"|(?<![ \t])[ \t]+(?:(?:,[ \t]*)?(?:\({_NUMBERED}\)|\[{_NUMBERED}\]|{_NUMBERED})"
     rf"|(?:\.{{3,}}|\u2026)[ \t]*{_NUMBER})"
@@ -58,8 +66,8 @@ _MATHEMATICS = re.compile(r"(?<![\w)\\])(\$\$?)([^$]+)\1(?!\w)|(?<!\\)(?<!\\!)\\
 _JOINING = re.compile(r"\b(?:and|with|where)(?=\s+\\[^;,.]*=)")
 # Solve x'' = …, Consider the Lagrangian L = …
 _BEFORE = re.compile(
-    r"^\s*(?i:(?:Solve|Find|Consider|Let|Given|Minimi[sz]e|Study|the|equations?|of|motion|for|system|Lagrangian)\s+)+"
-    r"(?=[\w\\])"
+    r"^\s*(?i:(?:Solve|Find|solutions?|Consider|Let|Given|Minimi[sz]e|Study|the|equations?,?|of|motion|for|system|Lagrangian"
+    r"|(?:kinetic|total)\s+energy|\w+['\u2019]s(?=\s+equation))\s+)+(?=[\w\\(])"
 )
 # Words of a sentence, with single letters between them: where g is the acceleration of gravity.
 _WRAPPED = r"\\(?:text|textrm|mbox)\s*\{"
@@ -67,7 +75,7 @@ _GAP = rf"(?:\s?\$\s|\s\$|[ \t]|{_WRAPPED}|\}})+"
 _WITH_ARGUMENT = r"d?dot|[dt]?frac|sqrt|left|right|partial|vec|bf|math|text|mbox|bold"
 _SENTENCE = re.compile(
     rf"(?<![\w\\'^{{.])(?:{_WRAPPED}\s*)?[A-Za-z]+(?:['\u2019]s(?!\w))?"
-    rf"(?:{_GAP}(?:(?:\\(?!{_WITH_ARGUMENT}))?[A-Za-z]+|[\u0391-\u03c9\u2113])(?:[\u2080-\u2089]+|_\{{?\w+\}}?)?)+"
+    rf"(?:{_GAP}(?:[A-Za-z]{{2,}}-[A-Za-z]{{3,}}|(?:\\(?!{_WITH_ARGUMENT}))?[A-Za-z]+|[\u0391-\u03c9\u2113])(?:[\u2080-\u2089]+|_\{{?\w+\}}?)?)+"
     r"(?!\w|\s*[-+*/^=<>&('\[_\u2032\u2033\u0307\u0308])\s*[.:]?\s*\}?"
 )
 _WORD_IN_TEXT = re.compile(rf"(?:{_WRAPPED}\s*)?(?<!\\)\b([A-Za-z]+)(?:\s*\}})?")
@@ -76,7 +84,7 @@ _ARTICLE = re.compile(r"\b(?:the|an)\s+[A-Za-z]{4,}", re.I)
 # A sentence holds an article before a word, or one of the first; what is left out begins and ends with one of both.
 _OF_SENTENCES = (
     "is are study denotes denote have has which that let suppose assume consider moves move slides rolls reads "
-    "obeys satisfies governed described acts impose imposing small large"
+    "obeys satisfies governed described acts impose imposing small large cannot slip slips"
 )
 _BESIDE_THEM = (
     "the an where with here and in of on at by to be we being under obtain read subject constraint constraints "
@@ -96,6 +104,7 @@ _PROSE = re.compile(
     r"(?<![_^]\{)(?<![_^])(\((?:\s*\\?\w+)?\s*)?\\(?:text|textrm|mbox|intertext)\s*\{([^{}$\\]*)\}(?(1)\s*\))"
 )
 _ITEM = re.compile(r"\((?:[a-h]|[ivx]+)\)")  # (a), (ii)
+_FIRST_ITEM, _ITEM_INSIDE = re.compile(r"\s*\([ai]\)\s"), re.compile(r"\s\((?:[b-h]|i[iv]i?)\)(?=\s)")
 _BINDING = re.compile(
     r"\b(?:if|when|while|for(?!\s+(?:an?|the|this)\s)|unless|otherwise|else|(?<!does )(?<!do )not|or|except|either"
     r"|only)\b",
@@ -392,7 +401,8 @@ def _without_remarks(tokens: list[Token], formula: str, names: Names) -> list[To
     equations = any(_has(group, "=") and not _is_initial(group) for group, _ in groups)
     found: list[Token] = []
     for place, (group, end) in enumerate(groups):
-        following = groups[place + 1][0] if place + 1 < len(groups) else []
+        rest = itertools.dropwhile(lambda pair: len(pair[0]) == 1, groups[place + 1 :])  # m, k, b > 0
+        following = next(rest, ([], None))[0]
         group = _without_condition(group, formula)
         listed = end is not None and end.is_operator(",") and len(group) == 1 and _is_condition(following)
         omitted = bool(group) and (_is_initial(group) or _is_number(group))
@@ -500,9 +510,11 @@ def _is_item(group: Sequence[Token]) -> bool:
 def _is_phrase(group: Sequence[Token]) -> bool:
     """Whether it ends in words such as (harmonic oscillator) or (torsion)."""
     words = group[-1].inside if len(group) > 2 and group[-1].is_bracket() and group[-1].space_before else ()
-    plain = all(word.kind == "name" and word.text.isalpha() and not word.order for word in words)
-    long = any(len(word.text) >= SHORTEST_REMARK and word.text not in GREEK_NAMES | FUNCTIONS for word in words)
-    return plain and long and _ends_factor(group[-2])
+    listed = [word for word in words if not word.is_operator("-", ",")]
+    plain = all(word.kind == "name" and word.text.isalpha() and not word.order for word in listed)
+    long = [len(word.text) >= SHORTEST_REMARK and word.text not in GREEK_NAMES | FUNCTIONS for word in listed]
+    surnames = all(long) and all(word.text.istitle() for word in listed)  # (Bates-Cushman)
+    return plain and any(long) and (surnames or listed == [*words]) and _ends_factor(group[-2])
 
 
 def _is_number(group: Sequence[Token]) -> bool:
@@ -568,10 +580,10 @@ def _without_label(match: re.Match[str]) -> str:
 def without_words(formula: str) -> str:
     """The formula with separators and blanks for the words, labels and full stops of a text, at the same columns."""
     formula = _COMMENT.sub(_without_label, formula) if is_latex(formula) else formula
+    formula = _ITEM_INSIDE.sub(lambda item: ";".ljust(len(item[0])), formula) if _FIRST_ITEM.match(formula) else formula
     formula = _SENTENCE.sub(_without_sentence, _mathematics(formula))
-    formula = _PROSE.sub(_without_prose, _SUBJECT_TO.sub(lambda words: ";".ljust(len(words[0])), formula))
-    for pattern in (_BEFORE, _LABEL):
-        formula = pattern.sub(_without_label, formula)
+    formula = _SUBJECT_TO.sub(lambda words: ";".ljust(len(words[0])), _LABEL.sub(_without_label, formula))
+    formula = _BEFORE.sub(_without_label, _PROSE.sub(_without_prose, formula))
     return _FULL_STOP.sub(r"\1;", _COLON.sub(r"\1;", formula))
 
 
@@ -600,7 +612,7 @@ def _without_prose(match: re.Match[str]) -> str:
     Words that may be a condition are kept, and refused; a single word may be a name.
     """
     words = match[2].strip()
-    if not (match[1] or " " in words or _ITEM.fullmatch(words)) or _BINDING.search(words):
+    if not (match[1] or " " in words or words.endswith((":", ".")) or _ITEM.fullmatch(words)) or _BINDING.search(words):
         return match[0]
     note(words, LEFT_OUT)
     return "\n".ljust(len(match[0]))

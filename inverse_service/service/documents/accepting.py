@@ -82,7 +82,7 @@ _D = r"(?:d|\\(?:mathrm|text)\s*\{\s*d\s*\}|\\(?:rm|mathrm)\s+d)"
 _DL = r"(?:\u2202|\\partial|\bd)\s{0,9}L\b[^;,\n=]{0,120}"
 _REACTION = r"\s*[-+\u2212]?\s*(?:\u03bb|\\?lambda(?![A-Za-z]))[^;,.\n=]{0,60}"
 _LAGRANGES_EQUATION = re.compile(
-    rf"(?:\\[dt]?frac\s*\{{\s*{_D}\s*\}}\s*\{{\s*{_D}\s*t\s*\}}|d\s*/\s*dt)[^;,\n=]{{0,120}}?{_DL}=(?:\s*0|{_REACTION}|\s*\\?[dt]?\w*\{{?{_DL})\s*(?=$|[;,.\n\\])"
+    rf"(?:\\[dt]?frac\s*\{{\s*{_D}\s*\}}\s*\{{\s*{_D}\s*t\s*\}}|d\s*/\s*dt)[^;,\n=]{{0,120}}?{_DL}=(?:\s*0|{_REACTION}|\s*\\?[dt]?\w*\{{?{_DL})\s*(?=$|[;,.\n\\]|(?:with|where|and|for)\b)"
 )
 _OF_REACTION = re.compile(rf"(?:\u2202|\\partial|d)\s*\\?(\w+)\s*\}}?\s*=({_REACTION})")
 _WORDS_AT_THE_END = re.compile(r"\s\([A-Za-z -]{4,}\)\s*$")
@@ -423,6 +423,10 @@ def prepared(document: Any) -> Prepared:
     if time == free == "t" or not (time := free or time) or time == "t":
         return Prepared(plain, extra=extra, readings=notes, places=places)
     plain, products = _with_time_apart(plain, time)
+    if isinstance(text := plain.get("equations"), str) and "$" not in text:  # whose words hold the letters of names
+        with reader.noted() as omitted:
+            plain["equations"] = reader.without_words(text)
+        notes = notes | omitted
     other = next(letter for letter in _LETTERS if letter not in "".join(_texts(plain)))
     inside = {key: _changed(plain[key], {time: "t", "t": other}, True) for key in (*FORMULAS, *NAMES) if key in plain}
     return Prepared({**plain, **inside}, time, other, extra, notes | products, places)
@@ -491,13 +495,16 @@ def _guesses(plain: Mapping[str, Any]) -> bool:
 
 
 def _free_variable(plain: Mapping[str, Any]) -> str:
-    """The x of y'' = 6 y^2 + x, where names are guessed, one name moves, by primes, and neither t nor dots occur."""
+    """The x of y'' = 6 y^2 + x, where names are guessed, one name moves, by primes, and neither t nor dots occur.
+
+    So is the z of w'' = 2 w^3 + z w, a function of a complex variable.
+    """
     texts = [text for _, text in _placed({key: plain[key] for key in FORMULAS if key in plain}, "")]
     if not _guesses(plain) or not {*plain} <= {"equations", "parameters", "name", "functions"}:
         return ""
     equations = plain.get("equations")
     keyed = [str(key).rstrip("'") for key in equations] if isinstance(equations, Mapping) else []
-    if "x" in _declared(plain) or "x" in keyed or len(keyed) > 1 or any("dot" in text for text in texts):
+    if len(keyed) > 1 or any("dot" in text for text in texts):
         return ""
     try:
         known = Names(guesses=True)
@@ -509,15 +516,20 @@ def _free_variable(plain: Mapping[str, Any]) -> str:
         return ""
     moving = {*document_names.moving_names(tokens, 1)}
     words = {token.text for token in walk(tokens) if token.kind == "name"}
-    names = Names((), ("x", *moving))
+    free = "z" if moving == {"w"} and "x" not in words else "x"
+    if free in _declared(plain) or free in keyed:
+        return ""
+    names = Names((), (free, *moving))
     starts = (k for k in range(len(tokens)) if not k or tokens[k - 1].text in (";", ",", "\n"))
-    if any(spelled(tokens[k : k + 2]) == "x=" for k in starts):
+    if any(spelled(tokens[k : k + 2]) == f"{free}=" for k in starts):
         return ""  # x = l sin(theta) is a definition
-    occurs = any(word == "x" or "x" in nm.only_split(word, names) for word in words)
+    occurs = any(free == word or free in nm.only_split(word, names) for word in words)
     timed = any(map(_TIMED.search, texts))
     alone = len(moving) == 1 and not moving & {"x", "X", "z"} and not timed
-    siblings = {"z"} & words or any(re.fullmatch(r"x_?\d+", name) for name in moving)  # x may be a coordinate too
-    return "x" if occurs and alone and not siblings and "\u0307" not in "".join(texts) else ""
+    siblings = {"z"} & words - {free} or any(
+        re.fullmatch(r"x_?\d+", name) for name in moving
+    )  # x may be a coordinate too
+    return free if occurs and alone and not siblings and "\u0307" not in "".join(texts) else ""
 
 
 def _with_time_apart(plain: Mapping[str, Any], time: str) -> tuple[dict[str, Any], dict[str, str]]:
