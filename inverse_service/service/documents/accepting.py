@@ -11,7 +11,7 @@ from __future__ import annotations
 import difflib
 import json
 import re
-from collections.abc import Callable, Collection, Container, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
 from pathlib import Path
@@ -282,7 +282,7 @@ def _check_reactions(reactions: Mapping[str, str], lagrangian: str, constraints:
     except errors.InputError:
         return  # reported where it is read
     places = [place for place, name in enumerate(names.coordinates) if name in forces]
-    forms = [[form[k] for k in places] for pair in pairs if (form := _form(ex.subtract(*pair), names.coordinates))]
+    forms = [[row[k] for k in places] for row in _rows([left - right for left, right in pairs], names.coordinates)]
     for multiplier in (ex.Symbol(name) for name in names.parameters if _MULTIPLIER.fullmatch(name)):
         force = [derivative.differentiate(forces[names.coordinates[k]], multiplier) for k in places]
         if any(entry != ex.ZERO for entry in force) and not any(_are_parallel(force, form) for form in forms):
@@ -701,12 +701,7 @@ def _constrained(
         return None
     moving = [left - right for _, left, right in lines if _holds(left - right, ex.Acceleration)]
     held = [line for line in lines if not _holds(line[1] - line[2], ex.Acceleration)]
-    forms = [euler_lagrange.linear_parts(left - right, ex.Velocity) for _, left, right in held]
-    rows = [
-        [form[0].get(ex.Velocity(name), ex.ZERO) for name in names.coordinates]
-        for form in forms
-        if isinstance(form, tuple) and form[0]
-    ]
+    rows = _rows([left - right for _, left, right in held], names.coordinates)
     multipliers = [
         ex.Symbol(name)
         for name in names.parameters
@@ -723,6 +718,13 @@ def _constrained(
         "constraints": [f"{printing.to_text(left)} = {printing.to_text(right)}" for _, left, right in held],
     }
     return made, [pointer for pointer, _, _ in held], [multiplier.name for multiplier in multipliers]
+
+
+def _rows(trees: Iterable[ex.Expression], coordinates: Sequence[str]) -> list[list[ex.Expression]]:
+    """w of each w_i v^i + c = 0; none for a tree without velocities, or with others."""
+    forms = [euler_lagrange.linear_parts(tree, ex.Velocity) for tree in trees]
+    linear = [form[0] for form in forms if isinstance(form, tuple) and form[0]]
+    return [[row.get(ex.Velocity(name), ex.ZERO) for name in coordinates] for row in linear]
 
 
 def _holds(tree: ex.Expression, kind: type[ex.Expression]) -> bool:
