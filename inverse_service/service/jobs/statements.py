@@ -19,10 +19,10 @@ from inverse_service import errors
 from inverse_service.service.jobs import model, tasks
 
 NO_BOUNDS, NO_USE = model.Bounds(), tasks.Usage()
-VERSION: Final = 3
+VERSION: Final = 4
 ACCEPT_LOCK, CLAIM_LOCK, PRUNE_LOCK = 7_204_021_102, 7_204_021_104, 7_204_021_103
 # Near the bounds on open jobs front ends accept one after the other, so that they hold for all together.
-FAR, FAR_AT_LEAST = 10, 1000
+FAR, FEW = 10, 1000
 # The total of a batch of which lines are missing still.
 INCOMPLETE: Final = -1
 # Lines that are stored, or dismissed, in one transaction; others write between two of them.
@@ -63,7 +63,7 @@ class Dialect:
 # There is one writer, so that nothing needs a lock.
 SQLITE: Final = Dialect(
     {
-        "BIGINT GENERATED ALWAYS AS IDENTITY PRIMARY KEY": "INTEGER PRIMARY KEY AUTOINCREMENT", "BIGINT": "INTEGER",
+        "BIGINT GENERATED ALWAYS AS IDENTITY PRIMARY KEY": "INTEGER PRIMARY KEY", "BIGINT": "INTEGER",
         "DOUBLE PRECISION": "REAL", "BYTEA": "BLOB", "AMONG (?)": "IN (SELECT value FROM json_each(?))",
         " FOR UPDATE": "", " SKIP LOCKED": "",
     },
@@ -210,7 +210,7 @@ def refuse_too_many(session: Session, new: Sequence[model.JobRequest], bounds: m
     if bounds.daily < model.NO_BOUND and session.rows("used_up", list(clients), float(bounds.daily)):
         detail = "The processor time of this client for today (UTC) is used; ask again tomorrow."
         raise model.TooManyJobs(detail, model.until_tomorrow(), bounds.daily)
-    if _room(session, clients, bounds) > FAR * len(new) + FAR_AT_LEAST:
+    if _room(session, clients, bounds) > FAR * len(new) + FEW:
         return
     session.lock(ACCEPT_LOCK)
     if len(new) > _room(session, clients, bounds):
@@ -250,18 +250,22 @@ def submit_and_claim(
 ) -> tuple[model.Job, bool, list[model.Job]]:  # fmt: skip
     """`submit` of one question, and in the same transaction `claim`.
 
-    Its job, with an answer that has at most so many bytes; whether it is new; those claimed. Far from the bounds a new
-    one that is next is stored as running.
+    Its job, with an answer that has at most so many bytes; whether it is new; those claimed. Where few are open, a new
+    one is stored in one statement: as running if it is next, else as waiting.
     """
-    about = (request.id, request.kind, request.document, request.options, request.client, request.priority)
-    is_free = limit > 0 and client_running >= model.NO_BOUND <= bounds.daily
-    if is_free and min(bounds.total, bounds.client) > FAR_AT_LEAST and (row := session.first("begin", *about, owner)):
-        begun = model.Job(**dict(row))
-        session.run("ask", begun.id, begun.client)
-        return begun, True, [begun]
-    is_new = _accept(session, [request], bounds, of_batch=False)
+    row, about = None, (request.id, request.kind, request.document, request.options, request.client, request.priority)
+    if min(bounds.total, bounds.client) > 2 * FEW and bounds.daily >= model.NO_BOUND:
+        may_begin = limit > 0 and client_running >= model.NO_BOUND
+        row = (may_begin and session.first("begin", *about, owner)) or session.first("wait", *about, FEW)
+    if row:
+        found = model.Job(**dict(row))
+        session.run("ask", found.id, found.client)
+        if found.status == "running":
+            return found, True, [found]
+        session.told.append(model.Change(found.id, "accepted"))
+    is_new = bool(row) or _accept(session, [request], bounds, of_batch=False)
     claimed = {job.id: job for job in claim(session, owner, limit, client_running)} if is_new and limit > 0 else {}
-    job = claimed.get(request.id) or _read(session, [request.id], largest)[request.id]
+    job = claimed.get(request.id) or (found if row else _read(session, [request.id], largest)[request.id])
     return job, is_new, [*claimed.values()]
 
 
@@ -321,6 +325,8 @@ def list_jobs(
     wanted = {"status": status, "kind": kind, "client": client, "sequence": last and last.sequence}
     chosen = {name: value for name, value in wanted.items() if value is not None}
     where = " AND ".join(f"{name} {'<' if name == 'sequence' else '='} ?" for name in chosen) or "1 = 1"
+    if status is not None:
+        where += " AND {open}" if status in model.OPEN else " AND {finished}"
     found = jobs_of(session.rows("list_jobs", *chosen.values(), limit + 1, where=where))
     return found[:limit], found[limit - 1].id if len(found) > limit else None
 

@@ -10,10 +10,14 @@ jobs.finished, jobs.attempt, jobs.crashes, jobs.restarts, jobs.revision, jobs.se
 jobs.memory, jobs.expires
 
 -- name: open
-status IN ('accepted', 'running')
+-- These words lead to the index of open jobs. A status alone leads to none, or ids would not be looked for first.
+finished IS NULL
 
 -- name: finished
-status NOT IN ('accepted', 'running')
+finished IS NOT NULL
+
+-- name: waiting
+finished IS NULL AND status = 'accepted'
 
 -- name: unwanted
 -- Nobody waits for a job: neither somebody who asked for it, nor a batch.
@@ -55,7 +59,13 @@ WHERE jobs.{finished} AND (jobs.status = 'dismissed' OR ? OR jobs.expires <= mom
 -- A new question begins as it is stored where none waits and the operator lets it.
 INSERT INTO jobs (id, kind, document, options, status, client, priority, created, started, heartbeat, attempt, owner)
 SELECT ?, ?, ?, ?, 'running', ?, ?, moment(), moment(), moment(), 1, ?
-WHERE NOT EXISTS (SELECT 1 FROM jobs WHERE status = 'accepted') AND NOT EXISTS ({is_drained})
+WHERE NOT EXISTS (SELECT 1 FROM jobs WHERE {waiting}) AND NOT EXISTS ({is_drained})
+ON CONFLICT (id) DO NOTHING RETURNING {job}
+
+-- name: wait
+-- A new question waits where not many are open.
+INSERT INTO jobs (id, kind, document, options, status, client, priority, created)
+SELECT ?, ?, ?, ?, 'accepted', ?, ?, moment() WHERE NOT EXISTS (SELECT 1 FROM jobs WHERE {open} LIMIT 1 OFFSET ?)
 ON CONFLICT (id) DO NOTHING RETURNING {job}
 
 -- name: ask
@@ -81,25 +91,25 @@ ON CONFLICT (client, day) DO UPDATE SET runs = uses.runs + 1, cpu = uses.cpu + e
 SELECT client, count(*) AS jobs FROM jobs WHERE {open} GROUP BY client
 
 -- name: may_begin
-SELECT id FROM jobs WHERE status = 'accepted' AND NOT EXISTS ({is_drained}) LIMIT 2
+SELECT id FROM jobs WHERE {waiting} AND NOT EXISTS ({is_drained}) LIMIT 2
 
 -- name: next
 -- Which jobs are next: by the operator's rank of the client and of the job, then the client with the fewest running
--- ones, then by priority and age. Each client is found by one step in the index (client, priority, sequence), however
+-- ones, then by priority and age. Each client is found by one step in the index `jobs_open`, however
 -- many jobs it has waiting. Arguments: limit (of each client), most running ones of a client, limit.
 WITH RECURSIVE waiting (client) AS (
-    SELECT min(client) FROM jobs WHERE status = 'accepted'
+    SELECT min(client) FROM jobs WHERE {waiting}
     UNION ALL
-    SELECT (SELECT min(client) FROM jobs WHERE status = 'accepted' AND client > waiting.client)
+    SELECT (SELECT min(client) FROM jobs WHERE {waiting} AND client > waiting.client)
     FROM waiting WHERE waiting.client IS NOT NULL
 ), busy AS (
-    SELECT client, count(*) AS jobs FROM jobs WHERE status = 'running' GROUP BY client
+    SELECT client, count(*) AS jobs FROM jobs WHERE {open} AND status = 'running' GROUP BY client
 ), candidates AS (
     SELECT id, priority, sequence,
         coalesce(ranks.rank, 0) + CASE WHEN priority < 0 THEN -1 WHEN priority > 10 THEN 1 ELSE 0 END AS rank,
         coalesce(busy.jobs, 0) + row_number() OVER (PARTITION BY jobs.client ORDER BY priority, sequence) AS place
     FROM waiting JOIN jobs ON jobs.sequence IN (
-        SELECT own.sequence FROM jobs AS own WHERE own.status = 'accepted' AND own.client = waiting.client
+        SELECT own.sequence FROM jobs AS own WHERE {waiting} AND own.client = waiting.client
         ORDER BY own.priority, own.sequence LIMIT ?
     ) LEFT JOIN busy ON busy.client = jobs.client LEFT JOIN ranks ON ranks.client = jobs.client
 )
@@ -131,7 +141,7 @@ WHERE id = ? AND attempt = ? AND status = 'running'
 -- name: recover
 -- A claim from the future is of a clock that was set back.
 UPDATE jobs SET status = 'accepted', owner = NULL, restarts = restarts + 1 WHERE id IN (
-    SELECT id FROM jobs WHERE status = 'running' AND (? OR heartbeat <= moment() - ? OR heartbeat > moment() + ?)
+    SELECT id FROM jobs WHERE {open} AND status = 'running' AND (? OR heartbeat <= moment() - ? OR heartbeat > moment() + ?)
     FOR UPDATE SKIP LOCKED
 ) RETURNING {job}
 
@@ -148,13 +158,14 @@ INSERT INTO events VALUES (?, ?, ?, ?) ON CONFLICT DO NOTHING
 SELECT number, kind, data FROM events WHERE id = ? AND number > ? ORDER BY number LIMIT ?
 
 -- name: counts
-SELECT status, count(*) AS jobs FROM jobs GROUP BY status
+SELECT status, count(*) AS jobs FROM jobs WHERE {open} GROUP BY status
+UNION ALL SELECT status, count(*) AS jobs FROM jobs WHERE {finished} GROUP BY status
 
 -- name: oldest
-SELECT min(created) AS oldest FROM jobs WHERE status = 'accepted'
+SELECT min(created) AS oldest FROM jobs WHERE {waiting}
 
 -- name: is_waiting
-SELECT 1 FROM jobs WHERE status = 'accepted' LIMIT 1
+SELECT 1 FROM jobs WHERE {waiting} LIMIT 1
 
 -- name: stored_answer
 SELECT jobs.document, bodies.body FROM jobs JOIN bodies ON bodies.id = jobs.id WHERE jobs.id = ?
@@ -202,7 +213,7 @@ UPDATE batches SET total = ? WHERE id = ?
 INSERT INTO lines VALUES (?, ?, ?, ?, ?, NULL, 0) ON CONFLICT DO NOTHING
 
 -- name: answered
-(job IS NULL OR job IN (SELECT id FROM jobs WHERE {finished}))
+(job IS NULL OR EXISTS (SELECT 1 FROM jobs WHERE jobs.id = lines.job AND jobs.{finished}))
 
 -- name: claim_key
 INSERT INTO keys VALUES (?, ?, ?, moment()) ON CONFLICT DO NOTHING
@@ -260,8 +271,8 @@ SELECT {job} FROM jobs LIMIT 0
 
 -- name: clients
 SELECT known.client,
-(SELECT count(*) FROM jobs WHERE jobs.client = known.client AND status = 'accepted') AS waiting,
-(SELECT count(*) FROM jobs WHERE jobs.client = known.client AND status = 'running') AS running,
+(SELECT count(*) FROM jobs WHERE jobs.client = known.client AND {waiting}) AS waiting,
+(SELECT count(*) FROM jobs WHERE jobs.client = known.client AND {open} AND status = 'running') AS running,
 (SELECT count(*) FROM jobs WHERE jobs.client = known.client) AS stored,
 coalesce(ranks.rank, 0) AS rank, coalesce(uses.runs, 0) AS runs, coalesce(uses.cpu, 0) AS cpu
 FROM (SELECT client FROM jobs UNION SELECT client FROM batches UNION SELECT client FROM ranks) AS known

@@ -325,11 +325,13 @@ class Supervisor:
     def _room(self, client: str) -> tuple[int, int]:
         """How many jobs may be claimed as this client asks, and how many of one client may run with them.
 
-        Where none is free, there is room for clients with nothing running.
+        Where none is free, or others wait until some are claimed together, there is room for clients with nothing
+        running.
         """
         if self._stopping.is_set():
             return 0, 0
-        if (free := self._free()) > 0 or self._quick is None:
+        free = self._free()
+        if free >= (self._together if self._more else 1) or self._quick is None:
             return free, self._client_running
         with self._lock:
             is_busy = any(claimed.job.client == client for claimed in self._running.values())
