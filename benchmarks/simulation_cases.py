@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from benchmarks.hard_cases import disk_start, particle_start
 from benchmarks.problems import DISK, PARTICLE
 from inverse_service.kernels.codegen.program import Program
-from inverse_service.simulation.execution import initial, numbers_of
+from inverse_service.simulation.execution import arguments_of, initial
 from inverse_service.simulation.numeric_formulas import Formulas
-from inverse_service.simulation.scene_data import MethodChoice, Observation, Problem, Start
+from inverse_service.simulation.scene_data import Grid, MethodChoice, Observation, Problem, Start
 from inverse_service.simulation.schemes import program_of
 
 BARE: Observation = ()
@@ -43,6 +43,8 @@ def program(case: SpeedCase) -> Program:
 
 def lane(case: SpeedCase, step: float = STEP) -> dict[str, float]:
     """State, rates and arguments at the start."""
-    formulas, values = Formulas(case.problem), {"c0": CONSTANT}
-    begin = initial(formulas, case.choice, case.start, step, values)
-    return {**numbers_of(case.choice, begin, values), "h": step, "t": 0.0}
+    values = dict.fromkeys(case.problem.parameters, CONSTANT)
+    arguments = arguments_of(case.problem, case.choice, Grid(step, 1), values)
+    begin = initial(Formulas(case.problem), case.choice, case.start, arguments)
+    assert isinstance(begin, dict)
+    return begin

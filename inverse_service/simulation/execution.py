@@ -13,9 +13,9 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import Any
 
@@ -51,8 +51,9 @@ _KINDS = {"bound": "guard", "map": "off_domain", "domain": "off_domain"}
 # Newton that fails after the determinant has sunk below this part of its first value fails because of that.
 NEARLY_SINGULAR = 0.25
 # At this distance a pole affects the guard or Newton's method; the path to it is nearly straight.
-STEPS_AHEAD, BISECTIONS, LARGE = 20, 30, 1e4
+STEPS_AHEAD, SECTIONS, LARGE = 20, 8, 1e4
 Numbers = dict[str, float]
+Columns = dict[str, Any]  # numbers by name, each one or (N,)
 # Distances at which a power of the distance is read off, their ratio in decades, and what counts as a power below 1: in
 # doubles a smooth force shows 1, a jump 0, and round-off two powers that differ.
 NEARER, NEARER_BY = (1e-4, 1e-7, 1e-10), 3
@@ -71,20 +72,6 @@ def check(problem: Problem, choice: MethodChoice) -> None:
         raise InputError("A composition needs a symmetric step: alpha = 1/2, or symmetrised.")
     if choice.symmetrised and choice.alpha != 0.5 and choice.form != "verlet" and problem.depends_on_time:
         raise InputError("Symmetrised steps require a system without t: take alpha = 1/2, which also has order 2.")
-
-
-def numbers_of(choice: MethodChoice, begin: Initial, parameters: Mapping[str, float]) -> dict[str, float]:
-    """State, rates and arguments of one trajectory by the names of the kernel, but its step and its time."""
-    return {
-        **begin.state,
-        **{f"{name}_rate": x for name, x in begin.rates.items()},
-        "a": _setting(choice),
-        **parameters,
-    }
-
-
-def _setting(choice: MethodChoice) -> float:
-    return choice.tolerance if choice.method in method_table.OWN_STEPS else choice.alpha
 
 
 def kernel_of(formulas: Formulas, choice: MethodChoice, observation: Observation, lanes: int = 1) -> Compiled:
@@ -126,7 +113,7 @@ def run(
 @dataclass(frozen=True, slots=True)
 class Prepared:
     """`count` runs of a kernel that have everything but the number of steps; `begin` has the numbers of the kernel by
-    name, each one or (count,), the step and the time where they are not those of the grid."""
+    name, each one or (count,)."""
 
     formulas: Formulas
     choice: MethodChoice
@@ -136,8 +123,8 @@ class Prepared:
 
     def go(self, grid: Grid, stop: Stop | None = None) -> Run:
         """All steps of the grid from the start, in pieces, after each of which `stop` is asked; groups on all cores."""
-        kernel, card, begin = self.kernel, self.kernel.card, {"h": grid.step, str(MOMENT): grid.begin, **self.begin}
-        memory, substeps = memory_of(card, begin, self.count), np.array(weights_of(self.choice), dtype=np.float64)
+        kernel, card = self.kernel, self.kernel.card
+        memory, substeps = memory_of(card, self.begin, self.count), np.array(weights_of(self.choice), dtype=np.float64)
         every = max(1, min(grid.record_every, grid.steps))
         whole, rest = divmod(grid.steps, every)
         record = np.full((len(memory), whole + bool(rest), len(card.layout.columns), card.lanes), np.nan)
@@ -182,16 +169,21 @@ def prepared(
 ) -> Prepared | Trajectory:  # fmt: skip
     """The run made ready, or the start alone where it cannot begin."""
     formulas = formulas_of(problem)
-    parameters = {f"c{place}": float(values[name]) for place, name in enumerate(problem.parameters)}
-    begin = initial(formulas, choice, start, grid.step, parameters | {str(MOMENT): grid.begin})
-    if begin.missing:
-        return Trajectory.of_start(grid.begin, start.positions, None, begin.missing)
-    numbers = numbers_of(choice, begin, parameters)
-    found = Prepared(formulas, choice, kernel_of(formulas, choice, observation), numbers)
+    begin = initial(formulas, choice, start, arguments_of(problem, choice, grid, values))
+    if isinstance(begin, Outcome):
+        return Trajectory.of_start(grid.begin, start.positions, None, begin)
+    found = Prepared(formulas, choice, kernel_of(formulas, choice, observation), begin)
     if choice.method != "adaptive" or formulas.depends_on_velocities or not _takes_many(found, grid):
         return found
     highest = replace(choice, order=method_table.PAIRS[-1])
     return replace(found, choice=highest, kernel=kernel_of(formulas, highest, observation))
+
+
+def arguments_of(problem: Problem, choice: MethodChoice, grid: Grid, values: Mapping[str, float | Array]) -> Columns:
+    """What a kernel takes beside the state: the step, the time, alpha or the tolerance, and the parameters."""
+    setting = choice.tolerance if choice.method in method_table.OWN_STEPS else choice.alpha
+    parameters = {f"c{place}": values[name] for place, name in enumerate(problem.parameters)}
+    return {"h": grid.step, str(MOMENT): grid.begin, "a": setting, **parameters}
 
 
 def _takes_many(ready: Prepared, grid: Grid) -> bool:
@@ -398,10 +390,8 @@ def _outcome(run: Run, halt: Outcome | None) -> Outcome:
     if choice.method == "modified" and halt.kind == "singular" and len(schemes.parts_of(choice)) == 1:
         # It has its own singular set: it is smooth through the zeros of A_alpha, even if other factors vanish nearby.
         return replace(halt, remedy=_remedy(f, choice))
-    if halt.kind in ("no_convergence", "not_finite", "singular") and (cause := _vanished(run)):
-        return replace(halt, kind="singular", quantity=cause[0], value=cause[1], remedy=_remedy(f, choice))
-    if cause := _pole(run):
-        return replace(halt, kind="singular", quantity=cause[0], value=cause[1], remedy=schemes.where_it_ends(f))
+    if cause := _cause(run, halt):
+        return replace(halt, kind="singular", quantity=cause[0], value=cause[1], remedy=cause[2])
     if halt.kind == "guard" and halt.value:
         # The determinant differs from its limit by h^2 at alpha = 1/2, other guards are proportional to h.
         excess = math.sqrt(halt.value) if (halt.quantity or "").startswith("1 - det") else abs(halt.value)
@@ -410,54 +400,47 @@ def _outcome(run: Run, halt: Outcome | None) -> Outcome:
     return halt
 
 
-def _way(run: Run, formulas: Sequence[Formula]) -> Callable[[float], list[float]]:
-    """Formulas along the straight path from the last good point, so many steps after it."""
-    last, start, step, f = run.numbers(), run.ready.begin, run.grid.step, run.ready.formulas
+def _cause(run: Run, halt: Outcome) -> tuple[str, float, str] | None:
+    """(text, value now, remedy) of the first denominator of L~ that passes 0 about the step that failed, from a step
+    before the last good point to a step and a half after it; or further ahead, where dH~/dq has a pole there: guard and
+    Newton fail because of it. Those that H~ is smooth through, as cos(phi) of the disk, do not count.
+    """
+    f, choice = run.ready.formulas, run.ready.choice
+    if choice.method not in ("variational", "modified"):
+        return None
+    last, start, step = run.numbers(), run.ready.begin, run.grid.step
     passed = last[programs.CLOCK] * step
-    means = [(last[f"q{k}"] - start[f"q{k}"]) / passed if passed else 0.0 for k in range(f.size)]
+    means = [(last[f"q{k}"] - float(start[f"q{k}"])) / passed if passed else 0.0 for k in range(f.size)]
     # A rate of 0 is that of the step that failed; the mean one says where the way led.
     rates = [last.get(f"d{k}_rate", 0.0) or mean for k, mean in enumerate(means)]
     table = {str(MOMENT): run.grid.begin, **start, **last, **_named("v", rates)}
-    return lambda part: f.values(
-        formulas, table | {f"q{k}": last[f"q{k}"] + part * step * rate for k, rate in enumerate(rates)}
-    )
 
+    def along(formulas: Sequence[Formula], parts: Array) -> Array:
+        """Formulas so many steps after the last good point on the straight path from it, (parts, formulas)."""
+        return f.rows(formulas, table | {f"q{k}": last[f"q{k}"] + parts * step * rate for k, rate in enumerate(rates)})
 
-def _pole(run: Run) -> tuple[str, float] | None:
-    """(text, value now) of the first denominator of L~ that passes 0 just ahead, where dH~/dq has a pole: guard and
-    Newton fail because of it. Those that H~ is smooth through, as cos(phi) of the disk, do not count."""
-    f = run.ready.formulas
-    if run.ready.choice.method != "variational" or not (f.problem.free_hamiltonian and f.problem.free_lagrangian):
-        return None
-    slopes = _way(run, [f.hamiltonian.diff(q) for q in f.symbols("q")])
-    for item in f.denominators:
-        along = _way(run, [item.formula])
-        (now,) = along(0.0)
-        first = next((k for k in range(STEPS_AHEAD) if now * along(k + 1.0)[0] <= 0), None)
-        if first is None:
-            continue
-        low, high = float(first), first + 1.0
-        for _ in range(BISECTIONS):
-            middle = (low + high) / 2
-            low, high = (low, middle) if now * along(middle)[0] <= 0 else (middle, high)
-        here, there = (np.abs(slopes(part)).max() for part in (0.0, low))
-        if not math.isfinite(there) or there > LARGE * (1.0 + here):
-            return item.text, now
-    return None
-
-
-def _vanished(run: Run) -> tuple[str, float] | None:
-    """The factor of L~'s denominators that passes 0 about the step that failed, with its value before it: from a step
-    before the last good point to a step and a half after it."""
-    choice = run.ready.choice
-    if choice.method not in ("variational", "modified"):
-        return None
     raw = choice.method == "modified" or choice.form == "raw" or _has_two_places(choice)
-    for item in run.ready.formulas.denominators:
-        values = [_way(run, [item.formula])(part)[0] for part in (-1.0, 0.0, 1.5)]
-        passes = not min(values) * max(values) > 0 or abs(values[-1]) < 1e-3 * abs(values[1])
+    for item in f.denominators if halt.kind in ("no_convergence", "not_finite", "singular") else ():
+        values = along([item.formula], np.array([-1.0, 0.0, 1.5]))[:, 0]
+        passes = not values.min() * values.max() > 0 or abs(values[2]) < 1e-3 * abs(values[1])
         if (raw or item.moves) and passes:
-            return item.text, values[1]
+            return item.text, float(values[1]), _remedy(f, choice)
+    if choice.method == "modified" or not (f.problem.free_hamiltonian and f.problem.free_lagrangian):
+        return None
+    slopes = [f.hamiltonian.diff(q) for q in f.symbols("q")]
+    for item in f.denominators:
+        places = np.arange(STEPS_AHEAD + 1.0)
+        for _ in range(SECTIONS):
+            values = along([item.formula], places)[:, 0]
+            if not (beyond := values[0] * values <= 0)[1:].any():
+                break
+            end = int(beyond[1:].argmax()) + 1
+            places = np.linspace(places[end - 1], places[end], STEPS_AHEAD + 1)
+        else:
+            now, before = along([item.formula], np.zeros(1))[0, 0], np.array([0.0, places[0]])
+            here, there = np.abs(along(slopes, before)).max(axis=1)
+            if not math.isfinite(there) or there > LARGE * (1.0 + here):
+                return item.text, float(now), schemes.where_it_ends(f)
     return None
 
 
@@ -478,51 +461,49 @@ def _remedy(f: Formulas, choice: MethodChoice) -> str:
     return schemes.where_it_ends(f)
 
 
-@dataclass(frozen=True, slots=True)
-class Initial:
-    """Values of state variables and first guesses of the unknowns' rates.
-
-    `missing` is the outcome where a momentum has no value, so that the run cannot begin.
-    """
-
-    state: Numbers
-    rates: Numbers = field(default_factory=dict)
-    missing: Outcome | None = None
-
-
-def initial(f: Formulas, choice: MethodChoice, start: Start, step: float, parameters: Mapping[str, float]) -> Initial:
-    """State of the kernel at its start time, which is one of the parameters (0 if it is not)."""
-    q, velocities = _named("q", start.positions), np.array(start.velocities, dtype=float)
-    table: Numbers = {str(MOMENT): 0.0, **parameters, **q, **_named("v", velocities)}
+def initial(f: Formulas, choice: MethodChoice, start: Start, arguments: Columns) -> Columns | Outcome:
+    """The numbers of a kernel at the start: its arguments, the state, and first guesses of the rates of the unknowns;
+    the outcome where a momentum or a force has no value there, so that the run cannot begin."""
+    table = {**arguments, **_named("q", start.positions), **_named("v", start.velocities)}
     if choice.method in method_table.POINT_METHODS:
-        at = tuple((name, value) for name, value in table.items())
-        return Initial({**q, **_named("v", velocities)}, missing=no_one_motion(f, choice.method in BY_SLOPES, at))
+        at = tuple((name, value) for name, value in table.items() if name not in ("h", "a"))
+        return no_one_motion(f, choice.method in BY_SLOPES, at) or table
+    momenta = None if start.momenta is None or choice.method == "modified" else np.array(start.momenta)
     if start.convention == "discrete_constraint":
         if choice.order > 2:
             raise InputError("A composition starts from momenta: the discrete constraint is that of the plain step.")
-        velocities, momenta = _on_discrete_constraint(f, choice, table, step)
+        velocities, momenta = _on_discrete_constraint(f, choice, table, table["h"])
         table |= _named("v", velocities)
-    elif start.momenta is not None and choice.method != "modified":
-        return Initial({**q, **_named("p", start.momenta)}, _named("d", velocities))
-    else:
-        (momenta,) = start_momenta(f, choice, table)
-    kept = [k for k in range(f.size) if choice.method != "modified" or k not in f.dependent]
+    elif momenta is not None:
+        return carried(f, choice, table, momenta)
+    found = carried(f, choice, table, momenta)
     undefined = undefined_force(f, f.forces, table)
     if undefined is None and f.depends_on_time:  # elsewhere L~ may be 0/0 at the start
         undefined = undefined_force(f, [f.discretized(choice.method).diff(x) for x in f.symbols("q")], table)
-    state, rates = {**q, **{f"p{k}": float(momenta[k]) for k in kept}}, _named("d", velocities)
-    if np.isfinite(momenta[kept]).all():
-        return Initial(state, rates, undefined)
-    quantity, value = vanishing(f, table)
+    if all(map(np.isfinite, found.values())):
+        return undefined or found
+    values = zip(f.denominators, f.values([item.formula for item in f.denominators], table), strict=True)
+    known = [(item.text, value) for item, value in values if math.isfinite(value)]
+    quantity, value = min(known, key=lambda item: abs(item[1]), default=("dL/dv", math.nan))
     remedy = "start where it is not 0, from momenta, or with another associated system or method"
-    return Initial(state, rates, Outcome("off_domain", 0, table[str(MOMENT)], quantity, value, remedy))
+    return Outcome("off_domain", 0, table[str(MOMENT)], quantity, value, remedy)
 
 
-def _named(letter: str, values: Sequence[float] | Array) -> Numbers:
-    return {f"{letter}{k}": float(value) for k, value in enumerate(values)}
+def carried(f: Formulas, choice: MethodChoice, columns: Columns, momenta: Array | None) -> Columns:
+    """Columns with q and v as a method on (q, p) carries them: momenta, those given or dL/dv, and rates."""
+    found = (start_momenta(f, choice, columns) if momenta is None else momenta).T
+    kept = [k for k in range(f.size) if choice.method != "modified" or k not in f.dependent]
+    others = {name: value for name, value in columns.items() if name[0] != "v"}
+    rates = {f"d{k}_rate": columns[f"v{k}"] for k in range(f.size)}
+    return others | {f"p{k}": found[k] for k in kept} | rates
 
 
-def start_momenta(f: Formulas, choice: MethodChoice, columns: Mapping[str, float | Array]) -> Array:
+def _named(letter: str, values: Sequence[float] | Array) -> Columns:
+    """The entries of (n,) numbers, or of each of (N, n), by name."""
+    return {f"{letter}{k}": value for k, value in enumerate(np.asarray(values, dtype=float).T)}
+
+
+def start_momenta(f: Formulas, choice: MethodChoice, columns: Columns) -> Array:
     """dL/dv of the Lagrangian that the method discretizes, (N, n); of L~ with the constraints put in, which hold, so
     that common factors A_alpha cancel."""
     given = f.on_constraints if choice.method != "nonholonomic" else {}
@@ -616,13 +597,6 @@ def _steep(f: Formulas, table: Mapping[str, float]) -> NDArray[np.bool_]:
     return steep
 
 
-def vanishing(f: Formulas, table: Mapping[str, float]) -> tuple[str, float]:
-    """The factor of a denominator that is nearest to 0, by name, and its value."""
-    values = zip(f.denominators, f.values([item.formula for item in f.denominators], table), strict=True)
-    known = [(item.text, value) for item, value in values if math.isfinite(value)]
-    return min(known, key=lambda item: abs(item[1]), default=("dL/dv", math.nan))
-
-
 def lanes_here() -> int:
     """The number of doubles that a core processes at once."""
     return 8 if "+avx512f" in processor_features() else 4
@@ -650,13 +624,8 @@ def run_ensemble(
         raise InputError(ALL_METHODS)
     f = Formulas(problem)
     kernel = kernel_of(f, choice, (), lanes_here())
-    span = range(f.size)
-    columns: dict[str, float | Array] = {f"c{place}": values[name] for place, name in enumerate(problem.parameters)}
-    columns |= {"h": grid.step if steps is None else steps, "a": _setting(choice)}
-    columns[str(MOMENT)] = grid.begin if begins is None else begins
-    columns |= {f"q{k}": positions[:, k] for k in span} | {f"v{k}": velocities[:, k] for k in span}
-    letter = "v" if choice.method in method_table.POINT_METHODS else "p"
-    if letter == "p":
-        start = start_momenta(f, choice, columns) if momenta is None else momenta
-        columns |= {f"p{k}": start[:, k] for k in span} | {f"d{k}_rate": velocities[:, k] for k in span}
+    columns = arguments_of(problem, choice, grid, values) | _named("q", positions) | _named("v", velocities)
+    columns |= ({} if steps is None else {"h": steps}) | ({} if begins is None else {str(MOMENT): begins})
+    if choice.method not in method_table.POINT_METHODS:
+        columns = carried(f, choice, columns, momenta)
     return Prepared(f, choice, kernel, columns, len(positions)).go(grid, stop)

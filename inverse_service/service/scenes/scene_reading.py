@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 import re
 import tomllib
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -94,18 +95,13 @@ def read_definitions(given: Mapping[str, str], names: Names) -> Definitions:
         arguments = names.functions[name]
         with reader.placed_at(pointer):
             tree = reader.read_formula(text, Names(names.coordinates, names.parameters))
-        moving: dict[ex.Expression, ex.Expression]
-        moving = {ex.Velocity(of[0]): ex.Symbol(word) for word in arguments if (of := names.derivative(word))}
-        tree = ex.substitute(tree, moving)
-        foreign = [n for n in ex.walk(tree) if isinstance(n, ex.Velocity) or _is_other(n, arguments, names)]
-        if foreign:
+        words = {word: of[0] for word in arguments if (of := names.derivative(word))}
+        tree = ex.substitute(tree, {ex.Velocity(name): ex.Symbol(word) for word, name in words.items()})
+        others = (ex.Symbol(other) for other in names.coordinates if other not in arguments)
+        if ex.holds(tree, *others, *map(ex.Velocity, names.coordinates)):
             raise InputError(f"{name} depends on {', '.join(arguments)} only: use only these.", pointer)
         found[name] = (arguments, tree)
     return found
-
-
-def _is_other(node: ex.Expression, arguments: tuple[str, ...], names: Names) -> bool:
-    return isinstance(node, ex.Symbol) and node.name in names.coordinates and node.name not in arguments
 
 
 def refuse_open_functions(formulas: Sequence[ex.Expression], names: Names) -> None:
@@ -155,15 +151,10 @@ def mechanical_system(given: Any, extra: Sequence[str]) -> MechanicalSystem:
 
     InputError with its pointer below /system.
     """
-    for kind, key, read in KINDS:
-        if isinstance(given, kind):
-            return _at(f"/system/{key}", read, getattr(given, key), extra)
-    return _at("/system", _of_document, given, extra)
-
-
-def _at(pointer: str, read: ReadSystem, given: Any, extra: Sequence[str]) -> MechanicalSystem:
+    key, read = KINDS.get(type(given), NO_KIND)
+    pointer = f"/system/{key}" if key else "/system"
     try:
-        return read(given, extra)
+        return read(getattr(given, key) if key else given, extra)
     except DocumentRefused as error:
         raise DocumentRefused(tuple(replace(p, pointer=pointer + p.pointer) for p in error.places)) from None
     except InputError as error:
@@ -205,17 +196,12 @@ def lagrangians_of(result: Mapping[str, Any], names: Names) -> tuple[KnownLagran
     ]
 
     def rank(answer: Mapping[str, Any]) -> tuple[bool, int]:
-        hamiltonian = answer.get("hamiltonian")
+        hamiltonian, tree = answer.get("hamiltonian"), reader.read_formula(answer["lagrangian"]["text"], names)
         closed = _is_part(hamiltonian) and not (hamiltonian or {}).get("implicit")
-        return not closed, len(_walls(answer["lagrangian"]["text"], names))
+        return not closed, len({*walls(tree, {*map(ex.Symbol, names.coordinates)})})
 
     parts = [answer["lagrangian"] for answer in sorted(answers, key=rank)]
     return tuple(dict.fromkeys(KnownLagrangian(part["text"], tuple(part.get("domain") or ())) for part in parts))
-
-
-def _walls(text: str, names: Names) -> set[ex.Expression]:
-    moving: set[ex.Expression] = {ex.Symbol(name) for name in names.coordinates}
-    return set(walls(reader.read_formula(text, names), moving))
 
 
 def _is_part(value: Any) -> bool:
@@ -268,19 +254,17 @@ def _of_equations(document: Mapping[str, Any], extra: Sequence[str]) -> Mechanic
 
 
 ReadSystem = Callable[[Any, Sequence[str]], MechanicalSystem]
-KINDS: tuple[tuple[type, str, ReadSystem], ...] = (
-    (schemas.CatalogueSystem, "catalogue", _of_catalogue), (schemas.DocumentSystem, "document", _of_document),
-    (schemas.ResultSystem, "result", _of_result),
-)  # fmt: skip
+KINDS: dict[type, tuple[str, ReadSystem]] = {
+    schemas.CatalogueSystem: ("catalogue", _of_catalogue), schemas.DocumentSystem: ("document", _of_document),
+    schemas.ResultSystem: ("result", _of_result),
+}  # fmt: skip
+NO_KIND: tuple[str, ReadSystem] = ("", _of_document)
 
 
 def without_steps(tree: ex.Expression) -> ex.Expression:
     """The tree with step functions written with u/sqrt(u^2), like sign(u)."""
-    return ex.substitute(tree, {node: tower.to_kernels(node) for node in ex.walk(tree) if _is_step(node)})
-
-
-def _is_step(node: ex.Expression) -> bool:
-    return isinstance(node, ex.Apply) and node.function == pieces.STEP
+    steps = (node for node in ex.walk(tree) if isinstance(node, ex.Apply) and node.function == pieces.STEP)
+    return ex.substitute(tree, {node: tower.to_kernels(node) for node in steps})
 
 
 def formula(text: str, names: Names, pointer: str) -> ex.Expression:
@@ -314,27 +298,19 @@ def _steps(loc: accepting.Steps) -> accepting.Steps:
 
 
 def _unknown(steps: accepting.Steps, where: str) -> str:
-    known = f"The key {where} is not known here; the keys are {', '.join(_keys(steps))}."
+    models: dict[int | str, Any] = {"initial": schemas.SceneInitial, "methods": schemas.SceneMethod}
+    model = models.get(steps[0]) if len(steps) > 1 else schemas.SceneDocument
+    keys = [str(steps[0])] if model is None else list(model.model_fields)
+    known = f"The key {where} is not known here; the keys are {', '.join(keys)}."
     return str(TABLE["not_simulated"].get(steps[-1], known))
 
 
-def _expected() -> dict[accepting.Steps, str]:
-    """What each place takes."""
-    return {
-        tuple(filter(None, place.split("."))): re.sub("<(.+?)>", lambda name: str(FILLED[name[1]]), text)
-        for place, text in TABLE["expected"].items()
-    }
-
-
-def _keys(steps: accepting.Steps) -> list[str]:
-    if len(steps) == 1:
-        return list(schemas.SceneDocument.model_fields)
-    if steps[0] == "initial":
-        return ["positions", "velocities", "momenta", "project"]
-    return list(schemas.SceneMethod.model_fields) if steps[0] == "methods" else [str(steps[0])]
-
-
-WORDING = accepting.Wording("The scene", _expected(), _unknown, _steps)
+# What each place takes.
+EXPECTED: dict[accepting.Steps, str] = {
+    tuple(filter(None, place.split("."))): re.sub("<(.+?)>", lambda name: str(FILLED[name[1]]), text)
+    for place, text in TABLE["expected"].items()
+}
+WORDING = accepting.Wording("The scene", EXPECTED, _unknown, _steps)
 
 
 def _read(text: str, system: MechanicalSystem, pointer: str) -> ex.Expression:
@@ -601,15 +577,18 @@ def read_grid(schema: schemas.SceneDocument, begin: float = 0.0) -> tuple[data.G
         )
     if (schema.steps is None) == (schema.time is None):
         raise InputError("give either 'steps' or 'time' with 'step'.", "")
-    steps = schema.steps or _steps_of(schema, step)
     notes: tuple[str, ...] = ()
-    length = None if schema.time is None else number_of(schema.time, "/time")
-    if length is not None and abs(steps * step - length) > 1e-9 * length:
-        notes = (f"The run takes {steps * step:.10g}, up to the first grid point beyond {length:.10g}.",)
-    if steps > schemas.MAX_STEPS:
-        raise LimitError(
-            f"the scene has {steps} steps, but the limit is {schemas.MAX_STEPS}: take a larger step.", "/time"
-        )
+    steps = schema.steps or 0
+    if schema.time is not None:
+        length = number_of(schema.time, "/time")
+        if length <= 0:
+            raise InputError("the time must be a positive number.", "/time")
+        if (count := length / step) > schemas.MAX_STEPS:
+            detail = f"the scene has more than {schemas.MAX_STEPS} steps: take a larger step or a shorter time."
+            raise LimitError(detail, "/time")
+        steps = max(1, round(count) if abs(count - round(count)) < 1e-9 * count else math.ceil(count))
+        if abs(steps * step - length) > 1e-9 * length:
+            notes = (f"The run takes {steps * step:.10g}, up to the first grid point beyond {length:.10g}.",)
     every = schema.record_every or 1
     if schema.events:
         if every > 1 or steps > MOST_WITH_EVENTS:
@@ -624,24 +603,15 @@ def read_grid(schema: schemas.SceneDocument, begin: float = 0.0) -> tuple[data.G
     return data.Grid(step, steps, every, begin), (*notes, note)
 
 
-def _steps_of(schema: schemas.SceneDocument, step: float) -> int:
-    length = number_of(schema.time or "", "/time")
-    if length <= 0:
-        raise InputError("the time must be a positive number.", "/time")
-    count = length / step
-    if count > 10 * schemas.MAX_STEPS:
-        raise LimitError(
-            f"the scene has more than {schemas.MAX_STEPS} steps: take a larger step or a shorter time.", "/time"
-        )
-    return max(1, round(count) if abs(count - round(count)) < 1e-9 * count else math.ceil(count))
-
-
 def read_methods(schema: schemas.SceneDocument) -> tuple[data.Requested, ...]:
     """The methods in the order of the scene, each with a unique label."""
-    found: list[data.Requested] = []
+    found, counts = list[data.Requested](), Counter[str]()
     for place, given in enumerate(schema.methods or [schemas.SceneMethod(method="adaptive")]):
-        found.append(_requested(schema, given, f"/methods/{place}"))
-    return tuple(_with_distinct_labels(found))
+        one = _requested(schema, given, f"/methods/{place}")
+        counts[one.label] += 1
+        again = counts[one.label] > 1
+        found.append(replace(one, label=f"{one.label}-{counts[one.label]}") if again else one)
+    return tuple(found)
 
 
 def _requested(schema: schemas.SceneDocument, given: schemas.SceneMethod, pointer: str) -> data.Requested:
@@ -704,16 +674,6 @@ def _label(given: schemas.SceneMethod, alpha: str | None, order: int) -> str:
     if given.free_lagrangian in ("first", "second", "third"):
         parts.append(str(given.free_lagrangian))
     return "-".join(parts)
-
-
-def _with_distinct_labels(found: list[data.Requested]) -> list[data.Requested]:
-    counts: dict[str, int] = {}
-    distinct = []
-    for one in found:
-        counts[one.label] = counts.get(one.label, 0) + 1
-        count = counts[one.label]
-        distinct.append(one if count == 1 else replace(one, label=f"{one.label}-{count}"))
-    return distinct
 
 
 def read_circle(schema: schemas.SceneDocument, names: Names) -> tuple[int, int] | None:
@@ -788,74 +748,56 @@ def read_members(
             known = ", ".join(scene.values) or "none"
             raise InputError(f"the system has no parameter '{escape(key)}': its parameters are {known}.", pointer)
         axes[name] = [number_of(text, f"{pointer}/{k}") for k, text in enumerate(texts)]
-    grid = list(product(*axes.values()))
-    starts = [base] if given.initial is None else given.initial
-    count = len(starts) if isinstance(starts, list) else len(next(iter(_given_columns(starts)), ()))
+    grid, columns = list(product(*axes.values())), list[list[str]]()
+    starts = given.initial
+    if starts is None:
+        starts = schemas.MemberColumns() if base.momenta is None else [base]
+    elif isinstance(starts, schemas.MemberColumns):
+        columns = [*starts.positions.values(), *starts.velocities.values()]
+        if base.momenta is not None:
+            raise InputError("columns of starts need velocities: give velocities in the scene instead of momenta.",
+                             "/ensemble/initial")  # fmt: skip
+    count, each = len(starts) if isinstance(starts, list) else len(next(iter(columns), [""])), len(grid)
     rows = scene.grid.steps // scene.grid.record_every + 2
-    if 2.0 * count * len(grid) * rows * len(names.coordinates) > MOST_NUMBERS:
+    if 2.0 * count * each * rows * len(names.coordinates) > MOST_NUMBERS:
         raise LimitError(TOO_LARGE.format(MOST_NUMBERS), "/ensemble")
     values = {name: np.tile([row[k] for row in grid], count) for k, name in enumerate(axes)}
+    where = "/ensemble/initial"
     try:
-        if isinstance(given.initial, list) or base.momenta is not None:
-            return _one_by_one(starts, base, names, scene, values)
-        return _together(given.initial, base, names, scene, values)
-    except InputError as error:
-        raise error.placed(error.pointer.replace("/initial", "/ensemble/initial", 1)) from None
-
-
-def _given_columns(given: schemas.MemberColumns) -> list[list[str]]:
-    return [*given.positions.values(), *given.velocities.values()]
-
-
-def _one_by_one(
-    starts: list[schemas.SceneInitial] | schemas.MemberColumns,
-    base: schemas.SceneInitial,
-    names: Names,
-    scene: data.Scene,
-    values: dict[str, Array],
-) -> data.Members:
-    """Each start with each value of the parameters, on which momenta and constraints may depend."""
-    if isinstance(starts, schemas.MemberColumns):
-        raise InputError("columns of starts need velocities: give velocities in the scene instead of momenta.",
-                         "/initial")  # fmt: skip
-    found, each = [], len(next(iter(values.values()), starts)) // len(starts)
-    for place, one in enumerate(starts):
-        velocities = one.velocities if one.velocities is not None or one.momenta is not None else base.velocities
-        momenta = one.momenta if one.velocities is not None or one.momenta is not None else base.momenta
-        changed = {"positions": base.positions | one.positions, "velocities": velocities, "momenta": momenta}
-        merged = one.model_copy(update=changed)
-        for member in range(place * each, (place + 1) * each):
-            own = {**scene.values, **{name: float(column[member]) for name, column in values.items()}}
-            try:
+        if isinstance(starts, schemas.MemberColumns):
+            if given.initial is not None and len({*map(len, columns)}) != 1:
+                raise InputError("the columns of an ensemble must have the same length.", "/initial")
+            return _together(starts, base, names, scene, values, count)
+        found = []
+        for place, one in enumerate(starts):
+            where = f"/ensemble/initial/{place}"
+            moving = one if one.velocities is not None or one.momenta is not None else base
+            given_speeds = {"velocities": moving.velocities, "momenta": moving.momenta}
+            merged = one.model_copy(update={"positions": base.positions | one.positions, **given_speeds})
+            # Momenta and constraints may depend on the parameters.
+            for member in range(place * each, (place + 1) * each):
+                own = {**scene.values, **{name: float(column[member]) for name, column in values.items()}}
                 found.append(read_initial(merged, names, scene, own))
-            except InputError as error:
-                raise error.placed(error.pointer.replace("/initial", f"/initial/{place}", 1)) from None
+    except InputError as error:
+        raise error.placed(error.pointer.replace("/initial", where, 1)) from None
     return data.Members(np.array([q for q, _ in found]), np.array([v for _, v in found]), values)
 
 
 def _together(
-    given: schemas.MemberColumns | None,
-    base: schemas.SceneInitial,
-    names: Names,
-    scene: data.Scene,
-    values: dict[str, Array],
-) -> data.Members:
-    """Columns, each start repeated for the values of the parameters; missing velocities are filled in."""
-    tables, free = [scene.positions[None], scene.velocities[None]], set(base.velocities or {})
-    if given is not None:
-        if len({len(column) for column in _given_columns(given)}) != 1:
-            raise InputError("the columns of an ensemble must have the same length.", "/initial")
-        for k, what in enumerate(("positions", "velocities")):
-            tables[k] = np.tile(tables[k], (len(_given_columns(given)[0]), 1))
-            for key, texts in getattr(given, what).items():
-                pointer = f"/initial/{what}/{escape(key)}"
-                place = names.coordinates.index(_coordinate(key, names, pointer))
-                tables[k][:, place] = [number_of(text, f"{pointer}/{row}") for row, text in enumerate(texts)]
-        free |= {names.spelling(name) for name in given.velocities}
-    each = len(next(iter(values.values()), tables[0])) // len(tables[0])
+    given: schemas.MemberColumns, base: schemas.SceneInitial, names: Names, scene: data.Scene,
+    values: Mapping[str, Array], count: int,
+) -> data.Members:  # fmt: skip
+    """Columns of starts, each repeated for the values of the parameters; missing velocities are filled in."""
+    tables = [np.tile(row, (count, 1)) for row in (scene.positions, scene.velocities)]
+    for table, what in zip(tables, ("positions", "velocities"), strict=True):
+        for key, texts in getattr(given, what).items():
+            pointer = f"/initial/{what}/{escape(key)}"
+            place = names.coordinates.index(_coordinate(key, names, pointer))
+            table[:, place] = [number_of(text, f"{pointer}/{row}") for row, text in enumerate(texts)]
+    each = len(next(iter(values.values()), tables[0])) // count
     positions, velocities = (np.repeat(table, each, axis=0) for table in tables)
     if scene.constraints:
+        free = {*(base.velocities or {}), *map(names.spelling, given.velocities)}
         speeds = {name: velocities[:, k] for k, name in enumerate(names.coordinates) if name in free}
-        numbers: dict[str, float | Array] = {**scene.values, **values}
-        velocities = initial_velocities(scene, numbers, positions, speeds, base.project)
+        velocities = initial_velocities(scene, {**scene.values, **values}, positions, speeds, base.project)
     return data.Members(positions, velocities, values)
