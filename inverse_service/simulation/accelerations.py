@@ -63,7 +63,11 @@ def accelerations_and_multipliers(
     gram = inverse(tuple(tuple(ex.dot(row, lift) for lift in lifted) for row in rows))
     if gram is None:
         return None
-    defects = [_rate(w, names) + ex.dot(row, free) for w, row in zip(constraints, rows, strict=True)]
+    defects = []
+    for w, row in zip(constraints, rows, strict=True):
+        along = (derivative.differentiate(w, ex.Symbol(name)) * ex.Velocity(name) for name in names)
+        drift = collecting.collect(ex.add(*along, derivative.differentiate(w, ex.TIME)))
+        defects.append(drift + ex.dot(row, free))
     multipliers = tuple(-ex.dot(line, defects) for line in gram)
     moved = (free[i] + ex.dot([lift[i] for lift in lifted], multipliers) for i in range(len(names)))
     return tuple(moved), multipliers
@@ -105,12 +109,6 @@ def _cofactor(matrix: euler_lagrange.Matrix, row: int, column: int) -> ex.Expres
     return -value if (row + column) % 2 else value
 
 
-def _rate(expression: ex.Expression, names: tuple[str, ...]) -> ex.Expression:
-    """The part of the derivative in time that holds no acceleration."""
-    along = (derivative.differentiate(expression, ex.Symbol(name)) * ex.Velocity(name) for name in names)
-    return collecting.collect(ex.add(*along, derivative.differentiate(expression, ex.TIME)))
-
-
 def _applied(matrix: euler_lagrange.Matrix, vector: Sequence[ex.Expression]) -> tuple[ex.Expression, ...]:
     return tuple(ex.dot(row, vector) for row in matrix)
 
@@ -141,18 +139,13 @@ def distance_of_motion(
 ) -> Array:
     """The greatest residual L_vv f + L_vq v - L_q at each of m points (m,), measured by its largest term."""
     residuals = euler_lagrange.euler_lagrange_residual(lagrangian, coordinates, accelerations)
-    sizes = [np.abs(numeric_formulas.array_value(residual, table)) / _size(residual, table) for residual in residuals]
+    sizes = []
+    for residual in residuals:
+        terms = residual.terms if isinstance(residual, ex.Sum) else (residual,)
+        found, *parts = np.abs(numeric_formulas.array_values([residual, *terms], table))
+        sizes.append(found / np.max([np.ones(len(found)), *parts], axis=0))
     worst: Array = np.max(sizes, axis=0)
     return worst
-
-
-def _size(residual: ex.Expression, table: dict[ex.Expression, Array | float]) -> Array:
-    """The size of the largest term, relative to which the residual is measured."""
-    terms = residual.terms if isinstance(residual, ex.Sum) else (residual,)
-    size = np.ones(len(numeric_formulas.array_value(residual, table)))
-    for term in terms:
-        size = np.maximum(size, np.abs(numeric_formulas.array_value(term, table)))
-    return size
 
 
 def _points(scene: Scene) -> tuple[Array, Array]:

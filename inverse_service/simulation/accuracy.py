@@ -269,7 +269,7 @@ def moments_between(run: observing.Observed) -> Array:
     velocities = run.velocities
     if problem is None or choice is None or not choice.guard or velocities is None:
         return np.empty(0)
-    moving: set[ex.Expression] = {ex.TIME, *map(ex.Symbol, scene.coordinates), *map(ex.Velocity, scene.coordinates)}
+    moving = nf.changing(scene.coordinates)
     pairs = [
         (node, node.argument if isinstance(node, ex.Apply) else node.base)
         for node in ex.distinct_nodes(tree for tree in problem.formulas if tree is not problem.free_hamiltonian)
@@ -354,33 +354,47 @@ def exact_trajectory(derived: derivation.Derived) -> Trajectory:
 
 
 def _references(derived: derivation.Derived) -> data.Truth:
+    """The better of two reference solutions, the bound of its error, and the time until which it is known."""
     begun, scene, problem = time.perf_counter(), derived.scene, derived.motion()
     times = scene.grid.times
 
-    def rows(choice: data.MethodChoice, refinement: int = 1) -> Array:
-        """Positions and velocities at the recorded times, (m, 2 n); nan where the reference did not arrive."""
+    def states(choice: data.MethodChoice, refinement: int = 1) -> Array:
+        """Positions and velocities at the recorded times, (2, m, n); nan where the reference did not arrive."""
         grid, start = scene.grid, data.Start(tuple(scene.positions), velocities=tuple(scene.velocities))
         steps, every = refinement * grid.steps, refinement * grid.record_every
         finer = replace(grid, step=grid.step / refinement, steps=steps, record_every=every)
-        found = np.full((len(times), 2 * len(scene.coordinates)), np.nan)
+        found = np.full((2, len(times), len(scene.coordinates)), np.nan)
         ran = _part(scene, problem, choice, start, finer, derived.stop)
         if ran.velocities is not None:
-            found[: len(ran.times)] = np.column_stack([ran.positions, ran.velocities])
+            found[:, : len(ran.times)] = ran.positions, ran.velocities
         return found
 
     try:
-        first, second, by = rows(TAYLOR), rows(EXPLICIT), "heyoka, checked by adaptive"
+        first, second, by = states(TAYLOR), states(EXPLICIT), "heyoka, checked by adaptive"
     except InputError:  # heyoka is not installed, or does not know a function
-        first, by = rows(EXPLICIT), "adaptive, checked by Gauss-Legendre of order 12"
-        second = _collocation(rows, first, derived)
-    return _judged(times, first, second, by, begun)
+        first, by = states(EXPLICIT), "adaptive, checked by Gauss-Legendre of order 12"
+        second = _collocation(states, first, derived)
+    distances = _distances(first, second)
+    good = np.isfinite(distances) & (SAFETY * distances <= USELESS * _size(first))
+    until = len(good) if good.all() else int(np.argmin(good))
+    if until < 2:
+        raise data.Unavailable(NONE_FOUND)
+    found, reason = first.copy(), ""
+    found[:, until:] = np.nan
+    if until < len(times):
+        ended = bool(np.isnan([first[0, until], second[0, until]]).any())
+        why = "the reference solutions end there" if ended else "from there on, the reference solutions differ"
+        reason = PARTED.format(times[until - 1], why)
+    bounds = SAFETY * np.where(good, distances, np.nan)
+    bounds = bounds + ROUND_OFF * np.maximum.accumulate(np.abs(found[0]).max(axis=1))
+    return data.Truth(times, found[0], found[1], "reference", bounds, time.perf_counter() - begun, reason, by)
 
 
-def _collocation(rows: Callable[..., Array], other: Array, derived: derivation.Derived) -> Array:
+def _collocation(states: Callable[..., Array], other: Array, derived: derivation.Derived) -> Array:
     """Gauss-Legendre of order 12, refined until it agrees with the other or no longer comes nearer."""
     nearest, refinement, best = np.inf, 1, np.full_like(other, np.nan)
     while refinement * derived.scene.grid.steps <= MOST_STEPS and not derived.is_over:
-        found = rows(IMPLICIT, refinement)
+        found = states(IMPLICIT, refinement)
         apart = float(np.nan_to_num(_distances(found, other), nan=np.inf)[-1])
         if apart < nearest or refinement == 1:
             best = found
@@ -401,38 +415,16 @@ def _part(
     return run_motion(own, requested, problem, lambda: problem, start, scene.values, stop).trajectory
 
 
-def _size(rows: Array) -> float:
+def _size(states: Array) -> float:
     """The size of the motion: the greatest change of a coordinate."""
-    half = rows[:, : rows.shape[1] // 2]
-    change = np.abs(half - half[0])
+    change = np.abs(states[0] - states[0, 0])
     return float(change[np.isfinite(change)].max(initial=0.0)) or 1.0
 
 
 def _distances(first: Array, second: Array) -> Array:
     """The greatest distance of a coordinate up to each time, (m,); nan where one has ended."""
-    n = first.shape[1] // 2
-    found: Array = np.maximum.accumulate(np.abs(first[:, :n] - second[:, :n]).max(axis=1))
+    found: Array = np.maximum.accumulate(np.abs(first[0] - second[0]).max(axis=1))
     return found
-
-
-def _judged(times: Array, first: Array, second: Array, by: str, begun: float) -> data.Truth:
-    """The reference, the bound of its error, and the time until which it is known."""
-    distances = _distances(first, second)
-    good = np.isfinite(distances) & (SAFETY * distances <= USELESS * _size(first))
-    until = len(good) if good.all() else int(np.argmin(good))
-    if until < 2:
-        raise data.Unavailable(NONE_FOUND)
-    rows, reason = first.copy(), ""
-    rows[until:] = np.nan
-    if until < len(times):
-        ended = bool(np.isnan(first[until]).any() or np.isnan(second[until]).any())
-        why = "the reference solutions end there" if ended else "from there on, the reference solutions differ"
-        reason = PARTED.format(times[until - 1], why)
-    n = rows.shape[1] // 2
-    bounds = SAFETY * np.where(good, distances, np.nan)
-    bounds = bounds + ROUND_OFF * np.maximum.accumulate(np.abs(rows[:, :n]).max(axis=1))
-    seconds = time.perf_counter() - begun
-    return data.Truth(times, rows[:, :n], rows[:, n:], "reference", bounds, seconds, reason, by)
 
 
 def with_missed_force(run: observing.Observed, numbers: dict[str, Any], derived: derivation.Derived) -> dict[str, Any]:

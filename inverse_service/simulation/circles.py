@@ -62,17 +62,22 @@ def circle_numbers(points: Array, exact: Array | None, every: int = 1, reach: fl
     drift = circle_drift(points, 0.0 if every == 1 else reach)
     if drift is None:
         return {"circle": None}
+    # The paper's matching circle: through three points a third of a revolution apart (or of the path).
+    last, known, whole = len(points) - 1, np.isfinite(drift.revolutions), least_squares_circle(points)
+    third = max(1, int(last / max(1.0, drift.revolutions) / 3)) if known else 1
+    three = circle_through(points[[0, third, 2 * third]])
     numbers: dict[str, Any] = {
         "radius_first": drift.first.radius,
         "radius_last": drift.last.radius,
         "radius_change": drift.last.radius / drift.first.radius - 1,
         "centre_drift": drift.centre_drift,
         "misfit": drift.first.misfit,
-        "shape_misfit": _shape(points),
-        "revolutions": None if np.isnan(drift.revolutions) else drift.revolutions,
-        "through_three_points": _three(points, drift),
+        # The greatest distance of the path from its least-squares circle, relative to the radius.
+        "shape_misfit": None if whole is None else float(radial_distance(points, whole).max()),
+        "revolutions": drift.revolutions if known else None,
+        "through_three_points": None if three is None else {"radius": three.radius, "center": list(three.center)},
     }
-    if np.isnan(drift.revolutions):
+    if not known:
         numbers["note"] = (
             "Too few steps are recorded to count revolutions: the circles are fitted to the first and last 1 % of them."
         )
@@ -83,20 +88,6 @@ def circle_numbers(points: Array, exact: Array | None, every: int = 1, reach: fl
         numbers["exact_radius"] = reference.radius
         numbers["max_radial_distance"] = float(radial_distance(points, reference).max())
     return {"circle": numbers}
-
-
-def _shape(points: Array) -> float | None:
-    """The greatest distance of the path from its least-squares circle, relative to the radius."""
-    whole = least_squares_circle(points)
-    return None if whole is None else float(radial_distance(points, whole).max())
-
-
-def _three(points: Array, drift: CircleDrift) -> dict[str, Any] | None:
-    """The paper's matching circle: through three points a third of a revolution apart (or of the path)."""
-    last = len(points) - 1
-    third = max(1, int(last / max(1.0, drift.revolutions) / 3)) if np.isfinite(drift.revolutions) else 1
-    circle = circle_through(points[[0, third, 2 * third]])
-    return None if circle is None else {"radius": circle.radius, "center": list(circle.center)}
 
 
 def circle_through(points: Array) -> Circle | None:

@@ -150,7 +150,8 @@ def _located(run: observing.Observed, event: data.Event, follow: Follow | None) 
         if terms and (np.abs(along) <= NOISE * np.abs(parts).sum(axis=0)).all():
             return Found(event, nothing[:, 0], nothing, nothing, NO_SIZE)
         if follow is None:
-            return Found(event, nothing[:, 0], nothing, nothing, NO_VELOCITIES if _turns(along) else "")
+            turns = (np.sign(along[1:]) != np.sign(along[:-1])).any()
+            return Found(event, nothing[:, 0], nothing, nothing, NO_VELOCITIES if turns else "")
         way = Way(ran.times, along, follow, value)
         with np.errstate(invalid="ignore"):
             brackets, touched, unseen = _brackets(way)
@@ -165,15 +166,17 @@ def _located(run: observing.Observed, event: data.Event, follow: Follow | None) 
         return Found(event, nothing[:, 0], nothing, nothing, NO_VELOCITIES)
     except errors.InputError as error:
         return Found(event, nothing[:, 0], nothing, nothing, error.detail)
+    about = value(state)
+    if (lost_there := np.isnan(about)).any():  # just before the zero where it has no value there, as sign(x) at x = 0
+        begin = way.times[brackets.places]
+        share = (state[0] - begin) / (way.times[brackets.places + 1] - begin)
+        before = value(way.at(brackets.places, share - JUST * (share - brackets.low)))
+        about = np.where(lost_there, before, about)
     # At a pole the sign also changes, but the value there exceeds those on both sides.
-    zero = np.abs(_value_about(way, brackets, state)) <= np.maximum(np.abs(brackets.below), np.abs(brackets.above))
+    zero = np.abs(about) <= np.maximum(np.abs(brackets.below), np.abs(brackets.above))
     order = np.argsort(state[0][zero], kind="stable")
     times, positions, speeds = (part[zero][order] for part in state)
     return Found(event, times, positions, speeds, note)
-
-
-def _turns(along: Array) -> bool:
-    return bool((np.sign(along[1:]) != np.sign(along[:-1])).any())
 
 
 @dataclass(frozen=True, slots=True)
@@ -213,18 +216,6 @@ class Brackets:
 
     def part(self, rows: NDArray[np.bool_]) -> Brackets:
         return Brackets(self.places[rows], self.low[rows], self.high[rows], self.below[rows], self.above[rows])
-
-
-def _value_about(way: Way, brackets: Brackets, state: State) -> Array:
-    """The formula at the zeros; just before them where it has no value there, as sign(x) at x = 0."""
-    found = way.value(state)
-    lost = np.isnan(found)
-    if lost.any():
-        begin = way.times[brackets.places]
-        share = (state[0] - begin) / (way.times[brackets.places + 1] - begin)
-        before = way.value(way.at(brackets.places, share - JUST * (share - brackets.low)))
-        found = np.where(lost, before, found)
-    return found
 
 
 def _is_unseen(way: Way, fine: Array, pieces: int) -> bool:

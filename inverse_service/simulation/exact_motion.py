@@ -81,19 +81,14 @@ def motion_by_quadrature(
     turning = [k for k, name in enumerate(names) if name in used]
     if ex.TIME.name in used or len(turning) > 1:
         raise Unavailable("The constraints depend on more than one coordinate.")
-    found = ExactMotion(names, inertia, mass, tuple(linear), turning[0] if turning else None, dict(values))
-    return found if not turning else _with_one_direction(found)
-
-
-def _with_one_direction(found: ExactMotion) -> ExactMotion:
-    k, names = found.turning or 0, found.coordinates
-    if any(row[k] != ex.ZERO for row in found.constraints):
-        raise Unavailable(f"A constraint contains the velocity of {names[k]}, on which it depends.")
-    if np.delete(found.mass[k], k).any():
-        raise Unavailable(f"The kinetic energy couples {names[k]} with another coordinate.")
-    if len(found.constraints) != len(names) - 2:
-        raise Unavailable(f"The constraints leave more than one direction in addition to {names[k]}.")
-    return found
+    for k in turning:
+        if any(row[k] != ex.ZERO for row in linear):
+            raise Unavailable(f"A constraint contains the velocity of {names[k]}, on which it depends.")
+        if np.delete(mass[k], k).any():
+            raise Unavailable(f"The kinetic energy couples {names[k]} with another coordinate.")
+        if len(linear) != len(names) - 2:
+            raise Unavailable(f"The constraints leave more than one direction in addition to {names[k]}.")
+    return ExactMotion(names, inertia, mass, tuple(linear), turning[0] if turning else None, dict(values))
 
 
 def _mass(
@@ -243,7 +238,10 @@ def class_lagrangian(motion: ExactMotion, taken: Sequence[str] = ()) -> ClassLag
     norm = ex.ONE if steady else ex.square_root(_square(motion, raw))
     coupled = [i for i in raw if i not in decoupled]
     directions = tuple(_split(raw[i], names[k])[0] if i in coupled else ex.ONE for i in range(len(names)))
-    constants = {i: _name(names[i], [*taken, *names]) for i in coupled}
+    constants = {}
+    for i in coupled:
+        choices = (f"C_{names[i]}", f"free_{names[i]}", *(f"C_{names[i]}_{k}" for k in range(2, len(taken) + 4)))
+        constants[i] = next(name for name in choices if name not in (*taken, *names))
     speed, momentum = ex.Velocity(names[k]), ex.Symbol(f"p_{names[k]}")
     quadratic = ex.add(*(
         ex.Symbol(constants[i]) * ex.Velocity(names[i])**2 / directions[i] for i in coupled
@@ -297,23 +295,14 @@ def _split(direction: ex.Expression, name: str) -> tuple[ex.Expression, ex.Expre
     return ex.multiply(*moving), ex.multiply(*(factor for factor in factors if factor not in moving))
 
 
-def _name(coordinate: str, taken: Sequence[str]) -> str:
-    choices = [f"C_{coordinate}", f"free_{coordinate}", *(f"C_{coordinate}_{k}" for k in range(2, len(taken) + 4))]
-    return next(name for name in choices if name not in taken)
-
-
+@np.errstate(all="ignore")
 def start_momenta(found: ClassLagrangian, motion: ExactMotion, positions: Array, velocities: Array) -> Array:
     """p = dL~/dv at starts on the constraints, (n,) or (m, n), with its limit where a d_i vanishes there.
 
     p_i = C_i n q_i'/(d_i r') is a constant of the motion; on the constraints q_i' is c d_i/n, so that
     the quotient stays finite: it is taken from d_i/d_i stripped, a constant. Not finite where r' = 0 or all d_i = 0.
     """
-    with np.errstate(all="ignore"):
-        rows = _start_momenta(found, motion, np.atleast_2d(positions), np.atleast_2d(velocities))
-        return rows.reshape(positions.shape)
-
-
-def _start_momenta(found: ClassLagrangian, motion: ExactMotion, positions: Array, velocities: Array) -> Array:
+    shape, positions, velocities = positions.shape, np.atleast_2d(positions), np.atleast_2d(velocities)
     k, mass, rate = found.turning, motion.mass, velocities[:, found.turning]
     table = turning_table(motion, positions[:, k])
     raw = _directions(motion)
@@ -333,4 +322,4 @@ def _start_momenta(found: ClassLagrangian, motion: ExactMotion, positions: Array
         momenta[:, i] = constant * (norm / length) * speed * ratio / rate
         shift += numeric_formulas.array_value(found.directions[i], table) * momenta[:, i] ** 2 / (2 * norm * constant)
     momenta[:, k] = rate - shift
-    return momenta
+    return momenta.reshape(shape)

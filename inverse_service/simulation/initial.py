@@ -46,23 +46,17 @@ def check_constraints(what: System, values: Values, positions: Array) -> None:
             )
     if not constraints:
         return
-    rank = max(np.linalg.matrix_rank(rows) for rows in _rows_nearby(what, values, positions))
+    random = np.random.default_rng(3)
+    rank = np.linalg.matrix_rank(_linear(what, values, positions[None])[0][0])
+    for _ in range(NEARBY):
+        with suppress(InputError):  # where they have no values
+            rows = _linear(what, values, positions[None] + random.normal(0, 1, len(positions)))[0][0]
+            rank = max(rank, np.linalg.matrix_rank(rows))
     if rank < len(constraints):
         raise InputError(f"only {rank} of the {len(constraints)} constraints are independent: leave out the others.",
                          "/system")  # fmt: skip
     if rank >= len(names):
         raise InputError(f"{rank} constraints on {len(names)} coordinates leave no motion: leave some out.", "/system")
-
-
-def _rows_nearby(what: System, values: Values, positions: Array) -> list[Array]:
-    """The coefficients of the velocities at the start and at points about it, where they have values."""
-    random = np.random.default_rng(3)
-    places = [positions, *(positions + random.normal(0, 1, len(positions)) for _ in range(NEARBY))]
-    found = [_linear(what, values, positions[None])[0][0]]
-    for place in places[1:]:
-        with suppress(InputError):
-            found.append(_linear(what, values, place[None])[0][0])
-    return found
 
 
 def without_value(scene: Scene) -> NDArray[np.bool_]:
@@ -132,20 +126,19 @@ def initial_velocities(what: System, values: Values, positions: Array, given: Va
         off = (beyond > 0).any(axis=1)
         if not project:
             member, place = divmod(worst, len(what.constraints))
-            _refuse_off(names, better[member], place, float(defects[member, place]), len(places), member)
+            hint = ", ".join(f"{name} {value:.9g}" for name, value in zip(names, better[member], strict=True))
+            fault = f"member {member}: " if len(places) > 1 else ""
+            fault += (
+                f"the velocities violate constraint {place + 1} by {defects[member, place]:.3g}: leave out those that "
+            )
+            fault += "the constraints determine"
+            raise InputError(
+                f'{fault}, or write "project": true in "initial" to use the nearest that fit ({hint}).',
+                "/initial/velocities",
+                plain=f"{fault}; the nearest that fit are ({hint}).",
+            )
         velocities[off] = better[off]
     return velocities.reshape(positions.shape)
-
-
-def _refuse_off(names: tuple[str, ...], better: Array, place: int, defect: float, count: int, member: int) -> None:
-    hint = ", ".join(f"{name} {value:.9g}" for name, value in zip(names, better, strict=True))
-    whose = f"member {member}: " if count > 1 else ""
-    what = f"{whose}the velocities violate constraint {place + 1} by {defect:.3g}: leave out those that the constraints"
-    raise InputError(
-        f'{what} determine, or write "project": true in "initial" to use the nearest that fit ({hint}).',
-        "/initial/velocities",
-        plain=f"{what} determine; the nearest that fit are ({hint}).",
-    )
 
 
 def _times(matrices: Array, vectors: Array) -> Array:

@@ -6,9 +6,11 @@ cos(u) of tan(u). Along a motion it keeps its sign, or the motion has left the d
 `array_value` is the value of a formula along a trajectory: one numpy operation for each node of the tree.
 """
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from fractions import Fraction
 from functools import cached_property, lru_cache
 from typing import Any
 
@@ -53,7 +55,7 @@ def _without_squares(wall: ex.Expression) -> tuple[ex.Expression, ...]:
 
 def switching_functions(trees: Sequence[ex.Expression | None], coordinates: Sequence[str]) -> tuple[ex.Expression, ...]:
     """The u of every sqrt(u^2) that changes along a motion, those that others contain first."""
-    moving: set[ex.Expression] = {ex.TIME, *map(ex.Symbol, coordinates), *map(ex.Velocity, coordinates)}
+    moving = changing(coordinates)
     found = [
         factor.base
         for node in ex.distinct_nodes([tree for tree in trees if tree is not None])
@@ -62,6 +64,11 @@ def switching_functions(trees: Sequence[ex.Expression | None], coordinates: Sequ
         if is_square(factor) and isinstance(factor, ex.Power) and ex.holds(factor.base, *moving)
     ]
     return tuple(dict.fromkeys(reversed(found)))
+
+
+def changing(coordinates: Sequence[str]) -> set[ex.Expression]:
+    """t, the coordinates and the velocities."""
+    return {ex.TIME, *map(ex.Symbol, coordinates), *map(ex.Velocity, coordinates)}
 
 
 def is_root(node: ex.Expression) -> bool:
@@ -76,16 +83,14 @@ def is_square(node: ex.Expression) -> bool:
 
 
 def _walls_of(node: ex.Expression) -> Iterator[ex.Expression]:
-    if isinstance(node, ex.Power) and isinstance(node.exponent, ex.Number):
-        exponent = node.exponent.value
-        if exponent < 0 or exponent.denominator != 1:
-            yield from _factors(node.base)
-    elif isinstance(node, ex.Power):
-        yield from _factors(node.base)
-    elif isinstance(node, ex.Apply) and node.function in _POLES:
-        yield ex.Apply(_POLES[node.function], node.argument)
-    elif isinstance(node, ex.Apply) and node.function in _AT_ZERO:
-        yield from _factors(node.argument)
+    match node:
+        case ex.Power(base, exponent):
+            if not (isinstance(exponent, ex.Number) and exponent.value > 0 and exponent.value.denominator == 1):
+                yield from _factors(base)
+        case ex.Apply(function, argument) if function in _POLES:
+            yield ex.Apply(_POLES[function], argument)
+        case ex.Apply(function, argument) if function in _AT_ZERO:
+            yield from _factors(argument)
 
 
 def _factors(base: ex.Expression) -> Iterator[ex.Expression]:
@@ -243,7 +248,10 @@ class Formulas:
         for row, drift in zip(self.forms, self.drifts, strict=True):
             formula = (row @ velocities + drift).subs({velocities[k]: value for k, value in solved.items()})
             entries = [formula.diff(v) for v in velocities]
-            place = _pivot(entries)
+            present = [k for k, entry in enumerate(entries) if entry != se.ZERO]
+            if not present:
+                raise errors.InputError("The constraints are not independent: leave the redundant one out.")
+            place = ([k for k in present if not entries[k].free_symbols] or present)[-1]
             rest = formula.subs({velocities[place]: se.ZERO})
             value = (-rest / entries[place]).expand()
             solved = {k: old.subs({velocities[place]: value}).expand() for k, old in solved.items()}
@@ -297,14 +305,6 @@ def put(formulas: Vector, table: Mapping[se.Formula, se.Formula]) -> Vector:
     return np.array([formula.subs(table) for formula in formulas.flat], dtype=object).reshape(formulas.shape)
 
 
-def _pivot(entries: Sequence[se.Formula]) -> int:
-    present = [k for k, entry in enumerate(entries) if entry != se.ZERO]
-    if not present:
-        raise errors.InputError("The constraints are not independent: leave the redundant one out.")
-    constant = [k for k in present if not entries[k].free_symbols]
-    return (constant or present)[-1]
-
-
 def array_function(name: str, values: Any) -> Any:
     below = derivative.RECIPROCALS.get(name)
     return 1 / array_function(below, values) if below else getattr(np, _NUMPY.get(name, name))(values)
@@ -353,38 +353,29 @@ def array_values(expressions: Sequence[ex.Expression], table: Mapping[ex.Express
 
 
 def _value(expression: ex.Expression, known: dict[ex.Expression, Any]) -> Any:
-    if expression not in known:
-        known[expression] = _computed(expression, known)
-    return known[expression]
-
-
-def _computed(expression: ex.Expression, known: dict[ex.Expression, Any]) -> Any:
+    if expression in known:
+        return known[expression]
+    found: Any
     match expression:
         case ex.Number(value):
-            return float(value)
+            found = float(value)
         case ex.Sum(terms):
-            return sum(_value(term, known) for term in terms)
+            found = sum(_value(term, known) for term in terms)
         case ex.Product(factors):
-            product: Any = 1.0
-            for factor in factors:
-                product = product * _value(factor, known)
-            return product
+            found = math.prod(_value(factor, known) for factor in factors)
+        case ex.Power(base, ex.Number(value)) if value.denominator == 1 and abs(value) <= 8:
+            found = np.asarray(_value(base, known), dtype=float) ** abs(int(value))
+            found = found if value >= 0 else 1 / found
+        case ex.Power(base, ex.Number(value)) if abs(value) == Fraction(1, 2):
+            found = np.sqrt(_value(base, known))
+            found = found if value > 0 else 1 / found
         case ex.Power(base, exponent):
-            return _power(_value(base, known), exponent, known)
+            found = np.power(np.asarray(_value(base, known), dtype=float), _value(exponent, known))
         case ex.Apply(function, argument):
-            return array_function(function, _value(argument, known))
+            found = array_function(function, _value(argument, known))
         case _ if expression == ex.PI:
-            return np.pi
+            found = np.pi
         case _:
             raise NoValue(f"a formula has no value here: {getattr(expression, 'name', 'a name')} is not given.")
-
-
-def _power(base: Any, exponent: ex.Expression, known: dict[ex.Expression, Any]) -> Any:
-    if isinstance(exponent, ex.Number) and exponent.value.denominator == 1 and abs(exponent.value) <= 8:
-        whole = int(exponent.value)
-        product = np.asarray(base, dtype=float) ** abs(whole)
-        return product if whole >= 0 else 1 / product
-    if isinstance(exponent, ex.Number) and exponent.value.denominator == 2 and abs(exponent.value.numerator) == 1:
-        root = np.sqrt(base)
-        return root if exponent.value > 0 else 1 / root
-    return np.power(np.asarray(base, dtype=float), _value(exponent, known))
+    known[expression] = found
+    return found

@@ -97,9 +97,15 @@ def run_scene(
     derived = derivation.with_energy(derived)
     scene = derived.scene
     truth: data.Truth | str | None = None
-    if derivation.USES_EXACT & set(scene.observe) and scene.ensemble is None:
+    if (exact := derivation.USES_EXACT & set(scene.observe)) and scene.ensemble is None:
         tell("true motion")
-        truth = _truth(replace(derived, stop=compared_until or derived.stop))
+        truth = "No exact solution is known here."
+        # Circles are compared with the exact solution only, so they cost no reference run.
+        if derivation.COMPARED & exact or derived.exact_or_none() is not None:
+            try:
+                truth = accuracy.true_motion(replace(derived, stop=compared_until or derived.stop))
+            except data.Unavailable as error:
+                truth = error.detail
     runs: list[MethodRun] = []
     members: list[EnsembleRun] = []
     for place, requested in enumerate(scene.methods, 1):
@@ -109,10 +115,13 @@ def run_scene(
             runs.append(MethodRun(requested, Outcome("cancelled", remedy=LATE), None))
             continue
         try:
-            if scene.ensemble is not None:
-                members.append(run_members(derived, requested))
+            if scene.ensemble is None:
+                runs.append(run_method(derived, requested, truth))
                 continue
-            runs.append(run_method(derived, requested, truth))
+            try:
+                members.append(run_members(derived, requested))
+            except InputError as error:
+                members.append(EnsembleRun(requested, Outcome("unavailable", remedy=error.detail), None))
         except (ArithmeticError, ValueError, LookupError, TypeError, RuntimeError) as error:
             logging.getLogger(__name__).exception("the method %s failed", requested.method)
             runs.append(MethodRun(requested, Outcome("failed", remedy=FAULT.format(type(error).__name__)), None))
@@ -178,7 +187,12 @@ def observed_run(
     try:
         problem = None if requested.method == data.EXACT else derivation.problem_of(requested, derived)
         if problem is None:
-            ran = switching.Run(_with_series(scene, accuracy.exact_trajectory(derived)))
+            found = accuracy.exact_trajectory(derived)
+            values, _ = observing.beginning(scene, requested, free)
+            table = nf.table_of(scene.coordinates, found.positions, found.velocities, values, found.times)
+            series = {one.name: nf.array_value(one.expression, table) for one in observing.observables(scene)}
+            maxima = {name: float(np.abs(column).max()) for name, column in series.items()}
+            ran = switching.Run(replace(found, series=series, maxima=maxima))
         else:
             ran = _integrated(watched, requested, problem)
     except InputError as error:
@@ -218,34 +232,8 @@ def _integrated(derived: derivation.Derived, requested: data.Requested, problem:
     return switching.run_motion(scene, requested, problem, derived.motion, start, values, derived.stop)
 
 
-def _with_series(scene: data.Scene, exact: Trajectory) -> Trajectory:
-    """The exact trajectory with the formulas of the observed quantities at its points."""
-    values = dict(scene.values) | {observing.ENERGY_START: observing.start_energy(scene) or 0.0}
-    table = nf.table_of(scene.coordinates, exact.positions, exact.velocities, values, exact.times)
-    series = {one.name: nf.array_value(one.expression, table) for one in observing.observables(scene)}
-    maxima = {name: float(np.abs(column).max()) for name, column in series.items()}
-    return replace(exact, series=series, maxima=maxima)
-
-
-def _truth(derived: derivation.Derived) -> data.Truth | str:
-    """The true motion; circles are compared with the exact solution only, so they cost no reference run."""
-    if not derivation.COMPARED & set(derived.scene.observe) and derived.exact_or_none() is None:
-        return "No exact solution is known here."
-    try:
-        return accuracy.true_motion(derived)
-    except data.Unavailable as error:
-        return error.detail
-
-
 def run_members(derived: derivation.Derived, requested: data.Requested) -> EnsembleRun:
-    """All members by one method; an outcome where it cannot run them."""
-    try:
-        return _run_members(derived, requested)
-    except InputError as error:
-        return EnsembleRun(requested, Outcome("unavailable", remedy=error.detail), None)
-
-
-def _run_members(derived: derivation.Derived, requested: data.Requested) -> EnsembleRun:
+    """All members by one method; InputError where it cannot run them."""
     scene = derived.scene
     members = scene.ensemble
     assert members is not None
@@ -258,17 +246,8 @@ def _run_members(derived: derivation.Derived, requested: data.Requested) -> Ense
     momenta = _momenta(known, members, values)
     begun = time.perf_counter()
     steps = np.where(initial.without_value(scene), np.nan, scene.grid.step)  # without one, a member does not start
-    many = execution.run_ensemble(
-        problem,
-        requested.choice,
-        members.positions,
-        members.velocities,
-        scene.grid,
-        values,
-        momenta,
-        steps,
-        derived.stop,
-    )
+    start = members.positions, members.velocities
+    many = execution.run_ensemble(problem, requested.choice, *start, scene.grid, values, momenta, steps, derived.stop)
     ran = time.perf_counter()
     if switching.has_pieces(scene, problem):
         many = replace(many, remedy=ALONE)
@@ -279,14 +258,11 @@ def _run_members(derived: derivation.Derived, requested: data.Requested) -> Ense
         return run
     numbers["estimated_error"], doubt = _estimated(scene, problem, run, values, momenta)
     doubt = doubt or _missed(derived, problem, run, values)
-    return replace(run, outcome=Outcome(_kind(many), scene.grid.steps, doubt=doubt))
-
-
-def _kind(many: execution.Run) -> str:
-    """The common outcome: all members completed, some did, or, if none did, the most frequent outcome."""
-    if many.completed.any():
-        return "completed" if many.completed.all() else "partly"
-    return Counter(many.outcome(member).kind for member in range(len(many.positions))).most_common(1)[0][0]
+    kind = "completed" if many.completed.all() else "partly"
+    if not many.completed.any():  # the most frequent outcome
+        kinds = Counter(many.outcome(member).kind for member in range(len(many.positions)))
+        kind = kinds.most_common(1)[0][0]
+    return replace(run, outcome=Outcome(kind, scene.grid.steps, doubt=doubt))
 
 
 def _estimated(

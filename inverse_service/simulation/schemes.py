@@ -11,30 +11,12 @@ from dataclasses import replace
 import numpy as np
 
 from inverse_service.errors import InputError
+from inverse_service.integrators import variational as discrete
 from inverse_service.integrators.method_table import GAUSS_LEGENDRE, PAIRS, RODAS, TABLEAUX, Tableau
 from inverse_service.integrators.trajectory import Array
-from inverse_service.integrators.variational import (
-    Vector,
-    hamiltonian_step,
-    lagrange_dalembert_step,
-    raw_step,
-    symmetrised_hamiltonian_step,
-)
-from inverse_service.kernels.codegen import program as programs
-from inverse_service.kernels.codegen.symengine_trees import (
-    ALPHA,
-    HALF,
-    ONE,
-    STEP,
-    WHOLE_STEP,
-    ZERO,
-    Formula,
-    contains,
-    number,
-    slope,
-    symbol,
-    translate,
-)
+from inverse_service.integrators.variational import Vector
+from inverse_service.kernels.codegen import program as programs, symengine_trees as se
+from inverse_service.kernels.codegen.symengine_trees import HALF, ONE, STEP, ZERO, Formula, number, symbol
 from inverse_service.simulation.numeric_formulas import MOMENT, Denominator, Formulas, put
 from inverse_service.simulation.scene_data import MethodChoice, Observation
 
@@ -60,7 +42,7 @@ SMALLEST = 1e-300
 def alpha_of(choice: MethodChoice) -> Formula:
     """alpha as a number where it changes the structure (0, 1/2, 1), else a name that gets its value at run time."""
     special = {0.0: number(0), 0.5: HALF, 1.0: number(1)}
-    return special.get(choice.alpha, ALPHA)
+    return special.get(choice.alpha, se.ALPHA)
 
 
 def parts_of(choice: MethodChoice) -> tuple[Formula, ...]:
@@ -71,20 +53,11 @@ def parts_of(choice: MethodChoice) -> tuple[Formula, ...]:
 def program_of(formulas: Formulas, choice: MethodChoice, observation: Observation) -> programs.Program:
     """The step of the method; it contains only the requested parts."""
     builders: dict[str, Callable[[Formulas, MethodChoice, Observation], programs.Program]] = {
-        "variational": variational,
-        "nonholonomic": nonholonomic,
-        "modified": modified,
-        "runge_kutta": runge_kutta,
-        "reference": gauss_legendre,
-        "adaptive": adaptive,
-        "stiff": stiff,
-    }
-    return builders[choice.method](formulas, choice, observation)
-
-
-def variational(formulas: Formulas, choice: MethodChoice, observation: Observation) -> programs.Program:
-    forms = {"raw": _raw, "verlet": _verlet, "hamiltonian": _hamiltonian}
-    return forms[choice.form](formulas, choice, observation)
+        "raw": _raw, "verlet": _verlet, "hamiltonian": _hamiltonian, "nonholonomic": nonholonomic, "modified": modified,
+        "runge_kutta": runge_kutta, "reference": gauss_legendre, "adaptive": adaptive, "stiff": stiff,
+    }  # fmt: skip
+    name = choice.form if choice.method == "variational" else choice.method
+    return builders[name](formulas, choice, observation)
 
 
 def _verlet(f: Formulas, choice: MethodChoice, observation: Observation) -> programs.Program:
@@ -113,10 +86,10 @@ def _hamiltonian(f: Formulas, choice: MethodChoice, observation: Observation) ->
     slope_q = f.held(slope_q, slope_p, moment_at(alpha))
     if len(parts_of(choice)) == 2:
         both = (e, f.symbols("g"))
-        equations, pushes = symmetrised_hamiltonian_step(q, p, d, both, STEP, alpha, slope_q, slope_p)
+        equations, pushes = discrete.symmetrised_hamiltonian_step(q, p, d, both, STEP, alpha, slope_q, slope_p)
         unknowns, watched = [*d, *e, *both[1]], p + e
     else:
-        equations, pushes = hamiltonian_step(q, p, d, e, STEP, alpha, slope_q, slope_p)
+        equations, pushes = discrete.hamiltonian_step(q, p, d, e, STEP, alpha, slope_q, slope_p)
         unknowns, watched = [*d, *e], p + (1 - alpha) * e
     point = f.point(moment_at(alpha), q=q + alpha * d, p=watched)
     guards = root_guards(f, point) if choice.guard else []
@@ -131,7 +104,7 @@ def _raw(f: Formulas, choice: MethodChoice, observation: Observation) -> program
     parts = parts_of(choice)
     slope_q, slope_v = (f.gradient(f.free_lagrangian, letter, moment=moment_at(parts[0])) for letter in "qv")
     slope_q = f.pushed(slope_q, moment_at(parts[0]))
-    equations, pushes = raw_step(q, p, d, STEP, parts, slope_q, slope_v)
+    equations, pushes = discrete.raw_step(q, p, d, STEP, parts, slope_q, slope_v)
     points = [discrete_point(f, part) for part in parts]
     watches = [one for at in points for one in sign_watches(f.denominators, at, "use the Hamiltonian form")]
     watches += range_watches(f, parts[0])
@@ -145,7 +118,9 @@ def nonholonomic(f: Formulas, choice: MethodChoice, observation: Observation) ->
     m, parts = np.array([symbol(f"m{a}") for a in range(len(f.forms))]), parts_of(choice)
     slope_q, slope_v = (f.gradient(f.lagrangian, letter, moment=moment_at(parts[0])) for letter in "qv")
     slope_q = f.pushed(slope_q, moment_at(parts[0]))
-    equations, pushes = lagrange_dalembert_step(q, p, d, m, STEP, parts, slope_q, slope_v, f.forms_at, f.drifts_at)
+    equations, pushes = discrete.lagrange_dalembert_step(
+        q, p, d, m, STEP, parts, slope_q, slope_v, f.forms_at, f.drifts_at
+    )
     walls = f.walls_of([f.problem.lagrangian]) if choice.guard else []
     watches = sign_watches(walls, discrete_point(f, parts[0]), REGULAR_MOTION)
     statements = _solved(f, equations, [*d, *m], choice.guard)
@@ -160,9 +135,9 @@ def modified(f: Formulas, choice: MethodChoice, observation: Observation) -> pro
     q, p, d, alpha, parts = *map(f.symbols, "qpd"), alpha_of(choice), parts_of(choice)
     base = [k for k in range(f.size) if k not in f.dependent]
     watches = range_watches(f, alpha)
-    if len(parts) == 2 or any(contains(value, q[k]) for value in f.dependent.values() for k in f.dependent):
+    if len(parts) == 2 or any(se.contains(value, q[k]) for value in f.dependent.values() for k in f.dependent):
         slope_q, slope_v = (f.gradient(f.free_lagrangian, letter) for letter in "qv")
-        free, kicks = raw_step(q, p, d, STEP, parts, slope_q, slope_v)
+        free, kicks = discrete.raw_step(q, p, d, STEP, parts, slope_q, slope_v)
         held = sum(f.forms_at(q + part * d) @ d for part in parts) / len(parts)
         statements, pushes = _solved(f, [*free[base], *held], d), kicks[base]
         watches += [
@@ -204,7 +179,7 @@ def _program(
     carried = (*(f"q{k}" for k in range(f.size)), *(f"p{k}" for k in places))
     observed = []
     for item in observation:
-        formula = translate(item.expression, f.table)
+        formula = se.translate(item.expression, f.table)
         values = [formula.subs(discrete_point(f, part)) for part in parts_of(choice)]
         observed.append((item.name, sum(values[1:], values[0]) / len(values)))
     forces = 0 if any(not isinstance(statement, programs.Assign) for statement in statements) else 1
@@ -217,7 +192,7 @@ def _finished(
     further: Sequence[Formula] = (),
 ) -> programs.Program:  # fmt: skip
     """The program with a clock where t matters, and without what nothing needs."""
-    if f.depends_on_time or any(contains(formula, MOMENT) for _, formula in observed):
+    if f.depends_on_time or any(se.contains(formula, MOMENT) for _, formula in observed):
         carried, changes = (*carried, str(MOMENT)), [*changes, STEP]
     known = {symbol(s.name): s.formula for s in statements if isinstance(s, programs.Assign)}
     updates = tuple(None if known.get(change, change) == ZERO else change for change in changes)
@@ -262,19 +237,19 @@ def _squared_norm(f: Formulas, changes: Vector, first: Vector, errors: Vector, l
     they leave changes with t: a step's share of it is no error.
     """
     q, v = map(f.symbols, "qv")
-    others = np.concatenate([(v * WHOLE_STEP) ** 2, (q / WHOLE_STEP) ** 2])
+    others = np.concatenate([(v * se.WHOLE_STEP) ** 2, (q / se.WHOLE_STEP) ** 2])
     if later is not None:
-        gained = (WHOLE_STEP * later) ** 2
-        others = others + np.concatenate([WHOLE_STEP**2 * gained, gained])
+        gained = (se.WHOLE_STEP * later) ** 2
+        others = others + np.concatenate([se.WHOLE_STEP**2 * gained, gained])
     sizes = np.concatenate([q, v]) ** 2 + changes**2 + first**2 + others / 1_000_000
     if f.depends_on_time:
         ends = put(f.accelerations, {MOMENT: moment_at(number(1.0))})
         terms = np.array([_squared_terms(end) if _is_sum(end) else ZERO for end in ends])
-        noise = (number(ROUND_OFF) * STEP / ALPHA) ** 2 * terms
+        noise = (number(ROUND_OFF) * STEP / se.ALPHA) ** 2 * terms
         sizes = sizes + np.concatenate([STEP**2 * noise, noise])
     wholes = np.repeat([sizes[: f.size].sum(), sizes[f.size :].sum()], f.size)
     shares = errors**2 / (sizes + wholes * number(FAR_END**2) + number(SMALLEST))
-    return shares.sum() / (2 * f.size * ALPHA**2)
+    return shares.sum() / (2 * f.size * se.ALPHA**2)
 
 
 def _is_sum(formula: Formula) -> bool:
@@ -296,7 +271,7 @@ def stiff(f: Formulas, choice: MethodChoice, observation: Observation) -> progra
     """
     n, (q, v) = f.size, map(f.symbols, "qv")
     state, statements = np.concatenate([q, v]), list[programs.Statement]()
-    slopes = np.array([[slope(force, x) for x in state] for force in f.accelerations])
+    slopes = np.array([[se.slope(force, x) for x in state] for force in f.accelerations])
     names = np.array([[symbol(f"j{k}_{x}") for x in state] for k in range(n)])
     statements += [programs.Assign(str(a), b) for a, b in zip(names.flat, slopes.flat, strict=True) if b != ZERO]
     jacobian = np.where(slopes == ZERO, ZERO, names)
@@ -313,7 +288,7 @@ def stiff(f: Formulas, choice: MethodChoice, observation: Observation) -> progra
         stages.append(u)
     changes = _combined(RODAS.rows[-1], stages, 2 * n) + stages[-1]
     # A force that begins as t^2 from rest has an error of the size of its change in a step of any length.
-    later = put(f.accelerations, {MOMENT: MOMENT + LATER * WHOLE_STEP}) if f.depends_on_time else None
+    later = put(f.accelerations, {MOMENT: MOMENT + LATER * se.WHOLE_STEP}) if f.depends_on_time else None
     error = _squared_norm(f, changes, STEP * np.concatenate([v, f.accelerations]), stages[-1], later)
     program = _point_program(f, observation, statements, changes, [], len(stages), [error])
     return replace(program, error=error, order=RODAS.order)
@@ -380,7 +355,7 @@ def _point_program(
 ) -> programs.Program:  # fmt: skip
     carried = tuple(str(name) for letter in "qv" for name in f.symbols(letter))
     watches = [*watches, *rank_watches(f, f.symbols("q") + changes[: f.size], divides=True)]
-    observed = [(item.name, translate(item.expression, f.table)) for item in observation]
+    observed = [(item.name, se.translate(item.expression, f.table)) for item in observation]
     return _finished(f, carried, statements, changes, watches, observed, forces, further)
 
 

@@ -17,6 +17,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from itertools import combinations, product
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +41,7 @@ AT_ZERO = 1e-9  # of the size of a state: what sticks is zero
 SOON = 1e-10  # of a step or of the time: events closer than this are taken to accumulate
 MOST_TOGETHER = 3  # switching functions that are zero at once
 STICKS = 0
+SPENT = ("force_evaluations", "newton_iterations", "compile_seconds", "run_seconds")  # by the parts of a run
 ZENO = "the times between two such events, which become ever shorter"
 ZENO_REMEDY = "stop before, or let the motion continue without the event from there"
 MANY = "After {} events the run was ended at t = {:.12g}."
@@ -48,6 +50,7 @@ MOST_TRIES = 64  # shorter steps up to a switch where the formulas of one side e
 BEGIN_ELSEWHERE = "begin elsewhere"
 ENDS_BEYOND = ("singular", "not_finite", "off_domain", "no_convergence")  # of a step that may lead beyond a switch
 Sides = dict[ex.Expression, int]  # of each switching function: 1 above zero, -1 below, 0 where the motion sticks
+Key = tuple[tuple[ex.Expression, int], ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,7 +152,8 @@ class _Motion:
     problem: data.Problem
     accelerations: tuple[ex.Expression, ...]
     functions: tuple[ex.Expression, ...]
-    known: dict[tuple[object, ...], object] = field(default_factory=dict)
+    made: dict[Key, tuple[tuple[ex.Expression, ...], dict[ex.Expression, ex.Expression]]] = field(default_factory=dict)
+    problems: dict[tuple[bool, Key], data.Problem] = field(default_factory=dict)
 
     def at(self, trees: Sequence[ex.Expression], state: Point) -> Array:
         time, q, v = state
@@ -163,33 +167,28 @@ class _Motion:
     def rate(self, u: ex.Expression, forces: Sequence[ex.Expression]) -> ex.Expression:
         """u' along q'' = forces."""
         terms = [derivative.differentiate(u, ex.TIME)]
-        for name, force in zip(self.scene.coordinates, forces, strict=True):
-            terms += [
-                derivative.differentiate(u, ex.Symbol(name)) * ex.Velocity(name),
-                derivative.differentiate(u, ex.Velocity(name)) * force,
-            ]
-        return ex.add(*terms)
+        terms += [derivative.differentiate(u, ex.Symbol(name)) * ex.Velocity(name) for name in self.scene.coordinates]
+        return ex.add(*terms, ex.dot(self.slopes(u), forces))
+
+    def slopes(self, u: ex.Expression) -> list[ex.Expression]:
+        """du/dv, (n,)."""
+        return [derivative.differentiate(u, ex.Velocity(name)) for name in self.scene.coordinates]
 
     def surface(self, u: ex.Expression, sides: Sides) -> ex.Expression:
         """u, or u' if u contains no velocity: the function that stays zero while the motion sticks."""
-        own = on_sides(u, sides)
-        if any(ex.holds(own, ex.Velocity(name)) for name in self.scene.coordinates):
-            return own
-        return self.rate(own, [ex.ZERO] * len(self.scene.coordinates))
+        own, names = on_sides(u, sides), self.scene.coordinates
+        return own if ex.holds(own, *map(ex.Velocity, names)) else self.rate(own, [ex.ZERO] * len(names))
 
     def forces(self, sides: Sides) -> tuple[ex.Expression, ...]:
         """The accelerations, with those of sticking functions such that they stay zero."""
-        return self._made(sides)[0]
+        if (key := (*sides.items(),)) not in self.made:
+            self.made[key] = self._make(sides)
+        return self.made[key][0]
 
     def shares(self, sides: Sides) -> dict[ex.Expression, ex.Expression]:
         """The s in [-1, 1] of each function that sticks."""
-        return self._made(sides)[1]
-
-    def _made(self, sides: Sides) -> tuple[tuple[ex.Expression, ...], dict[ex.Expression, ex.Expression]]:
-        key = ("forces", *sides.items())
-        if key not in self.known:
-            self.known[key] = self._make(sides)
-        return self.known[key]  # type: ignore[return-value]
+        self.forces(sides)
+        return self.made[*sides.items(),][1]
 
     def _make(self, sides: Sides) -> tuple[tuple[ex.Expression, ...], dict[ex.Expression, ex.Expression]]:
         stuck = [u for u, side in sides.items() if side == STICKS]
@@ -199,32 +198,25 @@ class _Motion:
         for signs in product((1, -1), repeat=len(stuck)):
             own = sides | dict(zip(stuck, signs, strict=True))
             corners.append((signs, [on_sides(force, own) for force in self.accelerations]))
-        share = ex.number(1) / ex.number(len(corners))
-        n = len(self.accelerations)
+        share, n = ex.number(1) / ex.number(len(corners)), len(self.accelerations)
         middle = [share * ex.add(*(forces[k] for _, forces in corners)) for k in range(n)]
         slopes = [[share * ex.add(*(signs[j] * forces[k] for signs, forces in corners)) for k in range(n)]
                   for j in range(len(stuck))]  # fmt: skip
         surfaces = [self.surface(u, sides) for u in stuck]
         right = [-self.rate(w, middle) for w in surfaces]
-        rows = [
-            [ex.dot([derivative.differentiate(w, ex.Velocity(name)) for name in self.scene.coordinates], slope)
-             for slope in slopes]
-            for w in surfaces
-        ]  # fmt: skip
+        rows = [[ex.dot(self.slopes(w), slope) for slope in slopes] for w in surfaces]
         whole = accelerating.determinant(tuple(map(tuple, rows)))
         if whole == ex.ZERO:
             return tuple(middle), {}
         found = {}
         for j, u in enumerate(stuck):
-            changed = [
-                tuple(right[i] if k == j else entry for k, entry in enumerate(row)) for i, row in enumerate(rows)
-            ]
+            changed = ((*row[:j], value, *row[j + 1 :]) for row, value in zip(rows, right, strict=True))
             found[u] = accelerating.determinant(tuple(changed)) / whole
         forces = [middle[k] + ex.add(*(found[u] * slopes[j][k] for j, u in enumerate(stuck))) for k in range(n)]
         # By the formulas alone round-off would move what sticks: one coordinate follows from the others.
         free = list(range(n))
         for w in surfaces:
-            weights = [derivative.differentiate(w, ex.Velocity(name)) for name in self.scene.coordinates]
+            weights = self.slopes(w)
             held = [k for k in free if isinstance(weights[k], ex.Number) and weights[k] != ex.ZERO]
             for k in held[:1]:
                 free.remove(k)
@@ -234,24 +226,16 @@ class _Motion:
 
     def problem_on(self, sides: Sides, by_forces: bool) -> data.Problem:
         """The problem of the method with s u for sqrt(u^2); that of the accelerations where something sticks."""
-        key = ("problem", by_forces, *sides.items())
-        if key not in self.known:
-            problem = self.problem
-            if by_forces:
-                found = replace(
-                    problem, lagrangian=None, free_lagrangian=None, free_hamiltonian=None, forces=(), domain=(),
-                    accelerations=self.forces(sides),
-                )  # fmt: skip
-            else:
-                trees = (problem.lagrangian, problem.free_lagrangian, problem.free_hamiltonian)
-                own = [None if tree is None else on_sides(tree, sides) for tree in trees]
-                found = replace(
-                    problem, lagrangian=own[0], free_lagrangian=own[1], free_hamiltonian=own[2],
-                    forces=tuple(on_sides(force, sides) for force in problem.forces),
-                    accelerations=problem.accelerations and self.forces(sides),
-                )  # fmt: skip
-            self.known[key] = found
-        return self.known[key]  # type: ignore[return-value]
+        key, problem = (by_forces, (*sides.items(),)), self.problem
+        if key not in self.problems:
+            names = ("lagrangian", "free_lagrangian", "free_hamiltonian")
+            trees = {name: None if by_forces else getattr(problem, name) for name in names}
+            own: dict[str, Any] = {name: tree and on_sides(tree, sides) for name, tree in trees.items()}
+            own["forces"] = () if by_forces else tuple(on_sides(force, sides) for force in problem.forces)
+            own["domain"] = () if by_forces else problem.domain
+            own["accelerations"] = self.forces(sides) if by_forces else problem.accelerations and self.forces(sides)
+            self.problems[key] = replace(problem, **own)
+        return self.problems[key]
 
     def sides_at(self, state: Point, before: Sides, zero: Sequence[ex.Expression], known: Sides) -> Sides | None:
         """The sides on which the motion continues if the functions `zero` are zero and others are on `known` sides;
@@ -271,7 +255,9 @@ class _Motion:
         if fits:  # from one side only crossing is a motion
             onward = [sides for sides in fits if all(sides[u] == -before.get(u, 0) for u in zero)]
             return onward[0] if len(onward) == 1 else None
-        if self._is_continuous(passing, state):  # at rest on a kink: nothing moves it away, or it is seen later
+        values = np.array([self.at(self.forces(sides), state) for sides in passing])
+        if (np.ptp(values, axis=0) <= 1e-12 * np.abs(values).max(initial=0.0)).all():
+            # At rest on a kink, where forces have one value: nothing moves it away, or it is seen later.
             return found | {u: before.get(u) or 1 for u in zero}
         for count in range(1, len(zero) + 1):
             for stuck in combinations(zero, count):
@@ -294,17 +280,11 @@ class _Motion:
     def _held(self, u: ex.Expression, stuck: Sequence[ex.Expression], sides: Sides, state: Point) -> bool:
         """Whether a function stays zero because others stick, as two blocks at rest on the ground do not rub."""
         names, surfaces = self.scene.coordinates, [self.surface(one, sides) for one in (*stuck, u)]
-        slopes = [derivative.differentiate(w, ex.Velocity(name)) for w in surfaces for name in names]
-        rows = self.at(slopes, state).reshape(-1, len(names))
+        rows = self.at([slope for w in surfaces for slope in self.slopes(w)], state).reshape(-1, len(names))
         rate = self.at([self.rate(surfaces[-1], self.forces(sides))], state)
         free = self.at(self.forces(sides | dict.fromkeys(stuck, 1)), state)
         still = bool(np.abs(rate).max() <= AT_ZERO * np.abs(free).max(initial=0.0))
         return still and bool(np.linalg.matrix_rank(rows) == np.linalg.matrix_rank(rows[:-1]))
-
-    def _is_continuous(self, passing: Sequence[Sides], state: Point) -> bool:
-        """Whether the forces have one value on all sides."""
-        values = np.array([self.at(self.forces(sides), state) for sides in passing])
-        return bool((np.ptp(values, axis=0) <= 1e-12 * np.abs(values).max(initial=0.0)).all())
 
     def goes(self, sides: Sides, zero: Sequence[ex.Expression], state: Point) -> bool:
         """Whether the motion on these sides moves away from each zero to its side."""
@@ -364,11 +344,7 @@ class _Pieces:
 
     def go(self, start: data.Start) -> Run:
         scene, grid = self.scene, self.scene.grid
-        state = (
-            grid.begin,
-            np.array(start.positions, dtype=float),
-            np.array(start.velocities, dtype=float),
-        )
+        state: Point = grid.begin, np.array(start.positions, dtype=float), np.array(start.velocities, dtype=float)
         begun: data.Start | None = start
         sides, outcome = self._sides(state, {}, self._zeros(state, {})), None
         if sides is not None and (kinds := self._at_start(state, sides)):
@@ -456,7 +432,13 @@ class _Pieces:
             text = printing.to_text(self.motion.functions[-1]) if self.motion.functions else ""
             outcome = Outcome("singular", place, state[0], NO_MOTION.format(text), None, BEGIN_ELSEWHERE)
         whole = self._joined(outcome or Outcome("completed", grid.steps, grid.begin + grid.steps * grid.step), start)
-        return Run(whole, True, tuple(self._events()), tuple(self.switches), state)
+        events = []
+        for k, event in enumerate(scene.events):
+            rows = sorted(self.seen[k], key=lambda state: state[0])
+            times = np.array([time for time, _, _ in rows])
+            q, v = (np.array([row[j] for row in rows]).reshape(-1, len(scene.coordinates)) for j in (1, 2))
+            events.append(Found(event, times, q, v, self.notes.get(k, "")))
+        return Run(whole, True, tuple(events), tuple(self.switches), state)
 
     def _passed(self, ran: Trajectory, velocities: Array, sides: Sides) -> int:
         """How many points lead to the first beyond a switch, or all."""
@@ -577,7 +559,9 @@ class _Pieces:
         q, v = old[1].copy(), old[2].copy()
         targets = self.motion.at([on_sides(tree, sides) for _, tree in event.sets], state)
         for (target, _), value in zip(event.sets, targets, strict=True):
-            (v if isinstance(target, ex.Velocity) else q)[self._place(target)] = value
+            moves = isinstance(target, ex.Velocity)
+            name = target.coordinate if isinstance(target, ex.Velocity) else getattr(target, "name", "")
+            (v if moves else q)[self.scene.coordinates.index(name)] = value
         if self.scene.constraints and np.isfinite([*q, *v]).all():
             given = dict(zip(self.scene.coordinates, map(float, v), strict=True))
             v = initial.initial_velocities(self.scene, self.motion.values, q, given, project=True)
@@ -606,10 +590,6 @@ class _Pieces:
         state = (float(ran.times[1]), ran.positions[1], velocities[1])
         return any(sense * self.motion.at([self.scene.events[k].formula], state)[0] > 0 for k, sense in held.items())
 
-    def _place(self, target: ex.Expression) -> int:
-        name = target.coordinate if isinstance(target, ex.Velocity) else getattr(target, "name", "")
-        return self.scene.coordinates.index(name)
-
     def _keep(self, ran: Trajectory, rows: NDArray[np.bool_]) -> None:
         """The points of a piece, without its start unless it is the first."""
         if self.parts:
@@ -630,18 +610,7 @@ class _Pieces:
             momenta=None,
             velocities=np.concatenate([np.asarray(part.velocities) for part in parts]),
             outcome=outcome,
-            force_evaluations=sum(part.force_evaluations for part in parts),
-            newton_iterations=sum(part.newton_iterations for part in parts),
-            compile_seconds=sum(part.compile_seconds for part in parts),
-            run_seconds=sum(part.run_seconds for part in parts),
             series=series,
             maxima={name: float(np.abs(column).max(initial=0.0)) for name, column in series.items()},
+            **{name: sum(getattr(part, name) for part in parts) for name in SPENT},
         )
-
-    def _events(self) -> Iterator[Found]:
-        n = len(self.scene.coordinates)
-        for k, event in enumerate(self.scene.events):
-            rows = sorted(self.seen[k], key=lambda state: state[0])
-            times = np.array([time for time, _, _ in rows])
-            positions, velocities = (np.array([row[j] for row in rows]).reshape(-1, n) for j in (1, 2))
-            yield Found(event, times, positions, velocities, self.notes.get(k, ""))

@@ -61,24 +61,18 @@ def object_code(ir: str, thorough: bool = False) -> bytes:
     machine = loading.target_machine()
     module = llvm.parse_assembly(ir)
     module.triple = machine.triple
-    _optimise(machine, module, thorough)
-    return bytes(machine.emit_object(module))
-
-
-def _optimise(machine: Any, module: Any, thorough: bool) -> None:
     # Lanes are written out and loops are long: levels above 1 take half as long again and gain nothing measurable.
     options = llvm.create_pipeline_tuning_options(speed_level=1)
     options.loop_vectorization = options.loop_unrolling = options.slp_vectorization = False
     builder = llvm.create_pass_builder(machine, options)
-    if thorough:
-        builder.getModulePassManager().run(module, builder)
-        return
-    passes = llvm.create_new_module_pass_manager()
-    passes.add_sroa_pass()
-    passes.add_instruction_combine_pass()
-    passes.add_simplify_cfg_pass()
-    passes.add_new_gvn_pass()
+    passes = builder.getModulePassManager() if thorough else llvm.create_new_module_pass_manager()
+    if not thorough:
+        passes.add_sroa_pass()
+        passes.add_instruction_combine_pass()
+        passes.add_simplify_cfg_pass()
+        passes.add_new_gvn_pass()
     passes.run(module, builder)
+    return bytes(machine.emit_object(module))
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,8 +157,8 @@ def _from_disk(digest: str) -> Compiled | None:
     if entry is None:
         return None
     try:
-        card = _card_from(entry[0])
-        machine = load(entry[1])
+        noted = _tuples(entry[0])
+        card, machine = Card(**noted | {"layout": Layout(**noted["layout"])}), load(entry[1])
     except (KeyError, TypeError, ValueError, RuntimeError, OSError):
         return None
     return Compiled(card, machine, {"load": time.perf_counter() - begin})
@@ -199,11 +193,8 @@ def card_of(program: Program, lanes: int = 1) -> Card:
     )
 
 
-def _card_from(noted: dict[str, Any]) -> Card:
-    """From what `asdict` wrote and JSON gave back."""
-    plain = {name: _tuples(value) for name, value in noted.items()}
-    return Card(**plain | {"layout": Layout(**{name: _tuples(names) for name, names in noted["layout"].items()})})
-
-
 def _tuples(value: Any) -> Any:
+    """What JSON gives back as it was written."""
+    if isinstance(value, dict):
+        return {name: _tuples(part) for name, part in value.items()}
     return tuple(map(_tuples, value)) if isinstance(value, list) else value

@@ -169,17 +169,6 @@ class Blocks:
         w[f"last_{place}"] = going.choose(determinant, w[f"last_{place}"])
         self._solves += 1
 
-    def _guard(self, block: programs.Solve, determinant: Value) -> None:
-        """|det - det0| < |det0| with det0 that of h -> 0 (at the new rates)."""
-        if block.limit is None:
-            return
-        with self.emitter.inner():
-            for name in block.unknowns:
-                self.emitter.bind(name, self.writer[name])
-            limit = self.emitter.value(block.limit)
-        ratio = abs(determinant - limit) / abs(limit)
-        self.stop_unless(ratio < 1.0, programs.GUARDED + self._solves, ratio)
-
     def _begin_loop(self, unknowns: Sequence[str]) -> str:
         """Slots, first guesses rate * h and the label of the loop."""
         w, e = self.writer, self.emitter
@@ -230,8 +219,14 @@ class Blocks:
             self._end_loop(label, settled, MOST_NEWTON_STEPS if entries else MOST_ITERATIONS)
         code = programs.NO_CONVERGENCE + (self._solves if entries else programs.CONTRACTION)
         self.stop_unless(w[f"{label}_settled"].equals(1.0), code, w[worst])
+        if block.limit is not None:  # |det - det0| < |det0| with det0 that of h -> 0 (at the new rates)
+            with e.inner():
+                for name in block.unknowns:
+                    e.bind(name, w[name])
+                limit = e.value(block.limit)
+            ratio = abs(w[worst] - limit) / abs(limit)
+            self.stop_unless(ratio < 1.0, programs.GUARDED + self._solves, ratio)
         if entries:
-            self._guard(block, w[worst])
             self._test_determinant(w[worst])
         self._keep_rates(block.unknowns)
 
@@ -247,7 +242,10 @@ class Blocks:
         within: Operand = 1.0
         small: Operand = 1.0
         total: Operand = 0.0
-        noise, bounds = self._noise(block), self._bounds(block)
+        noise: Operand = 0.0  # the round-off of the state variables that the unknowns are added to
+        for scale in dict.fromkeys(scale for scale in block.scales if scale):
+            noise = noise + ROUND_OFF * abs(self.emitter.value(symbol(scale)))
+        bounds = self._bounds(block)
         for name, delta in zip(block.unknowns, change, strict=True):
             w[name] = new = self.emitter.value(symbol(name)) - delta
             size, moved = abs(delta), abs(new)
@@ -262,13 +260,6 @@ class Blocks:
         reached = within.equals(1.0).choose(within, stalls.choose(small, 0.0))
         before = w[f"{label}_settled"]
         return before.equals(1.0).choose(before, reached)
-
-    def _noise(self, block: programs.Solve) -> Operand:
-        """The round-off of the state variables that the unknowns are added to."""
-        noise: Operand = 0.0
-        for scale in dict.fromkeys(scale for scale in block.scales if scale):
-            noise = noise + ROUND_OFF * abs(self.emitter.value(symbol(scale)))
-        return noise
 
     def _bounds(self, block: programs.Solve) -> dict[str, Value]:
         """What counts as small for the unknowns of each letter: NOISE times the greatest so far.
@@ -303,22 +294,16 @@ class Blocks:
 
 def _take_out(formula: Formula, changing: set[Formula], parts: dict[Formula, Formula], prefix: str) -> Formula:
     """The formula with its parts that do not depend on `changing` named; plain names and numbers stay."""
-    if not formula.args:
+    if not formula.args or not formula.free_symbols:
         return formula
     if not (formula.free_symbols & changing):
-        return _named(formula, parts, prefix)
+        return parts.setdefault(formula, symbol(f"{prefix}{len(parts)}"))
     if isinstance(formula, symengine.Add | symengine.Mul):
         fixed = [part for part in formula.args if not (part.free_symbols & changing)]
         moving = [part for part in formula.args if part.free_symbols & changing]
         group = [_take_out(type(formula)(*fixed), changing, parts, prefix)] if fixed else []
         return formula.func(*group, *(_take_out(part, changing, parts, prefix) for part in moving))
     return formula.func(*(_take_out(part, changing, parts, prefix) for part in formula.args))
-
-
-def _named(formula: Formula, parts: dict[Formula, Formula], prefix: str) -> Formula:
-    if formula.free_symbols:
-        return parts.setdefault(formula, symbol(f"{prefix}{len(parts)}"))
-    return formula
 
 
 class Kernel:
@@ -334,8 +319,13 @@ class Kernel:
         """The kernel's text."""
         self._open()
         self._step()
-        self._close()
-        return self.writer.text()
+        w = self.writer
+        w.open("stopped_early")
+        w.label("finish")
+        for array, names in (("memory", self.layout.persistent), ("control", CONTROL)):
+            for place, name in enumerate(names):
+                w.store(array, place, w[name])
+        return w.text()
 
     def _open(self) -> None:
         w = self.writer
@@ -376,23 +366,21 @@ class Kernel:
         w.label("next_stage")
         stage = w["stage"]
         with self.emitter.inner():
-            self._stage(stage)
+            self.emitter.bind("h", self._whole_step * w.load_shared("weights", stage))
+            self._calculate()
+            self._watch()
+            seen = self._seen()
+            self._leave_if_stopped("stopped_early", "go_on")
+            self._observe(seen)
+            self._update()
         w["stage"] = after = stage + 1
         w.branch(after < w["stages"], "next_stage", "end_stages")
         w.open("end_stages")
         self._end_step()
 
-    def _stage(self, stage: Value) -> None:
-        self.emitter.bind("h", self._whole_step * self.writer.load_shared("weights", stage))
+    def _calculate(self) -> None:
+        """The statements, at the state."""
         self._bind_state()
-        self._statements()
-        self._watch()
-        seen = self._seen()
-        self._leave_if_stopped("stopped_early", "go_on")
-        self._observe(seen)
-        self._update()
-
-    def _statements(self) -> None:
         for statement in self.program.statements:
             if isinstance(statement, programs.Assign):
                 self.emitter.bind(statement.name, self.emitter.value(statement.formula))
@@ -456,42 +444,26 @@ class Kernel:
             w[name] = new
 
     def _end_step(self) -> None:
-        w = self.writer
-        self._test_finite()
+        w, names = self.writer, programs.changing(self.program)
+        total: Operand = 0.0
+        for name in names:
+            total = total + w[name] * 0.0
+        if isinstance(total, Value):
+            self.blocks.stop_unless(total.equals(0.0), programs.NOT_FINITE, total)
         w[programs.CLOCK] = w[programs.CLOCK] + 1.0
         self._leave_if_stopped("stopped_early", "step_is_good")
         w["done"] = w["done"] + 1
         w["until_record"] = until = w["until_record"] + -1
         w.branch(until > 0, "next_step", "record_row")
         w.open("record_row")
-        self._record()
-        w.jump("next_step")
-
-    def _test_finite(self) -> None:
-        total: Operand = 0.0
-        for name in programs.changing(self.program):
-            total = total + self.writer[name] * 0.0
-        if isinstance(total, Value):
-            self.blocks.stop_unless(total.equals(0.0), programs.NOT_FINITE, total)
-
-    def _record(self) -> None:
-        w = self.writer
         row = w["rows"]
         first = row * len(self.layout.columns)
-        values = [w[name] for name in programs.changing(self.program)]
-        values += [w[f"seen_{k}"] for k in range(len(self.program.observed))]
+        values = [w[name] for name in (*names, *(f"seen_{k}" for k in range(len(self.program.observed))))]
         for place, value in enumerate(values):
             w.store("record", first + place, value)
         w["rows"] = row + 1
         w["until_record"] = w["every"]
-
-    def _close(self) -> None:
-        w = self.writer
-        w.open("stopped_early")
-        w.label("finish")
-        for array, names in (("memory", self.layout.persistent), ("control", CONTROL)):
-            for place, name in enumerate(names):
-                w.store(array, place, w[name])
+        w.jump("next_step")
 
 
 class AdaptiveKernel(Kernel):
@@ -510,7 +482,9 @@ class AdaptiveKernel(Kernel):
         with self.emitter.inner():
             self._try()
         more = w["tries"] < MOST_TRIES
-        w.branch(w.everywhere(self._arrived()), "end_tries", "try_again")
+        stopped, at_end = w[programs.STATUS].differs(0.0), w["left"].equals(0.0)
+        arrived = stopped.choose(1.0, at_end.choose(1.0, 0.0)).equals(1.0)
+        w.branch(w.everywhere(arrived), "end_tries", "try_again")
         w.open("try_again")
         w.branch(more, "next_try", "end_tries")
         w.open("end_tries")
@@ -522,11 +496,6 @@ class AdaptiveKernel(Kernel):
         self.blocks.stop_unless(abs(w[programs.TRIAL]) > known, programs.TOO_SHORT, w[programs.TRIAL])
         self._end_step()
 
-    def _arrived(self) -> Value:
-        w = self.writer
-        stopped, at_end = w[programs.STATUS].differs(0.0), w["left"].equals(0.0)
-        return stopped.choose(1.0, at_end.choose(1.0, 0.0)).equals(1.0)
-
     def _try(self) -> None:
         w, e = self.writer, self.emitter
         left, trial = w["left"], w[programs.TRIAL]
@@ -535,8 +504,7 @@ class AdaptiveKernel(Kernel):
         w["length"] = length
         e.bind("h", length)
         e.bind(str(WHOLE_STEP), self._whole_step)
-        self._bind_state()
-        self._statements()
+        self._calculate()
         assert self.program.error is not None
         error = e.value(self.program.error)
         going = self.blocks.going() & left.differs(0.0)

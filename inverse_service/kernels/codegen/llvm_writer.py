@@ -295,41 +295,32 @@ class LlvmWriter:
 def trigonometric_functions(lanes: int) -> tuple[str, dict[str, str]]:
     """(definitions of @sine_cosine, declarations that they need)."""
     near, far = LlvmWriter(lanes), LlvmWriter(lanes)
-    kind, pair, x = near.type, f"{{{near.type}, {near.type}}}", "%x"
-    near.branch(near.everywhere(abs(Value(near, x)) <= _LARGEST), "near", "far", rare=True)
+    kind, pair, x = near.type, f"{{{near.type}, {near.type}}}", Value(near, "%x")
+    near.branch(near.everywhere(abs(x) <= _LARGEST), "near", "far", rare=True)
     near.open("near")
     with near.exact():
-        shifted, rest = _reduced(near, Value(near, x))
-        near.give_pair(*_turned_back(near, shifted, *_on_the_first_octant(near, rest)))
+        shifted = near.fma(x, _TWO_OVER_PI, _ROUND)  # the number of quarter turns in its last bits
+        turns, rest = -(shifted - _ROUND), x
+        for part in _HALF_PI:
+            rest = near.fma(turns, part, rest)
+        square = rest * rest
+        sine = near.fma(_polynomial(near, _SINE, square), square * rest, rest)
+        # 1 - z/2 + z^2 C with the rounding of 1 - z/2 put back.
+        half = square * 0.5
+        head = 1.0 - half
+        lost = (1.0 - head) - half
+        cosine = head + near.fma(square * square, _polynomial(near, _COSINE, square), lost)
+        near.give_pair(*_turned_back(near, shifted, sine, cosine))
     near.open("far")
     near.give(pair, near.new(f"call {pair} @sine_cosine_far({kind} %x)"))
-    far.give_pair(far.call("sin", Value(far, x)), far.call("cos", Value(far, x)))  # the C library's, lane by lane
+    # The C library's, lane by lane.
+    far.give_pair(far.call("sin", Value(far, "%x")), far.call("cos", Value(far, "%x")))
     heads = {
         f"define internal {pair} @sine_cosine({kind} %x) alwaysinline nounwind memory(none) {{": near,
         f"define internal {pair} @sine_cosine_far({kind} %x) noinline cold nounwind memory(none) {{": far,
     }
     text = "\n".join("\n".join([head, *writer.lines, "}"]) for head, writer in heads.items())
     return text, near.declared | far.declared
-
-
-def _reduced(w: LlvmWriter, x: Value) -> tuple[Value, Value]:
-    """(number of quarter turns in its last bits, what they leave of x)."""
-    shifted = w.fma(x, _TWO_OVER_PI, _ROUND)
-    turns, rest = -(shifted - _ROUND), x
-    for part in _HALF_PI:
-        rest = w.fma(turns, part, rest)
-    return shifted, rest
-
-
-def _on_the_first_octant(w: LlvmWriter, rest: Value) -> tuple[Value, Value]:
-    """(sin, cos) of the remainder by the polynomials."""
-    square = rest * rest
-    sine = w.fma(_polynomial(w, _SINE, square), square * rest, rest)
-    # 1 - z/2 + z^2 C with the rounding of 1 - z/2 put back.
-    half = square * 0.5
-    head = 1.0 - half
-    lost = (1.0 - head) - half
-    return sine, head + w.fma(square * square, _polynomial(w, _COSINE, square), lost)
 
 
 def _polynomial(w: LlvmWriter, coefficients: tuple[float, ...], variable: Value) -> Operand:
@@ -397,9 +388,18 @@ class Emitter:
 
     def _written(self, formula: Formula) -> Value:
         if isinstance(formula, symengine.Add):
-            return self._sum(formula.args)
+            plus = [term for term in formula.args if not _is_negative(term)]
+            minus = [-term for term in formula.args if _is_negative(term)]
+            total = self._chain(operator.add, plus) if plus else -self._value(minus.pop(0))
+            return reduce(operator.sub, map(self._value, minus), total)
         if isinstance(formula, symengine.Mul):
-            return self._product(formula.args)
+            above = [f for f in formula.args if not _is_reciprocal(f)]
+            below = [1 / f for f in formula.args if _is_reciprocal(f)]
+            turned = above[:1] == [symengine.Integer(-1)]
+            rest = above[1:] if turned else above
+            value = self._chain(operator.mul, rest) if rest else self._leaf(ONE)
+            value = -value if turned else value
+            return value / self._chain(operator.mul, below) if below else value
         if isinstance(formula, symengine.Pow):
             return self._power(*formula.args)
         if not formula.args:
@@ -415,23 +415,6 @@ class Emitter:
             raise errors.InputError(
                 "A formula of the simulation has no real value (a root or logarithm below 0)."
             ) from error
-
-    def _sum(self, terms: Sequence[Formula]) -> Value:
-        plus = [term for term in terms if not _is_negative(term)]
-        minus = [-term for term in terms if _is_negative(term)]
-        total = self._chain(operator.add, plus) if plus else -self._value(minus.pop(0))
-        for term in minus:
-            total = total - self._value(term)
-        return total
-
-    def _product(self, factors: Sequence[Formula]) -> Value:
-        above = [f for f in factors if not _is_reciprocal(f)]
-        below = [1 / f for f in factors if _is_reciprocal(f)]
-        turned = above[:1] == [symengine.Integer(-1)]
-        rest = above[1:] if turned else above
-        value = self._chain(operator.mul, rest) if rest else self._leaf(ONE)
-        value = -value if turned else value
-        return value / self._chain(operator.mul, below) if below else value
 
     def _chain(self, operation: Callable[[Value, Value], Value], parts: Sequence[Formula]) -> Value:
         return reduce(operation, map(self._value, parts))
@@ -462,18 +445,14 @@ class Emitter:
 
     def _function(self, name: str, argument: Formula) -> Value:
         if name in ("sin", "cos"):  # all that is made of them was translated so
-            return self._sine_cosine(argument)[name == "cos"]
+            if argument not in self._pairs:
+                self._pairs[argument] = self.writer.sine_cosine(self._value(argument))
+            return self._pairs[argument][name == "cos"]
         if name in derivative.RECIPROCALS:
             return 1.0 / self._function(derivative.RECIPROCALS[name], argument)
         if name in _LIBRARY or name == "log":
             return self.writer.call(name, self._value(argument))
         raise errors.InputError(f"A simulation cannot compute the function {name}.")
-
-    def _sine_cosine(self, argument: Formula) -> tuple[Value, Value]:
-        known = self._pairs.get(argument)
-        if known is None:
-            known = self._pairs[argument] = self.writer.sine_cosine(self._value(argument))
-        return known
 
 
 def _is_negative(term: Formula) -> bool:

@@ -297,17 +297,17 @@ def limit_at_zero_step(jacobian: Sequence[Sequence[Formula]], variables: Sequenc
     rates = {variable: STEP * symbol(f"{variable}_w") for variable in variables}
     back = {symbol(f"{variable}_w"): variable / STEP for variable in variables}
     try:
-        rows = [[_at_zero_step(entry.subs(rates)) for entry in row] for row in jacobian]
+        moved = [[entry.subs(rates) for entry in row] for row in jacobian]
+        # Expanded only where it is divided by h: a power of a sum has thousands of terms.
+        rows = [
+            [(entry.expand() if _is_divided_by_step(entry) else entry).subs({STEP: ZERO}) for entry in row]
+            for row in moved
+        ]
         value = determinant(rows).subs(back)
     except (RuntimeError, ZeroDivisionError):
         return None
     known = all(word not in str(value) for word in ("zoo", "nan", "oo"))
     return value if known and value != ZERO else None
-
-
-def _at_zero_step(entry: Formula) -> Formula:
-    """The entry at h = 0. Expanded only where it is divided by h: a power of a sum has thousands of terms."""
-    return (entry.expand() if _is_divided_by_step(entry) else entry).subs({STEP: ZERO})
 
 
 def _is_divided_by_step(formula: Formula) -> bool:
