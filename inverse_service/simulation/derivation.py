@@ -35,8 +35,11 @@ def lagrangian_parts(lagrangian: Expression, coordinates: Sequence[str]) -> dict
     whole and expanded only if it is of several kinds: the terms of (x - 10^6)^2 would lose 12 digits."""
     kinds: dict[str, list[Expression]] = {KINETIC: [], MAGNETIC: [], POTENTIAL: []}
     for term in _terms(lagrangian):
-        parts = _terms(collecting.collect(term))
-        found = [_kind(part, coordinates) for part in parts]
+        parts, found = _terms(collecting.collect(term)), []
+        for part in parts:
+            moves = any(isinstance(node, Velocity) for node in walk(part))
+            has_mass = moves and any({*row} != {ZERO} for row in euler_lagrange.hessian(part, coordinates))
+            found.append(KINETIC if has_mass else MAGNETIC if moves else POTENTIAL)
         for kind, part in zip(found, parts, strict=True) if len(set(found)) > 1 else ((found[0], term),):
             kinds[kind].append(part)
     return {kind: add(*terms) for kind, terms in kinds.items()}
@@ -44,13 +47,6 @@ def lagrangian_parts(lagrangian: Expression, coordinates: Sequence[str]) -> dict
 
 def _terms(tree: Expression) -> tuple[Expression, ...]:
     return tree.terms if isinstance(tree, Sum) else (tree,)
-
-
-def _kind(term: Expression, coordinates: Sequence[str]) -> str:
-    if not any(isinstance(node, Velocity) for node in walk(term)):
-        return POTENTIAL
-    masses = euler_lagrange.hessian(term, coordinates)
-    return KINETIC if any(entry != ZERO for row in masses for entry in row) else MAGNETIC
 
 
 @dataclass(frozen=True)
@@ -95,7 +91,20 @@ class Derived:
 
     def exact(self) -> exact_motion.ExactMotion:
         """The exact motion."""
-        found: exact_motion.ExactMotion = self._part("exact", "exact motion", partial(_exact, self))
+        scene = self.scene
+
+        def make() -> exact_motion.ExactMotion:
+            if scene.lagrangian is None:
+                raise Unavailable("The system is given by its equations.")
+            if scene.forces or any(event.acts for event in scene.events):
+                raise Unavailable("Additional forces or events act on the motion.")
+            if self.degenerate:
+                raise Unavailable(_DEGENERATE)
+            return exact_motion.motion_by_quadrature(
+                scene.coordinates, scene.lagrangian, scene.constraints, scene.values
+            )
+
+        found: exact_motion.ExactMotion = self._part("exact", "exact motion", make)
         return found
 
     def exact_or_none(self) -> exact_motion.ExactMotion | None:
@@ -177,17 +186,6 @@ def free_of(requested: Requested, derived: Derived) -> FreeLagrangian | None:
     with suppress(Unavailable):
         return derived.free(requested.free) if requested.method in USES_FREE else None
     return None
-
-
-def _exact(derived: Derived) -> exact_motion.ExactMotion:
-    scene = derived.scene
-    if scene.lagrangian is None:
-        raise Unavailable("The system is given by its equations.")
-    if scene.forces or any(event.acts for event in scene.events):
-        raise Unavailable("Additional forces or events act on the motion.")
-    if derived.degenerate:
-        raise Unavailable(_DEGENERATE)
-    return exact_motion.motion_by_quadrature(scene.coordinates, scene.lagrangian, scene.constraints, scene.values)
 
 
 def accelerations_of(scene: Scene) -> tuple[Expression, ...]:

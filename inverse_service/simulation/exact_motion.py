@@ -19,7 +19,7 @@ computation.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -296,14 +296,16 @@ def _split(direction: ex.Expression, name: str) -> tuple[ex.Expression, ex.Expre
 
 
 @np.errstate(all="ignore")
-def start_momenta(found: ClassLagrangian, motion: ExactMotion, positions: Array, velocities: Array) -> Array:
+def start_momenta(
+    found: ClassLagrangian, motion: ExactMotion, positions: Array, velocities: Array, values: Mapping[str, float]
+) -> Array:
     """p = dL~/dv at starts on the constraints, (n,) or (m, n), with its limit where a d_i vanishes there.
 
     p_i = C_i n q_i'/(d_i r') is a constant of the motion; on the constraints q_i' is c d_i/n, so that
     the quotient stays finite: it is taken from d_i/d_i stripped, a constant. Not finite where r' = 0 or all d_i = 0.
     """
     shape, positions, velocities = positions.shape, np.atleast_2d(positions), np.atleast_2d(velocities)
-    k, mass, rate = found.turning, motion.mass, velocities[:, found.turning]
+    k, mass, rate, motion = found.turning, motion.mass, velocities[:, found.turning], replace(motion, values=values)
     table = turning_table(motion, positions[:, k])
     raw = _directions(motion)
     d = np.zeros(positions.shape)

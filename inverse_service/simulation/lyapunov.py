@@ -72,7 +72,6 @@ def with_tangent(scene: data.Scene, accelerations: tuple[Expression, ...]) -> da
     tangents = tuple(f"tangent_of_{name}" for name in names)
     rows = []
     for force in accelerations:
-        terms = [differentiate(force, Symbol(x)) * Symbol(w) for x, w in zip(names, tangents, strict=True)]
-        terms += [differentiate(force, Velocity(x)) * Velocity(w) for x, w in zip(names, tangents, strict=True)]
-        rows.append(collect(add(*terms)))
+        pairs = [(kind(x), kind(w)) for kind in (Symbol, Velocity) for x, w in zip(names, tangents, strict=True)]
+        rows.append(collect(add(*(differentiate(force, x) * w for x, w in pairs))))
     return data.Problem((*names, *tangents), tuple(scene.values), accelerations=(*accelerations, *rows))

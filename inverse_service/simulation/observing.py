@@ -93,13 +93,12 @@ def without_noise(energies: Array, kinetic: Array) -> Array:
 
 def observables(scene: data.Scene) -> data.Observation:
     """The formulas that the kernel evaluates at every step: only those of the observed quantities."""
-    found = []
+    found = {}
     if "energy" in scene.observe and scene.lagrangian is not None:
-        error = energy(scene.lagrangian, scene.coordinates) - ex.Symbol(ENERGY_START)
-        found.append(data.Observable("energy_error", error))
+        found["energy_error"] = energy(scene.lagrangian, scene.coordinates) - ex.Symbol(ENERGY_START)
     if "constraints" in scene.observe:
-        found += [data.Observable(f"constraint_{k}", w) for k, w in enumerate(scene.constraints, 1)]
-    return tuple(found)
+        found |= {f"constraint_{k}": w for k, w in enumerate(scene.constraints, 1)}
+    return tuple(data.Observable(name, formula) for name, formula in found.items())
 
 
 def observed_problem(scene: data.Scene, problem: data.Problem) -> tuple[data.Problem, data.Observation]:
@@ -126,21 +125,6 @@ def beginning(
     return values, data.Start(positions, velocities, momenta, requested.convention)
 
 
-def conserved_momenta(scene: data.Scene, problem: data.Problem) -> list[int]:
-    """Indices of the cyclic coordinates of the method's Lagrangian, whose momenta are constant."""
-    lagrangian = problem.free_lagrangian or problem.lagrangian
-    if lagrangian is None:
-        return []
-    constrained = problem.constraints if problem.free_lagrangian is None else ()
-    return [
-        k
-        for k, name in enumerate(scene.coordinates)
-        if derivative.differentiate(lagrangian, ex.Symbol(name)) == ex.ZERO
-        and not (scene.forces and scene.forces[k] != ex.ZERO)
-        and all(derivative.differentiate(w, ex.Velocity(name)) == ex.ZERO for w in constrained)
-    ]
-
-
 def why_energy_varies(scene: data.Scene) -> str | None:
     """A sentence if the energy of the scene is not a constant of the motion."""
     lagrangian = lagrangian_of_energy(scene)
@@ -164,35 +148,8 @@ def factor_of_time(scene: data.Scene, times: Array) -> Array | None:
         return None
     table: dict[ex.Expression, Any] = {ex.Symbol(name): value for name, value in scene.values.items()}
     table[ex.TIME] = np.concatenate([[scene.grid.begin], times])
-    found = np.prod([nf.array_value(factor, table) for factor in timed], axis=0)
+    found = nf.array_value(ex.multiply(*timed), table)
     return np.asarray(found[1:] / found[0])
-
-
-def error_numbers(
-    scene: data.Scene, positions: Array, true: Array, truth: data.Truth
-) -> tuple[dict[str, Any], dict[str, Array]]:
-    """The greatest and the last distance from the true positions, with a bound of how far these are off themselves.
-
-    Where the truth is lost before the run ends there is no greatest error of the run, and `error_until` holds that of
-    the part before.
-    """
-    differences = np.abs(positions - true)
-    distances: Array = differences.max(axis=1)
-    known = int(np.isfinite(distances).sum())
-    bound = float(truth.bounds[max(known - 1, 0)])
-    numbers = {
-        "max_error": greatest(distances),
-        "final_error": float(distances[-1]),
-        "error_each": {name: greatest(differences[:, k]) for k, name in enumerate(scene.coordinates)},
-        "error_against": truth.against,
-        "error_uncertainty": bound,
-    }
-    if known and (greatest(distances[:known]) or 0.0) <= bound:
-        numbers["error_note"] = f"Within the uncertainty of the true motion: at most {bound:.2g}."
-    if known < len(distances):
-        until = {"time": float(truth.times[known - 1]), "max_error": greatest(distances[:known])}
-        numbers |= {"error_note": truth.reason, "error_until": until, "error_uncertainty": None}
-    return numbers, {"error": distances}
 
 
 def point_velocities(
@@ -331,12 +288,19 @@ def constraint_at_points(run: Observed) -> float | None:
 
 
 def _momenta(run: Observed) -> Observations:
-    momenta = run.trajectory.momenta
-    if run.problem is None or momenta is None:
+    """The drift of those of the cyclic coordinates of the method's Lagrangian, which are constant."""
+    momenta, scene, problem = run.trajectory.momenta, run.scene, run.problem
+    lagrangian = None if problem is None else problem.free_lagrangian or problem.lagrangian
+    if problem is None or momenta is None or lagrangian is None:
         return {}, {}
-    drifts = np.abs(momenta - momenta[0]).max(axis=0)
-    kept = [float(drifts[k]) for k in conserved_momenta(run.scene, run.problem)]
-    return {"max_momentum_drift": max(kept, default=None)}, columns_of(run.scene, momenta, "p_")
+    constrained = problem.constraints if problem.free_lagrangian is None else ()
+    kept = []
+    for k, name in enumerate(scene.coordinates):
+        slopes = [derivative.differentiate(lagrangian, ex.Symbol(name)), *scene.forces[k : k + 1]]
+        slopes += [derivative.differentiate(w, ex.Velocity(name)) for w in constrained]
+        if all(slope == ex.ZERO for slope in slopes):
+            kept.append(float(np.abs(momenta[:, k] - momenta[0, k]).max()))
+    return {"max_momentum_drift": max(kept, default=None)}, columns_of(scene, momenta, "p_")
 
 
 def _velocities(run: Observed) -> Observations:
@@ -476,9 +440,31 @@ def _discrete_energy(run: Observed, start: float) -> Observations:
 
 
 def _error(run: Observed) -> Observations:
-    if run.true is None or not isinstance(run.truth, data.Truth):
-        return {"max_error": None, "error_note": run.truth or NOTHING}, {}
-    return error_numbers(run.scene, run.trajectory.positions, run.true, run.truth)
+    """The greatest and the last distance from the true positions, with a bound of how far these are off themselves.
+
+    Where the truth is lost before the run ends there is no greatest error of the run, and `error_until` holds that of
+    the part before.
+    """
+    truth = run.truth
+    if run.true is None or not isinstance(truth, data.Truth):
+        return {"max_error": None, "error_note": truth or NOTHING}, {}
+    differences = np.abs(run.trajectory.positions - run.true)
+    distances: Array = differences.max(axis=1)
+    known = int(np.isfinite(distances).sum())
+    bound, before = float(truth.bounds[max(known - 1, 0)]), greatest(distances[:known])
+    numbers = {
+        "max_error": greatest(distances),
+        "final_error": float(distances[-1]),
+        "error_each": {name: greatest(column) for name, column in columns_of(run.scene, differences).items()},
+        "error_against": truth.against,
+        "error_uncertainty": bound,
+    }
+    if known and (before or 0.0) <= bound:
+        numbers["error_note"] = f"Within the uncertainty of the true motion: at most {bound:.2g}."
+    if known < len(distances):
+        until = {"time": float(truth.times[known - 1]), "max_error": before}
+        numbers |= {"error_note": truth.reason, "error_until": until, "error_uncertainty": None}
+    return numbers, {"error": distances}
 
 
 def _phase(run: Observed) -> Observations:

@@ -47,10 +47,20 @@ def run_heyoka(
     state = np.array([*start.positions, *start.velocities], dtype=float)
     code, rows, seconds = _propagated(problem, state, times, values, tolerance, abs(grid.step), stop)
     good = int(np.isfinite(rows).all(axis=1).sum()) if rows.size else 0
-    outcome, shown = _outcome(code, good, steps, times), rows[:good] if good else state[None]
-    table = _table(problem, shown, values, times[: len(shown)])
-    series = {item.name: array_value(item.expression, table) for item in observation} if good else {}
+    shown, place = rows[:good] if good else state[None], max(good - 1, 0)
+    at = int(steps[place]), float(times[place])
+    outcome = Outcome("completed", *at)
+    if "cb_stop" in code:
+        outcome = Outcome("cancelled", *at)
+    elif "step_limit" in code:
+        remedy = "take a shorter time or a larger tolerance, or stop before the motion ends"
+        outcome = Outcome("unresolved", *at, f"heyoka, after {MOST_STEPS} internal steps", None, remedy)
+    elif "time_limit" not in code or good < len(steps):
+        remedy = "the accelerations have no finite value there: use a regular form of the motion"
+        outcome = Outcome("not_finite", *at, "the Taylor series", None, remedy)
     positions, velocities = np.split(shown, 2, axis=1)
+    table = table_of(problem.coordinates, positions, velocities, values, times[: len(shown)])
+    series = {item.name: array_value(item.expression, table) for item in observation} if good else {}
     maxima = {name: float(np.abs(column).max()) for name, column in series.items()}
     return Trajectory(times[: len(shown)], positions, None, velocities, outcome, 0, 0, *seconds, series, maxima)
 
@@ -85,25 +95,6 @@ def _propagated(
 def _power_of_2(size: float) -> float:
     """The greatest one up to the size, whose square is a number too."""
     return float(2.0 ** np.clip(np.floor(np.log2(size)), -500, 500))
-
-
-def _table(problem: Problem, rows: Array, values: Mapping[str, float], times: Array) -> dict[ex.Expression, Any]:
-    positions, velocities = np.split(rows, 2, axis=1)
-    return table_of(problem.coordinates, positions, velocities, dict(values), times)
-
-
-def _outcome(code: str, good: int, steps: Any, times: Any) -> Outcome:
-    if "time_limit" in code and good == len(steps):
-        return Outcome("completed", int(steps[-1]), float(times[-1]))
-    place = max(good - 1, 0)
-    at = int(steps[place]), float(times[place])
-    if "cb_stop" in code:
-        return Outcome("cancelled", *at)
-    if "step_limit" in code:
-        remedy = "take a shorter time or a larger tolerance, or stop before the motion ends"
-        return Outcome("unresolved", *at, f"heyoka, after {MOST_STEPS} internal steps", None, remedy)
-    remedy = "the accelerations have no finite value there: use a regular form of the motion"
-    return Outcome("not_finite", *at, "the Taylor series", None, remedy)
 
 
 def used_parameters(problem: Problem) -> list[str]:
@@ -154,7 +145,11 @@ def _translated(tree: ex.Expression, table: Mapping[ex.Expression, Any], heyoka:
         case ex.Power(base, exponent):
             return _translated(base, table, heyoka) ** _translated(exponent, table, heyoka)
         case ex.Apply(function, argument):
-            return _applied(function, _translated(argument, table, heyoka), heyoka)
+            inner = _translated(argument, table, heyoka)
+            if function not in _QUOTIENTS:
+                return getattr(heyoka, function)(inner)
+            above, below = _QUOTIENTS[function]
+            return (getattr(heyoka, above)(inner) if above else 1.0) / getattr(heyoka, below)(inner)
         case _:
             raise InputError("heyoka cannot take a formula with functions or names that have no value.")
 
@@ -165,13 +160,6 @@ def _product(base: Any, count: int, heyoka: Any) -> Any:
         return heyoka.prod([base] * count)
     half = _product(base, count // 2, heyoka)
     return heyoka.prod([half, half, base] if count % 2 else [half, half])
-
-
-def _applied(function: str, argument: Any, heyoka: Any) -> Any:
-    if function in _QUOTIENTS:
-        above, below = _QUOTIENTS[function]
-        return (getattr(heyoka, above)(argument) if above else 1.0) / getattr(heyoka, below)(argument)
-    return getattr(heyoka, function)(argument)
 
 
 def run_scipy(

@@ -17,10 +17,9 @@ from inverse_service import catalogue
 from inverse_service.errors import InputError, InverseServiceError
 from inverse_service.expressions import derivative, printing, tree as ex
 from inverse_service.field.exact_field import TooLarge
-from inverse_service.integrators.trajectory import Array
 from inverse_service.mechanics.constrained_motion import NonholonomicSystem, eliminate_multipliers, frames, geometry
 from inverse_service.mechanics.legendre.transform import legendre
-from inverse_service.mechanics.paper_class import KINDS, AssociatedSystem, associated, recognized
+from inverse_service.mechanics.paper_class import KINDS, associated, recognized
 from inverse_service.reading.names import Names
 from inverse_service.reading.reader import read_condition
 from inverse_service.service.documents import plain_data
@@ -34,6 +33,7 @@ MOST_CONSERVED = 3  # coordinates, and constants of the motion
 FORCED = "With added forces the constrained motion has no free Lagrangian here: use nonholonomic."
 ELSEWHERE = "The Lagrangian that is {} is valid where {}, but the motion begins elsewhere."
 OTHER = "the motion of this scene does not solve the equations of this Lagrangian"
+NO_CLOSED_FORM = "the solver proves that there is one, but finds no closed form in its time."
 NO_INVERSE = (
     "The momenta at the start do not reproduce its velocities: the Lagrangian is singular there, or its Hamiltonian "
     "belongs to another branch. Begin elsewhere, or take another method."
@@ -45,8 +45,16 @@ def finder(schema: SceneDocument, system: scene_reading.MechanicalSystem) -> der
 
     def find(scene: Scene, name: str | None, exact: exact_motion.ExactMotion | None) -> FreeLagrangian:
         wanted = name if name is not None else schema.free_lagrangian
-        found = _Search(scene, system, _constants(schema)).found(wanted, exact, _pointer(schema, name))
-        _refuse_unknown_constants(schema, found)
+        pointers = {given: f"/constants/{plain_data.escape(given)}" for given in schema.constants}
+        constants = {given: scene_reading.number_of(text, pointers[given]) for given, text in schema.constants.items()}
+        places = [k for k, method in enumerate(schema.methods) if method.free_lagrangian == name]
+        pointer = f"/methods/{places[0]}/free_lagrangian" if places else "/free_lagrangian"
+        found = _Search(scene, system, constants).found(wanted, exact, pointer)
+        for given in schema.constants:
+            if given not in found.constants:
+                known = ", ".join(found.constants) or "none"
+                detail = f"the free Lagrangian has no constant '{plain_data.escape(given)}': its constants are {known}."
+                raise InputError(detail, pointers[given])
         return found
 
     return find
@@ -75,7 +83,10 @@ class _Search:
         if wanted in (None, "second") and exact is not None:
             known = exact_motion.class_lagrangian(exact, tuple(scene.values))
             if known is not None:
-                return _of_class(known, exact, self.constants)
+                chosen = {name: self.constants.get(name, 1.0) for name in known.constants if name is not None}
+                source = f"{known.kind} of the second associated system"
+                momenta = partial(exact_motion.start_momenta, known, exact)
+                return FreeLagrangian(known.lagrangian, known.hamiltonian, chosen, source, momenta)
         return _first(
             partial(self.of_associated, which)
             for which in ([wanted] if wanted or scene.lagrangian is None else ["second", "first", "third"])
@@ -108,14 +119,19 @@ class _Search:
     def of_associated(self, which: str | None) -> FreeLagrangian:
         """The L~ of an associated system, or of the system: that of the catalogue, or what the solver finds."""
         which = which or "second"
-        if (catalogued := _catalogued(self.system.catalogue_name, which)) is not None:
-            with suppress(Unavailable):
-                return self.given(catalogued, "/system", f"the known Lagrangian of the {which} associated system")
-        known, reason = _solved(_question(self.scene, which), self.system.names)
+        with suppress(InputError):  # where it is not in the catalogue, and where it does not fit
+            entry = catalogue.entry(f"{self.system.catalogue_name}-{which}")
+            for text in entry.get("expected", {}).get("lagrangians", [])[:1]:
+                return self.given(text, "/system", f"the known Lagrangian of the {which} associated system")
+        result = _answer(json.dumps(_question(self.scene, which)), SOLVE_SECONDS)
         what = f"the {which} associated system" if self.scene.lagrangian is not None else "the system"
-        if not known:
-            raise Unavailable(f"No free Lagrangian was found for {what}: {reason} Use the other methods.")
-        return self.first_fitting(known, f"found by the solver for {what}")
+        if not isinstance(result, str):
+            if known := scene_reading.lagrangians_of(result, self.system.names):
+                return self.first_fitting(known, f"found by the solver for {what}")
+            verdict = str(result.get("verdict", "undetermined")).replace("_", " ")
+            is_open = verdict == "variational"
+            result = NO_CLOSED_FORM if is_open else f"the solver says {verdict}."
+        raise Unavailable(f"No free Lagrangian was found for {what}: {result} Use the other methods.")
 
 
 def _first(ways: Iterable[Callable[[], FreeLagrangian]]) -> FreeLagrangian:
@@ -169,24 +185,18 @@ def _with_hamiltonian(scene: Scene, tree: ex.Expression, constants: Mapping[str,
     return FreeLagrangian(tree, hamiltonian, dict(constants), source, lost=lost)
 
 
-def _of_class(
-    known: exact_motion.ClassLagrangian, exact: exact_motion.ExactMotion, constants: Mapping[str, float]
-) -> FreeLagrangian:
-    chosen = {name: constants.get(name, 1.0) for name in known.constants if name is not None}
-
-    def momenta(positions: Array, velocities: Array, values: Mapping[str, float]) -> Array:
-        return exact_motion.start_momenta(known, replace(exact, values=values), positions, velocities)
-
-    source = f"{known.kind} of the second associated system"
-    return FreeLagrangian(known.lagrangian, known.hamiltonian, chosen, source, momenta)
-
-
 def _question(scene: Scene, which: str) -> dict[str, Any]:
     """The question to the solver: the equations of the scene, or those of an associated system with its effects."""
     accelerations = scene.accelerations
     if accelerations is None:
+        assert scene.lagrangian is not None
         try:
-            found = _associated(scene, which)
+            parts = geometry(
+                NonholonomicSystem(scene.coordinates, scene.lagrangian, scene.constraints, tuple(scene.values))
+            )
+            member, reason = recognized(parts)
+            motion = eliminate_multipliers(parts, member.frame if member is not None else frames(parts)[0])
+            found = associated(motion, member, reason, next(kind for kind in KINDS if kind == which))
         except InputError as error:
             raise Unavailable(f"The {which} associated system is not defined: {error.detail}") from None
         except TooLarge as error:
@@ -207,40 +217,6 @@ def _of_equations(scene: Scene, accelerations: Sequence[ex.Expression], with_tim
         "parameters": [name for name in scene.values if name in used],
         "time_dependent_lagrangian": with_time,
     }
-
-
-def _associated(scene: Scene, which: str) -> AssociatedSystem:
-    assert scene.lagrangian is not None
-    given = NonholonomicSystem(scene.coordinates, scene.lagrangian, scene.constraints, tuple(scene.values))
-    parts = geometry(given)
-    member, reason = recognized(parts)
-    motion = eliminate_multipliers(parts, member.frame if member is not None else frames(parts)[0])
-    kind = next(kind for kind in KINDS if kind == which)
-    return associated(motion, member, reason, kind)
-
-
-def _catalogued(catalogue_name: str | None, which: str) -> str | None:
-    """The known Lagrangian of an associated system in the catalogue."""
-    if catalogue_name is None:
-        return None
-    try:
-        found = catalogue.entry(f"{catalogue_name}-{which}").get("expected", {}).get("lagrangians", [])
-    except InputError:
-        return None
-    return found[0] if found else None
-
-
-def _solved(question: dict[str, Any], names: Names) -> tuple[tuple[scene_reading.KnownLagrangian, ...], str]:
-    result = _answer(json.dumps(question), SOLVE_SECONDS)
-    if isinstance(result, str):
-        return (), result
-    known = scene_reading.lagrangians_of(result, names)
-    if known:
-        return known, ""
-    verdict = str(result.get("verdict", "undetermined")).replace("_", " ")
-    if verdict == "variational":
-        return (), "the solver proves that there is one, but finds no closed form in its time."
-    return (), f"the solver says {verdict}."
 
 
 @lru_cache(maxsize=16)
@@ -277,25 +253,3 @@ def conserved(system: scene_reading.MechanicalSystem, derived: derivation.Derive
         name = "H" if one["name"] == "energy" else one["name"]
         found.append(Observable(name, scene_reading.formula(one["text"], system.names, "/system")))
     return tuple(found)
-
-
-def _constants(schema: SceneDocument) -> dict[str, float]:
-    return {
-        name: scene_reading.number_of(text, f"/constants/{plain_data.escape(name)}")
-        for name, text in schema.constants.items()
-    }
-
-
-def _refuse_unknown_constants(schema: SceneDocument, found: FreeLagrangian) -> None:
-    for name in schema.constants:
-        if name not in found.constants:
-            known = ", ".join(found.constants) or "none"
-            raise InputError(
-                f"the free Lagrangian has no constant '{plain_data.escape(name)}': its constants are {known}.",
-                f"/constants/{plain_data.escape(name)}",
-            )
-
-
-def _pointer(schema: SceneDocument, name: str | None) -> str:
-    places = [k for k, method in enumerate(schema.methods) if method.free_lagrangian == name]
-    return f"/methods/{places[0]}/free_lagrangian" if places else "/free_lagrangian"

@@ -16,7 +16,7 @@ import numpy as np
 from inverse_service import __version__, deadline
 from inverse_service.errors import InputError
 from inverse_service.expressions.printing import to_text
-from inverse_service.integrators.trajectory import Array, Trajectory
+from inverse_service.integrators.trajectory import Array
 from inverse_service.service.scenes import scene_lagrangian, scene_reading
 from inverse_service.simulation.accuracy import order_of
 from inverse_service.simulation.advice import advice, by_itself
@@ -25,7 +25,6 @@ from inverse_service.simulation.events import Found, where_ended
 from inverse_service.simulation.observing import columns_of, last_point, why_energy_varies
 from inverse_service.simulation.running import EnsembleRun, MethodRun, SceneRun, run_scene
 from inverse_service.simulation.scene_data import Progress, Requested, Scene, Truth
-from inverse_service.simulation.switching import Switch
 
 FORMAT = "inverse-service/simulation/1"
 # Points of a trajectory in a result document; files hold all that were recorded.
@@ -142,59 +141,68 @@ def table_of_run(scene: Scene, run: MethodRun) -> dict[str, Any]:
 
 def simulation_document(found: SceneRun, stages: Mapping[str, float]) -> dict[str, Any]:
     """The simulated system, the outcome of each method, and every observed quantity."""
-    scene = found.scene
+    scene, truth = found.scene, found.truth
+    equations = scene.accelerations and dict(zip(scene.coordinates, map(to_text, scene.accelerations), strict=True))
+    known: dict[str, Any] | None = {"against": None, "reason": truth} if isinstance(truth, str) else None
+    if isinstance(truth, Truth):
+        known = {name: getattr(truth, name) for name in ("against", "uncertainty", "seconds")}
+        known |= {name: text for name in ("by", "reason") if (text := getattr(truth, name))}
     document = {
         "format": FORMAT,
         "name": scene.name,
-        "system": _system(scene),
+        "system": {
+            "coordinates": scene.coordinates,
+            "lagrangian": None if scene.lagrangian is None else to_text(scene.lagrangian),
+            "constraints": [*map(to_text, scene.constraints)],
+            "equations": equations,
+            "effects": scene.effects,
+            "parameters": scene.values,
+        },
         "initial": {"positions": columns_of(scene, scene.positions), "velocities": columns_of(scene, scene.velocities)},
-        "units": dict(scene.units),
-        "bodies": {name: list(columns) for name, columns in scene.bodies.items()},
+        "units": scene.units,
+        "bodies": scene.bodies,
         "step": scene.grid.step,
         "steps": scene.grid.steps,
         "record_every": scene.grid.record_every,
-        "observe": list(scene.observe),
-        "effects": dict(found.effects),
+        "observe": scene.observe,
+        "effects": found.effects,
         "methods": [
             *(_method(scene, run) for run in found.runs),
             *(_requested(run.requested) | ensemble_document(scene, run) for run in found.members),
         ],
-        "truth": _truth(found.truth),
+        "truth": known,
         "advice": advice(scene, found.derived),
-        **({} if found.lyapunov is None else {"lyapunov": dict(found.lyapunov)}),
+        **({} if found.lyapunov is None else {"lyapunov": found.lyapunov}),
         "circle_coordinates": None if scene.circle is None else [scene.coordinates[k] for k in scene.circle],
         "derived": sorted(found.derived.seconds),
         "seconds": dict(stages) | {f"derive: {name}": value for name, value in found.derived.seconds.items()},
-        "notes": list(scene.notes),
+        "notes": scene.notes,
         "provenance": {"program": "inverse-service", "version": __version__},
     }
     plain: dict[str, Any] = as_plain(document)
     return plain
 
 
-def _system(scene: Scene) -> dict[str, Any]:
-    return {
-        "coordinates": list(scene.coordinates),
-        "lagrangian": None if scene.lagrangian is None else to_text(scene.lagrangian),
-        "constraints": [to_text(w) for w in scene.constraints],
-        "equations": None
-        if scene.accelerations is None
-        else {name: to_text(f) for name, f in zip(scene.coordinates, scene.accelerations, strict=True)},
-        "effects": list(scene.effects),
-        "parameters": dict(scene.values),
-    }
-
-
 def _method(scene: Scene, run: MethodRun) -> dict[str, Any]:
-    requested, trajectory = run.requested, run.trajectory
+    requested, trajectory, switches = run.requested, run.trajectory, run.ran.switches if run.ran is not None else ()
     document = {**_requested(requested), **_outcome(scene, run), **run.numbers}
     if run.events:
-        document["events"] = [_event(scene, one) for one in run.events]
+        document["events"] = [
+            {"when": to_text(one.event.formula), "count": len(one.times)}
+            | {"columns": {name: column[:MOST_EVENTS] for name, column in _event_columns(scene, one).items()}}
+            | ({"note": one.note} if one.note else {})
+            for one in run.events
+        ]
     if run.observed is not None:
         known = None if run.ran is None else run.ran.final
-        document["final"] = _final(scene, known or where_ended(run.events, run.outcome) or last_point(run.observed))
-    if run.ran is not None and run.ran.switches:
-        document["switches"] = _switches(run.ran.switches)
+        at, *states = known or where_ended(run.events, run.outcome) or last_point(run.observed)
+        positions, velocities = (None if row is None else columns_of(scene, row) for row in states)
+        document["final"] = {"t": at, "positions": positions, "velocities": velocities}
+    if switches:
+        listed, shown = switches[:MOST_EVENTS], {1: "above", -1: "below", 0: "sticks"}
+        columns = {"t": [one.time for one in listed], "when": [to_text(one.function) for one in listed]}
+        columns["to"] = [shown[one.side] for one in listed]
+        document["switches"] = {"count": len(switches), "columns": columns}
     if run.free is not None:
         document["free_lagrangian"] = to_text(run.free.lagrangian)
         document["constants"] = dict(run.free.constants) | dict(requested.constants)
@@ -202,43 +210,24 @@ def _method(scene: Scene, run: MethodRun) -> dict[str, Any]:
     if trajectory is not None:
         document["force_evaluations"] = trajectory.force_evaluations
         document["newton_iterations"] = trajectory.newton_iterations
-        document |= _points(scene, run, trajectory)
-    return document | {"seconds": dict(run.seconds)}
-
-
-def _event(scene: Scene, found: Found) -> dict[str, Any]:
-    """Where an event was found: columns t, coordinates and velocities, at most MOST_EVENTS points."""
-    columns = {name: column[:MOST_EVENTS] for name, column in _event_columns(scene, found).items()}
-    note = {"note": found.note} if found.note else {}
-    return {"when": to_text(found.event.formula), "count": len(found.times), "columns": columns, **note}
+    if trajectory is not None and (run.series or "trajectory" in scene.observe):
+        # Thinned series, only those of observed quantities.
+        every = max(1, -(-(len(trajectory.times) - 1) // (MOST_POINTS - 1)))
+        places = columns_of(scene, trajectory.positions) if "trajectory" in scene.observe else {}
+        series = {"t": trajectory.times, **places, **run.series}
+        thinned = {name: np.asarray(column)[::every] for name, column in series.items()}
+        document["points"] = {"every": every * scene.grid.record_every, "columns": thinned}
+    return document | {"seconds": run.seconds}
 
 
 def _event_columns(scene: Scene, found: Found) -> dict[str, Array]:
     return {"t": found.times, **columns_of(scene, found.positions), **columns_of(scene, found.velocities, "v_")}
 
 
-def _switches(switches: tuple[Switch, ...]) -> dict[str, Any]:
-    """The times of the changes of side with function and side, at most MOST_EVENTS."""
-    shown = {1: "above", -1: "below", 0: "sticks"}
-    listed = switches[:MOST_EVENTS]
-    columns = {
-        "t": [one.time for one in listed],
-        "when": [to_text(one.function) for one in listed],
-        "to": [shown[one.side] for one in listed],
-    }
-    return {"count": len(switches), "columns": columns}
-
-
 def event_table(scene: Scene, events: tuple[Found, ...]) -> dict[str, Any]:
     """All points of all events: the number of the event, t, the coordinates and velocities."""
     parts = [{"event": np.full(len(one.times), k)} | _event_columns(scene, one) for k, one in enumerate(events, 1)]
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-
-
-def _final(scene: Scene, final: tuple[float, Any, Any]) -> dict[str, Any]:
-    time_, positions, velocities = final
-    named = [None if row is None else columns_of(scene, row) for row in (positions, velocities)]
-    return {"t": time_, "positions": named[0], "velocities": named[1]}
 
 
 def _requested(requested: Requested) -> dict[str, Any]:
@@ -265,27 +254,6 @@ def _outcome(scene: Scene, run: MethodRun) -> dict[str, Any]:
     parts: dict[str, Any] = {name: getattr(outcome, name) for name in ("step", "time", "quantity", "value", "remedy")}
     parts["sentence"] = outcome.sentence
     return {"outcome": outcome.kind, "steps": outcome.step or 0, "stopped": parts, **note}
-
-
-def _points(scene: Scene, run: MethodRun, trajectory: Trajectory) -> dict[str, Any]:
-    """Thinned series, only those of observed quantities."""
-    every = max(1, -(-(len(trajectory.times) - 1) // (MOST_POINTS - 1)))
-    if not run.series and "trajectory" not in scene.observe:
-        return {}
-    places = columns_of(scene, trajectory.positions) if "trajectory" in scene.observe else {}
-    columns = {"t": trajectory.times, **places, **run.series}
-    thinned = {name: np.asarray(column)[::every] for name, column in columns.items()}
-    return {"points": {"every": every * scene.grid.record_every, "columns": thinned}}
-
-
-def _truth(truth: Truth | str | None) -> dict[str, Any] | None:
-    if truth is None:
-        return None
-    if isinstance(truth, str):
-        return {"against": None, "reason": truth}
-    found = {"against": truth.against, "uncertainty": truth.uncertainty, "seconds": truth.seconds}
-    found |= {"by": truth.by} if truth.by else {}
-    return found | ({"reason": truth.reason} if truth.reason else {})
 
 
 def as_plain(value: Any) -> Any:

@@ -39,7 +39,12 @@ def work_precision(
         schema = schema.model_copy(update={"methods": _suitable(derivation.Derived(scene, find))})
         scene = dataclasses.replace(scene, methods=scene_reading.read_methods(schema))
     # Errors are always compared, even if the scene does not observe them, so the true motion is always derived.
-    compared = dataclasses.replace(scene, observe=("error",), methods=(*scene.methods, *_peers(scene)))
+    named = {requested.method for requested in scene.methods}
+    # heyoka and the integrators of SciPy if they are installed and the scene does not name them.
+    peers = [("heyoka", "heyoka")] if "heyoka" not in named and _version("heyoka") else []
+    peers += [(name, f"SciPy {shown}") for name, shown in method_table.SCIPY.items() if _version("scipy")]
+    others = (scene_data.Requested(label, name, None, scene_data.MethodChoice(name)) for name, label in peers)
+    compared = dataclasses.replace(scene, observe=("error",), methods=(*scene.methods, *others))
     derived = derivation.Derived(compared, find)
     left = time_limit - (time.monotonic() - begun)
     try:
@@ -65,14 +70,6 @@ def _suitable(derived: derivation.Derived) -> list[SceneMethod]:
     if advising.is_stiff(derived):
         chosen.append({"method": "stiff"})
     return [SceneMethod.model_validate(one) for one in chosen]
-
-
-def _peers(scene: scene_data.Scene) -> list[scene_data.Requested]:
-    """heyoka and the integrators of SciPy if they are installed and the scene does not name them."""
-    named = {requested.method for requested in scene.methods}
-    found = [] if "heyoka" in named or _version("heyoka") is None else [("heyoka", "heyoka")]
-    found += [(name, f"SciPy {shown}") for name, shown in method_table.SCIPY.items() if _version("scipy") is not None]
-    return [scene_data.Requested(label, name, None, scene_data.MethodChoice(name)) for name, label in found]
 
 
 def _steps(schema: SceneDocument) -> tuple[float, ...]:
@@ -115,7 +112,11 @@ def _document(measured: precision.Precision, taken: dict[str, Any] | None) -> di
             for label, requested in named.items()
         ],
         "runs": [_run(s, measured.scale) for s in measured.settings],
-        "long": [_long(one) for one in measured.long],
+        "long": [
+            {name: value for name, value in _run(one.setting, 1.0).items() if name in ("method", "step", "tolerance")}
+            | {field.name: getattr(one, field.name) for field in dataclasses.fields(one) if field.name != "setting"}
+            for one in measured.long
+        ],
         "machine": machine(),
         "provenance": {"program": "inverse-service", "version": __version__},
     }
@@ -149,31 +150,19 @@ def _run(setting: precision.Setting, scale: float) -> dict[str, Any]:
     return named | numbers | {name: getattr(setting, name) for name in MEASURED}
 
 
-def _long(run: precision.LongRun) -> dict[str, Any]:
-    whole = _run(run.setting, 1.0)
-    return {name: whole[name] for name in ("method", "step", "tolerance")} | {
-        one.name: getattr(run, one.name) for one in dataclasses.fields(run) if one.name != "setting"
-    }
-
-
 def machine() -> dict[str, Any]:
     """The processor, the cores and the versions with which the times were measured."""
+    names = list[str]()
+    with suppress(OSError):
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
+        names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
     return {
-        "processor": _processor(),
+        "processor": next(iter(names), "") or platform.processor() or "unknown",
         "cores": settings.cores(),
         "system": f"{platform.system()} {platform.machine()}",
         "python": sys.version.split()[0],
         **{name: found for name in PACKAGES if (found := _version(name)) is not None},
     }
-
-
-def _processor() -> str:
-    try:
-        text = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace")
-    except OSError:
-        return platform.processor() or "unknown"
-    lines = [line.partition(":")[2].strip() for line in text.splitlines() if line.startswith("model name")]
-    return lines[0] if lines else platform.processor() or "unknown"
 
 
 def _version(name: str) -> str | None:
