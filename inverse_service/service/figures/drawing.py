@@ -118,7 +118,11 @@ def view_figure(given: Sequence[Mapping[str, Any] | None], wide: int = 3) -> Fig
             if view.get("log_y"):
                 axes.set_yscale("log")
             elif view.get("signed"):
-                axes.set_ylim(*_limits(view["lines"]))
+                # About 0: lines of more than REACH_SIGNED times the median of the greatest values leave the picture.
+                greatest = [max((abs(y) for y in line["y"] if y is not None), default=0.0) for line in view["lines"]]
+                usual = [one for one in greatest if one > 1e-9 * max(greatest)]
+                reach = 1.08 * (min(max(greatest), REACH_SIGNED * float(np.median(usual or [0.0]))) or 1e-16)
+                axes.set_ylim(-reach, reach)
             if view.get("limits"):
                 center, half = view["limits"]
                 axes.set(xlim=(center[0] - half, center[0] + half), ylim=(center[1] - half, center[1] + half))
@@ -128,14 +132,6 @@ def view_figure(given: Sequence[Mapping[str, Any] | None], wide: int = 3) -> Fig
             empty.set_visible(False)
         figure.legend(*grid[0].get_legend_handles_labels(), loc="outside right upper", fontsize=8.5)
     return figure
-
-
-def _limits(lines: Sequence[Mapping[str, Any]]) -> tuple[float, float]:
-    """About 0: lines of more than REACH_SIGNED times the median of the greatest values leave the picture."""
-    greatest = [max((abs(y) for y in line["y"] if y is not None), default=0.0) for line in lines]
-    usual = [one for one in greatest if one > 1e-9 * max(greatest)]
-    reach = 1.08 * (min(max(greatest), REACH_SIGNED * float(np.median(usual or [0.0]))) or 1e-16)
-    return -reach, reach
 
 
 def series_figure(name: str, result: Result, tables: Tables, truth: Table | None = None) -> tuple[Figure, str] | None:
@@ -181,25 +177,22 @@ def ensemble_figure(result: Result, tables: Tables) -> tuple[Figure, str]:
         for column, (place, method) in enumerate(methods):
             table = tables[method["label"]]
             for row, name in enumerate(names):
-                _panel(panels[row][column], table["t"], table[name], views.color_of(place))
-                panels[row][column].set_ylabel(name)
+                axes, color = panels[row][column], views.color_of(place)
+                kept = table[name][np.isfinite(table[name][:, 0])]
+                known = np.isfinite(kept).any(axis=0)
+                times, kept = table["t"][known], kept[:, known]
+                low, high = np.nanmin(kept, axis=0), np.nanmax(kept, axis=0)
+                axes.fill_between(times, low, high, color=color, alpha=0.15, linewidth=0)
+                for line in kept[np.linspace(0, len(kept) - 1, min(DRAWN, len(kept))).astype(int)]:
+                    axes.plot(times, line, color=color, linewidth=0.5, alpha=0.5)
+                axes.plot(times, np.nanmedian(kept, axis=0), color=color, linewidth=1.6)
+                axes.set_ylabel(name)
             panels[0][column].set_title(method["label"])
             panels[-1][column].set_xlabel("t")
     count = methods[0][1]["members"]
     members = f"{count} member{'s' if count != 1 else ''}"
     caption = f"{members}: the median, the full range, and {min(DRAWN, count)} of them as thin lines."
     return figure, caption
-
-
-def _panel(axes: Any, times: Array, values: Array, color: str) -> None:
-    kept = values[np.isfinite(values[:, 0])]
-    known = np.isfinite(kept).any(axis=0)
-    times, kept = times[known], kept[:, known]
-    low, middle, high = np.nanmin(kept, axis=0), np.nanmedian(kept, axis=0), np.nanmax(kept, axis=0)
-    axes.fill_between(times, low, high, color=color, alpha=0.15, linewidth=0)
-    for row in kept[np.linspace(0, len(kept) - 1, min(DRAWN, len(kept))).astype(int)]:
-        axes.plot(times, row, color=color, linewidth=0.5, alpha=0.5)
-    axes.plot(times, middle, color=color, linewidth=1.6)
 
 
 def sweep_figure(result: Result, tables: Tables) -> tuple[Figure, str] | None:
@@ -238,7 +231,12 @@ def draw_simulation(folder: Path, result: Result, tables: Tables, truth: Table |
         drawn = {"ensemble": ensemble_figure(result, tables), "sweep": sweep_figure(result, tables)}
     else:
         whole, columns = _with_truth(result, tables, truth)
-        if observed & {"trajectory", "matching_circle"} and _is_round(result, tables):
+        pair, is_round = result["circle_coordinates"], "matching_circle" in observed
+        for table in tables.values() if pair and not is_round else ():
+            # A full turn in the plane of the circle; other paths are shown by coordinate.
+            path = np.column_stack([table[name] for name in pair])
+            is_round = is_round or (len(path) > 2 and abs(circles.turned(path)[-1]) >= 2 * np.pi)
+        if observed & {"trajectory", "matching_circle"} and pair and is_round:
             drawn["path"] = path_figure(result, tables, truth)
         elif "trajectory" in observed:
             caption = f"{result['name'] or 'Motion'}: {run_of(result)}.{_bands(tables)}"
@@ -276,15 +274,6 @@ def picture(result: Result, name: str, ending: str) -> bytes | None:
     return stream.getvalue()
 
 
-def _is_round(result: Result, tables: Tables) -> bool:
-    """Whether some path in the plane of the circle makes a full turn; other paths are shown by coordinate."""
-    pair = result["circle_coordinates"]
-    if pair is None:
-        return False
-    paths = [np.column_stack([table[name] for name in pair]) for table in tables.values() if len(table["t"]) > 2]
-    return "matching_circle" in result["observe"] or any(abs(circles.turned(path)[-1]) >= 2 * np.pi for path in paths)
-
-
 def path_figure(result: Result, tables: Tables, truth: Table | None) -> tuple[Figure, str] | None:
     """A panel for each method, all of one scale: its path, the true one, and the paper's matching circle, which goes
     through three points of the first revolution."""
@@ -295,7 +284,12 @@ def path_figure(result: Result, tables: Tables, truth: Table | None) -> tuple[Fi
     true = [line for line in whole["lines"] if line["color"] == "ink"][:1]
     own = [line for line in whole["lines"] if line["color"] != "ink"] or whole["lines"]
     paths = [np.array([line["x"], line["y"]], dtype=float).T for line in own]
-    center, half = _box(np.array([true[0]["x"], true[0]["y"]], dtype=float).T if true else None, paths)
+    base = np.array([true[0]["x"], true[0]["y"]], dtype=float).T if true else np.vstack(paths)
+    base = base[np.isfinite(base).all(axis=1)]
+    low, high = base.min(axis=0), base.max(axis=0)
+    center, half = (low + high) / 2, max(float((high - low).max()) / 2, 1e-12)
+    reach = max((float(np.nanmax(np.abs(path - center))) for path in paths), default=half)
+    half = 1.06 * min(max(half, reach), REACH * half)
     turn, panels = np.linspace(0, 2 * np.pi, 361), []
     for line, path in zip(own, paths, strict=True):
         method = result["methods"][line["place"]]
@@ -337,17 +331,6 @@ def path_caption(result: Result, drawn: Sequence[Mapping[str, Any]], compared: b
     sizes = {name: abs(circle["radius_change"]) for name, circle in known.items()}
     words = "relative change of the radius from the first revolution to the last"
     return " ".join(filter(None, [*parts, extremes(words, sizes)]))
-
-
-def _box(true: Array | None, paths: Sequence[Array]) -> tuple[Array, float]:
-    """Center and half width of the picture."""
-    base = true if true is not None and len(true) else np.vstack(paths)
-    base = base[np.isfinite(base).all(axis=1)]
-    low, high = base.min(axis=0), base.max(axis=0)
-    half = max(float((high - low).max()) / 2, 1e-12)
-    center = (low + high) / 2
-    reach = max((float(np.nanmax(np.abs(path - center))) for path in paths), default=half)
-    return center, 1.06 * min(max(half, reach), REACH * half)
 
 
 def precision_figure(result: Result, evaluations: bool = False) -> tuple[Figure, str]:
