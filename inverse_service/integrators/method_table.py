@@ -16,7 +16,7 @@ import numpy as np
 
 from inverse_service.integrators.trajectory import Array
 
-Row = tuple[float, ...]
+Row = list[float]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,12 +48,14 @@ class Rosenbrock:
         y_new = y + sum_j a_sj u_j + u_s
     """
 
+    name: str
+    order: int
+    source: str
     gamma: float
-    rows: tuple[Row, ...]
-    mixed: tuple[Row, ...]
+    rows: list[Row]
+    mixed: list[Row]
     nodes: Row
     slopes: Row
-    order: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,16 +127,11 @@ def _explicit() -> dict[int, Tableau]:
     return dict(sorted(found.items()))
 
 
-def _rosenbrock(gamma: float, order: int, name: str, source: str, **lists: Any) -> Rosenbrock:
-    rows, mixed = (tuple(map(tuple, lists[key])) for key in ("rows", "mixed"))
-    return Rosenbrock(gamma, rows, mixed, tuple(lists["nodes"]), tuple(lists["slopes"]), order)
-
-
 TABLEAUX = _explicit()
 RUNGE_KUTTA = tuple(order for order, one in TABLEAUX.items() if one.rows.any())
 PAIRS = tuple(order for order, one in TABLEAUX.items() if len(one.errors))  # with an estimate of the error
 GAUSS_LEGENDRE = _tableau(_data("implicit/gauss-legendre12.toml"))  # of order twice its stages: our own reference
-RODAS = _rosenbrock(**_data("implicit/rodas4.toml"))
+RODAS = Rosenbrock(**_data("implicit/rodas4.toml"))
 HALVES: dict[int, list[float]] = {2: [], **{int(k): one["half"] for k, one in _data("compositions.toml").items()}}
 ORDERS = tuple(HALVES)
 _FAMILIES = {"compositions": ORDERS, "explicit": tuple(sorted(RUNGE_KUTTA, key=lambda order: (order != 4, order)))}

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any
+from typing import Any, TypeVar
 
 from inverse_service.errors import InputError
 from inverse_service.expressions import collecting
@@ -27,6 +27,7 @@ BUILT_IN = (CONSTRAINTS, POTENTIAL, MAGNETIC, KINETIC)
 COMPARED = frozenset({"error", "phase"})
 USES_EXACT = COMPARED | {"matching_circle"}
 _DEGENERATE = accelerating.DEGENERATE[:1].upper() + accelerating.DEGENERATE[1:]
+Part = TypeVar("Part")
 Find = Callable[[Scene, str | None, exact_motion.ExactMotion | None], FreeLagrangian]
 
 
@@ -62,16 +63,17 @@ class Derived:
     seconds: dict[str, float] = field(default_factory=dict)
     known: dict[str, Any] = field(default_factory=dict)
 
-    def _part(self, key: str, name: str, make: Callable[[], Any]) -> Any:
+    def _part(self, key: str, name: str, make: Callable[[], Part]) -> Part:
         if key not in self.known:
             with timed(self.seconds, name):
                 try:
                     self.known[key] = make()
                 except Unavailable as reason:
                     self.known[key] = reason
-        if isinstance(self.known[key], Unavailable):
-            raise self.known[key]
-        return self.known[key]
+        found: Part | Unavailable = self.known[key]
+        if isinstance(found, Unavailable):
+            raise found
+        return found
 
     def but(self, **changes: Any) -> Derived:
         """What is derived is that of the scene with the changes too, such as another grid."""
@@ -104,8 +106,7 @@ class Derived:
                 scene.coordinates, scene.lagrangian, scene.constraints, scene.values
             )
 
-        found: exact_motion.ExactMotion = self._part("exact", "exact motion", make)
-        return found
+        return self._part("exact", "exact motion", make)
 
     def exact_or_none(self) -> exact_motion.ExactMotion | None:
         """The exact motion, if one is known."""
@@ -115,18 +116,11 @@ class Derived:
 
     def accelerations(self) -> tuple[Expression, ...]:
         """Those of all coordinates."""
-        make = partial(accelerations_of, self.scene)
-        found: tuple[Expression, ...] = self._part("accelerations", "accelerations", make)
-        return found
+        return self._part("accelerations", "accelerations", partial(accelerations_of, self.scene))
 
     def free(self, name: str | None) -> FreeLagrangian:
         """The free Lagrangian of a name."""
-
-        def make() -> FreeLagrangian:
-            return self.find(self.scene, name, self.exact_or_none())
-
-        found: FreeLagrangian = self._part(f"free {name}", "free Lagrangian", make)
-        return found
+        return self._part(f"free {name}", "free Lagrangian", lambda: self.find(self.scene, name, self.exact_or_none()))
 
     def motion(self) -> Problem:
         """The problem for methods that integrate q'' = f."""

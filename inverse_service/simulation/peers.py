@@ -14,7 +14,7 @@ import numpy as np
 from inverse_service.errors import InputError
 from inverse_service.expressions import tree as ex
 from inverse_service.integrators.method_table import SCIPY
-from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
+from inverse_service.integrators.trajectory import Outcome, Trajectory
 from inverse_service.kernels.codegen.symengine_trees import closure
 from inverse_service.simulation.numeric_formulas import MOMENT, Formulas, array_value, table_of
 from inverse_service.simulation.scene_data import Grid, MethodChoice, Observation, Problem, Start
@@ -45,31 +45,6 @@ def run_heyoka(
     """The motion at the recorded steps of the grid, to round-off, in at most MOST_STEPS internal steps."""
     steps, times = grid.recorded, grid.times
     state = np.array([*start.positions, *start.velocities], dtype=float)
-    code, rows, seconds = _propagated(problem, state, times, values, tolerance, abs(grid.step), stop)
-    good = int(np.isfinite(rows).all(axis=1).sum()) if rows.size else 0
-    shown, place = rows[:good] if good else state[None], max(good - 1, 0)
-    at = int(steps[place]), float(times[place])
-    outcome = Outcome("completed", *at)
-    if "cb_stop" in code:
-        outcome = Outcome("cancelled", *at)
-    elif "step_limit" in code:
-        remedy = "take a shorter time or a larger tolerance, or stop before the motion ends"
-        outcome = Outcome("unresolved", *at, f"heyoka, after {MOST_STEPS} internal steps", None, remedy)
-    elif "time_limit" not in code or good < len(steps):
-        remedy = "the accelerations have no finite value there: use a regular form of the motion"
-        outcome = Outcome("not_finite", *at, "the Taylor series", None, remedy)
-    positions, velocities = np.split(shown, 2, axis=1)
-    table = table_of(problem.coordinates, positions, velocities, values, times[: len(shown)])
-    series = {item.name: array_value(item.expression, table) for item in observation} if good else {}
-    maxima = {name: float(np.abs(column).max()) for name, column in series.items()}
-    return Trajectory(times[: len(shown)], positions, None, velocities, outcome, 0, 0, *seconds, series, maxima)
-
-
-def _propagated(
-    problem: Problem, state: Array, times: Array, values: Mapping[str, float], tolerance: float, longest: float,
-    stop: Callable[[], bool] | None,
-) -> tuple[str, Array, tuple[float, float]]:  # fmt: skip
-    """(how it ended, states at the times, seconds to compile and to run)."""
     with _ONE_AT_A_TIME:
         begin = time.perf_counter()
         # Its tolerance is absolute below 1: small motions are scaled by a power of 2.
@@ -85,11 +60,29 @@ def _propagated(
         integrator.time = times[0] / clock
         compiled = time.perf_counter()
         # No longer than the grid: a far step has no term of a force that is narrow and still ahead.
-        limits: dict[str, Any] = {"max_steps": MOST_STEPS, "max_delta_t": longest / clock}
+        limits: dict[str, Any] = {"max_steps": MOST_STEPS, "max_delta_t": abs(grid.step) / clock}
         if stop is not None:
             limits["callback"] = lambda _: not stop()
-        code, *_, rows = integrator.propagate_grid(times / clock, **limits)
-        return str(code), np.asarray(rows) * unit * scale, (compiled - begin, time.perf_counter() - compiled)
+        ended, *_, table = integrator.propagate_grid(times / clock, **limits)
+        code, rows = str(ended), np.asarray(table) * unit * scale
+        seconds = compiled - begin, time.perf_counter() - compiled
+    good = int(np.isfinite(rows).all(axis=1).sum()) if rows.size else 0
+    shown, place = rows[:good] if good else state[None], max(good - 1, 0)
+    at = int(steps[place]), float(times[place])
+    outcome = Outcome("completed", *at)
+    if "cb_stop" in code:
+        outcome = Outcome("cancelled", *at)
+    elif "step_limit" in code:
+        remedy = "take a shorter time or a larger tolerance, or stop before the motion ends"
+        outcome = Outcome("unresolved", *at, f"heyoka, after {MOST_STEPS} internal steps", None, remedy)
+    elif "time_limit" not in code or good < len(steps):
+        remedy = "the accelerations have no finite value there: use a regular form of the motion"
+        outcome = Outcome("not_finite", *at, "the Taylor series", None, remedy)
+    positions, velocities = np.split(shown, 2, axis=1)
+    known = table_of(problem.coordinates, positions, velocities, values, times[: len(shown)])
+    series = {item.name: array_value(item.expression, known) for item in observation} if good else {}
+    maxima = {name: float(np.abs(column).max()) for name, column in series.items()}
+    return Trajectory(times[: len(shown)], positions, None, velocities, outcome, 0, 0, *seconds, series, maxima)
 
 
 def _power_of_2(size: float) -> float:

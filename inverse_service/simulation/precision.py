@@ -196,8 +196,7 @@ def _first(derived: derivation.Derived, blank: Setting, truth: data.Truth, lengt
     run = running.observed_run(derived.but(grid=_grid(length, blank.steps)), blank.requested)
     first, at = time.perf_counter() - begun, run.trajectory
     if at is None or not run.outcome.completed:
-        reason = CUT if run.outcome.kind == "cancelled" else reason_of(run)
-        return replace(blank, reason=reason, first_seconds=first)
+        return replace(blank, reason=reason_of(run), first_seconds=first)
     error = float(np.abs(at.positions - truth.positions).max())
     if not np.isfinite(error):
         return replace(blank, reason="the result is not finite", first_seconds=first)
@@ -210,6 +209,8 @@ def _first(derived: derivation.Derived, blank: Setting, truth: data.Truth, lengt
 def reason_of(run: running.MethodRun) -> str:
     """The reason why a setting has no error, in one line."""
     outcome = run.outcome
+    if outcome.kind == "cancelled":
+        return CUT
     if run.trajectory is None:
         return outcome.remedy or outcome.kind
     what = f"{outcome.quantity} = {outcome.value:.3g}" if outcome.value is not None else outcome.quantity or ""
@@ -244,21 +245,15 @@ def _with_floor(settings: Sequence[Setting], scale: float, unknown: float = 0.0)
     """Mark the settings beyond the least error of their method, or beyond the first error that is only round-off or
     less than the `unknown` part of the true motion."""
     found = []
-    for setting in settings:
-        own = [s for s in settings if s.requested.label == setting.requested.label and s.error is not None]
-        beyond = (
-            bool(own) and setting.error is not None and setting.fineness > _last_useful(own, scale, unknown).fineness
-        )
-        found.append(replace(setting, at_floor=beyond))
+    for label in dict.fromkeys(setting.requested.label for setting in settings):
+        own = [s for s in settings if s.requested.label == label]
+        errors = [s.error for s in own if s.error is not None]
+        least = min(errors, default=0.0)
+        is_noise = least <= ROUND_OFF * scale
+        limit = max(NOISE * least + 1e-16 * scale if is_noise else least, unknown)
+        last = next((s.fineness for s in own if s.error is not None and s.error <= limit), None)
+        found += [replace(s, at_floor=last is not None and s.error is not None and s.fineness > last) for s in own]
     return found
-
-
-def _last_useful(own: Sequence[Setting], scale: float, unknown: float) -> Setting:
-    least = min(own, key=lambda s: s.error or 0.0)
-    if (least.error or 0.0) > max(ROUND_OFF * scale, unknown):
-        return least
-    round_off = NOISE * (least.error or 0.0) + 1e-16 * scale if (least.error or 0.0) <= ROUND_OFF * scale else 0.0
-    return next(s for s in own if (s.error or 0.0) <= max(round_off, unknown))
 
 
 def curves(measured: Precision) -> dict[str, list[Setting]]:
@@ -332,13 +327,11 @@ def _long_runs(measured: Precision, derived: derivation.Derived, budget: float) 
     wanted = [next((s for s in curve if (s.error or 1.0) <= TARGETS[0] * measured.scale), curve[-1])
               for curve in curves(measured).values() if curve]  # fmt: skip
     for one in sorted(wanted, key=lambda setting: setting.best_seconds or 0.0):
-        expected = LONG * (one.best_seconds or 0.0)
-        if time.process_time() - begun + expected > budget or one.steps * LONG > 10 * MOST_STEPS:
+        expected, count = LONG * (one.best_seconds or 0.0), LONG * one.steps
+        if time.process_time() - begun + expected > budget or count > 10 * MOST_STEPS:
             yield LongRun(one, reason=f"not measured: it takes about {expected:.1g} s")
-            continue
-        count = one.steps * LONG
-        grid = data.Grid(one.step, count, max(1, count // (PARTS * 200)))
-        yield _long_run(derived.but(grid=grid), one)
+        else:
+            yield _long_run(derived.but(grid=data.Grid(one.step, count, max(1, count // (PARTS * 200)))), one)
 
 
 def _long_run(derived: derivation.Derived, one: Setting) -> LongRun:

@@ -13,16 +13,15 @@ Discontinuous Righthand Sides, 1988, chapter 2; several functions at once as V. 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from fractions import Fraction
 from itertools import combinations, product
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from inverse_service.expressions import derivative, printing, tree as ex
+from inverse_service.expressions import collecting, derivative, printing, tree as ex
 from inverse_service.integrators import method_table
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.simulation import (
@@ -85,7 +84,7 @@ def on_sides(tree: ex.Expression, sides: Mapping[ex.Expression, int]) -> ex.Expr
 
     def replaced(part: ex.Expression) -> ex.Expression:
         if not (nf.is_root(part) and isinstance(part, ex.Power) and isinstance(part.exponent, ex.Number)):
-            return _gathered(ex.rebuild(part, replaced))
+            return ex.rebuild(part, replaced)
         outside, inside = [], []
         for factor in ex.factors_of(part.base):
             square, power = factor, part.exponent.value
@@ -98,28 +97,9 @@ def on_sides(tree: ex.Expression, sides: Mapping[ex.Expression, int]) -> ex.Expr
                 outside.append(ex.number(side) ** power * u**power if power.denominator == 1 else (u**2) ** (power / 2))
             else:
                 inside.append(replaced(factor))
-        return _gathered(ex.multiply(*outside, ex.multiply(*inside) ** part.exponent))
+        return ex.multiply(*outside, ex.multiply(*inside) ** part.exponent)
 
-    return replaced(tree)
-
-
-def _gathered(tree: ex.Expression) -> ex.Expression:
-    """A product with each base once, so that u/u has a value where u is zero."""
-    if not isinstance(tree, ex.Product | ex.Power):
-        return tree
-    powers: dict[ex.Expression, Fraction] = {}
-    for base, exponent in _powers(tree, Fraction(1)):
-        powers[base] = powers.get(base, Fraction(0)) + exponent
-    return ex.multiply(*(base**exponent for base, exponent in powers.items()))
-
-
-def _powers(tree: ex.Expression, outer: Fraction) -> Iterator[tuple[ex.Expression, Fraction]]:
-    """(base, exponent) of the factors of tree^outer, an integer; integers inside of others are taken together."""
-    for base, exponent in ex.powers_of(tree):
-        if exponent.denominator == 1 and isinstance(base, ex.Product | ex.Power) and base != tree:
-            yield from _powers(base, outer * exponent)
-        else:
-            yield base, outer * exponent
+    return collecting.merge_powers(replaced(tree))  # u/u has a value where u is zero
 
 
 def _size(state: Point) -> float:

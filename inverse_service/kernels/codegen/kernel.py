@@ -317,9 +317,13 @@ class Kernel:
 
     def write(self) -> str:
         """The kernel's text."""
-        self._open()
-        self._step()
         w = self.writer
+        self._open()
+        w.label("next_step")
+        w.branch(w["done"] < w["steps"], "begin_step", "finish")
+        w.open("begin_step")
+        self._step()
+        self._end_step()
         w.open("stopped_early")
         w.label("finish")
         for array, names in (("memory", self.layout.persistent), ("control", CONTROL)):
@@ -359,9 +363,6 @@ class Kernel:
 
     def _step(self) -> None:
         w = self.writer
-        w.label("next_step")
-        w.branch(w["done"] < w["steps"], "begin_step", "finish")
-        w.open("begin_step")
         w["stage"] = 0
         w.label("next_stage")
         stage = w["stage"]
@@ -376,7 +377,6 @@ class Kernel:
         w["stage"] = after = stage + 1
         w.branch(after < w["stages"], "next_stage", "end_stages")
         w.open("end_stages")
-        self._end_step()
 
     def _calculate(self) -> None:
         """The statements, at the state."""
@@ -474,9 +474,6 @@ class AdaptiveKernel(Kernel):
         for name in ("left", "length"):
             w.slot(name)
         w.slot("tries", is_counter=True)
-        w.label("next_step")
-        w.branch(w["done"] < w["steps"], "begin_step", "finish")
-        w.open("begin_step")
         w["left"], w["tries"] = self._whole_step, 0
         w.label("next_try")
         with self.emitter.inner():
@@ -494,7 +491,6 @@ class AdaptiveKernel(Kernel):
         # to more than the tolerance.
         known = self.emitter.value(ALPHA) * abs(self._whole_step)
         self.blocks.stop_unless(abs(w[programs.TRIAL]) > known, programs.TOO_SHORT, w[programs.TRIAL])
-        self._end_step()
 
     def _try(self) -> None:
         w, e = self.writer, self.emitter

@@ -89,9 +89,8 @@ def _differences(result: Mapping[str, Any], tables: Tables, truth: Table | None)
     if truth is None:
         return
     for name in result["system"]["coordinates"]:
-        times = result["step"] * result["record_every"] * np.arange(len(truth[name]))
         label = with_unit(f"{name} \u2212 true {name}", result, name)
-        yield label, difference(name, truth.get("t", times), truth[name])
+        yield label, difference(name, truth["t"], truth[name])
 
 
 def _constraints(result: Mapping[str, Any], tables: Tables, truth: Table | None) -> Iterable[tuple[str, Column]]:
