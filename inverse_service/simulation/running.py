@@ -66,7 +66,7 @@ class EnsembleRun:
 
     requested: data.Requested
     outcome: Outcome
-    many: execution.Run | None
+    many: execution.Run
     velocities: Array | None = None
     series: Mapping[str, Array] = field(default_factory=dict)
     numbers: Mapping[str, Array] = field(default_factory=dict)
@@ -80,8 +80,7 @@ class SceneRun:
     scene: data.Scene
     derived: derivation.Derived
     truth: data.Truth | str | None
-    runs: tuple[MethodRun, ...]
-    members: tuple[EnsembleRun, ...] = ()
+    runs: tuple[MethodRun | EnsembleRun, ...]
     lyapunov: Mapping[str, Any] | None = None
     effects: Mapping[str, Any] = field(default_factory=dict)
 
@@ -106,8 +105,7 @@ def run_scene(
                 truth = accuracy.true_motion(replace(derived, stop=compared_until or derived.stop))
             except data.Unavailable as error:
                 truth = error.detail
-    runs: list[MethodRun] = []
-    members: list[EnsembleRun] = []
+    runs: list[MethodRun | EnsembleRun] = []
     for place, requested in enumerate(scene.methods, 1):
         tell(f"{requested.label} ({place} of {len(scene.methods)})")
         if derived.is_over and scene.ensemble is None:
@@ -119,9 +117,9 @@ def run_scene(
                 runs.append(run_method(derived, requested, truth))
                 continue
             try:
-                members.append(run_members(derived, requested))
+                runs.append(run_members(derived, scene.ensemble, requested))
             except InputError as error:
-                members.append(EnsembleRun(requested, Outcome("unavailable", remedy=error.detail), None))
+                runs.append(MethodRun(requested, Outcome("unavailable", remedy=error.detail), None))
         except (ArithmeticError, ValueError, LookupError, TypeError, RuntimeError) as error:
             logging.getLogger(__name__).exception("the method %s failed", requested.method)
             runs.append(MethodRun(requested, Outcome("failed", remedy=FAULT.format(type(error).__name__)), None))
@@ -130,7 +128,7 @@ def run_scene(
         tell("Lyapunov exponent")
         with suppress(data.Unavailable):
             exponent = lyapunov.largest_exponent(derived)
-    return SceneRun(scene, derived, truth, tuple(runs), tuple(members), exponent, costs.effects_of(derived))
+    return SceneRun(scene, derived, truth, tuple(runs), exponent, costs.effects_of(derived))
 
 
 def run_method(
@@ -152,26 +150,19 @@ def run_method(
             lost = numbers.pop("lost")
             if lost is None and not numbers["doubt"]:
                 numbers = accuracy.with_missed_force(run.observed, numbers, derived)
-        if lost is not None:
-            return _cut(run, run.observed, lost)
+        if lost is not None:  # the run up to there, with the quantities observed so far
+            end, at = lost.time or 0.0, run.observed.trajectory
+            shorter = replace(run.observed, trajectory=at.ended(at.times <= end, lost))
+            numbers, series = observing.observed_quantities(shorter, seconds)
+            return replace(
+                run, outcome=lost, trajectory=shorter.trajectory, numbers=numbers, series=series, seconds=seconds,
+                events=tuple(happening.until(one, end) for one in run.events), observed=shorter,
+            )  # fmt: skip
         outcome = replace(outcome, doubt=numbers.pop("doubt"))
     if "cost" in derived.scene.observe:
         with derivation.timed(seconds, "cost"):
             numbers["cost"] = costs.part_costs(derived, requested)
     return replace(run, outcome=outcome, numbers=numbers, seconds=seconds)
-
-
-def _cut(run: MethodRun, observed: observing.Observed, outcome: Outcome) -> MethodRun:
-    """The run up to its outcome, with the quantities observed so far."""
-    seconds = dict(run.seconds)
-    ran = observed.trajectory.ended(observed.trajectory.times <= (outcome.time or 0.0), outcome)
-    shorter = replace(observed, trajectory=ran)
-    numbers, series = observing.observed_quantities(shorter, seconds)
-    events = tuple(happening.until(one, outcome.time or 0.0) for one in run.events)
-    return replace(
-        run, outcome=outcome, trajectory=ran, numbers=numbers, series=series, seconds=seconds, events=events,
-        observed=shorter,
-    )  # fmt: skip
 
 
 def observed_run(
@@ -232,11 +223,9 @@ def _integrated(derived: derivation.Derived, requested: data.Requested, problem:
     return switching.run_motion(scene, requested, problem, derived.motion, start, values, derived.stop)
 
 
-def run_members(derived: derivation.Derived, requested: data.Requested) -> EnsembleRun:
+def run_members(derived: derivation.Derived, members: data.Members, requested: data.Requested) -> EnsembleRun:
     """All members by one method; InputError where it cannot run them."""
     scene = derived.scene
-    members = scene.ensemble
-    assert members is not None
     if requested.choice is None:
         raise data.Unavailable(execution.ALL_METHODS)
     known, problem = derivation.free_of(requested, derived), derivation.problem_of(requested, derived)
@@ -256,8 +245,8 @@ def run_members(derived: derivation.Derived, requested: data.Requested) -> Ensem
     run = EnsembleRun(requested, Outcome("cancelled", scene.grid.steps), many, velocities, series, numbers, seconds)
     if many.cancelled:
         return run
-    numbers["estimated_error"], doubt = _estimated(scene, problem, run, values, momenta)
-    doubt = doubt or _missed(derived, problem, run, values)
+    numbers["estimated_error"], doubt = _estimated(scene, members, problem, run, values, momenta)
+    doubt = doubt or _missed(derived, members, problem, run, values)
     kind = "completed" if many.completed.all() else "partly"
     if not many.completed.any():  # the most frequent outcome
         kinds = Counter(many.outcome(member).kind for member in range(len(many.positions)))
@@ -266,13 +255,12 @@ def run_members(derived: derivation.Derived, requested: data.Requested) -> Ensem
 
 
 def _estimated(
-    scene: data.Scene, problem: data.Problem, run: EnsembleRun, values: dict[str, Any], momenta: Array | None
-) -> tuple[Array, str]:
+    scene: data.Scene, members: data.Members, problem: data.Problem, run: EnsembleRun, values: dict[str, Any],
+    momenta: Array | None,
+) -> tuple[Array, str]:  # fmt: skip
     """The estimated errors (N,), and how many members differ with half the step, or a smaller tolerance, for as many
     members as MOST_SHARPER allows; nan for other members and those that did not reach the end."""
-    members, many, again = scene.ensemble, run.many, accuracy.finer(run.requested, scene.grid)
-    assert members is not None
-    assert many is not None
+    many, again = run.many, accuracy.finer(run.requested, scene.grid)
     assert again.requested.choice is not None
     count, most = len(many.positions), max(1, MOST_SHARPER // max(again.grid.steps, 1))
     rows = np.unique(np.linspace(0, count - 1, min(count, most)).astype(int))
@@ -290,11 +278,11 @@ def _estimated(
     return estimates, doubt
 
 
-def _missed(derived: derivation.Derived, problem: data.Problem, run: EnsembleRun, values: dict[str, Any]) -> str:
+def _missed(
+    derived: derivation.Derived, members: data.Members, problem: data.Problem, run: EnsembleRun, values: dict[str, Any]
+) -> str:
     """The doubt of the first of LOOKED_AT members that misses a force acting within a step, with its error."""
-    many, members, estimates = run.many, derived.scene.ensemble, run.numbers["estimated_error"]
-    assert many is not None
-    assert members is not None
+    many, estimates = run.many, run.numbers["estimated_error"]
     for row in np.flatnonzero(many.completed)[:: max(1, len(many.positions) // LOOKED_AT)]:
         if run.velocities is None or derived.is_over:
             break

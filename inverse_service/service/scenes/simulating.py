@@ -50,11 +50,12 @@ def simulate_tables(document: Any, progress: Progress | None = None, time_limit:
     """The result document with all recorded points: {"result": ..., "tables": {label: {column: array}}}."""
     found, seconds = run_document(document, progress, time_limit)
     scene = found.scene
-    tables = {run.requested.label: table_of_run(scene, run) for run in found.runs if run.trajectory is not None}
-    tables |= {run.requested.label: ensemble_arrays(scene, run) for run in found.members if run.many is not None}
+    single = [run for run in found.runs if isinstance(run, MethodRun)]
+    tables = {run.requested.label: ensemble_arrays(scene, run) for run in found.runs if isinstance(run, EnsembleRun)}
+    tables |= {run.requested.label: table_of_run(scene, run) for run in single if run.trajectory is not None}
     true = found.truth
     truth = {"t": true.times, **columns_of(scene, true.positions)} if isinstance(true, Truth) else None
-    events = {run.requested.label: event_table(scene, run.events) for run in found.runs if run.events}
+    events = {run.requested.label: event_table(scene, run.events) for run in single if run.events}
     return {"result": simulation_document(found, seconds), "tables": tables, "truth": truth, "events": events}
 
 
@@ -167,8 +168,7 @@ def simulation_document(found: SceneRun, stages: Mapping[str, float]) -> dict[st
         "observe": scene.observe,
         "effects": found.effects,
         "methods": [
-            *(_method(scene, run) for run in found.runs),
-            *(_requested(run.requested) | ensemble_document(scene, run) for run in found.members),
+            _method(scene, run) if isinstance(run, MethodRun) else ensemble_document(scene, run) for run in found.runs
         ],
         "truth": known,
         "advice": advice(scene, found.derived),
@@ -273,9 +273,7 @@ def as_plain(value: Any) -> Any:
 
 def ensemble_document(scene: Scene, run: EnsembleRun) -> dict[str, Any]:
     """One method of an ensemble: the count of each outcome, and columns with one number per member."""
-    document: dict[str, Any] = {"outcome": run.outcome.kind, "steps": 0, "seconds": dict(run.seconds)}
-    if run.many is None:
-        return document | {"reason": run.outcome.remedy}
+    document = _requested(run.requested) | {"outcome": run.outcome.kind, "seconds": run.seconds}
     many, count = run.many, len(run.many.positions)
     ended = {int(k): many.outcome(int(k)) for k in np.nonzero(~many.completed)[0]}
     kinds = Counter(outcome.kind for outcome in ended.values())
@@ -297,9 +295,7 @@ def ensemble_document(scene: Scene, run: EnsembleRun) -> dict[str, Any]:
 
 def member_columns(scene: Scene, run: EnsembleRun) -> dict[str, Array]:
     """One number per member: varying parameters, start, end, and observed quantities."""
-    assert run.many is not None
-    assert scene.ensemble is not None
-    columns = dict(scene.ensemble.values)
+    columns = {} if scene.ensemble is None else dict(scene.ensemble.values)
     for k, name in enumerate(scene.coordinates):
         columns[f"{name}_start"] = run.many.positions[:, 0, k]
         columns[f"{name}_end"] = run.many.positions[:, -1, k]
@@ -311,7 +307,6 @@ def member_columns(scene: Scene, run: EnsembleRun) -> dict[str, Array]:
 
 def ensemble_arrays(scene: Scene, run: EnsembleRun) -> dict[str, Array]:
     """t (m,), each coordinate, velocity and observable (N, m), and one number per member: the content of NPZ files."""
-    assert run.many is not None
     arrays: dict[str, Array] = {"t": run.many.grid.times}
     for k, name in enumerate(scene.coordinates):
         arrays[name] = run.many.positions[:, :, k]
