@@ -139,11 +139,20 @@ def estimated(run: observing.Observed, repeat: Repeat) -> dict[str, Any]:
 
     `repeat` runs a method of a scene.
     """
-    at, turns, known = run.trajectory, initial.angles(run.scene), energies_of(run)
-    numbers: dict[str, Any] = {"lost": None if known is None else _with_made_energy(run, *known)}
-    if numbers["lost"] is not None:
-        return numbers | {"doubt": ""}
-    doubts = ["" if known is None else _change_of_energy(*known)]
+    at, turns, scene, doubts = run.trajectory, initial.angles(run.scene), run.scene, [""]
+    numbers: dict[str, Any] = {"lost": None}
+    varies = observing.lagrangian_of_energy(scene) is None or observing.why_energy_varies(scene)
+    if not varies and run.velocities is not None and not observing.end_of_energy(run):
+        energies, kinetic = observing.energies(scene, run.table)
+        numbers["lost"] = _with_made_energy(run, energies, kinetic)
+        if numbers["lost"] is not None:
+            return numbers | {"doubt": ""}
+        # The mean kinetic energy is changed by no constant in L; a tenth of CHANGED of it suffices where the change is
+        # CHANGED of E_0, which is what `max_energy_error` shows.
+        mean = max(float(kinetic.mean()), schemes.SMALLEST)
+        change, start = float(np.abs(energies - energies[0]).max()), abs(float(energies[0]))
+        if change > CHANGED * min(mean, max(start, CHANGED * mean)):
+            doubts = [VARIES.format(change, change / mean, start)]
     again, found = _again(run, repeat)
     if found is not None:
         count = min(len(found.times), len(at.times))
@@ -215,25 +224,6 @@ def _elsewhere(run: observing.Observed, errors: Array, shares: Array, which: str
     k = int(far[first].argmax())
     worst = float(np.nanmax(errors[:, k]))
     return ELSEWHERE.format(which, run.trajectory.times[first], run.scene.coordinates[k], worst)
-
-
-def _change_of_energy(energies: Array, kinetic: Array) -> str:
-    """max |E - E_0|, where it is more than CHANGED of the mean kinetic energy, which no constant in L changes; a tenth
-    of that suffices where it is CHANGED of E_0, which is what `max_energy_error` shows."""
-    mean = max(float(kinetic.mean()), schemes.SMALLEST)
-    change, start = float(np.abs(energies - energies[0]).max()), abs(float(energies[0]))
-    is_much = change > CHANGED * min(mean, max(start, CHANGED * mean))
-    return VARIES.format(change, change / mean, start) if is_much else ""
-
-
-def energies_of(run: observing.Observed) -> tuple[Array, Array] | None:
-    """E and the kinetic energy at the recorded points, (m,) each; None where E is no constant, or not known."""
-    scene = run.scene
-    if observing.lagrangian_of_energy(scene) is None or observing.why_energy_varies(scene):
-        return None
-    if run.velocities is None or observing.end_of_energy(run):
-        return None
-    return observing.energies(scene, run.table)
 
 
 def other_motion(run: observing.Observed) -> Outcome | None:

@@ -290,7 +290,7 @@ def memory_of(card: Card, numbers: Mapping[str, float | Array], count: int = 1) 
 
 def stopped(run: Run, member: int = 0) -> Outcome | None:
     """Why a run stopped; None if it reached the end."""
-    card, grid, last, names = run.card, run.grid, run.numbers(member), unknown_names(run.ready.formulas)
+    card, grid, last, problem = run.card, run.grid, run.numbers(member), run.ready.formulas.problem
     if not (code := int(last[programs.STATUS])):
         return None
     step, value = int(last[programs.STOPPED_AT]), last[programs.STOPPED_VALUE]
@@ -306,13 +306,13 @@ def stopped(run: Run, member: int = 0) -> Outcome | None:
         value = abs(value) if kind == "bound" else value
         return ends(_KINDS.get(kind, "singular"), quantity, value, remedy)
     if code >= programs.GUARDED:
-        quantity = f"1 - det/det(h -> 0): {_determinant(card, code - programs.GUARDED, names)}"
+        quantity = f"1 - det/det(h -> 0): {_determinant(card, code - programs.GUARDED, problem)}"
         return ends("guard", quantity, value, _REMEDY)
     if code >= programs.SINGULAR:
-        return ends("singular", _determinant(card, code - programs.SINGULAR, names), value, _REMEDY)
+        return ends("singular", _determinant(card, code - programs.SINGULAR, problem), value, _REMEDY)
     if code >= programs.NO_CONVERGENCE:
         place = code - programs.NO_CONVERGENCE
-        quantity = _determinant(card, place, names)
+        quantity = _determinant(card, place, problem)
         if place < len(card.solves) and abs(last[f"last_{place}"]) < NEARLY_SINGULAR * abs(last[f"first_{place}"]):
             return ends("singular", quantity, last[f"last_{place}"], _REMEDY)
         remedy = _NO_VALUE if math.isnan(value) else _REMEDY
@@ -329,11 +329,19 @@ def stopped(run: Run, member: int = 0) -> Outcome | None:
     return ends("not_finite", "a coordinate or momentum", math.nan, _REMEDY)
 
 
-def _determinant(card: Card, place: int, unknown_names: Mapping[str, str]) -> str:
+def _determinant(card: Card, place: int, problem: Problem) -> str:
+    """The equations of a block, by its unknowns in the user's names."""
     if place >= len(card.solves):
         return "the stage equations, whose iteration does not converge"
-    names = ", ".join(unknown_names.get(name, name) for name in card.solves[place])
-    return f"determinant of the discrete equations for {names}"
+    shown = []
+    for letter, k in ((name[0], name[1:]) for name in card.solves[place]):
+        if letter == "m":
+            shown.append(f"multiplier {int(k) + 1}")
+        elif letter in "deg" and k.isdigit():
+            shown.append(f"the {'step of ' if letter == 'd' else 'change of p_'}{problem.coordinates[int(k)]}")
+        else:
+            shown.append(letter + k)
+    return f"determinant of the discrete equations for {', '.join(shown)}"
 
 
 def trajectory_of(run: Run) -> Trajectory:
@@ -343,6 +351,10 @@ def trajectory_of(run: Run) -> Trajectory:
     rows = run.grid.recorded <= done
     carried = run.rates[0, rows]
     taken = int(run.last(programs.CLOCK)[0]) if halt is None else done
+    # Of forces: in every trial step where the method chooses its own, else in every substep and iteration.
+    each = 6 if choice.method == "reference" else 1
+    evaluations = card.forces * taken * len(weights_of(choice)) + run.iterations * each
+    own_steps = choice.method in method_table.OWN_STEPS
     # The first value of an observed quantity is repeated in front, because no step leads to the start.
     seen = {name: run.column(f"observed_{k}")[0] for k, name in enumerate(card.observed)}
     return Trajectory(
@@ -351,8 +363,8 @@ def trajectory_of(run: Run) -> Trajectory:
         momenta=carried if run.letter == "p" and not np.isnan(carried).any() else None,
         velocities=carried if run.letter == "v" else None,
         outcome=_outcome(run, halt),
-        force_evaluations=_evaluations(choice, card, taken, run.iterations),
-        newton_iterations=0 if choice.method in method_table.OWN_STEPS else run.iterations,
+        force_evaluations=card.forces * run.iterations if own_steps else evaluations,
+        newton_iterations=0 if own_steps else run.iterations,
         compile_seconds=sum(run.ready.kernel.seconds.values()),
         run_seconds=run.seconds,
         series={name: np.append(column[:1] if len(column) else np.nan, column)[rows] for name, column in seen.items()},
@@ -362,24 +374,6 @@ def trajectory_of(run: Run) -> Trajectory:
 
 def weights_of(choice: MethodChoice) -> tuple[float, ...]:
     return method_table.composition(choice.order) if choice.method in method_table.GEOMETRIC else (1.0,)
-
-
-def _evaluations(choice: MethodChoice, card: Card, taken: int, iterations: int) -> int:
-    """Of forces: in every trial step where the method chooses its own, else in every substep and iteration."""
-    if choice.method in method_table.OWN_STEPS:
-        return card.forces * iterations
-    return card.forces * taken * len(weights_of(choice)) + iterations * (6 if choice.method == "reference" else 1)
-
-
-def unknown_names(f: Formulas) -> dict[str, str]:
-    """The unknowns of the kernels in the user's names."""
-    letters = {"d": "the step of {}", "e": "the change of p_{}", "g": "the change of p_{}"}
-    names = {
-        f"{letter}{k}": text.format(name)
-        for letter, text in letters.items()
-        for k, name in enumerate(f.problem.coordinates)
-    }
-    return names | {f"m{k}": f"multiplier {k + 1}" for k in range(len(f.problem.constraints))}
 
 
 def _outcome(run: Run, halt: Outcome | None) -> Outcome:
@@ -536,19 +530,16 @@ def _on_discrete_constraint(f: Formulas, choice: MethodChoice, table: Numbers, s
 def undefined_force(f: Formulas, forces: Sequence[Formula], table: Mapping[str, float]) -> Outcome | None:
     """The outcome if a force has no value at the start, where no step would notice this or no step succeeds."""
     for name, formula in zip(f.problem.coordinates, forces, strict=False):
-        if not math.isfinite(f.values([formula], table)[0]) or _divides_by_zero(f, formula, table):
+        # It has none either where it divides by 0, or takes the logarithm of 0: in doubles atan(v/x) is pi/2 at x = 0.
+        powers = formula.atoms(symengine.Pow)
+        divided = [power.args[0] for power in powers if power.args[1].is_Number and power.args[1].is_negative]
+        divided += [logarithm.args[0] for logarithm in formula.atoms(symengine.log)]
+        value, *others = f.values([formula, *divided], table)
+        if not math.isfinite(value) or 0 in others:
             begin = table[str(MOMENT)]
             quantity = f"the force on {name} at the start, t = {begin:.12g}, which has no value"
             return Outcome("off_domain", 0, begin, quantity, None, BEGIN_ELSEWHERE)
     return None
-
-
-def _divides_by_zero(f: Formulas, formula: Formula, table: Mapping[str, float]) -> bool:
-    """Whether it divides by 0 there, or takes the logarithm of 0: in doubles atan(v/x) has a value at x = 0."""
-    powers = formula.atoms(symengine.Pow)
-    divided = [power.args[0] for power in powers if power.args[1].is_Number and power.args[1].is_negative]
-    divided += [logarithm.args[0] for logarithm in formula.atoms(symengine.log)]
-    return 0 in f.values(divided, table)
 
 
 @lru_cache(maxsize=64)
@@ -564,21 +555,16 @@ def no_one_motion(f: Formulas, by_slopes: bool, at: tuple[tuple[str, float], ...
         return undefined
     steep = _steep(f, table)
     if any(steep) and not by_slopes:
-        steep &= _steep(f, _a_little_later(f, table))
+        later = dict(table)  # q + v s + f s^2/2 and v + f s
+        for k, force in enumerate(f.values(f.accelerations, table)):
+            later[f"q{k}"] += LATER * (table[f"v{k}"] + LATER * force / 2)
+            later[f"v{k}"] += LATER * force
+        steep &= _steep(f, later)
     for name, is_steep in zip(f.problem.coordinates, steep, strict=True):
         if is_steep:
             quantity = f"the force on {name}: its slope is infinite at the start, where more than one motion may begin"
             return Outcome("singular", 0, table[str(MOMENT)], quantity, None, "begin next to it")
     return None
-
-
-def _a_little_later(f: Formulas, table: Mapping[str, float]) -> Numbers:
-    """q + v s + f s^2/2 and v + f s."""
-    moved = dict(table)
-    for k, force in enumerate(f.values(f.accelerations, table)):
-        moved[f"q{k}"] += LATER * (table[f"v{k}"] + LATER * force / 2)
-        moved[f"v{k}"] += LATER * force
-    return moved
 
 
 def _steep(f: Formulas, table: Mapping[str, float]) -> NDArray[np.bool_]:
@@ -595,11 +581,6 @@ def _steep(f: Formulas, table: Mapping[str, float]) -> NDArray[np.bool_]:
             first, last = -np.diff(np.log10(np.abs(values[1:] - values[0])), axis=0) / NEARER_BY
         steep |= (last > FLAT) & (last < STRAIGHT) & (np.abs(first - last) < SAME_POWER)
     return steep
-
-
-def lanes_here() -> int:
-    """The number of doubles that a core processes at once."""
-    return 8 if "+avx512f" in processor_features() else 4
 
 
 def run_ensemble(
@@ -623,7 +604,9 @@ def run_ensemble(
     if choice.method in ("heyoka", "modified"):
         raise InputError(ALL_METHODS)
     f = Formulas(problem)
-    kernel = kernel_of(f, choice, (), lanes_here())
+    kernel = kernel_of(
+        f, choice, (), 8 if "+avx512f" in processor_features() else 4
+    )  # doubles that a core takes at once
     columns = arguments_of(problem, choice, grid, values) | _named("q", positions) | _named("v", velocities)
     columns |= ({} if steps is None else {"h": steps}) | ({} if begins is None else {str(MOMENT): begins})
     if choice.method not in method_table.POINT_METHODS:
