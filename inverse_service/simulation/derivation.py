@@ -96,15 +96,11 @@ class Derived:
         scene = self.scene
 
         def make() -> exact_motion.ExactMotion:
-            if scene.lagrangian is None:
-                raise Unavailable("The system is given by its equations.")
             if scene.forces or any(event.acts for event in scene.events):
                 raise Unavailable("Additional forces or events act on the motion.")
             if self.degenerate:
                 raise Unavailable(_DEGENERATE)
-            return exact_motion.motion_by_quadrature(
-                scene.coordinates, scene.lagrangian, scene.constraints, scene.values
-            )
+            return exact_motion.motion_by_quadrature(scene, scene.values)
 
         return self._part("exact", "exact motion", make)
 

@@ -24,10 +24,10 @@ from typing import Any
 
 import numpy as np
 
-from inverse_service.expressions import collecting, derivative, tree as ex
+from inverse_service.expressions import collecting, tree as ex
 from inverse_service.integrators.trajectory import Array
 from inverse_service.mechanics import euler_lagrange
-from inverse_service.simulation import numeric_formulas
+from inverse_service.simulation import initial, numeric_formulas
 from inverse_service.simulation.accelerations import determinant
 from inverse_service.simulation.scene_data import Unavailable
 
@@ -59,61 +59,42 @@ class ExactMotion:
     values: Mapping[str, float]
 
 
-def motion_by_quadrature(
-    coordinates: Sequence[str],
-    lagrangian: ex.Expression,
-    constraints: Sequence[ex.Expression],
-    values: Mapping[str, float],
-) -> ExactMotion:
+def motion_by_quadrature(what: initial.System, values: Mapping[str, float]) -> ExactMotion:
     """The exact motion of a system of the class above; Unavailable, with the reason, where it is not in that class."""
-    names = tuple(coordinates)
+    if (lagrangian := what.lagrangian) is None:
+        raise Unavailable("The system is given by its equations.")
+    names = what.coordinates
+    table: dict[ex.Expression, float] = {ex.Symbol(name): value for name, value in values.items()}
     inertia = euler_lagrange.hessian(lagrangian, names)
-    mass = _mass(lagrangian, inertia, names, values)
-    if mass is None:
-        raise Unavailable("The kinetic energy has coefficients that are not constant, or there is a potential.")
+    rates = [ex.Velocity(name) for name in names]
+    kinetic = ex.dot(rates, [ex.HALF * ex.dot(row, rates) for row in inertia])
+    try:
+        _, *entries = numeric_formulas.array_values(
+            [collecting.collect(lagrangian - kinetic), *(entry for row in inertia for entry in row)], table
+        )
+    except numeric_formulas.NoValue:
+        raise Unavailable(
+            "The kinetic energy has coefficients that are not constant, or there is a potential."
+        ) from None
+    mass = np.array(entries).reshape(len(names), -1)
     if np.linalg.matrix_rank(mass) < len(names):
         raise Unavailable("The kinetic energy is degenerate.")
-    rows = [_coefficients(constraint, names) for constraint in constraints]
-    linear = [row for row in rows if row is not None]
-    if len(linear) < len(rows):
+    rows = initial.forms_of(what)
+    nodes = [node for row in rows for entry in row for node in ex.walk(entry)]
+    if any(isinstance(node, ex.Velocity) for node in nodes) or {ex.ZERO, *initial.drifts_of(what)} != {ex.ZERO}:
         raise Unavailable("A constraint is not linear and homogeneous in the velocities.")
-    used = {node.name for row in linear for entry in row for node in ex.walk(entry) if isinstance(node, ex.Symbol)}
+    used = {node.name for node in nodes if isinstance(node, ex.Symbol)}
     turning = [k for k, name in enumerate(names) if name in used]
     if ex.TIME.name in used or len(turning) > 1:
         raise Unavailable("The constraints depend on more than one coordinate.")
     for k in turning:
-        if any(row[k] != ex.ZERO for row in linear):
+        if any(row[k] != ex.ZERO for row in rows):
             raise Unavailable(f"A constraint contains the velocity of {names[k]}, on which it depends.")
         if np.delete(mass[k], k).any():
             raise Unavailable(f"The kinetic energy couples {names[k]} with another coordinate.")
-        if len(linear) != len(names) - 2:
+        if len(rows) != len(names) - 2:
             raise Unavailable(f"The constraints leave more than one direction in addition to {names[k]}.")
-    return ExactMotion(names, inertia, mass, tuple(linear), turning[0] if turning else None, dict(values))
-
-
-def _mass(
-    lagrangian: ex.Expression, inertia: euler_lagrange.Matrix, names: tuple[str, ...], values: Mapping[str, float]
-) -> Array | None:
-    rates = [ex.Velocity(name) for name in names]
-    table: dict[ex.Expression, float] = {ex.Symbol(name): value for name, value in values.items()}
-    kinetic = ex.add(
-        *(ex.HALF * entry * rates[i] * rates[j] for i, row in enumerate(inertia) for j, entry in enumerate(row))
-    )
-    rest = collecting.collect(lagrangian - kinetic)
-    try:
-        numeric_formulas.array_value(rest, table)
-        return np.array([[float(numeric_formulas.array_value(entry, table)[0]) for entry in row] for row in inertia])
-    except numeric_formulas.NoValue:
-        return None
-
-
-def _coefficients(constraint: ex.Expression, names: tuple[str, ...]) -> tuple[ex.Expression, ...] | None:
-    """The coefficients of the velocities; None where the constraint has any other part."""
-    row = tuple(collecting.collect(derivative.differentiate(constraint, ex.Velocity(name))) for name in names)
-    if any(isinstance(node, ex.Velocity) for entry in row for node in ex.walk(entry)):
-        return None
-    rest = constraint - ex.add(*(entry * ex.Velocity(n) for entry, n in zip(row, names, strict=True)))
-    return row if collecting.collect(rest) == ex.ZERO else None
+    return ExactMotion(names, inertia, mass, tuple(map(tuple, rows)), next(iter(turning), None), dict(values))
 
 
 def positions_of(motion: ExactMotion, positions: Array, velocities: Array, times: Array) -> tuple[Array, Array]:

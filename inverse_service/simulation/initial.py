@@ -7,6 +7,7 @@ Constraints w(q) v + c(q) = 0. The projection is orthogonal in the kinetic energ
 
 from collections.abc import Mapping
 from contextlib import suppress
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,17 @@ from numpy.typing import NDArray
 from inverse_service.errors import InputError
 from inverse_service.expressions.collecting import collect
 from inverse_service.expressions.derivative import differentiate
-from inverse_service.expressions.tree import ZERO, Apply, Expression, Number, Symbol, Velocity, children, walk
+from inverse_service.expressions.tree import (
+    ZERO,
+    Apply,
+    Expression,
+    Number,
+    Symbol,
+    Velocity,
+    children,
+    substitute,
+    walk,
+)
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.mechanics.euler_lagrange import hessian, momenta
 from inverse_service.simulation.numeric_formulas import array_value, array_values, table_of
@@ -32,12 +43,35 @@ System = Problem | Scene  # coordinates, a Lagrangian where there is one, and co
 Values = Mapping[str, float | Array]  # one number, or one for each start
 
 
+def forms_of(what: System) -> list[list[Expression]]:
+    """w(q): the coefficients of the velocities, a row for each constraint."""
+    return [[collect(differentiate(w, Velocity(name))) for name in what.coordinates] for w in what.constraints]
+
+
+def drifts_of(what: System) -> list[Expression]:
+    """c(q): what is free of the velocities in each constraint."""
+    rest: dict[Expression, Expression] = {Velocity(name): ZERO for name in what.coordinates}
+    return [collect(substitute(w, rest)) for w in what.constraints]
+
+
+def saddle(what: System, table: Mapping[Expression, Any]) -> Array:
+    """[[g, w^T], [w, 0]] at the points of a table, (N, n + m, n + m), with g = 1 where there is no Lagrangian."""
+    n, size = len(what.coordinates), len(what.coordinates) + len(what.constraints)
+    masses = None if what.lagrangian is None else hessian(what.lagrangian, what.coordinates)
+    rows = [*(masses or ()), *forms_of(what)]
+    values = np.array(array_values([entry for row in rows for entry in row], table)).reshape(len(rows), n, -1)
+    whole = np.zeros((values.shape[2], size, size))
+    whole[:, size - len(rows) :, :n] = values.transpose(2, 0, 1)
+    whole[:, :n, n:] = whole[:, n:, :n].transpose(0, 2, 1)
+    if masses is None:
+        whole[:, :n, :n] = np.eye(n)
+    return whole
+
+
 def check_constraints(what: System, values: Values, positions: Array) -> None:
     """Raise InputError for constraints that are nonlinear in the velocities or dependent, or that leave no motion."""
     names, constraints = what.coordinates, what.constraints
-    rates = [Velocity(name) for name in names]
-    for place, constraint in enumerate(constraints, 1):
-        slopes = [collect(differentiate(constraint, rate)) for rate in rates]
+    for place, slopes in enumerate(forms_of(what), 1):
         if all(slope == ZERO for slope in slopes):
             raise InputError(f"constraint {place} has no velocity in it: leave it out.", "/system")
         if any(isinstance(node, Velocity) for slope in slopes for node in walk(slope)):
@@ -90,16 +124,12 @@ def is_degenerate(scene: Scene) -> bool:
     """Whether L_vv, on the velocities that the constraints leave, is singular at the start and about it."""
     assert scene.lagrangian is not None
     random = np.random.default_rng(4)
-    matrix = hessian(scene.lagrangian, scene.coordinates)
-    slopes = [differentiate(w, Velocity(name)) for w in scene.constraints for name in scene.coordinates]
     for attempt in range(NEARBY):
         shift = random.normal(0, 0.1, (2, len(scene.coordinates))) * bool(attempt)
         place, rate = scene.positions + shift[0], scene.velocities + shift[1]
         moment = np.array([scene.grid.begin + attempt * scene.grid.step])
         table = table_of(scene.coordinates, place[None], rate[None], scene.values, moment)
-        mass = np.array(array_values([entry for row in matrix for entry in row], table)).reshape(len(matrix), -1)
-        rows = np.array(array_values(slopes, table)).reshape(-1, len(mass))
-        whole = np.block([[mass, rows.T], [rows, np.zeros((len(rows), len(rows)))]])
+        whole = saddle(scene, table)[0]
         size = np.abs(whole).max(axis=1)
         if not np.isfinite(whole).all() or (
             (size > 0).all() and np.linalg.matrix_rank(whole / size[:, None]) == len(whole)
@@ -196,9 +226,9 @@ def _linear(what: System, values: Values, positions: Array) -> tuple[Array, Arra
     names, constraints = what.coordinates, what.constraints
     table = table_of(names, positions, np.zeros(positions.shape), values)
     shape = (len(constraints), len(names), len(positions))
-    entries = [array_value(differentiate(w, Velocity(name)), table) for w in constraints for name in names]
-    rows = np.array(entries).reshape(shape).transpose(2, 0, 1)
-    offsets = np.array([array_value(w, table) for w in constraints]).reshape(shape[::2]).T
+    entries = [entry for row in forms_of(what) for entry in row]
+    rows = np.array(array_values(entries, table)).reshape(shape).transpose(2, 0, 1)
+    offsets = np.array(array_values(constraints, table)).reshape(shape[::2]).T
     if not (np.isfinite(rows).all() and np.isfinite(offsets).all()):
         raise InputError(
             "a constraint has no finite value at the initial positions: start somewhere else.", "/initial/positions"
@@ -232,12 +262,8 @@ def _filled(names: tuple[str, ...], rows: Array, offsets: Array, given: Values) 
 
 
 def _projected(what: System, values: Values, positions: Array, velocities: Array, rows: Array, defects: Array) -> Array:
-    names = what.coordinates
-    mass = np.broadcast_to(np.eye(len(names)), (len(rows), len(names), len(names)))
-    if what.lagrangian is not None:
-        table = table_of(names, positions, velocities, values)
-        entries = [array_value(entry, table) for row in hessian(what.lagrangian, names) for entry in row]
-        mass = np.array(entries).T.reshape(mass.shape)
+    n = len(what.coordinates)
+    mass = saddle(what, table_of(what.coordinates, positions, velocities, values))[:, :n, :n]
     if not np.isfinite(mass).all():
         raise InputError("the kinetic energy has no finite value at the start: start somewhere else.", "/initial")
     lifted = np.asarray(np.linalg.pinv(mass) @ rows.transpose(0, 2, 1), dtype=float)

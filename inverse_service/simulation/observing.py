@@ -24,13 +24,14 @@ from typing import Any
 
 import numpy as np
 
-from inverse_service.expressions import collecting, derivative, printing, tree as ex
+from inverse_service.expressions import derivative, printing, tree as ex
 from inverse_service.integrators.trajectory import Array, Trajectory
 from inverse_service.mechanics import euler_lagrange
 from inverse_service.simulation import (
     accelerations as accelerating,
     circles,
     derivation,
+    initial,
     numeric_formulas as nf,
     scene_data as data,
 )
@@ -130,8 +131,7 @@ def why_energy_varies(scene: data.Scene) -> str | None:
     lagrangian = lagrangian_of_energy(scene)
     if lagrangian is not None and ex.holds(lagrangian, ex.TIME):
         return WITH_TIME
-    rest: dict[ex.Expression, ex.Expression] = {ex.Velocity(name): ex.ZERO for name in scene.coordinates}
-    if any(collecting.collect(ex.substitute(w, rest)) != ex.ZERO for w in scene.constraints):
+    if any(drift != ex.ZERO for drift in initial.drifts_of(scene)):
         return MOVING_CONSTRAINTS
     if any(event.acts for event in scene.events):
         return ACTED
@@ -171,16 +171,10 @@ def point_velocities(
     matrix = euler_lagrange.hessian(scene.lagrangian, names)
     if any(isinstance(node, ex.Velocity) for row in matrix for entry in row for node in ex.walk(entry)):
         return None
-    n, size = len(names), len(names) + len(scene.constraints)
-    whole = np.zeros((len(momenta), size, size))
-    for k, name in enumerate(names):
-        rows = [derivative.differentiate(w, ex.Velocity(name)) for w in scene.constraints]
-        whole[:, :, k] = np.column_stack(nf.array_values([*matrix[k], *rows], table))
-    whole[:, :n, n:] = whole[:, n:, :n].transpose(0, 2, 1)
     offsets = nf.array_values([*euler_lagrange.momenta(scene.lagrangian, names), *scene.constraints], table)
-    right = np.column_stack([*momenta.T, *rest.T[: size - n]]) - np.column_stack(offsets)
+    right = np.pad(momenta, ((0, 0), (0, len(scene.constraints)))) - np.column_stack(offsets)
     try:
-        return np.asarray(np.linalg.solve(whole, right[:, :, None])[:, :n, 0])
+        return np.asarray(np.linalg.solve(initial.saddle(scene, table), right[:, :, None])[:, : len(names), 0])
     except np.linalg.LinAlgError:  # the kinetic energy is degenerate at a point
         return None
 
@@ -337,9 +331,8 @@ def _constraint_forces(run: Observed) -> Observations:
         return missing("The constraints are too many for a formula.")
     multipliers = run.values_of(*found[1])
     columns = {f"lambda_{a}": column for a, column in enumerate(multipliers, 1)}
-    for name in scene.coordinates:
-        rows = run.values_of(*(derivative.differentiate(w, ex.Velocity(name)) for w in scene.constraints))
-        columns[f"force_{name}"] = np.sum(np.multiply(rows, multipliers), axis=0)
+    for name, row in zip(scene.coordinates, zip(*initial.forms_of(scene), strict=True), strict=True):
+        columns[f"force_{name}"] = np.sum(np.multiply(run.values_of(*row), multipliers), axis=0)
     formulas = {f"lambda_{a}": printing.to_text(one) for a, one in enumerate(found[1], 1)}
     largest = {name: greatest(column) for name, column in columns.items()}
     return {"constraint_forces": {"formulas": formulas, "greatest": largest}}, columns

@@ -8,15 +8,15 @@ import pytest
 from inverse_service.reading.names import Names
 from inverse_service.reading.reader import read_formula
 from inverse_service.simulation.exact_motion import ExactMotion, motion_by_quadrature, positions_of
-from inverse_service.simulation.scene_data import Unavailable
+from inverse_service.simulation.scene_data import Problem, Unavailable
 
 TIMES = np.linspace(0, 50, 401)
 
 
 def known(coordinates: str, lagrangian: str, constraints: list[str], **values: float) -> ExactMotion:
     names = Names(tuple(coordinates.split()), tuple(values))
-    trees = [read_formula(text, names) for text in constraints]
-    return motion_by_quadrature(names.coordinates, read_formula(lagrangian, names), trees, values)
+    trees = tuple(read_formula(text, names) for text in constraints)
+    return motion_by_quadrature(Problem(names.coordinates, (), read_formula(lagrangian, names), trees), values)
 
 
 def motion(*arguments: object, **values: float) -> ExactMotion:
