@@ -65,6 +65,10 @@ class Setting:
         """A key that increases from coarse settings of a method to fine ones."""
         return self.steps, -(self.tolerance or 0.0)
 
+    @property
+    def grid(self) -> data.Grid:
+        return _grid(self.step, self.steps)
+
 
 @dataclass(frozen=True, slots=True)
 class LongRun:
@@ -110,8 +114,8 @@ def measure(
     is true."""
     begun, scene, derived = time.process_time(), derived.scene, derived.but(observe=())
     length = scene.grid.step * scene.grid.steps
-    finest = max(_counts(length, steps or [scene.grid.step / 8]))
-    truth = accuracy.true_motion(derived.but(grid=_grid(length, min(finest, 65_536))))
+    finest = min(max(_counts(length, steps or [scene.grid.step / 8])), 65_536)
+    truth = accuracy.true_motion(derived.but(grid=_grid(length / finest, finest)))
     if not np.isfinite(truth.positions).all():
         raise data.Unavailable(truth.reason)
     scale = float(np.abs(truth.positions - truth.positions[0]).max()) or 1.0
@@ -121,11 +125,21 @@ def measure(
         if progress is not None:
             at = f"{blank.steps} steps" if blank.tolerance is None else f"tolerance {blank.tolerance:g}"
             progress(f"{blank.requested.label}, {at}")
-        late = time.process_time() - begun > SHARE_OF_FIRST * time_limit
-        if late:
+        if time.process_time() - begun > SHARE_OF_FIRST * time_limit:
             return replace(blank, reason=LATE)
-        end = time.process_time() + SHARE_OF_ONE * time_limit
-        return _first(replace(derived, stop=lambda: time.process_time() > end), blank, truth, length)
+        end, first = time.process_time() + SHARE_OF_ONE * time_limit, time.perf_counter()
+        limited = replace(derived.but(grid=blank.grid), stop=lambda: time.process_time() > end)
+        ran = running.observed_run(limited, blank.requested)
+        blank, at = replace(blank, first_seconds=time.perf_counter() - first), ran.trajectory
+        if at is None or not ran.outcome.completed:
+            return replace(blank, reason=reason_of(ran))
+        error = float(np.abs(at.positions - truth.positions).max())
+        if not np.isfinite(error):
+            return replace(blank, reason="the result is not finite")
+        return replace(
+            blank, error=error, compile_seconds=at.compile_seconds, best_seconds=at.run_seconds,
+            force_evaluations=at.force_evaluations, newton_iterations=at.newton_iterations,
+        )  # fmt: skip
 
     def refined(blanks: Iterable[Setting]) -> list[Setting]:
         """From coarse to fine until the error is round-off, no longer falls, or a run takes long."""
@@ -157,7 +171,7 @@ def measure(
                 own.insert(0, run(_blank(requested, length, CHECKS * parts)))
             settings += own
     budget = min(SHARE_OF_REPEATS * time_limit, LATER_SECONDS * repeats)
-    settings = _repeated(derived, settings, length, repeats, budget)
+    settings = _repeated(derived, settings, repeats, budget)
     settings = _with_floor(settings, scale, truth.uncertainty)
     found = Precision(scene, truth, scale, tuple(settings))
     if long:
@@ -184,26 +198,11 @@ def _blank(requested: data.Requested, length: float, count: int, tolerance: floa
     """A setting before it is measured; a tolerance is part of what is requested."""
     if tolerance is not None and requested.choice is not None:
         requested = replace(requested, choice=replace(requested.choice, tolerance=tolerance))
-    return Setting(requested, _grid(length, count).step, count, tolerance=tolerance)
+    return Setting(requested, length / count, count, tolerance=tolerance)
 
 
-def _grid(length: float, count: int) -> data.Grid:
-    return data.Grid(length / count, count, count // CHECKS)
-
-
-def _first(derived: derivation.Derived, blank: Setting, truth: data.Truth, length: float) -> Setting:
-    begun = time.perf_counter()
-    run = running.observed_run(derived.but(grid=_grid(length, blank.steps)), blank.requested)
-    first, at = time.perf_counter() - begun, run.trajectory
-    if at is None or not run.outcome.completed:
-        return replace(blank, reason=reason_of(run), first_seconds=first)
-    error = float(np.abs(at.positions - truth.positions).max())
-    if not np.isfinite(error):
-        return replace(blank, reason="the result is not finite", first_seconds=first)
-    return replace(
-        blank, error=error, compile_seconds=at.compile_seconds, first_seconds=first, best_seconds=at.run_seconds,
-        force_evaluations=at.force_evaluations, newton_iterations=at.newton_iterations,
-    )  # fmt: skip
+def _grid(step: float, steps: int) -> data.Grid:
+    return data.Grid(step, steps, steps // CHECKS)
 
 
 def reason_of(run: running.MethodRun) -> str:
@@ -218,9 +217,7 @@ def reason_of(run: running.MethodRun) -> str:
     return " ".join(part for part in (outcome.kind.replace("_", " "), where, what) if part)
 
 
-def _repeated(
-    derived: derivation.Derived, settings: list[Setting], length: float, repeats: int, budget: float
-) -> list[Setting]:
+def _repeated(derived: derivation.Derived, settings: list[Setting], repeats: int, budget: float) -> list[Setting]:
     """Steady times: rounds over the settings that worked, in alternating order, until the budget is used up; a run that
     takes a twentieth of it is not repeated."""
     begun = time.process_time()
@@ -229,8 +226,7 @@ def _repeated(
     for k in itertools.chain.from_iterable((short[::-1], short)[turn % 2] for turn in range(repeats - 1)):
         if time.process_time() - begun > budget:
             break
-        one = settings[k]
-        run = running.observed_run(derived.but(grid=_grid(length, one.steps)), one.requested)
+        run = running.observed_run(derived.but(grid=settings[k].grid), settings[k].requested)
         if run.trajectory is not None and run.outcome.completed:
             times[k].append(run.trajectory.run_seconds)
     return [

@@ -104,7 +104,6 @@ class Card:
     """What a run needs to know of a kernel without its formulas."""
 
     layout: Layout
-    unknowns: tuple[str, ...]
     solves: tuple[tuple[str, ...], ...]
     watches: tuple[tuple[str, str, str], ...]
     observed: tuple[str, ...]
@@ -184,7 +183,6 @@ def _made(digest: str, make: Callable[[], Program], lanes: int) -> Compiled:
 def card_of(program: Program, lanes: int = 1) -> Card:
     return Card(
         layout=layout_of(program),
-        unknowns=program.unknowns,
         solves=tuple(block.unknowns for block in program.solves),
         watches=tuple((watch.kind, watch.quantity, watch.remedy) for watch in program.watches),
         observed=tuple(name for name, _ in program.observed),
