@@ -130,15 +130,15 @@ def measure(
         end, first = time.process_time() + SHARE_OF_ONE * time_limit, time.perf_counter()
         limited = replace(derived.but(grid=blank.grid), stop=lambda: time.process_time() > end)
         ran = running.observed_run(limited, blank.requested)
-        blank, at = replace(blank, first_seconds=time.perf_counter() - first), ran.trajectory
-        if at is None or not ran.outcome.completed:
+        blank, found = replace(blank, first_seconds=time.perf_counter() - first), ran.trajectory
+        if found is None or not ran.outcome.completed:
             return replace(blank, reason=reason_of(ran))
-        error = float(np.abs(at.positions - truth.positions).max())
+        error = float(np.abs(found.positions - truth.positions).max())
         if not np.isfinite(error):
             return replace(blank, reason="the result is not finite")
         return replace(
-            blank, error=error, compile_seconds=at.compile_seconds, best_seconds=at.run_seconds,
-            force_evaluations=at.force_evaluations, newton_iterations=at.newton_iterations,
+            blank, error=error, compile_seconds=found.compile_seconds, best_seconds=found.run_seconds,
+            force_evaluations=found.force_evaluations, newton_iterations=found.newton_iterations,
         )  # fmt: skip
 
     def refined(blanks: Iterable[Setting]) -> list[Setting]:

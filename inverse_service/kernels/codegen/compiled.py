@@ -17,6 +17,7 @@ from typing import Any
 import llvmlite.binding as llvm
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import TypeAdapter
 
 from inverse_service.integrators.trajectory import Array
 from inverse_service.kernels.codegen.kernel import AdaptiveKernel, Kernel
@@ -121,6 +122,7 @@ class Compiled:
 
 
 _memory: OrderedDict[str, Compiled] = OrderedDict()
+_CARD = TypeAdapter(Card)  # as JSON gives it back
 
 
 def compiled(identity: Hashable, make: Callable[[], Program], lanes: int = 1) -> Compiled:
@@ -156,9 +158,8 @@ def _from_disk(digest: str) -> Compiled | None:
     if entry is None:
         return None
     try:
-        noted = _tuples(entry[0])
-        card, machine = Card(**noted | {"layout": Layout(**noted["layout"])}), load(entry[1])
-    except (KeyError, TypeError, ValueError, RuntimeError, OSError):
+        card, machine = _CARD.validate_python(entry[0]), load(entry[1])
+    except (ValueError, RuntimeError, OSError):
         return None
     return Compiled(card, machine, {"load": time.perf_counter() - begin})
 
@@ -189,10 +190,3 @@ def card_of(program: Program, lanes: int = 1) -> Card:
         forces=program.forces,
         lanes=lanes,
     )
-
-
-def _tuples(value: Any) -> Any:
-    """What JSON gives back as it was written."""
-    if isinstance(value, dict):
-        return {name: _tuples(part) for name, part in value.items()}
-    return tuple(map(_tuples, value)) if isinstance(value, list) else value

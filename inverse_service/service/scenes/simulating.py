@@ -12,6 +12,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from pydantic_core import to_jsonable_python
 
 from inverse_service import __version__, deadline
 from inverse_service.errors import InputError
@@ -179,8 +180,7 @@ def simulation_document(found: SceneRun, stages: Mapping[str, float]) -> dict[st
         "notes": scene.notes,
         "provenance": {"program": "inverse-service", "version": __version__},
     }
-    plain: dict[str, Any] = as_plain(document)
-    return plain
+    return as_plain(document)
 
 
 def _method(scene: Scene, run: MethodRun) -> dict[str, Any]:
@@ -256,19 +256,10 @@ def _outcome(scene: Scene, run: MethodRun) -> dict[str, Any]:
     return {"outcome": outcome.kind, "steps": outcome.step or 0, "stopped": parts, **note}
 
 
-def as_plain(value: Any) -> Any:
+def as_plain(value: Mapping[str, Any]) -> dict[str, Any]:
     """JSON types only; numbers that are not finite become null, which JSON can hold."""
-    if isinstance(value, Mapping):
-        return {str(key): as_plain(part) for key, part in value.items()}
-    if isinstance(value, tuple | list):
-        return [as_plain(part) for part in value]
-    if isinstance(value, np.ndarray):
-        return as_plain(value.tolist())
-    if isinstance(value, np.generic):
-        value = value.item()
-    if isinstance(value, float) and not np.isfinite(value):
-        return None
-    return value
+    plain: dict[str, Any] = to_jsonable_python(value, inf_nan_mode="null", fallback=lambda array: array.tolist())
+    return plain
 
 
 def ensemble_document(scene: Scene, run: EnsembleRun) -> dict[str, Any]:

@@ -52,8 +52,7 @@ def work_precision(
     except scene_data.Unavailable as error:
         raise errors.InputError(f"the errors of this scene cannot be measured: {error.detail}", "/system") from None
     advice = advising.advice(derivation.with_energy(derived).scene, derived)
-    plain: dict[str, Any] = simulating.as_plain(_document(measured, advice))
-    return plain
+    return simulating.as_plain(_document(measured, advice))
 
 
 def _suitable(derived: derivation.Derived) -> list[SceneMethod]:
