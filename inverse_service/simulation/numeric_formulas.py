@@ -55,31 +55,17 @@ def _without_squares(wall: ex.Expression) -> tuple[ex.Expression, ...]:
 
 def switching_functions(trees: Sequence[ex.Expression | None], coordinates: Sequence[str]) -> tuple[ex.Expression, ...]:
     """The u of every sqrt(u^2) that changes along a motion, those that others contain first."""
-    moving = changing(coordinates)
-    found = [
-        factor.base
-        for node in ex.distinct_nodes([tree for tree in trees if tree is not None])
-        if is_root(node) and isinstance(node, ex.Power)
-        for factor in ex.factors_of(node.base)
-        if is_square(factor) and isinstance(factor, ex.Power) and ex.holds(factor.base, *moving)
-    ]
+    moving, found = changing(coordinates), []
+    for node in ex.distinct_nodes([tree for tree in trees if tree is not None]):
+        for inner, root in ex.powers_of(node) if isinstance(node, ex.Power) else ():
+            squares = [u for u, power in ex.powers_of(inner) if power % 2 == 0] if root.denominator != 1 else []
+            found += [u for u in squares if ex.holds(u, *moving)]
     return tuple(dict.fromkeys(reversed(found)))
 
 
 def changing(coordinates: Sequence[str]) -> set[ex.Expression]:
     """t, the coordinates and the velocities."""
     return {ex.TIME, *map(ex.Symbol, coordinates), *map(ex.Velocity, coordinates)}
-
-
-def is_root(node: ex.Expression) -> bool:
-    """Whether it is a power with a fractional exponent."""
-    return isinstance(node, ex.Power) and isinstance(node.exponent, ex.Number) and node.exponent.value.denominator != 1
-
-
-def is_square(node: ex.Expression) -> bool:
-    """Whether it is a power with an even exponent."""
-    exponent = node.exponent.value if isinstance(node, ex.Power) and isinstance(node.exponent, ex.Number) else 1
-    return exponent % 2 == 0 and exponent != 0
 
 
 def _walls_of(node: ex.Expression) -> Iterator[ex.Expression]:

@@ -83,21 +83,20 @@ def on_sides(tree: ex.Expression, sides: Mapping[ex.Expression, int]) -> ex.Expr
     """The tree with s u for each sqrt(u^2)."""
 
     def replaced(part: ex.Expression) -> ex.Expression:
-        if not (nf.is_root(part) and isinstance(part, ex.Power) and isinstance(part.exponent, ex.Number)):
+        if not isinstance(part, ex.Power) or (root := ex.powers_of(part)[0][1]).denominator == 1:
             return ex.rebuild(part, replaced)
         outside, inside = [], []
-        for factor in ex.factors_of(part.base):
-            square, power = factor, part.exponent.value
-            if nf.is_root(factor) and isinstance(factor, ex.Power) and isinstance(factor.exponent, ex.Number):
-                square, power = factor.base, power * factor.exponent.value
-            side = sides.get(square.base) if nf.is_square(square) and isinstance(square, ex.Power) else None
-            if side and isinstance(square, ex.Power) and isinstance(square.exponent, ex.Number):
-                power, u = square.exponent.value * power, replaced(square.base)
+        for factor, (u, even) in zip(ex.factors_of(part.base), ex.powers_of(part.base), strict=True):
+            power = root
+            if even.denominator != 1 and isinstance(u, ex.Power):  # a root of u^2 under another one
+                power, ((u, even),) = root * even, ex.powers_of(u)
+            if even % 2 == 0 and (side := sides.get(u)):
+                power, u = even * power, replaced(u)
                 # A root of u remains a root of u^2, so that a step beyond u = 0 has a value.
                 outside.append(ex.number(side) ** power * u**power if power.denominator == 1 else (u**2) ** (power / 2))
             else:
                 inside.append(replaced(factor))
-        return ex.multiply(*outside, ex.multiply(*inside) ** part.exponent)
+        return ex.multiply(*outside, ex.multiply(*inside) ** root)
 
     return collecting.merge_powers(replaced(tree))  # u/u has a value where u is zero
 
@@ -244,18 +243,16 @@ class _Motion:
                 others = [u for u in zero if u not in stuck]
                 for signs in product((1, -1), repeat=len(others)):
                     sides = found | dict.fromkeys(stuck, STICKS) | dict(zip(others, signs, strict=True))
-                    inside = len(self.shares(sides)) == count and self._stay_inside(sides, state)
+                    shares, forces = list(self.shares(sides).values()), self.forces(sides)
+                    values = self.at(shares, state)
+                    rates = self.at([self.rate(one, forces) for one in shares], state)
+                    grows = values * rates > AT_ZERO * np.abs(rates).max(initial=0.0)
+                    inside = len(shares) == count and bool((np.abs(values) <= 1 + AT_ZERO).all())
+                    inside = inside and not ((np.abs(values) > 1 - AT_ZERO) & grows).any()
                     rest = [u for u in others if not self._held(u, stuck, sides, state)]
                     if inside and self.goes(sides, rest, state):
                         return sides
         return None
-
-    def _stay_inside(self, sides: Sides, state: Point) -> bool:
-        """Whether the shares of what sticks are at most 1, and do not grow beyond it."""
-        shares, forces = list(self.shares(sides).values()), self.forces(sides)
-        values, rates = (self.at(trees, state) for trees in (shares, [self.rate(one, forces) for one in shares]))
-        leaves = (np.abs(values) > 1 - AT_ZERO) & (values * rates > AT_ZERO * np.abs(rates).max(initial=0.0))
-        return bool((np.abs(values) <= 1 + AT_ZERO).all() and not leaves.any())
 
     def _held(self, u: ex.Expression, stuck: Sequence[ex.Expression], sides: Sides, state: Point) -> bool:
         """Whether a function stays zero because others stick, as two blocks at rest on the ground do not rub."""

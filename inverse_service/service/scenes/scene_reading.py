@@ -11,7 +11,7 @@ import math
 import re
 import tomllib
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import product
@@ -80,6 +80,7 @@ _DECIMAL = re.compile(r"[-+]?[0-9]{1,40}(\.[0-9]{0,40})?([eE][-+]?[0-9]{1,3})?")
 INSIDE = {"runge-kutta": "runge_kutta", "stormer-verlet": "variational"}
 MOST_NUMBERS = 40_000_000
 TOO_LARGE = "the ensemble is too large (the limit is {} numbers): take fewer members or a larger record_every."
+PARTS = ("positions", "velocities", "momenta")  # of the initial data
 OF_MEMBERS = ("trajectory", "velocities", "energy")
 
 
@@ -368,22 +369,18 @@ def read_events(schema: schemas.SceneDocument, system: MechanicalSystem) -> tupl
         left, equals, right = event.when.partition("=")
         if equals and right.strip() not in ("0", "0.0"):
             raise InputError('write the event as a formula, or as "formula = 0".', pointer)
-        formula = _read(left, system, pointer)
-        sets: tuple[tuple[ex.Expression, ex.Expression], ...] = ()
-        if not isinstance(event.do, str):
-            sets = tuple(_set(key, text, system, place) for key, text in event.do.set.items())
+        when, names, sets = _read(left, system, pointer), system.names, []
+        for key, text in () if isinstance(event.do, str) else event.do.set.items():
+            pointer = f"/events/{place}/do/set/{escape(key)}"
+            target, known = formula(key, names, pointer), names.coordinates
+            if target not in (*map(ex.Symbol, known), *map(ex.Velocity, known)):
+                detail = f"an event sets coordinates and velocities: {', '.join(known)}, {known[0]}'."
+                raise InputError(detail, pointer)
+            sets.append((target, _read(text, system, pointer)))
         stops = event.do == "stop" or (event.do == "record" and event.count is not None)
-        found.append(data.Event(formula, event.direction, stops, sets, event.count or (MOST_ACTS if sets else 1)))
+        most = event.count or (MOST_ACTS if sets else 1)
+        found.append(data.Event(when, event.direction, stops, tuple(sets), most))
     return tuple(found)
-
-
-def _set(key: str, text: str, system: MechanicalSystem, place: int) -> tuple[ex.Expression, ex.Expression]:
-    """A coordinate or velocity and the formula of its new value."""
-    pointer = f"/events/{place}/do/set/{escape(key)}"
-    target, names = formula(key, system.names, pointer), system.names.coordinates
-    if target not in (*map(ex.Symbol, names), *map(ex.Velocity, names)):
-        raise InputError(f"an event sets coordinates and velocities: {', '.join(names)}, {names[0]}'.", pointer)
-    return target, _read(text, system, pointer)
 
 
 def beginning(schema: schemas.SceneDocument) -> tuple[float, schemas.SceneInitial]:
@@ -409,28 +406,24 @@ def beginning(schema: schemas.SceneDocument) -> tuple[float, schemas.SceneInitia
                      "/restart")  # fmt: skip
 
 
-def _refuse_other_halves(initial: schemas.SceneInitial, system: MechanicalSystem) -> None:
-    """InputError for a start of p in first-order equations x' = h, p' = F, of which x alone is a coordinate."""
-    equations, known = str((system.document or {}).get("equations")), ", ".join(system.names.coordinates)
-    for part in ("positions", "velocities", "momenta"):
-        for name in getattr(initial, part) or {}:
-            if name not in system.names.coordinates and f"{name}'" in equations:
-                raise InputError(
-                    f"in these first-order equations only {known} has a position; the other variables are velocities: "
-                    f"leave '{escape(name)}' out, and give positions and velocities of {known}.",
-                    f"/initial/{part}/{escape(name)}",
-                )
-
-
 def read_scene(schema: schemas.SceneDocument) -> tuple[data.Scene, MechanicalSystem]:
     """The scene and its system; InputError with a pointer to the error."""
-    extra = [declared_name(name, f"/parameters/{escape(name)}", "parameter") for name in schema.parameters]
-    system = mechanical_system(schema.system, extra)
-    _refuse_unknown(system, extra, _has_formulas(schema))
+    given = {
+        declared_name(name, f"/parameters/{escape(name)}", "parameter"): text
+        for name, text in schema.parameters.items()
+    }
+    system = mechanical_system(schema.system, list(given))
+    # Formulas that the scene adds to those of its system may use additional parameters.
+    keys = ("terms", "functions", "free_lagrangian", "forces", "rayleigh", "events", "points")
+    has_formulas = any(getattr(one, key, None) for one in (schema, *schema.methods) for key in keys)
+    _refuse_unknown(system, given, has_formulas or any(isinstance(item, dict) for item in schema.observe))
     names = system.names
     if taken := _columns(names.coordinates).intersection(names.coordinates):
         raise InputError(f"the motion already has a column {min(taken)}: rename the coordinate.", "/system")
-    values = _values(schema, system)
+    texts = dict(system.values) | {names.spelling(name): text for name, text in given.items()}
+    if missing := [name for name in names.parameters if name not in texts]:
+        raise InputError(f"the parameters {', '.join(missing)} have no value: add them to 'parameters'.", "/parameters")
+    values = {name: number_of(texts[name], f"/parameters/{name}") for name in names.parameters}
     system = replace(system, definitions=read_definitions(schema.functions, names))
     lagrangian, constraints, forces, effects, parts = _with_effects(schema, system)
     accelerations = tuple(define_functions(tree, system.definitions) for tree in system.accelerations or ())
@@ -439,7 +432,16 @@ def read_scene(schema: schemas.SceneDocument) -> tuple[data.Scene, MechanicalSys
     if any(ex.holds(tree, ex.TIME) for tree in constraints):
         raise InputError(TIME_REFUSED, "/system")
     begin, initial = beginning(schema)
-    _refuse_other_halves(initial, system)
+    # A start of p in first-order equations x' = h, p' = F, of which x alone is a coordinate.
+    equations, known = str((system.document or {}).get("equations")), ", ".join(names.coordinates)
+    for kind in PARTS:
+        for name in getattr(initial, kind) or {}:
+            if name not in names.coordinates and f"{name}'" in equations:
+                raise InputError(
+                    f"in these first-order equations only {known} has a position; the other variables are velocities: "
+                    f"leave '{escape(name)}' out, and give positions and velocities of {known}.",
+                    f"/initial/{kind}/{escape(name)}",
+                )
     what = data.Problem(names.coordinates, (), lagrangian, constraints)
     positions, velocities = read_initial(initial, names, what, values)
     grid, notes = read_grid(schema, begin)
@@ -470,14 +472,7 @@ def read_scene(schema: schemas.SceneDocument) -> tuple[data.Scene, MechanicalSys
     return scene, system
 
 
-def _has_formulas(schema: schemas.SceneDocument) -> bool:
-    """Whether the scene adds formulas to those of its system, which may use additional parameters."""
-    keys = ("terms", "functions", "free_lagrangian", "forces", "rayleigh", "events", "points")
-    observed = any(isinstance(item, dict) for item in schema.observe)
-    return observed or any(getattr(one, key, None) for one in (schema, *schema.methods) for key in keys)
-
-
-def _refuse_unknown(system: MechanicalSystem, extra: Sequence[str], formulas: bool) -> None:
+def _refuse_unknown(system: MechanicalSystem, extra: Iterable[str], formulas: bool) -> None:
     """Reject a parameter that neither the system nor an additional formula of the scene can use."""
     parameters, trees = system.names.parameters, (system.lagrangian, *system.constraints, *(system.accelerations or ()))
     known = {node.name for tree in trees if tree is not None for node in ex.walk(tree) if isinstance(node, ex.Symbol)}
@@ -490,35 +485,18 @@ def _refuse_unknown(system: MechanicalSystem, extra: Sequence[str], formulas: bo
             raise InputError(detail, f"/parameters/{escape(name)}")
 
 
-def _values(schema: schemas.SceneDocument, system: MechanicalSystem) -> dict[str, float]:
-    names = system.names
-    texts = dict(system.values)
-    for given, text in schema.parameters.items():
-        name = names.spelling(declared_name(given, f"/parameters/{escape(given)}", "parameter"))
-        texts[name] = text
-    missing = [name for name in names.parameters if name not in texts]
-    if missing:
-        raise InputError(f"the parameters {', '.join(missing)} have no value: add them to 'parameters'.", "/parameters")
-    return {name: number_of(texts[name], f"/parameters/{name}") for name in names.parameters}
-
-
-def _refuse_dissipation(schema: schemas.SceneDocument) -> None:
-    """Reject a term of L called friction: it would change masses and dissipate no energy."""
-    for name in schema.terms:
-        if name.casefold() in DISSIPATION and not schema.as_lagrangian:
-            detail = (
-                f"a term of L called '{name}' changes the masses and dissipates no energy: write the force in "
-                """"forces", as in {"x": "-c*x'"}, or "rayleigh": "c*x'^2/2"; or set "as_lagrangian": true."""
-            )
-            raise InputError(detail, f"/terms/{escape(name)}")
-
-
 def _with_effects(
     schema: schemas.SceneDocument, system: MechanicalSystem
 ) -> tuple[ex.Expression | None, Constraints, Constraints, tuple[str, ...], tuple[data.Effect, ...]]:
     """L with the effects named, the constraints and forces that act, all names in effect, and each effect that the
     system has turned round."""
-    _refuse_dissipation(schema)
+    for name in schema.terms:
+        if name.casefold() in DISSIPATION and not schema.as_lagrangian:  # masses change and no energy is dissipated
+            detail = (
+                f"a term of L called '{name}' changes the masses and dissipates no energy: write the force in "
+                """"forces", as in {"x": "-c*x'"}, or "rayleigh": "c*x'^2/2"; or set "as_lagrangian": true."""
+            )
+            raise InputError(detail, f"/terms/{escape(name)}")
     texts = {name: formula(text, system.names, f"/terms/{escape(name)}") for name, text in schema.terms.items()}
     terms = {name: define_functions(tree, system.definitions) for name, tree in texts.items()}
     further = [name for name, given in ((FORCES, schema.forces), (RAYLEIGH, schema.rayleigh)) if given]
@@ -627,7 +605,13 @@ def _requested(schema: schemas.SceneDocument, given: schemas.SceneMethod, pointe
     if method == "exact":
         return data.Requested(given.label or "exact", method, None, None)
     order = given.order or (allowed[0] if allowed else 2)
-    tolerance = _tolerance(given, method, pointer)
+    tolerance = METHODS[method].tolerance or 0.0
+    if given.tolerance is not None:
+        if method not in OWN_STEPS:
+            raise InputError(f"the method {given.method} takes steps, not a tolerance.", f"{pointer}/tolerance")
+        tolerance = number_of(given.tolerance, f"{pointer}/tolerance")
+        if not 1e-18 <= tolerance <= 0.1:
+            raise InputError("the tolerance must be a number from 1e-18 to 0.1.", f"{pointer}/tolerance")
     if verlet and (given.alpha is not None or given.symmetrised or given.form != "hamiltonian"):
         raise InputError("stormer-verlet accepts an order, but not alpha, form or symmetrised.", pointer)
     choice_of = data.MethodChoice(method, alpha, given.symmetrised, order, given.form, given.guard, tolerance)
@@ -648,18 +632,6 @@ def _requested(schema: schemas.SceneDocument, given: schemas.SceneMethod, pointe
         free=given.free_lagrangian,
         constants=tuple(constants),
     )
-
-
-def _tolerance(given: schemas.SceneMethod, method: str, pointer: str) -> float:
-    """The relative error allowed in a step, for methods that choose their steps."""
-    if given.tolerance is None:
-        return METHODS[method].tolerance or 0.0
-    if method not in OWN_STEPS:
-        raise InputError(f"the method {given.method} takes steps, not a tolerance.", f"{pointer}/tolerance")
-    tolerance = number_of(given.tolerance, f"{pointer}/tolerance")
-    if not 1e-18 <= tolerance <= 0.1:
-        raise InputError("the tolerance must be a number from 1e-18 to 0.1.", f"{pointer}/tolerance")
-    return tolerance
 
 
 def _label(given: schemas.SceneMethod, alpha: str | None, order: int) -> str:

@@ -72,15 +72,14 @@ def _suitable(derived: derivation.Derived) -> list[SceneMethod]:
 
 
 def _steps(schema: SceneDocument) -> tuple[float, ...]:
-    if schema.step_sizes is None:
-        return ()
-    if len(schema.step_sizes) < FEWEST_STEPS:
+    sizes, found = schema.step_sizes, list[float]()
+    if sizes is not None and len(sizes) < FEWEST_STEPS:
         raise errors.InputError(f"give at least {FEWEST_STEPS} step sizes, or none.", "/step_sizes")
-    found = tuple(scene_reading.number_of(text, f"/step_sizes/{k}") for k, text in enumerate(schema.step_sizes))
-    for k, step in enumerate(found):
-        if step <= 0:
+    for k, text in enumerate(sizes or ()):
+        found.append(scene_reading.number_of(text, f"/step_sizes/{k}"))
+        if found[-1] <= 0:
             raise errors.InputError("a step size must be a positive number.", f"/step_sizes/{k}")
-    return found
+    return tuple(found)
 
 
 def _document(measured: precision.Precision, taken: dict[str, Any] | None) -> dict[str, Any]:
