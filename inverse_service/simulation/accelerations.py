@@ -141,8 +141,7 @@ def distance_of_motion(
     residuals = euler_lagrange.euler_lagrange_residual(lagrangian, coordinates, accelerations)
     sizes = []
     for residual in residuals:
-        terms = residual.terms if isinstance(residual, ex.Sum) else (residual,)
-        found, *parts = np.abs(numeric_formulas.array_values([residual, *terms], table))
+        found, *parts = np.abs(numeric_formulas.array_values([residual, *ex.summands(residual)], table))
         sizes.append(found / np.max([np.ones(len(found)), *parts], axis=0))
     worst: Array = np.max(sizes, axis=0)
     return worst

@@ -16,7 +16,7 @@ from typing import Any, TypeVar
 
 from inverse_service.errors import InputError
 from inverse_service.expressions import collecting
-from inverse_service.expressions.tree import ZERO, Expression, Sum, Velocity, add, walk
+from inverse_service.expressions.tree import ZERO, Expression, Velocity, add, summands, walk
 from inverse_service.integrators.method_table import USES_ACCELERATIONS, USES_FREE
 from inverse_service.mechanics import constrained_motion, euler_lagrange
 from inverse_service.simulation import accelerations as accelerating, exact_motion, initial
@@ -35,8 +35,8 @@ def lagrangian_parts(lagrangian: Expression, coordinates: Sequence[str]) -> dict
     """L = kinetic + magnetic + potential, each zero where L has no such terms ("potential" is -V); a term is kept as a
     whole and expanded only if it is of several kinds: the terms of (x - 10^6)^2 would lose 12 digits."""
     kinds: dict[str, list[Expression]] = {KINETIC: [], MAGNETIC: [], POTENTIAL: []}
-    for term in _terms(lagrangian):
-        parts, found = _terms(collecting.collect(term)), []
+    for term in summands(lagrangian):
+        parts, found = summands(collecting.collect(term)), []
         for part in parts:
             moves = any(isinstance(node, Velocity) for node in walk(part))
             has_mass = moves and any({*row} != {ZERO} for row in euler_lagrange.hessian(part, coordinates))
@@ -44,10 +44,6 @@ def lagrangian_parts(lagrangian: Expression, coordinates: Sequence[str]) -> dict
         for kind, part in zip(found, parts, strict=True) if len(set(found)) > 1 else ((found[0], term),):
             kinds[kind].append(part)
     return {kind: add(*terms) for kind, terms in kinds.items()}
-
-
-def _terms(tree: Expression) -> tuple[Expression, ...]:
-    return tree.terms if isinstance(tree, Sum) else (tree,)
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,6 @@ holds half a reaction. Methods of order 2 without momenta have differences of th
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -24,7 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from inverse_service.expressions import derivative, printing, tree as ex
+from inverse_service.expressions import collecting, derivative, printing, tree as ex
 from inverse_service.integrators.trajectory import Array, Trajectory
 from inverse_service.mechanics import euler_lagrange
 from inverse_service.simulation import (
@@ -402,23 +401,15 @@ def _conserved(run: Observed) -> Observations:
         turned = [np.diff(np.sign(wall)) != 0 for wall in walls]
         cuts = np.flatnonzero(np.any([*turned, np.zeros(len(values) - 1, dtype=bool)], axis=0)) + 1
         pieces = np.split(values, cuts)
-        size = float(np.nanmax(_terms_size(one.expression, run.table), initial=0.0)) or 1.0
+        # Round-off is measured by the sizes of the terms: a momentum may be 0 all the time.
+        terms = run.values_of(*ex.summands(collecting.collect(one.expression)))
+        size = float(np.nanmax(np.abs(terms).sum(axis=0), initial=0.0)) or 1.0
         drift = np.concatenate([piece - piece[0] for piece in pieces]) / size
         found[one.name] = {
             "text": printing.to_text(one.expression), "max_error": greatest(drift), "parts": len(pieces),
         }  # fmt: skip
         series[f"conserved_{k}"] = drift
     return ({"conserved": found} if found else {}), series
-
-
-def _terms_size(tree: ex.Expression, table: Mapping[ex.Expression, Any]) -> Array:
-    """The sum of the sizes of its terms, against which round-off is measured: a momentum may be 0 all the time."""
-    match tree:
-        case ex.Sum(terms):
-            return np.asarray(sum(_terms_size(term, table) for term in terms))
-        case ex.Product(factors):
-            return np.asarray(math.prod(_terms_size(factor, table) for factor in factors))
-    return np.abs(nf.array_value(tree, table))
 
 
 def _discrete_energy(run: Observed, start: float) -> Observations:
