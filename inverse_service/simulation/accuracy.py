@@ -232,11 +232,10 @@ def other_motion(run: observing.Observed) -> Outcome | None:
     The known conditions of its domain are watched at every step; a given Lagrangian has none.
     """
     scene, problem, at = run.scene, run.problem, run.trajectory
-    if scene.accelerations is None or problem is None or problem.free_lagrangian is None:
+    free = None if problem is None or run.velocities is None else problem.free_lagrangian
+    if scene.accelerations is None or free is None:
         return None
-    if run.velocities is None:
-        return None
-    apart = accelerating.distance_of_motion(problem.free_lagrangian, scene.coordinates, scene.accelerations, run.table)
+    apart = accelerating.distance_of_motion(free, scene.coordinates, scene.accelerations, run.table)
     apart += 0 * np.sum(run.values_of(*scene.accelerations), axis=0)  # no number where one has none
     apart[0] = 0.0  # where the start was looked at, which may be a pole that the motion leaves
     places = np.flatnonzero(~(apart <= accelerating.NOTICED))

@@ -67,8 +67,7 @@ class Value:
     def __add__(self, other: Operand) -> Value:
         return self.writer.binary("+", self, other)
 
-    def __radd__(self, other: float) -> Value:
-        return self.writer.binary("+", other, self)
+    __radd__ = __add__
 
     def __sub__(self, other: Operand) -> Value:
         return self.writer.binary("-", self, other)
@@ -175,10 +174,6 @@ class LlvmWriter:
         pair = f"{self.type} {self._text(yes)}, {self.type} {self._text(no)}"
         return self.new(f"select {truth} {condition.text}, {pair}")
 
-    def fma(self, a: Operand, b: Operand, c: Operand) -> Value:
-        """a b + c, rounded once."""
-        return self.call("fma", a, b, c)
-
     def give(self, kind: str, value: Value) -> None:
         self.lines.append(f"  ret {kind} {value.text}")
 
@@ -188,7 +183,7 @@ class LlvmWriter:
         self.give(pair, self.new(f"insertvalue {pair} {half}, {self.type} {second.text}, 1"))
 
     def call(self, function: str, *arguments: Operand) -> Value:
-        """A function of LLVM, or of the C library, which is called lane by lane."""
+        """A function of LLVM, as fma(a, b, c) = a b + c rounded once, or of the C library, called lane by lane."""
         texts = [self._text(argument) for argument in arguments]
         if function in _INTRINSICS:
             name = f"llvm.{function}.{'f64' if self.lanes == 1 else f'v{self.lanes}f64'}"
@@ -299,17 +294,17 @@ def trigonometric_functions(lanes: int) -> tuple[str, dict[str, str]]:
     near.branch(near.everywhere(abs(x) <= _LARGEST), "near", "far", rare=True)
     near.open("near")
     with near.exact():
-        shifted = near.fma(x, _TWO_OVER_PI, _ROUND)  # the number of quarter turns in its last bits
+        shifted = near.call("fma", x, _TWO_OVER_PI, _ROUND)  # the number of quarter turns in its last bits
         turns, rest = -(shifted - _ROUND), x
         for part in _HALF_PI:
-            rest = near.fma(turns, part, rest)
+            rest = near.call("fma", turns, part, rest)
         square = rest * rest
-        sine = near.fma(_polynomial(near, _SINE, square), square * rest, rest)
+        sine = near.call("fma", _polynomial(near, _SINE, square), square * rest, rest)
         # 1 - z/2 + z^2 C with the rounding of 1 - z/2 put back.
         half = square * 0.5
         head = 1.0 - half
         lost = (1.0 - head) - half
-        cosine = head + near.fma(square * square, _polynomial(near, _COSINE, square), lost)
+        cosine = head + near.call("fma", square * square, _polynomial(near, _COSINE, square), lost)
         near.give_pair(*_turned_back(near, shifted, sine, cosine))
     near.open("far")
     near.give(pair, near.new(f"call {pair} @sine_cosine_far({kind} %x)"))
@@ -327,7 +322,7 @@ def _polynomial(w: LlvmWriter, coefficients: tuple[float, ...], variable: Value)
     """Horner's scheme, the highest power first."""
     value: Operand = coefficients[0]
     for coefficient in coefficients[1:]:
-        value = w.fma(value, variable, coefficient)
+        value = w.call("fma", value, variable, coefficient)
     return value
 
 
