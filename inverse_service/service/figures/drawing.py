@@ -293,31 +293,25 @@ def path_figure(result: Result, tables: Tables, truth: Table | None) -> tuple[Fi
     turn, panels = np.linspace(0, 2 * np.pi, 361), []
     for line, path in zip(own, paths, strict=True):
         method = result["methods"][line["place"]]
-        lines, found = [*true, {**line, "dash": "solid"}], (method.get("circle") or {}).get("through_three_points")
+        notes, circle = list[str](), method.get("circle") or {}
+        lines, found = [*true, {**line, "dash": "solid"}], circle.get("through_three_points")
         if found is not None:
             x, y = (found["center"][k] + found["radius"] * wave(turn) for k, wave in enumerate((np.cos, np.sin)))
             lines.append({**line, "label": "matching circle", "dash": "dash", "x": x, "y": y})
-        below = f"{whole['x']}\n{_below(method, path, center, half)}"
+        if circle.get("max_radial_distance") is not None:
+            notes.append(f"off the circle by {shown(100 * circle['max_radial_distance'])} %")
+        elif (circle.get("revolutions") or 0) >= 1:
+            notes.append(f"radius {shown(circle['radius_first'])} to {shown(circle['radius_last'])}")
+        if method["outcome"] != "completed":
+            notes.append(f"ends: {method['outcome']}")
+        if float(np.abs(path - center).max()) > half:
+            notes.append("leaves the picture")
+        below = f"{whole['x']}\n{'; '.join(notes)}"
         panels.append({**whole, "label": line["label"], "x": below, "lines": lines, "limits": (center, half)})
     methods = [result["methods"][line["place"]] for line in own]
     return _with_caption(
         view_figure(panels, 2 if len(panels) == 4 else 3), path_caption(result, methods, truth is not None)
     )
-
-
-def _below(method: Mapping[str, Any], path: Array, center: Array, half: float) -> str:
-    """Describe in words what the panel shows."""
-    notes = []
-    circle = method.get("circle")
-    if circle and circle.get("max_radial_distance") is not None:
-        notes.append(f"off the circle by {shown(100 * circle['max_radial_distance'])} %")
-    elif circle and (circle["revolutions"] or 0) >= 1:
-        notes.append(f"radius {shown(circle['radius_first'])} to {shown(circle['radius_last'])}")
-    if method["outcome"] != "completed":
-        notes.append(f"ends: {method['outcome']}")
-    if float(np.abs(path - center).max()) > half:
-        notes.append("leaves the picture")
-    return "; ".join(notes)
 
 
 def path_caption(result: Result, drawn: Sequence[Mapping[str, Any]], compared: bool) -> str:

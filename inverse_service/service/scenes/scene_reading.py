@@ -73,6 +73,11 @@ TIME_REFUSED = (
     "constraints that depend on the time t are not simulated: add a coordinate for t with its own kinetic "
     "energy, and start it at 0 with velocity 1."
 )
+BACKWARDS = (
+    "the step must be a positive number: to run backwards, write -t for t in the system, which flips the signs of the "
+    "velocities and of all terms that are odd in them."
+)
+POSITIVE = 5e-324  # the smallest positive number
 DISSIPATION = frozenset({"friction", "drag", "damping", "dissipation"})
 MOST_RECORDED = 100_000
 MOST_WITH_EVENTS = 2_000_000
@@ -530,37 +535,30 @@ def _with_effects(
     return *whole_scene, named, tuple(found)
 
 
-def number_of(text: str, pointer: str, what: str = "a number") -> float:
-    """A number written as 0.1, "1/2" or "pi/4"; InputError for all other values and for values that are not finite."""
-    if _DECIMAL.fullmatch(text) and math.isfinite(value := float(text)):
-        return value
-    try:
-        tree = reader.read_formula(text, Names(time=False))
-        value = float(array_value(tree, {})[0])
-    except (InputError, NoValue, OverflowError):
-        value = math.nan
+def number_of(text: str, pointer: str, what: str = "", low: float = -math.inf, high: float = math.inf) -> float:
+    """A number written as 0.1, "1/2" or "pi/4"; InputError for all other values and for values that are not finite, and
+    for one that is not from `low` to `high`, which says `what` is wanted."""
+    value = float(text) if _DECIMAL.fullmatch(text) else math.nan
     if not math.isfinite(value):
-        raise InputError(f'\'{refusals.shorten(text)}\' is not {what}: write it as in 0.25, "1/4" or "pi/4".', pointer)
+        with suppress(InputError, NoValue, OverflowError):
+            value = float(array_value(reader.read_formula(text, Names(time=False)), {})[0])
+    if not math.isfinite(value):
+        shown = refusals.shorten(text)
+        raise InputError(f'\'{shown}\' is not a number: write it as in 0.25, "1/4" or "pi/4".', pointer)
+    if not low <= value <= high:
+        raise InputError(what, pointer)
     return value
 
 
 def read_grid(schema: schemas.SceneDocument, begin: float = 0.0) -> tuple[data.Grid, tuple[str, ...]]:
     """The step, the number of steps and which are recorded, with a note if not all requested ones are."""
-    step = number_of(schema.step, "/step")
-    if step <= 0:
-        raise InputError(
-            "the step must be a positive number: to run backwards, write -t for t in the system, which flips the signs "
-            "of the velocities and of all terms that are odd in them.",
-            "/step",
-        )
+    step = number_of(schema.step, "/step", BACKWARDS, POSITIVE)
     if (schema.steps is None) == (schema.time is None):
         raise InputError("give either 'steps' or 'time' with 'step'.", "")
     notes: tuple[str, ...] = ()
     steps = schema.steps or 0
     if schema.time is not None:
-        length = number_of(schema.time, "/time")
-        if length <= 0:
-            raise InputError("the time must be a positive number.", "/time")
+        length = number_of(schema.time, "/time", "the time must be a positive number.", POSITIVE)
         if (count := length / step) > schemas.MAX_STEPS:
             detail = f"the scene has more than {schemas.MAX_STEPS} steps: take a larger step or a shorter time."
             raise LimitError(detail, "/time")
@@ -568,17 +566,13 @@ def read_grid(schema: schemas.SceneDocument, begin: float = 0.0) -> tuple[data.G
         if abs(steps * step - length) > 1e-9 * length:
             notes = (f"The run takes {steps * step:.10g}, up to the first grid point beyond {length:.10g}.",)
     every = schema.record_every or 1
-    if schema.events:
-        if every > 1 or steps > MOST_WITH_EVENTS:
-            raise InputError(
-                f"events need every step, and at most {MOST_WITH_EVENTS} of them: leave out record_every.", "/events"
-            )
-        return data.Grid(step, steps, 1, begin), notes
-    if steps // every <= MOST_RECORDED:
-        return data.Grid(step, steps, min(every, steps), begin), notes
-    every = math.ceil(steps / MOST_RECORDED)
-    note = f"One step in {every} is recorded, so that at most {MOST_RECORDED} points are kept."
-    return data.Grid(step, steps, every, begin), (*notes, note)
+    if schema.events and (every > 1 or steps > MOST_WITH_EVENTS):
+        detail = f"events need every step, and at most {MOST_WITH_EVENTS} of them: leave out record_every."
+        raise InputError(detail, "/events")
+    if not schema.events and steps // every > MOST_RECORDED:
+        every = math.ceil(steps / MOST_RECORDED)
+        notes += (f"One step in {every} is recorded, so that at most {MOST_RECORDED} points are kept.",)
+    return data.Grid(step, steps, min(every, steps), begin), notes
 
 
 def read_methods(schema: schemas.SceneDocument) -> tuple[data.Requested, ...]:
@@ -595,9 +589,7 @@ def read_methods(schema: schemas.SceneDocument) -> tuple[data.Requested, ...]:
 def _requested(schema: schemas.SceneDocument, given: schemas.SceneMethod, pointer: str) -> data.Requested:
     verlet = given.method == "stormer-verlet"
     method = INSIDE.get(given.method, given.method)
-    alpha = number_of(given.alpha, f"{pointer}/alpha") if given.alpha is not None else 0.5
-    if not 0 <= alpha <= 1:
-        raise InputError("alpha must be a number from 0 to 1.", f"{pointer}/alpha")
+    alpha = number_of(given.alpha or "0.5", f"{pointer}/alpha", "alpha must be a number from 0 to 1.", 0, 1)
     allowed = METHODS[method].orders
     if given.order is not None and given.order not in allowed:
         choice = f"takes the orders {METHODS[method].listed_orders}" if allowed else "has no order to choose"
@@ -609,9 +601,8 @@ def _requested(schema: schemas.SceneDocument, given: schemas.SceneMethod, pointe
     if given.tolerance is not None:
         if method not in OWN_STEPS:
             raise InputError(f"the method {given.method} takes steps, not a tolerance.", f"{pointer}/tolerance")
-        tolerance = number_of(given.tolerance, f"{pointer}/tolerance")
-        if not 1e-18 <= tolerance <= 0.1:
-            raise InputError("the tolerance must be a number from 1e-18 to 0.1.", f"{pointer}/tolerance")
+        what = "the tolerance must be a number from 1e-18 to 0.1."
+        tolerance = number_of(given.tolerance, f"{pointer}/tolerance", what, 1e-18, 0.1)
     if verlet and (given.alpha is not None or given.symmetrised or given.form != "hamiltonian"):
         raise InputError("stormer-verlet accepts an order, but not alpha, form or symmetrised.", pointer)
     choice_of = data.MethodChoice(method, alpha, given.symmetrised, order, given.form, given.guard, tolerance)

@@ -76,9 +76,8 @@ def _steps(schema: SceneDocument) -> tuple[float, ...]:
     if sizes is not None and len(sizes) < FEWEST_STEPS:
         raise errors.InputError(f"give at least {FEWEST_STEPS} step sizes, or none.", "/step_sizes")
     for k, text in enumerate(sizes or ()):
-        found.append(scene_reading.number_of(text, f"/step_sizes/{k}"))
-        if found[-1] <= 0:
-            raise errors.InputError("a step size must be a positive number.", f"/step_sizes/{k}")
+        what = "a step size must be a positive number."
+        found.append(scene_reading.number_of(text, f"/step_sizes/{k}", what, scene_reading.POSITIVE))
     return tuple(found)
 
 
