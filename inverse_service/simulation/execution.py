@@ -334,13 +334,9 @@ def _determinant(card: Card, place: int, problem: Problem) -> str:
     if place >= len(card.solves):
         return "the stage equations, whose iteration does not converge"
     shown = []
-    for letter, k in ((name[0], name[1:]) for name in card.solves[place]):
-        if letter == "m":
-            shown.append(f"multiplier {int(k) + 1}")
-        elif letter in "deg" and k.isdigit():
-            shown.append(f"the {'step of ' if letter == 'd' else 'change of p_'}{problem.coordinates[int(k)]}")
-        else:
-            shown.append(letter + k)
+    for letter, k in ((name[0], int(name[1:])) for name in card.solves[place]):
+        change = "step of " if letter == "d" else "change of p_"
+        shown.append(f"multiplier {k + 1}" if letter == "m" else f"the {change}{problem.coordinates[k]}")
     return f"determinant of the discrete equations for {', '.join(shown)}"
 
 
