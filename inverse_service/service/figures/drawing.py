@@ -94,9 +94,11 @@ def shown(value: float) -> str:
     return f"{mantissa}e{int(exponent)}"
 
 
-def view_figure(given: Sequence[Mapping[str, Any] | None], wide: int = 3) -> Figure | None:
-    """Views as the page draws them too, one panel each, `wide` in a row, with one legend for all; the true motion is a
-    broad pale line below the others."""
+def view_figure(
+    given: Sequence[Mapping[str, Any] | None], caption: str = "", wide: int = 3
+) -> tuple[Figure, str] | None:
+    """Views as the page draws them too, with a caption: one panel each, `wide` in a row, with one legend for all; the
+    true motion is a broad pale line below the others."""
     drawn = [view for view in given if view is not None]
     if not drawn:
         return None
@@ -131,7 +133,7 @@ def view_figure(given: Sequence[Mapping[str, Any] | None], wide: int = 3) -> Fig
         for empty in grid[len(drawn) :]:
             empty.set_visible(False)
         figure.legend(*grid[0].get_legend_handles_labels(), loc="outside right upper", fontsize=8.5)
-    return figure
+    return figure, caption
 
 
 def series_figure(name: str, result: Result, tables: Tables, truth: Table | None = None) -> tuple[Figure, str] | None:
@@ -139,8 +141,8 @@ def series_figure(name: str, result: Result, tables: Tables, truth: Table | None
     result, tables = _with_truth(result, tables, truth)
     lines = views.lines_of(result, tables, views.QUANTITIES[name].size)
     sizes = {method["label"]: float(np.nanmax(np.abs(values))) for _, method, _, values in lines}
-    figure = view_figure(views.quantity_views(name, result, tables)[:MOST_PANELS], 1)
-    return _with_caption(figure, extremes(views.QUANTITIES[name].words, sizes) + _bands(tables))
+    caption = extremes(views.QUANTITIES[name].words, sizes) + _bands(tables)
+    return view_figure(views.quantity_views(name, result, tables)[:MOST_PANELS], caption, 1)
 
 
 def extremes(words: str, sizes: Mapping[str, float]) -> str:
@@ -212,13 +214,7 @@ def sweep_figure(result: Result, tables: Tables) -> tuple[Figure, str] | None:
         return [(k, m, own[varied[0]], own[name]) for k, m, own in columns]
 
     panels = [views.view_of("", varied[0], name.replace("_", " "), lines_to(name), dots=True) for name in ends]
-    return _with_caption(
-        view_figure(panels, 2), f"{result['name'] or 'Sweep'}: the end of each member against {varied[0]}."
-    )
-
-
-def _with_caption(figure: Figure | None, caption: str) -> tuple[Figure, str] | None:
-    return None if figure is None else (figure, caption)
+    return view_figure(panels, f"{result['name'] or 'Sweep'}: the end of each member against {varied[0]}.", 2)
 
 
 def draw_simulation(folder: Path, result: Result, tables: Tables, truth: Table | None) -> list[dict[str, Any]]:
@@ -240,15 +236,13 @@ def draw_simulation(folder: Path, result: Result, tables: Tables, truth: Table |
             drawn["path"] = path_figure(result, tables, truth)
         elif "trajectory" in observed:
             caption = f"{result['name'] or 'Motion'}: {run_of(result)}.{_bands(tables)}"
-            drawn["coordinates"] = _with_caption(
-                view_figure([views.time_view(name, whole, columns) for name in names], 1), caption
-            )
+            drawn["coordinates"] = view_figure([views.time_view(name, whole, columns) for name in names], caption, 1)
         if observed >= {"trajectory", "velocities"}:
             portraits = [views.portrait_view(one, result, tables) for one in names]
             caption = f"{result['name'] or 'Phase portrait'}: velocity against position of each coordinate."
-            drawn["phase-portrait"] = _with_caption(view_figure(portraits), caption)
+            drawn["phase-portrait"] = view_figure(portraits, caption)
         caption = f"{result['name'] or 'Section'}: the states at which each event happens."
-        drawn["section"] = _with_caption(view_figure(views.section_views(result)[:MOST_PANELS]), caption)
+        drawn["section"] = view_figure(views.section_views(result)[:MOST_PANELS], caption)
         for name in views.QUANTITIES:
             if name in observed or (name == "discrete_energy" and "energy" in observed):
                 drawn[name] = series_figure(name, result, tables, truth)
@@ -262,15 +256,15 @@ def draw_simulation(folder: Path, result: Result, tables: Tables, truth: Table |
 def picture(result: Result, name: str, ending: str) -> bytes | None:
     """A figure of the page as an SVG or PNG file; None for one that the result does not have."""
     if name == "work-precision":
-        figure: Figure | None = precision_figure(result)[0]
+        drawn: tuple[Figure, str] | None = precision_figure(result)
     else:
         found = (one["views"] for one in views.figures_of(result) if one["name"] == name)
-        figure = view_figure(next(found, [])[:MOST_PANELS], 2)
-    if figure is None:
+        drawn = view_figure(next(found, [])[:MOST_PANELS], wide=2)
+    if drawn is None:
         return None
     stream, metadata = io.BytesIO(), {"Title": name} | ({"Date": None} if ending == "svg" else {})
     with matplotlib.rc_context(SETTINGS):
-        figure.savefig(stream, format=ending, dpi=RESOLUTION, metadata=metadata)
+        drawn[0].savefig(stream, format=ending, dpi=RESOLUTION, metadata=metadata)
     return stream.getvalue()
 
 
@@ -308,23 +302,18 @@ def path_figure(result: Result, tables: Tables, truth: Table | None) -> tuple[Fi
             notes.append("leaves the picture")
         below = f"{whole['x']}\n{'; '.join(notes)}"
         panels.append({**whole, "label": line["label"], "x": below, "lines": lines, "limits": (center, half)})
+    # The caption says what is drawn, and which methods preserve the circle best and worst.
     methods = [result["methods"][line["place"]] for line in own]
-    return _with_caption(
-        view_figure(panels, 2 if len(panels) == 4 else 3), path_caption(result, methods, truth is not None)
-    )
-
-
-def path_caption(result: Result, drawn: Sequence[Mapping[str, Any]], compared: bool) -> str:
-    """What is drawn, and which methods preserve the circle best and worst."""
-    circles_of = {method["label"]: method["circle"] for method in drawn if method.get("circle")}
+    circles_of = {method["label"]: method["circle"] for method in methods if method.get("circle")}
     parts = [f"{result['name'] or 'Path'}: {run_of(result)}."]
-    parts += ["The broad pale curve is the true motion."] * compared
+    parts += ["The broad pale curve is the true motion."] * (truth is not None)
     if any(circle.get("through_three_points") for circle in circles_of.values()):
         parts.append("Dashed: the matching circles through three points.")
     known = {name: circle for name, circle in circles_of.items() if (circle["revolutions"] or 2) >= 2}
     sizes = {name: abs(circle["radius_change"]) for name, circle in known.items()}
     words = "relative change of the radius from the first revolution to the last"
-    return " ".join(filter(None, [*parts, extremes(words, sizes)]))
+    caption = " ".join(filter(None, [*parts, extremes(words, sizes)]))
+    return view_figure(panels, caption, 2 if len(panels) == 4 else 3)
 
 
 def precision_figure(result: Result, evaluations: bool = False) -> tuple[Figure, str]:
