@@ -112,25 +112,21 @@ def positions_of(motion: ExactMotion, positions: Array, velocities: Array, times
     speed = float(start @ mass @ velocities[others])
     found = np.empty((len(times), len(velocities)))
     found[:, k] = positions[k] + rate * times
-    found[:, others] = positions[others] + speed * _integral(motion, float(positions[k]), rate, times)
+    edges, parts = np.concatenate([[0.0], times]), np.empty((len(times), len(others)))
+    for first in range(0, len(times), INTERVALS_AT_ONCE):
+        last = min(len(times), first + INTERVALS_AT_ONCE)
+        parts[first:last] = _settled(motion, float(positions[k]), rate, edges[first : last + 1])
+    integrals = np.cumsum(parts.astype(np.longdouble), axis=0).astype(float)
+    found[:, others] = positions[others] + speed * integrals
     rates = np.empty_like(found)
     rates[:, k] = rate
     rates[:, others] = speed * _direction(motion, found[:, k])
     return found, rates
 
 
-def _integral(motion: ExactMotion, start: float, rate: float, times: Array) -> Array:
-    """The integral of e from 0 to each time, (m, n - 1); Gauss-Legendre on pieces, halved until it converges."""
-    edges = np.concatenate([[0.0], times])
-    parts = np.empty((len(times), len(motion.coordinates) - 1))
-    for first in range(0, len(times), INTERVALS_AT_ONCE):
-        last = min(len(times), first + INTERVALS_AT_ONCE)
-        parts[first:last] = _settled(motion, start, rate, edges[first : last + 1])
-    return np.cumsum(parts.astype(np.longdouble), axis=0).astype(float)
-
-
 def _settled(motion: ExactMotion, start: float, rate: float, edges: Array) -> Array:
-    """Each interval of `edges` cut into 1, 2, 4, … pieces until the integrals change by round-off only, (m, n - 1)."""
+    """The integral of e over each interval of `edges`, (m, n - 1), by Gauss-Legendre on 1, 2, 4, … pieces of it until
+    that changes by round-off only."""
     # A node is known to a relative 1e-16, and e no better than that.
     reach = 1 + abs(start) + abs(rate) * float(np.abs(edges).max())
     tolerance = TOLERANCE * reach * float(np.abs(np.diff(edges)).max())

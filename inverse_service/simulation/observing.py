@@ -217,7 +217,10 @@ class Observed:
         """The true positions at the recorded points, (m, n)."""
         if not isinstance(self.truth, data.Truth):
             return None
-        return self.truth.positions[data.places_of(self.truth, self.trajectory.times)]
+        times = self.truth.times  # the same or more
+        places = np.searchsorted(times, self.trajectory.times - 0.5 * np.diff(times).min(initial=np.inf))
+        found: Array = self.truth.positions[np.clip(places, 0, len(times) - 1)]
+        return found
 
 
 Observations = tuple[dict[str, Any], dict[str, Array]]  # numbers, and columns at the recorded points

@@ -273,9 +273,3 @@ class Truth:
         """The bound at the last known time."""
         known = self.bounds[np.isfinite(self.bounds)]
         return float(known[-1]) if len(known) else np.inf
-
-
-def places_of(truth: Truth, times: Array) -> NDArray[np.int64]:
-    """The places of the times of a trajectory among those of the truth, which are the same or more."""
-    gap = 0.5 * float(np.diff(truth.times).min(initial=np.inf))
-    return np.clip(np.searchsorted(truth.times, times - gap), 0, len(truth.times) - 1)

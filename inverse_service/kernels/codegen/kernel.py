@@ -128,16 +128,6 @@ class Blocks:
         w[slot] = kept if self.active is None else self.active.choose(kept, w[slot])
         self.stop_unless(good, code, value)
 
-    def _hoisted(self, formulas: Sequence[Formula], unknowns: Sequence[str]) -> list[Formula]:
-        """Formulas in which parts without unknowns are names, bound to values computed before the loop."""
-        self._labels += 1
-        parts: dict[Formula, Formula] = {}
-        changing = {symbol(name) for name in unknowns}
-        reduced = [_take_out(formula, changing, parts, f"k{self._labels}_") for formula in formulas]
-        for name, value in zip(parts.values(), self.emitter.write(list(parts)) if parts else [], strict=True):
-            self.emitter.bind(str(name), value)
-        return reduced
-
     def _linear(self, block: programs.Solve) -> None:
         w, e = self.writer, self.emitter
         zero = {symbol(name): symengine.Integer(0) for name in block.unknowns}
@@ -202,7 +192,13 @@ class Blocks:
         """Newton's method, or a contraction where there is no Jacobian."""
         w, e, size = self.writer, self.emitter, len(block.unknowns)
         entries = [entry for row in block.jacobian for entry in row]
-        formulas = self._hoisted([*block.residuals, *entries], block.unknowns)
+        self._labels += 1  # parts without unknowns are names, bound to values computed before the loop
+        parts: dict[Formula, Formula] = {}
+        changing = {symbol(name) for name in block.unknowns}
+        whole = (*block.residuals, *entries)
+        formulas = [_take_out(formula, changing, parts, f"k{self._labels}_") for formula in whole]
+        for name, value in zip(parts.values(), e.write(list(parts)) if parts else [], strict=True):
+            e.bind(str(name), value)
         worst, determinant = f"b{self._solves}_determinant", None
         w.slot(worst, 0.0)
         with e.inner():
