@@ -81,14 +81,11 @@ bench-service: install ## the service under load
 soundness: install ## 26,000 cases with the checker; goes on where it was
 	.venv/bin/python -m tests.soundness --output build/soundness --report docs/records/soundness.md
 
-# Branch coverage of the heart, by the tests of its own rooms, children included; methods are data, which simulation runs.
-HEART := field mechanics decision search explanation solving constrained certificate integrators
+# Branch coverage of the heart by the default tests, children included; methods are data, which simulation runs.
 coverage: install ## branch coverage of the heart
 	rm -f build/coverage build/coverage.*
 	@# The table is printed where a test fails too; the failure is that of the target.
-	.venv/bin/python -m coverage run -m pytest -n logical --dist loadfile --no-loadscope-reorder \
-	  $(addprefix tests/,$(HEART)) tests/simulation tests/service/test_comparison.py \
-	  tests/soundness; status=$$?; \
+	.venv/bin/python -m coverage run -m pytest -n logical; status=$$?; \
 	.venv/bin/python -m coverage combine --quiet && .venv/bin/python -m coverage report && exit $$status
 
 # Small changes to checker and decision, each of which a test has to notice.

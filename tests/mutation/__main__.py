@@ -19,7 +19,7 @@ from pathlib import Path
 from tests.mutation.children import answers
 from tests.mutation.mutants import Mutant, mutants, mutated
 from tests.mutation.record import Record
-from tests.mutation.trial import QUICK, SURVIVED, anew, path_of, prepare
+from tests.mutation.trial import CHECKER, QUICK, SURVIVED, anew, path_of, prepare
 from tests.mutation.warm import Ready, run
 
 DECISION_TESTS = tuple(
@@ -36,10 +36,7 @@ DECISION_TESTS = tuple(
 )
 # Which tests answer for a module.
 TESTS: dict[str, tuple[str, ...]] = {
-    **{
-        f"inverse_service.certificate.{name}": ("tests/certificate",)
-        for name in ("checker", "formulas", "numbers", "plan", "series")
-    },
+    **{f"inverse_service.certificate.{name}": ("tests/certificate",) for name in CHECKER},
     "inverse_service.linear_pde.involution": DECISION_TESTS,
     "inverse_service.linear_pde.equations": DECISION_TESTS,
 }

@@ -29,12 +29,11 @@ import pytest
 from tests.mutation.children import Job, answers
 from tests.mutation.mutants import Mutant, mutants, mutated
 from tests.mutation.record import Record, examined
-from tests.mutation.trial import KILLED, OPTIONS, QUICK, path_of, prepare
+from tests.mutation.trial import CHECKER, KILLED, OPTIONS, QUICK, path_of, prepare
 from tests.mutation.warm import lines_met, put
 
 PACKAGE = "inverse_service.certificate."
-MODULES = ("checker", "constraints", "formulas", "kinds", "numbers", "plan", "results", "series")
-FOLDERS = ("tests/certificate", "tests/service/test_edited_results.py", "tests/inverse_problem/test_pieces.py")
+FOLDERS = ("tests/certificate", "tests/service/test_edited_results.py")
 LONGEST = 0.5  # seconds of a document that is tried on every mutant
 LARGEST = 100_000  # characters
 SEEDS = (1, 2, 3)  # the verdict is the same for all of these, or the document tells nothing
@@ -93,12 +92,12 @@ def document(name: str, content: str) -> Document | None:
         longest = max(longest, time.thread_time() - began)
         if longest > LONGEST or len(verdicts) > 1:
             return None
-    files = [str(path_of(PACKAGE + module)) for module in MODULES]
+    files = [str(path_of(PACKAGE + module)) for module in CHECKER]
     tracer = coverage.Coverage(data_file=None, include=files, config_file=False)
     with tracer.collect():
         tracer.switch_context("document")
         verdict(name, content, SEEDS[0])
-    lines = {module: lines_met(tracer, PACKAGE + module).get("document", frozenset()) for module in MODULES}
+    lines = {module: lines_met(tracer, PACKAGE + module).get("document", frozenset()) for module in CHECKER}
     pairs = frozenset((module, line) for module, met in lines.items() for line in met)
     return Document(name, content, verdicts.pop(), longest, pairs)
 
@@ -159,7 +158,7 @@ class Replay:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(prog="python -m tests.mutation.replay", description=__doc__)
-    parser.add_argument("--module", choices=MODULES, action="append")
+    parser.add_argument("--module", choices=CHECKER, action="append")
     parser.add_argument("--budget", type=float, default=math.inf, help="seconds of documents for a mutant")
     parser.add_argument("--again", action="store_true", help="try once more what survived the quick trial")
     parser.add_argument("--processes", type=int, default=2)
@@ -173,7 +172,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         child.join()
     known = pickle.loads(documents.read_bytes())
     print(f"{len(known)} documents, {sum(one.seconds for one in known):.0f} s", Counter(one.verdict for one in known))
-    for module in asked.module or MODULES:
+    for module in asked.module or CHECKER:
         print(module, tried(module, known, asked))
 
 

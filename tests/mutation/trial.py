@@ -13,6 +13,8 @@ from pathlib import Path
 from types import ModuleType
 
 ROOT = Path(__file__).parent.parent.parent
+# The modules of the checker.
+CHECKER = tuple(sorted({file.stem for file in (ROOT / "inverse_service/certificate").glob("*.py")} - {"__init__"}))
 # Loaded once, before the processes part.
 LIBRARIES = ("flint", "hypothesis", "llvmlite", "mpmath", "numba", "numpy", "pytest", "sympy")
 SURVIVED, KILLED, QUICK = "survived", "killed", "survived the quick trial"
