@@ -355,15 +355,10 @@ class Engine:
             self.supervisor.cancel(id)
         return job
 
-    async def create_batch(
+    def create_batch(
         self, kind: str, viewer: model.Viewer, lines: Sequence[statements.BatchLine], key: str
     ) -> statements.Batch:
-        """The stored batch of these lines; one with cancelled lines is left as it is and a new one made."""
-        return await self.read(self._create_batch, kind, viewer, lines, key)
-
-    def _create_batch(
-        self, kind: str, viewer: model.Viewer, lines: Sequence[statements.BatchLine], key: str
-    ) -> statements.Batch:
+        """The stored batch of these lines; one with cancelled lines is left as it is and a new one made. Blocks."""
         client = viewer.name
         lines = [replace(line, request=line.request and viewer.own(line.request)) for line in lines]
         self._claim_key(client, key, statements.batch_id(kind, client, lines, key, 0) if key else "")

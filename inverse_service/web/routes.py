@@ -255,7 +255,7 @@ async def create(request: Request, kind: KindName = "solve") -> Response:
         async with asking.body_of(request, asking.FACTORS["batch"] * engine.settings.max_body, NDJSON_TYPES) as body:
             form = (body, asking.is_json(request), terms)
             lines = await engine.read_body(client, batch_task, *form, seconds=LONG_DEADLINE)
-            stored = await engine.create_batch(kind, clients.viewer_of(request), lines, key)
+            stored = await engine.read(engine.create_batch, kind, clients.viewer_of(request), lines, key)
     except errors.InputError as error:
         if error.code != "limit":
             raise

@@ -235,10 +235,7 @@ def claim(session: Session, owner: str, limit: int, client_running: int = model.
     """
     if client_running < model.NO_BOUND:
         session.lock(CLAIM_LOCK)
-    waiting = session.rows("may_begin")
-    if len(waiting) > 1 or (waiting and client_running < model.NO_BOUND):  # whose turn it is takes longer to find out
-        waiting = session.rows("next", limit, client_running, limit)
-    ids = [row["id"] for row in waiting]
+    ids = [row["id"] for row in session.rows("next", limit, client_running, limit)]
     rows = session.rows("claim", owner, ids) if ids else []
     session.told.extend(model.Change(id, "running") for id in ids)
     return sorted(jobs_of(rows), key=lambda job: ids.index(job.id))

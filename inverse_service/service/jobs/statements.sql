@@ -90,15 +90,12 @@ ON CONFLICT (client, day) DO UPDATE SET runs = uses.runs + 1, cpu = uses.cpu + e
 -- name: open_of_clients
 SELECT client, count(*) AS jobs FROM jobs WHERE {open} GROUP BY client
 
--- name: may_begin
-SELECT id FROM jobs WHERE {waiting} AND NOT EXISTS ({is_drained}) LIMIT 2
-
 -- name: next
 -- Which jobs are next: by the operator's rank of the client and of the job, then the client with the fewest running
 -- ones, then by priority and age. Each client is found by one step in the index `jobs_open`, however
 -- many jobs it has waiting. Arguments: limit (of each client), most running ones of a client, limit.
 WITH RECURSIVE waiting (client) AS (
-    SELECT min(client) FROM jobs WHERE {waiting}
+    SELECT min(client) FROM jobs WHERE {waiting} AND NOT EXISTS ({is_drained})
     UNION ALL
     SELECT (SELECT min(client) FROM jobs WHERE {waiting} AND client > waiting.client)
     FROM waiting WHERE waiting.client IS NOT NULL
