@@ -299,7 +299,7 @@ def _circular_roots(formulas: Sequence[ex.Expression], table: real_point.RealTab
             continue
         angles = dict.fromkeys(angle for one in ex.walk(node.base) if (angle := _angle(one)) is not None)
         parts = [part for u in angles for part in (u, u / 2, u / 2 + ex.PI / 4)]
-        for value in [*(ex.apply(name, part) for part in parts for name in _CIRCULAR), *others]:
+        for value in [*(ex.Apply(name, part) for part in parts for name in _CIRCULAR), *others]:
             factor = _factor(node.base, value**2, table or {})
             if factor is not None:
                 sign = 1 if real_point.are_positive([value], table or {}) else -1
@@ -490,7 +490,7 @@ def _halves(analysis: deciding.Analysis) -> list[dict[str, str]]:
         return []
     rules = [rule for rule in analysis.tower.rules if isinstance(rule, tower.AngleRule) and not rule.turns]
     halved = (atom for rule in rules for atom, a in rule.arctangents if a.denominator % 2 == 0)
-    return [_square(ex.apply("cos", atom / 2)) for atom in dict.fromkeys(halved)]
+    return [_square(ex.Apply("cos", atom / 2)) for atom in dict.fromkeys(halved)]
 
 
 def _nested(analysis: deciding.Analysis) -> Iterator[dict[str, str]]:
@@ -526,8 +526,8 @@ def _root(node: ex.Expression, value: ex.Expression) -> tuple[ex.Expression, ex.
         case ex.Power():
             return node, value
         case ex.Apply("asin" | "acos" as function, ex.Apply(inner, u)):
-            other = ex.apply("cos" if function == "asin" else "sin", u)
-            root = ex.square_root(1 - ex.apply(inner, u) ** 2)
+            other = ex.Apply("cos" if function == "asin" else "sin", u)
+            root = ex.square_root(1 - ex.Apply(inner, u) ** 2)
             return root, other if value == u else -other
         case ex.Apply("Heaviside", u):
             return ex.square_root(u**2), -u if value == ex.ZERO else u

@@ -45,26 +45,26 @@ def _inverse_root(u: ex.Expression) -> ex.Expression:
 
 
 def _other(function: str) -> Rule:
-    return lambda u: ex.apply(function, u)
+    return lambda u: ex.Apply(function, u)
 
 
 def _negative_product(first: str, second: str) -> Rule:
-    return lambda u: -1 * ex.apply(first, u) * ex.apply(second, u)
+    return lambda u: -1 * ex.Apply(first, u) * ex.Apply(second, u)
 
 
 _ROWS = (
     Function("exp", _other("exp"), command="\\exp"),
     Function("log", lambda u: u**-1, 0, "", lambda u: u > 0, "a positive number", "\\ln", "ln"),
     Function("sin", _other("cos"), -1, command="\\sin", undoes="asin", root=("acos", 1, -1)),
-    Function("cos", lambda u: -ex.apply("sin", u), 1, command="\\cos", undoes="acos", root=("asin", 1, -1)),
-    Function("tan", lambda u: 1 + _square(ex.apply("tan", u)), -1, command="\\tan", undoes="atan"),
-    Function("cot", lambda u: -(1 + _square(ex.apply("cot", u))), -1, "tan", *_NOT_ZERO, "\\cot"),
-    Function("sec", lambda u: ex.apply("sec", u) * ex.apply("tan", u), 1, "cos", command="\\sec"),
+    Function("cos", lambda u: -ex.Apply("sin", u), 1, command="\\cos", undoes="acos", root=("asin", 1, -1)),
+    Function("tan", lambda u: 1 + _square(ex.Apply("tan", u)), -1, command="\\tan", undoes="atan"),
+    Function("cot", lambda u: -(1 + _square(ex.Apply("cot", u))), -1, "tan", *_NOT_ZERO, "\\cot"),
+    Function("sec", lambda u: ex.Apply("sec", u) * ex.Apply("tan", u), 1, "cos", command="\\sec"),
     Function("csc", _negative_product("csc", "cot"), -1, "sin", *_NOT_ZERO, "\\csc"),
     Function("sinh", _other("cosh"), -1, command="\\sinh", undoes="asinh", root=("acosh", -1, 1)),
     Function("cosh", _other("sinh"), 1, command="\\cosh", undoes="acosh", root=("asinh", 1, 1)),
-    Function("tanh", lambda u: 1 - _square(ex.apply("tanh", u)), -1, command="\\tanh", undoes="atanh"),
-    Function("coth", lambda u: 1 - _square(ex.apply("coth", u)), -1, "tanh", *_NOT_ZERO, "\\coth"),
+    Function("tanh", lambda u: 1 - _square(ex.Apply("tanh", u)), -1, command="\\tanh", undoes="atanh"),
+    Function("coth", lambda u: 1 - _square(ex.Apply("coth", u)), -1, "tanh", *_NOT_ZERO, "\\coth"),
     Function("sech", _negative_product("sech", "tanh"), 1, "cosh"),
     Function("csch", _negative_product("csch", "coth"), -1, "sinh", *_NOT_ZERO),
     Function("asin", lambda u: _inverse_root(1 - _square(u)), -1, "", lambda u: abs(u) <= 1,
@@ -169,7 +169,7 @@ def _of_power(base: ex.Expression, exponent: ex.Expression, rate: Rule) -> ex.Ex
         terms.append(exponent * _lowered(base, exponent) * inner)
     outer = rate(exponent)
     if outer != ex.ZERO:
-        terms.append(ex.Power(base, exponent) * ex.apply("log", base) * outer)
+        terms.append(ex.Power(base, exponent) * ex.Apply("log", base) * outer)
     return ex.add(*terms)
 
 

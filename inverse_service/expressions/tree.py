@@ -1,7 +1,7 @@
 """Syntax trees of formulas: frozen data, exact numbers, no evaluation of text.
 
 A tree is built by the reader (`reader.py`) or by arithmetic: + - * / ** of trees and exact numbers, or the
-functions `add`, `multiply`, `power`, `apply` here; they flatten, fold numbers and drop neutral elements, and never
+functions `add`, `multiply`, `power` here; they flatten, fold numbers and drop neutral elements, and never
 expand.
 Names are plain data: the meaning of a `Symbol` (coordinate, parameter, time `t`, the number
 `pi`) is known only to the system that holds the tree.
@@ -282,11 +282,6 @@ def divide(left: Expression, right: Expression) -> Expression:
 
 def square_root(expression: Expression) -> Expression:
     return power(expression, Fraction(1, 2))
-
-
-def apply(function: str, argument: Expression) -> Expression:
-    """An elementary function of one argument."""
-    return Apply(function, argument)
 
 
 def children(expression: Expression) -> tuple[Expression, ...]:

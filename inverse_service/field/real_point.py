@@ -266,9 +266,9 @@ def _own_poles(node: ex.Expression) -> list[ex.Expression]:
         case ex.Power(base, ex.Number(exponent)) if exponent < 0:
             return [base]
         case ex.Apply("tan" | "sec", u):
-            return [ex.apply("cos", u)]
+            return [ex.Apply("cos", u)]
         case ex.Apply("cot" | "csc", u):
-            return [ex.apply("sin", u)]
+            return [ex.Apply("sin", u)]
         case ex.Apply("coth" | "csch", u):
             return [u]
         case _:

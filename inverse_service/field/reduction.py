@@ -174,7 +174,7 @@ def _dependent_exponential(ring: Generators, rule: towers.ExponentialRule) -> ex
     parts += [_root(ring, argument, a) for argument, a in rule.arguments_of_logarithms]
     parts += [_root_power(ring, ex.number(ell), a) for ell, a in rule.prime_powers]
     if rule.constant:
-        parts.append(ring.letter(ex.apply("exp", ex.number(rule.constant))))
+        parts.append(ring.letter(ex.Apply("exp", ex.number(rule.constant))))
     return math.prod(parts, start=ring.constant(1))
 
 
@@ -185,7 +185,7 @@ def _linear(ring: Generators, rule: towers.LogarithmRule | towers.ArctangentRule
     else:
         for value, way in ((rule.constant.numerator, 1), (rule.constant.denominator, -1)):
             for ell, k in modular.prime_factors(value):
-                logarithm = ring.letter(ex.apply("log", ex.number(ell)))
+                logarithm = ring.letter(ex.Apply("log", ex.number(ell)))
                 parts.append(logarithm.scaled(Fraction(way * k, rule.root)))
     return exact_field.sum_of(ring.constant(0), parts)
 

@@ -162,7 +162,7 @@ class ExponentialRule:
         """The product, where it is not free."""
         primes = (ex.number(ell) ** exponent for ell, exponent in self.prime_powers)
         atoms = (tree**exponent for tree, exponent in (*self.exponentials, *self.arguments_of_logarithms))
-        constant = [ex.apply("exp", ex.number(self.constant))] if self.constant else []
+        constant = [ex.Apply("exp", ex.number(self.constant))] if self.constant else []
         return ex.multiply(*constant, *primes, *atoms)
 
 
@@ -186,7 +186,7 @@ class LogarithmRule:
     @property
     def tree(self) -> ex.Expression:
         """The sum, where it is not free."""
-        logarithm = ex.ZERO if self.constant == 1 else ex.apply("log", ex.number(self.constant))
+        logarithm = ex.ZERO if self.constant == 1 else ex.Apply("log", ex.number(self.constant))
         return _sum_tree(self.linear) + Fraction(1, self.root) * logarithm
 
 

@@ -62,7 +62,7 @@ _COMPONENTS = frozenset("ABEFJPVpv")  # Fx and Fy are usually two components
 _CALL = re.compile(r"\s*([^\s(),;]+)\s*\(([^()]*)\)")  # A(r1), a function of one's own
 # A comma, or a blank before a name that is no part of a value such as 2 pi.
 _BETWEEN_PARAMETERS = re.compile(rf"[,;\n]|(?<![-+*/^(=\s])\s+(?=[^\W\d]|\\)(?!(?:{'|'.join(nm.RESERVED)})\b)")
-_WORDS_OF_MOTION = {"velocity": "'", "speed": "'", "position": "", "acceleration": "''"}
+_WORDS_OF_MOTION = {"v": "'", "velocity": "'", "speed": "'", "position": "", "acceleration": "''"}
 
 
 def parameter_values(parameters: Sequence[str] | Mapping[str, ParameterValue]) -> dict[str, ex.Expression]:
@@ -829,7 +829,7 @@ def _ask_back(
         if name == "v" and pointer.startswith("/constraints"):
             instead = "eliminate it where it is any speed, as in x'*sin(theta) = y'*cos(theta)"
             raise refusal(nm.not_declared(name), column, instead, declare="parameters").at(pointer)
-        if alike := _word_of_motion(name, names.coordinates) or _may_be_motion(name, names.coordinates):
+        if alike := _may_be_motion(name, names.coordinates):
             raise nm.undeclared(name, column, alike).at(pointer)
         other = seen.setdefault(name.replace("_", ""), name)
         if other != name:
@@ -848,17 +848,12 @@ def _lost_power(name: str, coordinates: Sequence[str]) -> tuple[str, ...]:
     return (f"{cut[1]}*{cut[2]}{cut[3]}",) if _is_one_of_many(cut[2] + cut[3], coordinates) else ()
 
 
-def _word_of_motion(name: str, coordinates: Sequence[str]) -> tuple[str, ...]:
-    """t for time, the velocity of the first coordinate for velocity."""
+def _may_be_motion(name: str, coordinates: Sequence[str]) -> tuple[str, ...]:
+    """t for time, the velocity x' for v or velocity, the coordinate Theta for theta, x for X; R may stand next to r."""
     if name == "time":
         return ("t",)
-    return tuple(f"{each}{_WORDS_OF_MOTION[name]}" for each in coordinates[:1] if name in _WORDS_OF_MOTION)
-
-
-def _may_be_motion(name: str, coordinates: Sequence[str]) -> tuple[str, ...]:
-    """The velocities for v, the coordinate Theta for theta, x for X; R next to r is usually a constant."""
-    if name == "v":
-        return tuple(f"{coordinate}'" for coordinate in coordinates[:1])
+    if name in _WORDS_OF_MOTION:
+        return tuple(f"{each}{_WORDS_OF_MOTION[name]}" for each in coordinates[:1])
     meant = name.lower() if name in ("X", "Y", "Z") else name
     return tuple(other for other in coordinates if other != name and other.lower() == meant)
 

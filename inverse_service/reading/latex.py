@@ -72,7 +72,7 @@ _SIGNS = {
 }
 _PRODUCTS = {"cdot": plain.DOT, "times": plain.CROSS}
 # Words in \text that are read, as everywhere.
-_IN_TEXT = frozenset(("where", "with", "given", "and", "for", "if", "when", "const", "constant"))
+_IN_TEXT = frozenset((*plain.JOINING, *plain.CONDITIONAL, "const", "constant"))
 # Words that are no product of letters; where they join nothing they are refused.
 _ENGLISH = {word for word, reason in nm.REFUSED_UNLESS_DECLARED.items() if reason.problem == "is a word"}
 _TENSORS = frozenset(("Gamma", "g", "R", "T", "F", "eta", "h", "delta", "epsilon", "varepsilon"))

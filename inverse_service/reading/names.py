@@ -15,7 +15,7 @@ from inverse_service.expressions.derivative import FUNCTION
 from inverse_service.expressions.letters import ALIKE, GREEK, LETTER_COMMANDS, SCRIPT_L, letter
 from inverse_service.expressions.pieces import STEP, step
 from inverse_service.expressions.refusals import LIMITS, joined, refusal, shorten
-from inverse_service.expressions.tree import Expression, Number, apply, number, square_root
+from inverse_service.expressions.tree import Apply, Expression, Number, number, square_root
 
 _REASONS = Path(__file__).with_name("refused.ndjson").read_text(encoding="utf-8")
 
@@ -106,8 +106,8 @@ _COMPOSED: dict[str, Callable[[Expression], Expression]] = {
     "cbrt": lambda u: u ** Fraction(1, 3),
     "abs": _magnitude,
     "sign": lambda u: u / _magnitude(u),
-    "log10": lambda u: apply("log", u) / apply("log", number(10)),
-    "log2": lambda u: apply("log", u) / apply("log", number(2)),
+    "log10": lambda u: Apply("log", u) / Apply("log", number(10)),
+    "log2": lambda u: Apply("log", u) / Apply("log", number(2)),
 }
 FUNCTIONS = FUNCTION.keys() | ALIASES.keys() | _COMPOSED.keys() | _EXTREMES.keys() | PIECEWISE | {STEP}
 
@@ -125,23 +125,18 @@ def call(function: str, arguments: list[Expression], column: int) -> Expression:
         return reduce(lambda a, b: (a + b + _EXTREMES[function] * _magnitude(a - b)) / 2, arguments)
     if len(arguments) != 1:
         raise refusal(f"{function} has {len(arguments)} arguments", column, f"write one, as in {function}(u)")
-    check_domain(function, arguments[0], column)
+    if not is_defined(function, arguments[0]):
+        what = f"{function} of this number has no real value"
+        raise refusal(what, column, f"give it {_DOMAINS[function][1]}")
     if function == STEP:
         return step(arguments[0], column)
     composed = _COMPOSED.get(function)
-    return composed(arguments[0]) if composed else apply(function, arguments[0])
+    return composed(arguments[0]) if composed else Apply(function, arguments[0])
 
 
 def is_defined(function: str, argument: Expression) -> bool:
     """False where the argument is a number at which the function has no real value."""
     return function not in _DOMAINS or not isinstance(argument, Number) or _DOMAINS[function][0](argument.value)
-
-
-def check_domain(function: str, argument: Expression, column: int) -> None:
-    """InputError where the argument is a number at which the function has no real value."""
-    if not is_defined(function, argument):
-        wanted = _DOMAINS[function][1]
-        raise refusal(f"{function} of this number has no real value", column, f"give it {wanted}")
 
 
 def reason_against(name: str, column: int, arguments: str = '["u"]') -> InputError | None:

@@ -32,7 +32,7 @@ _BITS_PER_DIGIT = 3.3219280948873626
 _LARGEST_FACTORIAL = 20
 _EXPONENTIAL = ex.Apply("exp", ex.ONE)
 OF_SECOND_ORDER = "write equations of second order. Those of a Lagrangian L(t, q, q') have no higher derivatives"
-_OPERAND = "a number, a name or '('"
+_OPERAND, _PIECE = "a number, a name or '('", "a piece such as (x^2, x > 0)"
 _OF_ANGLES = frozenset(("sin", "cos", "tan", "cot"))
 
 
@@ -418,19 +418,19 @@ class FormulaParser:
     def _piecewise(self, token: Token) -> ex.Expression:
         """The pieces in brackets, each (formula, condition)."""
         pieces: list[tuple[ex.Expression, ex.Expression]] = []
-        with self._inside(self._bracket()):
+        with self._inside(self._bracket(_PIECE)):
             while not pieces or self._stream.take_operator(","):
-                with self._nested(), self._inside(self._bracket()):
+                with self._nested(), self._inside(self._bracket(_PIECE)):
                     value, comma = self._expression(), self._stream.take()
                     if not comma.is_operator(","):
                         raise tk.unexpected(comma, "a comma, and the condition of the piece,")
                     pieces.append((value, self._condition()))
         return piecewise(pieces, token.column)
 
-    def _bracket(self) -> Token:
+    def _bracket(self, wanted: str) -> Token:
         found = self._stream.take()
         if not found.is_bracket():
-            raise tk.unexpected(found, "a piece such as (x^2, x > 0)")
+            raise tk.unexpected(found, wanted)
         return found
 
     def _condition(self, signs: str = "|&") -> ex.Expression:
@@ -802,11 +802,8 @@ class FormulaParser:
 
     def _derivative(self, token: Token) -> ex.Expression:
         """diff(u, x), diff(u, x, 2), diff(u, x, y), Derivative(u, (t, 2))."""
-        bracket = self._stream.take()
-        if not bracket.is_bracket():
-            raise tk.unexpected(bracket, f"'(' after {token.text}")
         variables: list[Variable] = []
-        with self._inside(bracket):
+        with self._inside(self._bracket(f"'(' after {token.text}")):
             expression = self._expression()
             while self._stream.take_operator(","):
                 variables.append(self._variable())

@@ -26,7 +26,7 @@ _KIND = (
     r"(?:(?:the|two|a|(?:non-?)?holonomic|rolling|kinematic|velocity|linear|Pfaffian|no-?slip|equations?\s+of)\s+){0,5}"
 )
 _WORDS = (
-    rf"(?:(?:{_TO}|with|under)\s+{_KIND}constraints?|{_TO}|{_KIND}constraints?(?=\s*:|\s+[-\u2212\w\\$]))"
+    rf"(?:(?:{_TO}|with|under)\s+{_KIND}constraints?|{_TO}|{_KIND}constraints?(?:\s*\([A-Z]\))?(?=\s*:|\s+[-\u2212\w\\$]))"
     r"(?:\s*\d(?=\s*:)|\s+(?:is|are|reads?)\b)?"
 )
 # The words between a Lagrangian and its constraints, in LaTeX in an upright font.
@@ -44,8 +44,9 @@ _TITLE = (
     r"(?:\w|\s(?:\([\w ,-]+\)|\[[\w ,-]+\]))"
 )
 _LABEL = re.compile(
-    rf"(?:^|(?<=[;,\n]))[ \t]*(?:{_TITLE}|[\w -]{{0,20}}(?:energy|slip(?:ping)?|conditions?)|"
+    rf"(?:^|(?<=[;,\n])|(?<=quad))[ \t]*(?:{_TITLE}|\(?[A-Z]\)?|[\w -]{{0,20}}(?:energy|slip(?:ping)?|conditions?)|"
     rf"{_NUMBERED}|eq\d+)\s*:(?![=:])|^\s*{_TITLE}(?<=[a-z]{{2}}[a-z)\]])\.(?=\s)"
+    rf"|^\s*(?:Problem|Example|Exercise)\s+{_NUMBER}\.?(?=\s)"
     r"|^[ \t]*\([A-Z][a-z]{3,}(?:[ \u2013-][A-Za-z]{3,})*\)(?=[ \t])"
     rf"|(?<![ \t])[ \t]+(?:(?:,[ \t]*)?(?:\({_NUMBERED}\)|\[{_NUMBERED}\]|{_NUMBERED})"
     rf"|(?:\.{{3,}}|\u2026)[ \t]*{_NUMBER})"
@@ -75,7 +76,7 @@ _GAP = rf"(?:\s?\$\s|\s\$|[ \t]|{_WRAPPED}|\}})+"
 _WITH_ARGUMENT = r"d?dot|[dt]?frac|sqrt|left|right|partial|vec|bf|math|text|mbox|bold"
 _SENTENCE = re.compile(
     rf"(?<![\w\\'^{{.])(?:{_WRAPPED}\s*)?[A-Za-z]+(?:['\u2019]s(?!\w))?"
-    rf"(?:{_GAP}(?:[A-Za-z]{{2,}}-[A-Za-z]{{3,}}|(?:\\(?!{_WITH_ARGUMENT}))?[A-Za-z]+|[\u0391-\u03c9\u2113])(?:[\u2080-\u2089]+|_\{{?\w+\}}?)?)+"
+    rf"(?:{_GAP}(?:[A-Za-z]{{2,}}[-\u2013][A-Za-z]{{3,}}|(?:\\(?!{_WITH_ARGUMENT}))?[A-Za-z]+|[\u0391-\u03c9\u2113])(?:[\u2080-\u2089]+|_\{{?\w+\}}?)?)+"
     r"(?!\w|\s*[-+*/^=<>&('\[_\u2032\u2033\u0307\u0308])\s*[.:]?\s*\}?"
 )
 _WORD_IN_TEXT = re.compile(rf"(?:{_WRAPPED}\s*)?(?<!\\)\b([A-Za-z]+)(?:\s*\}})?")
@@ -84,10 +85,10 @@ _ARTICLE = re.compile(r"\b(?:the|an)\s+[A-Za-z]{4,}", re.I)
 # A sentence holds an article before a word, or one of the first; what is left out begins and ends with one of both.
 _OF_SENTENCES = (
     "is are study denotes denote have has which that let suppose assume consider moves move slides rolls reads "
-    "obeys satisfies governed described acts impose imposing small large cannot slip slips"
+    "obeys satisfies governed described acts impose imposing small large cannot slip slips yields gives"
 )
 _BESIDE_THEM = (
-    "the an where with here and in of on at by to be we being under obtain read subject constraint constraints "
+    "the an where with here for and in of on at by to be we being under obtain read subject constraint constraints "
     "equation equations motion lagrangian system energy"
 )
 _ARITHMETIC = re.compile(
@@ -106,8 +107,8 @@ _PROSE = re.compile(
 _ITEM = re.compile(r"\((?:[a-h]|[ivx]+)\)")  # (a), (ii)
 _FIRST_ITEM, _ITEM_INSIDE = re.compile(r"\s*\([ai]\)\s"), re.compile(r"\s\((?:[b-h]|i[iv]i?)\)(?=\s)")
 _BINDING = re.compile(
-    r"\b(?:if|when|while|for(?!\s+(?:an?|the|this)\s)|unless|otherwise|else|(?<!does )(?<!do )not|or|except|either"
-    r"|only)\b",
+    r"\b(?:if|when|while|for(?!\s+(?:an?|the|this|small|large)\s)|unless|otherwise|else|(?<!does )(?<!do )not|or|except"
+    r"|either|only)\b",
     re.I,
 )
 # The y'' of y''_{xx} = x y.
@@ -118,10 +119,7 @@ _OF_PROGRAMS = re.compile(r"[A-Za-z']\[|==|\.diff\(|\w\$\d|:=\s*\{")
 _NOTES: ContextVar[dict[str, str] | None] = ContextVar("notes", default=None)
 OF_A_FORM = Fraction(1)  # the value of a name with a prime that stands for a differential
 LEFT_OUT, CONDITION = "left out", "a condition that is not used"
-_JOINS = {
-    **dict.fromkeys(("where", "with", "given", "and"), ("=", *tk.COMPARED)),
-    **dict.fromkeys(("for", "if", "when"), tk.COMPARED),
-}
+_JOINS = dict.fromkeys(tk.JOINING, ("=", *tk.COMPARED)) | dict.fromkeys(tk.CONDITIONAL, tk.COMPARED)
 _CONSTANT = ("const", "constant")
 _BRANCHES = ("else", "then", "otherwise")
 _LETTER = r"[^\W\d_\u00b2\u00b3]"  # raised digits count as letters of words
@@ -192,7 +190,7 @@ def read_condition(condition: str, names: Names) -> ex.Expression:
     """A - B for A > B and A != B, B - A for A < B; it is positive, or not 0, where the condition of an answer holds."""
     left, sign, right = re.split(r" (!=|>|<) ", condition)
     sides = [read_formula(side, names) for side in ((right, left) if sign == "<" else (left, right))]
-    return sides[0] if sides[1] == ex.ZERO else ex.subtract(*sides)
+    return sides[0] if sides[1] == ex.ZERO else sides[0] - sides[1]
 
 
 def read_equations(formula: str, names: Names) -> list[tuple[ex.Expression, ex.Expression]]:
@@ -612,7 +610,9 @@ def _without_prose(match: re.Match[str]) -> str:
     Words that may be a condition are kept, and refused; a single word may be a name.
     """
     words = match[2].strip()
-    if not (match[1] or " " in words or words.endswith((":", ".")) or _ITEM.fullmatch(words)) or _BINDING.search(words):
+    if not (match[1] or " " in words or words.endswith((":", ".", ")")) or _ITEM.fullmatch(words)) or _BINDING.search(
+        words
+    ):
         return match[0]
     note(words, LEFT_OUT)
     return "\n".ljust(len(match[0]))

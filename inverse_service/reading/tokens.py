@@ -39,7 +39,8 @@ CLOSING = {"(": ")", "[": "]", "{": "}"}
 _OPENING = {closing: opening for opening, closing in CLOSING.items()}
 _EXPECTS_MORE = ("+", "-", "*", "/", "^", "_", "=", ",", "&")
 _GOES_ON = ("+", "*", "/", "^", "_", "=", ",", "&")
-_JOINING = ("where", "with", "given", "and", "for", "if", "when")  # words that join what follows them
+# Words that join equations, and conditions, to what is before them.
+JOINING, CONDITIONAL = ("where", "with", "given", "and", "so", "thus", "hence", "therefore"), ("for", "if", "when")
 END = "an operator or the end"
 NUMBER = re.compile(r"(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 _GROUPED = re.compile(r"[0-9]+(?:_[0-9]+)+|[0-9]{1,3}(?:['\u2019][0-9]{3})+(?![0-9])")  # 1_000, 1'000
@@ -58,6 +59,7 @@ COMPARISONS = {"!=": "\u2260", "<=": "<", ">=": ">", "<": "<", ">": ">", "\u2264
 COMPARED = ("<", ">", "\u2260")
 # What is written as what; some are signs of programs, .* of MATLAB and ~ of Julia.
 _SIGNS = {sign: sign for sign in "+-*/^()[]{},=;|!" + PARTIAL + TOTAL + NABLA} | OPERATORS | COMPARISONS
+_SIGNS |= {":=": "=", "==": "=", "**": "^", ".*": "*", "./": "/", ".^": "^", "~": "="}
 # The signs that join conditions in a piecewise formula. Boundaries belong to no open set, so <= is read as <.
 _PIECEWISE = re.compile(r"\b[Pp]iecewise\s*[(\[]")
 _CONDITION = re.compile(r"<=|>=|&&|\|\|(?=\s)|[<>&~\u2264\u2265]|\b(?:and|or|not|true|True|otherwise)\b", re.ASCII)
@@ -252,7 +254,7 @@ def _is_between(before: Sequence[Token], after: Sequence[Token], latex: bool) ->
         return False
     equals = any(token.is_operator("=") for token in line)
     if latex:
-        return equals and before[-1].text not in _JOINING
+        return equals and before[-1].text not in JOINING + CONDITIONAL
     return not before[-1].is_operator(";") and (equals or not line[0].is_operator("-"))
 
 
@@ -330,9 +332,6 @@ def unexpected(token: Token, wanted: str) -> InputError:
     return refusals.refusal(f"{shown} is not expected", token.column, f"{wanted} is expected")
 
 
-_SIGNS |= {":=": "=", "==": "=", "**": "^", ".*": "*", "./": "/", ".^": "^", "~": "="}
-
-
 def check_length(text: str) -> None:
     """LimitError for too many characters, InputError for an empty text."""
     most = refusals.most_characters()
@@ -345,16 +344,12 @@ def check_length(text: str) -> None:
         raise refusals.refusal("the formula is empty", len(text) + 1, "write a formula, 0 if nothing acts")
 
 
-def without_full_stop(text: str) -> str:
-    """The text without the dot that ends a sentence; the dot of a number (2.) is kept."""
-    plain = text.rstrip()
-    return plain[:-1] if plain.endswith(".") and not plain[-2:-1].isdecimal() and plain != "." else text
-
-
 def tokenize(text: str, known: Container[str] = ()) -> Tokens:
     """The tokens of a plain-text formula; InputError or LimitError with the column of the first fault."""
     check_length(text)
-    text = without_full_stop(text)
+    plain = text.rstrip()
+    if plain.endswith(".") and not plain[-2:-1].isdecimal() and plain != ".":
+        text = plain[:-1]  # the full stop of a sentence, not the dot of a number (2.)
     conditions = _PIECEWISE.search(text) is not None
 
     def step(text: str, place: int, space: bool) -> tuple[Tokens, int]:

@@ -157,13 +157,13 @@ def _branches(material: Material, ring: exact_field.ExactRing, tables: Sequence[
 
 def _functions_of_time(a: ex.Expression, d: ex.Expression, table: real_point.RealTable) -> Iterator[ex.Expression]:
     """e^(at) t^k/k! or, for the pair of rates, e^(at) cosh(sqrt(d) t) and e^(at) sinh(sqrt(d) t)/sqrt(d)."""
-    growth = ex.apply("exp", a * ex.TIME)
+    growth = ex.Apply("exp", a * ex.TIME)
     if d == ex.ZERO:
         yield from (Fraction(1, factorial(k)) * ex.TIME**k * growth for k in count())
     rises = real_point.real_sign(d, table) > 0
     root = quadratures.extracted_root(d if rises else ex.negated(d))
-    yield growth * ex.apply("cosh" if rises else "cos", root * ex.TIME)
-    yield growth * ex.apply("sinh" if rises else "sin", root * ex.TIME) / root
+    yield growth * ex.Apply("cosh" if rises else "cos", root * ex.TIME)
+    yield growth * ex.Apply("sinh" if rises else "sin", root * ex.TIME) / root
 
 
 def _scaled(array: Array, factor: Fraction) -> Array:

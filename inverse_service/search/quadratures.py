@@ -442,7 +442,7 @@ def _substitutions(
                 ]
         form = ex.substitute(slope / (inner * derivative.differentiate(u, x)), values)
         if x not in ex.walk(form):
-            yield form, ex.apply("exp", u)
+            yield form, ex.Apply("exp", u)
 
 
 def _circular(
@@ -467,7 +467,7 @@ def _circular(
     halves: dict[ex.Expression, ex.Expression] = {sine: 2 * w / below, cosine: (1 - w**2) / below}
     form = ex.substitute(2 * plain / (below * derivative.differentiate(angle, x)), halves)
     if x not in ex.walk(form):
-        yield form, ex.apply("tan", ex.HALF * angle)
+        yield form, ex.Apply("tan", ex.HALF * angle)
 
 
 def _with_squares(tree: ex.Expression, squares: Mapping[ex.Expression, ex.Expression]) -> ex.Expression:

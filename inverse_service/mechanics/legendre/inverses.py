@@ -87,7 +87,7 @@ def peeled(tree: ex.Expression, leaf: ex.Velocity, known: Root) -> Iterator[tupl
             for root in roots_of_power(base, exponent, target):
                 yield base, Root(root.value, (*known.conditions, *root.conditions))
         case ex.Power(base, exponent):
-            yield exponent, Root(ex.apply("log", target) / ex.apply("log", base), known.conditions)
+            yield exponent, Root(ex.Apply("log", target) / ex.Apply("log", base), known.conditions)
         case ex.Apply(function, argument):
             for root in _roots_of_function(function, argument, target):
                 yield argument, Root(root.value, (*known.conditions, *root.conditions))
@@ -113,11 +113,11 @@ def _roots_of_function(function: str, argument: ex.Expression, target: ex.Expres
     """argument with function(argument) = target, on the branches next to zero."""
     inverse = _INVERSES.get(function)
     if inverse:
-        yield Root(ex.apply(inverse, target), _branch_conditions(function, argument))
+        yield Root(ex.Apply(inverse, target), _branch_conditions(function, argument))
     elif function == "sin":
-        yield Root(ex.apply("asin", target), _branch_conditions("tan", argument))
+        yield Root(ex.Apply("asin", target), _branch_conditions("tan", argument))
     elif function in ("cos", "cosh"):
-        root = ex.apply("a" + function, target)
+        root = ex.Apply("a" + function, target)
         yield Root(root, (argument,))
         yield Root(-root, (-argument,))
 
@@ -235,8 +235,8 @@ def _cubic(c: list[ex.Expression], y: ex.Expression) -> Iterator[Root]:
 
 def _tripled(k: ex.Expression, b: ex.Expression, inverse: str, function: str) -> ex.Expression:
     """2 sqrt(k) sinh(asinh(b/(2 k^(3/2)))/3), for other functions likewise: z^3 + 3 k z = b by the triple angle."""
-    angle = ex.apply(inverse, short_forms.simplified(b / (2 * k ** Fraction(3, 2))))
-    third = ex.apply(function, Fraction(1, 3) * angle)
+    angle = ex.Apply(inverse, short_forms.simplified(b / (2 * k ** Fraction(3, 2))))
+    third = ex.Apply(function, Fraction(1, 3) * angle)
     return 2 * ex.square_root(short_forms.simplified(k)) * third
 
 
@@ -320,7 +320,7 @@ def _of_two_logarithms(slope: ex.Expression, rate: ex.Velocity, momentum: ex.Exp
     """F = c (log A - log B) + r = p for A, B linear in v: A/B = exp((p - r)/c)."""
     found = _log_of_quotient(slope, rate, momentum)
     if found is not None:
-        ratio = ex.apply("exp", found[2])
+        ratio = ex.Apply("exp", found[2])
         (a, b), (e, f) = (_linear_parts(node.argument, rate) for node in found[:2])
         yield Root((ratio * f - b) / (a - ratio * e))
 
@@ -364,7 +364,7 @@ def _of_one_arctangent(slope: ex.Expression, rate: ex.Velocity, momentum: ex.Exp
         factor, (a, b) = short_forms.simplified(ex.add(*held) / arc), _linear_parts(arc.argument, rate)
         if not occurrences(factor, rate) and not occurrences(a, rate):
             angle = (momentum - rest) / factor
-            yield Root((ex.apply("tan", angle) - b) / a)
+            yield Root((ex.Apply("tan", angle) - b) / a)
 
 
 def _linear_parts(tree: ex.Expression, rate: ex.Velocity) -> tuple[ex.Expression, ex.Expression]:
