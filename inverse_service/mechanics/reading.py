@@ -8,7 +8,7 @@ H quadratic in the momenta are such pairs.
 
 import itertools
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
@@ -200,9 +200,8 @@ def _read_with(
     pairs = not keys and not rates and _are_pairs(texts, declared)
     asked = replace(declared, coordinates=None) if pairs else declared
     known = document_names.known_names(asked, texts, 1 if pairs or rates else 2, keys, pairs)
-    found = [
-        (known.put_in(left), known.put_in(right), pointer) for left, right, pointer in _read(equations, known.names)
-    ]
+    lines = _read(equations, texts, known.names)
+    found = [(known.put_in(left), known.put_in(right), pointer) for left, right, pointer in lines]
     names = known.remaining()
     if not pairs:
         return GivenEquations(names, tuple(found))
@@ -350,31 +349,27 @@ def _texts(equations: Equations) -> dict[str, str]:
     """The texts by their pointers; InputError for an entry that is none."""
     if isinstance(equations, str):
         return {"/equations": equations}
-    if isinstance(equations, Mapping):
-        return {f"/equations/{escaped(key)}": str(text) for key, text in equations.items()}
-    for place, text in enumerate(equations):
-        if not isinstance(text, str):
+    keyed = isinstance(equations, Mapping)
+    pairs = equations.items() if isinstance(equations, Mapping) else enumerate(equations)
+    found = {f"/equations/{escaped(str(key))}": text for key, text in pairs}
+    for pointer, text in found.items():
+        if not isinstance(text, str) and (not keyed or type(text) is not int):
             detail = "an equation is not a text: write it in quotation marks, as in \"x'' = -x\"."
-            raise errors.InputError(detail, f"/equations/{place}")
-    return {f"/equations/{place}": text for place, text in enumerate(equations)}
+            raise errors.InputError(detail, pointer)
+    return {pointer: str(text) for pointer, text in found.items()}
 
 
-def _read(equations: Equations, names: Names) -> list[_Equation]:
-    if isinstance(equations, str):
-        return _whole_equations(equations, names, "/equations")
+def _read(equations: Equations, texts: Mapping[str, str], names: Names) -> list[_Equation]:
     if isinstance(equations, Mapping):
-        return _keyed_equations(equations, names)
-    document_names.bounded(list(equations), "/equations", "equations", refusals.LIMITS.coordinates)
-    return [
-        equation
-        for place, text in enumerate(equations)
-        for equation in _whole_equations(text, names, f"/equations/{place}")
-    ]
+        return _keyed_equations(equations, texts, names)
+    if not isinstance(equations, str):
+        document_names.bounded(list(equations), "/equations", "equations", refusals.LIMITS.coordinates)
+    return [equation for pointer, text in texts.items() for equation in _whole_equations(text, names, pointer)]
 
 
 def _whole_equations(text: str, names: Names, pointer: str) -> list[_Equation]:
     with reader.placed_at(pointer):
-        groups = reader.split_equations(_text(text), names)
+        groups = reader.split_equations(text, names)
         if len(groups) > refusals.LIMITS.coordinates:
             most = refusals.LIMITS.coordinates
             raise errors.LimitError(f"there are {len(groups)} equations: the limit is {most}; write fewer.")
@@ -393,22 +388,13 @@ def _defines(tokens: Sequence[Token], names: Names) -> bool:
     return defined and whole and not document_names.moving_names(tokens, 2)  # F = m*x'' is an equation beside F = -k*x
 
 
-def _text(value: object) -> str:
-    if isinstance(value, int) and not isinstance(value, bool):
-        return str(value)
-    if not isinstance(value, str):
-        raise errors.InputError('an equation is not a text: write it in quotation marks, as in "-x".')
-    return value
-
-
-def _keyed_equations(equations: Mapping[str, str], names: Names) -> list[_Equation]:
+def _keyed_equations(keys: Iterable[str], texts: Mapping[str, str], names: Names) -> list[_Equation]:
     found: dict[str, _Equation] = {}
-    for key, value in equations.items():
-        pointer = f"/equations/{escaped(key)}"
+    for key, (pointer, text) in zip(keys, texts.items(), strict=True):
         coordinate = document_names.key_coordinate(key, names, pointer)
         if coordinate in found:
             raise errors.InputError(f"there are two equations for {coordinate}: remove one.", pointer)
-        found[coordinate] = (ex.Acceleration(coordinate), _right_side(value, coordinate, names, pointer), pointer)
+        found[coordinate] = (ex.Acceleration(coordinate), _right_side(text, coordinate, names, pointer), pointer)
     for coordinate in names.coordinates:
         if coordinate not in found:
             raise errors.InputError(
@@ -418,9 +404,8 @@ def _keyed_equations(equations: Mapping[str, str], names: Names) -> list[_Equati
     return [found[coordinate] for coordinate in names.coordinates]
 
 
-def _right_side(value: str, coordinate: str, names: Names, pointer: str) -> ex.Expression:
+def _right_side(text: str, coordinate: str, names: Names, pointer: str) -> ex.Expression:
     with reader.placed_at(pointer):
-        text = _text(value)
         if not _EQUAL.search(text):
             tree = reader.read_formula(text, names)
             if ex.Acceleration(coordinate) in set(ex.walk(tree)):

@@ -153,12 +153,11 @@ def invert(matrix: Sequence[Sequence[ex.Expression]]) -> Inverse | None:
     ring = implicit_equations.OpaqueRing([entry for row in plain for entry in row])
     try:
         fractions = [[ring.fraction(entry) for entry in row] for row in plain]
-        common = implicit_equations.common_denominator(
-            ring, [entry for row in fractions for entry in row], bounds.TERMS
-        )
-        rows = [implicit_equations.cleared(row, common, bounds.TERMS) for row in fractions]
-        solved = implicit_equations.solved_rows(ring, rows, [ring.constant(1)] * len(rows), bounds.TERMS)
-        return None if solved is None else _reduced(ring, solved[0], solved[1], common)
+        scales = [implicit_equations.common_denominator(ring, row, bounds.TERMS) for row in fractions]
+        pairs = zip(fractions, scales, strict=True)
+        rows = [implicit_equations.cleared(row, scale, bounds.TERMS) for row, scale in pairs]
+        solved = implicit_equations.solved_rows(ring, rows, scales, bounds.TERMS)
+        return None if solved is None else _reduced(ring, *solved)
     except (errors.LimitError, ZeroDivisionError):
         return None
 
@@ -167,15 +166,13 @@ def _reduced(
     ring: implicit_equations.OpaqueRing,
     adjugate: implicit_equations.Rows,
     determinant: implicit_equations.Polynomial,
-    scale: implicit_equations.Polynomial,
 ) -> Inverse:
-    """scale * adjugate / determinant, reduced as a whole and entry by entry."""
-    rows = [[implicit_equations.times(scale, entry, bounds.TERMS) for entry in row] for row in adjugate]
+    """adjugate / determinant, reduced as a whole and entry by entry."""
     common = determinant
-    for row in rows:
+    for row in adjugate:
         for entry in row:
             common = common.gcd(entry)
-    short = [[divmod(entry, common)[0] for entry in row] for row in rows]
+    short = [[divmod(entry, common)[0] for entry in row] for row in adjugate]
     bottom = divmod(determinant, common)[0]
     first = ex.factors_of(_tree(ring, bottom, ring.constant(1)))[0]
     if isinstance(first, ex.Number) and first.value < 0:

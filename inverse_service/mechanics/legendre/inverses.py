@@ -240,13 +240,10 @@ def _tripled(k: ex.Expression, b: ex.Expression, inverse: str, function: str) ->
     return 2 * ex.square_root(short_forms.simplified(k)) * third
 
 
-def scalar_branches(block: blocks.Block, solve: blocks.Solver) -> Iterator[blocks.Branch]:
+def scalar_branches(block: blocks.Block, _: blocks.Solver) -> Iterator[blocks.Branch]:
     """All branches found of a block of one velocity."""
     if len(block.names) != 1:
         return
-    shift = _center(block)
-    if shift != ex.ZERO:
-        yield from _about(block, shift, solve)
     rate, momentum = ex.Velocity(block.names[0]), block.momenta[block.names[0]]
     energies = list(_energies(block, rate))
     for root in roots_for(derivative.differentiate(block.function, rate), rate, momentum):
@@ -258,32 +255,6 @@ def scalar_branches(block: blocks.Block, solve: blocks.Solver) -> Iterator[block
         ]
         forms += [short_forms.with_cosines(factored_inside(form)) for form in forms]
         yield blocks.Branch((velocity,), short_forms.shortest(forms or trees), root.conditions)
-
-
-def _center(block: blocks.Block) -> ex.Expression:
-    """h = c_(m-1)/(m c_m) of a polynomial of degree m > 2: in v + h it has no term of degree m - 1."""
-    laurent = laurent_polynomial(block.function, ex.Velocity(block.names[0]))
-    if laurent is None or laurent.generator != ex.Velocity(block.names[0]):
-        return ex.ZERO
-    exponents = sorted(laurent.coefficients)
-    if exponents[0] < 0 or exponents[-1] < 3 or any(exponent.denominator != 1 for exponent in exponents):
-        return ex.ZERO
-    top = exponents[-1]
-    next_coefficient = laurent.coefficients.get(top - 1, ex.ZERO)
-    return short_forms.simplified(next_coefficient / (top * laurent.coefficients[top]))
-
-
-def _about(block: blocks.Block, shift: ex.Expression, solve: blocks.Solver) -> Iterator[blocks.Branch]:
-    """The branches in u = v + h: v = u - h and H = H_u - p h."""
-    name = block.names[0]
-    moved = ex.substitute(block.function, {ex.Velocity(name): ex.Velocity(name) - shift})
-    back: dict[ex.Expression, ex.Expression] = {ex.Velocity(name): ex.Velocity(name) + shift}
-    for branch in solve(collecting.collect(moved), block.names, block.momenta):
-        yield blocks.Branch(
-            (short_forms.simplified(branch.velocities[0] - shift),),
-            short_forms.simplified(branch.hamiltonian - block.momenta[name] * shift),
-            tuple(ex.substitute(condition, back) for condition in branch.conditions),
-        )
 
 
 def _energies(block: blocks.Block, rate: ex.Velocity) -> Iterator[ex.Expression]:
@@ -568,7 +539,8 @@ def radial_branches(block: blocks.Block, solve: blocks.Solver) -> Iterator[block
         radial = _recognized(block, form)
         if radial is not None:
             root = _root_parts(radial.function)
-            yield from _of_root(block, radial, *root) if root else _of_length(block, radial, solve)
+            found = _of_root(block, radial, *root) if root else _of_length(block, radial, solve)
+            yield from (_shifted(block, radial.shift, branch) for branch in found)
             return
 
 
@@ -686,20 +658,19 @@ def _of_root(
         rates = [scale * ex.dot(row, momenta) * energy**-1 for row in radial.inverse.entries]
         condition = -sign * lead
         if not (isinstance(condition, ex.Number) and condition.value < 0):
-            yield _shifted(radial, rates, energy, momenta, (condition,))
+            yield blocks.Branch(tuple(rates), energy, (condition,))
 
 
-def _shifted(
-    radial: _Radial,
-    rates: Sequence[ex.Expression],
-    energy: ex.Expression,
-    momenta: Sequence[ex.Symbol],
-    conditions: tuple[ex.Expression, ...],
-) -> blocks.Branch:
-    velocities = tuple(short_forms.simplified(u - h) for u, h in zip(rates, radial.shift, strict=True))
-    drift = ex.dot(momenta, radial.shift)
-    plain = energy - drift
-    return blocks.Branch(velocities, short_forms.shortest([plain, short_forms.simplified(plain)]), conditions)
+def _shifted(block: blocks.Block, shift: Sequence[ex.Expression], branch: blocks.Branch) -> blocks.Branch:
+    """A branch in u = v + h as one in v: H = H_u - p h."""
+    plain = branch.hamiltonian - ex.dot([block.momenta[name] for name in block.names], shift)
+    pairs = zip(block.names, shift, strict=True)
+    place: dict[ex.Expression, ex.Expression] = {ex.Velocity(n): ex.Velocity(n) + h for n, h in pairs}
+    return blocks.Branch(
+        tuple(short_forms.simplified(u - h) for u, h in zip(branch.velocities, shift, strict=True)),
+        short_forms.shortest([plain, short_forms.simplified(plain)]),
+        tuple(short_forms.simplified(ex.substitute(condition, place)) for condition in branch.conditions),
+    )
 
 
 def _of_length(block: blocks.Block, radial: _Radial, solve: blocks.Solver) -> Iterator[blocks.Branch]:
@@ -708,9 +679,7 @@ def _of_length(block: blocks.Block, radial: _Radial, solve: blocks.Solver) -> It
         return
     momenta = [block.momenta[name] for name in block.names]
     form = blocks.quadratic_form(radial.inverse, momenta)
-    center = dict(zip(block.names, radial.shift, strict=True))
     whole = _form_of_velocities(radial.matrix, block.names)
-    place: dict[ex.Expression, ex.Expression] = {ex.Velocity(n): ex.Velocity(n) + h for n, h in center.items()}
     for e, d in product((1, -1), repeat=2):
         length = ex.square_root(short_forms.simplified(e * form))
         squared = Fraction(e, 2) * ex.Power(_W, ex.number(2))
@@ -721,9 +690,7 @@ def _of_length(block: blocks.Block, radial: _Radial, solve: blocks.Solver) -> It
             size = ex.square_root(e * whole)
             slope = ex.substitute(derivative.differentiate(radial.function, _S), {_S: ex.HALF * whole})
             conditions = [*(ex.substitute(c, {_W: size, **known}) for c in inner.conditions), d * slope]
-            conditions.append(e * whole)
-            placed = tuple(short_forms.simplified(ex.substitute(condition, place)) for condition in conditions)
-            yield _shifted(radial, rates, energy, momenta, placed)
+            yield blocks.Branch(tuple(rates), energy, (*conditions, e * whole))
 
 
 def ratio_branches(block: blocks.Block, solve: blocks.Solver) -> Iterator[blocks.Branch]:

@@ -427,19 +427,10 @@ def _phase_space(
     first: Table = {leaf: rate for leaf, rate in chained if leaf not in pivots}
     last: Table = dict(zip(rates, velocities, strict=True))
     variables: frozenset[ex.Expression] = frozenset([*map(ex.Symbol, coordinates), *transform.symbols, *rates, ex.TIME])
-    divisors = [ex.substitute(tree, first) for tree in _divisors(transform.lagrangian)]
+    held = [rule([transform.lagrangian]) for rule in (real_point.poles, real_point.own_requirements)]
+    divisors = [ex.substitute(tree, first) for trees in held for tree in trees]
     harmless = frozenset(_key(factor) for tree in divisors for factor, _ in ex.powers_of(short_forms.quotient(tree)))
     return _PhaseSpace(first, last, variables, harmless)
-
-
-def _divisors(lagrangian: ex.Expression) -> Iterator[ex.Expression]:
-    """Denominators of L, and the arguments of its roots and logarithms."""
-    for monomial, _ in collecting.expand(lagrangian):
-        for base, exponent in monomial:
-            if exponent < 0 or exponent.denominator != 1:
-                yield base
-            if isinstance(base, ex.Apply) and base.function == "log":
-                yield base.argument
 
 
 def _image(constraint: ex.Expression, place: _PhaseSpace) -> ex.Expression:

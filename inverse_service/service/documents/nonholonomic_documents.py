@@ -56,10 +56,9 @@ SHARE_LEFT = 0.1
 
 def to_nonholonomic_part(study: nonholonomic_study.Study, kept: Sequence[FirstIntegral]) -> schemas.NonholonomicPart:
     """The key `nonholonomic` of a result."""
-    system = study.report.motion.system
-    return schemas.NonholonomicPart(
-        lagrangian=translate.formula(system.lagrangian),
-        constraints=[translate.formula(tree) for tree in system.constraints],
+    return translate.part_of(
+        schemas.NonholonomicPart,
+        study.report.motion.system,
         main=study.answers[study.main].associated.kind,
         equations_of_motion=_motion(study.report.motion),
         integrable=_integrability(study.report),
@@ -113,11 +112,14 @@ def to_any_associated(answer: answering.MotionAnswer) -> schemas.AnyAssociatedPa
         answer,
         **_stated(*_statement(answer)),
         checked="valid" if certificates else None,
-        exceptions=list(answer.exceptions),
-        lagrangian=None if found is None else _motion_lagrangian(found),
+        lagrangian=None
+        if found is None
+        else translate.part_of(
+            schemas.MotionLagrangianPart, found.jet, **dict(translate.lagrangian_part(found.lagrangian))
+        ),
         associated=None if found is None else _belongs_to(found),
         hamiltonian=None if report is None else _hamiltonian(report),
-        image=[] if report is None else [translate.formula(tree) for tree in _images(report)],
+        image=[] if report is None else translate.plain(_images(report)),
         certificate=certificates[0] if certificates else None,
         certificate_with_time=certificates[1] if len(certificates) > 1 else None,
         explanation=[translate.step_part(step) for step in answer.explanation],
@@ -149,14 +151,6 @@ def _where(answer: answering.MotionAnswer) -> Iterator[wording.Piece]:
         yield inequalities.inequality(reader.read_condition(condition, names))
 
 
-def _motion_lagrangian(found: answering.MotionLagrangian) -> schemas.MotionLagrangianPart:
-    return schemas.MotionLagrangianPart(
-        **dict(translate.lagrangian_part(found.lagrangian)),
-        on_constraints=translate.formula(found.jet.on_constraints),
-        transverse_momenta=[translate.formula(tree) for tree in found.jet.transverse_momenta],
-    )
-
-
 def _belongs_to(found: answering.MotionLagrangian) -> schemas.BelongsTo:
     system = found.system
     pairs = () if system is None else zip(system.coordinates, system.accelerations, strict=True)
@@ -165,11 +159,9 @@ def _belongs_to(found: answering.MotionLagrangian) -> schemas.BelongsTo:
 
 def _measure(report: nonholonomic_study.MotionReport) -> schemas.MeasurePart:
     found = report.density
+    density, in_velocities = map(translate.plain, (found.momenta, found.velocities))
     return schemas.MeasurePart(
-        status=found.status,
-        density=None if found.momenta is None else translate.formula(found.momenta),
-        in_velocities=None if found.velocities is None else translate.formula(found.velocities),
-        **_stated(_MEASURE[found.status]),
+        status=found.status, density=density, in_velocities=in_velocities, **_stated(_MEASURE[found.status])
     )
 
 
@@ -228,13 +220,13 @@ def _associated(one: nonholonomic_study.AssociatedAnswer, is_main: bool) -> sche
 
 def _hamiltonisation(report: nonholonomic_study.Report) -> schemas.HamiltonisationPart:
     found = report.found
-    return schemas.HamiltonisationPart(
+    return translate.part_of(
+        schemas.HamiltonisationPart,
+        report,
         associated=report.kind,
-        label=report.label,
         lagrangian=translate.formula(found.lagrangian),
         hamiltonian=_hamiltonian(found),
-        constraints=[translate.formula(tree) for tree in _images(found)],
-        checked=report.checked,
+        constraints=translate.plain(_images(found)),
         statements=[
             schemas.StatementPart(verdict=each.verdict, **_stated(each.text, key="text")) for each in found.statements
         ],

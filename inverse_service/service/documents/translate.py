@@ -53,14 +53,9 @@ def guessed_names(schema: AnyDocument, system: SecondOrderSystem | NonholonomicS
 
 def to_understood(system: SecondOrderSystem, schema: AnyDocument) -> schemas.UnderstoodSystem:
     """The `system` part of a result: canonical equations along with the document as given."""
-    return schemas.UnderstoodSystem(
-        name=system.name,
-        coordinates=list(system.coordinates),
-        **equation_fields(system),
-        parameters=list(system.parameters),
-        functions=function_fields(system),
-        given=schema.model_dump(mode="json", exclude_unset=True),
-    )
+    given = schema.model_dump(mode="json", exclude_unset=True)
+    fields = equation_fields(system) | {"functions": function_fields(system), "given": given, "time": "t"}
+    return part_of(schemas.UnderstoodSystem, system, **fields)
 
 
 def equation_fields(system: SecondOrderSystem) -> dict[str, Any]:
@@ -227,9 +222,7 @@ def lagrangian_part(lagrangian: solutions.Lagrangian) -> schemas.LagrangianPart:
         else "at generic points, where the Hessian of L in the velocities is not singular"
     )
     written = formula_fields(lagrangian.expression)
-    return schemas.LagrangianPart(
-        **written, domain=domain, family=lagrangian.family, regular=regular, reason=lagrangian.reason
-    )
+    return part_of(schemas.LagrangianPart, lagrangian, **written, domain=domain, regular=regular)
 
 
 def _is_regular_everywhere(lagrangian: solutions.Lagrangian) -> bool:
