@@ -100,8 +100,8 @@ def motion_report(
     found = MotionReport(
         exact,
         motion,
-        _or_none(lambda: nonholonomic_integrals.integrability(parts, exact.frame)),
-        _or_none(lambda: nonholonomic_integrals.measure_density(exact))
+        or_none(lambda: nonholonomic_integrals.integrability(parts, exact.frame)),
+        or_none(lambda: nonholonomic_integrals.measure_density(exact))
         or nonholonomic_integrals.MeasureDensity("not_found"),
         member,
         reason,
@@ -114,11 +114,12 @@ def motion_report(
 def first_integrals(report: MotionReport, seed: int, time_limit: float) -> tuple[FirstIntegral, ...]:
     """What is constant along the motion; velocities that only stretch are proposed."""
     motion, exact = report.motion, report.exact
-    proposed = _or_none(lambda: tuple(nonholonomic_integrals.scaled_velocities(exact))) or ()
+    proposed = or_none(lambda: tuple(nonholonomic_integrals.scaled_velocities(exact))) or ()
     return kept.first_integrals(motion, motion.system.lagrangian, seed, time_limit, proposed)
 
 
-def _or_none(work: Callable[[], T]) -> T | None:
+def or_none(work: Callable[[], T]) -> T | None:
+    """What the work gives; None where the budget for exact expressions was used up before it, or by a division by 0."""
     try:
         return work()
     except (TooLarge, ZeroDivisionError):

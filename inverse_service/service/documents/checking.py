@@ -675,28 +675,21 @@ class Examination:
 
     def associated(self, plain: Any, own: dict[str, Any]) -> None:
         """The associated system of the main fields is the one that the document names; the image of D is that of D."""
-        result = self.result
-        asked = plain.get("associated") if isinstance(plain, dict) else None
-        if self.has_document and asks_motion_alone(plain):
-            from inverse_service.service.documents import motion_documents
+        from inverse_service.service.documents import motion_documents
 
-            made = translate.plain_fields(motion_documents.asked_system(plain))
-            for name in ("coordinates", "parameters", "functions"):
-                self.agree(
-                    f"/system/{name}", own[name] == made[name], str(own[name]), f"The document has {made[name]}."
-                )
+        result, alone = self.result, asks_motion_alone(plain)
+        made = motion_documents.asked_fields(plain) if self.has_document else None
+        if made is not None:
+            for name in ("coordinates", "parameters", "functions") if alone else ():
+                good = own[name] == made[name]
+                self.agree(f"/system/{name}", good, str(own[name]), f"The document has {made[name]}.")
             same = comparison.same_formulas(own["equations"], made["equations"], certify.names_of(own))
-            if same is not None:
-                self.agree("/system/equations", same, "", "They are not those of the document.")
-        if asked in ("first", "second", "third") and "multiples" not in plain:
-            from inverse_service.service.documents import motion_documents
-
-            found = motion_documents.parse_associated(motion_documents.to_nonholonomic_schema(plain)) or {}
-            wanted = {name: one["text"] for name, one in found.get("equations", {}).items()}
-            same = comparison.same_formulas(own["equations"], wanted, certify.names_of(own))
-            if same is None:
+            if same is None and not alone:
                 self.unsettled("It could not be decided whether this is the associated system that the document names.")
-            else:
+            elif same is not None and alone:
+                self.agree("/system/equations", same, "", "They are not those of the document.")
+            elif same is not None:
+                asked = plain.get("associated")
                 self.agree("/system/given/associated", same, asked, "The equations are another associated system.")
         energy = result.get("hamiltonian")
         certificate = _object(result.get("certificate"))

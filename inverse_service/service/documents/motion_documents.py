@@ -11,7 +11,7 @@ from inverse_service import errors
 from inverse_service.constrained import nonholonomic_study, reduced
 from inverse_service.constrained.lagrangian import first_system
 from inverse_service.expressions import tree as ex
-from inverse_service.mechanics import constrained_motion
+from inverse_service.mechanics import constrained_motion, paper_class
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading import reader
 from inverse_service.reading.names import Names, escaped
@@ -91,20 +91,6 @@ def parse(schema: schemas.NonholonomicDocument) -> schemas.NonholonomicParseAnsw
     )
 
 
-def parse_associated(schema: schemas.NonholonomicDocument) -> dict[str, Any] | None:
-    """The equations of the one associated system that is asked for, or why it is not defined; None for another
-    question."""
-    if schema.associated not in ("first", "second", "third"):
-        return None
-    system = to_nonholonomic(schema)
-    report = nonholonomic_study.motion_report(system, SHOWN_AT_ONCE)
-    one = nonholonomic_study.associated_systems(report, schema.associated, to_families(schema, system))[0]
-    found = one.system
-    pairs = zip(found.coordinates, found.accelerations, strict=True) if found else ()
-    equations = {name: translate.parsed(f).model_dump() for name, f in pairs}
-    return {"kind": one.kind, "explanation": "" if found else one.explanation, "equations": equations}
-
-
 def system_of(schema: schemas.NonholonomicDocument) -> SecondOrderSystem:
     """The first associated system; raises InputError."""
     first, *_ = nonholonomic_study.associated_systems(
@@ -144,8 +130,18 @@ def systems_of_reduced(
     return system, derived.in_clock(clock, system, factor)
 
 
-def asked_system(document: Any) -> SecondOrderSystem:
-    """The system of a prepared document that asks about the motion alone; raises InputError."""
+def asked_fields(document: Any) -> dict[str, Any] | None:
+    """The fields of the system that a prepared document names: the associated one, or that of the motion alone.
+
+    Without equations where it is not defined; None where the document names none. Raises InputError.
+    """
     if accepting.is_motion(document):
-        return system_of_motion(look_motion(document))
-    return system_of(to_nonholonomic_schema(document))
+        return translate.plain_fields(system_of_motion(look_motion(document)))
+    schema = to_nonholonomic_schema(document)
+    if schema.associated == "any":
+        return translate.plain_fields(system_of(schema))
+    if schema.multiples is not None or schema.associated not in paper_class.KINDS:
+        return None
+    report = nonholonomic_study.motion_report(to_nonholonomic(schema), SHOWN_AT_ONCE)
+    system = nonholonomic_study.associated_systems(report, schema.associated)[0].system
+    return {"equations": {}} if system is None else translate.plain_fields(system)

@@ -19,7 +19,6 @@ from inverse_service.deadline import NOT_YET, now, share
 from inverse_service.decision import solutions
 from inverse_service.explanation import wording
 from inverse_service.expressions import collecting, inequalities, notation, printing, tree as ex
-from inverse_service.field.exact_field import TooLarge
 from inverse_service.mechanics import constrained_motion, method_advice
 from inverse_service.mechanics.first_integrals import FirstIntegral, first_integrals
 from inverse_service.mechanics.paper_class import AssociatedSystem
@@ -172,7 +171,7 @@ def _class(report: nonholonomic_study.MotionReport) -> schemas.ClassPart:
     parts, names = member.geometry, member.geometry.system.coordinates
     dependent = [names[place] for place in member.frame.dependent]
     force = "" if member.force_fits else " that depends on more than `r_2`"
-    N = _in_time(lambda: translate.formula(parts.tree(member.inverse_square_density) ** Fraction(-1, 2)))
+    known = nonholonomic_study.or_none
     return schemas.ClassPart(
         member=True,
         **_stated(
@@ -185,20 +184,11 @@ def _class(report: nonholonomic_study.MotionReport) -> schemas.ClassPart:
         r1=names[member.r1],
         r2=names[member.r2],
         s=dependent,
-        A=_in_time(lambda: translate.formulas(tuple(dependent), tuple(parts.tree(each) for each in member.slopes)))
-        or {},
-        N=N,
-        K=_in_time(lambda: translate.formula(parts.tree(member.slope_of_density))),
+        A=known(lambda: translate.formulas(dependent, map(parts.tree, member.slopes))) or {},
+        N=known(lambda: translate.formula(parts.tree(member.inverse_square_density) ** Fraction(-1, 2))),
+        K=known(lambda: translate.formula(parts.tree(member.slope_of_density))),
         potential=member.has_force,
     )
-
-
-def _in_time(work: Callable[[], T]) -> T | None:
-    """What the work gives; None where the time for exact expressions was used up before it."""
-    try:
-        return work()
-    except TooLarge:
-        return None
 
 
 def _associated(one: nonholonomic_study.AssociatedAnswer, is_main: bool) -> schemas.AssociatedPart:
