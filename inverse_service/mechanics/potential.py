@@ -77,7 +77,8 @@ def potential(ring: ExactRing, variables: Sequence[int], form: Sequence[Quotient
     if all(slope.is_zero for slope in form):
         return Potential((), ring.constant(0))
     partials: list[Partial] = [ring.partial(index) for index in variables]
-    divisors = _divisors(ring, form)
+    places = sorted({index for slope in form for index, _ in slope.exponents})
+    divisors = [Quotient(ring.field, ring.field.denominators[place], ()) for place in places]
     columns = [[partial(element) / element for partial in partials] for element in divisors]
     # Residues that contain symbols are searched among logarithms only: with all terms the elimination would be long.
     simple: list[Quotient] = []
@@ -94,24 +95,20 @@ def potential(ring: ExactRing, variables: Sequence[int], form: Sequence[Quotient
     return Potential(logs, rest)
 
 
-def _divisors(ring: ExactRing, form: Sequence[Quotient]) -> list[Quotient]:
-    places = sorted({index for slope in form for index, _ in slope.exponents})
-    return [Quotient(ring.field, ring.field.denominators[place], ()) for place in places]
-
-
 def _simple_terms(ring: ExactRing, variables: Sequence[int], form: Sequence[Quotient]) -> list[Quotient]:
     """For each term of each slope: itself, times the variable, and with one function changed for another."""
     functions = [index for index, tree in ring.trees.items() if isinstance(tree, Apply | Arbitrary)]
     found: dict[tuple[tuple[int, ...], Exponents], Quotient] = {}
     for variable, slope in zip(variables, form, strict=True):
-        own = _index_of_variable(ring, variable)
+        own = next(index for index, known in ring.trees.items() if known == ring.variables[variable])
         for exponents, _ in slope.numerator.terms():
             base = [int(e) for e in exponents]
             for key in itertools.product(map(tuple, _changes(ring, base, own, functions)), _lowered(slope.exponents)):
                 if key not in found:
                     numerator = ring.field.reduce(ring.field.context.from_dict({key[0]: flint.fmpq(1)}))
                     found[key] = ring.field.quotient(numerator, key[1])
-    return [term for term in found.values() if term.constant_value is None and _is_differentiable(ring, term)]
+    varying = [term for term in found.values() if term.constant_value is None]
+    return [term for term in varying if not any(term.numerator.degrees()[index] for index in ring.undefined)]
 
 
 def _lowered(exponents: Exponents) -> list[Exponents]:
@@ -122,16 +119,6 @@ def _lowered(exponents: Exponents) -> list[Exponents]:
         if multiple > 1
     ]
     return [exponents, *less]
-
-
-def _is_differentiable(ring: ExactRing, term: Quotient) -> bool:
-    degrees = term.numerator.degrees()
-    return not any(degrees[index] for index in ring.undefined)
-
-
-def _index_of_variable(ring: ExactRing, variable: int) -> int:
-    tree = ring.variables[variable]
-    return next(index for index, known in ring.trees.items() if known == tree)
 
 
 def _changes(ring: ExactRing, base: list[int], own: int, functions: Sequence[int]) -> list[list[int]]:
@@ -184,14 +171,6 @@ def factors_of(ring: ExactRing, element: Quotient) -> list[tuple[Fraction, Quoti
     table: dict[int, Fraction] = {index: Fraction(exponent) for index, exponent in powers}
     for index, exponent in element.exponents:
         table[index] = table.get(index, Fraction(0)) - exponent
-    return [
-        (exponent, Quotient(ring.field, ring.field.denominators[index], ()))
-        for index, exponent in table.items()
-        if exponent and not _is_parameter(ring, index)
-    ]
-
-
-def _is_parameter(ring: ExactRing, index: int) -> bool:
-    """Whether a listed denominator is constant in t, q and v."""
-    element = Quotient(ring.field, ring.field.denominators[index], ())
-    return all(ring.partial(k)(element).is_zero for k in range(len(ring.variables)))
+    pairs = [(e, Quotient(ring.field, ring.field.denominators[index], ())) for index, e in table.items() if e]
+    partials = [ring.partial(k) for k in range(len(ring.variables))]  # a parameter is constant in t, q and v
+    return [(e, element) for e, element in pairs if not all(by(element).is_zero for by in partials)]

@@ -87,7 +87,8 @@ def legendre(
         for slope in given
     ]
     functions = tuple(writing.with_products_in_order(slope, constants) for slope in shorter)
-    parts = blocks.split(plain, names, dict(zip(names, symbols, strict=True)))
+    momenta = dict(zip(names, symbols, strict=True))
+    parts = blocks.split(plain, names, momenta)
     implicit = LegendreTransform(lagrangian, symbols, _energy(parts), functions, None, True, renamed)
     points = sampling.sample_points([plain, *functions], positive)
     if not points:
@@ -99,16 +100,18 @@ def legendre(
     found = _of_blocks(parts.blocks, lambda block: _best(block, points, positive, reach, few))
     missing = [group for group, chosen in found.items() if chosen is None]
     if missing:
-        return _noted(implicit, _implicit(_no_closed_form(missing)))
-    branches = [chosen for chosen in found.values() if chosen]
-    closed = _closed(implicit, names, parts, branches)
-    table = _shifts(implicit, names, parts)
+        return _without_closed_form(implicit, missing)
+    branches, table = [chosen for chosen in found.values() if chosen], momentum_shifts(parts.linear, momenta)
+    closed = _closed(implicit, names, parts, branches, table)
+    claim = sampling.Claim(
+        lagrangian, names, dict(zip(symbols, functions, strict=True)), closed.velocities or (), closed.hamiltonian
+    )
     conditions = [ex.substitute(condition, table) for chosen in branches for condition in chosen.judgment.conditions]
-    if sampling.judge(_claim_of(closed, names), conditions, points) is None:
-        return _noted(implicit, _implicit(_no_closed_form(list(found))))
+    if sampling.judge(claim, conditions, points) is None:
+        return _without_closed_form(implicit, list(found))
     # Each block needs its own; few points would not show that of one in the presence of another.
     every = [ex.substitute(condition, table) for chosen in branches for condition in chosen.branch.conditions]
-    every += sampling.signs_of_momenta(_claim_of(closed, names), table, positive, points)
+    every += sampling.signs_of_momenta(claim, table, positive, points)
     return replace(_noted(closed, _branch_note(tuple(dict.fromkeys(conditions)), names)), conditions=tuple(every))
 
 
@@ -220,10 +223,9 @@ def _with_variants(branches: Iterator[blocks.Branch]) -> Iterator[blocks.Branch]
 
 
 def _closed(
-    implicit: LegendreTransform, names: Sequence[str], parts: blocks.Parts, chosen: Sequence[_Chosen]
+    implicit: LegendreTransform, names: Sequence[str], parts: blocks.Parts, chosen: Sequence[_Chosen], table: Table
 ) -> LegendreTransform:
-    """The blocks put together, each momentum less its linear term A_i."""
-    table = _shifts(implicit, names, parts)
+    """The blocks put together, each momentum less its linear term A_i by the table."""
     rates: dict[str, ex.Expression] = {}
     for block, found in zip(parts.blocks, chosen, strict=True):
         rates.update(zip(block.names, (_placed(v, table) for v in found.branch.velocities), strict=True))
@@ -269,12 +271,6 @@ def _constants_of(lagrangian: ex.Expression, names: Sequence[str]) -> tuple[ex.S
     return collecting.in_order_of_products(constants, products)
 
 
-def _shifts(
-    implicit: LegendreTransform, names: Sequence[str], parts: blocks.Parts
-) -> dict[ex.Expression, ex.Expression]:
-    return momentum_shifts(parts.linear, dict(zip(names, implicit.symbols, strict=True)))
-
-
 def _placed(tree: ex.Expression, table: dict[ex.Expression, ex.Expression]) -> ex.Expression:
     """The tree with p - A for p; collected where that is shorter."""
     placed = ex.substitute(tree, table)
@@ -282,21 +278,13 @@ def _placed(tree: ex.Expression, table: dict[ex.Expression, ex.Expression]) -> e
     return placed if placed == tree else short_forms.shortest(forms)
 
 
-def _claim_of(closed: LegendreTransform, names: tuple[str, ...]) -> sampling.Claim:
-    known = dict(zip(closed.symbols, closed.momenta, strict=True))
-    return sampling.Claim(closed.lagrangian, names, known, closed.velocities or (), closed.hamiltonian)
-
-
 def _noted(transform: LegendreTransform, note: str) -> LegendreTransform:
     return replace(transform, note=" ".join(part for part in (transform.note, note) if part))
 
 
-def _no_closed_form(groups: Sequence[Sequence[str]]) -> str:
-    return f"No closed form of p = dL/dv was found for the velocities of {'; '.join(map(', '.join, groups))}."
-
-
-def _implicit(reason: str) -> str:
-    return f"{reason} H is given in the velocities, with the momenta as functions of them."
+def _without_closed_form(implicit: LegendreTransform, groups: Sequence[Sequence[str]]) -> LegendreTransform:
+    what = f"No closed form of p = dL/dv was found for the velocities of {'; '.join(map(', '.join, groups))}."
+    return _noted(implicit, f"{what} H is given in the velocities, with the momenta as functions of them.")
 
 
 def _branch_note(conditions: Sequence[ex.Expression], names: Sequence[str]) -> str:
