@@ -11,7 +11,7 @@ from inverse_service import errors
 from inverse_service.certificate.exceptions import not_found
 from inverse_service.constrained import answering
 from inverse_service.constrained.hamiltonise import Hamiltonisation, hamiltonise, vanish
-from inverse_service.constrained.reduced import Known, confirmed, solution_with
+from inverse_service.constrained.reduced import confirmed, solution_with
 from inverse_service.deadline import now
 from inverse_service.decision import solutions
 from inverse_service.explanation import wording
@@ -322,18 +322,20 @@ def _answer_system(
     return replace(found, reports=(Report(one.kind, "Lagrangian found", answer.checked or "incomplete", made),))
 
 
-def _confirm_known(report: MotionReport, one: paper_class.AssociatedSystem, end: float) -> tuple[Known, ...]:
+def _confirm_known(
+    report: MotionReport, one: paper_class.AssociatedSystem, end: float
+) -> tuple[paper_class.Proposal, ...]:
     """The Lagrangians of the paper's class that the checker confirms for this system."""
     if report.member is None or one.system is None:
         return ()
     here = partial(second_order_system.on_branch, system=one.system)
     proposals = [
-        Known(here(each.lagrangian), _map_transform(each.transform, here), tuple(map(here, each.images)), each.label)
+        replace(each, transform=_map_transform(each.transform, here), images=tuple(map(here, each.images)))
         for each in paper_class.propose_lagrangians(report.member, one.kind)
     ]
     if not proposals:
         return ()
-    return tuple(compress(proposals, confirmed(one.system, [each.lagrangian for each in proposals], end)))
+    return tuple(compress(proposals, confirmed(one.system, [each.transform.lagrangian for each in proposals], end)))
 
 
 def _map_transform(found: LegendreTransform, here: Callable[[ex.Expression], ex.Expression]) -> LegendreTransform:
@@ -346,11 +348,12 @@ def _map_transform(found: LegendreTransform, here: Callable[[ex.Expression], ex.
     )
 
 
-def _report_known(report: MotionReport, one: paper_class.AssociatedSystem, known: Known, seed: int) -> Report:
+def _report_known(
+    report: MotionReport, one: paper_class.AssociatedSystem, known: paper_class.Proposal, seed: int
+) -> Report:
     assert one.system is not None
-    made = hamiltonise(
-        _motion_on_branch(report, one), one.system, known.lagrangian, seed, known.transform, known.images
-    )
+    tree = known.transform.lagrangian
+    made = hamiltonise(_motion_on_branch(report, one), one.system, tree, seed, known.transform, known.images)
     return Report(one.kind, known.source, "valid", made)
 
 

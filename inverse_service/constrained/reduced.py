@@ -27,8 +27,9 @@ from inverse_service.field.exact_field import TooLarge
 from inverse_service.field.point import SingularPoint, gradient
 from inverse_service.linear_pde.involution import Limits
 from inverse_service.mechanics import constrained_motion, writing
-from inverse_service.mechanics.legendre.transform import LegendreTransform, legendre
+from inverse_service.mechanics.legendre.transform import legendre
 from inverse_service.mechanics.nonholonomic_integrals import MeasureDensity
+from inverse_service.mechanics.paper_class import Proposal
 from inverse_service.mechanics.second_order_system import SecondOrderSystem, system_of
 from inverse_service.search import protocol
 from inverse_service.solving import clock, solving
@@ -225,23 +226,13 @@ def _decided(system: SecondOrderSystem, candidate: ex.Expression | None, options
     end = now() + options.time_limit
     without_time = candidate is not None and not system.depends_on_time and not ex.holds(candidate, ex.TIME)
     if candidate is not None and without_time and any(confirmed(system, [candidate], end)):
-        known = Known(candidate, legendre(candidate, system.coordinates), (), CONSTRAINED)
+        known = Proposal(CONSTRAINED, legendre(candidate, system.coordinates), ())
         found = solution_with(system, [known], options)
         assert found.autonomous is not None
         return Decided(found.system, found.autonomous)
     solution = solving.solve(system, replace(options, time_limit=left(end)))
     assert solution.main is not None
     return Decided(solution.system, solution.main)
-
-
-@dataclass(frozen=True, slots=True)
-class Known:
-    """A Lagrangian L(q, v) with its Legendre transform, the constraints' images, and where it comes from."""
-
-    lagrangian: ex.Expression
-    transform: LegendreTransform
-    images: tuple[ex.Expression, ...]
-    source: str
 
 
 def confirmed(system: SecondOrderSystem, proposals: Sequence[ex.Expression], deadline: float) -> tuple[bool, ...]:
@@ -259,7 +250,7 @@ def _is_valid(analysis: deciding.Analysis, lagrangian: ex.Expression, deadline: 
 
 
 def solution_with(
-    system: SecondOrderSystem, known: Sequence[Known], options: solutions.SolveOptions
+    system: SecondOrderSystem, known: Sequence[Proposal], options: solutions.SolveOptions
 ) -> solutions.Solution:
     """The solution whose Lagrangian is the first of `known`; all of them must be confirmed.
 
@@ -282,26 +273,25 @@ def solution_with(
     return solutions.Solution(system, answer, None if options.time_dependent is False else answer, found, provenance)
 
 
-def _answer(analysis: deciding.Analysis, decision: deciding.Decision, known: Sequence[Known]) -> solutions.Answer:
+def _answer(analysis: deciding.Analysis, decision: deciding.Decision, known: Sequence[Proposal]) -> solutions.Answer:
     chosen, *others = known
-    lagrangian = protocol.describe(analysis, chosen.lagrangian, chosen.source)
-    where = certify.where_proved(analysis, chosen.lagrangian, _LONGEST_CHECK)
-    claim = certify.of_lagrangian(analysis, chosen.lagrangian, with_time=False)
+    tree = chosen.transform.lagrangian
+    lagrangian = protocol.describe(analysis, tree, chosen.source)
+    where = certify.where_proved(analysis, tree, _LONGEST_CHECK)
+    claim = certify.of_lagrangian(analysis, tree, with_time=False)
     certificate, proof = certify.proved(analysis, claim, _LONGEST_CHECK)
     hamiltonian = solutions.Hamiltonian.of(chosen.transform, chosen.images)
     decided = decision.verdict == "variational" and decision.space is not None and decision.symbol is not None
     steps = (
         *(positive.existence_steps(decision) if decided else ()),
-        wording.said(
-            f"The {chosen.source} is a regular Lagrangian of the system: ", notation.row("L = ", chosen.lagrangian), "."
-        ),
+        wording.said(f"The {chosen.source} is a regular Lagrangian of the system: ", notation.row("L = ", tree), "."),
         *_short(positive.verification_steps(analysis, lagrangian)),
         *positive.legendre_steps(hamiltonian),
     )
     return solutions.Answer(
         "variational",
         lagrangian=lagrangian,
-        other_lagrangians=tuple(protocol.describe(analysis, other.lagrangian, other.source) for other in others),
+        other_lagrangians=tuple(protocol.describe(analysis, one.transform.lagrangian, one.source) for one in others),
         hamiltonian=hamiltonian,
         space=decision.space if decided else None,
         certificate=certificate,

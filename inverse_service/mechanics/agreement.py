@@ -36,6 +36,8 @@ if TYPE_CHECKING:
 Ring = Any  # one of the checker's, and an element of it
 Value = Any
 Table = dict[ex.Expression, Value]
+# Elements of a ring that have to vanish, each with what is wrong otherwise, and the matrix to be regular.
+_Parts = tuple[list[tuple[Value, str]], list[list[Value]]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,14 +55,6 @@ class GivenText:
     left: str
     right: str
     values: Mapping[str, str]
-
-
-@dataclass(frozen=True, slots=True)
-class _Parts:
-    """Elements of a ring that have to vanish, each with what is wrong otherwise, and the matrix to be regular."""
-
-    zeros: list[tuple[Value, str]]
-    matrix: list[list[Value]]
 
 
 def equations_agree(
@@ -95,7 +89,7 @@ def equations_agree(
             if second is not None:
                 difference = ring.add([second, value], [1, -1])
                 zeros.append((difference, f"Two readers understand equation {number} as given differently."))
-        return _Parts(zeros, matrix(ring, table))
+        return zeros, matrix(ring, table)
 
     def where(question: checks.Question) -> cell.Cell:
         if question.unsolved or not any(map(moving.intersection, map(ex.walk, chain(*slopes)))):
@@ -173,7 +167,7 @@ def motion_agrees(given: NonholonomicSystem, canonical: Canonical, time_limit: f
             left = [ring.add([a, ring.multiply(left[pivot], b, 0)], [1, -1]) for a, b in zip(left, row, strict=True)]
         wrong = "On the constraints these are not the accelerations of the Lagrangian as given."
         zeros += [(entry, wrong) for entry in left]
-        return _Parts(zeros, matrix(ring, table))
+        return zeros, matrix(ring, table)
 
     found = "On the constraints the accelerations are the motion of the Lagrangian as given, which determines it."
     wrong = "The Lagrangian and the constraints as given do not determine the motion."
@@ -192,10 +186,9 @@ def _examined(
     """The verdict on the parts by the checker's two rules; never raises."""
 
     def claims(ring: Ring) -> checks.Claims:
-        found = parts(ring)
-        matrix = [[entry.get(0, 0) for entry in row] for row in found.matrix]
-        zeros = [checks.Zero(*pair) for pair in found.zeros]
-        return checks.Claims(zeros, [checks.Regular(matrix, sentences[1])])
+        zeros, rows = parts(ring)
+        matrix = [[entry.get(0, 0) for entry in row] for row in rows]
+        return checks.Claims([checks.Zero(*pair) for pair in zeros], [checks.Regular(matrix, sentences[1])])
 
     def work(tools: Any) -> list[str]:
         question = checks.Question(tools, canonical.system, True, canonical.claim)

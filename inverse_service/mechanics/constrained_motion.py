@@ -184,19 +184,11 @@ def _lagrangian_parts(
                     "kinetic energy of degree 2, terms linear in the velocities, and a potential.",
                     "/lagrangian",
                 )
-    speeds = [ring.atoms[Velocity(name)] for name in names]
-    linear = tuple(
-        _less(momentum, [entry * speed for entry, speed in zip(row, speeds, strict=True)])
-        for momentum, row in zip(momenta, mass, strict=True)
-    )
-    half = [
-        (entry * speeds[i] * speeds[j]).scaled(Fraction(1, 2))
-        for i, row in enumerate(mass)
-        for j, entry in enumerate(row)
-    ]
-    kinetic = exact_field.sum_of(ring.constant(0), half)
-    rest = _less(lagrangian, [b * speed for b, speed in zip(linear, speeds, strict=True)])
-    return mass, linear, kinetic - rest
+    zero, speeds = ring.constant(0), [ring.atoms[Velocity(name)] for name in names]
+    quadratic = [dot(zero, row, speeds) for row in mass]
+    linear = tuple(momentum - part for momentum, part in zip(momenta, quadratic, strict=True))
+    kinetic = dot(zero, quadratic, speeds).scaled(Fraction(1, 2))
+    return mass, linear, kinetic + dot(zero, linear, speeds) - lagrangian
 
 
 def _holds_velocity(
@@ -206,12 +198,6 @@ def _holds_velocity(
     if any(not derivative(element).is_zero for derivative in by):
         return True
     return any(isinstance(node, Velocity) for node in walk(exact_field.quotient_tree(ring, element)))
-
-
-def _less(first: exact_field.Quotient, terms: Sequence[exact_field.Quotient]) -> exact_field.Quotient:
-    for term in terms:
-        first = first - term
-    return first
 
 
 def _constraint_parts(
@@ -229,7 +215,7 @@ def _constraint_parts(
                 "constraints w_i(q) v^i + c(q) = 0 are accepted.",
                 pointer,
             )
-    offset = _less(value, [entry * ring.atoms[Velocity(name)] for entry, name in zip(row, names, strict=True)])
+    offset = value - dot(ring.constant(0), row, [ring.atoms[Velocity(name)] for name in names])
     if all(entry.is_zero for entry in row):
         if offset.is_zero:
             raise InputError(f"constraint {place + 1} is identically zero: remove it.", pointer)
@@ -465,10 +451,11 @@ def eliminate_multipliers(parts: Geometry, choice: Frame) -> EliminatedMotion:
     """The motion with a given frame; InputError where B^T g B is singular."""
     n, m = parts.size, len(choice.free)
     speeds = [parts.velocity(k) for k in choice.free]
-    velocities = tuple(dot(parts.zero, row, speeds) + drift for row, drift in _rows(choice))
+    rows = list(zip(choice.basis, choice.drift, strict=True))
+    velocities = tuple(dot(parts.zero, row, speeds) + drift for row, drift in rows)
     bias = tuple(
         dot(parts.zero, [_rate(parts, velocities, entry) for entry in row], speeds) + _rate(parts, velocities, drift)
-        for row, drift in _rows(choice)
+        for row, drift in rows
     )
     force = _force(parts, velocities)
     columns = [[row[j] for row in choice.basis] for j in range(m)]
@@ -485,10 +472,6 @@ def eliminate_multipliers(parts: Geometry, choice: Frame) -> EliminatedMotion:
     accelerations = tuple(dot(parts.zero, row, solved) + extra for row, extra in zip(choice.basis, bias, strict=True))
     multipliers = _multipliers(parts, choice, accelerations, force)
     return EliminatedMotion(parts, choice, velocities, accelerations, inertia, multipliers)
-
-
-def _rows(choice: Frame) -> list[tuple[tuple[exact_field.Quotient, ...], exact_field.Quotient]]:
-    return list(zip(choice.basis, choice.drift, strict=True))
 
 
 def _rate(

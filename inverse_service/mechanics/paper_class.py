@@ -164,23 +164,12 @@ def _only(parts: Geometry, element: Quotient, place: int) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class Rotation:
-    """M and S over the coordinates `names` = (r2, s_1, …); `turning` are the places J."""
+    """M, S, and its inverse over the coordinates `moving` of a member; `turning` are the places J."""
 
-    driver: str
-    names: tuple[str, ...]
     turning: tuple[int, ...]
-    generator: tuple[tuple[Expression, ...], ...]
-    form: tuple[tuple[Expression, ...], ...]
-    inverse: tuple[tuple[Expression, ...], ...]
-    explanation: str
-
-    def terms(self) -> list[Expression]:
-        """r1' M w, one tree for each name."""
-        rate = Velocity(self.driver)
-        return [
-            add(*(tidied(entry * rate * Velocity(name)) for entry, name in zip(row, self.names, strict=True)))
-            for row in self.generator
-        ]
+    generator: _Rows
+    form: _Rows
+    inverse: _Rows
 
 
 def rotation(member: PaperClass) -> Rotation:
@@ -198,20 +187,9 @@ def rotation(member: PaperClass) -> Rotation:
     for place in constant:
         form[place][place] = masses[place]
     if turning:
-        if len(turning) == 2:
-            _fill_plane(generator, form, turning, masses, _unit(member), r1)
-        else:
-            _fill_space(generator, form, turning, masses, _unit(member), r1)
-    text = _explanation([names[member.moving[place]] for place in turning], names[member.r1])
-    return Rotation(
-        names[member.r1],
-        tuple(names[place] for place in member.moving),
-        turning,
-        tuple(map(tuple, generator)),
-        tuple(map(tuple, form)),
-        tuple(map(tuple, _inverse(form, turning, masses))),
-        text,
-    )
+        fill = _fill_plane if len(turning) == 2 else _fill_space
+        fill(generator, form, turning, masses, _unit(member), r1)
+    return Rotation(turning, generator, form, _inverse(form, turning, masses))
 
 
 def _unit(member: PaperClass) -> list[Expression]:
@@ -376,9 +354,13 @@ def _third(motion: EliminatedMotion, member: PaperClass) -> AssociatedSystem:
     if len(turned.turning) > 2 and any(isinstance(mass, Number) and mass.value < 0 for mass in masses):
         text = "The third system is not defined: with three and more turning velocities all masses have to be positive."
         return AssociatedSystem("third", None, text)
-    for place, row in zip(member.moving, turned.terms(), strict=True):
-        trees[place] = row + forces[place]
-    return AssociatedSystem("third", _system(motion, "third", tuple(trees)), turned.explanation)
+    names = parts.system.coordinates
+    rate, speeds = Velocity(names[member.r1]), [Velocity(names[place]) for place in member.moving]
+    for place, row in zip(member.moving, turned.generator, strict=True):
+        terms = (tidied(entry * rate * speed) for entry, speed in zip(row, speeds, strict=True))
+        trees[place] = add(*terms) + forces[place]
+    text = _explanation([names[member.moving[place]] for place in turned.turning], names[member.r1])
+    return AssociatedSystem("third", _system(motion, "third", tuple(trees)), text)
 
 
 def _velocity_free(motion: EliminatedMotion, element: Quotient) -> Quotient:
@@ -392,19 +374,18 @@ def _velocity_free(motion: EliminatedMotion, element: Quotient) -> Quotient:
 
 
 @dataclass(frozen=True, slots=True)
-class PaperLagrangian:
-    """A proposal: its Lagrangian, its Legendre transform, and the image of the constraints in phase space.
+class Proposal:
+    """The Legendre transform of a Lagrangian, the image of the constraints in phase space, and where it comes from.
 
-    `label` names it for people. `images` is empty where u is constant and nothing is coupled.
+    `images` is empty where u is constant and nothing is coupled, and for equations without constraints.
     """
 
-    label: str
-    lagrangian: Expression
+    source: str
     transform: LegendreTransform
     images: tuple[Expression, ...]
 
 
-def propose_lagrangians(member: PaperClass, kind: str) -> tuple[PaperLagrangian, ...]:
+def propose_lagrangians(member: PaperClass, kind: str) -> tuple[Proposal, ...]:
     """The proposals for one kind of associated system; none for the first, and none where there is a force.
 
     There are also none where they would be too large or where the time of the member's ring is over.
@@ -420,7 +401,7 @@ def propose_lagrangians(member: PaperClass, kind: str) -> tuple[PaperLagrangian,
         return ()
 
 
-def _of_second(member: PaperClass) -> tuple[PaperLagrangian, ...]:
+def _of_second(member: PaperClass) -> tuple[Proposal, ...]:
     directions = member.directions
     if any(entry.is_zero for entry in directions):
         return ()
@@ -440,7 +421,7 @@ def _of_second(member: PaperClass) -> tuple[PaperLagrangian, ...]:
     return first, _proposal(member, "second Lagrangian of Proposition 1", form, inverse, everything[1:])
 
 
-def _proposal(member: PaperClass, label: str, form: _Rows, inverse: _Rows, coupled: Sequence[int]) -> PaperLagrangian:
+def _proposal(member: PaperClass, label: str, form: _Rows, inverse: _Rows, coupled: Sequence[int]) -> Proposal:
     names = member.geometry.system.coordinates
     moving = [Velocity(names[place]) for place in member.moving]
     masses = [member.geometry.tree(mass) for mass in member.masses]
@@ -451,7 +432,7 @@ def _proposal(member: PaperClass, label: str, form: _Rows, inverse: _Rows, coupl
     terms = [tidied(term / rate) for term in _quadratic(form, moving, coupled)]
     lagrangian = add(*kinetic, *terms)
     transform = _transform(member, lagrangian, inverse, coupled)
-    return PaperLagrangian(label, lagrangian, transform, _images(member, form, coupled, transform))
+    return Proposal(label, transform, _images(member, form, coupled, transform))
 
 
 def _quadratic(matrix: _Rows, vector: Sequence[Expression], places: Sequence[int]) -> list[Expression]:

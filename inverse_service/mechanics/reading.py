@@ -209,8 +209,8 @@ def _read_with(
     names = replace(names, coordinates=system.coordinates)
     check_clashes(names)
     trees = zip(system.coordinates, system.accelerations, strict=True)
-    lines = tuple((ex.Acceleration(name), tree, "/equations") for name, tree in trees)
-    return GivenEquations(names, lines, system.others)
+    solved = tuple((ex.Acceleration(name), tree, "/equations") for name, tree in trees)
+    return GivenEquations(names, solved, system.others)
 
 
 def _canonical_equations(text: str) -> str:

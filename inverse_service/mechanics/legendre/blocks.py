@@ -8,6 +8,7 @@ elimination (Bareiss 1968) over polynomials in opaque atoms.
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from itertools import combinations_with_replacement
 
 from inverse_service import bounds, errors
 from inverse_service.expressions import collecting, tree as ex
@@ -194,16 +195,12 @@ def _tree(
 
 def quadratic_form(inverse: Inverse, momenta: Sequence[ex.Symbol]) -> ex.Expression:
     """p^T G^-1 p: one quotient, or a sum of such where that is shorter."""
+    pairs = list(combinations_with_replacement(enumerate(momenta), 2))
     forms = [
-        ex.add(*(_entry_term(matrix, momenta, i, j) for i in range(len(momenta)) for j in range(i, len(momenta))))
+        ex.add(*(matrix[i][j] * (p**2 if i == j else 2 * p * q) for (i, p), (j, q) in pairs))
         for matrix in (inverse.adjugate, inverse.entries)
     ]
     return short_forms.shortest([forms[1], over(forms[0], inverse.determinant)])
-
-
-def _entry_term(matrix: Matrix, momenta: Sequence[ex.Symbol], i: int, j: int) -> ex.Expression:
-    square = momenta[i] ** 2 if i == j else 2 * momenta[i] * momenta[j]
-    return matrix[i][j] * square
 
 
 def _shorter_row(inverse: Inverse, row: int, momenta: Sequence[ex.Symbol]) -> ex.Expression:

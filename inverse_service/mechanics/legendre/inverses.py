@@ -572,7 +572,10 @@ def _recognized(block: blocks.Block, form: ex.Expression) -> _Radial | None:
         return None
     matrix, slopes = parts
     shift = tuple(short_forms.simplified(ex.dot(row, slopes)) for row in inverse.entries)
-    centered = _centered(block, shift)
+    # The function of u, written with the velocities of v.
+    pairs = zip(block.names, shift, strict=True)
+    table: dict[ex.Expression, ex.Expression] = {ex.Velocity(n): ex.Velocity(n) - h for n, h in pairs}
+    centered = ex.substitute(block.function, table)
     along = _along_a_ray(centered, block.names, matrix)
     if along is None:
         return None
@@ -597,13 +600,6 @@ def _quadratic_parts(form: ex.Expression, names: Sequence[str]) -> tuple[blocks.
     if matrix is None or slopes is None:
         return None
     return matrix, [slopes.get(name, ex.ZERO) for name in names]
-
-
-def _centered(block: blocks.Block, shift: Sequence[ex.Expression]) -> ex.Expression:
-    """The function of u, written with the velocities of v."""
-    pairs = zip(block.names, shift, strict=True)
-    table: dict[ex.Expression, ex.Expression] = {ex.Velocity(n): ex.Velocity(n) - h for n, h in pairs}
-    return ex.substitute(block.function, table)
 
 
 def _along_a_ray(function: ex.Expression, names: Sequence[str], matrix: blocks.Matrix) -> ex.Expression | None:
