@@ -457,4 +457,5 @@ def kind_part(found: KindAnswer) -> schemas.KindPart:
         checked=None if found.certificate is None else "valid",
         lagrangian=None if found.lagrangian is None else translate.lagrangian_part(found.lagrangian),
         near=(found.certificate or {}).get("near") or {},
+        exceptions=list(found.exceptions),
     )

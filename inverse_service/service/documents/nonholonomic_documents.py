@@ -111,6 +111,7 @@ def to_any_associated(answer: answering.MotionAnswer) -> schemas.AnyAssociatedPa
         answer,
         **_stated(*_statement(answer)),
         checked="valid" if certificates else None,
+        exceptions=list(answer.exceptions),
         lagrangian=None
         if found is None
         else translate.part_of(
