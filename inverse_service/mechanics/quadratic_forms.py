@@ -134,19 +134,9 @@ def _times(left: Monomial, right: Monomial, power: int = 1) -> Monomial:
     return tuple(sorted(((b, e) for b, e in table.items() if e), key=lambda item: repr(item[0])))
 
 
-def _product(left: Terms, right: Terms) -> Terms:
-    found: Terms = {}
-    for a, x in left.items():
-        for b, y in right.items():
-            key = _times(a, b)
-            found[key] = found.get(key, Fraction(0)) + x * y
-    return {key: value for key, value in found.items() if value}
-
-
 def _squares(terms: Terms, order: Sequence[Expression]) -> list[Expression]:
     """The quadratic form as a sum of squares as far as the coefficients of squares are single monomials."""
-    left = {_times(key, ()): value for key, value in terms.items()}
-    found = []
+    left, found = dict(terms), list[Expression]()
     for v in order:
         square = {key: value for key, value in left.items() if dict(key).get(v) == 2}
         cross = {key: value for key, value in left.items() if dict(key).get(v) == 1}
@@ -166,9 +156,7 @@ def _squares(terms: Terms, order: Sequence[Expression]) -> list[Expression]:
             rest = outside
         form = {_times(root, ((v, Fraction(1)),)): Fraction(1)} | linear
         found.append(ex.multiply(ex.number(value), terms_tree([(rest, Fraction(1))]), terms_tree(form.items()) ** 2))
-        taken = _product({rest: value}, _product(form, form))
-        left = {k: left.get(k, Fraction(0)) - taken.get(k, Fraction(0)) for k in {**left, **taken}}
-        left = {k: c for k, c in left.items() if c}
+        left = dict(expand(terms_tree(left.items()) - found[-1]))
     return [*found, terms_tree(left.items())]
 
 

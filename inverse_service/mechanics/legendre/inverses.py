@@ -24,7 +24,7 @@ H = (p_k + p_w^T S^-1 p_w/2)^2 / (2 a).
 """
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
@@ -32,7 +32,7 @@ from itertools import combinations, product
 
 from inverse_service import bounds
 from inverse_service.expressions import collecting, derivative, tree as ex
-from inverse_service.mechanics import quadratic_forms
+from inverse_service.mechanics import euler_lagrange, quadratic_forms
 from inverse_service.mechanics.legendre import blocks, sampling, short_forms
 
 Rule = Callable[[ex.Expression], ex.Expression]
@@ -476,7 +476,7 @@ def _forms(block: blocks.Block) -> tuple[Form, ...]:
         found.update(dict.fromkeys(forms))
     if not found:  # that of a square, (z' - y x')^2/2, is its slope by z'
         slopes = (derivative.differentiate(block.function, ex.Velocity(name)) for name in block.names)
-        linear = (linear_coefficients(collecting.expand(slope), block.names) for slope in slopes)
+        linear = (linear_coefficients(slope, block.names) for slope in slopes)
         found.update((form, None) for one in linear if one and len(one) > 1 and (form := _monic(one, block.names)))
         return tuple(found)[:1]
     return tuple(found) if len(found) <= len(block.names) else ()
@@ -489,7 +489,7 @@ def _forms_of(monomial: collecting.Monomial, names: Sequence[str]) -> list[Form]
     for base, power in monomial:
         if isinstance(base, ex.Velocity) or not short_forms.velocities_in(base, names):
             continue
-        part = linear_coefficients(collecting.expand(base.argument if isinstance(base, ex.Apply) else base), names)
+        part = linear_coefficients(base.argument if isinstance(base, ex.Apply) else base, names)
         if ex.is_exponential(base) and part:
             for name, value in part.items():
                 exponent[name] = exponent.get(name, ex.ZERO) + power * value
@@ -507,20 +507,12 @@ def _monic(coefficients: Mapping[str, ex.Expression] | None, names: Sequence[str
     return tuple(short_forms.simplified(coefficients.get(name, ex.ZERO) / first) for name in names)
 
 
-def linear_coefficients(terms: Iterable[collecting.Term], names: Sequence[str]) -> Mapping[str, ex.Expression] | None:
-    """The coefficients of the velocities in terms that are linear in them (free terms allowed), else None."""
-    found: dict[str, ex.Expression] = {}
-    for monomial, value in terms:
-        inside = short_forms.velocities_in(collecting.monomial_tree(monomial), names)
-        if not inside:
-            continue
-        name = next(iter(inside))
-        rest = tuple(pair for pair in monomial if pair != (ex.Velocity(name), Fraction(1)))
-        if len(rest) != len(monomial) - 1 or short_forms.velocities_in(collecting.monomial_tree(rest), names):
-            return None
-        term = value * (collecting.monomial_tree(rest) if rest else ex.ONE)
-        found[name] = found.get(name, ex.ZERO) + term
-    return found
+def linear_coefficients(tree: ex.Expression, names: Sequence[str]) -> Mapping[str, ex.Expression] | None:
+    """The coefficients of the velocities in a tree that is linear in them (free terms allowed), else None."""
+    parts = euler_lagrange.linear_parts(collecting.collect(tree), ex.Velocity)
+    if not isinstance(parts, tuple):
+        return None
+    return {leaf.coordinate: slope for leaf, slope in parts[0].items() if leaf.coordinate in names}
 
 
 @dataclass(frozen=True, slots=True)
@@ -596,7 +588,7 @@ def _quadratic_parts(form: ex.Expression, names: Sequence[str]) -> tuple[blocks.
         if sum(found.values()):
             (linear if sum(found.values()) == 1 else quadratic).append((monomial, value))
     matrix = blocks.form_matrix(quadratic, names) if quadratic else None
-    slopes = linear_coefficients(linear, names)
+    slopes = linear_coefficients(collecting.terms_tree(linear), names)
     if matrix is None or slopes is None:
         return None
     return matrix, [slopes.get(name, ex.ZERO) for name in names]

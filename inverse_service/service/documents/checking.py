@@ -779,10 +779,8 @@ def _contains_time(formulas: Mapping[str, str]) -> bool:
 def _is_defined(formula: str, domain: Sequence[str], names: Names) -> bool:
     """Whether a formula has a value wherever a stated domain holds, whatever values its names have."""
     try:
-        tree, stated = (
-            reader.read_formula(formula, names),
-            [(reader.read_condition(one, names), "!=" in one) for one in domain],
-        )
+        tree = reader.read_formula(formula, names)
+        stated = [(reader.read_condition(one, names), "!=" in one) for one in domain]
     except (InputError, ValueError):  # a chain a < b < c, for one
         return False
     nonzero, positive = ([one for one, unequal in stated if unequal is kind] for kind in (True, False))

@@ -19,7 +19,7 @@ from inverse_service.deadline import NOT_YET, now, share
 from inverse_service.decision import solutions
 from inverse_service.explanation import wording
 from inverse_service.expressions import collecting, inequalities, notation, printing, tree as ex
-from inverse_service.mechanics import constrained_motion, method_advice
+from inverse_service.mechanics import constrained_motion, method_advice, nonholonomic_integrals
 from inverse_service.mechanics.first_integrals import FirstIntegral, first_integrals
 from inverse_service.mechanics.paper_class import AssociatedSystem
 from inverse_service.reading import reader
@@ -83,9 +83,8 @@ def _integrability(report: nonholonomic_study.MotionReport) -> schemas.Integrabi
     found, count = report.integrability, len(report.motion.system.constraints)
     if found is None:
         text = "It could not be decided whether constraints are integrable, because their brackets are too large."
-        nothing: dict[str, Any] = {"holonomic": False, "integrable": 0, "count": count, "growth": [], "integrals": []}
-        return schemas.IntegrabilityPart(**nothing, **_stated(text))
-    if found.integrable == 0:
+        found = nonholonomic_integrals.Integrability(count, 0, (), ())
+    elif found.integrable == 0:
         text = "No combination of the constraints is integrable."
     elif found.holonomic:
         text = (
