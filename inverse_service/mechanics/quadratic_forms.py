@@ -156,7 +156,8 @@ def _squares(terms: Terms, order: Sequence[Expression]) -> list[Expression]:
             rest = outside
         form = {_times(root, ((v, Fraction(1)),)): Fraction(1)} | linear
         found.append(ex.multiply(ex.number(value), terms_tree([(rest, Fraction(1))]), terms_tree(form.items()) ** 2))
-        left = dict(expand(terms_tree(left.items()) - found[-1]))
+        remaining = dict(expand(terms_tree(left.items()) - found[-1]))
+        left = {k: remaining[k] for k in dict.fromkeys([*left, *remaining]) if k in remaining}  # in their order
     return [*found, terms_tree(left.items())]
 
 

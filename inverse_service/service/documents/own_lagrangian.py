@@ -213,17 +213,21 @@ def _equations_of(
     lagrangian: ex.Expression, system: SecondOrderSystem
 ) -> tuple[tuple[ex.Expression, ...] | None, bool]:
     """The accelerations that L gives, None where they are not solved for; whether L is not regular."""
-    names = system.coordinates
-    sums = euler_lagrange.euler_lagrange_sums(lagrangian, names, [ex.Acceleration(name) for name in names])
+    if system.is_unsolved:
+        return None, False
     try:
-        equations = [implicit_equations.linear_equation(tree, POINTER) for tree in sums]
-        return (
-            (None, False) if system.is_unsolved else (implicit_equations.solve_accelerations(equations, names), False)
-        )
+        return _solved(lagrangian, system.coordinates), False
     except LimitError:
         return None, False
     except InputError:
         return None, True
+
+
+def _solved(lagrangian: ex.Expression, names: Sequence[str]) -> tuple[ex.Expression, ...]:
+    """The accelerations by the Euler-Lagrange equations; InputError where L is not regular."""
+    sums = euler_lagrange.euler_lagrange_sums(lagrangian, names, [ex.Acceleration(name) for name in names])
+    equations = [implicit_equations.linear_equation(tree, POINTER) for tree in sums]
+    return implicit_equations.solve_accelerations(equations, names)
 
 
 def _formulas(system: SecondOrderSystem, trees: tuple[ex.Expression, ...]) -> dict[str, dict[str, str]]:
@@ -269,15 +273,9 @@ def _motion(schema: LagrangianDocument) -> tuple[ex.Expression, SecondOrderSyste
     """L with the system q'' = f of its Euler-Lagrange equations."""
     declared = Declared(schema.coordinates, schema.parameters, schema.functions, schema.where, most=MAX_FORWARD)
     known = known_names(declared, {"/lagrangian": schema.lagrangian}, order=1)
-    lagrangian, names = (
-        known.put_in(constrained_motion.read_lagrangian(schema.lagrangian, known.names)),
-        known.remaining(),
-    )
-    sums = euler_lagrange.euler_lagrange_sums(
-        lagrangian, names.coordinates, [ex.Acceleration(name) for name in names.coordinates]
-    )
-    equations = [implicit_equations.linear_equation(tree, "/lagrangian") for tree in sums]
-    solved = implicit_equations.solve_accelerations(equations, names.coordinates)
+    lagrangian = known.put_in(constrained_motion.read_lagrangian(schema.lagrangian, known.names))
+    names = known.remaining()
+    solved = _solved(lagrangian, names.coordinates)
     accelerations = tuple(_written(tree, [*map(ex.Symbol, names.parameters)]) for tree in solved)
     functions = tuple(names.functions.items())
     return lagrangian, SecondOrderSystem(names.coordinates, accelerations, names.parameters, functions, schema.name)
