@@ -28,7 +28,7 @@ geometric integration of nonholonomic mechanical systems, 2009, Propositions 1 a
 one constraint in T. Mestdag's systems see docs/explanation/constrained-systems.md).
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Literal
@@ -278,7 +278,7 @@ class AssociatedSystem:
 def associated(motion: EliminatedMotion, member: PaperClass | None, reason: str, kind: Kind) -> AssociatedSystem:
     """One associated system of the motion; `reason` says why the system is outside the class, if it is."""
     if kind == "first":
-        return _named(motion, kind, motion.accelerations, _FIRST)
+        return _defined(motion, kind, map(motion.geometry.tree, motion.accelerations), _FIRST)
     if kind == "second":
         return _second(motion, member)
     if member is None:
@@ -297,20 +297,13 @@ def with_multiples(base: AssociatedSystem, multiples: Sequence[Expression], name
     return AssociatedSystem(name, changed, f"{base.explanation} The given multiples of the constraints are added.")
 
 
-def _named(
-    motion: EliminatedMotion, kind: str, accelerations: Sequence[Quotient], explanation: str
-) -> AssociatedSystem:
-    parts = motion.geometry
-    trees = tuple(parts.tree(element) for element in accelerations)
-    return AssociatedSystem(kind, _system(motion, kind, trees), explanation)
-
-
-def _system(motion: EliminatedMotion, kind: str, accelerations: tuple[Expression, ...]) -> SecondOrderSystem:
-    given = motion.geometry.system
+def _defined(motion: EliminatedMotion, kind: str, trees: Iterable[Expression], explanation: str) -> AssociatedSystem:
+    """The associated system with these accelerations."""
+    given, accelerations = motion.geometry.system, tuple(trees)
     title = f"{given.name}, {kind} associated system" if given.name else f"{kind} associated system"
     system = SecondOrderSystem(given.coordinates, accelerations, given.parameters, given.functions, title)
     places = open_places(motion.geometry, motion.frame, accelerations, motion.inertia)
-    return replace(system, nonzero=places)
+    return AssociatedSystem(kind, replace(system, nonzero=places), explanation)
 
 
 def _second(motion: EliminatedMotion, member: PaperClass | None) -> AssociatedSystem:
@@ -328,9 +321,8 @@ def _second(motion: EliminatedMotion, member: PaperClass | None) -> AssociatedSy
             free = choice.free[columns[0]]
             accelerations[place] = _replaced(motion, accelerations[place], free, place, row[columns[0]])
     plain = "In s'' = ... each term with the free velocity that s' is a multiple of has s' in its place"
-    if member is None:
-        return _named(motion, "second", accelerations, f"{plain} (the paper's rule, used outside its class).")
-    return _named(motion, "second", accelerations, f"{plain}: r1' r2' = -r1' s'/A.")
+    rest = " (the paper's rule, used outside its class)." if member is None else ": r1' r2' = -r1' s'/A."
+    return _defined(motion, "second", map(parts.tree, accelerations), plain + rest)
 
 
 def _replaced(motion: EliminatedMotion, element: Quotient, free: int, place: int, ratio: Quotient) -> Quotient:
@@ -360,7 +352,7 @@ def _third(motion: EliminatedMotion, member: PaperClass) -> AssociatedSystem:
         terms = (tidied(entry * rate * speed) for entry, speed in zip(row, speeds, strict=True))
         trees[place] = add(*terms) + forces[place]
     text = _explanation([names[member.moving[place]] for place in turned.turning], names[member.r1])
-    return AssociatedSystem("third", _system(motion, "third", tuple(trees)), text)
+    return _defined(motion, "third", trees, text)
 
 
 def _velocity_free(motion: EliminatedMotion, element: Quotient) -> Quotient:

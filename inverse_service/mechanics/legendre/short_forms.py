@@ -115,33 +115,24 @@ def _without_squares(tree: ex.Expression) -> Iterator[ex.Expression]:
     for function, other in (("sin", "cos"), ("cos", "sin")):
         both = {n.argument for n in nodes if n.function == function and ex.Apply(other, n.argument) in nodes}
         if both:
-            yield _squares_replaced(tree, function, other, both, {})
+            yield _squares_replaced(tree, function, other, both)
 
 
-def _squares_replaced(
-    tree: ex.Expression,
-    function: str,
-    other: str,
-    both: Collection[ex.Expression],
-    known: dict[ex.Expression, ex.Expression],
-) -> ex.Expression:
-    """`known`: parts that occur often are replaced once."""
-    if tree not in known:
-        deadline.check(0)
-        known[tree] = _square_replaced(
-            ex.rebuild(tree, lambda part: _squares_replaced(part, function, other, both, known)), function, other, both
-        )
-    return known[tree]
+def _squares_replaced(tree: ex.Expression, function: str, other: str, both: Collection[ex.Expression]) -> ex.Expression:
+    known: dict[ex.Expression, ex.Expression] = {}  # parts that occur often are replaced once
 
+    def replaced(part: ex.Expression) -> ex.Expression:
+        if part not in known:
+            deadline.check(0)
+            known[part] = ex.rebuild(part, replaced)
+            match known[part]:
+                case ex.Power(ex.Apply(name, argument), ex.Number(value)) if name == function and argument in both:
+                    whole = value.numerator // 2 if value.denominator == 1 and value > 1 else 0
+                    square = 1 - ex.Apply(other, argument) ** 2
+                    known[part] = square**whole * ex.Apply(name, argument) ** (value - 2 * whole)
+        return known[part]
 
-def _square_replaced(inner: ex.Expression, function: str, other: str, both: Collection[ex.Expression]) -> ex.Expression:
-    match inner:
-        case ex.Power(ex.Apply(name, argument), ex.Number(value)) if name == function and argument in both:
-            whole = value.numerator // 2 if value.denominator == 1 and value > 1 else 0
-            square = 1 - ex.Apply(other, argument) ** 2
-            return square**whole * ex.Apply(name, argument) ** (value - 2 * whole)
-        case _:
-            return inner
+    return replaced(tree)
 
 
 def roots_apart(tree: ex.Expression) -> ex.Expression:
