@@ -168,6 +168,20 @@ class Letters:
                 degrees = u.above.degrees(), u.below.degrees()
         return u
 
+    def divided(self, p: Polynomial, q: Polynomial) -> Polynomial | None:
+        """The s of less degree with p = s q by r^2 = w, for q = a + b r with a root r = sqrt(w)."""
+        degrees = q.degrees()
+        for place in (k for k in self.holds(q) if k in self.squares and degrees[k] == 1):
+            w = self.squares[place]
+            a, b = self.parts_of(q, place, 1)
+            conjugate = a - b * self.generators[place]
+            above, norm = (self.put_square(each * conjugate, place, w) for each in (p, q))
+            rest = self.reduced(above.above * norm.below, above.below * norm.above)
+            if rest.below.is_constant() and rest.above.total_degree() < p.total_degree():
+                product, same = (self.put_square(one, place, w) for one in (rest.above * q, p))
+                return rest.above if product == same else None
+        return None
+
     def put_square(self, polynomial: Polynomial, place: int, w: Quotient) -> Quotient:
         most = int(polynomial.degrees()[place]) // 2
         above = self.context.constant(0)
@@ -498,7 +512,7 @@ class Knowledge:
 
     def __init__(self, ring: Letters, needs: Iterable[Need] = ()) -> None:
         self.ring = ring
-        self.nonzero, self.signs = set[str](), dict[str, int]()
+        self.nonzero, self.signs = dict[str, Polynomial](), dict[str, int]()
         self.wholes, self.found = list[Polynomial](), dict[tuple[str, int], int]()
         self.products = list[tuple[int, list[Polynomial]]]()
         self.listed = list[tuple[Polynomial, int, set[int]]]()
@@ -507,7 +521,7 @@ class Knowledge:
 
     def learn(self, need: Need) -> None:
         content, found = self.ring.factors(need.polynomial)
-        self.nonzero |= {str(q) for p, _ in found for form in self.forms(p) for q in form}
+        self.nonzero |= {str(q): q for p, _ in found for form in self.forms(p) for q in form}
         if need.kind == ">" and found:
             odd, sign = [p for p, k in found if k % 2], 1 if content > 0 else -1
             if len(odd) == 1:
@@ -525,8 +539,17 @@ class Knowledge:
     def never_zero(self, p: Polynomial) -> bool:
         """Whether all factors of one of its forms are not 0 wherever the needs hold."""
         return any(
-            all(str(q) in self.nonzero or self.sign(q) for q in form) for form in self.forms(p)
+            all(str(q) in self.nonzero or self.sign(q) or self.by_division(q) for q in form)
+            for form in self.forms(p)
         )
+
+    def by_division(self, p: Polynomial) -> bool:
+        """Whether p is a product of polynomials that are not 0, by sqrt(w)^2 = w."""
+        for q in self.nonzero.values():
+            rest = self.ring.divided(p, q)
+            if rest is not None:
+                return rest.is_constant() or self.never_zero(rest)
+        return False
 
     def forms(self, p: Polynomial) -> Iterator[list[Polynomial]]:
         """Factors that are not 0 where p is not: of all forms by sin^2 + cos^2 = 1, each unique.
