@@ -25,14 +25,15 @@ _TO = r"(?:subject\s+to|s\.\s?t\.|constrained\s+by)"
 _KIND = (
     r"(?:(?:the|two|a|(?:non-?)?holonomic|rolling|kinematic|velocity|linear|Pfaffian|no-?slip|equations?\s+of)\s+){0,5}"
 )
+_HELD = r"(?:constraints?|(?:rolling|no-?slip)\s+conditions?)"
 _WORDS = (
-    rf"(?:(?:{_TO}|with|under)\s+{_KIND}constraints?|{_TO}|{_KIND}constraints?(?:\s*\([A-Z]\))?(?=\s*:|\s+[-\u2212\w\\$]))"
+    rf"(?:(?:{_TO}|with|under)\s+{_KIND}{_HELD}|{_TO}|{_KIND}constraints?(?:\s*\([A-Z]\))?(?=\s*:|\s+[-\u2212\w\\$]))"
     r"(?:\s*\d(?=\s*:)|\s+(?:is|are|reads?)\b)?"
 )
 # The words between a Lagrangian and its constraints, in LaTeX in an upright font.
 _SUBJECT_TO = re.compile(
     rf"\\(?:text|textrm|mathrm|mbox)\s*\{{\s*(?:and\s+)?{_WORDS}\s*:?\s*\}}\s*:?|(?:\.\s+|\band\s+)?\b{_WORDS}\s*:?"
-    r"|\bi\.\s?e\.,?",
+    r"|\bi\.\s?e\.,?|\bas\s+well\s+as\b",
     re.I,
 )
 # Van der Pol: x'' = …, Eq. (3.2): x'' = …, and x'' = … (eq. 3.2)
@@ -44,8 +45,11 @@ _TITLE = (
     r"(?:\w|\s(?:\([\w ,-]+\)|\[[\w ,-]+\]))"
 )
 _LABEL = re.compile(
-    rf"(?:^|(?<=[;,\n])|(?<=quad))[ \t]*(?:{_TITLE}|\(?[A-Z]\)?|[\w -]{{0,20}}(?:energy|slip(?:ping)?|conditions?)|"
-    rf"{_NUMBERED}|eq\d+)\s*:(?![=:])|^\s*{_TITLE}(?<=[a-z]{{2}}[a-z)\]])\.(?=\s)"
+    rf"(?:^|(?<=[;,\n])|(?<=quad))[ \t]*(?:{_TITLE}|\(?[A-Z]\)?"
+    rf"|[\w -]{{0,20}}(?:energy|slip(?:ping)?|conditions?|rolling)|{_NUMBERED}|eq\d+)"
+    rf"\s*:(?![=:])|^\s*{_TITLE}(?<=[a-z]{{2}}[a-z)\]])\.(?=\s)"
+    rf"|(?:^|(?<=[;,\n]))[ \t]*(?:[Kk]inetic|[Pp]otential)\s+energy\s+(?=[A-Z]\s*=)|^\s*{_NUMBERED}(?=\s)"
+    r"|(?<=\s)\[[A-Z][\w.,\s\u2013-]{3,60}\](?=\s*$)"
     rf"|^\s*(?:Problem|Example|Exercise)\s+{_NUMBER}\.?(?=\s)"
     r"|^[ \t]*\([A-Z][a-z]{3,}(?:[ \u2013-][A-Za-z]{3,})*\)(?=[ \t])"
     rf"|(?<![ \t])[ \t]+(?:(?:,[ \t]*)?(?:\({_NUMBERED}\)|\[{_NUMBERED}\]|{_NUMBERED})"
@@ -67,8 +71,8 @@ _MATHEMATICS = re.compile(r"(?<![\w)\\])(\$\$?)([^$]+)\1(?!\w)|(?<!\\)(?<!\\!)\\
 _JOINING = re.compile(r"\b(?:and|with|where)(?=\s+\\[^;,.]*=)")
 # Solve x'' = …, Consider the Lagrangian L = …
 _BEFORE = re.compile(
-    r"^\s*(?i:(?:Solve|Find|solutions?|Consider|Let|Given|Minimi[sz]e|Study|the|equations?,?|of|motion|for|system|Lagrangian"
-    r"|(?:kinetic|total)\s+energy|\w+['\u2019]s(?=\s+equation))\s+)+(?=[\w\\(])"
+    r"^\s*(?i:(?:Solve|(?:Find|Consider)(?:\s+an?)?|solutions?|Let|Given|Minimi[sz]e|Study|the|equations?,?|of|motion|for|system|function"
+    r"|Lagrang(?:ian|e)|(?:kinetic|total)\s+energy|\w+['\u2019]s(?=\s+equation))\s+)+(?=[\w\\(])"
 )
 # Words of a sentence, with single letters between them: where g is the acceleration of gravity.
 _WRAPPED = r"\\(?:text|textrm|mbox)\s*\{"
@@ -85,11 +89,13 @@ _ARTICLE = re.compile(r"\b(?:the|an)\s+[A-Za-z]{4,}", re.I)
 # A sentence holds an article before a word, or one of the first; what is left out begins and ends with one of both.
 _OF_SENTENCES = (
     "is are study denotes denote have has which that let suppose assume consider moves move slides rolls reads "
-    "obeys satisfies governed described acts impose imposing small large cannot slip slips yields gives"
+    "obeys satisfies governed described acts impose imposing small large cannot slip slips yields gives becomes "
+    "describe describes"
 )
 _BESIDE_THEM = (
     "the an where with here for and in of on at by to be we being under obtain read subject constraint constraints "
-    "equation equations motion lagrangian system energy"
+    "equation equations motion lagrangian system energy oscillator pendulum particle rolling condition "
+    "conditions"
 )
 _ARITHMETIC = re.compile(
     r"\b(?:times|plus|minus|over|divided|squared?|cubed?|per|sum|product|root|const|constants?)\b", re.I
@@ -410,7 +416,7 @@ def _without_remarks(tokens: list[Token], formula: str, names: Names) -> list[To
             group = []
         equal = group and (names.energy or _has(group, "="))
         found += _without_number(group, formula, names) if equal else group
-        found += [end] if end is not None and group else []
+        found += [end] if end is not None and (group or not found) else []  # a word that begins the rest is a remark
     return found
 
 
@@ -481,6 +487,10 @@ def _without_number(group: list[Token], formula: str, names: Names) -> list[Toke
     if first.kind == "number" and first.text.endswith(".") and second.space_before:
         note(first.text, LEFT_OUT)
         return group[1:]
+    if re.fullmatch(r"\d+\.\d+\s\s+", formula[first.column - 1 : second.column - 1]):  # 6.3  y'' + y = 0
+        what, span = f"{first.text} could be an equation number", (first.column, second.column)
+        instead = "leave it out, or write * before a factor"
+        raise refusal(what, first.column, instead, (f"{first.text}*",), span)
     if len(group) < 2 or not _is_number([number]):
         return group
     before, shown = group[-2], tk.spelled([number])

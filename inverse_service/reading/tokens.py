@@ -40,7 +40,10 @@ _OPENING = {closing: opening for opening, closing in CLOSING.items()}
 _EXPECTS_MORE = ("+", "-", "*", "/", "^", "_", "=", ",", "&")
 _GOES_ON = ("+", "*", "/", "^", "_", "=", ",", "&")
 # Words that join equations, and conditions, to what is before them.
-JOINING, CONDITIONAL = ("where", "with", "given", "and", "so", "thus", "hence", "therefore"), ("for", "if", "when")
+JOINING, CONDITIONAL = (
+    ("where", "with", "given", "and", "so", "thus", "hence", "therefore", "but"),
+    ("for", "if", "when"),
+)
 END = "an operator or the end"
 NUMBER = re.compile(r"(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 _GROUPED = re.compile(r"[0-9]+(?:_[0-9]+)+|[0-9]{1,3}(?:['\u2019][0-9]{3})+(?![0-9])")  # 1_000, 1'000

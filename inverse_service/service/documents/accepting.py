@@ -60,7 +60,7 @@ KEYS = frozenset((
 ))  # fmt: skip
 _SCRIPT_L = r"\\(?:mathcal|mathscr|mathrm|cal)\s*(?:\{L\}|L)(?![A-Za-z])"
 _LETTER_L = re.compile(
-    rf"(?:\{{\s*{_SCRIPT_L}\s*\}}|{_SCRIPT_L}|\u2112)"
+    rf"(?:\{{\s*{_SCRIPT_L}\s*\}}|{_SCRIPT_L}|[\u2112\U0001d4db])"
     r"|(?P<named>\bL(?:agrangian)?\s*:(?:\s*L\s*)?=?|\bLagrangian\s*=)"
 )
 # L, T, and V with an argument perhaps, and =; half of 2 T = … is meant.
