@@ -170,9 +170,11 @@ class Prepared:
 
     def error(self, error: errors.InputError) -> errors.InputError:
         """The refusal in the words of the writer, at its place in what was written."""
-        error = error.placed(self.places[error.pointer]) if error.pointer in self.places else error
-        if self.time == "t" or type(error) not in (errors.InputError, errors.LimitError):
+        if type(error) not in (errors.InputError, errors.LimitError):
             return error  # the shape of a document is refused in its own words
+        error = error.placed(self.places[error.pointer]) if error.pointer in self.places else error
+        if self.time == "t":
+            return error
         names = {"t": self.time, self.other: "t"}
         texts = (error.detail, error.plain, *error.instead)
         detail, plain, *instead = (_in_plain_text(text, names, pad=False) for text in texts)
