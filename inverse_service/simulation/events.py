@@ -145,16 +145,14 @@ def _located(run: observing.Observed, event: data.Event, follow: Follow | None) 
         return nf.array_value(event.formula, nf.table_of(scene.coordinates, positions, speeds, scene.values, times))
 
     try:
-        terms = event.formula.terms if isinstance(event.formula, ex.Sum) else ()
-        along, *parts = run.values_of(event.formula, *terms)
-        if terms and (np.abs(along) <= NOISE * np.abs(parts).sum(axis=0)).all():
+        along, *parts = run.values_of(event.formula, *ex.summands(event.formula))
+        if len(parts) > 1 and (np.abs(along) <= NOISE * np.abs(parts).sum(axis=0)).all():
             return Found(event, nothing[:, 0], nothing, nothing, NO_SIZE)
         if follow is None:
             turns = (np.sign(along[1:]) != np.sign(along[:-1])).any()
             return Found(event, nothing[:, 0], nothing, nothing, NO_VELOCITIES if turns else "")
         way = Way(ran.times, along, follow, value)
-        with np.errstate(invalid="ignore"):
-            brackets, touched, unseen = _brackets(way)
+        brackets, touched, unseen = _brackets(way)
         brackets = brackets.part(np.isin(brackets.sense, {1: (1,), -1: (-1,), 0: (1, -1)}[event.direction]))
         lost = int(np.isnan(along).sum())
         note = UNSEEN if unseen else TOUCHED.format(touched[0]) if len(touched) else ""
@@ -307,15 +305,13 @@ def _zeros(brackets: Brackets, way: Way) -> State:
     below, above = brackets.below.copy(), brackets.above.copy()
     state: State | None = None
     for _ in range(ITERATIONS):
-        with np.errstate(all="ignore"):
-            share = np.where(above == below, high, low - below * (high - low) / (above - below))
+        share = np.where(above == below, high, low - below * (high - low) / (above - below))
         share = np.where(
             np.isfinite(share), np.clip(share, np.minimum(low, high), np.maximum(low, high)), (low + high) / 2
         )
         state = way.at(places, share)
         new = way.value(state)
-        with np.errstate(invalid="ignore"):
-            same = np.sign(new) == np.sign(above)
+        same = np.sign(new) == np.sign(above)
         # The end that stays counts half, so that both ends move (Illinois).
         below = np.where(same, below / 2, above)
         low = np.where(same, low, high)

@@ -335,7 +335,6 @@ def _observed(
         series["energy"] = energies
         if observing.why_energy_varies(scene) is None:
             start = observing.without_noise(energies[:, 0], kinetic[:, 0])[:, None]
-            with np.errstate(all="ignore"):
-                errors = np.abs(energies - start) / np.where(start == 0, 1.0, np.abs(start))
+            errors = np.abs(energies - start) / np.where(start == 0, 1.0, np.abs(start))
             numbers["max_energy_error"] = np.where(many.completed, errors.max(axis=1), np.nan)
     return flat.velocities.reshape(many.positions.shape), series, numbers
