@@ -30,47 +30,37 @@ DEGENERATE = (
 MOST_FULL_ROWS = 5  # beyond this size the expansion of a full determinant would fill pages
 
 
-def regular_accelerations(
-    coordinates: Sequence[str],
-    lagrangian: ex.Expression,
-    constraints: Sequence[ex.Expression],
-    forces: Sequence[ex.Expression] = (),
-) -> tuple[ex.Expression, ...] | None:
-    """All n accelerations over (q, v), with additional forces Q; None if the matrices are too large to invert."""
-    found = accelerations_and_multipliers(coordinates, lagrangian, constraints, forces)
-    return None if found is None else found[0]
-
-
 def accelerations_and_multipliers(
-    coordinates: Sequence[str],
-    lagrangian: ex.Expression,
-    constraints: Sequence[ex.Expression],
-    forces: Sequence[ex.Expression] = (),
+    what: initial.System,
 ) -> tuple[tuple[ex.Expression, ...], tuple[ex.Expression, ...]] | None:
-    """a and lambda; the constraints exert the forces w^T lambda."""
-    names = tuple(coordinates)
-    inertia = inverse(euler_lagrange.hessian(lagrangian, names))
+    """All n accelerations over (q, v), with the forces Q, and lambda, the constraints exerting w^T lambda; None if the
+    matrices are too large to invert."""
+    names = what.coordinates
+    assert what.lagrangian is not None
+    inertia = inverse(euler_lagrange.hessian(what.lagrangian, names))
     if inertia is None:
         return None
-    own = tuple(-e for e in euler_lagrange.euler_lagrange_sums(lagrangian, names, [ex.ZERO] * len(names)))
-    free = _applied(inertia, tuple(map(ex.add, own, forces)) if forces else own)
-    if not constraints:
+    own = tuple(-e for e in euler_lagrange.euler_lagrange_sums(what.lagrangian, names, [ex.ZERO] * len(names)))
+    free = _applied(inertia, tuple(map(ex.add, own, what.forces)) if what.forces else own)
+    if not what.constraints:
         return free, ()
-    rows = tuple(
-        tuple(collecting.collect(derivative.differentiate(w, ex.Velocity(name))) for name in names) for w in constraints
-    )
+    rows = initial.forms_of(what)
     lifted = tuple(_applied(inertia, row) for row in rows)
     gram = inverse(tuple(tuple(ex.dot(row, lift) for lift in lifted) for row in rows))
     if gram is None:
         return None
-    defects = []
-    for w, row in zip(constraints, rows, strict=True):
-        along = (derivative.differentiate(w, ex.Symbol(name)) * ex.Velocity(name) for name in names)
-        drift = collecting.collect(ex.add(*along, derivative.differentiate(w, ex.TIME)))
-        defects.append(drift + ex.dot(row, free))
+    drifts = [collecting.collect(rate(w, names, [ex.ZERO] * len(names))) for w in what.constraints]
+    defects = [drift + ex.dot(row, free) for drift, row in zip(drifts, rows, strict=True)]
     multipliers = tuple(-ex.dot(line, defects) for line in gram)
     moved = (free[i] + ex.dot([lift[i] for lift in lifted], multipliers) for i in range(len(names)))
     return tuple(moved), multipliers
+
+
+def rate(tree: ex.Expression, names: Sequence[str], accelerations: Sequence[ex.Expression]) -> ex.Expression:
+    """The derivative in time along q'' = accelerations."""
+    moving = [derivative.differentiate(tree, ex.Symbol(name)) * ex.Velocity(name) for name in names]
+    pushed = [derivative.differentiate(tree, ex.Velocity(name)) for name in names]
+    return ex.add(derivative.differentiate(tree, ex.TIME), *moving, ex.dot(pushed, accelerations))
 
 
 def inverse(matrix: euler_lagrange.Matrix) -> euler_lagrange.Matrix | None:

@@ -9,7 +9,7 @@ import numpy as np
 from inverse_service.expressions import derivative, tree as ex
 from inverse_service.integrators import method_table
 from inverse_service.mechanics import method_advice
-from inverse_service.simulation import derivation, numeric_formulas, scene_data as data
+from inverse_service.simulation import derivation, initial, numeric_formulas, scene_data as data
 
 STIFF = 1e3  # length of a run in decay times beyond which an explicit method spends its steps on decayed components
 SLOWER = 1e6  # decay times beyond which `adaptive` reaches 1e-12 later than `stiff`
@@ -57,7 +57,7 @@ def decay_times(scene: data.Scene, accelerations: tuple[ex.Expression, ...]) -> 
     """The length of the run in those of the fastest real eigenvalue of the linearized motion at the start; 0 where
     oscillations are as fast."""
     n = len(scene.coordinates)
-    table = numeric_formulas.table_of(scene.coordinates, scene.positions[None], scene.velocities[None], scene.values)
+    table = initial.at_start(scene, scene.values)
     names: list[ex.Expression] = [*map(ex.Symbol, scene.coordinates), *map(ex.Velocity, scene.coordinates)]
     slopes = [derivative.differentiate(f, name) for f in accelerations for name in names]
     rows = np.array(numeric_formulas.array_values(slopes, table)).reshape(n, 2 * n)

@@ -178,19 +178,22 @@ def accelerations_of(scene: Scene) -> tuple[Expression, ...]:
     """Those given, or derived from the Lagrangian, the constraints and the forces."""
     if scene.accelerations is not None:
         return scene.accelerations
-    assert scene.lagrangian is not None
     try:
-        found = accelerating.regular_accelerations(scene.coordinates, scene.lagrangian, scene.constraints, scene.forces)
+        found = accelerating.accelerations_and_multipliers(scene)
     except InputError as error:
         raise Unavailable(error.detail[:1].upper() + error.detail[1:]) from None
     if found is not None:
-        return found
+        return found[0]
     if scene.forces:
         raise Unavailable("The kinetic energy couples too many coordinates for forces to be added.")
-    system = constrained_motion.NonholonomicSystem(
-        scene.coordinates, scene.lagrangian, scene.constraints, tuple(scene.values)
-    )
-    return constrained_motion.accelerations(system)
+    return constrained_motion.accelerations(nonholonomic_of(scene))
+
+
+def nonholonomic_of(scene: Scene) -> constrained_motion.NonholonomicSystem:
+    """The system of the scene for the mechanics of constraints."""
+    assert scene.lagrangian is not None
+    names = tuple(scene.values)
+    return constrained_motion.NonholonomicSystem(scene.coordinates, scene.lagrangian, scene.constraints, names)
 
 
 @contextmanager

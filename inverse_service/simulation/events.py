@@ -329,9 +329,8 @@ def section_of(scene: data.Scene, motion: Motion) -> data.Event | None:
     parts = [ex.Symbol(x) - float_number(q) for x, q in zip(scene.coordinates, scene.positions, strict=True)]
     terms = [ex.Apply("sin", part) if turn else part for part, turn in zip(parts, turns, strict=True)]
     if not way.any():
-        at = scene.positions[None], scene.velocities[None], dict(scene.values), np.array([scene.grid.begin])
         with suppress(data.Unavailable):
-            values = nf.array_values(motion().accelerations or (), nf.table_of(scene.coordinates, *at))
+            values = nf.array_values(motion().accelerations or (), initial.at_start(scene, scene.values))
             way, terms = np.array(values)[:, 0], [ex.Velocity(name) for name in scene.coordinates]
     if scene.grid.record_every > 1 or not (way.any() and np.isfinite(way).all()):
         return None

@@ -68,6 +68,12 @@ def saddle(what: System, table: Mapping[Expression, Any]) -> Array:
     return whole
 
 
+def at_start(scene: Scene, values: Values) -> dict[Expression, Any]:
+    """The names of all formulas with their values at the start."""
+    moment = np.array([scene.grid.begin])
+    return table_of(scene.coordinates, scene.positions[None], scene.velocities[None], values, moment)
+
+
 def check_constraints(what: System, values: Values, positions: Array) -> None:
     """Raise InputError for constraints that are nonlinear in the velocities or dependent, or that leave no motion."""
     names, constraints = what.coordinates, what.constraints

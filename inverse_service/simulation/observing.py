@@ -81,9 +81,7 @@ def start_energy(scene: data.Scene) -> float | None:
     """E_0 of the initial data; None for a system without a Lagrangian."""
     if lagrangian_of_energy(scene) is None:
         return None
-    place, rate = scene.positions[None], scene.velocities[None]
-    table = nf.table_of(scene.coordinates, place, rate, scene.values, np.array([scene.grid.begin]))
-    return float(without_noise(*energies(scene, table))[0])
+    return float(without_noise(*energies(scene, initial.at_start(scene, scene.values)))[0])
 
 
 def without_noise(energies: Array, kinetic: Array) -> Array:
@@ -326,9 +324,7 @@ def _constraint_forces(run: Observed) -> Observations:
         return missing(_NO_VELOCITIES)
     if scene.lagrangian is None or not scene.constraints:
         return missing("There are no constraints.")
-    found = accelerating.accelerations_and_multipliers(
-        scene.coordinates, scene.lagrangian, scene.constraints, scene.forces
-    )
+    found = accelerating.accelerations_and_multipliers(scene)
     if found is None:
         return missing("The constraints are too many for a formula.")
     multipliers = run.values_of(*found[1])

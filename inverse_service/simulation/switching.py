@@ -145,9 +145,7 @@ class _Motion:
 
     def rate(self, u: ex.Expression, forces: Sequence[ex.Expression]) -> ex.Expression:
         """u' along q'' = forces."""
-        terms = [derivative.differentiate(u, ex.TIME)]
-        terms += [derivative.differentiate(u, ex.Symbol(name)) * ex.Velocity(name) for name in self.scene.coordinates]
-        return ex.add(*terms, ex.dot(self.slopes(u), forces))
+        return accelerating.rate(u, self.scene.coordinates, forces)
 
     def slopes(self, u: ex.Expression) -> list[ex.Expression]:
         """du/dv, (n,)."""

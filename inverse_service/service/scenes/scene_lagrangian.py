@@ -17,15 +17,15 @@ from inverse_service import catalogue
 from inverse_service.errors import InputError, InverseServiceError
 from inverse_service.expressions import derivative, printing, tree as ex
 from inverse_service.field.exact_field import TooLarge
-from inverse_service.mechanics.constrained_motion import NonholonomicSystem, eliminate_multipliers, frames, geometry
+from inverse_service.mechanics.constrained_motion import eliminate_multipliers, frames, geometry
 from inverse_service.mechanics.legendre.transform import legendre
 from inverse_service.mechanics.paper_class import KINDS, associated, recognized
 from inverse_service.reading.names import Names
 from inverse_service.reading.reader import read_condition
 from inverse_service.service.documents import plain_data
 from inverse_service.service.scenes import scene_reading
-from inverse_service.simulation import accelerations as accelerating, derivation, exact_motion
-from inverse_service.simulation.numeric_formulas import array_value, switching_functions, table_of, walls
+from inverse_service.simulation import accelerations as accelerating, derivation, exact_motion, initial
+from inverse_service.simulation.numeric_formulas import array_value, switching_functions, walls
 from inverse_service.simulation.scene_data import FreeLagrangian, Observable, Scene, Unavailable
 
 SOLVE_SECONDS, CONSERVED_SECONDS = 15.0, 3.0  # of processor time
@@ -153,9 +153,7 @@ def _domain(
     moving: set[ex.Expression] = {ex.Symbol(name) for name in scene.coordinates}
     ends = [read_condition(condition, system.names) for condition in conditions]
     ends = [derivative.define_functions(end, system.definitions) for end in ends]
-    table = table_of(
-        scene.coordinates, scene.positions[None], scene.velocities[None], values, np.array([scene.grid.begin])
-    )
+    table = initial.at_start(scene, values)
     signs = [float(array_value(end, table)[0]) for end in ends]
     if any(not sign > 0 and " != " not in condition for sign, condition in zip(signs, conditions, strict=True)):
         return None
@@ -175,7 +173,7 @@ def _with_hamiltonian(scene: Scene, tree: ex.Expression, constants: Mapping[str,
     hamiltonian, lost = None, ""
     if not found.implicit and found.velocities is not None and standard:
         values = dict(scene.values) | dict(constants)
-        table = table_of(scene.coordinates, scene.positions[None], scene.velocities[None], values)
+        table = initial.at_start(scene, values)
         table |= {s: array_value(p, table) for s, p in zip(found.symbols, found.momenta, strict=True)}
         back = np.array([array_value(v, table)[0] for v in found.velocities])
         if np.allclose(back, scene.velocities, rtol=1e-8, atol=1e-10):
@@ -189,11 +187,8 @@ def _question(scene: Scene, which: str) -> dict[str, Any]:
     """The question to the solver: the equations of the scene, or those of an associated system with its effects."""
     accelerations = scene.accelerations
     if accelerations is None:
-        assert scene.lagrangian is not None
         try:
-            parts = geometry(
-                NonholonomicSystem(scene.coordinates, scene.lagrangian, scene.constraints, tuple(scene.values))
-            )
+            parts = geometry(derivation.nonholonomic_of(scene))
             member, reason = recognized(parts)
             motion = eliminate_multipliers(parts, member.frame if member is not None else frames(parts)[0])
             found = associated(motion, member, reason, next(kind for kind in KINDS if kind == which))
