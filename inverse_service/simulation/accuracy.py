@@ -353,7 +353,7 @@ def _references(derived: derivation.Derived) -> data.Truth:
         steps, every = refinement * grid.steps, refinement * grid.record_every
         finer = replace(grid, step=grid.step / refinement, steps=steps, record_every=every)
         found = np.full((2, len(times), len(scene.coordinates)), np.nan)
-        ran = _part(scene, problem, choice, start, finer, derived.stop)
+        ran = _part(derived, problem, choice, start, finer)
         if ran.velocities is not None:
             found[:, : len(ran.times)] = ran.positions, ran.velocities
         return found
@@ -394,14 +394,15 @@ def _collocation(states: Callable[..., Array], other: Array, derived: derivation
 
 
 def _part(
-    scene: data.Scene, problem: data.Problem, choice: data.MethodChoice, start: data.Start, grid: data.Grid,
-    stop: data.Stop | None,
-) -> Trajectory:  # fmt: skip
+    derived: derivation.Derived, problem: data.Problem, choice: data.MethodChoice, start: data.Start, grid: data.Grid
+) -> Trajectory:
     """A part of the run, with the events that act and the switches in it."""
-    acting = tuple(event for event in scene.events if event.acts)
-    requested, own = data.Requested("", choice.method, None, choice), replace(
-        scene, grid=grid, events=acting, observe=())  # fmt: skip
-    return run_motion(own, requested, problem, lambda: problem, start, scene.values, stop).trajectory
+    acting, requested = (
+        (event for event in derived.scene.events if event.acts),
+        data.Requested("", choice.method, None, choice),
+    )
+    own = derived.but(grid=grid, events=tuple(acting), observe=())
+    return run_motion(own, requested, problem, start, own.scene.values).trajectory
 
 
 def _size(states: Array) -> float:
@@ -432,7 +433,7 @@ def with_missed_force(run: observing.Observed, numbers: dict[str, Any], derived:
     for moment in [*moments[(moments > begin) & (moments < end)], end]:
         part = data.Grid(grid.step, max(1, round((moment - begin) / grid.step)), 1, begin)
         part = replace(part, step=(moment - begin) / part.steps)
-        ran = _part(scene, problem, EXPLICIT, start, part, derived.stop)
+        ran = _part(replace(derived, scene=scene), problem, EXPLICIT, start, part)
         if derived.is_over:
             return numbers
         if not ran.outcome.completed or ran.velocities is None:

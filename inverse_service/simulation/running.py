@@ -220,7 +220,7 @@ def _integrated(derived: derivation.Derived, requested: data.Requested, problem:
     values, start = observing.beginning(scene, requested, derivation.free_of(requested, derived))
     if not np.isfinite(values.get(observing.ENERGY_START, 0.0)):
         raise data.Unavailable("The energy has no finite value at the start: start somewhere else.")
-    return switching.run_motion(scene, requested, problem, derived.motion, start, values, derived.stop)
+    return switching.run_motion(derived, requested, problem, start, values)
 
 
 def run_members(derived: derivation.Derived, members: data.Members, requested: data.Requested) -> EnsembleRun:

@@ -26,13 +26,14 @@ from inverse_service.integrators import method_table
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
 from inverse_service.simulation import (
     accelerations as accelerating,
+    derivation,
     execution,
     initial,
     numeric_formulas as nf,
     observing,
     scene_data as data,
 )
-from inverse_service.simulation.events import CONTINUED, ENDED, NOISE, Found, Motion, Point, located
+from inverse_service.simulation.events import CONTINUED, ENDED, NOISE, Found, Point, located
 
 FIRST, MOST = 16, 4096  # steps of a piece that is looked at for events at once
 SAME = 1e-12  # of a step: events at one time; of the size of a state: what does not move
@@ -275,29 +276,21 @@ class _Motion:
 
 
 def run_motion(
-    scene: data.Scene,
-    requested: data.Requested,
-    problem: data.Problem,
-    motion: Motion,
-    start: data.Start,
+    derived: derivation.Derived, requested: data.Requested, problem: data.Problem, start: data.Start,
     values: Mapping[str, float],
-    stop: data.Stop | None = None,
-) -> Run:
-    """The run of a method with what the scene observes at every step, in pieces where it has some; `motion` has the
-    accelerations."""
-    choice = requested.choice or CONTINUED
+) -> Run:  # fmt: skip
+    """The run of a method with what the scene observes at every step, in pieces where it has some."""
+    scene, choice = derived.scene, requested.choice or CONTINUED
 
     def integrate(what: data.Problem, by: data.MethodChoice, begin: data.Start, grid: data.Grid) -> Trajectory:
         own, observation = observing.observed_problem(scene, what)
-        return execution.run(own, by, begin, grid, values, observation, stop)
+        return execution.run(own, by, begin, grid, values, observation, derived.stop)
 
     if not has_pieces(scene, problem):
         return Run(integrate(problem, choice, start, scene.grid))
-    accelerations = motion().accelerations
-    assert accelerations is not None
-    formulas = _Motion(scene, values, problem, accelerations, switches_of(problem, scene))
+    formulas = _Motion(scene, values, problem, derived.accelerations(), switches_of(problem, scene))
     every_point = replace(scene, grid=replace(scene.grid, record_every=1))
-    return _Pieces(every_point, requested, formulas, integrate, stop).go(start).thinned(scene.grid)
+    return _Pieces(every_point, requested, formulas, integrate, derived.stop).go(start).thinned(scene.grid)
 
 
 @dataclass
