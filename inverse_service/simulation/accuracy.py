@@ -349,7 +349,7 @@ def _references(derived: derivation.Derived) -> data.Truth:
 
     def states(choice: data.MethodChoice, refinement: int = 1) -> Array:
         """Positions and velocities at the recorded times, (2, m, n); nan where the reference did not arrive."""
-        grid, start = scene.grid, data.Start(tuple(scene.positions), velocities=tuple(scene.velocities))
+        grid, start = scene.grid, data.Start(scene.positions, scene.velocities)
         steps, every = refinement * grid.steps, refinement * grid.record_every
         finer = replace(grid, step=grid.step / refinement, steps=steps, record_every=every)
         found = np.full((2, len(times), len(scene.coordinates)), np.nan)
@@ -427,7 +427,7 @@ def with_missed_force(run: observing.Observed, numbers: dict[str, Any], derived:
         problem = derived.motion()
     except data.Unavailable:
         return numbers
-    start = data.Start(tuple(scene.positions), velocities=tuple(scene.velocities))
+    start = data.Start(scene.positions, scene.velocities)
     found = [scene.positions]
     begin, end = grid.begin, grid.begin + grid.step * grid.steps
     for moment in [*moments[(moments > begin) & (moments < end)], end]:
@@ -440,7 +440,7 @@ def with_missed_force(run: observing.Observed, numbers: dict[str, Any], derived:
             unknown = {"estimated_error": None, "estimated_error_share": None}
             return numbers | unknown | {"doubt": TOO_NARROW.format(float(moment))}
         found += list(ran.positions[1:])
-        start, begin = data.Start(tuple(ran.positions[-1]), velocities=tuple(ran.velocities[-1])), float(moment)
+        start, begin = data.Start(ran.positions[-1], ran.velocities[-1]), float(moment)
     apart = float(np.abs(found[-1] - run.trajectory.positions[-1]).max())
     size, expected = float(np.ptp(found, axis=0).max()), numbers.get("estimated_error") or 0.0
     if not apart > NEGLIGIBLE * size:

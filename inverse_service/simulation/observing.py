@@ -118,9 +118,8 @@ def beginning(
     momenta = None
     if free is not None and free.start_momenta is not None and requested.convention == "momenta":
         found = free.start_momenta(scene.positions, scene.velocities, values)
-        momenta = tuple(map(float, found)) if np.isfinite(found).all() else None
-    positions, velocities = tuple(map(float, scene.positions)), tuple(map(float, scene.velocities))
-    return values, data.Start(positions, velocities, momenta, requested.convention)
+        momenta = found if np.isfinite(found).all() else None
+    return values, data.Start(scene.positions, scene.velocities, momenta, requested.convention)
 
 
 def why_energy_varies(scene: data.Scene) -> str | None:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from inverse_service.errors import InputError
 from inverse_service.expressions import tree as ex
-from inverse_service.integrators.trajectory import Array
+from inverse_service.integrators.trajectory import Array, Row
 
 Stop = Callable[[], bool]
 Progress = Callable[[str], None]
@@ -95,9 +95,9 @@ class Start:
     goes from q_0 to q_1 = q_0 + h v_0 with the dependent coordinates put on the discrete constraint.
     """
 
-    positions: Sequence[float]
-    velocities: Sequence[float]
-    momenta: Sequence[float] | None = None
+    positions: Row
+    velocities: Row
+    momenta: Row | None = None
     convention: str = "momenta"
 
 

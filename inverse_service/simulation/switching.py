@@ -334,7 +334,7 @@ class _Pieces:
             choice = CONTINUED if by_forces else self.requested.choice
             assert choice is not None
             what = self.motion.problem_on(sides, by_forces)
-            begin = begun or data.Start(tuple(map(float, state[1])), velocities=tuple(map(float, state[2])))
+            begin = begun or data.Start(state[1], state[2])
             ran = self.integrate(what, choice, begin, piece)
             if len(ran.times) < 2:
                 failed, share, tries = failed or (ran.outcome, state), share / 2, tries + 1
