@@ -207,21 +207,18 @@ def velocities_from_momenta(what: System, values: Mapping[str, float], positions
     """v with dL/dv(q, v) = p, (n,); one step for a quadratic L, Newton elsewhere. InputError where that fails."""
     if what.lagrangian is None:
         raise InputError("the system has no Lagrangian, so no momenta: give velocities.", "/initial/momenta")
-    names = what.coordinates
-    functions, matrix = momenta(what.lagrangian, names), hessian(what.lagrangian, names)
-    velocities = np.full(len(names), 0.0)
+    names, n = what.coordinates, len(what.coordinates)
+    trees = [*momenta(what.lagrangian, names), *(entry for row in hessian(what.lagrangian, names) for entry in row)]
     for attempt in (0.0, 1.0, 0.1):
-        velocities = np.full(len(names), attempt)
+        velocities = np.full(n, attempt)
         for _ in range(MOST_ITERATIONS):
-            table = table_of(names, positions[None], velocities[None], values)
-            left = target - np.array([array_value(f, table)[0] for f in functions])
-            slope = np.array([[array_value(entry, table)[0] for entry in row] for row in matrix])
-            if not np.isfinite(left).all() or not np.isfinite(slope).all():
+            found = np.array(array_values(trees, table_of(names, positions[None], velocities[None], values)))[:, 0]
+            if not np.isfinite(found).all():
                 break
+            left = target - found[:n]
             if np.abs(left).max() <= 1e-13 * (1 + np.abs(target).max()):
                 return velocities
-            step = np.linalg.lstsq(slope, left, rcond=None)[0]
-            velocities = velocities + step
+            velocities = velocities + np.linalg.lstsq(found[n:].reshape(n, n), left, rcond=None)[0]
     raise InputError(
         "no velocities were found that have these momenta: give the velocities instead.", "/initial/momenta"
     )

@@ -32,8 +32,16 @@ def largest_exponent(derived: derivation.Derived) -> dict[str, Any]:
     n, length = len(scene.coordinates), scene.grid.step * scene.grid.steps
     positions, velocities = scene.positions, scene.velocities
     names: list[Expression] = [*map(Symbol, scene.coordinates), *map(Velocity, scene.coordinates)]
-    slopes = [[differentiate(one, name) for name in names] for one in scene.constraints]
-    tangent = _on_constraints(np.ones(2 * n), scene, slopes, positions, velocities)
+    slopes = [differentiate(one, name) for one in scene.constraints for name in names]
+
+    def kept(tangent: Array) -> Array:
+        """Tangent to motions that keep the constraints, (2 n,): others, which the accelerations have too, may part."""
+        table = nf.table_of(scene.coordinates, positions[None], velocities[None], scene.values)
+        rows = np.array(nf.array_values(slopes, table)).reshape(-1, 2 * n)
+        found: Array = tangent - np.linalg.pinv(rows) @ (rows @ tangent) if slopes else tangent
+        return found
+
+    tangent = kept(np.ones(2 * n))
     tangent /= np.linalg.norm(tangent)
     total, halves = 0.0, []
     for part in range(PARTS):
@@ -47,23 +55,11 @@ def largest_exponent(derived: derivation.Derived) -> dict[str, Any]:
             return {"largest": None, "note": ENDED.format(begin)}
         positions, velocities = found.positions[-1, :n], found.velocities[-1, :n]
         tangent = np.concatenate([found.positions[-1, n:], found.velocities[-1, n:]])
-        tangent = _on_constraints(tangent, scene, slopes, positions, velocities)
+        tangent = kept(tangent)
         size = float(np.linalg.norm(tangent))
         total, tangent = total + float(np.log(size)), tangent / size
         halves.append(total)
     return {"largest": total / length, "half": halves[PARTS // 2 - 1] / (length / 2), "time": length}
-
-
-def _on_constraints(
-    tangent: Array, scene: data.Scene, slopes: list[list[Expression]], positions: Array, velocities: Array
-) -> Array:
-    """The tangent to motions that keep the constraints, (2 n,): others, which the accelerations have too, may part."""
-    if not slopes:
-        return tangent
-    table = nf.table_of(scene.coordinates, positions[None], velocities[None], scene.values)
-    rows = np.array(nf.array_values([one for row in slopes for one in row], table)).reshape(len(slopes), -1)
-    found: Array = tangent - np.linalg.pinv(rows) @ (rows @ tangent)
-    return found
 
 
 def with_tangent(scene: data.Scene, accelerations: tuple[Expression, ...]) -> data.Problem:
