@@ -274,7 +274,7 @@ def _split(direction: ex.Expression, name: str) -> tuple[ex.Expression, ex.Expre
 
 @np.errstate(all="ignore")
 def start_momenta(
-    found: ClassLagrangian, motion: ExactMotion, positions: Array, velocities: Array, values: Mapping[str, float]
+    found: ClassLagrangian, motion: ExactMotion, positions: Array, velocities: Array, values: Mapping[str, Any]
 ) -> Array:
     """p = dL~/dv at starts on the constraints, (n,) or (m, n), with its limit where a d_i vanishes there.
 

@@ -232,7 +232,9 @@ def run_members(derived: derivation.Derived, members: data.Members, requested: d
     problem = problem.with_used_parameters()
     values: dict[str, Any] = {**scene.values, **(known.constants if known else {}), **dict(requested.constants)}
     values |= members.values
-    momenta = _momenta(known, members, values)
+    # The momenta that L~ gives directly: they may be 0/0 in the velocities.
+    known_momenta = None if known is None else known.start_momenta
+    momenta = None if known_momenta is None else known_momenta(members.positions, members.velocities, values)
     begun = time.perf_counter()
     steps = np.where(initial.without_value(scene), np.nan, scene.grid.step)  # without one, a member does not start
     start = members.positions, members.velocities
@@ -286,7 +288,7 @@ def _missed(
     for row in np.flatnonzero(many.completed)[:: max(1, len(many.positions) // LOOKED_AT)]:
         if run.velocities is None or derived.is_over:
             break
-        own = _of_member(values, row)
+        own = {name: float(value[row]) if isinstance(value, np.ndarray) else value for name, value in values.items()}
         start = members.positions[row], members.velocities[row]
         alone = replace(derived.scene, positions=start[0], velocities=start[1], values=own, ensemble=None)
         ran = Trajectory(many.grid.times, many.positions[row], None, run.velocities[row], many.outcome(row))
@@ -296,20 +298,6 @@ def _missed(
             estimates[row] = np.nan if found["estimated_error"] is None else found["estimated_error"]
             return MEMBER.format(row, found["doubt"])
     return ""
-
-
-def _momenta(free: data.FreeLagrangian | None, members: data.Members, values: dict[str, Any]) -> Array | None:
-    """The momenta that L~ gives directly (they may be 0/0 in the velocities), by member if parameters differ."""
-    if free is None or free.start_momenta is None:
-        return None
-    if not members.values:
-        return free.start_momenta(members.positions, members.velocities, {k: float(x) for k, x in values.items()})
-    starts = enumerate(zip(members.positions, members.velocities, strict=True))
-    return np.array([free.start_momenta(q, v, _of_member(values, k)) for k, (q, v) in starts])
-
-
-def _of_member(values: dict[str, Any], row: int) -> dict[str, float]:
-    return {name: float(value[row]) if isinstance(value, np.ndarray) else value for name, value in values.items()}
 
 
 def _observed(

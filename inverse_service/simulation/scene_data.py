@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -148,7 +149,7 @@ class FreeLagrangian:
     hamiltonian: ex.Expression | None
     constants: Mapping[str, float]
     source: str
-    start_momenta: Callable[[Array, Array, Mapping[str, float]], Array] | None = None
+    start_momenta: Callable[[Array, Array, Mapping[str, Any]], Array] | None = None
     forced: bool = False
     lost: str = ""
     domain: tuple[ex.Expression, ...] = ()
