@@ -3,7 +3,7 @@ the only entry points to the integrators.
 
     check, `initial`      the choice, and the state to begin with: from velocities or momenta, at a point or on the
                           discrete constraint
-    kernel_of, execute    the compiled step, run piece by piece: bounded memory, and a way to stop
+    kernel_of, `Prepared` the compiled step, run piece by piece: bounded memory, and a way to stop
     trajectory_of         the result of the kernel, with a typed outcome: the vanishing formula in the user's names
 
 Zeros of the denominators of L~ just ahead of where a run stopped are its cause where the formulas have a pole there.
