@@ -39,14 +39,17 @@ def gradient(tree: ex.Expression, leaves: Iterable[Leaf]) -> dict[Leaf, ex.Expre
 
 def linear_parts(tree: ex.Expression, leaves: type[L]) -> tuple[dict[L, ex.Expression], ex.Expression] | L:
     """(a, b) of sum a_i u_i + b, u_i the leaves of this type; one of them where it occurs otherwise."""
-    found = dict.fromkeys(node for node in ex.walk(tree) if isinstance(node, leaves))
+    nodes = list(ex.distinct_nodes((tree,)))
+    found = dict.fromkeys(node for node in nodes if isinstance(node, leaves))
     slopes: dict[Leaf, ex.Expression] = gradient(tree, found)
     # sign(u) has the slope 0.
-    parts = [*slopes.values(), *(node for node in ex.walk(tree) if isinstance(node, ex.Apply | ex.Arbitrary))]
-    for node in (node for part in parts for node in ex.walk(part)):
-        if isinstance(node, leaves):
-            return node
-    rest = ex.substitute(tree, dict[ex.Expression, ex.Expression](dict.fromkeys(found, ex.ZERO)))
+    inner: list[ex.Expression] = [node for node in nodes if isinstance(node, ex.Apply | ex.Arbitrary)]
+    for part in ex.distinct_nodes([*slopes.values(), *inner]):
+        if isinstance(part, leaves):
+            return part
+    still = dict[ex.Expression, ex.Expression](dict.fromkeys(found, ex.ZERO))
+    terms = (ex.substitute(term, still) if ex.holds(term, *found) else term for term in ex.summands(tree))
+    rest = ex.add(*terms)
     return {leaf: slopes.get(leaf, ex.ZERO) for leaf in found}, rest
 
 
