@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from itertools import combinations, combinations_with_replacement
 
-from inverse_service import deadline, errors
+from inverse_service import bounds, deadline, errors
 from inverse_service.expressions import tree as ex
 from inverse_service.field import exact_field, real_point
 from inverse_service.field.point import Variable
@@ -117,13 +117,15 @@ class Integrator:
                 total = tm.add_terms(total, part)
         if not other:
             return total, other
-        known = quadratures.primitive(variable, other, self.table)
-        if known is not None:
-            return tm.add_terms(total, tm.terms_of(known)), {}
-        cancelled = other if is_cancelled else self._cancelled(other)
-        if cancelled != other:
-            part, left = self.integral(cancelled, variable, is_cancelled=True)
-            return tm.add_terms(total, part), left
+        # Many terms may be few over a denominator of their own; few may be integrated as they are.
+        for cancels in (True, False) if len(other) > bounds.CANDIDATES else (False, True):
+            if not cancels:
+                known = quadratures.primitive(variable, other, self.table)
+                if known is not None:
+                    return tm.add_terms(total, tm.terms_of(known)), {}
+            elif not is_cancelled and (cancelled := self._cancelled(other)) != other:
+                part, left = self.integral(cancelled, variable, is_cancelled=True)
+                return tm.add_terms(total, part), left
         left = tm.Terms()
         for beside, inner in _outside(other, variable):
             found = quadratures.antiderivative(self.system, tm.tree_of(inner), variable, self.table)
@@ -134,9 +136,17 @@ class Integrator:
         return total, left
 
     def _cancelled(self, terms: tm.Terms) -> tm.Terms:
-        """The factor of each product of parameters over its own denominator: a x (x - 1)/(x^2 (x - 1)) is a/x."""
-        parameters = set(map(ex.Symbol, self.system.parameters))
-        groups = tm.grouped(terms, lambda letter: letter in parameters)
+        """The factor of each product of parameters over its own denominator: a x (x - 1)/(x^2 (x - 1)) is a/x.
+
+        Where there are roots, that of each product of roots.
+        """
+        groups: dict[tm.Monomial, tm.Terms] = {}
+        for key, value in terms.items():
+            roots = frozenset((p, e % 1) for p, e in key if isinstance(p, ex.Sum) and e.denominator > 1)
+            groups.setdefault(roots, {})[tm.times(key, roots, -1)] = value
+        if not any(groups):
+            parameters = set(map(ex.Symbol, self.system.parameters))
+            groups = tm.grouped(terms, lambda letter: letter in parameters)
         parts = [tm.multiply_terms({key: Fraction(1)}, self.in_normal_form(inner)) for key, inner in groups.items()]
         return tm.sum_of(parts)
 
