@@ -89,9 +89,9 @@ class Integrator:
             inside = {
                 q: tm.tree_of({tm.times(key, constants, -1): a for key, a in u.items()}) for q, u in moving.items()
             }
-            return {tm.times(constants, tm.monomial(self.under_a_sign(inside))): Fraction(1)}
+            return tm.multiply_terms({constants: Fraction(1)}, self.under_a_sign(inside))
         return tm.sum_of(
-            tm.multiply_terms(beside, {tm.monomial(self.under_a_sign({variables[k]: tm.tree_of(inner)})): Fraction(1)})
+            tm.multiply_terms(beside, self.under_a_sign({variables[k]: tm.tree_of(inner)}))
             for beside, inner in _outside(rest[k], variables[k])
         )
 
@@ -150,12 +150,13 @@ class Integrator:
         parts = [tm.multiply_terms({key: Fraction(1)}, self.in_normal_form(inner)) for key, inner in groups.items()]
         return tm.sum_of(parts)
 
-    def under_a_sign(self, known: Mapping[Variable, ex.Expression]) -> ex.Expression:
+    def under_a_sign(self, known: Mapping[Variable, ex.Expression]) -> tm.Terms:
         """F with these slopes, F a function of all variables that they hold; its other slopes are left open."""
         names = (ex.TIME, *map(ex.Symbol, self.system.coordinates))
         others = [name for name in names if any(ex.holds(slope, name) for slope in known.values())]
         arguments = tuple(dict.fromkeys([*others, *known]))
-        return ex.Integral(next(self.names), arguments, (0,) * len(arguments), tuple(map(known.get, arguments)))
+        slopes = tuple(map(known.get, arguments))
+        return tm.terms_of(ex.Integral(next(self.names), arguments, (0,) * len(arguments), slopes))
 
     def exponential(self, logarithm: tm.Terms) -> tm.Terms:
         """exp of a sum: c log(u) with constant c gives u^c, -u where u is negative at the real point."""
@@ -234,23 +235,17 @@ class Integrator:
         found, done = dict[int, tm.Terms](), set[int]()
         rest = {pair: dict(terms) for pair, terms in fields.items()}
         while rest := {pair: terms for pair, terms in rest.items() if terms and not is_zero(terms)}:
-            held = {
-                k: sum(_holds(t, symbols[k]) for t in rest.values()) for k in sorted({j for pair in rest for j in pair})
-            }
-            for k in sorted(held, key=lambda k: -held[k]):
+            held = {k: sum(_holds(terms, q) for terms in rest.values()) for k, q in enumerate(symbols)}
+            order = sorted({j for pair in rest for j in pair}, key=lambda k: (-held[k], k))
+            for k in (*order, order[0]):  # the first one under a sign where all leave something
                 parts = {i: self.integral(rest[i, k], symbols[k]) for i, j in rest if j == k}
                 if not any(left for _, left in parts.values()):
                     break
-            else:
-                if not self.signs:
-                    return None
-                k = max(held, key=lambda k: held[k])
-                parts = {i: self.integral(rest[i, k], symbols[k]) for i, j in rest if j == k}
+            if not self.signs and any(left for _, left in parts.values()):
+                return None
             for i, (part, left) in parts.items():
                 if left:
-                    part = tm.add_terms(
-                        part, {tm.monomial(self.under_a_sign({symbols[k]: tm.tree_of(left)})): Fraction(1)}
-                    )
+                    part = tm.add_terms(part, self.under_a_sign({symbols[k]: tm.tree_of(left)}))
                 found[i] = tm.add_terms(found.get(i, {}), part)
                 for m in range(len(symbols)):
                     if m == k:
