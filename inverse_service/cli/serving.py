@@ -33,7 +33,9 @@ SHARE_OF_BODIES = 128
 # Streams and running work have ended by then, or they never will; what was acknowledged is stored in any case, s. The
 # rest of the five seconds that are promised is for a machine on which a thread wakes up late.
 LONGEST_END = 3.0
-BACKLOG = 128
+# Connections that wait to be accepted, and are in one turn of the loop: more than CLIENT_CONNECTIONS, or a client that
+# opens all of its own at once makes others wait for a second until the system tries again.
+BACKLOG = 512
 # Descriptors that are no connections: the database, the pipes of the workers.
 OWN_DESCRIPTORS = 192
 LOOPBACK_ADDRESSES = ("127.0.0.1", "::1", "localhost")
