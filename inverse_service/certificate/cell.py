@@ -18,8 +18,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from flint import Ordering, fmpq, fmpq_mpoly_ctx
 
-from .exceptions import has_real_zeros, primitive
-from .formulas import Ended, Reader, read_formulas, read_tokens
+from .exceptions import has_real_zeros, polynomial_text, primitive
+from .formulas import Ended, Incomplete, read_formulas, read_tokens, value_of
 from .numbers import Entry
 
 if TYPE_CHECKING:
@@ -95,7 +95,7 @@ class Cell:
 
 
 class Letters:
-    """A ring for `Reader`.
+    """A ring for `read_formulas`.
 
     `needs` collects the conditions of the formulas, `cut` those of related arctangents.
     """
@@ -492,19 +492,7 @@ class Letters:
         if isinstance(u, Quotient):
             above = self.text(u.above)
             return above if u.below == 1 else f"({above})/({self.text(u.below)})"
-        words = ""
-        for exponents, coefficient in u.terms():
-            size, sign = abs(coefficient), "-" if coefficient < 0 else "+"
-            parts = [
-                f"{self.texts[k]}^{e}" if e > 1 else self.texts[k]
-                for k, e in enumerate(map(int, exponents))
-                if e
-            ]
-            parts = [str(size), *parts] if size != 1 or not parts else parts
-            words += (
-                f" {sign} " + "*".join(parts) if words else "-" * (sign == "-") + "*".join(parts)
-            )
-        return words or "0"
+        return polynomial_text(u.terms(), self.texts)
 
 
 class Knowledge:
@@ -728,9 +716,8 @@ def letters_of(question: Question, read: Callable[[Letters], object]) -> Letters
         except TooManyLetters:
             size *= 2
             if size > MAX_LETTERS:
-                raise Ended(
-                    "incomplete",
-                    "The formulas contain too many functions to determine where they are defined.",
+                raise Incomplete(
+                    "The formulas contain too many functions to determine where they are defined."
                 ) from None
 
 
@@ -751,10 +738,10 @@ def cells_of(question: Question, by_theorem: bool = False) -> tuple[Cell, Cell]:
         collect_needs(ring, question.read(ring))
         ring.entries = iter(())
         for pair in question.conditions:
-            value = ring.add([Reader(ring, one).value for one in pair], [1, -1])
+            value = ring.add([value_of(ring, one) for one in pair], [1, -1])
             hints.extend(ring.pieces(">", value))
         for _, said in () if question.rational else question.roots:
-            value = Reader(ring, said).value
+            value = value_of(ring, said)
             hints.extend(need for need in ring.pieces(">", value) if need.kind == ">")
 
     ring = letters_of(question, read)
@@ -803,11 +790,11 @@ def signed(question: Question, ring: Letters, needs: Iterable[Need]) -> list[Nee
             continue
         text = ring.text(need.polynomial)
         if LONG in text:
-            raise Ended("incomplete", "A formula is too long to determine on which side it holds.")
+            raise Incomplete("A formula is too long to determine on which side it holds.")
         tokens = read_tokens(text, "cell")
 
         def positive(expansion: Any, tokens: tuple[str, ...] = tokens) -> bool:
-            value = Reader(expansion, tokens).value.get(0, 0)
+            value = value_of(expansion, tokens).get(0, 0)
             return bool(
                 expansion.arithmetic.nonzero(expansion.arithmetic.number(Fraction(0)) + value) > 0
             )
@@ -956,7 +943,7 @@ def _lacking(
         own.clear()
         said.clear()
         velocities = zip(question.bound, question.force_texts[len(question.free) :], strict=True)
-        rates = {name + "'": Reader(ring, text).value for name, text in velocities}
+        rates = {name + "'": value_of(ring, text) for name, text in velocities}
         for listed, found in ((cell.domain, own), (stated, said)):
             for text in listed:
                 ring.needs = {}
@@ -984,7 +971,7 @@ def needs_of_text(
         sides = text.split(kind)
         if len(sides) > 1:
             values = [
-                Reader(ring, read_tokens(side, "domain"), **(bound or {})).value for side in sides
+                value_of(ring, read_tokens(side, "domain"), **(bound or {})) for side in sides
             ]
             for left, right in pairwise(values):
                 weights = [-1, 1] if kind == "<" else [1, -1]

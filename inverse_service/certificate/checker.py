@@ -19,7 +19,7 @@ from typing import Any, Literal
 from .cell import Cell, cells_of
 from .constraints import Along, Motion
 from .exceptions import Exceptions, exceptions_of
-from .formulas import CERTIFICATE, OLD, OLD_FORMAT, Ended, check_shape, require
+from .formulas import CERTIFICATE, OLD, OLD_FORMAT, Ended, Incomplete, check_shape, require
 from .kinds import Definite, OfKind
 from .numbers import Undefined, Unsettled
 from .question import Question, Tools
@@ -98,7 +98,7 @@ def certified(document: Any, tools: Tools) -> CheckResult:
     """
     began = time.thread_time()
     if isinstance(document, dict) and document.get("format") == OLD_FORMAT:
-        raise Ended("incomplete", OLD)
+        raise Incomplete(OLD)
     check_shape(document, CERTIFICATE, "certificate")
     kind, among = document["kind"], document.get("among")
     proven = "not_variational" if kind == "nonexistence" else "variational"

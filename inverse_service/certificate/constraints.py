@@ -92,13 +92,13 @@ class MotionExpansion(Expansion):
         rows = self.hessian(
             elimination.solution([key for degree in (0, 1) for key in self.unknowns(degree)])
         )
-        return [
-            [
-                sum([x * row[b] for x, row in zip(weights, rows, strict=True)])
-                for b in range(len(self.v))
-            ]
-            for weights in self.question.mixing
-        ]
+        return self.mixed(rows)
+
+    def mixed(self, rows: list[list[Number]]) -> list[list[Number]]:
+        """Random combinations of the rows, as many as there are free velocities."""
+        pairs = ([*zip(weights, rows, strict=True)] for weights in self.question.mixing)
+        columns = range(len(self.v))
+        return [[sum([x * row[b] for x, row in weighted]) for b in columns] for weighted in pairs]
 
 
 class FlowExpansion(MotionExpansion):
@@ -127,13 +127,9 @@ class FlowExpansion(MotionExpansion):
                     start[name] | {key + self.clock: part for key, part in grown.items()}
                 )
         displaced = dict(zip(start, self.units, strict=True))
-        self.follow(
-            last + 1,
-            {
-                name: solution[name] | {unit: number(Fraction(1))}
-                for name, unit in displaced.items()
-            },
-        )
+        one = number(Fraction(1))
+        moved = {name: solution[name] | {unit: one} for name, unit in displaced.items()}
+        self.follow(last + 1, moved)
         self.vertical = self.pulled_back(last)
 
     def follow(self, degree: int, solution: dict[str, Series]) -> None:
@@ -209,15 +205,7 @@ class FlowExpansion(MotionExpansion):
         form = elimination.solution(
             [self.pair(x, y) for x, y in combinations((*self.q, *self.v), 2)]
         )
-        return [
-            [
-                sum(
-                    [a * form.get(self.pair(q, v), 0) for a, q in zip(weights, self.q, strict=True)]
-                )
-                for v in self.v
-            ]
-            for weights in self.question.mixing
-        ]
+        return self.mixed([[form.get(self.pair(q, v), 0) for v in self.v] for q in self.q])
 
 
 class Motion(Question):

@@ -17,14 +17,13 @@ from __future__ import annotations
 import math
 import random
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from fractions import Fraction
 from functools import cache
 from itertools import combinations, combinations_with_replacement
 from typing import TYPE_CHECKING, Any
 
-from flint import Ordering, fmpq, fmpq_mpoly_ctx, fmpz_poly, nmod_mat, nmod_poly
+from flint import Ordering, fmpq, fmpq_mpoly_ctx, fmpz_poly, nmod_mat, nmod_mpoly_ctx, nmod_poly
 
 from .formulas import Ended
 from .numbers import Residues, Undefined, Unsettled
@@ -319,43 +318,22 @@ class Finding:
             lines.append((other, self.without(found, other, self.content(other))))
         if any(one.degree() != degree for _, one in lines):
             raise Undefined
-        parts = list[dict[tuple[int, ...], int]]()  # forms in c - a, the first one 1
-        for k, shape in enumerate(shapes):
-            rows = [
-                [math.prod(b[j] for j in one) % prime for one in shape]
-                for b, _ in lines[: len(shape)]
-            ]
-            right = [
-                [int(one[k]) * pow(int(one[0]), -1, prime) % prime]
-                for _, one in lines[: len(shape)]
-            ]
+        ring = nmod_mpoly_ctx.get([f"c{k}" for k in range(m)], prime, Ordering.lex)
+        one, whole = ring.constant(1), ring.constant(0)
+        moved = [z - a for z, a in zip(ring.gens(), self.base, strict=True)]  # c - a
+        for k, shape in enumerate(shapes):  # the forms of degree k in c - a; that of degree 0 is 1
+            used = lines[: len(shape)]
+            rows = [[math.prod(b[j] for j in places) % prime for places in shape] for b, _ in used]
+            right = [[int(on[k]) * pow(int(on[0]), -1, prime) % prime] for _, on in used]
             solved = nmod_mat(rows, prime).solve(nmod_mat(right, prime))
-            parts.append({one: int(solved[j, 0]) for j, one in enumerate(shape)})
-        table = self.expanded(parts)
-        lead = pow(next(value for value in table.values() if value), -1, prime)
-        named = {key: self.fraction(value * lead % prime) for key, value in table.items() if value}
-        return self.context.from_dict(
-            {key: fmpq(a.numerator, a.denominator) for key, a in named.items()}
-        )
+            for number, places in enumerate(shape):
+                monomial = math.prod([moved[j] for j in places], start=one)
+                whole += monomial * int(solved[number, 0])
+        lead = pow(int(whole.leading_coefficient()), -1, prime)
+        table = {key: self.fraction(int(c) * lead % prime) for key, c in whole.terms()}
+        return self.context.from_dict(table)
 
-    def expanded(self, parts: Sequence[dict[tuple[int, ...], int]]) -> dict[tuple[int, ...], int]:
-        """The coefficients in powers of c, modulo the prime, of a polynomial in powers of c - a."""
-        total, m = dict[tuple[int, ...], int](), len(self.names)
-        for form in parts:
-            for shape, value in form.items():
-                terms = {(0,) * m: value}
-                for j in shape:
-                    more = dict[tuple[int, ...], int]()
-                    for key, factor in terms.items():
-                        up = tuple(e + (k == j) for k, e in enumerate(key))
-                        more[up] = (more.get(up, 0) + factor) % self.prime
-                        more[key] = (more.get(key, 0) - factor * self.base[j]) % self.prime
-                    terms = more
-                for key, factor in terms.items():
-                    total[key] = (total.get(key, 0) + factor) % self.prime
-        return dict(sorted(total.items(), reverse=True))
-
-    def fraction(self, value: int) -> Fraction:
+    def fraction(self, value: int) -> fmpq:
         """The simple fraction that has this value; Undefined where there is none."""
         older, newer, before, after = self.prime, value, 0, 1
         while newer * newer > self.prime >> 20:
@@ -364,7 +342,7 @@ class Finding:
             before, after = after, before - quotient * after
         if abs(after) > 1 << 24:
             raise Undefined
-        return Fraction(newer, after)
+        return fmpq(newer, after)
 
     # What is left out.
 
@@ -414,18 +392,22 @@ class Finding:
         left = whole[:1] if plain else [one for one in whole if one[1] > 0]
         right = [one for one in whole if one not in left]
         turned = "-" if plain else ""
-        return f"{self.written(left)} = {turned}{self.written([(key, abs(c)) for key, c in right])}"
+        opposite = [(key, abs(c)) for key, c in right]
+        return (
+            f"{polynomial_text(left, self.names)} = {turned}{polynomial_text(opposite, self.names)}"
+        )
 
-    def written(self, terms: Sequence[tuple[tuple[int, ...], int]]) -> str:
-        words = []
-        for key, c in terms:
-            powers = [
-                f"{name}^{e}" if e > 1 else name
-                for name, e in zip(self.names, key, strict=True)
-                if e
-            ]
-            words.append("*".join([str(c), *powers] if c != 1 or not powers else powers))
-        return " + ".join(words) or "0"
+
+def polynomial_text(terms: Iterable[tuple[Sequence[int], Any]], names: Sequence[str]) -> str:
+    """3*x^2*y - 1 of the exponents and coefficients of a polynomial in these names."""
+    found = ""
+    for exponents, coefficient in terms:
+        pairs = zip(names, exponents, strict=False)
+        powers = [f"{name}^{e}" if e > 1 else name for name, e in pairs if e]
+        size, sign = abs(coefficient), "-" if coefficient < 0 else "+"
+        word = "*".join(powers if powers and size == 1 else [str(size), *powers])
+        found += f" {sign} {word}" if found else f"{sign.strip('+')}{word}"
+    return found or "0"
 
 
 def primitive(polynomial: Polynomial) -> Polynomial:

@@ -77,6 +77,13 @@ class Ended(Exception):
         self.verdict, self.reasons = verdict, reasons
 
 
+class Incomplete(Ended):
+    """The check ends, and nothing can be said."""
+
+    def __init__(self, reason: str) -> None:
+        super().__init__("incomplete", reason)
+
+
 def require(condition: object, sentence: str) -> None:
     if not condition:
         raise Ended("invalid", sentence)
@@ -219,17 +226,6 @@ class Nodes:
         return self.formulas[formula]
 
 
-class Reader:
-    """The value of a formula in a ring.
-
-    Every distinct part is computed once for all formulas that the ring reads. Names in `bound` have
-    these values; what holds names that are bound is computed for this call alone.
-    """
-
-    def __init__(self, ring: Any, formula: tuple[str, ...], **bound: Any) -> None:
-        self.value = read_formulas(ring, [formula], **bound)[0]
-
-
 class Memory(NamedTuple):
     """The values of nodes in a ring, for these values of the names and to this degree."""
 
@@ -239,7 +235,11 @@ class Memory(NamedTuple):
 
 
 def read_formulas(ring: Any, formulas: Iterable[tuple[str, ...]], **bound: Any) -> list[Any]:
-    """The values of formulas in a ring, which share their parts."""
+    """The values of formulas in a ring.
+
+    Every distinct part is computed once for all formulas that the ring reads. Names in `bound` have
+    these values; what holds names that are bound is computed for this call alone.
+    """
     nodes: Nodes = ring.question.nodes
     if bound:
         names, known = ring.names | bound, dict[int, Any]()
@@ -256,6 +256,11 @@ def read_formulas(ring: Any, formulas: Iterable[tuple[str, ...]], **bound: Any) 
                 known[number] = _computed(ring, nodes.listed[number], names, known)
         found.append(known[order[-1]])
     return found
+
+
+def value_of(ring: Any, formula: tuple[str, ...], **bound: Any) -> Any:
+    """The value of one formula in a ring."""
+    return read_formulas(ring, [formula], **bound)[0]
 
 
 def _computed(
@@ -363,8 +368,6 @@ class _Parser:
 def joined(ring: Any, operator: str, left: Any, right: Any) -> Any:
     """left operator right, for ^ exp(right log(left))."""
     ring.question.check_time()
-    if operator in "+-":
-        return ring.add([left, right], [1, 1 if operator == "+" else -1])
     if operator == "^":
         return ring.elementary(
             "exp", ring.multiply(right, ring.elementary("log", left), ring.degree)
@@ -375,7 +378,7 @@ def joined(ring: Any, operator: str, left: Any, right: Any) -> Any:
 def applied(ring: Any, name: str, u: Any) -> Any:
     """An elementary function, by its definition in others where it has one."""
     if name in DEFINED:
-        return Reader(ring, read_tokens(DEFINED[name], name), u=u).value
+        return value_of(ring, read_tokens(DEFINED[name], name), u=u)
     return ring.elementary(name, u)
 
 

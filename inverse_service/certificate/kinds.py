@@ -10,17 +10,8 @@ from functools import cached_property
 from itertools import combinations, combinations_with_replacement, product
 from typing import Any
 
-from .formulas import (
-    MAX_NAMES,
-    NUMBER,
-    TEXT,
-    Ended,
-    Reader,
-    check_shape,
-    is_irrational,
-    read_tokens,
-    require,
-)
+from . import formulas as fm
+from .formulas import NUMBER, TEXT, Incomplete, check_shape, read_tokens, require, value_of
 from .numbers import Arithmetic, Series, Unsettled
 from .question import KindsOfRows, Question, RowKind, Tools, Zero
 from .series import Elimination, Expansion, Term
@@ -58,49 +49,35 @@ class KindExpansion(Expansion):
         found += [(self.speeds, 2, True)] * (self.question.kind in HOMOGENEOUS)
         for move in self.question.moves:
             parts = {
-                a: Reader(self, move[name]).value
+                a: value_of(self, move[name])
                 for a, name in zip(self.q, self.question.coordinates, strict=True)
                 if name in move
             }
             along = dict(zip(self.q, self.speeds.values(), strict=True))
-            found.append(
-                (
-                    parts | {a + len(self.v): self.along(along, part) for a, part in parts.items()},
-                    0,
-                    True,
-                )
-            )
+            rates = {a + len(self.v): self.along(along, part) for a, part in parts.items()}
+            found.append((parts | rates, 0, True))
         return found
 
     def terms(self, kind: str, *place: int) -> list[Term]:
+        if kind[0] in "CD":
+            return [*self.curl(kind[0], int(kind[1:]), *place)]
         if kind[0] not in "KS":
-            return (
-                [*self.curl(kind[0], int(kind[1:]), *place)]
-                if kind[0] in "CD"
-                else super().terms(kind, *place)
-            )
+            return super().terms(kind, *place)
         (parts, weight, _), by = self.derivations[int(kind[1:])], tuple(self.v[a] for a in place)
-        if kind[0] == "S":  # g_ik s^k with s = Y(f) - Gamma(Y_v) - c f/2
-            shifts = (
-                self.cubic
-                if self.question.without_drag
-                else [
-                    self.add(
-                        [
-                            self.along(parts, f),
-                            self.along(dict(enumerate(self.field)), parts.get(v, {})),
-                            f,
-                        ],
-                        [1, -1, -(weight // 2)],
-                    )
-                    for v, f in zip(self.v, self.forces, strict=True)
-                ]
-            )
+        if kind[0] == "S":  # g_ik s^k
+            shifts = self.cubic if self.question.without_drag else self.shifts(parts, weight)
             return [Term(1, shift, (by[0], v)) for v, shift in zip(self.v, shifts, strict=True)]
         terms = self.multiplied(parts, weight, by)
         for v, (b, c) in product(self.v, (by, by[::-1])):
             terms.append(Term(1, self.derivative(parts.get(v, {}), c), (b, v)))
         return terms
+
+    def shifts(self, parts: dict[int, Series], weight: int) -> Iterator[Series]:
+        """s = Y(f) - Gamma(Y_v) - c f/2 by components."""
+        flow, signs = dict(enumerate(self.field)), [1, -1, -(weight // 2)]
+        for v, f in zip(self.v, self.forces, strict=True):
+            turned = self.along(flow, parts.get(v, {}))
+            yield self.add([self.along(parts, f), turned, f], signs)
 
     def curl(self, kind: str, k: int, i: int, j: int) -> Iterator[Term]:
         """d_w (g_il df^l/dv^j - g_jl df^l/dv^i): w = v^k, with 2 (d_(q^j) g_ik - d_(q^i) g_jk).
@@ -150,26 +127,17 @@ class OfKind(Question):
             )
         self.without_drag = self.kind == "rayleigh" and not self.drag
         super().__init__(tools, document, timed, claim)
-        words = {
-            token
-            for move in self.moves
-            for text in move.values()
-            for token in text
-            if token[:1].isalpha()
-        }
-        good = (
-            all(move and {*move} <= {*self.coordinates} for move in self.moves)
-            and bool(self.moves) == invariant
-        )
+        good = all(move and {*move} <= {*self.coordinates} for move in self.moves)
+        good = good and bool(self.moves) == invariant
         require(good, "A vector field has components along coordinates.")
-        require(
-            words <= {*self.coordinates, *self.parameters},
-            "A field may contain only coordinates and parameters.",
-        )
-        require(
-            not any(is_irrational(text) for move in self.moves for text in move.values()),
-            "It is irrational.",
-        )
+        words = {token for text in self.fields() for token in text if token[:1].isalpha()}
+        good = words <= {*self.coordinates, *self.parameters}
+        require(good, "A field may contain only coordinates and parameters.")
+        require(not any(map(fm.is_irrational, self.fields())), "It is irrational.")
+
+    def fields(self) -> list[tuple[str, ...]]:
+        """The components of all vector fields."""
+        return [text for move in self.moves for text in move.values()]
 
     def listed_rows(self) -> KindsOfRows:
         n = len(self.coordinates)
@@ -192,11 +160,7 @@ class OfKind(Question):
         return KindExpansion(arithmetic, degree)
 
     def texts(self) -> list[tuple[str, ...]]:
-        return [
-            *super().texts(),
-            *(text for move in self.moves for text in move.values()),
-            self.drag,
-        ]
+        return [*super().texts(), *self.fields(), self.drag]
 
     def prepare(
         self,
@@ -204,19 +168,15 @@ class OfKind(Question):
         formulas: Iterable[tuple[str, ...]] = (),
         rational: bool = True,
     ) -> None:
-        more = [text for text in self.texts()[len(super().texts()) :] if text]
-        super().prepare(
-            lambda ring: (read(ring), [Reader(ring, text).value for text in more]),
-            formulas,
-            rational,
-        )
+        more = [*filter(None, [*self.fields(), self.drag])]
+        super().prepare(lambda ring: (read(ring), fm.read_formulas(ring, more)), formulas, rational)
 
     def residuals(self, ring: Any, lagrangian: Series) -> Iterator[Zero]:
         """E_i - dD/dv^i of L.
 
         Then all terms that must be zero for the kind, and for D to be quadratic, homogeneous.
         """
-        drag = Reader(ring, self.drag).value if self.drag else {}
+        drag = value_of(ring, self.drag) if self.drag else {}
         for v, (value, sentence) in zip(ring.v, super().residuals(ring, lagrangian), strict=True):
             yield Zero(ring.add([value, ring.value([Term(-1, ring.one, (v,))], drag)]), sentence)
         exact = [(parts, weight, lagrangian) for parts, weight, holds in ring.derivations if holds]
@@ -237,9 +197,7 @@ class OfKind(Question):
 
     def existence(self, document: dict[str, Any]) -> str:
         if self.moves or self.kind == "rayleigh":
-            raise Ended(
-                "incomplete", "For this type, only an explicit Lagrangian proves existence."
-            )
+            raise Incomplete("For this type, only an explicit Lagrangian proves existence.")
         return super().existence(document)
 
 
@@ -248,7 +206,7 @@ def named(kind: Any) -> Any:
     if not isinstance(kind, dict):
         check_shape(kind, KINDS, "among")
         return kind
-    check_shape(kind, {"invariant": [{}, MAX_NAMES]}, "among")
+    check_shape(kind, {"invariant": [{}, fm.MAX_NAMES]}, "among")
     require(len(kind) == 1, "among has to name one kind.")
     return "invariant"
 
@@ -304,10 +262,8 @@ class Definite(Question):
         """At the point itself; for existence also at random points, which are to give the same."""
         if not degree or not (self.member or self.orthogonal):
             return super().modulo(degree, work, count)
-        if self.functions or any("pi" in text or is_irrational(text) for text in self.texts()):
-            raise Ended(
-                "incomplete", "If f is not rational, only an explicit Lagrangian proves anything."
-            )
+        if self.functions or any("pi" in text or fm.is_irrational(text) for text in self.texts()):
+            raise Incomplete("If f is not rational, only an explicit Lagrangian proves anything.")
         found = super().modulo(degree, work, count) if self.member else []
         self.pinned = True
         found += super().modulo(degree, work, count)
@@ -328,7 +284,7 @@ class Definite(Question):
         formula = read_tokens(document.get("lagrangian"), "certificate.lagrangian")
 
         def real(ring: Expansion) -> None:
-            rows = ring.hessian(Reader(ring, formula).value)
+            rows = ring.hessian(value_of(ring, formula))
             sign = 1 if rows[0][0] > 0 else -1
             require(
                 is_definite([[entry * sign for entry in row] for row in rows]),

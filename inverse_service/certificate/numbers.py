@@ -26,7 +26,7 @@ from flint import (
     nmod_poly,
 )
 
-from .formulas import MAX_POWER, Ended
+from .formulas import MAX_POWER, Incomplete
 
 if TYPE_CHECKING:
     from .question import Question
@@ -325,9 +325,8 @@ class Plan:
     def every_choice(self) -> list[dict[int, int]]:
         """Each choice k of the roots r_j z_j^k_j of functions, z_j a root of unity."""
         if self.split > MAX_CHOICES:
-            raise Ended(
-                "incomplete",
-                f"Roots that depend on each other have more than {MAX_CHOICES} choices.",
+            raise Incomplete(
+                f"Roots that depend on each other have more than {MAX_CHOICES} choices."
             )
         scales = {
             j: pair.scale for j, pair in enumerate(self.pairs) if pair.logarithm and not pair.number
@@ -355,7 +354,7 @@ class Plan:
             )
             whole = (rest / arb.pi() * part).unique_fmpz()
             if whole is None:
-                raise Ended("incomplete", "The branch of an arctangent could not be determined.")
+                raise Incomplete("The branch of an arctangent could not be determined.")
             parts, times = parts | {PI: Fraction(int(whole), part)}, 2 * part
         return Entry(0, tuple((j, a) for j, a in parts.items() if a), times)
 
@@ -511,9 +510,8 @@ class Residues:
 
     def same(self, left: Number, right: Number) -> None:
         if self.reduced(left - right):
-            raise Ended(
-                "incomplete",
-                "A relation between functions was guessed that does not hold for all roots.",
+            raise Incomplete(
+                "A relation between functions was guessed that does not hold for all roots."
             )
 
     def exp(self, value: Number) -> Number:

@@ -17,55 +17,11 @@ from typing import Any, NamedTuple
 
 from flint import ctx, fmpz, fmpz_mat, nmod_mat
 
+from . import formulas as fm, numbers as nb, series as sr
 from .exceptions import Generic
-from .formulas import (
-    MAX_LISTED,
-    MAX_NAMES,
-    MAX_ORDER,
-    MAX_ROWS,
-    NAME,
-    NUMBER,
-    RESERVED,
-    SYSTEM,
-    TEXT,
-    Ended,
-    Nodes,
-    Reader,
-    bounded,
-    check_shape,
-    is_irrational,
-    is_root,
-    read_formulas,
-    read_tokens,
-    require,
-)
-from .numbers import (
-    MAX_SPLIT,
-    SPARE,
-    Atom,
-    Balls,
-    Met,
-    Number,
-    Place,
-    Plan,
-    Residues,
-    Series,
-    Undefined,
-    Unsettled,
-    Witnesses,
-    count_distinct,
-)
-from .series import (
-    Count,
-    Elimination,
-    Expansion,
-    Row,
-    Step,
-    Symbol,
-    followed,
-    symbol_of,
-    symbol_rows,
-)
+from .formulas import NAME, NUMBER, TEXT, Incomplete, check_shape, read_tokens, require, value_of
+from .numbers import Atom, Balls, Plan, Residues, Undefined, Unsettled
+from .series import Elimination, Expansion, Row, Step, Symbol
 
 PRECISIONS = (192, 512, 2048, 8192)  # bits of balls
 MAX_RARITY = 1 << 18  # one of about so many primes has all roots that are needed of it
@@ -127,14 +83,14 @@ class Found(NamedTuple):
 class Zero(NamedTuple):
     """The values that must be zero in the ring, and a sentence for where they are not."""
 
-    value: Series
+    value: nb.Series
     sentence: str
 
 
 class Regular(NamedTuple):
     """A matrix that has to be regular at the point, and a sentence for where it is not."""
 
-    matrix: list[list[Number]]
+    matrix: list[list[nb.Number]]
     sentence: str
 
 
@@ -165,7 +121,7 @@ class Question:
 
     def __init__(self, tools: Tools, document: Any, timed: bool = True, claim: Any = None) -> None:
         self.generator, self.deadline = tools
-        self.timed, self.nodes = timed, Nodes()
+        self.timed, self.nodes = timed, fm.Nodes()
         self.read_system(document)
         contains_time = any("t" in force for force in self.motion)
         require(timed or not contains_time, "f contains t: the question has to be time_dependent.")
@@ -178,10 +134,10 @@ class Question:
         self.partly = False  # whether a matrix is regular for some choices of the roots only
         self.claimed: tuple[Callable[[Expansion], Claims], int] = (no_claims, 0)
         self.generic: Generic | None = None  # the proof, once it is found right
-        self.halves, self.plan, self.place = False, Plan([], 0), Place(self.generator, {})
+        self.halves, self.plan, self.place = False, Plan([], 0), nb.Place(self.generator, {})
 
     def read_system(self, document: Any) -> None:
-        check_shape(document, SYSTEM, "system")
+        check_shape(document, fm.SYSTEM, "system")
         self.coordinates = document["coordinates"]
         self.parameters = document.get("parameters") or []
         self.own_parameters = [*self.parameters]
@@ -189,11 +145,13 @@ class Question:
             document.get(key) or {} for key in ("functions", "equations", "velocities")
         )
         check_shape(
-            list(self.functions.items()), [(NAME, [NAME, 6]), MAX_NAMES], "system.functions"
+            list(self.functions.items()), [(NAME, [NAME, 6]), fm.MAX_NAMES], "system.functions"
         )
         names = [*self.coordinates, *self.parameters, *self.functions]
         self.free, self.bound = self.coordinates[: len(forces)], self.coordinates[len(forces) :]
-        good = self.free and all(self.functions.values()) and len({*names} - RESERVED) == len(names)
+        good = (
+            self.free and all(self.functions.values()) and len({*names} - fm.RESERVED) == len(names)
+        )
         good = good and ({*forces}, {*rates}) == ({*self.free}, {*self.bound})
         require(
             good,
@@ -209,7 +167,7 @@ class Question:
         self.unsolved = list[tuple[str, ...]]()
         if not all(map(self.letters.isdisjoint, self.force_texts)):  # E(t, q, q', q'') = 0
             require(not self.bound, "The equations of a motion on constraints have to be solved.")
-            free = not any(bounded(text, self.letters) for text in self.force_texts)
+            free = not any(fm.bounded(text, self.letters) for text in self.force_texts)
             require(free, "Accelerations may occur in sums and products only.")
             self.parameters = [*self.parameters, *sorted(self.letters)]
             self.unsolved = self.force_texts
@@ -229,8 +187,8 @@ class Question:
     def set_of_claim(self, claim: dict[str, Any]) -> None:
         near = claim.get("near") or {}
         shape = {
-            "conditions?": [TEXT, MAX_LISTED],
-            "roots?": [{"root": TEXT, "is": TEXT}, MAX_LISTED],
+            "conditions?": [TEXT, fm.MAX_LISTED],
+            "roots?": [{"root": TEXT, "is": TEXT}, fm.MAX_LISTED],
         }
         check_shape(near, dict.fromkeys(near, NUMBER), "near")
         require({*near} <= self.names, "near contains a name that the system does not declare.")
@@ -241,7 +199,7 @@ class Question:
         for entry in claim.get("roots") or []:
             root = read_tokens(entry["root"], "roots.root")
             self.roots.append(Root(root, read_tokens(entry["is"], "roots.is")))
-            require(is_root(root), "A root has to be sqrt(w) or (w)^(a/k).")
+            require(fm.is_root(root), "A root has to be sqrt(w) or (w)^(a/k).")
         sides = (side for pair in (*self.conditions, *self.roots) for side in pair)
         require(
             all(map(self.letters.isdisjoint, sides)),
@@ -254,7 +212,7 @@ class Question:
 
     def check_time(self) -> None:
         if not time.thread_time() < self.deadline:
-            raise Ended("incomplete", "The time limit ended the check.")
+            raise Incomplete("The time limit ended the check.")
 
     def read_all(self, ring: Any) -> list[Any]:
         """The conditions and roots, as logarithms of expressions that they make positive.
@@ -264,18 +222,16 @@ class Question:
         hinted = not self.rational or isinstance(getattr(ring, "arithmetic", None), Balls)
         degree, ring.degree = ring.degree, 0
         for more, less in self.conditions if hinted else ():
-            ring.elementary(
-                "log", ring.add([Reader(ring, more).value, Reader(ring, less).value], [1, -1])
-            )
+            ring.elementary("log", ring.add([value_of(ring, more), value_of(ring, less)], [1, -1]))
         for root, said in self.roots if hinted else ():
-            value = Reader(ring, said).value
+            value = value_of(ring, said)
             ring.elementary("log", value)
-            tie = ring.add([Reader(ring, root).value, value], [1, -1])
+            tie = ring.add([value_of(ring, root), value], [1, -1])
             ring.ties.append(ring.multiply(tie, ring.constant(Fraction(1)), 0))
         # All rings of all degrees meet the same atoms in the same order: the conditions are not
         # remembered.
         ring.degree, ring.memory = degree, None
-        found = read_formulas(ring, self.force_texts)
+        found = fm.read_formulas(ring, self.force_texts)
         if self.bound:
             rates = zip(self.bound, found[len(self.free) :], strict=True)
             ring.names = ring.names | {name + "'": rate for name, rate in rates}
@@ -294,7 +250,7 @@ class Question:
         prime where all is rational), the plan relates the atoms there, degrees are bounded, and
         each root named is what it is said to be.
         """
-        self.rational = rational and not any(map(is_irrational, [*self.texts(), *formulas]))
+        self.rational = rational and not any(map(fm.is_irrational, [*self.texts(), *formulas]))
         self.read = read
         if self.conditions or self.near or not self.rational:
             trace = self.locate()
@@ -302,9 +258,9 @@ class Question:
             self.make_plan(trace)
         else:
             self.modulo(0, read, 1)
-        self.read(Count(self))
-        if self.plan.draws > MAX_SPLIT:
-            raise Ended("incomplete", "There are too many roots of roots, or that are not square.")
+        self.read(sr.Count(self))
+        if self.plan.draws > nb.MAX_SPLIT:
+            raise Incomplete("There are too many roots of roots, or that are not square.")
         if self.plan.roots and not self.independent():
             self.plan.choices = self.plan.every_choice()
         if self.roots:
@@ -318,15 +274,14 @@ class Question:
                 name: Fraction(self.generator.randrange(-(1 << 30), 1 << 30), 1 << 30) + attempt % 2
                 for name in sorted(self.names)
             }
-            self.place = Place(self.generator, values | self.near)
+            self.place = nb.Place(self.generator, values | self.near)
             try:
                 trace: list[Atom] = self.in_balls(0, self.traced)
                 return trace
             except (Undefined, Unsettled):
                 self.check_time()
-        raise Ended(
-            "incomplete",
-            "No point was found at which every formula is defined and every condition holds.",
+        raise Incomplete(
+            "No point was found at which every formula is defined and every condition holds."
         )
 
     def look_around(self) -> int:
@@ -350,7 +305,10 @@ class Question:
             }
             with ctx.workprec(PRECISIONS[0]):
                 try:
-                    self.held, arithmetic = False, Balls(self, Place(self.generator, values), None)
+                    self.held, arithmetic = (
+                        False,
+                        Balls(self, nb.Place(self.generator, values), None),
+                    )
                     zeros = claims(self.expansion(arithmetic, degree)).zeros
                     good = all(
                         number.contains(0) for zero in zeros for number in zero.value.values()
@@ -378,13 +336,13 @@ class Question:
         center = self.place
         with ctx.workprec(PRECISIONS[0]), suppress(Undefined, Unsettled):
             trace = self.traced(self.expansion(Balls(self, center.neighbor(20), None), 0))
-        distinct = min(MAX_ATOMS, count_distinct(trace))
+        distinct = min(MAX_ATOMS, nb.count_distinct(trace))
         bits = min(600 + 60 * distinct, 4000)
         with ctx.workprec(bits):
             first = self.expansion(Balls(self, center, None), 0)
             traces = [self.traced(first)]
             missed = 0
-            while len(traces) <= distinct + SPARE and missed < 400:
+            while len(traces) <= distinct + nb.SPARE and missed < 400:
                 try:
                     near = center.neighbor(missed // 16)
                     traces.append(self.traced(self.expansion(Balls(self, near, None), 0)))
@@ -411,12 +369,12 @@ class Question:
             below = math.prod([root.degree for root in roots if root.depth < depth])
             rows = {int(q): list[list[int]]() for n in {*degrees} for q, _ in fmpz(n).factor()}
             prime = self.prime()
-            for _ in range(16 * min(below, MAX_SPLIT) * (len(degrees) + SPARE)):
+            for _ in range(16 * min(below, nb.MAX_SPLIT) * (len(degrees) + nb.SPARE)):
                 if not rows or max(map(len, rows.values())) > len(degrees) + MAX_VISITS:
                     break
-                ring = Witnesses(self, prime, self.generator.getrandbits(64), depth)
+                ring = nb.Witnesses(self, prime, self.generator.getrandbits(64), depth)
                 try:
-                    with suppress(Met):
+                    with suppress(nb.Met):
                         self.read(self.expansion(ring, 0))
                     for q in [*rows]:
                         rows[q].append(ring.logarithms(q))
@@ -448,7 +406,7 @@ class Question:
         try:
             return self.in_balls(degree, work, self.plan.classes)
         except (Undefined, Unsettled):
-            raise Ended("incomplete", sentence) from None
+            raise Incomplete(sentence) from None
 
     def modulo(self, degree: int, work: Callable[[Expansion], Any], count: int = 2) -> list[Any]:
         """The results of the work at random points modulo random primes.
@@ -474,15 +432,14 @@ class Question:
             for met in classes:
                 known = self.plan.classes or []  # one work reads further than another
                 if any(one != other for one, other in zip(known, met, strict=False)):
-                    raise Ended(
-                        "incomplete",
-                        "Arguments of a function agree at one point and not at another.",
+                    raise Incomplete(
+                        "Arguments of a function agree at one point and not at another."
                     )
                 self.plan.classes = max(known, met, key=len)
             found, prime = [*found, *here], self.prime()
             if len(found) == count * len(choices):
                 return found
-        raise Ended("incomplete", "No point was found at which every formula is defined.")
+        raise Incomplete("No point was found at which every formula is defined.")
 
     def prime(self, narrow: bool = False) -> int:
         """A random prime, modulo which all numbers have the roots that the plan takes.
@@ -499,9 +456,7 @@ class Question:
         roots = [(pair.number, pair.scale) for pair in self.plan.pairs if pair.number > 1]
         # A text could hold all such primes.
         if step * math.prod([scale for _, scale in roots]) > MAX_RARITY:
-            raise Ended(
-                "incomplete", "There are too many roots of numbers: too few primes have them all."
-            )
+            raise Incomplete("There are too many roots of numbers: too few primes have them all.")
         for _ in range(1_000_000):
             prime = self.generator.randrange((1 << bits) // step, (2 << bits) // step) * step + 1
             if fmpz(prime).is_probable_prime() and all(
@@ -509,7 +464,7 @@ class Question:
             ):
                 return prime
             self.check_time()
-        raise Ended("incomplete", "No prime was found modulo which all numbers have their roots.")
+        raise Incomplete("No prime was found modulo which all numbers have their roots.")
 
     def settle(self, degree: int, claims: Callable[[Expansion], Claims], count: int = 2) -> None:
         """Show zeros by algebra, regular matrices by balls.
@@ -547,11 +502,9 @@ class Question:
             require(k in regular, sentence)
         require(not (doubts and self.rational), next(iter(doubts.values()), ""))
         if not self.rational:
-            told = (
-                f"It is undecided whether the following holds: {next(iter(doubts.values()))}"
-                if doubts
-                else ("Balls at the real point do not show that a matrix is regular.")
-            )
+            told = "Balls at the real point do not show that a matrix is regular."
+            if doubt := next(iter(doubts.values()), ""):
+                told = f"It is undecided whether the following holds: {doubt}"
             self.proven_in_balls(degree, real, told)
 
     def lagrangian(self, document: dict[str, Any]) -> str:
@@ -568,7 +521,7 @@ class Question:
         )
 
         def claims(ring: Expansion) -> Claims:
-            lagrangian = Reader(ring, formula).value
+            lagrangian = value_of(ring, formula)
             found = self.residuals(ring, lagrangian)
             found = self.against(ring, found, factors) if self.unsolved else found
             zeros = [
@@ -580,20 +533,20 @@ class Question:
         factors = self.read_factors(document)
         lines = [text for pair in zip(factors, self.unsolved, strict=True) for text in pair]
         self.prepare(
-            lambda ring: [Reader(ring, text).value for text in (formula, *lines)],
+            lambda ring: fm.read_formulas(ring, [formula, *lines]),
             [tokens, *factors],
         )
         self.settle(self.jet, claims, 3 if self.rational else 2)
 
         def regular(ring: Expansion) -> bool:
-            return bool(ring.arithmetic.regular(ring.hessian(Reader(ring, formula).value)))
+            return bool(ring.arithmetic.regular(ring.hessian(value_of(ring, formula))))
 
         self.generic = Generic(regular, self.jet, bool)
         there = self.where and " there"
         hold = f"The Euler-Lagrange equations of the Lagrangian hold{self.where}"
         return f"{hold} and its Hessian is regular{there}."
 
-    def residuals(self, ring: Expansion, lagrangian: Series) -> Iterator[Zero]:
+    def residuals(self, ring: Expansion, lagrangian: nb.Series) -> Iterator[Zero]:
         """The values that must be zero at the point, and the error where they are not."""
         for kind, names in (("free", self.free), ("dependent", self.bound)):
             for i, name in enumerate(names):
@@ -605,7 +558,7 @@ class Question:
         for name, integral in self.integrals.items():
             sentence = f"The mixed derivatives of integrals.{name} do not agree."
             known = [
-                (self.variables.index(by), Reader(ring, slope).value)
+                (self.variables.index(by), value_of(ring, slope))
                 for by, slope in integral.slopes.items()
             ]
             for (a, one), (b, other) in combinations(known, 2):
@@ -635,8 +588,8 @@ class Question:
         for (residual, sentence), factor, equation in zip(
             residuals, factors, self.unsolved, strict=True
         ):
-            value = {0: Reader(ring, factor).value.get(0, 0)}
-            own = ring.multiply(value, {0: Reader(ring, equation).value.get(0, 0)}, 0)
+            value = {0: value_of(ring, factor).get(0, 0)}
+            own = ring.multiply(value, {0: value_of(ring, equation).get(0, 0)}, 0)
             either = ring.multiply(ring.add([residual, own], [1, -1]), ring.add([residual, own]), 0)
             yield Zero(either, sentence)
 
@@ -646,13 +599,10 @@ class Question:
         The tokens of all.
         """
         check_shape(listed, {}, "integrals")
-        check_shape(
-            listed,
-            {key: {"arguments": [NAME + "'?", 6], "derivatives": {}} for key in listed},
-            "integrals",
-        )
-        check_shape(list(listed), [NAME, MAX_NAMES], "integrals")
-        taken = {*self.names, *self.functions} | RESERVED
+        shape = {"arguments": [NAME + "'?", 6], "derivatives": {}}
+        check_shape(listed, dict.fromkeys(listed, shape), "integrals")
+        check_shape(list(listed), [NAME, fm.MAX_NAMES], "integrals")
+        taken = {*self.names, *self.functions} | fm.RESERVED
         require(taken.isdisjoint(listed), "An integral has a name that is already in use.")
         require(
             all(map({*listed}.isdisjoint, self.texts())),
@@ -661,31 +611,21 @@ class Question:
         tokens: tuple[str, ...] = ()
         for name, one in listed.items():
             arguments, slopes = one["arguments"], one["derivatives"]
-            require(
-                0 < len(arguments) == len({*arguments}),
-                f"integrals.{name} has to name its arguments once.",
-            )
-            require(
-                {*arguments} <= {"t", *self.variables},
-                f"integrals.{name} may contain only t, q and q'.",
-            )
-            require(
-                {*slopes} <= {*arguments},
-                f"integrals.{name} has a derivative by a name that is not an argument.",
-            )
-            require(slopes, f"integrals.{name} has to have a derivative.")
             read = {by: read_tokens(text, f"integrals.{name}") for by, text in slopes.items()}
-            tokens += (*arguments, *chain.from_iterable(read.values()))
-            held = {*chain.from_iterable(read.values())}
-            require(
-                held & {*listed} <= {*self.integrals},
-                f"integrals.{name} may contain only the integrals listed before it.",
-            )
+            held = [*chain.from_iterable(read.values())]
             moving = {"t", *self.coordinates, *(name + "'" for name in self.coordinates)}
-            require(
-                held & moving <= {*arguments},
-                f"integrals.{name} has a derivative that contains a name that is not an argument.",
-            )
+            alien = "a name that is not an argument"
+            for good, what in (
+                (0 < len(arguments) == len({*arguments}), "has to name its arguments once"),
+                ({*arguments} <= {"t", *self.variables}, "may contain only t, q and q'"),
+                ({*slopes} <= {*arguments}, f"has a derivative by {alien}"),
+                (slopes, "has to have a derivative"),
+                ({*held} & {*listed} <= {*self.integrals},
+                 "may contain only the integrals listed before it"),
+                ({*held} & moving <= {*arguments}, f"has a derivative that contains {alien}"),
+            ):  # fmt: skip
+                require(good, f"integrals.{name} {what}.")
+            tokens += (*arguments, *held)
             self.integrals[name] = Integral(arguments, read)
         return tokens
 
@@ -703,9 +643,7 @@ class Question:
             if [(step.row, step.pivot) for step in other] != [
                 (step.row, step.pivot) for step in first
             ]:
-                raise Ended(
-                    "incomplete", "The elimination takes different pivots at different points."
-                )
+                raise Incomplete("The elimination takes different pivots at different points.")
             pairs = zip(first, other, strict=True)
             first = [one._replace(columns=one.columns | more.columns) for one, more in pairs]
         return first
@@ -713,12 +651,12 @@ class Question:
     def listed(self, document: dict[str, Any]) -> tuple[list[Row], int]:
         """The rows of a document in the order of elimination, and the degree needed of f."""
         index = range(len(self.coordinates))
-        exponents = range(MAX_ORDER + 1)
+        exponents = range(fm.MAX_ORDER + 1)
         m = len(self.variables)
         kinds = "|".join(self.kinds_of_rows)
         arity = len(next(iter(self.kinds_of_rows.values())).places[0])
         shape = (kinds, *[index] * arity, (exponents,) * m)
-        check_shape(document, {"order": exponents, "rows": [shape, MAX_ROWS]}, "certificate")
+        check_shape(document, {"order": exponents, "rows": [shape, fm.MAX_ROWS]}, "certificate")
         rows, degrees, depths = list[Row](), dict[Row, int](), [0]
         places = {key: {*one.places} for key, one in self.kinds_of_rows.items()}
         for kind, *place, alpha in document["rows"]:
@@ -750,7 +688,7 @@ class Question:
             return Outcome(echelon.script(), ring.arithmetic.regular(ring.matrix(echelon)))
 
         def real(ring: Expansion) -> None:
-            echelon = followed(ring, steps)
+            echelon = sr.followed(ring, steps)
             if regular and not ring.arithmetic.regular(ring.matrix(echelon)):
                 raise Unsettled
 
@@ -774,7 +712,7 @@ class Question:
         points and in balls; the symbol passes Cartan's test with them; g(p) of a random solution is
         regular.
         """
-        count, orders = range(10**9), range(1, MAX_ORDER + 1)
+        count, orders = range(10**9), range(1, fm.MAX_ORDER + 1)
         symbol = {
             "dimension": count,
             "prolonged": count,
@@ -783,7 +721,7 @@ class Question:
         shape = {
             "order": orders,
             "degree": orders,
-            "dimensions": [count, MAX_ORDER + 1],
+            "dimensions": [count, fm.MAX_ORDER + 1],
             "symbol": symbol,
         }
         check_shape(document, shape, "certificate")
@@ -803,21 +741,16 @@ class Question:
             for step in range(order + 2):
                 ring.extend(elimination, step, idle)
                 kept = [pivot >> ring.shift for pivot in elimination.pivots]
-                found.append(
-                    [
-                        *accumulate(
-                            len(ring.unknowns(k)) - kept.count(k + ring.offset) for k in degrees
-                        )
-                    ]
-                )
+                free = (len(ring.unknowns(k)) - kept.count(k + ring.offset) for k in degrees)
+                found.append([*accumulate(free)])
             regular = ring.arithmetic.regular(ring.matrix(elimination))
-            symbol, killed = symbol_of(elimination, ring, degree, directions)
+            symbol, killed = sr.symbol_of(elimination, ring, degree, directions)
             return Found(elimination.script(), killed.script(), found[order:], regular, symbol)
 
         def real(ring: Expansion) -> None:
-            echelon = followed(ring, steps)
+            echelon = sr.followed(ring, steps)
             killed = Elimination(ring.arithmetic, ring.shift)
-            names = dict(symbol_rows(echelon, ring, degree, flag))
+            names = dict(sr.symbol_rows(echelon, ring, degree, flag))
             for step in killing:
                 killed.follow(names[step.row], step)
             if first.regular and not ring.arithmetic.regular(ring.matrix(echelon)):
@@ -829,7 +762,7 @@ class Question:
         steps = self.agreed(result.steps for result in results)
         killing = self.agreed(result.killing for result in results)
         if any(sizes(result) != sizes(first) for result in results):
-            raise Ended("incomplete", "The dimensions are different at different points.")
+            raise Incomplete("The dimensions are different at different points.")
         if not self.rational:
             self.proven_in_balls(
                 most,
@@ -875,10 +808,10 @@ class Question:
         """The rows of the order claimed vanish on the given coefficients, and g(p) is regular."""
         point = dict.fromkeys({*self.variables, *self.parameters}, NUMBER)
         shape = {
-            "order": range(MAX_ORDER + 1),
+            "order": range(fm.MAX_ORDER + 1),
             "prime?": range(1 << 127),
             "point": {**point, "pi?": NUMBER},
-            "terms": [((range(MAX_ORDER + 3),) * len(self.variables), NUMBER), MAX_ROWS],
+            "terms": [((range(fm.MAX_ORDER + 3),) * len(self.variables), NUMBER), fm.MAX_ROWS],
         }
         check_shape(series, shape, "certificate.series")
         order, prime, given = series["order"], series.get("prime") or self.prime(), series["point"]
@@ -909,7 +842,7 @@ class Question:
             }
             ring = self.expansion(field, order + 2)
         except Undefined:
-            raise Ended(
+            raise fm.Ended(
                 "invalid", "The point of the series is one where f is not defined."
             ) from None
         for name in (name for degree in range(order + 1) for name in ring.rows(degree)):

@@ -11,7 +11,7 @@ from heapq import heappop, heappush
 from itertools import accumulate, combinations_with_replacement, pairwise, product
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from .formulas import MAX_POWER, Ended, Reader, read_formulas, require
+from .formulas import MAX_POWER, Incomplete, read_formulas, require, value_of
 from .numbers import Arithmetic, Number, Root, Series, Unsettled
 
 if TYPE_CHECKING:
@@ -73,9 +73,7 @@ class Count:
         self.question.check_time()
         plan = self.question.plan
         if max(found) * (1 if plan.wide else plan.split) > MAX_DEGREE:
-            raise Ended(
-                "incomplete", f"A degree, or the bits of a coefficient, may be above {MAX_DEGREE}."
-            )
+            raise Incomplete(f"A degree, or the bits of a coefficient, may be above {MAX_DEGREE}.")
         return found
 
     def constant(self, value: Fraction) -> Any:
@@ -170,7 +168,7 @@ class Expansion:
         """Read f, its variables displaced."""
         arithmetic, question, degree = self.arithmetic, self.question, self.degree
         if math.comb(len(self.units) + degree, degree) * (1 + len(self.mu)) > MAX_MONOMIALS:
-            raise Ended("incomplete", f"Series of more than {MAX_MONOMIALS} terms would be needed.")
+            raise Incomplete(f"Series of more than {MAX_MONOMIALS} terms would be needed.")
         self.names = {name: {0: value} for name, value in arithmetic.values.items()}
         for name, unit in zip(question.variables, self.units, strict=True) if degree else ():
             self.names[name][unit] = arithmetic.number(Fraction(1))
@@ -319,7 +317,7 @@ class Expansion:
         }
         done = list[int]()
         for axis, slope in known.items():
-            for key, part in Reader(self, slope).value.items():
+            for key, part in value_of(self, slope).items():
                 if key >> self.shift < self.degree and not any(self.exponent(key, a) for a in done):
                     share = self.arithmetic.number(Fraction(1, self.exponent(key, axis) + 1))
                     series[key + self.units[axis]] = part * share

@@ -136,7 +136,7 @@ def checked_identities(document: Any) -> list[str]:
     """
     formulas.check_shape(document, {"theorems": [THEOREM, formulas.MAX_MEMBERS]}, "identities")
     if not document["theorems"]:
-        raise formulas.Ended("incomplete", "There are no identities.")
+        raise formulas.Incomplete("There are no identities.")
     return [_checked(theorem) for theorem in document["theorems"]]
 
 
@@ -156,7 +156,7 @@ def _checked(theorem: dict[str, Any]) -> str:
         pairs = [(_polynomial(text, ring), known[name]) for name, text in step["cofactors"].items()]
         gives, factor = (_polynomial(step[key], ring) for key in ("gives", "factor"))
         if sum(len(a) * len(b) for a, b in [*pairs, (gives, factor)]) > MAX_PRODUCTS:
-            raise formulas.Ended("incomplete", f"Step {step['name']} is too long.")
+            raise formulas.Incomplete(f"Step {step['name']} is too long.")
         formulas.require(_splits(factor, nonzero), f"The factor of step {step['name']} may be zero.")
         rest = sum((a * b for a, b in pairs), gives * 0) - factor * gives
         formulas.require(rest.is_zero(), f"The identity of step {step['name']} does not hold.")

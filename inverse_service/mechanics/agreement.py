@@ -20,12 +20,12 @@ from inverse_service.certificate import cell, checker, question as checks
 from inverse_service.certificate.formulas import (
     MAX_POWER,
     Ended,
-    Reader,
     applied,
     is_irrational,
     joined,
     read_formulas,
     read_tokens,
+    value_of,
 )
 from inverse_service.certificate.numbers import Balls, Undefined
 from inverse_service.expressions import derivative, tree as ex
@@ -113,7 +113,7 @@ def _against(value: Value, ring: Ring, candidates: list[tuple[int, int]]) -> Val
     texts = ring.question.unsolved
     if not texts:
         return value
-    lines = [Reader(ring, text).value for text in texts]
+    lines = [value_of(ring, text) for text in texts]
     every = [(k, sign) for k in range(len(lines)) for sign in (1, -1)]
     differences = {(k, sign): ring.add([value, lines[k]], [1, sign]) for k, sign in candidates or every}
     if not candidates:
@@ -259,10 +259,10 @@ def _second_reading(text: GivenText | None, ring: Ring, table: Table) -> Value |
         return None
     given = {f"{node.coordinate}''": value for node, value in table.items() if isinstance(node, ex.Acceleration)}
     try:
-        given |= {name: Reader(ring, read_tokens(written, "formula")).value for name, written in text.values.items()}
+        given |= {name: value_of(ring, read_tokens(written, "formula")) for name, written in text.values.items()}
         if any(ring.names.get(name) is not value for name, value in given.items()):
             ring.names = ring.names | given  # for all equations, so that they share their parts
-        sides = [Reader(ring, read_tokens(side, "formula")).value for side in (text.left, text.right)]
+        sides = [value_of(ring, read_tokens(side, "formula")) for side in (text.left, text.right)]
     except Ended as end:
         if end.args[0] == "incomplete":
             raise

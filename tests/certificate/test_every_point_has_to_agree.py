@@ -37,8 +37,8 @@ def test_other_pivots_at_another_point_settle_nothing(other: list[Any]) -> None:
 
 def with_sizes(monkeypatch: pytest.MonkeyPatch, document: Document, *symbols: Symbol) -> CheckResult:
     """The verdict where the symbol has these sizes, at one point after the other."""
-    found, plain = itertools.cycle(symbols), question.symbol_of
-    monkeypatch.setattr(question, "symbol_of", lambda *parts: (next(found), plain(*parts)[1]))
+    found, plain = itertools.cycle(symbols), question.sr.symbol_of
+    monkeypatch.setattr(question.sr, "symbol_of", lambda *parts: (next(found), plain(*parts)[1]))
     return check_certificate(document, seed=1)
 
 

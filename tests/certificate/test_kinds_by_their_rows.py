@@ -13,7 +13,7 @@ import sympy
 from flint import arb, ctx
 
 from inverse_service.certificate.checker import check_certificate
-from inverse_service.certificate.formulas import Reader, read_tokens
+from inverse_service.certificate.formulas import read_tokens, value_of
 from inverse_service.certificate.kinds import OfKind, is_definite
 from inverse_service.certificate.numbers import Balls, Unsettled
 from inverse_service.certificate.question import Tools
@@ -169,7 +169,7 @@ def test_the_rows_of_friction_vanish_on_an_l_with_friction() -> None:
     rows += [(f"K{k}", pair) for k in range(3) for pair in combinations_with_replacement(range(3), 2)]
     with ctx.workprec(192):
         ring = asked.expansion(Balls(asked, asked.place, None), 3)
-        right, wrong = (Reader(ring, read_tokens(text, "L")).value for text in (NATURAL_L, f"{NATURAL_L} + x*x'^3*y'"))
+        right, wrong = (value_of(ring, read_tokens(text, "L")) for text in (NATURAL_L, f"{NATURAL_L} + x*x'^3*y'"))
         terms = [ring.terms(kind, *place) for kind, place in rows]
         at = [[float(ring.value(some, one).get(0, 0)) for some in terms] for one in (right, wrong)]
     assert max(map(abs, at[0])) < 1e-20

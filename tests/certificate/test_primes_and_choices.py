@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from flint import fmpz
 
-from inverse_service.certificate.formulas import Ended, Reader, read_tokens
+from inverse_service.certificate.formulas import Ended, read_tokens, value_of
 from inverse_service.certificate.numbers import PI, Pair, Plan
 from inverse_service.certificate.question import Question, Tools
 
@@ -19,7 +19,7 @@ def question(formula: str = "x", near: str = "2") -> Any:
     tools = Tools(random.Random(1), time.thread_time() + 60)
     asked = Question(tools, {"coordinates": ["x"], "equations": {"x": "0"}}, True, {"near": {"x": near, "x'": "3"}})
     tokens = read_tokens(formula, "formula")
-    asked.prepare(lambda ring: [Reader(ring, tokens).value], [tokens])
+    asked.prepare(lambda ring: [value_of(ring, tokens)], [tokens])
     return asked
 
 

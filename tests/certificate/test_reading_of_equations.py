@@ -7,7 +7,7 @@ import random
 import pytest
 
 from inverse_service.certificate.checker import check_certificate
-from inverse_service.certificate.formulas import Reader, read_tokens
+from inverse_service.certificate.formulas import read_tokens, value_of
 from inverse_service.certificate.question import Question, Tools
 from inverse_service.certificate.series import Count
 from tests.certificate.documents import changed, lagrangian, nonexistence
@@ -96,5 +96,5 @@ def test_degrees_and_bits_of_numerator_and_denominator_are_counted(text: str) ->
         Question(Tools(random.Random(1), 1e9), system, claim={"near": {"x": "2", "y": "3"}}),
         read_tokens(text, ""),
     )
-    asked.prepare(lambda ring: Reader(ring, formula).value, [formula])
-    assert Reader(Count(asked), formula).value[:4] == DEGREES[text]
+    asked.prepare(lambda ring: value_of(ring, formula), [formula])
+    assert value_of(Count(asked), formula)[:4] == DEGREES[text]

@@ -303,20 +303,20 @@ def _agreed(certificate: Mapping[str, Any], shown: Any, notes: dict[str, bool], 
     before = list[cell.Need]()  # of L, the momenta, and what the stated domain says is positive
 
     def parts(ring: Any) -> Any:
-        whole, p = formulas.Reader(ring, lagrangian).value, {}
+        whole, p = formulas.value_of(ring, lagrangian), {}
         for name, text in momenta.items():
-            p[name] = formulas.Reader(ring, text).value
+            p[name] = formulas.value_of(ring, text)
         if isinstance(ring, cell.Letters):
             before.clear()
             before.extend([*ring.needs, *(need for value in (whole, *p.values()) for need in ring.needs_of(value))])
-        stated = [ring.add([formulas.Reader(ring, side, **p).value for side in pair], [1, -1]) for pair in conditions]
+        stated = [ring.add([formulas.value_of(ring, side, **p) for side in pair], [1, -1]) for pair in conditions]
         for value in () if question.rational else stated:
             ring.elementary("log", value)
         question.held = True  # f, L, and p need not be defined everywhere
         if isinstance(ring, cell.Letters):
             ring.needs = {}
         work = [ring.multiply(ring.names[v], x, ring.degree) for v, x in zip(speeds, p.values(), strict=True)]
-        return whole, p, ring.add([formulas.Reader(ring, energy, **p).value, whole, *work], [1, 1] + [-1] * len(work))
+        return whole, p, ring.add([formulas.value_of(ring, energy, **p), whole, *work], [1, 1] + [-1] * len(work))
 
     def claims(ring: Any) -> checks.Claims:
         whole, p, difference = parts(ring)
