@@ -819,11 +819,10 @@ def fewer(ring: Letters, kept: list[Need]) -> list[Need]:
     ):
         rest = [one for one in kept if one is not need]
         known = Knowledge(ring, rest)
-        kept = (
-            rest
-            if known.implies(need)
-            else [smaller(known, one) if one is need else one for one in kept]
-        )
+        if known.implies(need):
+            kept = rest
+        else:
+            kept = [smaller(known, one) if one is need else one for one in kept]
     return kept
 
 

@@ -318,7 +318,7 @@ class Finding:
             lines.append((other, self.without(found, other, self.content(other))))
         if any(one.degree() != degree for _, one in lines):
             raise Undefined
-        ring = nmod_mpoly_ctx.get([f"c{k}" for k in range(m)], prime, Ordering.lex)
+        ring = nmod_mpoly_ctx.get([f"c{k}" for k in range(m)], modulus=prime, ordering=Ordering.lex)
         one, whole = ring.constant(1), ring.constant(0)
         moved = [z - a for z, a in zip(ring.gens(), self.base, strict=True)]  # c - a
         for k, shape in enumerate(shapes):  # the forms of degree k in c - a; that of degree 0 is 1

@@ -95,11 +95,8 @@ def check_shape(value: Any, shape: Any, where: str) -> None:
     For NUMBER an integer passes too.
     """
     parts: list[tuple[Any, Any, str]] = []
-    value = (
-        str(value)
-        if shape is NUMBER and type(value) is int and value.bit_length() < 1330
-        else value
-    )
+    if shape is NUMBER and type(value) is int and value.bit_length() < 1330:
+        value = str(value)
     match shape:
         case str():
             good = isinstance(value, str) and bool(re.fullmatch(shape, value))
@@ -121,11 +118,8 @@ def check_shape(value: Any, shape: Any, where: str) -> None:
                 else []
             )
         case _:  # {key: shape}; a key that ends in ? may be left out, or null
-            good = (
-                isinstance(value, dict)
-                and len(value) <= MAX_MEMBERS
-                and all(isinstance(key, str) for key in value)
-            )
+            good = isinstance(value, dict) and len(value) <= MAX_MEMBERS
+            good = good and all(isinstance(key, str) for key in value)
             what = "a moderate object"
             keys = [(key, key.rstrip("?")) for key in shape] if good else []
             parts = [
@@ -387,19 +381,13 @@ def is_root(formula: tuple[str, ...]) -> bool:
     depths = [*accumulate((token == "(") - (token == ")") for token in formula)]
     closed = [k for k, depth in enumerate(depths) if formula[k] == ")" and not depth]
     between = ("^", "(") if formula[0] == "(" else ()
-    good = (
-        formula[0] in ("(", "sqrt")
-        and len(closed) == 1 + bool(between)
-        and closed[-1] == len(formula) - 2
-    )
+    good = formula[0] in ("(", "sqrt") and len(closed) == 1 + bool(between)
+    good = good and closed[-1] == len(formula) - 2
     return good and (not between or formula[closed[0] + 1 : closed[0] + 3] == between)
 
 
 def is_irrational(formula: tuple[str, ...]) -> bool:
     """Whether there is more in it than rational operations and moderate integral powers."""
-    exponents = (
-        int(token[1:].strip("( \t\r\n)")) for token in formula if token[:1] == "^" and token[1:]
-    )
-    return not IRRATIONAL.isdisjoint(formula) or any(
-        abs(exponent) > MAX_POWER for exponent in exponents
-    )
+    exponents = (token[1:].strip("( \t\r\n)") for token in formula if token[:1] == "^")
+    large = any(abs(int(exponent)) > MAX_POWER for exponent in exponents if exponent)
+    return not IRRATIONAL.isdisjoint(formula) or large

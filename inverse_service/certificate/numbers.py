@@ -40,11 +40,12 @@ MAX_RELATED = 24
 MAX_SEARCHES = 12
 MAX_SIZE = arb(2) ** 20_000  # of numbers that are written as fractions
 SPARE = 4  # points more than there are independent atoms
-ONE = 0  # the pairs (1, e), (i, e^i), (pi i, -1), (log 2, 2), (log 3, 3)
-TURN = 1
-PI = 2
-TWO = 3
-THREE = 4
+# Pairs (l, e): (1, e), (i, e^i), (pi i, -1), (log 2, 2), (log 3, 3); see Pair.
+CONSTANTS = (
+    (False, False, 1), (True, False, 1), (True, False, -1, 12), (False, True, 2, 2),
+    (False, True, 3, 2),
+)  # fmt: skip
+ONE, TURN, PI, TWO, THREE = range(5)  # places in CONSTANTS
 
 Number = Any  # a residue or a ball
 # Coefficients of monomials: eight bits for each exponent, the total degree on top of them.
@@ -152,17 +153,7 @@ class Plan:
         self.classes: list[int] | None = None
         self.searches = 0
         self.halved = False  # whether half an arctangent's argument is an angle: see Residues.angle
-        self.pairs = (
-            [
-                Pair(False, False, 1),
-                Pair(True, False, 1),
-                Pair(True, False, -1, 12),
-                Pair(False, True, 2, 2),
-                Pair(False, True, 3, 2),
-            ]
-            if traces and traces[0]
-            else []
-        )
+        self.pairs = [Pair(*row) for row in CONSTANTS if traces and traces[0]]
         self.count = len(traces)
         constants = (arb(1), arb(1), arb.pi(), arb(2).log(), arb(3).log())
         self.values = [[value] * self.count for value in constants]
@@ -209,11 +200,8 @@ class Plan:
     def fraction(self, value: arb) -> Fraction | None:
         """The simple fraction that this is to all digits, if any."""
         simple = exactly(value).limit_denominator(1 << 40)
-        return (
-            simple
-            if abs(value - fmpq(simple.numerator, simple.denominator)) < self.small()
-            else None
-        )
+        rest = abs(value - fmpq(simple.numerator, simple.denominator))
+        return simple if rest < self.small() else None
 
     def rational(
         self, values: list[arb], found: dict[int, arb], imaginary: bool
@@ -331,10 +319,8 @@ class Plan:
         scales = {
             j: pair.scale for j, pair in enumerate(self.pairs) if pair.logarithm and not pair.number
         }
-        return [
-            dict(zip(scales, choice, strict=True))
-            for choice in product(*map(range, scales.values()))
-        ]
+        choices = product(*map(range, scales.values()))
+        return [dict(zip(scales, choice, strict=True)) for choice in choices]
 
     def moderate(self, parts: dict[int, Fraction]) -> bool:
         times = math.lcm(*[a.denominator for j, a in parts.items() if j != PI])
@@ -384,42 +370,35 @@ class Residues:
         # Of a pair (l, e) the values of l and of r, where r^N = e.
         self.pairs = list[tuple[int, int]]()
         if self.plan.pairs:
-            self.i, turns = self.roots(-1, 2)[0], self.plan.turns
-            self.turn = next(z for z in self.roots(1, turns) if self.has_order(z, turns))
-            for pair in self.plan.pairs:
-                free = self.generator.randrange(1, prime), self.generator.randrange(1, prime)
-                number = (
-                    (free[0], self.roots(pair.number, pair.scale)[0])
-                    if pair.number > 1
-                    else (1, free[1])
-                )
-                self.pairs.append(number if pair.number else free)
-            two, three = (
-                pow(self.pairs[k][1], self.plan.pairs[k].scale // 2, prime) for k in (TWO, THREE)
-            )
-            # e^(pi i/12)
-            zeta = (two * three + two + self.i * (two * three - two)) * self.inverse(4)
-            parts = self.plan.pairs[PI].scale
-            fine = next(
-                z for z in self.roots(zeta % prime, parts // 12) if self.has_order(z, 2 * parts)
-            )
-            self.pairs[PI] = self.values["pi"], fine
-            # sqrt q, or i sqrt q, is a sum of powers of e^(2 pi i/q) (Gauss)
-            for k, pair in enumerate(self.plan.pairs):
-                if pair.number > 3 and pair.scale % 2 == 0 and parts % (q := pair.number) == 0:
-                    gauss = sum(
-                        [
-                            pow(fine, 2 * parts // q * a, prime) * fmpz(a).jacobi(q)
-                            for a in range(1, q)
-                        ]
-                    )
-                    square = gauss * (1 if q % 4 == 1 else self.inverse(self.i)) % prime
-                    found = [
-                        r
-                        for r in self.roots(q, pair.scale)
-                        if pow(r, pair.scale // 2, prime) == square
-                    ]
-                    self.pairs[k] = self.pairs[k][0], found[0]
+            self.draw_pairs()
+
+    def draw_pairs(self) -> None:
+        prime, plan, draw = self.prime, self.plan, self.generator.randrange
+        self.i = self.roots(-1, 2)[0]
+        self.turn = self.root_of_order(1, plan.turns, plan.turns)
+        for pair in plan.pairs:
+            logarithm, root = draw(1, prime), draw(1, prime)
+            if pair.number > 1:
+                root = self.roots(pair.number, pair.scale)[0]
+            self.pairs.append((1 if pair.number in (1, -1) else logarithm, root))
+        two, three = (pow(self.pairs[k][1], plan.pairs[k].scale // 2, prime) for k in (TWO, THREE))
+        # e^(pi i/12)
+        zeta = (two * three + two + self.i * (two * three - two)) * self.inverse(4)
+        parts = plan.pairs[PI].scale
+        fine = self.root_of_order(zeta % prime, parts // 12, 2 * parts)
+        self.pairs[PI] = self.values["pi"], fine
+        # sqrt q, or i sqrt q, is a sum of powers of e^(2 pi i/q) (Gauss)
+        for k, pair in enumerate(plan.pairs):
+            if pair.number > 3 and pair.scale % 2 == 0 and parts % (q := pair.number) == 0:
+                step = pow(fine, 2 * parts // q, prime)
+                gauss = sum(pow(step, a, prime) * fmpz(a).jacobi(q) for a in range(1, q))
+                square = gauss * (1 if q % 4 == 1 else self.inverse(self.i)) % prime
+                roots = self.roots(q, pair.scale)
+                root = next(r for r in roots if pow(r, pair.scale // 2, prime) == square)
+                self.pairs[k] = self.pairs[k][0], root
+
+    def root_of_order(self, value: int, degree: int, order: int) -> Number:
+        return next(z for z in self.roots(value, degree) if self.has_order(z, order))
 
     def has_order(self, value: int, order: int) -> bool:
         return all(pow(value, order // int(q), self.prime) != 1 for q, _ in fmpz(order).factor())

@@ -109,12 +109,8 @@ class Count:
         else:
             depths = [self.depths.get(j, (0, 0))[not logarithm] for j, _ in entry.parts]
             depth = max(depths, default=0)
-        weight = sum(
-            [
-                math.ceil(abs(a) * plan.pairs[j].scale) * self.weights.get(j, 1)
-                for j, a in entry.parts
-            ]
-        )
+        powers = ((math.ceil(abs(a) * plan.pairs[j].scale), j) for j, a in entry.parts)
+        weight = sum(power * self.weights.get(j, 1) for power, j in powers)
         if logarithm:
             self.bounded(size * entry.times, weight * entry.times)
             return self.bounded(1, 0, entry.times, entry.times, depth)
@@ -198,11 +194,7 @@ class Expansion:
         return (key >> 8 * variable) & 255
 
     def monomials(self, degree: int) -> Iterator[int]:
-        return (
-            (sum(units) for units in combinations_with_replacement(self.units, degree))
-            if degree >= 0
-            else iter(())
-        )
+        return map(sum, combinations_with_replacement(self.units, degree) if degree >= 0 else ())
 
     def add(self, terms: list[Series], weights: Iterable[int] = ()) -> Series:
         """The sum of the series, each times a small integer."""
@@ -265,11 +257,8 @@ class Expansion:
             value = self.arithmetic.log(start) if name == "log" else self.arithmetic.angle(start)
             if not self.degree:
                 return self.settle({0: value})
-            below = (
-                u
-                if name == "log"
-                else self.add([self.constant(Fraction(1)), self.multiply(u, u, self.degree)])
-            )
+            one = self.constant(Fraction(1))
+            below = u if name == "log" else self.add([one, self.multiply(u, u, self.degree)])
             growth = {key: part * (key >> self.shift) for key, part in u.items() if key}
             growth = self.multiply(self.power(below, -1), growth, self.degree)
             parts = {
@@ -326,11 +315,8 @@ class Expansion:
 
     def coefficients(self, degree: int) -> list[int]:
         """The unknowns of a degree: total degree two more, v-degree at least two."""
-        return [
-            key
-            for key in self.monomials(degree + 2)
-            if sum(self.exponent(key, v) for v in self.v) >= 2
-        ]
+        keys = self.monomials(degree + 2)
+        return [key for key in keys if sum(self.exponent(key, v) for v in self.v) >= 2]
 
     def curvature(self, k: int, j: int) -> Series:
         """2 Phi^k_j = 2 Gamma(df^k/dv^j) - 4 df^k/dq^j - sum_l df^k/dv^l df^l/dv^j."""
@@ -365,15 +351,10 @@ class Expansion:
         for rate, a, b in zip(self.rates, self.mu, s, strict=True):
             if kind == "free":  # (X(w^b) - Gamma(w^b_v)) d_mu L - w^b_v d_s L
                 slope = self.derivative(rate, by)
-                across = [
-                    self.derivative(rate, of),
-                    *(
-                        self.multiply(self.derivative(w, by), self.derivative(rate, c), self.degree)
-                        for w, c in zip(self.rates, s, strict=True)
-                    ),
-                ]
+                moved = {c: self.derivative(w, by) for w, c in zip(self.rates, s, strict=True)}
+                across = [self.derivative(rate, of), self.along(moved, rate)]
                 curving = [*across, self.along(dict(enumerate(self.field)), slope)]
-                bend = self.add(curving, [1] * len(across) + [-1])
+                bend = self.add(curving, [1, 1, -1])
                 terms += [Term(-1, slope, (b,)), Term(1, bend, (a,))]
             else:
                 terms.append(Term(1, self.derivative(rate, of), (a,)))
@@ -381,12 +362,8 @@ class Expansion:
 
     def along(self, parts: dict[int, Series], series: Series) -> Series:
         """The derivation with these components, by their variables."""
-        return self.add(
-            [
-                self.multiply(part, self.derivative(series, a), self.degree)
-                for a, part in parts.items()
-            ]
-        )
+        pairs = ((part, self.derivative(series, a)) for a, part in parts.items())
+        return self.add([self.multiply(*pair, self.degree) for pair in pairs])
 
     def condition(self, kind: str, *place: int) -> Table:
         """The terms value x^part d_a d_b … L of a condition, by their parts; see row()."""
@@ -502,11 +479,8 @@ class Elimination:
         block: list[int] = []
         while row and not block:
             first = max(row) >> self.shift << self.shift  # keys of the highest degree are not below
-            row = (
-                self.reduced(row, first)
-                if any(key in self.order for key in row if key >= first)
-                else row
-            )
+            if any(key in self.order for key in row if key >= first):
+                row = self.reduced(row, first)
             block = [key for key in row if key >= first]
         if block:
             self.keep(row, field.pivot(block), row, name)
@@ -555,11 +529,8 @@ class Elimination:
     def solution(self, columns: list[int]) -> Series:
         """A random solution in the columns, which are all up to some degree."""
         field, values = self.arithmetic, {column: self.arithmetic.draw() for column in columns}
-        kept = [
-            pair
-            for pair in zip(reversed(self.pivots), reversed(self.rows), strict=True)
-            if pair[0] in values
-        ]
+        pairs = zip(reversed(self.pivots), reversed(self.rows), strict=True)
+        kept = [pair for pair in pairs if pair[0] in values]
         for pivot, row in sorted(kept, key=lambda pair: pair[0] >> self.shift):
             values[pivot] = -sum(
                 [value * values[key] for key, value in row.items()], field.number(Fraction(0))
@@ -587,18 +558,14 @@ def symbol_rows(
     one, top = ring.arithmetic.number(Fraction(1)), degree + ring.offset
     for pivot, row in zip(system.pivots, system.rows, strict=True):
         if pivot >> ring.shift == top:
-            yield (
-                pivot,
-                {pivot: one}
-                | {key: value for key, value in row.items() if key >> ring.shift == top},
-            )
+            highest = {key: value for key, value in row.items() if key >> ring.shift == top}
+            yield pivot, {pivot: one} | highest
     for number, direction in enumerate(directions):
         for key in ring.unknowns(degree - 1):
-            parts = zip(range(len(ring.units)), ring.units, direction, strict=True)
-            yield (
-                (number, key),
-                {key + unit: one * (part * (ring.exponent(key, a) + 1)) for a, unit, part in parts},
-            )
+            killed = {}
+            for a, (unit, part) in enumerate(zip(ring.units, direction, strict=True)):
+                killed[key + unit] = one * (part * (ring.exponent(key, a) + 1))
+            yield (number, key), killed
 
 
 def symbol_of(
