@@ -1,6 +1,6 @@
 """The system q'' = f(t, q, q') as data, and on each of the open sets where its roots of squares are single formulas."""
 
-from collections.abc import Hashable, Iterable, Sequence
+from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import islice
@@ -138,6 +138,13 @@ def _default_first(system: SecondOrderSystem, branches: tuple[SecondOrderSystem,
     points = (real_point.find_real_point(kernels, _variables(system), _SEED, positive) for positive in (parameters, ()))
     table = next((point for point in points if point is not None), None)
     return tuple(sorted(branches, key=lambda one: table is None or not real_point.are_positive(one.positive, table)))
+
+
+def with_values(system: SecondOrderSystem, values: Mapping[ex.Expression, ex.Expression]) -> SecondOrderSystem:
+    """The system with these values of its parameters, which may hold others."""
+    forces = tuple(collecting.collect(ex.substitute(f, dict(values))) for f in system.given)
+    left = tuple(name for name in system.parameters if ex.Symbol(name) not in values)
+    return replace(system, accelerations=forces, parameters=left, branch=None)
 
 
 def on_branch(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:

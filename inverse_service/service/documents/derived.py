@@ -9,7 +9,6 @@ are asked for.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
@@ -155,7 +154,7 @@ def _lagrangian_there(node: Node, seed: int, end: float) -> dict[str, Any] | Non
         return None
     values = dict(pairs)
     parameters = all(isinstance(name, ex.Symbol) for name in values)
-    system = specialised(node.case.question.system, values) if parameters else node.case.system
+    system = second_order_system.with_values(node.case.question.system, values) if parameters else node.case.system
     system, answer = _solved(system, node.case.autonomous != "variational", seed, end)
     if answer is None or answer.lagrangian is None or answer.checked != "valid":
         return None
@@ -182,20 +181,10 @@ def _variational(node: Node, timed: bool, inside: bool) -> Iterator[schemas.Vari
 def _conditions_of(node: Node) -> list[schemas.Formula]:
     from inverse_service.solving.special_cases import case_tree
 
-    return [
-        schemas.Formula(
-            text=f"{printing.to_text(left)} = {printing.to_text(right)}",
-            latex=f"{printing.to_latex(left)} = {printing.to_latex(right)}",
-        )
-        for left, right in case_tree.conditions(node.case)
-    ]
-
-
-def specialised(system: SecondOrderSystem, values: Values) -> SecondOrderSystem:
-    """The system with these values of its parameters, which may hold others."""
-    forces = tuple(collecting.collect(ex.substitute(f, dict(values))) for f in system.given)
-    left = tuple(name for name in system.parameters if ex.Symbol(name) not in values)
-    return replace(system, accelerations=forces, parameters=left, branch=None)
+    writers = {"text": printing.to_text, "latex": printing.to_latex}
+    pairs = case_tree.conditions(node.case)
+    texts = [{key: case_tree.equation_text(pair, write) for key, write in writers.items()} for pair in pairs]
+    return [schemas.Formula(**text) for text in texts]
 
 
 def left_out(result: Mapping[str, Any]) -> Iterator[tuple[str, dict[str, Any] | None]]:
@@ -216,7 +205,7 @@ def _there(system: Mapping[str, Any], text: str) -> dict[str, Any] | None:
         if found is None:
             return None
         values |= found
-    return translate.plain_fields(specialised(whole, values))
+    return translate.plain_fields(second_order_system.with_values(whole, values))
 
 
 def _root(tree: ex.Expression, name: str) -> dict[ex.Expression, ex.Expression] | None:
@@ -324,7 +313,7 @@ def system_there(document: Any, conditions: Any) -> SecondOrderSystem | None:
     held = {node for tree in values.values() for node in ex.walk(tree)}
     known = {ex.Symbol(name) for name in system.parameters} - held
     good = values and len(values) == len(pairs) and {*values} <= known
-    return specialised(system, values) if good else None
+    return second_order_system.with_values(system, values) if good else None
 
 
 def is_of_reduced(part: Mapping[str, Any], reduced: Mapping[str, Any]) -> bool:

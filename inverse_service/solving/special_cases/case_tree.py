@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from flint import fmpq, fmpq_mpoly
@@ -20,9 +20,10 @@ from inverse_service.deadline import now, until
 from inverse_service.decision import deciding
 from inverse_service.decision.solutions import Verdict, questions
 from inverse_service.explanation import hierarchy
-from inverse_service.expressions import collecting, printing, tree as ex
+from inverse_service.expressions import printing, tree as ex
 from inverse_service.field import exact_field
 from inverse_service.linear_pde.involution import Limits
+from inverse_service.mechanics import second_order_system
 from inverse_service.mechanics.conditions import motion_in_ring
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.solving.special_cases import side_conditions, strata
@@ -150,8 +151,7 @@ def _unused(question: Question, functions: FunctionCase) -> list[str]:
 
 
 def _zero(question: Question, names: Sequence[str]) -> Stratum:
-    space = question.space
-    return strata.split(space, [space.context.gen(space.names.index(name)) for name in names])[0]
+    return strata.split(question.space, [*map(question.space.generator, names)])[0]
 
 
 def _stopped(work: _Exploration, most: int) -> bool:
@@ -170,7 +170,7 @@ def _advance(work: _Exploration) -> None:
     work.question.progress(f"special cases: {len(work.cases)} examined, {len(work.waiting)} waiting")
     if stratum.unsolved:
         work.time_is_open = True
-        text = ", ".join(equation_texts(stratum, stratum.unsolved))
+        text = ", ".join(equation_text(sides(stratum, one)) for one in stratum.unsolved)
         work.reasons.append((f"not solved for a parameter: {text}", ""))
         return
     case = examine(work.question, stratum, functions)
@@ -198,7 +198,7 @@ def _inside(question: Question, case: Case) -> list[Stratum]:
     ideals += [(factor,) for factor in stratum.excluded]
     if case.unsettled:
         occurring = {node.name for f in case.system.accelerations for node in ex.walk(f) if isinstance(node, ex.Symbol)}
-        ideals += [(space.context.gen(space.names.index(name)),) for name in stratum.free if name in occurring]
+        ideals += [(space.generator(name),) for name in stratum.free if name in occurring]
     found = [strata.split(space, [*stratum.equations, *polynomials]) for polynomials in ideals]
     return [inner for pieces in found for inner in pieces if not inner.contains(stratum)]
 
@@ -261,14 +261,15 @@ def _node(kept: Sequence[Case], parents: Sequence[int], place: int) -> Node:
 
 def _contains(question: Question, large: Case, small: Case) -> bool:
     """Whether the small case is part of the closure of the large one."""
-    if not large.functions <= small.functions:
-        return False
-    unused = _unused(question, large.functions)
-    generators = [question.space.context.gen(question.space.names.index(name)) for name in unused]
-    equations = [e for e in large.stratum.equations if not any(e == g for g in generators)]
-    if not all(small.stratum.vanishes(equation) for equation in equations):
-        return False
-    return len(equations) < 2 or not any(small.stratum.vanishes(factor) for factor in large.stratum.excluded)
+    equations = _without(large.stratum, _unused(question, large.functions))
+    whole = replace(large.stratum, equations=tuple(equations))
+    return large.functions <= small.functions and whole.contains(small.stratum)
+
+
+def _without(stratum: Stratum, names: Iterable[str]) -> list[fmpq_mpoly]:
+    """The equations of a stratum but those that say that one of these is 0."""
+    generators = [*map(stratum.space.generator, names)]
+    return [e for e in stratum.equations if not any(e == g for g in generators)]
 
 
 # One case: a set of parameter values, the system there, its verdicts, and where these may change.
@@ -324,14 +325,11 @@ class Case:
 
 def specialised(question: Question, stratum: Stratum, functions: FunctionCase) -> SecondOrderSystem:
     """The system with the values of the stratum and the polynomials for the functions put in."""
-    table = stratum.trees()
-    polynomials = {name: question.constants[name] for name in functions}
-    accelerations = tuple(
-        collecting.collect(ex.substitute(_with_polynomials(f, polynomials), table))
-        for f in question.system.accelerations
-    )
-    kept = tuple(function for function in question.system.functions if function[0] not in functions)
-    return replace(question.system, accelerations=accelerations, parameters=stratum.free, functions=kept, branch=None)
+    system, polynomials = question.system, {name: question.constants[name] for name in functions}
+    forces = tuple(_with_polynomials(f, polynomials) for f in system.accelerations)
+    kept = tuple(function for function in system.functions if function[0] not in functions)
+    whole = replace(system, accelerations=forces, parameters=stratum.space.names, functions=kept, branch=None)
+    return second_order_system.with_values(whole, stratum.trees())
 
 
 def _with_polynomials(tree: ex.Expression, polynomials: Mapping[str, tuple[str, ...]]) -> ex.Expression:
@@ -389,21 +387,18 @@ def _decided(question: Question, analysis: deciding.Analysis, case: Case) -> Cas
     """Both verdicts as far as asked; an L(q, v) is an L(t, q, v)."""
     limits = Limits(deadline=question.deadline)
     wants_plain, wants_time = questions(question.time_dependent, analysis.system)
-    autonomous: Verdict | None = None
-    with_time: Verdict | None = None
-    statement = reason = ""
-    if wants_plain:
-        decision = deciding.decide(analysis.system, False, question.seed, limits, analysis=analysis)
-        autonomous = decision.verdict
-        statement, reason = "" if decision.space is None else decision.space.statement, decision.reason
-        if decision.verdict == "variational" and wants_time:
-            with_time = "variational"
-    if wants_time and with_time is None:
-        decision = deciding.decide(analysis.system, True, question.seed, limits, analysis=analysis)
-        with_time = decision.verdict
-        statement = statement or ("" if decision.space is None else decision.space.statement)
-        reason = reason or decision.reason
-    return replace(case, autonomous=autonomous, with_time=with_time, statement=statement, reason=reason)
+    found = dict[bool, deciding.Decision]()
+    for timed in [False] * wants_plain + [True] * wants_time:
+        if False not in found or found[False].verdict != "variational":
+            found[timed] = deciding.decide(analysis.system, timed, question.seed, limits, analysis=analysis)
+    made = found.values()
+    return replace(
+        case,
+        autonomous=found[False].verdict if wants_plain else None,
+        with_time=(found.get(True) or found[False]).verdict if wants_time else None,
+        statement=next((one.space.statement for one in made if one.space is not None), ""),
+        reason=next((one.reason for one in made if one.reason), ""),
+    )
 
 
 def _with_ideals(question: Question, analysis: deciding.Analysis, case: Case) -> Case:
@@ -482,15 +477,12 @@ def conditions(case: Case) -> list[Equation]:
 
 def condition_texts(case: Case) -> list[str]:
     """The conditions as texts."""
-    return [f"{printing.to_text(left)} = {printing.to_text(right)}" for left, right in conditions(case)]
+    return [*map(equation_text, conditions(case))]
 
 
-def equation_texts(stratum: Stratum, equations: Sequence[fmpq_mpoly]) -> list[str]:
-    """Polynomial equations as texts."""
-    return [
-        f"{printing.to_text(left)} = {printing.to_text(right)}"
-        for left, right in (sides(stratum, e) for e in equations)
-    ]
+def equation_text(equation: Equation, write: Callable[[ex.Expression], str] = printing.to_text) -> str:
+    """left = right."""
+    return " = ".join(map(write, equation))
 
 
 def sides(stratum: Stratum, equation: fmpq_mpoly) -> Equation:
@@ -521,6 +513,4 @@ def _of_parameters(case: Case) -> list[Equation]:
         table = {name: tree for name, tree in stratum.trees().items() if isinstance(name, ex.Symbol)}
         order = [ex.Symbol(name) for name in stratum.space.names if name not in hidden]
         return [(name, table[name]) for name in order if name in table]
-    generators = [stratum.space.context.gen(stratum.space.names.index(name)) for name in hidden]
-    shown = [e for e in stratum.equations if not any(e == g for g in generators)]
-    return [sides(stratum, equation) for equation in shown]
+    return [sides(stratum, equation) for equation in _without(stratum, hidden)]

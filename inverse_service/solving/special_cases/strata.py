@@ -33,18 +33,17 @@ class ParameterSpace:
     def context(self) -> fmpq_mpoly_ctx:
         return fmpq_mpoly_ctx.get(self.names or ("none",), Ordering.lex)
 
+    def generator(self, name: str) -> fmpq_mpoly:
+        """The parameter of this name."""
+        return self.context.gen(self.names.index(name))
+
     def tree(self, polynomial: fmpq_mpoly) -> ex.Expression:
         """The polynomial as a sum of monomials."""
-        symbols = [ex.Symbol(name) for name in self.names]
-        return ex.add(
-            *(
-                ex.multiply(
-                    ex.number(exact_field.as_fraction(c)),
-                    *(s ** int(e) for s, e in zip(symbols, exponents, strict=False)),
-                )
-                for exponents, c in polynomial.terms()
-            )
-        )
+        symbols, terms = [ex.Symbol(name) for name in self.names], []
+        for exponents, c in polynomial.terms():
+            powers = [s ** int(e) for s, e in zip(symbols, exponents, strict=False)]
+            terms.append(ex.multiply(ex.number(exact_field.as_fraction(c)), *powers))
+        return ex.add(*terms)
 
 
 @dataclass(frozen=True)
