@@ -50,8 +50,8 @@ def powers(values: Numbers, exponent: int) -> Numbers:
     while exponent:
         if exponent & 1:
             result = result * base % PRIME
-        base = base * base % PRIME
-        exponent >>= 1
+        if exponent := exponent >> 1:
+            base = base * base % PRIME
     return result
 
 
@@ -100,9 +100,9 @@ def _times(a: Numbers, b: Numbers) -> Numbers:
     return result % PRIME
 
 
-def _power(a: Numbers, exponent: int, start: Numbers) -> Numbers:
-    """a^e with e a residue and the given constant term: k a_0 y_k = sum_j (e j - (k - j)) a_j y_(k-j)."""
-    result, least = np.zeros_like(a), inverses(a[0])
+def _power(a: Numbers, exponent: int, start: Numbers, least: Numbers) -> Numbers:
+    """a^e with e a residue, the given constant term, least = 1/a_0: k a_0 y_k = sum_j (e j - (k - j)) a_j y_(k-j)."""
+    result = np.zeros_like(a)
     result[0] = start
     for k in range(1, a.shape[0]):
         total = sum(
@@ -159,7 +159,8 @@ class Units:
 class Points:
     """A batch of points: the values of all generators, drawn when asked for, and which points are still good.
 
-    `fixed` are generators with given values, one for all points or one for each; the others are random.
+    `fixed` are generators with given values, one for all points or one for each; the others are random. Where `moving`
+    are given, generators that hold none of them have one value for all points.
     """
 
     coordinates: tuple[str, ...]
@@ -168,6 +169,7 @@ class Points:
     random: np.random.Generator
     fixed: Mapping[Generator, int | Numbers] = field(default_factory=dict)
     values: dict[Generator, Numbers] = field(default_factory=dict)
+    moving: tuple[ex.Expression, ...] = ()
     good: npt.NDArray[np.bool_] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -183,7 +185,8 @@ class Points:
             elif generator in self.fixed:
                 self.values[generator] = np.full(self.count, self.fixed[generator] % PRIME, np.int64)
             else:
-                self.values[generator] = self.random.integers(2, PRIME - 2, self.count)
+                drawn = self.count if not self.moving or ex.holds(what, *self.moving) else 1
+                self.values[generator] = np.broadcast_to(self.random.integers(2, PRIME - 2, drawn), self.count)
         return self.values[generator]
 
     def circle(self, unit: ex.Expression) -> tuple[Numbers, Numbers]:
@@ -338,8 +341,9 @@ class Evaluation:
         value = base.data[0, 0]
         if exponent < 0 or exponent.denominator > 1:
             self.points.good &= value != 0
+        least = inverses(value)
         if exponent.denominator == 1:
-            start = powers(value, int(exponent) % (PRIME - 1))
+            start = powers(value if exponent > 0 else least, abs(int(exponent)))
         else:
             square = powers(value, _HALF) == 1
             e = exponent.numerator * pow(exponent.denominator, -1, _HALF) % _HALF
@@ -349,8 +353,10 @@ class Evaluation:
             elif exponent.numerator % 2:
                 start = np.where(square, start, PRIME - start)
         e = residue(exponent)
-        series = _power(base.data[0], e, start)
-        slope = _power(base.data[0], (e - 1) % PRIME, start * inverses(value) % PRIME) * e % PRIME
+        series = _power(base.data[0], e, start, least)
+        if self.size == 1:
+            return Jet(series[None])
+        slope = _power(base.data[0], (e - 1) % PRIME, start * least % PRIME, least) * e % PRIME
         return base.with_series(series, slope)
 
     def _apply(self, function: str, argument: ex.Expression) -> Jet:

@@ -106,6 +106,9 @@ class _Integrals:
         self.free = tuple(map(ex.Velocity, motion.free))
         self.positions, self.velocities = tuple(map(ex.Symbol, self.names)), tuple(map(ex.Velocity, self.names))
         self.momenta = () if lagrangian is None else tuple(self._momentum(lagrangian, name) for name in motion.free)
+        # What varies along the motion; values of what does not, for which all roots of constants exist.
+        self.moving: tuple[Variable, ...] = (ex.TIME, *self.positions, *self.velocities)
+        self.constants: dict[flow.Generator, int] = {}
         self.kept: list[FirstIntegral] = []
         self.functions: list[Expression] = []
         held = [*motion.free_accelerations, *motion.dependent_velocities, *([] if lagrangian is None else [lagrangian])]
@@ -217,7 +220,7 @@ class _Integrals:
     def _keep(self, one: FirstIntegral, tree: Expression) -> None:
         """Take it if it is independent of those before, by the gradients in q and v: d_t F follows from these."""
         trees = [*self.functions, tree]
-        points, jets = self._along(list(map(to_kernels, trees)), {}, _DRAWN, gradients=True)
+        points, jets = self._along(list(map(to_kernels, trees)), _DRAWN, gradients=True)
         if points.good.any():
             first = int(np.argmax(points.good))
             rows = np.array([jet.data[1:, 0, first] for jet in jets])
@@ -242,13 +245,18 @@ class _Integrals:
     # Points modulo a prime.
 
     def _along(
-        self, kernels: Sequence[Expression], fixed: Mapping[flow.Generator, int], count: int, gradients: bool = False
+        self,
+        kernels: Sequence[Expression],
+        count: int,
+        fixed: Mapping[flow.Generator, int] | None = None,
+        moving: tuple[Variable, ...] = (),
+        gradients: bool = False,
     ) -> tuple[flow.Points, list[flow.Jet]]:
         """Points of the motion, and for each tree its value and rate, or its gradients in q and v, at them."""
         rates = {v: to_kernels(w) for v, w in self.constraints.items()}
         forces = dict(zip(self.free, map(to_kernels, self.motion.free_accelerations), strict=True))
         units = flow.Units.of([*kernels, *rates.values(), *forces.values()])
-        points = flow.Points(self.names, units, count, self.random, fixed)
+        points = flow.Points(self.names, units, count, self.random, fixed or {}, moving=moving)
         velocities, width = list(map(ex.Velocity, self.names)), len(self.names)
         q, v = (np.zeros((width, 2, count), np.int64) for _ in range(2))
         q[:, 0] = [points.value(("variable", x)) for x in self.positions]
@@ -267,8 +275,8 @@ class _Integrals:
         start = evaluation(1, 1)
         q[:, 1] = [start.jet(w).data[0, 0] for w in velocities]
         v[:, 1] = [start.jet(forces[w]).data[0, 0] if w in forces else v[0, 1] for w in velocities]
-        moving = evaluation(2, 1)
-        return points, [moving.jet(tree) for tree in kernels]
+        along = evaluation(2, 1)
+        return points, [along.jet(tree) for tree in kernels]
 
     def _search(self, ansatz: _Ansatz, degree: int, moving: bool) -> None:
         """Integrals of the form; the degree is that of its terms in the momenta or other forms."""
@@ -290,19 +298,22 @@ class _Integrals:
     def _supports(self, ansatz: _Ansatz) -> list[list[int]]:
         """The terms of each integral of a basis, at one value of the parameters."""
         kernels = [*map(to_kernels, ansatz.forms), *map(to_kernels, ansatz.factors)]
-        moving: tuple[Variable, ...] = (ex.TIME, *self.positions, *map(ex.Velocity, self.names))
-        points, _ = self._along(kernels, {}, _DRAWN)
-        if not points.good.any():
-            return []
-        first = int(np.argmax(points.good))
-        fixed = {key: int(x[first]) for key, x in points.values.items() if not ex.holds(key[1], *moving)}
         wanted = len(ansatz.terms) + _SPARE
-        count = (wanted + _SPARE) * points.count // int(points.good.sum())
-        for doubling in range(_DOUBLED):
-            points, jets = self._along(kernels, fixed, count << doubling)
+        count = wanted + _SPARE
+        for _ in range(_DOUBLED):
+            points, jets = self._along(kernels, count, self.constants, self.moving)
             good = np.flatnonzero(points.good)[:wanted]
             if len(good) == wanted:
                 break
+            if len(good):
+                count *= 2
+            else:  # a root of a constant, which exists for others
+                points, _ = self._along(kernels, _DRAWN)
+                if not points.good.any():
+                    return []
+            first = int(np.argmax(points.good))
+            drawn = points.values.items()
+            self.constants = {key: int(x[first]) for key, x in drawn if not ex.holds(key[1], *self.moving)}
         else:
             return []
         check(1 + wanted * wanted // 100)
@@ -596,10 +607,11 @@ class _Units:
         """All terms of the degree, functions of position alone and, where f is not even in v, linear terms."""
         keys: list[tuple[int, ...]] = list(itertools.combinations_with_replacement(range(len(forms)), degree))
         keys += [(k,) for k in range(len(forms))] if degree == 2 and not self._is_even() else []
-        rests = [[*self._polynomials(), *self._potentials(width, moving)] for width in (2, 1, 0)]
-        inners: list[list[Expression]] = [[ex.ONE]] if plain else list(self._inner(forms, degree, moving))
-        inners += [inners[-1]] * (len(rests) - len(inners))
-        for inner, rest in zip(inners, rests, strict=False):
+        inners: Iterator[list[Expression]] = iter([[ex.ONE]]) if plain else self._inner(forms, degree, moving)
+        inner: list[Expression] = []
+        for width in (2, 1, 0):
+            inner = next(inners, inner)
+            rest = [*self._polynomials(), *self._potentials(width, moving)]
             outer = [tree for tree in dict.fromkeys([*inner, *rest]) if tree != ex.ONE]
             factors = list(dict.fromkeys([*inner, *outer]))
             place = {tree: k for k, tree in enumerate(factors)}

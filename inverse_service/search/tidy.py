@@ -199,11 +199,20 @@ def _divisor(terms: tm.Terms, constants: frozenset[ex.Symbol]) -> tm.Monomial:
     return frozenset((letter, -e) for letter, e in lowest.items())
 
 
+@lru_cache(maxsize=256)
 def _shortest(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
     """The shortest of all forms; the tree itself where none is shorter."""
     kept = _velocity_sums(tree)
-    others = [collecting.merge_powers(form) for form in _other_forms(tree, system) if kept <= _velocity_sums(form)]
-    return min([tree, *others], key=_preference)
+    others = dict.fromkeys(_other_forms(tree, system))
+    return min(
+        [tree, *(collecting.merge_powers(one) for one in others if kept <= _velocity_sums(one))], key=_preference
+    )
+
+
+@lru_cache(maxsize=64)
+def _terms_of(tree: ex.Expression) -> tm.Terms:
+    """The terms of a tree of which several forms are made; not to be changed in place."""
+    return tm.terms_of(tree)
 
 
 def kinetic_first(tree: ex.Expression) -> ex.Expression:
@@ -308,7 +317,7 @@ def _with_common_factor(system: SecondOrderSystem, tree: ex.Expression) -> ex.Ex
 
     It is made of exponentials of t and of what all terms are divided by.
     """
-    terms = tm.terms_of(tree)
+    terms = _terms_of(tree)
     content, shared, _ = tm.split_content(terms) if terms else (Fraction(0), tm.EMPTY, tree)
     below = frozenset.intersection(*terms) if terms else tm.EMPTY  # each term is divided by this
     common: tm.Monomial = frozenset(
@@ -396,7 +405,7 @@ def _is_exponential_of_time(letter: ex.Expression) -> bool:
 
 def _by_parameters(parameters: frozenset[ex.Symbol], tree: ex.Expression) -> ex.Expression:
     """The sum over what varies of its coefficients, factored: n^2 + 2 m n is n (n + 2 m)."""
-    groups = tm.grouped(tm.terms_of(tree), lambda letter: letter not in parameters)
+    groups = tm.grouped(_terms_of(tree), lambda letter: letter not in parameters)
     coefficients = exact_field.factored(
         [tm.tree_of(inner) for inner in groups.values()], sorted(parameters, key=repr), exact_field.Budget.short()
     )
@@ -409,7 +418,7 @@ def _by_rates(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
     The terms without velocities stay apart where one bracket is not much shorter; two brackets only have to be shorter.
     """
     parts = []
-    for rates, inner in tm.grouped(_without_squares(tm.terms_of(tree), _parameters(system)), tm.has_velocity).items():
+    for rates, inner in tm.grouped(_without_squares(_terms_of(tree), _parameters(system)), tm.has_velocity).items():
         terms = {key | rates: value for key, value in inner.items()}
         forms = [tm.tree_of(terms), *([_by_both(system, terms)] if len(terms) > 1 else [])]
         whole = _part(rates, inner, system)
@@ -526,7 +535,7 @@ def _spring(
 
 def _by_squares_of(name: str, other: str, system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
     """k (sin(a) - sin(b))^2 for -k (cos(a)^2 + cos(b)^2 + 2 sin(a) sin(b)) with constant k: another constant in V."""
-    terms, constants = tm.terms_of(tree), _parameters(system)
+    terms, constants = _terms_of(tree), _parameters(system)
     plain = tm.Terms()
     for key, value in terms.items():
         square = next((p for p, e in key if isinstance(p, ex.Apply) and p.function == other and e == 2), None)
@@ -551,7 +560,7 @@ def _by_functions(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expressi
     """The sum over functions of the velocities, each with one coefficient in factors: (x + 2 x') atan(x'/x)."""
     if not any((isinstance(node, ex.Apply) and tm.has_velocity(node)) or _is_symbolic(node) for node in ex.walk(tree)):
         return tree
-    groups = tm.grouped(tm.terms_of(tree), lambda p: tm.has_velocity(p) and isinstance(p, ex.Apply | ex.Power))
+    groups = tm.grouped(_terms_of(tree), lambda p: tm.has_velocity(p) and isinstance(p, ex.Apply | ex.Power))
     parts = []
     for outer, inner in groups.items():
         if not outer:
