@@ -245,7 +245,9 @@ class _Motion:
                     shares, forces = list(self.shares(sides).values()), self.forces(sides)
                     values = self.at(shares, state)
                     rates = self.at([self.rate(one, forces) for one in shares], state)
-                    grows = values * rates > AT_ZERO * np.abs(rates).max(initial=0.0)
+                    # A share that stays at its limit, as on a curve that one side's motion keeps, has a rate of noise.
+                    slowest = AT_ZERO * np.abs(rates).max(initial=1 / abs(self.scene.grid.step))
+                    grows = values * rates > slowest
                     inside = len(shares) == count and bool((np.abs(values) <= 1 + AT_ZERO).all())
                     inside = inside and not ((np.abs(values) > 1 - AT_ZERO) & grows).any()
                     rest = [u for u in others if not self._held(u, stuck, sides, state)]
@@ -365,6 +367,9 @@ class _Pieces:
             if self._fell_through(ran, velocities, np.inf if found is None else found[0][0]):
                 outcome = self._zeno(state[0], place)
                 break
+            if found is None and self._is_beyond((float(ran.times[-1]), ran.positions[-1], velocities[-1]), sides):
+                sides = None  # it left a zero at which it began, to the other side
+                break
             if found is None and share < 1:
                 self._keep(ran, np.arange(len(ran.times)) == 0)
                 state, tries = (float(ran.times[-1]), ran.positions[-1], velocities[-1]), tries + 1
@@ -397,7 +402,7 @@ class _Pieces:
             zero = [one for one in kinds if isinstance(one, ex.Expression)]
             sides = self._sides(state, sides, zero)
         if sides is None:
-            text = printing.to_text(self.motion.functions[-1]) if self.motion.functions else ""
+            text = " = ".join(map(printing.to_text, self._zeros(state, {}) or self.motion.functions))
             outcome = Outcome("singular", place, state[0], NO_MOTION.format(text), None, BEGIN_ELSEWHERE)
         whole = self._joined(outcome or Outcome("completed", grid.steps, grid.begin + grid.steps * grid.step), start)
         events = []
@@ -414,6 +419,11 @@ class _Pieces:
         values = [side * nf.array_value(on_sides(u, sides), table) for u, side in sides.items() if side]
         passed = np.any([value[1:] < 0 for value in values], axis=0) if values else np.zeros(1, dtype=bool)
         return int(passed.argmax()) + 2 if passed.any() else len(ran.times)
+
+    def _is_beyond(self, state: Point, sides: Sides) -> bool:
+        """Whether a switching function is not on its side there."""
+        values = (side * self.motion.value(u, sides, state) for u, side in sides.items())
+        return any(value < -AT_ZERO * _size(state) for value in values)
 
     def _turned(self, ran: Trajectory, velocities: Array, sides: Sides) -> Sides | None:
         """The sides, where a function that was zero at the start of a piece went to the other one at once: its sides
