@@ -46,6 +46,7 @@ _REMEDY = "take a smaller step"
 _UNDEFINED = "begin elsewhere, stop before, or leave the quantity out of observe"
 _NO_VALUE = "take a smaller step; where a formula has no value, stop before"
 _ENDS = "stop before"
+_SQUARE_OVERFLOWS = 1e150
 _FASTER = "take a smaller step or a larger tolerance; where something decays fast, `stiff`"
 _KINDS = {"bound": "guard", "map": "off_domain", "domain": "off_domain"}
 # Newton that fails after the determinant has sunk below this part of its first value fails because of that.
@@ -300,6 +301,8 @@ def stopped(run: Run, member: int = 0) -> Outcome | None:
 
     if code >= programs.UNOBSERVABLE:
         quantity = f"{card.observed[code - programs.UNOBSERVABLE]}, which has no finite value"
+        if max(abs(last.get(name, 0.0)) for name in card.layout.columns) > _SQUARE_OVERFLOWS:
+            return ends("not_finite", quantity, value, _REMEDY)
         return ends("off_domain", quantity, value, _UNDEFINED)
     if code >= programs.WATCHED:
         kind, quantity, remedy = card.watches[code - programs.WATCHED]
