@@ -24,6 +24,7 @@ NOT_SEPARABLE = (
     "Stormer-Verlet requires H = T(p) + V(q): constant masses and no magnetic or additional forces. Use variational."
 )
 SMALLEST_NORM = 1e-200  # its product with the fourth power of a tolerance does not underflow
+AT_REST = 1e60  # (1e30)^2: a force so much smaller than its change in a step is none; beside a pole it is all that acts
 LATER = 0.382  # of a step of the grid, no common multiple of a period
 ROUND_OFF = 1e-15  # of the terms of a force
 FAR_END = 1e-20  # of the whole; less than any unit of a coordinate differs from that of another
@@ -231,7 +232,7 @@ def _squared_norm(f: Formulas, changes: Vector, first: Vector, errors: Vector, l
     """The mean of (error/scale)^2, each variable measured by its size and its change in a step: no unit enters.
 
     Where all of these vanish at once, a thousandth of what the other of q and v makes of it in a step of the grid, or
-    what the accelerations `later` in that step do.
+    what the accelerations come to `later` in that step do if there are none now.
     The influence of one end of a chain on the other within a step is of higher order than the error, so that no step is
     short enough for it: 1e-20 of the whole counts as well. Where terms of a force cancel at rest, the round-off that
     they leave changes with t: a step's share of it is no error.
@@ -239,7 +240,8 @@ def _squared_norm(f: Formulas, changes: Vector, first: Vector, errors: Vector, l
     q, v = map(f.symbols, "qv")
     others = np.concatenate([(v * se.WHOLE_STEP) ** 2, (q / se.WHOLE_STEP) ** 2])
     if later is not None:
-        gained = (se.WHOLE_STEP * later) ** 2
+        now, gained = f.accelerations**2, (se.WHOLE_STEP * (later - f.accelerations)) ** 2
+        gained = gained**2 / (gained + number(AT_REST) * (se.WHOLE_STEP**2 * now) + number(SMALLEST))
         others = others + np.concatenate([se.WHOLE_STEP**2 * gained, gained])
     sizes = np.concatenate([q, v]) ** 2 + changes**2 + first**2 + others / 1_000_000
     if f.depends_on_time:
