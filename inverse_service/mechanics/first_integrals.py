@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import reduce
+from functools import cached_property, reduce
 
 import numpy as np
 
@@ -145,16 +145,17 @@ class _Integrals:
         if self.lagrangian is None:
             return
         if not ex.holds(self.lagrangian, ex.TIME):
-            self._propose([FirstIntegral("energy", self._energy(self.lagrangian), "t -> t + s")])
+            self._propose([FirstIntegral("energy", self.energy, "t -> t + s")])
         for name in self.names:
             if not ex.holds(self.lagrangian, ex.Symbol(name)):
                 p = self._shortest(derivative.differentiate(self.lagrangian, ex.Velocity(name)))
                 self._propose([FirstIntegral(f"momentum of {name}", p, f"{name} -> {name} + s")])
 
-    def _energy(self, lagrangian: Expression) -> Expression:
+    @cached_property
+    def energy(self) -> Expression:
         """sum v p - L: the terms of L as they are where each is homogeneous in the velocities; of the others what
-        multiplies each logarithm or arctangent together, and what is left."""
-        velocities = self.velocities
+        multiplies each logarithm or arctangent together, and what is left. 0 without L."""
+        velocities, lagrangian = self.velocities, ex.ZERO if self.lagrangian is None else self.lagrangian
         moving = [a for a in ex.distinct_nodes((lagrangian,)) if isinstance(a, ex.Apply) and ex.holds(a, *velocities)]
         letters: dict[Expression, Expression] = {a: ex.Symbol(f"_{place}") for place, a in enumerate(moving)}
         found: list[Expression] = []
@@ -190,7 +191,7 @@ class _Integrals:
         terms: list[tuple[tuple[int, ...], int]] = [((n,), 0), ((n,), 1)]
         terms += [((i,), 2 + i + k * n) for k in (0, 1) for i in range(n)]
         terms += [((), 2 + 2 * n + k) for k in range(len(functions))]
-        self._search(_Ansatz((*self.momenta, self._energy(self.lagrangian)), factors, tuple(terms)), 1, True)
+        self._search(_Ansatz((*self.momenta, self.energy), factors, tuple(terms)), 1, True)
 
     def _momentum(self, lagrangian: Expression, name: str) -> Expression:
         """That of a free coordinate: dL/du, the dependent velocities being functions of the free ones."""

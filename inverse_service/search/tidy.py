@@ -596,7 +596,7 @@ def _part(outer: tm.Monomial, inner: tm.Terms, system: SecondOrderSystem) -> ex.
     constant, rates = tm.monomial_tree(outer - moving), tm.monomial_tree(moving)
     content, common, rest = tm.split_content(inner) if moving else (Fraction(1), tm.EMPTY, plain)
     whole = content * constant * tm.monomial_tree(common) * rest * rates
-    if len(inner) == 1 and next(iter(inner)) == tm.EMPTY:
+    if len(inner) == 1:
         return whole
     quotient = _quotient(plain, system.parameters, system.coordinates)
     if _is_sum_of(quotient, len(inner)) and _size(quotient) >= _size(plain):
