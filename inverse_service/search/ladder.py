@@ -44,10 +44,6 @@ ANSATZ = (
     families.Family("products of up to four velocities", 7, families.polynomials, bounds.LARGE),
     families.Family("logarithms and arctangents of two velocities", 9, families.complex_logarithms, bounds.SMALL),
 )
-_TIMES_A_FUNCTION = (
-    "Multiplied by functions of `t` and the coordinates, the equations are self-adjoint. Their mass matrix is then the "
-    "velocity Hessian of `L`, and integration gives `L`."
-)
 # An ansatz whose terms have no common points (a vanishing denominator, a missing root) finds nothing.
 _NO_POINTS = (errors.IrreducibleAtoms, SingularPoint, ValueError)
 
@@ -76,23 +72,7 @@ def _of_smaller(smaller: protocol.Smaller, seed: int) -> list[tuple[ex.Expressio
     return found
 
 
-def _definite_of_lines(material: Material, seed: int) -> Sequence[ex.Expression]:
-    """Those with squares of one sign, for letters of either order: those of the real point, and their inverses."""
-    system, point = material.analysis.system, material.analysis.real_point or {}
-    other = point | {letter: 1 / point[letter] for letter in map(ex.Symbol, system.parameters) if letter in point}
-    found, names = row_factors.propose(material, seed), system.coordinates
-    return [tree for tree in found if all(protocol.is_definite(tree, names, one) for one in (point, other))]
-
-
 LEAVES = (
-    protocol.Leaf(
-        "each equation times a function",
-        0.1,
-        lambda material: True,
-        _definite_of_lines,
-        _TIMES_A_FUNCTION,
-        exact=True,
-    ),
     protocol.Leaf(
         "one matrix",
         0.4,
@@ -118,11 +98,12 @@ LEAVES = (
         "Lagrangians of its blocks.",
     ),
     protocol.Leaf(
-        "each equation times a function, squares of both signs",
+        "each equation times a function",
         2.1,
         lambda material: True,
         row_factors.propose,
-        _TIMES_A_FUNCTION,
+        "Multiplied by functions of `t` and the coordinates, the equations are self-adjoint. Their mass matrix is then "
+        "the velocity Hessian of `L`, and integration gives `L`.",
         exact=True,
     ),
     protocol.Leaf(
