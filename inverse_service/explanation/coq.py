@@ -13,14 +13,13 @@ u4, is sin(x).
 from __future__ import annotations
 
 import json
-import math
 import random
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from fractions import Fraction
 from typing import Any
 
-from flint import fmpq_mpoly
+from flint import fmpq, fmpq_mpoly
 
 from inverse_service import deadline, errors
 from inverse_service.decision import deciding
@@ -261,28 +260,13 @@ def coq(theorems: Sequence[th.Theorem]) -> str:
     try:
         system = System(theorems)
         further = th.prelude("conditions" if system.entries else "euler_lagrange")
-        proofs = (
-            [_of_lagrangian(system, k) for k in range(len(theorems))]
-            if system.lagrangian is not None
-            else [_of_conditions(system)]
-        )
-        given = (
-            _entries(system)
-            if system.entries
-            else [
-                f"Definition L : poly := {system.polynomial(system.element(system.lagrangian))}."  # type: ignore[arg-type]
-            ]
-        )
-        return "\n".join(
-            [
-                th.prelude("polynomials"),
-                *system.definitions(),
-                *given,
-                further,
-                th.prelude("tactics") + th.prelude("lemmas"),
-                *proofs,
-            ]
-        )
+        tactics = th.prelude("tactics") + th.prelude("lemmas")
+        if system.lagrangian is None:
+            given, proofs = [*_entries(system)], [_of_conditions(system)]
+        else:
+            given = [f"Definition L : poly := {system.polynomial(system.element(system.lagrangian))}."]
+            proofs = [_of_lagrangian(system, k) for k in range(len(theorems))]
+        return "\n".join([th.prelude("polynomials"), *system.definitions(), *given, further, tactics, *proofs])
     except exact_field.TooLarge as error:
         return f"(* f is not defined in this file: {error}. *)\n" + th.coq_of_identities(theorems[0])
 
@@ -452,14 +436,7 @@ def _example(system: System, theorem: th.Theorem, relations: Sequence[th.Fact], 
 
 
 def _at(polynomial: fmpq_mpoly, values: Sequence[Fraction]) -> Fraction:
-    return sum(
-        (
-            exact_field.as_fraction(c)
-            * math.prod((values[k] ** int(e) for k, e in enumerate(exponents) if e), start=Fraction(1))
-            for exponents, c in polynomial.to_dict().items()
-        ),
-        Fraction(0),
-    )
+    return exact_field.as_fraction(polynomial(*(fmpq(value.numerator, value.denominator) for value in values)))
 
 
 def _root(value: Fraction, degree: int) -> Fraction | None:

@@ -35,20 +35,8 @@ from inverse_service.decision.kinds import helmholtz
 from inverse_service.expressions import notation, tree as ex
 from inverse_service.field import dense_series as machine, exact_field, matrices, null_vectors, tower
 from inverse_service.field.point import Point, SingularPoint, evaluate
-from inverse_service.mechanics.conditions import (
-    FactorSlopes,
-    Motion,
-    MotionInRing,
-    S,
-    Tensor11,
-    Tensor12,
-    connection,
-    curvature,
-    factor_slopes,
-    jacobi_endomorphism,
-    nabla,
-    nabla_of_curvature,
-)
+from inverse_service.mechanics import conditions as cd
+from inverse_service.mechanics.conditions import S, Tensor11, Tensor12
 
 # In larger sets than this, no smallest subset is sought; all conditions of the depth are listed.
 LARGEST_SET = 4
@@ -105,12 +93,12 @@ def _power_name(operator: str, exponent: int, operand: str) -> str:
     return f"{operator} {operand}" if exponent == 1 else f"{operator}^{exponent} {operand}"
 
 
-def tensors_to_depth(motion: Motion[S], depth: int) -> dict[ConditionName, Tensor11[S] | Tensor12[S]]:
+def tensors_to_depth(motion: cd.Motion[S], depth: int) -> dict[ConditionName, Tensor11[S] | Tensor12[S]]:
     """The tensors that need at most depth + 2 derivatives of f; curvatures only for n >= 3."""
-    n = connection(motion)
-    endomorphisms = [jacobi_endomorphism(motion)]
+    n = cd.connection(motion)
+    endomorphisms = [cd.jacobi_endomorphism(motion)]
     for _ in range(depth):
-        endomorphisms.append(nabla(motion, n, endomorphisms[-1]))
+        endomorphisms.append(cd.nabla(motion, n, endomorphisms[-1]))
     table: dict[ConditionName, Tensor11[S] | Tensor12[S]] = {}
     for k, tensor in enumerate(endomorphisms):
         table[ConditionName(_power_name("nabla", k, "Phi"), k + 2, False)] = tensor
@@ -118,11 +106,11 @@ def tensors_to_depth(motion: Motion[S], depth: int) -> dict[ConditionName, Tenso
         return table
     bend: Tensor12[S] | None = None
     for k in range(depth):
-        bend = curvature(motion, endomorphisms[0]) if bend is None else nabla_of_curvature(motion, n, bend)
+        bend = cd.curvature(motion, endomorphisms[0]) if bend is None else cd.nabla_of_curvature(motion, n, bend)
         table[ConditionName(_power_name("nabla", k, "R"), k + 3, True)] = bend
         if k:
             name = f"R[{_power_name('nabla', k, 'Phi')}]"
-            table[ConditionName(name, k + 3, True)] = curvature(motion, endomorphisms[k])
+            table[ConditionName(name, k + 3, True)] = cd.curvature(motion, endomorphisms[k])
     return table
 
 
@@ -452,10 +440,10 @@ def direction_matrix(result: Elimination, n: int, one: exact_field.Quotient) -> 
 
 
 def contradiction(
-    analysis: deciding.Analysis, exact: MotionInRing, direction: Matrix, with_time: bool, seed: int
+    analysis: deciding.Analysis, exact: cd.MotionInRing, direction: Matrix, with_time: bool, seed: int
 ) -> Contradiction:
     """The first integrability condition of u that fails; TooLarge where none is found."""
-    slopes = factor_slopes(exact, direction)
+    slopes = cd.factor_slopes(exact, direction)
     point = tower.draw_point(analysis.tower, seed)
     names = analysis.system.coordinates
     for formula, note, difference, held in _conditions(exact, slopes, with_time, names):
@@ -465,7 +453,7 @@ def contradiction(
 
 
 def _conditions(
-    exact: MotionInRing, slopes: FactorSlopes, with_time: bool, names: tuple[str, ...]
+    exact: cd.MotionInRing, slopes: cd.FactorSlopes, with_time: bool, names: tuple[str, ...]
 ) -> Iterator[tuple[notation.Formula, str, exact_field.Quotient, frozenset[ex.Symbol | ex.Velocity]]]:
     """Expressions that vanish if u exists, with reason and variables of their slopes, simplest first."""
     motion = exact.motion
@@ -493,7 +481,7 @@ def _mixed(inner: ex.Symbol | ex.Velocity, outer: ex.Symbol | ex.Velocity) -> no
 
 
 def _lines(
-    slopes: FactorSlopes, with_time: bool, held: frozenset[ex.Symbol | ex.Velocity], names: tuple[str, ...]
+    slopes: cd.FactorSlopes, with_time: bool, held: frozenset[ex.Symbol | ex.Velocity], names: tuple[str, ...]
 ) -> tuple[Line, ...]:
     """The known derivatives of u in the order in which they are found, with those that they depend on."""
     of_velocities = all(isinstance(variable, ex.Velocity) for variable in held)
@@ -517,15 +505,8 @@ def _lines(
 
 def _is_nonzero(ring: exact_field.ExactRing, element: exact_field.Quotient, point: Point) -> bool:
     """Whether the value at the random point is not zero; TooLarge where it cannot be formed."""
+    numerator = tower.to_kernels(exact_field.polynomial_tree(ring, element.numerator))
     try:
-        values = {index: evaluate(tower.to_kernels(tree), point) for index, tree in ring.trees.items()}
+        return evaluate(numerator, point) % point.prime != 0
     except (KeyError, TypeError, ValueError, SingularPoint) as error:
         raise exact_field.TooLarge("an expression could not be evaluated modulo a prime") from error
-    total = 0
-    for exponents, coefficient in element.numerator.terms():
-        term = int(coefficient.p) * pow(int(coefficient.q), -1, point.prime)
-        for index, exponent in enumerate(exponents):
-            if exponent:
-                term = term * pow(values[index], int(exponent), point.prime) % point.prime
-        total += term
-    return total % point.prime != 0

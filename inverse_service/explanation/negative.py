@@ -154,11 +154,8 @@ def _by_differentiation(analysis: Analysis, with_time: bool, seed: int, budget: 
     ring, n = solved.exact.ring, solved.exact.motion.size
     direction = hierarchy.direction_matrix(solved.result, n, ring.constant(1))
     found = hierarchy.contradiction(analysis, solved.exact, direction, with_time, seed)
-    return (
-        wording.opening(analysis.system, chosen),
-        *solved.steps,
-        *wording.factor_steps(ring, direction, found),
-    )
+    steps = (*solved.steps, *wording.factor_steps(ring, direction, found))
+    return (wording.opening(analysis.system, chosen), *steps)
 
 
 def entry_symbols(system: SecondOrderSystem) -> dict[hierarchy.Unknown, ex.Symbol]:
@@ -243,36 +240,20 @@ def _in_numbers(analysis: Analysis, chosen: hierarchy.SufficientSet) -> tuple[St
         if not condition.cyclic
     }
     solution = _echelon(list(rows.values()))
-    return (
-        wording.opening(analysis.system, chosen),
-        _point_step(analysis, chosen, values),
-        *(
-            wording.said("At this point ", notation.row(notation.theory(f"{condition.name} = "), entries), ".")
-            for condition, entries in tensors.items()
-        ),
-        *(
-            wording.said(
-                wording.equation_name(name),
-                ", up to a constant factor: ",
-                notation.row(_combination(row, names), " = 0"),
-                ".",
-            )
-            for name, row in rows.items()
-        ),
-        wording.said(
-            "These linear equations have the solution ",
-            *wording.separated(
-                [
-                    notation.row(
-                        names[pivot], " = ", _combination([-a * (k != pivot) for k, a in enumerate(row)], names)
-                    )
-                    for pivot, row in solution
-                ]
-            ),
-            ".",
-        ),
-        _closing_step_at_point([name for k, name in enumerate(names) if k not in dict(solution)]),
-    )
+    steps = [wording.opening(analysis.system, chosen), _point_step(analysis, chosen, values)]
+    for condition, entries in tensors.items():
+        shown = notation.row(notation.theory(f"{condition.name} = "), entries)
+        steps.append(wording.said("At this point ", shown, "."))
+    for name, row in rows.items():
+        shown = notation.row(_combination(row, names), " = 0")
+        steps.append(wording.said(wording.equation_name(name), ", up to a constant factor: ", shown, "."))
+    values_of_g = []
+    for pivot, row in solution:
+        others = [-a * (k != pivot) for k, a in enumerate(row)]
+        values_of_g.append(notation.row(names[pivot], " = ", _combination(others, names)))
+    steps.append(wording.said("These linear equations have the solution ", *wording.separated(values_of_g), "."))
+    free = [name for k, name in enumerate(names) if k not in dict(solution)]
+    return (*steps, _closing_step_at_point(free))
 
 
 def _echelon(rows: Sequence[Row]) -> list[tuple[int, Row]]:
@@ -297,12 +278,8 @@ def _point_step(analysis: Analysis, chosen: hierarchy.SufficientSet, values: Val
     """The substituted values, and why they are admissible."""
     bare = bare_variables(analysis.accelerations)
     variables = [each for each in values if isinstance(each, ex.Symbol | ex.Velocity) and each in bare]
-    listed = wording.separated(
-        [
-            notation.row(each, " = ", ex.number(values[each]))
-            for each in (*sorted(variables, key=printing.to_text), *_atoms(analysis, chosen))
-        ]
-    )
+    shown = (*sorted(variables, key=printing.to_text), *_atoms(analysis, chosen))
+    listed = wording.separated([notation.row(each, " = ", ex.number(values[each])) for each in shown])
     if not listed:
         return wording.said("Take any point.")
     why = "The conditions are too long to print"

@@ -61,9 +61,7 @@ def explain_positive(system: SecondOrderSystem, multiplier: Sequence[Sequence[Ex
         return _worked_out(exact, g)
     except (TooLarge, ZeroDivisionError):
         return (
-            said(
-                "The matrix `g` is the velocity Hessian of `L`; `dg_ij/dv^k` is symmetric in `j` and `k`.",
-            ),
+            said("The matrix `g` is the velocity Hessian of `L`; `dg_ij/dv^k` is symmetric in `j` and `k`."),
             said("With `N = -1/2 df/dv`, compare `Gamma(g)` with `g N + (g N)^T`."),
             said("Check that `g Phi` is symmetric for the given `Phi` and that `det g` is not zero."),
         )
@@ -92,16 +90,10 @@ def _worked_out(exact: conditions.MotionInRing, g: Matrix) -> tuple[Step, ...]:
             " equals `-g df/dv`, so it is a multiplier.",
         )  # fmt: skip
         return (step,)
+    along = row("Gamma(g) = ", _matrix(exact, moved))
     return (
-        said(
-            "The velocity Hessian of `L` is the multiplier `g`; `dg_ij/dv^k` is symmetric in `j` and `k`.",
-        ),
-        said(
-            row("Gamma(g) = ", _matrix(exact, moved)),
-            ", and `g N + (g N)^T` with ",
-            row("N = ", _matrix(exact, n)),
-            " is the same.",
-        ),
+        said("The velocity Hessian of `L` is the multiplier `g`; `dg_ij/dv^k` is symmetric in `j` and `k`."),
+        said(along, ", and `g N + (g N)^T` with ", row("N = ", _matrix(exact, n)), " is the same."),
         said(row("g Phi = ", _matrix(exact, lowered)), " is symmetric."),
         said(row("det g = ", quotient_tree(exact.ring, size)), " is not identically zero, so `g` is a multiplier."),
     )
@@ -192,9 +184,7 @@ def existence_steps(decision: Decision) -> tuple[Step, ...]:
             f"Its symbol in degree {degree} has dimension {decision.symbol.dimension} and passes Cartan's test "
             f"(characters {', '.join(map(str, decision.symbol.characters))}): the system is involutive.",
         ),
-        said(
-            f"A regular `g` remains at a generic point, so a regular Lagrangian exists; {decision.space.statement}.",
-        ),
+        said(f"A regular `g` remains at a generic point, so a regular Lagrangian exists; {decision.space.statement}."),
     )
 
 

@@ -82,14 +82,8 @@ def _factors(system: second_order_system.SecondOrderSystem) -> list[ex.Expressio
     own = {*map(ex.Symbol, system.coordinates)}
     found: dict[ex.Expression, None] = {}
     for node in (node for f in system.given for node in ex.walk(f)):
-        base = (
-            node.base
-            if isinstance(node, ex.Power)
-            else node
-            if isinstance(node, ex.Apply | ex.Arbitrary | ex.Symbol)
-            else None
-        )
-        if base is not None and not isinstance(base, ex.Number):
+        base = node.base if isinstance(node, ex.Power) else node
+        if isinstance(node, ex.Power | ex.Apply | ex.Arbitrary | ex.Symbol) and not isinstance(base, ex.Number):
             held = set(ex.walk(base))
             if not own.isdisjoint(held) and not any(isinstance(part, ex.Velocity) for part in held):
                 found[base] = None
@@ -100,12 +94,8 @@ def _density(system: second_order_system.SecondOrderSystem, deadline: float) -> 
     """rho(q) with rho dq dq' invariant: that of the motion with these accelerations and no constraint."""
     names, n = system.coordinates, len(system.coordinates)
     try:
-        ring = exact_field.exact_ring(
-            list(system.given),
-            system.variables,
-            constrained_motion.ORDERS,
-            exact_field.Budget(constrained_motion.TERM_LIMIT, deadline),
-        )
+        budget = exact_field.Budget(constrained_motion.TERM_LIMIT, deadline)
+        ring = exact_field.exact_ring(list(system.given), system.variables, constrained_motion.ORDERS, budget)
         zero, one = ring.constant(0), ring.constant(1)
         unit = tuple(tuple(one if i == j else zero for j in range(n)) for i in range(n))
         free = constrained_motion.NonholonomicSystem(names, ex.ONE, (), system.parameters, system.functions)

@@ -315,11 +315,7 @@ def values_at(
     places = [[equations.column_of(unknowns, entry) for entry in row] for row in helmholtz.matrix_of(n, size).entries]
     width = n * (n + 1) // 2
     table = [[found[i, j] for j in range(width)] for i in range(int(found[-1, 0]))]
-    basis = (
-        matrices.kernel(table, width)
-        if table
-        else [[Fraction(int(i == j)) for j in range(width)] for i in range(width)]
-    )
+    basis = matrices.kernel(table or [[Fraction(0)] * width], width)
     return [tuple(tuple(v[column] * factor for column, factor in row) for row in places) for v in basis], rows[0]
 
 

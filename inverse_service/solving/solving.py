@@ -625,11 +625,8 @@ def completed(work: Work, answer: Answer, others: Found | None, with_time: bool)
     work.progress("Hamiltonian")
     names = work.analysis.system.coordinates
     hamiltonian = positive.hamiltonian_of(answer.lagrangian.expression, names, answer.lagrangian.positive)
-    steps = (
-        *answer.details,
-        *positive.verification_steps(work.analysis, answer.lagrangian),
-        *positive.legendre_steps(hamiltonian),
-    )
+    verified = positive.verification_steps(work.analysis, answer.lagrangian)
+    steps = (*answer.details, *verified, *positive.legendre_steps(hamiltonian))
     work.add_seconds("Hamiltonian", began)
     answer = replace(answer, hamiltonian=hamiltonian, details=steps)
     tell(work, answer, with_time)
