@@ -172,26 +172,20 @@ def is_batch(name: str) -> bool:
 def check_batch(name: str) -> cli.ExitCode:
     """Check every line of a batch's output and print the invalid lines and the totals. 0: every claim is valid."""
     settings = read_settings()
-    options, summary, others = (
-        model.JobOptions(settings.time_limit, settings.memory_limit),
-        batches.Summary(),
-        Counter[str](),
-    )
+    options = model.JobOptions(settings.time_limit, settings.memory_limit)
+    summary, others = batches.Summary(), Counter[str]()
     with tempfile.TemporaryDirectory() as folder:
         claims, answers = Path(folder) / "claims.ndjson", Path(folder) / "answers.ndjson"
         ids = _claims(name, claims, others)
         if ids:
+            plan = batches.BatchPlan(claims, answers, options, settings.workers, kind="check")
             with progress(summary, len(ids)) as report:
-                batches.run_batch(
-                    batches.BatchPlan(claims, answers, options, settings.workers, kind="check"), summary, report
-                )
+                batches.run_batch(plan, summary, report)
             for answer in map(json.loads, answers.open(encoding="utf-8")):
-                if answer.get("verdict") != "valid":
-                    number = answer["id"]
-                    reasons = answer.get("reasons") or [answer["error"]["detail"]]
-                    cli.write(
-                        f"line {number}, id {ids[number]}: {answer.get('verdict', 'error')}: {' '.join(reasons)}\n"
-                    )
+                number, verdict = answer["id"], answer.get("verdict", "error")
+                if verdict != "valid":
+                    reasons = " ".join(answer.get("reasons") or [answer["error"]["detail"]])
+                    cli.write(f"line {number}, id {ids[number]}: {verdict}: {reasons}\n")
     found = (*sorted(summary.labels.items()), *others.items())
     counts = [f"{count} {NAMES.get(what, (what, what))[count != 1]}" for what, count in found]
     cli.write(f"{', '.join(counts) or 'no lines'}.\n")
@@ -388,12 +382,9 @@ def _name(identifier: Any, number: int) -> str:
 
 
 def _judged(name: str, answer: Mapping[str, Any], wanted: Mapping[str, Any]) -> Judged:
-    keys = [key for key in wanted if key != "id"]
-    differences = tuple(
-        f"{key} is {json.dumps(answer.get(key))}, expected {json.dumps(wanted[key])}"
-        for key in keys
-        if answer.get(key) != wanted[key]
-    )
+    differ = [key for key in wanted if key != "id" and answer.get(key) != wanted[key]]
+    pairs = [(key, json.dumps(answer.get(key)), json.dumps(wanted[key])) for key in differ]
+    differences = tuple(f"{key} is {found}, expected {expected}" for key, found, expected in pairs)
     error = answer.get("error")
     detail = str(error.get("detail") or error.get("title") or "error") if isinstance(error, dict) else ""
     return Judged(name, str(answer.get("verdict") or ""), detail if "error" not in wanted else "", differences)

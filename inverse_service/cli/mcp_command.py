@@ -164,13 +164,8 @@ def _document(system: str | dict[str, Any]) -> Any:
     """A document; undeclared names of a text are constants."""
     if isinstance(system, str) and not system.lstrip().startswith("{"):
         return {"equations": system, "parameters": "guess"}
-    return _value(
-        lambda: (
-            plain_data.read_document(system, "")
-            if isinstance(system, str)
-            else plain_data.read_json(json.dumps(system))
-        )
-    )
+    text = system if isinstance(system, str) else json.dumps(system)
+    return _value(lambda: plain_data.read_document(text, ""))
 
 
 def _value(work: Any) -> Any:

@@ -245,15 +245,12 @@ class Answer(dict[str, Any]):
     @cached_property
     def first_integrals(self) -> Listed[FirstIntegral]:
         """The functions that are constant along the motion, the energy first."""
-        return Listed(
-            FirstIntegral(
-                each["name"],
-                self._expression(each["text"]),
-                each.get("symmetry") or "",
-                tuple(_bridge().relation(text, self._table) for text in each["domain"]),
-            )
-            for each in self._shown.get("first_integrals") or self.get("first_integrals") or ()
-        )
+        found = list[FirstIntegral]()
+        for each in self._shown.get("first_integrals") or self.get("first_integrals") or ():
+            where = tuple(_bridge().relation(text, self._table) for text in each["domain"])
+            formula = self._expression(each["text"])
+            found.append(FirstIntegral(each["name"], formula, each.get("symmetry") or "", where))
+        return Listed(found)
 
     @cached_property
     def multiplier(self) -> ImmutableMatrix | None:
@@ -554,11 +551,8 @@ def answers_to_many(
             readings.append(asked(system))
         except errors.InputError as error:
             readings.append(error)
-    lines = [
-        json.dumps({**reading[0], "id": place}, default=str)
-        for place, reading in enumerate(readings)
-        if not isinstance(reading, errors.InputError)
-    ]
+    documents = {k: one[0] for k, one in enumerate(readings) if not isinstance(one, errors.InputError)}
+    lines = [json.dumps({**document, "id": place}, default=str) for place, document in documents.items()]
     answers = {each["id"]: each for each in _answered(lines, workers, output, time_limit)}
     for place, reading in enumerate(readings):
         if isinstance(reading, errors.InputError):
@@ -633,18 +627,10 @@ def motion(
     values = list(map(float, [*(START * (1 + k / 3) for k in range(n)), *[0.0] * n] if start is None else start))
     if len(values) != 2 * n:
         raise errors.InputError(f"A start has {2 * n} numbers: the positions, then the velocities.")
-    initial = {
-        "positions": dict(zip(names, values[:n], strict=True)),
-        "velocities": dict(zip(names, values[n:], strict=True)),
-    }
-    scene = {"system": {"result": dict(result)}, "parameters": {name: float(parameters.get(name, 1)) for name in known}}
-    scene |= {
-        "initial": initial,
-        "step": time / STEPS,
-        "time": time,
-        "methods": ["adaptive"],
-        "observe": ["trajectory"],
-    }
+    parts = {"positions": values[:n], "velocities": values[n:]}
+    scene: dict[str, Any] = {"step": time / STEPS, "time": time, "methods": ["adaptive"], "observe": ["trajectory"]}
+    scene["initial"] = {key: dict(zip(names, part, strict=True)) for key, part in parts.items()}
+    scene |= {"system": {"result": dict(result)}, "parameters": {x: float(parameters.get(x, 1)) for x in known}}
     found = simulating.simulate_tables(scene, time_limit=LONGEST)
     (method,), (columns,) = found["result"]["methods"], [*found["tables"].values()] or [None]
     reason = _pages().why(method)

@@ -452,10 +452,10 @@ def prepared_scene(scene: Any) -> Any:
     changed = {key: _changed(scene[key], table, True) for key in SCENE_FORMULAS if key in scene}
     if isinstance(scene.get("methods"), list):
         changed["methods"] = [
-            {key: _changed(value, table, True) if key == "free_lagrangian" else value for key, value in method.items()}
-            if isinstance(method, Mapping)
-            else method
-            for method in scene["methods"]
+            {**one, "free_lagrangian": _changed(one["free_lagrangian"], table, True)}
+            if isinstance(one, Mapping) and "free_lagrangian" in one
+            else one
+            for one in scene["methods"]
         ]
     return {**scene, **changed}
 

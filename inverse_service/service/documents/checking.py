@@ -116,18 +116,10 @@ def check_plain(result: object, document: object = None) -> dict[str, Any]:
             examination.examine()
     except LimitError as error:  # what we print may be longer than what we read
         examination.unsettled(f"A formula is too long to be read again: {error.detail}")
-    except (
-        formulas.Ended,
-        InputError,
-        KeyError,
-        TypeError,
-        ValueError,
-        AttributeError,
-        IndexError,
-        RecursionError,
-    ) as error:
-        why = error.reasons[0] if isinstance(error, formulas.Ended) and error.reasons else "A part has another form."
-        examination.contradict("", str(why)[:200], "")
+    except formulas.Ended as error:
+        examination.contradict("", error.reasons[0][:200], "")
+    except (InputError, LookupError, TypeError, ValueError, AttributeError, RecursionError):
+        examination.contradict("", "A part has another form.", "")
     return examination.report()
 
 
@@ -301,13 +293,10 @@ class Examination:
         asked = isinstance(plain, dict) and plain.get("time_dependent_lagrangian") is True
         timed, stated = contains or asked, self.result.get("question")
         if stated is not None:
+            if self.result["system"].get("given") is None and self.handed is None:  # no other question was asked
+                timed = timed or stated == canonical.QUESTIONS["time_dependent"]
             proven = canonical.QUESTIONS["time_dependent" if timed else "autonomous"]
-            free = self.result["system"].get("given") is None and self.handed is None
-            if free and stated in canonical.QUESTIONS.values():
-                timed = timed or stated == canonical.QUESTIONS["time_dependent"]  # no other question was asked
-                self.agree("/question", not contains or timed, stated, f"The question is that of {proven}.")
-            else:
-                self.agree("/question", stated == proven, stated, f"The question is that of {proven}.")
+            self.agree("/question", stated == proven, stated, f"The question is that of {proven}.")
         return timed
 
     def main(self, part: dict[str, Any], at: str, timed: bool, own: dict[str, Any]) -> bool:
@@ -658,12 +647,8 @@ class Examination:
         proofs = [one for one in certificates if one["kind"] == "lagrangian"]
         says, shape = _text(part.get("lagrangian")), _object(part.get("lagrangian"))
         same_ones = [one for one in proofs if says is not None and _tokens(says) == _tokens(one["lagrangian"])]
-        self.agree(
-            f"{at}/lagrangian/text" if says else f"{at}/lagrangian",
-            same_ones if says is not None else not proofs,
-            says,
-            "Its certificate proves another.",
-        )
+        place, good = (f"{at}/lagrangian", not proofs) if says is None else (f"{at}/lagrangian/text", same_ones)
+        self.agree(place, good, says, "Its certificate proves another.")
         for one in same_ones[:1] if "domain" in shape else ():
             self.domain(f"{at}/lagrangian/domain", shape["domain"], self.proof(one).formulas, one)
         if part.get("checked") is not None and certificates:

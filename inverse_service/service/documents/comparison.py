@@ -90,12 +90,9 @@ def compared_claim(document: Any, certificate: Mapping[str, Any], time_limit: fl
             constraints = [v - w for v, w in given.on_constraints.items()]
         else:
             made = _of_motions().nonholonomic_of(document)
-            constraints, trees, differ = (
-                list(made.constraints),
-                [],
-                sorted(made.coordinates) != sorted(claimed.coordinates)
-                or len(made.constraints) != len(claimed.dependent),  # a smaller D is another motion
-            )
+            constraints, trees = list(made.constraints), []
+            differ = sorted(made.coordinates) != sorted(claimed.coordinates)
+            differ = differ or len(constraints) != len(claimed.dependent)  # a smaller D is another motion
         trees += [ex.substitute(tree, claimed.on_constraints) for tree in constraints]
     except (errors.InputError, KeyError, ValueError):
         sentence = "The motion of a certificate cannot be compared with the document as given."
@@ -286,10 +283,8 @@ def _agreed(certificate: Mapping[str, Any], shown: Any, notes: dict[str, bool], 
     formulas.check_shape(shown, _SHAPE, "hamiltonian")
     question = checks.Question(tools, certificate["system"], True, dict(certificate))
     question.read_integrals(certificate.get("integrals") or {})
-    lagrangian, energy = (
-        formulas.read_tokens(certificate["lagrangian"], "lagrangian"),
-        formulas.read_tokens(shown["text"], "hamiltonian"),
-    )
+    lagrangian = formulas.read_tokens(certificate["lagrangian"], "lagrangian")
+    energy = formulas.read_tokens(shown["text"], "hamiltonian")
     named = momenta_of(question.coordinates, shown["momenta"])
     formulas.require(named, _NAMED)
     momenta = {named[x]: formulas.read_tokens(shown["momenta"][named[x]], "momenta") for x in question.coordinates}

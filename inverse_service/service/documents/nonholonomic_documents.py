@@ -322,16 +322,8 @@ def solve_nonholonomic(document: Any, options: solutions.SolveOptions, grow: Gro
             f'{systems[0].explanation} Ask for "any", which decides the motion alone.', "/associated"
         )
     questions = ("existence", *["existence_with_time"] * (schema.time_dependent_lagrangian is not False))
-    grow.wanted = (
-        "motion",
-        *questions,
-        "any_associated",
-        "first_integrals",
-        "reduced",
-        "lagrangian",
-        "hamiltonian",
-        "explanation",
-    )
+    further = ("any_associated", "first_integrals", "reduced", "lagrangian", "hamiltonian", "explanation")
+    grow.wanted = ("motion", *questions, *further)
     last = end - SHARE_LEFT * options.time_limit
     made = _Made(schema, report, options, grow, last, checking.checked)
     first = [nonholonomic_study.Study(report, (_unasked(defined, NOT_YET),), 0)]

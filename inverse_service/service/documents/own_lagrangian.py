@@ -173,18 +173,14 @@ def _judged(
 def _failing(system: SecondOrderSystem, own: Sequence[ex.Expression] | None, table: RealTable) -> dict[str, Any]:
     """A point, and both accelerations there."""
     own_names = {*deciding.variables_of(system)}  # and not the angle of one radian, which a table may hold
-    named = {("t" if key == ex.TIME else translate.name_of(key)): value for key, value in table.items()
-             if key in own_names}  # fmt: skip
+    named = {translate.name_of(key): value for key, value in table.items() if key in own_names}
     shown = {"at": {name: mpmath.nstr(value, _DIGITS) for name, value in named.items()}}
     try:
         pairs = {"given": system.given, "lagrangian": own or ()}
-        numbers = {
-            key: {
-                x: mpmath.nstr(evaluate(tower.to_kernels(f), table), _DIGITS)
-                for x, f in zip(system.coordinates, trees, strict=False)
-            }
-            for key, trees in pairs.items()
-        }
+        numbers: dict[str, dict[str, str]] = {}
+        for key, trees in pairs.items():
+            values = [mpmath.nstr(evaluate(tower.to_kernels(f), table), _DIGITS) for f in trees]
+            numbers[key] = dict(zip(system.coordinates, values, strict=False))
     except (NoRealValue, KeyError):
         return shown
     return shown | {"accelerations": numbers} if own else shown

@@ -619,11 +619,9 @@ def _more(result: Mapping[str, Any], names: Names) -> Iterable[Row]:
         yield _clock_row(part, result, names)
     if special := result.get("special_cases"):
         count = special["examined"]
-        ended = (
-            "The list is complete: no other parameter values change the verdict."
-            if special["complete"]
-            else " ".join(["Other parameter values may change the verdict.", *special["reasons"]])
-        )
+        ended = "The list is complete: no other parameter values change the verdict."
+        if not special["complete"]:
+            ended = " ".join(["Other parameter values may change the verdict.", *special["reasons"]])
         hint = (f"{count} case{'s' * (count != 1)} examined. {ended}",)
         yield Row("Special cases", hint, tree=(_special(special["tree"], names),))
 

@@ -61,15 +61,10 @@ def to_understood(system: SecondOrderSystem, schema: AnyDocument) -> schemas.Und
 def equation_fields(system: SecondOrderSystem) -> dict[str, Any]:
     """The equations as given, in text and in LaTeX."""
     pairs = list(zip(system.coordinates, system.given, strict=True))
-    return {
-        "equations": {name: printing.to_text(f) for name, f in pairs},
-        "latex": {
-            name: f"{printing.to_latex(f)} = 0"
-            if system.is_unsolved
-            else f"{printing.to_latex(ex.Acceleration(name))} = {printing.to_latex(f)}"
-            for name, f in pairs
-        },
-    }
+    latex = {name: f"{printing.to_latex(f)} = 0" for name, f in pairs}
+    if not system.is_unsolved:
+        latex = {name: f"{printing.name_latex(name, 'ddot')} = {printing.to_latex(f)}" for name, f in pairs}
+    return {"equations": {name: printing.to_text(f) for name, f in pairs}, "latex": latex}
 
 
 def plain_fields(system: SecondOrderSystem) -> dict[str, Any]:
@@ -243,11 +238,10 @@ def hamiltonian_part(
         [tree for tree in trees if not any(isinstance(node, ex.Velocity) for node in ex.walk(tree))]
         for trees in conditions
     )
+    pairs = zip(hamiltonian.symbols, hamiltonian.momenta, strict=True)
     return schemas.HamiltonianPart(
         **formula_fields(hamiltonian.expression),
-        momenta={
-            symbol.name: printing.to_text(p) for symbol, p in zip(hamiltonian.symbols, hamiltonian.momenta, strict=True)
-        },
+        momenta={symbol.name: printing.to_text(p) for symbol, p in pairs},
         implicit=hamiltonian.implicit,
         reason=hamiltonian.note if hamiltonian.implicit else "",
         constraints=[printing.to_text(constraint) for constraint in hamiltonian.constraints],
