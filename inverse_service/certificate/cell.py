@@ -593,18 +593,14 @@ class Knowledge:
         return self.found[key]
 
     def sign_of(self, p: Polynomial, depth: int) -> int:
-        simple, same = self.ring.single(p), self.ring.same_sign(p)
+        same = self.ring.same_sign(p)
         if same is not None and depth > 0 and (sign := self.sign(same, depth - 1)):
             return sign
         if (sign := self.by_facts(p) or self.by_terms(p)) or depth < 1:
             return sign
-        found = self.by_roots(p) or self.by_squares(p, depth) or self.by_arctangents(p, depth)
-        return (
-            found
-            or self.by_norm(p, depth)
-            or self.by_circle(p, depth)
-            or (0 if simple is None else self.by_quarter(simple.place, depth))
-        )
+        ways = [self.by_roots, self.by_squares, self.by_arctangents]
+        ways += [self.by_norm, self.by_circle, self.by_quarter]
+        return next(filter(None, (way(p, depth) for way in ways)), 0)
 
     def by_facts(self, p: Polynomial) -> int:
         """p - r q is 0 or of the sign of r q, for a q of a known sign and a number r."""
@@ -638,11 +634,12 @@ class Knowledge:
         signs = (self.sign(form, depth - 1) for form in self.ring.circled(p, known=True))
         return next(filter(None, signs), 0)
 
-    def by_quarter(self, place: int, depth: int) -> int:
+    def by_quarter(self, p: Polynomial, depth: int) -> int:
         """sin u and cos u between two of their zeros."""
-        if place not in self.ring.circular:
+        simple = self.ring.single(p)
+        if simple is None or simple.place not in self.ring.circular:
             return 0
-        name, u = self.ring.circular[place]
+        name, u = self.ring.circular[simple.place]
         pi, half = self.ring.generators[0], fmpq(0 if name == "sin" else -1, 2)
         for k in range(-2, 3):
             low = u.above - (k + half) * pi * u.below
@@ -676,7 +673,7 @@ class Knowledge:
                 return side
         return 0
 
-    def by_roots(self, p: Polynomial) -> int:
+    def by_roots(self, p: Polynomial, depth: int) -> int:
         """Of a polynomial in one generator without real roots."""
         if len(self.ring.holds(p)) != 1 or p.total_degree() > 40 or has_real_zeros(p):
             return 0
@@ -953,11 +950,8 @@ def _lacking(
     known, proven = (
         Knowledge(ring, (need for needs in some for need in needs)) for some in (said, own)
     )
-    missing = [
-        text
-        for text, needs in zip(cell.domain, own, strict=True)
-        if not all(map(known.implies, needs))
-    ]
+    pairs = zip(cell.domain, own, strict=True)
+    missing = [text for text, needs in pairs if not all(map(known.implies, needs))]
     beyond = [k for k, needs in enumerate(said) if not all(map(proven.implies, needs))]
     return missing, beyond
 
