@@ -114,16 +114,9 @@ def certified(document: Any, tools: Tools) -> CheckResult:
         about = Definite if among == "positive_definite" else OfKind
     asked = about(tools, document["system"], document["question"] == "time_dependent", document)
     plain = kind == "lagrangian" and about is Question
-    require(
-        plain or not asked.unsolved,
-        "Equations that are not solved for q'' are proven variational by an L alone.",
-    )
-    checks = {
-        "lagrangian": asked.lagrangian,
-        "existence": asked.existence,
-        "nonexistence": asked.nonexistence,
-    }
-    sentence = checks[kind](document)
+    alone = "Equations that are not solved for q'' are proven variational by an L alone."
+    require(plain or not asked.unsolved, alone)
+    sentence = getattr(asked, kind)(document)
     one = len(asked.coordinates) == 1 and about is Question
     cell, formulas = cells_of(asked, one and not asked.unsolved)
     by_theorem = one and (kind == "existence" or cell != formulas)

@@ -13,7 +13,7 @@ from typing import Any
 from . import formulas as fm
 from .formulas import NUMBER, TEXT, Incomplete, check_shape, read_tokens, require, value_of
 from .numbers import Arithmetic, Series, Unsettled
-from .question import KindsOfRows, Question, RowKind, Tools, Zero
+from .question import NOT_SHOWN, KindsOfRows, Question, RowKind, Tools, Zero
 from .series import Elimination, Expansion, Term
 
 KINDS = "natural|riemannian|finsler|positive_definite|rayleigh|rayleigh_general"
@@ -121,10 +121,8 @@ class OfKind(Question):
         )
         if "rayleigh" in self.kind and claim["kind"] == "lagrangian":
             self.drag = read_tokens(claim.get("dissipation"), "certificate.dissipation")
-            require(
-                timed or "t" not in self.drag,
-                "The dissipation contains t, but the question does not.",
-            )
+            good = timed or "t" not in self.drag
+            require(good, "The dissipation contains t, but the question does not.")
         self.without_drag = self.kind == "rayleigh" and not self.drag
         super().__init__(tools, document, timed, claim)
         good = all(move and {*move} <= {*self.coordinates} for move in self.moves)
@@ -184,16 +182,12 @@ class OfKind(Question):
             *exact,
             *[(ring.speeds, 2, drag)] * (self.kind == "rayleigh"),
         ]:
-            yield Zero(
-                ring.value(ring.multiplied(parts, weight), series),
-                "It is not homogeneous, or not invariant.",
-            )
+            image = ring.value(ring.multiplied(parts, weight), series)
+            yield Zero(image, "It is not homogeneous, or not invariant.")
         thirds = combinations_with_replacement(ring.v, 3) if self.kind in NATURAL else ()
         for series, by in product([lagrangian, drag], thirds):
-            yield Zero(
-                ring.value([Term(1, ring.one, by)], series),
-                "It is not quadratic in the velocities.",
-            )
+            third = ring.value([Term(1, ring.one, by)], series)
+            yield Zero(third, "It is not quadratic in the velocities.")
 
     def existence(self, document: dict[str, Any]) -> str:
         if self.moves or self.kind == "rayleigh":
@@ -228,9 +222,8 @@ class DefiniteExpansion(Expansion):
         if not self.question.pinned:
             return super().matrix(elimination)
         if orthogonal:  # 0 where tr(orthogonal g) follows from the rows
-            return [
-                [self.arithmetic.number(Fraction(elimination.insert(self.entries(orthogonal))))]
-            ]
+            is_new = elimination.insert(self.entries(orthogonal))
+            return [[self.arithmetic.number(Fraction(is_new))]]
         halves = [
             [x / 2 if i == j else x for j, x in enumerate(row)] for i, row in enumerate(given)
         ]
@@ -253,9 +246,8 @@ class Definite(Question):
 
     def expansion(self, arithmetic: Arithmetic, degree: int) -> Expansion:
         if self.pinned:
-            arithmetic.values |= {
-                name: arithmetic.number(value) for name, value in self.near.items()
-            }
+            numbers = {name: arithmetic.number(value) for name, value in self.near.items()}
+            arithmetic.values |= numbers
         return DefiniteExpansion(arithmetic, degree)
 
     def modulo(self, degree: int, work: Callable[[Expansion], Any], count: int = 2) -> list[Any]:
@@ -274,9 +266,8 @@ class Definite(Question):
         size = len(self.coordinates)
         check_shape(document, {key: ((NUMBER,) * size,) * size}, "certificate")
         found = [[Fraction(x) for x in row] for row in document[key]]
-        require(
-            found == [[*column] for column in zip(*found, strict=True)], f"{key} is not symmetric."
-        )
+        columns = [[*column] for column in zip(*found, strict=True)]
+        require(found == columns, f"{key} is not symmetric.")
         return found
 
     def lagrangian(self, document: dict[str, Any]) -> str:
@@ -286,14 +277,10 @@ class Definite(Question):
         def real(ring: Expansion) -> None:
             rows = ring.hessian(value_of(ring, formula))
             sign = 1 if rows[0][0] > 0 else -1
-            require(
-                is_definite([[entry * sign for entry in row] for row in rows]),
-                "The Hessian is not definite.",
-            )
+            turned = [[entry * sign for entry in row] for row in rows]
+            require(is_definite(turned), "The Hessian is not definite.")
 
-        self.proven_in_balls(
-            self.jet, real, "Balls at the real point do not show that the Hessian is definite."
-        )
+        self.proven_in_balls(self.jet, real, f"{NOT_SHOWN} the Hessian is definite.")
         return told
 
     def existence(self, document: dict[str, Any]) -> str:

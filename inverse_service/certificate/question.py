@@ -24,6 +24,7 @@ from .numbers import Atom, Balls, Plan, Residues, Undefined, Unsettled
 from .series import Elimination, Expansion, Row, Step, Symbol
 
 PRECISIONS = (192, 512, 2048, 8192)  # bits of balls
+NOT_SHOWN = "Balls at the real point do not show that"
 MAX_RARITY = 1 << 18  # one of about so many primes has all roots that are needed of it
 MAX_VISITS = 64  # of a root that is none of a power, before it is taken for dependent
 LOOKS = 64  # for points at which a formula is not defined
@@ -149,20 +150,14 @@ class Question:
         )
         names = [*self.coordinates, *self.parameters, *self.functions]
         self.free, self.bound = self.coordinates[: len(forces)], self.coordinates[len(forces) :]
-        good = (
-            self.free and all(self.functions.values()) and len({*names} - fm.RESERVED) == len(names)
-        )
+        good = self.free and all(self.functions.values())
+        good = good and len({*names} - fm.RESERVED) == len(names)
         good = good and ({*forces}, {*rates}) == ({*self.free}, {*self.bound})
-        require(
-            good,
-            "system must declare each name once, none of them reserved, and an equation for each.",
-        )
-        self.force_texts = [
-            read_tokens(forces[name], f"system.equations.{name}") for name in self.free
-        ]
-        self.force_texts += [
-            read_tokens(rates[name], f"system.velocities.{name}") for name in self.bound
-        ]
+        once = "declare each name once, none of them reserved, and an equation for each"
+        require(good, f"system must {once}.")
+        given = [(f"system.equations.{name}", forces[name]) for name in self.free]
+        given += [(f"system.velocities.{name}", rates[name]) for name in self.bound]
+        self.force_texts = [read_tokens(text, where) for where, text in given]
         self.letters = {name + "''" for name in self.coordinates}
         self.unsolved = list[tuple[str, ...]]()
         if not all(map(self.letters.isdisjoint, self.force_texts)):  # E(t, q, q', q'') = 0
@@ -201,10 +196,8 @@ class Question:
             self.roots.append(Root(root, read_tokens(entry["is"], "roots.is")))
             require(fm.is_root(root), "A root has to be sqrt(w) or (w)^(a/k).")
         sides = (side for pair in (*self.conditions, *self.roots) for side in pair)
-        require(
-            all(map(self.letters.isdisjoint, sides)),
-            "The set may involve only t, q, q' and parameters.",
-        )
+        good = all(map(self.letters.isdisjoint, sides))
+        require(good, "The set may involve only t, q, q' and parameters.")
 
     def texts(self) -> list[tuple[str, ...]]:
         """The formulas of the system and of the set of the claim."""
@@ -289,39 +282,29 @@ class Question:
 
         There every formula read once these are `held` has a value, and all zeros hold.
         """
+        everywhere = "at all points where the conditions hold"
         (claims, degree), seen = self.claimed, 0
         for attempt in range(LOOKS):
             self.check_time()
             start = self.place.values if attempt % 2 else dict.fromkeys(self.names, Fraction(0))
             most = 16 if attempt % 4 else 115
-            scales = [
-                attempt % 16 if attempt % 2 else 15 - self.generator.randrange(most)
-                for _ in self.names
-            ]
+            draw = self.generator.randrange
+            scales = [attempt % 16 if attempt % 2 else 15 - draw(most) for _ in self.names]
             values = {
-                name: start[name]
-                + Fraction(self.generator.randrange(-9999, 9999), 7) / Fraction(2) ** scale
+                name: start[name] + Fraction(draw(-9999, 9999), 7) / Fraction(2) ** scale
                 for name, scale in zip(sorted(self.names), scales, strict=True)
             }
             with ctx.workprec(PRECISIONS[0]):
                 try:
-                    self.held, arithmetic = (
-                        False,
-                        Balls(self, nb.Place(self.generator, values), None),
-                    )
+                    self.held = False
+                    arithmetic = Balls(self, nb.Place(self.generator, values), None)
                     zeros = claims(self.expansion(arithmetic, degree)).zeros
-                    good = all(
-                        number.contains(0) for zero in zeros for number in zero.value.values()
-                    )
-                    require(
-                        good, "The claim does not hold at all points where the conditions hold."
-                    )
+                    numbers = chain.from_iterable(zero.value.values() for zero in zeros)
+                    good = all(number.contains(0) for number in numbers)
+                    require(good, f"The claim does not hold {everywhere}.")
                     seen += 1
                 except Undefined:
-                    require(
-                        not self.held,
-                        "The formulas are not defined at all points where the conditions hold.",
-                    )
+                    require(not self.held, f"The formulas are not defined {everywhere}.")
                 except Unsettled:
                     pass
         return seen
@@ -491,9 +474,8 @@ class Question:
         def real(ring: Expansion) -> None:
             found = claims(ring)
             for k, sentence in doubts.items():
-                require(
-                    all(number.contains(0) for number in found.zeros[k].value.values()), sentence
-                )
+                numbers = found.zeros[k].value.values()
+                require(all(number.contains(0) for number in numbers), sentence)
             if doubts or not all(ring.arithmetic.regular(one.matrix) for one in found.regular):
                 raise Unsettled
 
@@ -502,7 +484,7 @@ class Question:
             require(k in regular, sentence)
         require(not (doubts and self.rational), next(iter(doubts.values()), ""))
         if not self.rational:
-            told = "Balls at the real point do not show that a matrix is regular."
+            told = f"{NOT_SHOWN} a matrix is regular."
             if doubt := next(iter(doubts.values()), ""):
                 told = f"It is undecided whether the following holds: {doubt}"
             self.proven_in_balls(degree, real, told)
@@ -515,27 +497,21 @@ class Question:
         """
         formula = read_tokens(document.get("lagrangian"), "certificate.lagrangian")
         tokens = formula + self.read_integrals(document.get("integrals") or {})
-        require(self.letters.isdisjoint(tokens), "The Lagrangian contains accelerations.")
-        require(
-            self.timed or "t" not in tokens, "The Lagrangian contains t, but the question does not."
-        )
+        self.check_names("The Lagrangian", tokens)
 
         def claims(ring: Expansion) -> Claims:
             lagrangian = value_of(ring, formula)
             found = self.residuals(ring, lagrangian)
             found = self.against(ring, found, factors) if self.unsolved else found
-            zeros = [
-                Zero(ring.settle(one.value), one.sentence) for one in chain(self.turns(ring), found)
-            ]
+            listed = chain(self.turns(ring), found)
+            zeros = [Zero(ring.settle(one.value), one.sentence) for one in listed]
             singular = f"The Hessian of the Lagrangian is singular{self.where}."
             return Claims(zeros, [Regular(ring.hessian(lagrangian), singular)])
 
         factors = self.read_factors(document)
         lines = [text for pair in zip(factors, self.unsolved, strict=True) for text in pair]
-        self.prepare(
-            lambda ring: fm.read_formulas(ring, [formula, *lines]),
-            [tokens, *factors],
-        )
+        texts = [formula, *lines]
+        self.prepare(lambda ring: fm.read_formulas(ring, texts), [tokens, *factors])
         self.settle(self.jet, claims, 3 if self.rational else 2)
 
         def regular(ring: Expansion) -> bool:
@@ -569,17 +545,17 @@ class Question:
         """c_i(t, q, q') for each equation that is not solved, 1 where none are given."""
         listed = document.get("factors", ["1"] * len(self.unsolved))
         check_shape(listed, [TEXT, len(self.unsolved)], "certificate.factors")
-        require(
-            len(listed) == len(self.unsolved),
-            "Each equation that is not solved must have a factor.",
-        )
+        good = len(listed) == len(self.unsolved)
+        require(good, "Each equation that is not solved must have a factor.")
         found = [read_tokens(text, "certificate.factors") for text in listed]
-        require(all(map(self.letters.isdisjoint, found)), "A factor contains accelerations.")
-        require(
-            self.timed or not any("t" in text for text in found),
-            "A factor contains t, but the question does not.",
-        )
+        for tokens in found:
+            self.check_names("A factor", tokens)
         return found
+
+    def check_names(self, what: str, tokens: Tokens) -> None:
+        require(self.letters.isdisjoint(tokens), f"{what} contains accelerations.")
+        good = self.timed or "t" not in tokens
+        require(good, f"{what} contains t, but the question does not.")
 
     def against(
         self, ring: Expansion, residuals: Iterable[Zero], factors: list[tuple[str, ...]]
@@ -604,10 +580,8 @@ class Question:
         check_shape(list(listed), [NAME, fm.MAX_NAMES], "integrals")
         taken = {*self.names, *self.functions} | fm.RESERVED
         require(taken.isdisjoint(listed), "An integral has a name that is already in use.")
-        require(
-            all(map({*listed}.isdisjoint, self.texts())),
-            "Only the Lagrangian may contain integrals.",
-        )
+        good = all(map({*listed}.isdisjoint, self.texts()))
+        require(good, "Only the Lagrangian may contain integrals.")
         tokens: tuple[str, ...] = ()
         for name, one in listed.items():
             arguments, slopes = one["arguments"], one["derivatives"]
@@ -632,9 +606,8 @@ class Question:
     def multi_index(self, exponents: list[int], most: int) -> int:
         require(sum(exponents) <= most, f"A multi-index has to have a total of at most {most}.")
         shift = 8 * (len(self.variables) + len(self.bound))
-        return (
-            sum(exponent << 8 * a for a, exponent in enumerate(exponents)) | sum(exponents) << shift
-        )
+        packed = sum(exponent << 8 * a for a, exponent in enumerate(exponents))
+        return packed | sum(exponents) << shift
 
     def agreed(self, scripts: Iterable[list[Step]]) -> list[Step]:
         """The rows and pivots of eliminations at several points, which have to be the same."""
@@ -697,9 +670,7 @@ class Question:
         steps = self.agreed(outcome.steps for outcome in outcomes)
         regular = any(outcome.regular for outcome in outcomes)
         if not self.rational:
-            self.proven_in_balls(
-                most, real, "Balls at the real point do not show that the rows are independent."
-            )
+            self.proven_in_balls(most, real, f"{NOT_SHOWN} the rows are independent.")
         require(not regular, "The rows leave a regular multiplier g(p).")
         self.generic = Generic(work, most, lambda outcome: not outcome.regular, telescopes=True)
         listed = f"{len(rows)} linear conditions, recomputed from the equations"
@@ -764,11 +735,7 @@ class Question:
         if any(sizes(result) != sizes(first) for result in results):
             raise Incomplete("The dimensions are different at different points.")
         if not self.rational:
-            self.proven_in_balls(
-                most,
-                real,
-                "Balls at the real point do not show that the ranks are the generic ones.",
-            )
+            self.proven_in_balls(most, real, f"{NOT_SHOWN} the ranks are the generic ones.")
         same = first.dimensions == [dimensions] * 2
         require(same, "The dimensions are not those of this order and the next.")
         require(first.regular, "Every remaining multiplier g(p) is singular.")
