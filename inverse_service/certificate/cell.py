@@ -280,9 +280,8 @@ class Letters:
                 place = next((k for k, e in enumerate(exponents) if e), -1)
                 if sum(map(int, exponents)) == 1 and place in self.logarithms:
                     a = coefficient * scale
-                    value = self.multiply(
-                        value, self.root(self.logarithms[place], Fraction(int(a.p), int(a.q)))
-                    )
+                    power = self.root(self.logarithms[place], Fraction(int(a.p), int(a.q)))
+                    value = self.multiply(value, power)
                 else:
                     kept += self.context.term(coeff=coefficient, exp_vec=exponents)
             rest = Quotient(kept * scale, self.one)
@@ -298,9 +297,8 @@ class Letters:
         self.positive.add(place)
         self.exponentials[place] = rest
         letter = self.generators[place] ** times
-        return self.multiply(
-            value, Quotient(self.one, letter) if turned else Quotient(letter, self.one)
-        )
+        power = Quotient(self.one, letter) if turned else Quotient(letter, self.one)
+        return self.multiply(value, power)
 
     def root(self, w: Quotient, a: Fraction) -> Quotient:
         """w^a: p^(k a) for the factors p^k of w with k and k a even.
@@ -685,9 +683,8 @@ class Knowledge:
         for place in self.ring.odd:
             if p.degrees()[place] == 1:
                 b, c = self.ring.parts_of(p, place, 1)
-                ends = {
-                    self.sign(end, depth - 1) for end in (b + c * half, b - c * half) if end != 0
-                }
+                both = (b + c * half, b - c * half)
+                ends = {self.sign(end, depth - 1) for end in both if end != 0}
                 if len(ends) == 1:
                     return ends.pop()
         return 0
@@ -894,9 +891,8 @@ def determinant(ring: Letters, matrix: list[list[Quotient]]) -> Quotient:
             factor = ring.multiply(row.pop(j), inverse)
             if factor.above != 0:
                 products = [ring.multiply(factor, entry) for entry in pivot_row]
-                row[:] = [
-                    ring.add(pair, [1, -1]) for pair in map(list, zip(row, products, strict=True))
-                ]
+                pairs = zip(row, products, strict=True)
+                row[:] = [ring.add([*pair], [1, -1]) for pair in pairs]
     return value
 
 
@@ -963,13 +959,10 @@ def needs_of_text(
     for kind in ("!=", "<", ">"):
         sides = text.split(kind)
         if len(sides) > 1:
-            values = [
-                value_of(ring, read_tokens(side, "domain"), **(bound or {})) for side in sides
-            ]
-            for left, right in pairwise(values):
-                weights = [-1, 1] if kind == "<" else [1, -1]
-                yield from ring.pieces(
-                    "!=" if kind == "!=" else ">", ring.add([left, right], weights)
-                )
+            tokens = [read_tokens(side, "domain") for side in sides]
+            weights = [-1, 1] if kind == "<" else [1, -1]
+            for pair in pairwise(read_formulas(ring, tokens, **(bound or {}))):
+                difference = ring.add([*pair], weights)
+                yield from ring.pieces("!=" if kind == "!=" else ">", difference)
             return
     raise Ended("invalid", "A domain is a list of inequalities A > B, A < B, A != B.")

@@ -89,10 +89,8 @@ class MotionExpansion(Expansion):
 
         The matrix is [d2l/du du - lambda d2w/du du; dlambda/du].
         """
-        rows = self.hessian(
-            elimination.solution([key for degree in (0, 1) for key in self.unknowns(degree)])
-        )
-        return self.mixed(rows)
+        columns = [*self.unknowns(0), *self.unknowns(1)]
+        return self.mixed(self.hessian(elimination.solution(columns)))
 
     def mixed(self, rows: list[list[Number]]) -> list[list[Number]]:
         """Random combinations of the rows, as many as there are free velocities."""
@@ -120,12 +118,10 @@ class FlowExpansion(MotionExpansion):
             self.follow(degree, solution)
             for name, rate in zip(start, self.field, strict=True):
                 grown = {
-                    key: part * number(Fraction(1, (key >> self.shift) + 1))
+                    key + self.clock: part * number(Fraction(1, (key >> self.shift) + 1))
                     for key, part in rate.items()
                 }
-                solution[name] = self.settle(
-                    start[name] | {key + self.clock: part for key, part in grown.items()}
-                )
+                solution[name] = self.settle(start[name] | grown)
         displaced = dict(zip(start, self.units, strict=True))
         one = number(Fraction(1))
         moved = {name: solution[name] | {unit: one} for name, unit in displaced.items()}
@@ -157,17 +153,11 @@ class FlowExpansion(MotionExpansion):
         """
         own = (*self.q, *self.v)
         psi: list[Series] = [{x << 8 | x: self.one[0] for x in own}]
-        slopes = [
-            {
-                z: [
-                    (y, part)
-                    for y in own
-                    if (part := self.field[z].get(self.units[y] + k * self.clock))
-                ]
-                for z in own
-            }
-            for k in range(last)
-        ]
+        slopes = list[dict[int, list[tuple[int, Number]]]]()
+        for k in range(last):
+            keys = {y: self.units[y] + k * self.clock for y in own}
+            slopes.append({z: [(y, self.field[z][key]) for y, key in keys.items()
+                               if self.field[z].get(key)] for z in own})  # fmt: skip
         for k in range(last):
             total = Series()
             for before, slope in zip(psi, reversed(slopes[: k + 1]), strict=True):
@@ -192,9 +182,8 @@ class FlowExpansion(MotionExpansion):
         for i in range(alpha + 1):
             for (x, a), (y, b) in product(left[i].items(), right[alpha - i].items()):
                 if x != y:
-                    row[self.pair(x, y)] = row.get(self.pair(x, y), 0) + (
-                        a * b if x < y else -a * b
-                    )
+                    key, part = self.pair(x, y), a * b if x < y else -a * b
+                    row[key] = row.get(key, 0) + part
         return self.settle(row)
 
     def pair(self, x: int, y: int) -> int:
@@ -202,9 +191,8 @@ class FlowExpansion(MotionExpansion):
 
     def matrix(self, elimination: Elimination) -> list[list[Number]]:
         """Random combinations of the rows of [Omega(d_q, d_v)] of a random solution."""
-        form = elimination.solution(
-            [self.pair(x, y) for x, y in combinations((*self.q, *self.v), 2)]
-        )
+        columns = [self.pair(x, y) for x, y in combinations((*self.q, *self.v), 2)]
+        form = elimination.solution(columns)
         return self.mixed([[form.get(self.pair(q, v), 0) for v in self.v] for q in self.q])
 
 

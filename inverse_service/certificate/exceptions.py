@@ -233,17 +233,14 @@ class Finding:
         tables = [list[list[int]]() for _ in range(2)]
         while len(places) < MAX_POINTS:
             self.largest, self.needed = 0, self.done + 2 * (count - len(places))
-            more = [
-                self.question.generator.randrange(1, self.prime) for _ in range(count - len(places))
-            ]
+            draw = self.question.generator.randrange
+            more = [draw(1, self.prime) for _ in range(count - len(places))]
             places += more
             for last, (table, seed) in enumerate(zip(tables, self.seeds, strict=True)):
                 # Any regular minor shows the rank: other pivots remove the factors due to the
                 # choice of the first ones.
-                table += [
-                    self.divisors(seed, direction, s, bool(last) and self.generic.telescopes)
-                    for s in more
-                ]
+                other = bool(last) and self.generic.telescopes
+                table += [self.divisors(seed, direction, s, other) for s in more]
             lengths = {len(values) for table in tables for values in table}
             if len(lengths) != 1:
                 raise Undefined

@@ -14,17 +14,8 @@ from fractions import Fraction
 from itertools import product
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from flint import (
-    arb,
-    arb_mat,
-    fmpq,
-    fmpz,
-    fmpz_mat,
-    fq_default_ctx,
-    fq_default_poly_ctx,
-    nmod_mat,
-    nmod_poly,
-)
+import flint
+from flint import arb, fmpq, fmpz
 
 from .formulas import MAX_POWER, Incomplete
 
@@ -241,9 +232,8 @@ class Plan:
             or abs(value - fmpq(above, below)) > self.small() * value
         ):
             return None
-        factors = [(int(q), k) for q, k in fmpz(above).factor()] + [
-            (int(q), -k) for q, k in fmpz(below).factor()
-        ]
+        factors = [(int(q), k) for q, k in fmpz(above).factor()]
+        factors += [(int(q), -k) for q, k in fmpz(below).factor()]
         for prime, _ in factors:
             if prime not in [pair.number for pair in self.pairs]:
                 self.pairs.append(Pair(False, True, prime))
@@ -261,12 +251,10 @@ class Plan:
         near = [j for j, pair in enumerate(self.pairs) if pair.imaginary == imaginary][:MAX_RELATED]
         columns, taken = [values, *(self.values[j] for j in near)], range(min(self.count, 6))
         scale = max(abs(value) for value in values)
-        rows = [
-            [int(a == b) for b in range(len(columns))]
-            + [self.fixed(column[k] / scale) for k in taken]
-            for a, column in enumerate(columns)
-        ]
-        for row in fmpz_mat(rows).lll().tolist():
+        rows = [[int(a == b) for b in range(len(columns))] for a in range(len(columns))]
+        for line, column in zip(rows, columns, strict=True):
+            line += [self.fixed(column[k] / scale) for k in taken]
+        for row in flint.fmpz_mat(rows).lll().tolist():
             head = [int(a) for a in row[: len(columns)]]
             tail = [int(a) for a in row[len(columns) :]]
             if head[0] and max(map(abs, head)) < 1 << 16 and max(map(abs, tail)) < 1 << 30:
@@ -335,9 +323,8 @@ class Plan:
         times = math.lcm(*[a.denominator for j, a in parts.items() if j != PI])
         if logarithm and imaginary:
             part = math.lcm(12, parts.pop(PI, Fraction(1)).denominator) * times
-            rest = exact - sum(
-                [self.values[j][0] * fmpq(a.numerator, a.denominator) for j, a in parts.items()]
-            )
+            known = {j: fmpq(a.numerator, a.denominator) for j, a in parts.items()}
+            rest = exact - sum([self.values[j][0] * a for j, a in known.items()])
             whole = (rest / arb.pi() * part).unique_fmpz()
             if whole is None:
                 raise Incomplete("The branch of an arctangent could not be determined.")
@@ -359,7 +346,7 @@ class Residues:
         self.prime = prime
         self.seed = seed
         self.plan = question.plan
-        self.field = fq_default_ctx(prime, 2) if self.plan.wide else None
+        self.field = flint.fq_default_ctx(prime, 2) if self.plan.wide else None
         self.choice = choice
         self.generator, self.entries = random.Random(seed), iter(self.plan.entries)
         self.powers, self.classes, self.large = dict[int, tuple[int, int]](), list[int](), 0
@@ -463,10 +450,10 @@ class Residues:
         if not polynomial[0]:
             raise Undefined
         if self.field:
-            solved = fq_default_poly_ctx(self.field)(polynomial).roots()
+            solved = flint.fq_default_poly_ctx(self.field)(polynomial).roots()
             found = sorted([self.reduced(root) for root, _ in solved], key=str)
         else:
-            found = sorted(int(root) for root, _ in nmod_poly(polynomial, self.prime).roots())
+            found = sorted(int(root) for root, _ in flint.nmod_poly(polynomial, self.prime).roots())
         if len(found) < degree:
             raise Undefined
         return found
@@ -478,10 +465,8 @@ class Residues:
         """The product of the e_j^(times a_j) of a combination, from their roots."""
         value: Number = 1
         for j, a in entry.parts:
-            value = self.reduced(
-                value
-                * self.moderate_power(self.pairs[j][1], int(a * self.plan.pairs[j].scale * times))
-            )
+            exponent = int(a * self.plan.pairs[j].scale * times)
+            value = self.reduced(value * self.moderate_power(self.pairs[j][1], exponent))
         return value
 
     def total(self, entry: Entry) -> Number:
@@ -508,9 +493,8 @@ class Residues:
         self.inverse(value)
         if entry.pair:
             degree = self.plan.pairs[entry.pair].scale
-            turn = pow(
-                self.turn, self.plan.turns // degree * self.choice.get(entry.pair, 0), self.prime
-            )
+            steps = self.plan.turns // degree * self.choice.get(entry.pair, 0)
+            turn = pow(self.turn, steps, self.prime)
             root = self.reduced(self.root(value, degree) * turn)
             self.pairs[entry.pair] = self.pairs[entry.pair][0], root
             return self.pairs[entry.pair][0]
@@ -549,7 +533,7 @@ class Residues:
     def determinant(self, matrix: list[list[Number]]) -> Number:
         rows, found = [[self.reduced(entry) for entry in row] for row in matrix], 1
         if not self.field:
-            return int(nmod_mat(rows, self.prime).det())
+            return int(flint.nmod_mat(rows, self.prime).det())
         while rows:
             pivot = next((row for row in rows if row[0]), None)
             if pivot is None:
@@ -652,9 +636,8 @@ class Balls:
         self.classes = iter(classes or [])
         self.guessing, self.trace = classes is None, list[Atom]()
         self.known, self.met = dict[int, tuple[str, list[arb]]](), list[int]()
-        self.values = {name: self.number(value) for name, value in place.values.items()} | {
-            "pi": arb.pi()
-        }
+        self.values = {name: self.number(value) for name, value in place.values.items()}
+        self.values["pi"] = arb.pi()
 
     def again(self) -> Balls:
         """The same, before any formula was read."""
@@ -737,7 +720,7 @@ class Balls:
 
     def regular(self, matrix: list[list[Number]]) -> bool:
         """True if the balls show that the determinant is not zero, else Unsettled."""
-        determinant = arb_mat([[arb(entry) for entry in row] for row in matrix]).det()
+        determinant = flint.arb_mat([[arb(entry) for entry in row] for row in matrix]).det()
         if not determinant.is_finite() or determinant.contains(0):
             raise Unsettled
         return True

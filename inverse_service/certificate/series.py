@@ -119,9 +119,8 @@ class Count:
 
     def elementary(self, name: str, u: Any) -> Any:
         if name == "atan" and self.question.halves:
-            length = self.atom(
-                self.atom(self.add([(0, 0, 1, 0, 0), self.multiply(u, u)]), True), False
-            )
+            square = self.add([(0, 0, 1, 0, 0), self.multiply(u, u)])
+            length = self.atom(self.atom(square, True), False)
             return self.atom(self.multiply(u, length), True)
         # Of w = (1 + iu)/(1 - iu), which has the degree of u.
         found = self.atom(u, name in ("log", "atan"))
@@ -182,10 +181,8 @@ class Expansion:
         self.ties, free = list[Series](), len(self.question.free)
         found = self.question.read_all(self)
         self.forces, self.rates = found[:free], found[free:]
-        self.field = [self.one] * self.question.timed + [
-            self.names[name + "'"] for name in self.question.coordinates
-        ]
-        self.field += self.forces
+        rates = [self.names[name + "'"] for name in self.question.coordinates]
+        self.field = [self.one] * self.question.timed + rates + self.forces
 
     def constant(self, value: Fraction) -> Series:
         return self.settle({0: self.arithmetic.number(value)})
@@ -322,10 +319,8 @@ class Expansion:
         """2 Phi^k_j = 2 Gamma(df^k/dv^j) - 4 df^k/dq^j - sum_l df^k/dv^l df^l/dv^j."""
         pairs = [(rate, self.derivative(self.slopes[k][j], a)) for a, rate in enumerate(self.field)]
         pairs += [(self.slopes[k][m], self.slopes[m][j]) for m in range(len(self.v))]
-        terms = [
-            self.derivative(self.forces[k], self.q[j]),
-            *(self.multiply(*pair, self.degree) for pair in pairs),
-        ]
+        products = [self.multiply(*pair, self.degree) for pair in pairs]
+        terms = [self.derivative(self.forces[k], self.q[j]), *products]
         return self.add(terms, [-4] + [2] * len(self.field) + [-1] * len(self.v))
 
     def terms(self, kind: str, *place: int) -> list[Term]:
@@ -422,9 +417,8 @@ class Expansion:
                 likely.append(name)
             elif not elimination.insert(self.row(*name), name):
                 idle.add(name)
-        solution = elimination.solution(
-            [key for k in range(degree + 1) for key in self.unknowns(k)]
-        )
+        columns = [key for k in range(degree + 1) for key in self.unknowns(k)]
+        solution = elimination.solution(columns)
         for name in likely:
             self.question.check_time()
             if self.solved(row := self.row(*name), solution) or not elimination.insert(row, name):
@@ -529,13 +523,12 @@ class Elimination:
     def solution(self, columns: list[int]) -> Series:
         """A random solution in the columns, which are all up to some degree."""
         field, values = self.arithmetic, {column: self.arithmetic.draw() for column in columns}
+        zero = field.number(Fraction(0))
         pairs = zip(reversed(self.pivots), reversed(self.rows), strict=True)
         kept = [pair for pair in pairs if pair[0] in values]
         for pivot, row in sorted(kept, key=lambda pair: pair[0] >> self.shift):
-            values[pivot] = -sum(
-                [value * values[key] for key, value in row.items()], field.number(Fraction(0))
-            )
-            values[pivot] = self.settle({0: values[pivot]}).get(0, field.number(Fraction(0)))
+            total = -sum([value * values[key] for key, value in row.items()], zero)
+            values[pivot] = self.settle({0: total}).get(0, zero)
         return self.settle(values)
 
 
@@ -585,9 +578,8 @@ def symbol_of(
         left += [unknown - len(killed.rows)] * (number - len(left))
         killed.insert(field.settle(row), name)
         for a, unit in enumerate(ring.units) if not number else ():
-            above.insert(
-                field.settle({key + unit: row[key] * (ring.exponent(key, a) + 1) for key in row})
-            )
+            raised = {key + unit: row[key] * (ring.exponent(key, a) + 1) for key in row}
+            above.insert(field.settle(raised))
     left += [unknown - len(killed.rows)] * (len(directions) + 1 - len(left))
     prolonged = len(ring.unknowns(degree + 1)) - len(above.rows)
     return Symbol(left[0], prolonged, tuple(a - b for a, b in pairwise(left))), killed
