@@ -28,7 +28,6 @@ from inverse_service.expressions.tree import number
 from inverse_service.mechanics.reading import read_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.solving import kind_answers
-from inverse_service.solving.kind_answers import answer_definite, answer_kind, answer_rayleigh
 
 PAGE = Path(__file__).parents[1] / "docs" / "records" / "kinds.md"
 KINDS = ("natural", "riemannian", "finsler", "invariant", "rayleigh", "positive_definite")
@@ -59,13 +58,9 @@ def plain(system: SecondOrderSystem, seed: int) -> None:
 def asked(name: str, system: SecondOrderSystem, seed: int) -> bool:
     """Answer about a kind, as if nothing else were known of the system; whether the answer is definite."""
     names, end = system.coordinates, now() + MOST_SECONDS
-    if name == "rayleigh":
-        return answer_rayleigh(analyze(system), (), lambda _: [], seed, end).certificate is not None
     solution = Solution(system, Answer("undetermined"), Answer("undetermined"), None)
-    if name == "positive_definite":
-        return answer_definite(solution, kind_named(name, names), {}, seed, end).certificate is not None
     kind = invariant([{names[0]: ("1", number(1))}], names) if name == "invariant" else kind_named(name, names)
-    return answer_kind(solution, kind, SolveOptions(seed=seed), end).certificate is not None
+    return kind_answers.answer_kind(solution, kind, {}, SolveOptions(seed=seed), end).certificate is not None
 
 
 def seconds(work: Callable[[], object], checks: Checks) -> tuple[object, float, float]:

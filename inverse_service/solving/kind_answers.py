@@ -11,7 +11,7 @@ in v. With f = f_e + f_o, even and odd in v, T - V is a Lagrangian of f_e, and g
 C and dA its antisymmetric part.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import chain, combinations, combinations_with_replacement, product
@@ -35,19 +35,20 @@ from inverse_service.field.exact_field import TooLarge
 from inverse_service.field.point import Point, SingularPoint, number_value
 from inverse_service.linear_pde import equations, involution
 from inverse_service.linear_pde.involution import Limits
-from inverse_service.mechanics import euler_lagrange
+from inverse_service.mechanics import euler_lagrange, second_order_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.search import members, protocol, row_factors
 from inverse_service.search.gradients import Integrator
 from inverse_service.search.terms import EMPTY, TooManyTerms, collected, terms_of, tree_of
+from inverse_service.solving import solving
 
 _NO_TIME = "the time limit was reached before this question"
 NOT_FOUND = "the conditions on the multiplier leave such a Lagrangian possible, but none was found"
 _HOMOGENEOUS = ("riemannian", "finsler")
 FAMILY = "natural, with friction"
 HALF = Fraction(1, 2)
-# Natural Lagrangians of a system without friction; a search for them takes its time.
-Search = Callable[[SecondOrderSystem], Sequence[ex.Expression]]
+# Of the time for a Lagrangian with friction, what the search for one without may take.
+_SHARE_OF_SEARCH = 0.7
 Near = Mapping[ex.Symbol | ex.Velocity, Fraction]
 DEFINITE_SUM = "a sum with a definite Hessian"
 IRRATIONAL = "f is not rational, and none of the Lagrangians found has a definite Hessian at this point"
@@ -75,20 +76,25 @@ class KindAnswer:
 
 
 def answer_kind(
-    solution: solutions.Solution, kind: LagrangianKind, asked: solutions.SolveOptions, deadline: float
+    solution: solutions.Solution, kind: LagrangianKind, near: Near, asked: solutions.SolveOptions, deadline: float
 ) -> KindAnswer:
-    """The answer on the first branch, of L(q, q'), of L(t, q, q') where f contains t.
+    """The answer on the first branch, of L(q, q'), of L(t, q, q') where f contains t; `near` is the point asked about.
 
     A Lagrangian that was found already and is of the kind is a yes; else the conditions on all multipliers of the
     kind are decided.
     """
-    main = solution.main
-    if solution.system.depends_on_time and kind.name in _HOMOGENEOUS:
+    main, system, friction = solution.main, solution.system, kind.name == "rayleigh"
+    if system.depends_on_time and kind.name in _HOMOGENEOUS:
         return KindAnswer("undetermined", "f contains t: no homogeneous Lagrangian is looked for")
-    if main is not None and main.verdict == "not_variational" and main.checked == "valid":
+    if not friction and main is not None and main.verdict == "not_variational" and main.checked == "valid":
         return of_no(main)
     try:
-        analysis = deciding.analyze(solution.system)
+        analysis = deciding.analyze(system)
+        if friction:
+            given = tuple(second_order_system.on_branch(equation, system) for equation in asked.given)
+            return answer_rayleigh(analysis, given, asked.seed, deadline)
+        if kind.name == "positive_definite":
+            return answer_definite(analysis, main, kind, near, asked.seed, deadline)
         return _of_known(analysis, main, kind, deadline) or decided(analysis, kind, asked.seed, deadline)
     except errors.IrreducibleAtoms as problem:
         return KindAnswer("undetermined", problem.detail)
@@ -165,12 +171,10 @@ def quick_rayleigh(analysis: Analysis, given: Sequence[ex.Expression], deadline:
     return None
 
 
-def answer_rayleigh(
-    analysis: Analysis, given: Sequence[ex.Expression], search: Search, seed: int, deadline: float
-) -> KindAnswer:
+def answer_rayleigh(analysis: Analysis, given: Sequence[ex.Expression], seed: int, deadline: float) -> KindAnswer:
     """Yes with L and D, or no: f is not quadratic in v, or no natural L belongs to its even part."""
     found = quick_rayleigh(analysis, given, deadline) or _refuted(analysis, seed, deadline)
-    return found or _searched(analysis, search, deadline) or KindAnswer("undetermined", NOT_FOUND)
+    return found or _searched(analysis, seed, deadline) or KindAnswer("undetermined", NOT_FOUND)
 
 
 def _kind(analysis: Analysis) -> LagrangianKind:
@@ -192,14 +196,23 @@ def _refuted(analysis: Analysis, seed: int, deadline: float) -> KindAnswer | Non
     return found if found is not None and found.verdict == "not_variational" else None
 
 
-def _searched(analysis: Analysis, search: Search, deadline: float) -> KindAnswer | None:
-    system = analysis.system
-    searched = search(without_friction(system)) if now() < deadline else ()
-    for tree in chain(constant_metrics(system), searched):
+def _searched(analysis: Analysis, seed: int, deadline: float) -> KindAnswer | None:
+    for tree in chain(
+        constant_metrics(analysis.system), _lagrangians_without_friction(analysis.system, seed, deadline)
+    ):
         answer = _with_friction(analysis, tree, _push(analysis, tree), deadline)
         if answer is not None:
             return answer
     return None
+
+
+def _lagrangians_without_friction(system: SecondOrderSystem, seed: int, deadline: float) -> Iterator[ex.Expression]:
+    """The L(q, q') that are found of the system without friction."""
+    if now() < deadline:
+        limit = _SHARE_OF_SEARCH * left(deadline)
+        options = solutions.SolveOptions(time_dependent=False, seed=seed, time_limit=limit, conditions=False)
+        found = solving.solve(without_friction(system), options).autonomous
+        yield from (one.expression for one in lagrangians_of(found))
 
 
 def _with_friction(
@@ -320,19 +333,17 @@ def values_at(
 
 
 def answer_definite(
-    solution: solutions.Solution, kind: helmholtz.LagrangianKind, given: Near, seed: int, deadline: float
+    analysis: Analysis,
+    main: solutions.Answer | None,
+    kind: LagrangianKind,
+    given: Near,
+    seed: int,
+    deadline: float,
 ) -> KindAnswer:
     """Yes, with L where one was found, or no, at the point `given`, which is ours where it says nothing.
 
     Definite is positive definite for L or for -L.
     """
-    main = solution.main
-    if main is not None and main.verdict == "not_variational" and main.checked == "valid":
-        return of_no(main)
-    try:
-        analysis = deciding.analyze(solution.system)
-    except errors.IrreducibleAtoms as problem:
-        return KindAnswer("undetermined", problem.detail)
     near, known = point_near(analysis, given), lagrangians_of(main)
     there = _real(analysis, near)
     if not real_point.is_defined(analysis.accelerations, there) or not real_point.are_positive(

@@ -18,7 +18,7 @@ from inverse_service import deadline
 from inverse_service.decision import deciding
 from inverse_service.decision.kinds.helmholtz import LagrangianKind, invariant, kind_named
 from inverse_service.decision.solutions import Answer, Solution, SolveOptions
-from inverse_service.errors import InputError, IrreducibleAtoms
+from inverse_service.errors import InputError
 from inverse_service.explanation import positive
 from inverse_service.expressions import collecting, derivative, printing, tree as ex
 from inverse_service.field import real_point
@@ -40,8 +40,6 @@ _MOST_CASES = 6
 _SHOWN = ("lagrangian", "hamiltonian", "certificate", "checked")
 OF_REDUCED = (*_SHOWN, "equations", "clock")  # what `instead` repeats of the reduced system
 Values = Mapping[ex.Expression, ex.Expression]
-# Of the time for a Lagrangian with friction, what the search for one without may take.
-_SHARE_OF_SEARCH = 0.7
 _RATIONAL = (ex.Number, ex.Power, ex.Product, ex.Sum, ex.Symbol)
 
 
@@ -396,14 +394,9 @@ def with_kinds(
 
     parts = {}
     for place, kind in enumerate(kinds):
-        share = (end - deadline.now()) / (len(kinds) - place)
-        until = deadline.now() + share
-        if kind.name == "positive_definite":
-            found = kind_answers.answer_definite(solution, kind, to_near(schema, solution.system), asked.seed, until)
-        else:
-            answer = _rayleigh if kind.name == "rayleigh" else kind_answers.answer_kind
-            found = answer(solution, kind, asked, until)
-        parts[kind.name] = kind_part(found)
+        until = deadline.now() + (end - deadline.now()) / (len(kinds) - place)
+        near = to_near(schema, solution.system)
+        parts[kind.name] = kind_part(kind_answers.answer_kind(solution, kind, near, asked, until))
     return result.model_copy(update={"kinds": parts})
 
 
@@ -419,24 +412,6 @@ def to_near(schema: SystemDocument, system: SecondOrderSystem) -> dict[ex.Symbol
         return {names[name]: Fraction(text) for name, text in schema.near.items()}
     except (ValueError, ZeroDivisionError):
         raise InputError('the values at a point must be rational numbers such as "1/2" or 0.3.', "/near") from None
-
-
-def _rayleigh(solution: Solution, _: LagrangianKind, asked: SolveOptions, end: float) -> KindAnswer:
-    from inverse_service.solving import kind_answers
-
-    def natural(system: SecondOrderSystem) -> list[ex.Expression]:
-        limit = _SHARE_OF_SEARCH * deadline.left(end)
-        options = SolveOptions(time_dependent=False, seed=asked.seed, time_limit=limit, conditions=False)
-        found = solving.solve(system, options).autonomous
-        known = None if found is None else found.lagrangian
-        return [] if found is None or known is None else [one.expression for one in (known, *found.other_lagrangians)]
-
-    try:
-        analysis = deciding.analyze(solution.system)
-        given = tuple(second_order_system.on_branch(equation, solution.system) for equation in asked.given)
-        return kind_answers.answer_rayleigh(analysis, given, natural, asked.seed, end)
-    except IrreducibleAtoms as problem:
-        return kind_answers.KindAnswer("undetermined", problem.detail)
 
 
 def kind_part(found: KindAnswer) -> schemas.KindPart:
