@@ -6,7 +6,6 @@ import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from fractions import Fraction
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +14,7 @@ import mpmath
 from inverse_service import bounds, errors
 from inverse_service.certificate import cell as cells, checker, formulas
 from inverse_service.certificate.cell import Cell
-from inverse_service.decision import deciding
+from inverse_service.decision import deciding, root_hints
 from inverse_service.expressions import collecting, evaluation, inequalities, notation, printing, tree as ex
 from inverse_service.field import exact_field, real_point, reduction, tower
 from inverse_service.mechanics import euler_lagrange, implicit_equations, quadratic_forms
@@ -33,7 +32,6 @@ _SEED = 3
 # Series are written for so many coordinates.
 _MOST_COORDINATES = 4
 _MOST_CONDITIONS = 100  # that a certificate may have
-_CIRCULAR = ("sin", "cos", "tan", "sec", "csc", "cot", "sinh", "cosh", "tanh", "sech", "csch", "coth")
 
 
 def of_lagrangian(
@@ -191,6 +189,26 @@ def proved(
     return analysis.proofs[key]
 
 
+def _hinted(analysis: deciding.Analysis, certificate: dict[str, Any]) -> Iterator[dict[str, Any]]:
+    """The certificate with the roots implied by functions, then with the signs of all radicands at P."""
+    table, system = analysis.real_point, analysis.system
+    formulas = [*system.given]
+    if "lagrangian" in certificate:
+        formulas.append(reader.read_formula(certificate["lagrangian"], names_of(certificate["system"], certificate)))
+    known = certificate.get("roots", [])
+    first, signs = root_hints.of_formulas(formulas, table), root_hints.of_signs(analysis)
+    for roots in (first, [*first, *signs]):
+        if roots:
+            yield certificate | {"roots": [*known, *roots]}
+    if table is not None:
+        with suppress(errors.IrreducibleAtoms, evaluation.NoRealValue):
+            positive = [
+                *system.positive,
+                *reduction.signed_factors(real_point.requirements([*map(tower.to_kernels, formulas)], table), table),
+            ]
+            yield certificate | {"conditions": conditions_of(positive), "roots": [*known, *signs]}
+
+
 def where_proved(analysis: deciding.Analysis, lagrangian: ex.Expression, time_limit: float) -> Where:
     """Where the checker finds a Lagrangian right; where all is defined, if it finds it wrong or does not find out."""
     with_time = analysis.system.depends_on_time or ex.TIME in ex.walk(lagrangian)
@@ -201,145 +219,10 @@ def where_proved(analysis: deciding.Analysis, lagrangian: ex.Expression, time_li
     return where_of(proof.formulas, names_of(certificate["system"], certificate))
 
 
-def _hinted(analysis: deciding.Analysis, certificate: dict[str, Any]) -> Iterator[dict[str, Any]]:
-    """The certificate with the roots implied by functions, then with the signs of all radicands at P."""
-    table, system = analysis.real_point, analysis.system
-    formulas = [*system.given]
-    if "lagrangian" in certificate:
-        formulas.append(reader.read_formula(certificate["lagrangian"], names_of(certificate["system"], certificate)))
-    known = certificate.get("roots", [])
-    hidden = _hidden_radicands(formulas)
-    with_hidden = [*formulas, *map(ex.square_root, hidden)]
-    first = [*_circular_roots(with_hidden, table), *_square_roots(hidden, table), *_nested_roots(formulas, table)]
-    for roots in (first, [*first, *_signs(analysis)]):
-        if roots:
-            yield certificate | {"roots": [*known, *roots]}
-    if table is not None:
-        with suppress(errors.IrreducibleAtoms, evaluation.NoRealValue):
-            positive = [
-                *system.positive,
-                *reduction.signed_factors(real_point.requirements([*map(tower.to_kernels, formulas)], table), table),
-            ]
-            yield certificate | {"conditions": conditions_of(positive), "roots": [*known, *_signs(analysis)]}
-
-
-def _hidden_radicands(formulas: Sequence[ex.Expression]) -> list[ex.Expression]:
-    """Under the roots implied by inverse functions: 1 - u^2 for asin u and acos u."""
-    found = list[ex.Expression]()
-    for node in ex.distinct_nodes(formulas):
-        match node:
-            case ex.Apply("asin" | "acos", u):
-                found.append(1 - u**2)
-            case ex.Apply("acosh", u):
-                found.append(u**2 - 1)
-            case ex.Apply("asinh", u):
-                found.append(u**2 + 1)
-    return found
-
-
-def _square_roots(radicands: Sequence[ex.Expression], table: real_point.RealTable | None) -> list[dict[str, str]]:
-    """The roots of those that are squares; each is what it is on the side of the point."""
-    found = list[dict[str, str]]()
-    for under in radicands if table is not None else ():
-        with suppress(errors.IrreducibleAtoms, evaluation.NoRealValue):
-            if (value := _root_here(under, table or {})) is not None:
-                found.append(_root_entry(ex.square_root(collecting.collect(under)), value))
-    return found
-
-
-def _nested_roots(formulas: Sequence[ex.Expression], table: real_point.RealTable | None) -> list[dict[str, str]]:
-    """sqrt(a + b r) = sqrt((a + d)/2) +- sqrt((a - d)/2) for r = sqrt(v), d^2 = a^2 - b^2 v, on the side of the point.
-
-    Where b is 0 once r^2 is v it is the root of the square a.
-    """
-    found, letter = list[dict[str, str]](), ex.Symbol("_r")
-    for node in ex.distinct_nodes(formulas) if table is not None else ():
-        under = node.base if isinstance(node, ex.Power) and node.exponent == ex.HALF else ex.ZERO
-        inner = [one for one in ex.distinct_nodes([under]) if isinstance(one, ex.Power) and tower.is_even_root(one)]
-        if len(inner) != 1 or inner[0].exponent != ex.HALF:
-            continue
-        terms = collecting.expand(ex.substitute(under, {inner[0]: letter}))
-        powers = [dict(monomial).get(letter, Fraction(0)) for monomial, _ in terms]
-        if any(power.denominator > 1 or power < 0 for power in powers):
-            continue
-        v, parts = inner[0].base, list[ex.Expression]([ex.ZERO, ex.ZERO])
-        for power, (monomial, coefficient) in zip(powers, terms, strict=True):
-            rest = [atom ** ex.number(exponent) for atom, exponent in monomial if atom != letter]
-            parts[int(power % 2)] += ex.multiply(ex.number(coefficient), v ** ex.number(power // 2), *rest)
-        a, b = map(collecting.collect, parts)
-        value: ex.Expression | None
-        with suppress(errors.IrreducibleAtoms, evaluation.NoRealValue):
-            value = _root_here(a if b == ex.ZERO else a**2 - b**2 * v, table or {})
-            if value is not None and b != ex.ZERO:
-                first, second = (ex.square_root(collecting.collect((a + d) / 2)) for d in (value, -value))
-                value = first + second if real_point.are_positive([b], table or {}) else first - second
-            if value is not None and not any(letter in ex.walk(part) for part in (a, b)):
-                found.append(_root_entry(ex.square_root(under), collecting.collect(value)))
-    return found
-
-
-def _root_here(square: ex.Expression, table: real_point.RealTable) -> ex.Expression | None:
-    """The positive root of a square without a root sign, on the side of the point; None where it is no square."""
-    root = ex.square_root(collecting.collect(square))
-    if isinstance(root, ex.Number):
-        return root
-    return next((value for side, value in reduction.root_ways(root) if real_point.are_positive(side, table)), None)
-
-
-def _circular_roots(formulas: Sequence[ex.Expression], table: real_point.RealTable | None) -> list[dict[str, str]]:
-    """sqrt(1 - sin(u)^2) = +-cos u, sqrt(sinh(u)^2 + 1) = cosh u and the like, on the side of the point.
-
-    So is each root whose radicand is a number times the square of a function in the formulas: sqrt((1 - x)/2) =
-    sin(acos(x)/2).
-    """
-    found = list[dict[str, str]]()
-    others = [node for node in ex.distinct_nodes(formulas) if isinstance(node, ex.Apply) and real_point.varies(node)]
-    for node in ex.distinct_nodes(formulas) if table is not None else ():
-        if not isinstance(node, ex.Power) or not tower.is_even_root(node):
-            continue
-        angles = dict.fromkeys(angle for one in ex.walk(node.base) if (angle := _angle(one)) is not None)
-        parts = [part for u in angles for part in (u, u / 2, u / 2 + ex.PI / 4)]
-        for value in [*(ex.Apply(name, part) for part in parts for name in _CIRCULAR), *others]:
-            factor = _factor(node.base, value**2, table or {})
-            if factor is not None:
-                sign = 1 if real_point.are_positive([value], table or {}) else -1
-                found.append(_root_entry(ex.square_root(node.base), sign * ex.square_root(ex.number(factor)) * value))
-                break
-    return found
-
-
-def _angle(node: ex.Expression) -> ex.Expression | None:
-    match node:
-        case ex.Apply(name, u) if name in _CIRCULAR and real_point.varies(u):
-            return u
-    return None
-
-
-def _factor(base: ex.Expression, square: ex.Expression, table: real_point.RealTable) -> Fraction | None:
-    """A rational number that the quotient seems to be; the checker proves it."""
-    ratios = []
-    for shift in (mpmath.mpf(0), mpmath.mpf(1) / 7, mpmath.mpf(-2) / 9):
-        with suppress(evaluation.NoRealValue, ZeroDivisionError):
-            # Each by its own factor: a quotient may be homogeneous of degree 0.
-            moved = {key: value * (1 + shift / (k + 1)) for k, (key, value) in enumerate(table.items())}
-            ratios.append(evaluation.evaluate(base, moved) / evaluation.evaluate(square, moved))
-    if len(ratios) < 3 or ratios[0] <= 0:
-        return None
-    factor = Fraction(mpmath.nstr(ratios[0], 15)).limit_denominator(1000)
-    number = mpmath.mpf(factor.numerator) / factor.denominator
-    return factor if all(abs(ratio - number) < mpmath.mpf(10) ** -12 * ratio for ratio in ratios) else None
-
-
 def point_of(analysis: deciding.Analysis, lagrangian: ex.Expression) -> real_point.RealTable | None:
-    """A real point at which f, L and the integrands are defined."""
-    slopes = [slope for node in walk_integrals(lagrangian) for slope in node.slopes if slope is not None]
-    return _point_of(
-        analysis, [tower.to_kernels(tree) for tree in (*analysis.system.accelerations, lagrangian, *slopes)]
-    )
-
-
-def _point_of(analysis: deciding.Analysis, formulas: Sequence[ex.Expression]) -> real_point.RealTable | None:
     """A real point at which f, L and the integrands are defined: that of f, where it is one."""
+    slopes = [slope for node in walk_integrals(lagrangian) for slope in node.slopes if slope is not None]
+    formulas = [tower.to_kernels(tree) for tree in (*analysis.system.accelerations, lagrangian, *slopes)]
     table = analysis.real_point
     if table is not None:
         integrals = {
@@ -347,10 +230,8 @@ def _point_of(analysis: deciding.Analysis, formulas: Sequence[ex.Expression]) ->
         }
         if real_point.is_defined(formulas, integrals | table):
             return integrals | table
-    return (
-        real_point.find_real_point(formulas, deciding.variables_of(analysis.system), _SEED, analysis.system.positive)
-        or table
-    )
+    variables, sides = deciding.variables_of(analysis.system), analysis.system.positive
+    return real_point.find_real_point(formulas, variables, _SEED, sides) or table
 
 
 def of_decision(
@@ -394,16 +275,14 @@ def involution_data(found: deciding.Decision | involution.Finding, symbol: invol
 
 def _series(analysis: deciding.Analysis, decision: deciding.Decision, order: int, seed: int) -> dict[str, Any]:
     """{"series": …} to the order, or to the largest below it that is no longer than bearable; {} without one."""
-    from inverse_service.decision.deciding import count, is_rational, regular_series
-
     n = len(analysis.system.coordinates)
-    fitting = [k for k in range(1, order + 1) if count(n, decision.with_time, k) <= bounds.TERMS]
-    if n > _MOST_COORDINATES or not fitting or not is_rational(analysis):
+    fitting = [k for k in range(1, order + 1) if deciding.count_coefficients(n, decision.with_time, k) <= bounds.TERMS]
+    if n > _MOST_COORDINATES or not fitting or not deciding.is_rational(analysis):
         return {}
     # The data of order R - 1 are complete in degree d, so those of order s + R - 1 - d are in degree s >= d.
     spare = decision.order - 1 - decision.degree
     try:
-        return {"series": regular_series(analysis, decision.with_time, fitting[-1], seed, spare)}
+        return {"series": deciding.regular_series(analysis, decision.with_time, fitting[-1], seed, spare)}
     except (ValueError, errors.IrreducibleAtoms, exact_field.TooLarge):
         return {}
 
@@ -458,81 +337,7 @@ def _head(
         *map(ex.Velocity, system.coordinates),
     ]
     near = near_of(table, [*places, *map(ex.Symbol, system.parameters), *system.letters])
-    roots = [*_roots(system), *_halves(analysis), *_nested(analysis)]
-    return head_of(_system(system), with_time, claim, kind, near, system.positive, roots)
-
-
-def _roots(system: SecondOrderSystem) -> list[dict[str, str]]:
-    found = () if system.branch is None else system.branch.roots
-    return [_root_entry(*pair) for root in found if (pair := _root(*root)) is not None]
-
-
-def _root_entry(root: ex.Expression, value: ex.Expression) -> dict[str, str]:
-    """An entry of the roots of a certificate."""
-    return {"root": printing.to_text(root), "is": printing.to_text(value)}
-
-
-def _signs(analysis: deciding.Analysis) -> list[dict[str, str]]:
-    """Which signs functions under roots have, as sqrt(u^2) = u: sqrt(1 + tan(x)^2) is 1/cos(x) where cos(x) > 0."""
-    signed = (factor if sign > 0 else -factor for factor, sign in analysis.tower.signs)
-    return [_square(u) for u in signed if any(isinstance(node, ex.Apply) for node in ex.walk(u))]
-
-
-def _square(u: ex.Expression) -> dict[str, str]:
-    return {"root": f"sqrt(({printing.to_text(u)})^2)", "is": printing.to_text(u)}
-
-
-def _halves(analysis: deciding.Analysis) -> list[dict[str, str]]:
-    """cos(atan(w)/2), which is positive, where f has roots: nested ones may be products of it and others."""
-    if not any(
-        tower.is_even_root(node) and real_point.varies(node) for node in ex.distinct_nodes(analysis.system.given)
-    ):
-        return []
-    rules = [rule for rule in analysis.tower.rules if isinstance(rule, tower.AngleRule) and not rule.turns]
-    halved = (atom for rule in rules for atom, a in rule.arctangents if a.denominator % 2 == 0)
-    return [_square(ex.Apply("cos", atom / 2)) for atom in dict.fromkeys(halved)]
-
-
-def _nested(analysis: deciding.Analysis) -> Iterator[dict[str, str]]:
-    """Roots of numbers that hold roots, where those of f give them: (2 + sqrt(5))^(1/3) = (1 + sqrt(5))/2 (by PSLQ)."""
-    nodes = (
-        node
-        for node in ex.distinct_nodes(analysis.accelerations)
-        if isinstance(node, ex.Power) and not real_point.varies(node)
-    )
-    roots = [node for node in nodes if isinstance(node.exponent, ex.Number) and deciding.is_irrational(node)]
-    for node in roots:
-        others = [one for one in roots if node not in ex.walk(one)]
-        if {*others}.isdisjoint(ex.walk(node.base)) or not isinstance(node.exponent, ex.Number):
-            continue
-        whole = node.base ** Fraction(1, node.exponent.value.denominator)
-        known: list[ex.Expression] = [ex.number(1), *others]
-        try:
-            with mpmath.workdps(bounds.DIGITS):
-                values = [evaluation.evaluate(one, {}) for one in (whole, *known)]
-                found = mpmath.pslq(values, maxcoeff=bounds.RATIO, maxsteps=bounds.RATIO)
-        except evaluation.NoRealValue:
-            continue
-        if found and found[0]:
-            terms = (Fraction(-a, found[0]) * b for a, b in zip(found[1:], known, strict=True))
-            yield _root_entry(whole, ex.add(*terms))
-
-
-def _root(node: ex.Expression, value: ex.Expression) -> tuple[ex.Expression, ex.Expression] | None:
-    """A root with a positive exponent; sqrt(1 - sin(u)^2) = cos u or -cos u of asin(sin u), of acos(cos u) likewise."""
-    match node:
-        case ex.Power(base, ex.Number(exponent)) if exponent < 0:
-            return base**-exponent, value**-1
-        case ex.Power():
-            return node, value
-        case ex.Apply("asin" | "acos" as function, ex.Apply(inner, u)):
-            other = ex.Apply("cos" if function == "asin" else "sin", u)
-            root = ex.square_root(1 - ex.Apply(inner, u) ** 2)
-            return root, other if value == u else -other
-        case ex.Apply("Heaviside", u):
-            return ex.square_root(u**2), -u if value == ex.ZERO else u
-        case _:
-            return None
+    return head_of(_system(system), with_time, claim, kind, near, system.positive, root_hints.of_system(analysis))
 
 
 def _system(system: SecondOrderSystem) -> dict[str, Any]:

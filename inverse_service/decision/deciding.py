@@ -92,7 +92,8 @@ def analyze(system: second_order_system.SecondOrderSystem) -> Analysis:
     given = [to_kernels(ex.substitute(f, steps)) for f in system.given] if system.positive else []
     if steps and find_real_point(tuple(map(to_kernels, system.given)), variables, 1, system.positive) is None:
         raise errors.IrreducibleAtoms(_alone(system))
-    # Of predators and prey, of which one is a coordinate, both are positive, as are their rates.
+    # Equations of first order of which one unknown became the velocity: their unknowns and rates are positive if they
+    # can be, as predators and prey are.
     positive = [*map(ex.Symbol, system.parameters), *(tree for _, tree in system.others)] if system.others else []
     sides = [*system.positive, *positive]
     points = (find_real_point([*kernels, *given], variables, 1, tuple(side)) for side in (sides, system.positive))
@@ -258,7 +259,7 @@ def is_rational(analysis: Analysis) -> bool:
     return not any(is_irrational(node) for f in analysis.accelerations for node in ex.walk(f))
 
 
-def count(n: int, with_time: bool, order: int) -> int:
+def count_coefficients(n: int, with_time: bool, order: int) -> int:
     """The number of unknowns: monomials of v-degree >= 2 and total degree <= order + 2."""
     rest, degree = n + with_time, order + 2
     return comb(rest + n + degree, degree) - comb(rest + degree, degree) - n * comb(rest + degree - 1, degree - 1)

@@ -44,9 +44,7 @@ class SolveOptions:
     conditions: bool = True
     first_integrals: bool = False
     reasons: bool = True
-    hand_over: Callable[[Sequence[str], Callable[[], tuple[tuple[Solution, ...], tuple[Left, ...]]]], None] | None = (
-        None
-    )
+    hand_over: Callable[[Sequence[str], Callable[[], SoFar]], None] | None = None
 
 
 def questions(time_dependent: bool | None, system: SecondOrderSystem) -> tuple[bool, bool]:

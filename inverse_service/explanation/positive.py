@@ -222,11 +222,11 @@ def _written(formula: Formula, given: str) -> Piece:
 
 def series_steps(analysis: Analysis, decision: Decision, order: int | None) -> tuple[Step, ...]:
     """The beginning of the power series of one regular Lagrangian, where f is rational and it is short."""
-    from inverse_service.decision.deciding import as_tree, count, rational_series
+    from inverse_service.decision.deciding import as_tree, count_coefficients, rational_series
 
     n = len(analysis.system.coordinates)
     wanted = range(1, (order or _SERIES_ORDER) + 1)
-    fitting = [k for k in wanted if count(n, decision.with_time, k) <= _MOST_COEFFICIENTS]
+    fitting = [k for k in wanted if count_coefficients(n, decision.with_time, k) <= _MOST_COEFFICIENTS]
     spare = decision.order - 1 - decision.degree
     found = rational_series(analysis, decision.with_time, fitting[-1], spare) if fitting else None
     if found is None:

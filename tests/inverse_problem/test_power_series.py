@@ -97,7 +97,7 @@ def test_the_unknowns_are_counted_right(n: int, with_time: bool) -> None:
     equations = {name: f"-{name}" for name in "xyz"[:n]}
     analysis = deciding.analyze(reading.read_system(list(equations), equations))
     prolongation = deciding.prolonged(analysis, tower.draw_point(analysis.tower, 1), with_time, 3)
-    assert [deciding.count(n, with_time, order) for order in range(4)] == [
+    assert [deciding.count_coefficients(n, with_time, order) for order in range(4)] == [
         prolongation.width(order) for order in range(4)
     ]
 
@@ -116,7 +116,11 @@ def test_a_long_series_is_cut_to_a_bearable_order() -> None:
     equations = {name: f"-{name}" for name in "xyzw"}
     analysis, decision = decided(equations, (), True)
     series = certify.of_decision(analysis, decision, series_order=8)["series"]
-    assert deciding.count(4, True, series["order"]) <= 5_000 < deciding.count(4, True, series["order"] + 1)
+    assert (
+        deciding.count_coefficients(4, True, series["order"])
+        <= 5_000
+        < deciding.count_coefficients(4, True, series["order"] + 1)
+    )
 
 
 @pytest.mark.slow
