@@ -38,7 +38,7 @@ LAGRANGIAN = "(x'^2 + y'^2)/2 + theta'^2/4 + phi'^2/8 + B*(x*y' - y*x')/2 - k*(x
 CONSTRAINTS = ("x' - cos(phi)*theta'", "y' - sin(phi)*theta'")
 TERMS = {"bumps": "-a*cos(x)*cos(y)"}
 VALUES = {"B": 0.1, "k": 0.2, "a": 0.05}
-METHOD = Requested("nonholonomic", "nonholonomic", "0.5", MethodChoice("nonholonomic"))
+METHOD = Requested("nonholonomic", MethodChoice("nonholonomic"), "0.5")
 Named = tuple[str, ...]
 # Row, effects, observed quantities; a row adds one thing to the first, or to the row before it with the same start.
 ROWS: tuple[tuple[str, Named, Named], ...] = (

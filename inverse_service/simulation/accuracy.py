@@ -88,7 +88,6 @@ def finer(requested: data.Requested, grid: data.Grid) -> Finer:
     """Half the step, over the first MOST_STEPS, at the same recorded times; if the method chooses its own steps
     within those, another tolerance too."""
     choice, every = requested.choice, grid.record_every
-    assert choice is not None
     steps = min(grid.steps, max(1, MOST_STEPS // every) * every)
     half = replace(grid, step=grid.step / 2, steps=2 * steps, record_every=2 * every)
     if choice.method not in method_table.OWN_STEPS:
@@ -100,8 +99,8 @@ def finer(requested: data.Requested, grid: data.Grid) -> Finer:
 def order_of(requested: data.Requested) -> int | None:
     """The order in h of the positions of a run, or of the steps that a method chooses itself; None where it varies."""
     choice = requested.choice
-    if choice is None or not method_table.METHODS[choice.method].orders:
-        return None if choice is None else method_table.METHODS[choice.method].order
+    if not method_table.METHODS[choice.method].orders:
+        return method_table.METHODS[choice.method].order
     is_symmetric = choice.method == "runge_kutta" or choice.alpha == 0.5 or choice.symmetrised
     return choice.order if is_symmetric and requested.convention == "momenta" else 1
 
@@ -127,7 +126,7 @@ def _again(run: observing.Observed, repeat: Repeat) -> tuple[Finer, Trajectory |
         found = repeat(scene, again.requested)
     except InputError:
         return again, None
-    if choice is None or found.outcome.kind in GOES_ON:
+    if found.outcome.kind in GOES_ON:
         return again, found
     return again, repeat(scene, replace(again.requested, choice=replace(choice, guard=False)))
 
@@ -176,8 +175,7 @@ def estimated(run: observing.Observed, repeat: Repeat) -> dict[str, Any]:
 
 def _is_guarded(run: observing.Observed) -> bool:
     """Whether a guarded run is recorded at every step of its grid, and not made of pieces."""
-    choice = run.requested.choice
-    return choice is not None and choice.guard and run.scene.grid.record_every == 1 and not run.in_pieces
+    return run.requested.choice.guard and run.scene.grid.record_every == 1 and not run.in_pieces
 
 
 def _lost(run: observing.Observed, shares: Array) -> Outcome | None:
@@ -215,7 +213,7 @@ def _elsewhere(run: observing.Observed, errors: Array, shares: Array, which: str
     """A warning if the error of a coordinate exceeds TOO_LARGE of its range; of a method that chooses its steps for an
     error, OVER_TOLERANCE times its tolerance, and at least NOT_CHOSEN, is enough: it has missed something."""
     choice, limit = run.requested.choice, TOO_LARGE
-    if choice is not None and choice.method in method_table.OWN_STEPS:
+    if choice.method in method_table.OWN_STEPS:
         limit = min(limit, max(NOT_CHOSEN, OVER_TOLERANCE * choice.tolerance))
     far = shares > limit
     if not far.any():
@@ -256,7 +254,7 @@ def moments_between(run: observing.Observed) -> Array:
     """
     problem, choice, at, scene = run.problem, run.requested.choice, run.trajectory, run.scene
     velocities = run.velocities
-    if problem is None or choice is None or not choice.guard or velocities is None:
+    if problem is None or not choice.guard or velocities is None:
         return np.empty(0)
     moving = nf.changing(scene.coordinates)
     pairs = [
@@ -397,12 +395,9 @@ def _part(
     derived: derivation.Derived, problem: data.Problem, choice: data.MethodChoice, start: data.Start, grid: data.Grid
 ) -> Trajectory:
     """A part of the run, with the events that act and the switches in it."""
-    acting, requested = (
-        (event for event in derived.scene.events if event.acts),
-        data.Requested("", choice.method, None, choice),
-    )
-    own = derived.but(grid=grid, events=tuple(acting), observe=())
-    return run_motion(own, requested, problem, start, own.scene.values).trajectory
+    acting = tuple(event for event in derived.scene.events if event.acts)
+    own = derived.but(grid=grid, events=acting, observe=())
+    return run_motion(own, data.Requested("", choice), problem, start, own.scene.values).trajectory
 
 
 def _size(states: Array) -> float:

@@ -42,7 +42,7 @@ def by_itself(scene: data.Scene, derived: derivation.Derived) -> data.Scene:
     if not is_stiff(derived, SLOWER):
         return scene
     choice = data.MethodChoice("stiff", tolerance=method_table.METHODS["adaptive"].tolerance or 0.0)
-    instead = data.Requested("stiff", "stiff", None, choice)
+    instead = data.Requested("stiff", choice)
     return replace(scene, methods=(instead,), notes=(*scene.notes, INSTEAD))
 
 

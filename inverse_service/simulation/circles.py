@@ -1,4 +1,4 @@
-"""Circles that match a plane path: through three points, by least squares, and how they change.
+"""Circles that match a plane path by least squares, and how they change.
 
 The paper matches the variational solution by the circle through three of its points, (x - a)^2 + (y - b)^2 = c^2; the
 least-squares circle uses all of them. Source: Mestdag, Bloch, Fernandez (2009), section 4; Kasa (1976) for the start
@@ -65,7 +65,7 @@ def circle_numbers(points: Array, exact: Array | None, every: int = 1, reach: fl
     # The paper's matching circle: through three points a third of a revolution apart (or of the path).
     last, known, whole = len(points) - 1, np.isfinite(drift.revolutions), least_squares_circle(points)
     third = max(1, int(last / max(1.0, drift.revolutions) / 3)) if known else 1
-    three = circle_through(points[[0, third, 2 * third]])
+    three = least_squares_circle(points[[0, third, 2 * third]])
     numbers: dict[str, Any] = {
         "radius_first": drift.first.radius,
         "radius_last": drift.last.radius,
@@ -88,21 +88,6 @@ def circle_numbers(points: Array, exact: Array | None, every: int = 1, reach: fl
         numbers["exact_radius"] = reference.radius
         numbers["max_radial_distance"] = float(radial_distance(points, reference).max())
     return {"circle": numbers}
-
-
-def circle_through(points: Array) -> Circle | None:
-    """The circle through three points, (3, 2); None where they lie on a line or coincide."""
-    first = np.asarray(points, dtype=float)[0]
-    (bx, by), (cx, cy) = points[1] - first, points[2] - first
-    lengths = np.hypot(bx, by), np.hypot(cx, cy), np.hypot(cx - bx, cy - by)
-    cross = bx * cy - by * cx
-    longest = max(lengths)
-    if not np.isfinite(cross) or longest == 0 or abs(cross) <= COLLINEAR * longest * longest:
-        return None
-    squares = bx * bx + by * by, cx * cx + cy * cy
-    shift = np.array([cy * squares[0] - by * squares[1], bx * squares[1] - cx * squares[0]]) / (2 * cross)
-    center = first + shift
-    return Circle((float(center[0]), float(center[1])), float(np.hypot(*shift)))
 
 
 def least_squares_circle(points: Array) -> Circle | None:

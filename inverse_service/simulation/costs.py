@@ -59,7 +59,6 @@ def _price(derived: derivation.Derived, requested: data.Requested) -> tuple[floa
     the best of several: to call a kernel takes longer than many steps."""
     scene = derived.scene
     own, observation = observing.observed_problem(scene, derivation.problem_of(requested, derived))
-    assert requested.choice is not None
     execution.check(own, requested.choice)
     values, start = observing.beginning(scene, requested, derivation.free_of(requested, derived))
     ready = execution.prepared(own, requested.choice, start, scene.grid, values, observation)
@@ -127,6 +126,5 @@ def effects_of(derived: derivation.Derived) -> dict[str, Any]:
 
 def operations(problem: data.Problem, observation: data.Observation, requested: data.Requested) -> int:
     """Floating-point instructions and calls in the kernel of a method, each counted once: no load changes them."""
-    assert requested.choice is not None
     text = compiled.kernel_text(schemes.program_of(Formulas(problem), requested.choice, observation))
     return len(_OPERATION.findall(text.partition("next_step:")[2]))

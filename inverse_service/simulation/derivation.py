@@ -152,7 +152,7 @@ def problem_of(requested: Requested, derived: Derived) -> Problem:
         names, values = scene.coordinates, tuple(scene.values)
         return Problem(names, values, lagrangian=scene.lagrangian, constraints=scene.constraints, forces=scene.forces)
     free = derived.free(requested.free)
-    if free.lost and method == "variational" and requested.choice is not None and requested.choice.form != "raw":
+    if free.lost and method == "variational" and requested.choice.form != "raw":
         raise Unavailable(free.lost)
     return Problem(
         scene.coordinates,

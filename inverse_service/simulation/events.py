@@ -109,15 +109,15 @@ def until(found: Found, end: float) -> Found:
 def _follower(run: observing.Observed, motion: Motion) -> Follow | None:
     """A function of indices k and lengths: the motion at this length of time after point k."""
     ran, values, method = run.trajectory, run.values, run.requested.method
-    choice, what = run.requested.choice, run.problem
-    stepped = choice is not None and method not in ("heyoka", "modified")
+    run_by, what, speeds = run.requested.choice, run.problem, run.velocities
+    stepped = method_table.METHODS[method].has_kernel and method != "modified"
     if not stepped or (ran.momenta is None and method not in method_table.POINT_METHODS):
-        choice, what = CONTINUED, None
+        run_by, what = CONTINUED, None
         with suppress(data.Unavailable):
             what = motion()
-    if run.velocities is None or what is None or choice is None:
+    if speeds is None or what is None:
         return None
-    speeds, run_by, of = run.velocities, choice, what
+    of = what
 
     def follow(places: NDArray[np.int64], lengths: Array) -> State:
         carried = None if run_by.method in method_table.POINT_METHODS or ran.momenta is None else ran.momenta[places]

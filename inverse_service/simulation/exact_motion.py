@@ -18,7 +18,7 @@ Source: Mestdag, Bloch, Fernandez (2009), section 2 and proposition 1.2, for d =
 computation.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -29,7 +29,7 @@ from inverse_service.integrators.trajectory import Array
 from inverse_service.mechanics import euler_lagrange
 from inverse_service.simulation import initial, numeric_formulas
 from inverse_service.simulation.accelerations import determinant
-from inverse_service.simulation.scene_data import Unavailable
+from inverse_service.simulation.scene_data import FreeLagrangian, Unavailable
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(10)
 MOST_PIECES = 4096
@@ -182,63 +182,67 @@ def _direction(motion: ExactMotion, turning: Array) -> Array:
     return found
 
 
-@dataclass(frozen=True, slots=True)
-class ClassLagrangian:
-    """L~, H~ in Symbol("p_x"), and their free constants, one for each coupled coordinate; `directions` d_i without
-    constant factors.
-
-    `kind` is "L~2" where n is constant and "L~1" elsewhere.
-    """
-
-    lagrangian: ex.Expression
-    hamiltonian: ex.Expression
-    constants: tuple[str | None, ...]
-    kind: str
-    turning: int
-    directions: tuple[ex.Expression, ...]
-    norm: ex.Expression
-
-
-def class_lagrangian(motion: ExactMotion, taken: Sequence[str] = ()) -> ClassLagrangian | None:
+def class_lagrangian(motion: ExactMotion, given: Mapping[str, float]) -> FreeLagrangian | None:
     """L~ of the second associated system; None where the motion is straight or a direction vanishes.
 
-    `taken` are names that the free constants C_x (one for each coordinate x) must not have.
+    It has a free constant C_x for each coordinate x that is coupled, whose values are `given` or 1.
     """
     if motion.turning is None:
         return None
-    k, names = motion.turning, motion.coordinates
-    raw = _directions(motion)
-    steady = _is_constant(_square(motion, raw), motion)
-    decoupled = tuple(i for i in raw if raw[i] == ex.ZERO or (steady and not ex.holds(raw[i], ex.Symbol(names[k]))))
-    if len(decoupled) == len(raw):
+    k, names, raw = motion.turning, motion.coordinates, _directions(motion)
+    square = collecting.collect(ex.add(*(motion.inertia[i][j] * raw[i] * raw[j] for i in raw for j in raw)))
+    steady = _is_constant(square, motion)
+    coupled = [i for i in raw if raw[i] != ex.ZERO and (not steady or ex.holds(raw[i], ex.Symbol(names[k])))]
+    if not coupled:
         return None
-    norm = ex.ONE if steady else ex.square_root(_square(motion, raw))
-    coupled = [i for i in raw if i not in decoupled]
-    directions = tuple(_split(raw[i], names[k])[0] if i in coupled else ex.ONE for i in range(len(names)))
-    constants = {}
-    for i in coupled:
-        choices = (f"C_{names[i]}", f"free_{names[i]}", *(f"C_{names[i]}_{k}" for k in range(2, len(taken) + 4)))
-        constants[i] = next(name for name in choices if name not in (*taken, *names))
-    speed, momentum = ex.Velocity(names[k]), ex.Symbol(f"p_{names[k]}")
-    quadratic = ex.add(*(
-        ex.Symbol(constants[i]) * ex.Velocity(names[i])**2 / directions[i] for i in coupled
-    ))  # fmt: skip
-    image = ex.add(*(
-        directions[i] * ex.Symbol(f"p_{names[i]}")**2 / ex.Symbol(constants[i]) for i in coupled
-    ))  # fmt: skip
-    free = [i for i in range(len(names)) if i == k or i in decoupled]
-    kinetic = [ex.HALF * ex.Velocity(names[i]) ** 2 for i in free]
-    others = [ex.HALF * ex.Symbol(f"p_{names[i]}") ** 2 for i in decoupled]
-    shifted = momentum + ex.HALF * image / norm
-    return ClassLagrangian(
-        lagrangian=ex.add(*kinetic, ex.HALF * norm * quadratic / speed),
-        hamiltonian=ex.add(ex.HALF * shifted**2, *others),
-        constants=tuple(constants.get(i) for i in range(len(names))),
-        kind="L~2" if steady else "L~1",
-        turning=k,
-        directions=directions,
-        norm=norm,
+    norm = ex.ONE if steady else ex.square_root(square)
+    directions, factors = zip(*(_split(raw[i], names[k]) for i in coupled), strict=True)
+    labels = [_free_name(names[i], {*motion.values, *names}) for i in coupled]
+    constants = [*map(ex.Symbol, labels)]
+    rates = [ex.Velocity(name) for name in names]
+    momenta = [ex.Symbol(f"p_{name}") for name in names]
+    terms = [c * rates[i] ** 2 / d for i, c, d in zip(coupled, constants, directions, strict=True)]
+    images = [d * momenta[i] ** 2 / c for i, c, d in zip(coupled, constants, directions, strict=True)]
+    free = [i for i in range(len(names)) if i not in coupled]
+    shifted = momenta[k] + ex.HALF * ex.add(*images) / norm
+    energies = [shifted if i == k else momenta[i] for i in free]
+
+    @np.errstate(all="ignore")
+    def start_momenta(positions: Array, velocities: Array, values: Mapping[str, Any]) -> Array:
+        """p = dL~/dv at starts on the constraints, (n,) or (m, n), with its limit where a d_i vanishes there.
+
+        p_i = C_i n q_i'/(d_i r') is a constant of the motion; on the constraints q_i' is c d_i/n, so that
+        the quotient stays finite: it is taken from d_i/d_i stripped, a constant. Not finite where r' = 0 or all
+        d_i = 0.
+        """
+        places, speeds = np.atleast_2d(positions), np.atleast_2d(velocities)
+        table, rate = turning_table(replace(motion, values=values), places[:, k]), speeds[:, k]
+        d = np.zeros(places.shape)
+        d[:, [*raw]] = np.transpose(numeric_formulas.array_values([*raw.values()], table))
+        length = np.sqrt(np.einsum("mi,ij,mj->m", d, motion.mass, d))
+        speed = np.einsum("mi,ij,mj->m", d, motion.mass, speeds) / length
+        size, *known = numeric_formulas.array_values([norm, *directions, *factors], table)
+        found = speeds.astype(float)
+        shift = np.zeros(len(places))
+        for i, label, along, ratio in zip(coupled, labels, known, known[len(coupled) :], strict=False):
+            found[:, i] = values[label] * (size / length) * speed * ratio / rate
+            shift += along * found[:, i] ** 2 / (2 * size * values[label])
+        found[:, k] = rate - shift
+        return found.reshape(positions.shape)
+
+    return FreeLagrangian(
+        lagrangian=ex.add(*(ex.HALF * rates[i] ** 2 for i in free), ex.HALF * norm * ex.add(*terms) / rates[k]),
+        hamiltonian=ex.add(*(ex.HALF * energy**2 for energy in energies)),
+        constants={label: given.get(label, 1.0) for label in labels},
+        source=f"{'L~2' if steady else 'L~1'} of the second associated system",
+        start_momenta=start_momenta,
     )
+
+
+def _free_name(name: str, taken: Collection[str]) -> str:
+    """The first of C_x, free_x, C_x_2, C_x_3, ... that is not taken."""
+    choices = (f"C_{name}", f"free_{name}", *(f"C_{name}_{count}" for count in range(2, len(taken) + 4)))
+    return next(choice for choice in choices if choice not in taken)
 
 
 def _directions(motion: ExactMotion) -> dict[int, ex.Expression]:
@@ -249,11 +253,6 @@ def _directions(motion: ExactMotion) -> dict[int, ex.Expression]:
         minor = determinant(tuple(tuple(row[j] for j in others if j != i) for row in motion.constraints))
         found[i] = -minor if place % 2 else minor
     return found
-
-
-def _square(motion: ExactMotion, directions: dict[int, ex.Expression]) -> ex.Expression:
-    terms = [motion.inertia[i][j] * directions[i] * directions[j] for i in directions for j in directions]
-    return collecting.collect(ex.add(*terms))
 
 
 def _is_constant(expression: ex.Expression, motion: ExactMotion) -> bool:
@@ -270,35 +269,3 @@ def _split(direction: ex.Expression, name: str) -> tuple[ex.Expression, ex.Expre
     factors = ex.factors_of(direction)
     moving = [factor for factor in factors if ex.holds(factor, ex.Symbol(name))]
     return ex.multiply(*moving), ex.multiply(*(factor for factor in factors if factor not in moving))
-
-
-@np.errstate(all="ignore")
-def start_momenta(
-    found: ClassLagrangian, motion: ExactMotion, positions: Array, velocities: Array, values: Mapping[str, Any]
-) -> Array:
-    """p = dL~/dv at starts on the constraints, (n,) or (m, n), with its limit where a d_i vanishes there.
-
-    p_i = C_i n q_i'/(d_i r') is a constant of the motion; on the constraints q_i' is c d_i/n, so that
-    the quotient stays finite: it is taken from d_i/d_i stripped, a constant. Not finite where r' = 0 or all d_i = 0.
-    """
-    shape, positions, velocities = positions.shape, np.atleast_2d(positions), np.atleast_2d(velocities)
-    k, mass, rate, motion = found.turning, motion.mass, velocities[:, found.turning], replace(motion, values=values)
-    table = turning_table(motion, positions[:, k])
-    raw = _directions(motion)
-    d = np.zeros(positions.shape)
-    for i, tree in raw.items():
-        d[:, i] = numeric_formulas.array_value(tree, table)
-    length = np.sqrt(np.einsum("mi,ij,mj->m", d, mass, d))
-    speed = np.einsum("mi,ij,mj->m", d, mass, velocities) / length
-    norm = numeric_formulas.array_value(found.norm, table)
-    momenta = velocities.astype(float)
-    shift = np.zeros(len(positions))
-    for i, name in enumerate(found.constants):
-        if name is None:
-            continue
-        constant = motion.values[name]
-        ratio = numeric_formulas.array_value(_split(raw[i], motion.coordinates[k])[1], table)
-        momenta[:, i] = constant * (norm / length) * speed * ratio / rate
-        shift += numeric_formulas.array_value(found.directions[i], table) * momenta[:, i] ** 2 / (2 * norm * constant)
-    momenta[:, k] = rate - shift
-    return momenta.reshape(shape)

@@ -412,8 +412,8 @@ def _conserved(run: Observed) -> Observations:
 
 def _discrete_energy(run: Observed, start: float) -> Observations:
     """E at the point and velocity of the discrete Lagrangian, the paper's: of methods of order 2 that have one."""
-    choice = run.requested.choice
-    if choice is None or run.requested.alpha is None or choice.order > 2 or run.scene.found is not None:
+    requested = run.requested
+    if requested.alpha is None or requested.choice.order > 2 or run.scene.found is not None:
         return {}, {}
     series = {"discrete_energy": run.trajectory.series["energy_error"] + start}
     if why_energy_varies(run.scene):

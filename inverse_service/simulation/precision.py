@@ -196,7 +196,7 @@ def _tolerances(requested: data.Requested, length: float) -> Iterator[Setting]:
 
 def _blank(requested: data.Requested, length: float, count: int, tolerance: float | None = None) -> Setting:
     """A setting before it is measured; a tolerance is part of what is requested."""
-    if tolerance is not None and requested.choice is not None:
+    if tolerance is not None:
         requested = replace(requested, choice=replace(requested.choice, tolerance=tolerance))
     return Setting(requested, length / count, count, tolerance=tolerance)
 
@@ -332,9 +332,8 @@ def _long_runs(measured: Precision, derived: derivation.Derived, budget: float) 
 
 def _long_run(derived: derivation.Derived, one: Setting) -> LongRun:
     scene, requested = derived.scene, one.requested
-    if requested.choice is not None:  # a long run is not checked a second time
-        requested = replace(requested, choice=replace(requested.choice, guard=False))
-    run = running.observed_run(derived, requested)
+    unguarded = replace(requested.choice, guard=False)  # a long run is not checked a second time
+    run = running.observed_run(derived, replace(requested, choice=unguarded))
     if run.trajectory is None or not run.outcome.completed or run.observed is None:
         return LongRun(one, reason=reason_of(run))
     at = run.trajectory

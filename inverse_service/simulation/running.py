@@ -226,7 +226,7 @@ def _integrated(derived: derivation.Derived, requested: data.Requested, problem:
 def run_members(derived: derivation.Derived, members: data.Members, requested: data.Requested) -> EnsembleRun:
     """All members by one method; InputError where it cannot run them."""
     scene = derived.scene
-    if requested.choice is None:
+    if requested.method == data.EXACT:
         raise data.Unavailable(execution.ALL_METHODS)
     known, problem = derivation.free_of(requested, derived), derivation.problem_of(requested, derived)
     problem = problem.with_used_parameters()
@@ -263,7 +263,6 @@ def _estimated(
     """The estimated errors (N,), and how many members differ with half the step, or a smaller tolerance, for as many
     members as MOST_SHARPER allows; nan for other members and those that did not reach the end."""
     many, again = run.many, accuracy.finer(run.requested, scene.grid)
-    assert again.requested.choice is not None
     count, most = len(many.positions), max(1, MOST_SHARPER // max(again.grid.steps, 1))
     rows = np.unique(np.linspace(0, count - 1, min(count, most)).astype(int))
     own = {name: value[rows] if isinstance(value, np.ndarray) else value for name, value in values.items()}

@@ -161,18 +161,22 @@ class Unavailable(InputError):
 
 @dataclass(frozen=True, slots=True)
 class Requested:
-    """A method of a scene: `choice` is None for the exact solution; `alpha` as written by the user.
+    """A method of a scene, `alpha` as written by the user; None where there is none.
 
     `free` names the L~ of this method (None: that of the scene), `constants` overrule those of the scene.
     """
 
     label: str
-    method: str
-    alpha: str | None
-    choice: MethodChoice | None
+    choice: MethodChoice
+    alpha: str | None = None
     convention: str = "momenta"
     free: str | None = None
     constants: tuple[tuple[str, float], ...] = ()
+
+    @property
+    def method(self) -> str:
+        """The key of its table."""
+        return self.choice.method
 
 
 @dataclass(frozen=True, slots=True)

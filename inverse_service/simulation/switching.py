@@ -282,14 +282,14 @@ def run_motion(
     values: Mapping[str, float],
 ) -> Run:  # fmt: skip
     """The run of a method with what the scene observes at every step, in pieces where it has some."""
-    scene, choice = derived.scene, requested.choice or CONTINUED
+    scene = derived.scene
 
     def integrate(what: data.Problem, by: data.MethodChoice, begin: data.Start, grid: data.Grid) -> Trajectory:
         own, observation = observing.observed_problem(scene, what)
         return execution.run(own, by, begin, grid, values, observation, derived.stop)
 
     if not has_pieces(scene, problem):
-        return Run(integrate(problem, choice, start, scene.grid))
+        return Run(integrate(problem, requested.choice, start, scene.grid))
     formulas = _Motion(scene, values, problem, derived.accelerations(), switches_of(problem, scene))
     every_point = replace(scene, grid=replace(scene.grid, record_every=1))
     return _Pieces(every_point, requested, formulas, integrate, derived.stop).go(start).thinned(scene.grid)
@@ -334,7 +334,6 @@ class _Pieces:
             stuck = STICKS in sides.values()
             by_forces = stuck and self.requested.method not in method_table.POINT_METHODS
             choice = CONTINUED if by_forces else self.requested.choice
-            assert choice is not None
             what = self.motion.problem_on(sides, by_forces)
             begin = begun or data.Start(state[1], state[2])
             ran = self.integrate(what, choice, begin, piece)
@@ -346,7 +345,7 @@ class _Pieces:
                 outcome = replace(failed[0], step=place, time=state[0])
                 break
             observed = observing.Observed(
-                replace(scene, grid=piece), replace(self.requested, method=choice.method, choice=choice,
+                replace(scene, grid=piece), replace(self.requested, choice=choice,
                 alpha=None if by_forces else self.requested.alpha), ran, what, self.motion.values, None,
             )  # fmt: skip
             velocities = observed.velocities

@@ -19,7 +19,7 @@ from inverse_service.simulation.scene_data import MethodChoice, Requested
 from inverse_service.web.pages.simulations import precision_result
 
 SCENES = Path(__file__).parents[2] / "docs" / "scenes"
-METHOD = Requested("variational-0.5", "variational", "0.5", MethodChoice("variational"))
+METHOD = Requested("variational-0.5", MethodChoice("variational"), "0.5")
 
 
 @pytest.fixture(scope="module")
@@ -182,7 +182,7 @@ def test_none_is_the_fastest_where_a_method_might_be_faster_than_its_coarsest_se
     coarsest: float | None, sure: bool
 ) -> None:
     """The variational method reaches 1e-3 in at most 5 s, the other in 3 s: with longer steps it may need less."""
-    other = Requested("other", "runge_kutta", None, MethodChoice("runge_kutta"))
+    other = Requested("other", MethodChoice("runge_kutta"))
     own = [setting(0.5, coarsest, 5.0), setting(0.25, 1e-4, 5.0)]
     settings = [*own, *(replace(setting(2.0**-k, 10.0 ** (1 - 5 * k), 3.0), requested=other) for k in range(2))]
     measured = Precision(None, None, 1.0, tuple(settings))  # type: ignore[arg-type]

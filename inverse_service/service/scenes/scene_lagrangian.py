@@ -80,13 +80,9 @@ class _Search:
             raise Unavailable(FORCED)
         if wanted is None and self.system.known:
             return self.first_fitting(self.system.known, self.system.source)
-        if wanted in (None, "second") and exact is not None:
-            known = exact_motion.class_lagrangian(exact, tuple(scene.values))
-            if known is not None:
-                chosen = {name: self.constants.get(name, 1.0) for name in known.constants if name is not None}
-                source = f"{known.kind} of the second associated system"
-                momenta = partial(exact_motion.start_momenta, known, exact)
-                return FreeLagrangian(known.lagrangian, known.hamiltonian, chosen, source, momenta)
+        known = None if exact is None else exact_motion.class_lagrangian(exact, self.constants)
+        if known is not None and wanted in (None, "second"):
+            return known
         return _first(
             partial(self.of_associated, which)
             for which in ([wanted] if wanted or scene.lagrangian is None else ["second", "first", "third"])

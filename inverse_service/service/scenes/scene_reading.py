@@ -594,8 +594,8 @@ def _requested(schema: schemas.SceneDocument, given: schemas.SceneMethod, pointe
     if given.order is not None and given.order not in allowed:
         choice = f"takes the orders {METHODS[method].listed_orders}" if allowed else "has no order to choose"
         raise InputError(f"the method {given.method} {choice}.", f"{pointer}/order")
-    if method == "exact":
-        return data.Requested(given.label or "exact", method, None, None)
+    if method == data.EXACT:
+        return data.Requested(given.label or method, data.MethodChoice(method))
     order = given.order or (allowed[0] if allowed else 2)
     tolerance = METHODS[method].tolerance or 0.0
     if given.tolerance is not None:
@@ -616,9 +616,8 @@ def _requested(schema: schemas.SceneDocument, given: schemas.SceneMethod, pointe
     ]
     return data.Requested(
         label=given.label or _label(given, shown, order),
-        method=method,
-        alpha=shown,
         choice=choice_of,
+        alpha=shown,
         convention=given.start or schema.start,
         free=given.free_lagrangian,
         constants=tuple(constants),

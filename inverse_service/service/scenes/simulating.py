@@ -236,9 +236,9 @@ def _requested(requested: Requested) -> dict[str, Any]:
         "label": requested.label,
         "method": requested.method.replace("_", "-"),
         "alpha": requested.alpha,
-        "symmetrised": bool(choice and choice.symmetrised),
+        "symmetrised": choice.symmetrised,
         "order": order_of(requested),
-        "form": choice.form if choice is not None and requested.method == "variational" else None,
+        "form": choice.form if choice.method == "variational" else None,
         "start": requested.convention if requested.alpha is not None else None,
     }
 

@@ -43,7 +43,7 @@ def work_precision(
     # heyoka and the integrators of SciPy if they are installed and the scene does not name them.
     peers = [("heyoka", "heyoka")] if "heyoka" not in named and _version("heyoka") else []
     peers += [(name, f"SciPy {shown}") for name, shown in method_table.SCIPY.items() if _version("scipy")]
-    others = (scene_data.Requested(label, name, None, scene_data.MethodChoice(name)) for name, label in peers)
+    others = (scene_data.Requested(label, scene_data.MethodChoice(name)) for name, label in peers)
     compared = dataclasses.replace(scene, observe=("error",), methods=(*scene.methods, *others))
     derived = derivation.Derived(compared, find)
     left = time_limit - (time.monotonic() - begun)
