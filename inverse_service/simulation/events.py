@@ -70,6 +70,27 @@ class Found:
     velocities: Array
     note: str = ""
 
+    @property
+    def first(self) -> Point:
+        """The first of them."""
+        return float(self.times[0]), self.positions[0], self.velocities[0]
+
+    def part(self, rows: NDArray[np.bool_]) -> Found:
+        """Some of the points."""
+        return Found(self.event, self.times[rows], self.positions[rows], self.velocities[rows], self.note)
+
+
+def nowhere(event: data.Event, size: int) -> Found:
+    """No points, of `size` coordinates."""
+    return Found(event, np.empty(0), np.empty((0, size)), np.empty((0, size)))
+
+
+def joined(parts: Sequence[Found], note: str) -> Found:
+    """The points of an event in several parts of a run."""
+    columns = zip(*((one.times, one.positions, one.velocities) for one in parts), strict=True)
+    times, positions, velocities = map(np.concatenate, columns)
+    return Found(parts[0].event, times, positions, velocities, note)
+
 
 def float_number(value: float) -> ex.Expression:
     """The same number."""
@@ -91,19 +112,13 @@ def with_events(run: observing.Observed, motion: Motion) -> tuple[Trajectory, tu
     end = min(ends)
     kept = ran.times < end
     outcome = Outcome("completed", int(kept.sum()) - 1, end, note=ENDED.format(end))
-    return ran.ended(kept, outcome), tuple(until(one, end) for one in found)
+    return ran.ended(kept, outcome), tuple(one.part(one.times <= end) for one in found)
 
 
 def where_ended(found: tuple[Found, ...], outcome: Outcome) -> Point | None:
     """(t, q, v) of the event that ended the run; None if no event did."""
     stops = (one for one in found if one.event.stops and len(one.times) and one.times[0] == outcome.time)
-    return next(((float(one.times[0]), one.positions[0], one.velocities[0]) for one in stops), None)
-
-
-def until(found: Found, end: float) -> Found:
-    """The points of an event up to the end."""
-    kept = found.times <= end
-    return Found(found.event, found.times[kept], found.positions[kept], found.velocities[kept], found.note)
+    return next((one.first for one in stops), None)
 
 
 def _follower(run: observing.Observed, motion: Motion) -> Follow | None:
@@ -138,7 +153,7 @@ def _follower(run: observing.Observed, motion: Motion) -> Follow | None:
 
 def _located(run: observing.Observed, event: data.Event, follow: Follow | None) -> Found:
     scene, ran = run.scene, run.trajectory
-    nothing = np.empty((0, len(scene.coordinates)))
+    nothing = nowhere(event, len(scene.coordinates))
 
     def value(state: State) -> Array:
         times, positions, speeds = state
@@ -147,10 +162,10 @@ def _located(run: observing.Observed, event: data.Event, follow: Follow | None) 
     try:
         along, *parts = run.values_of(event.formula, *ex.summands(event.formula))
         if len(parts) > 1 and (np.abs(along) <= NOISE * np.abs(parts).sum(axis=0)).all():
-            return Found(event, nothing[:, 0], nothing, nothing, NO_SIZE)
+            return replace(nothing, note=NO_SIZE)
         if follow is None:
             turns = (np.sign(along[1:]) != np.sign(along[:-1])).any()
-            return Found(event, nothing[:, 0], nothing, nothing, NO_VELOCITIES if turns else "")
+            return replace(nothing, note=NO_VELOCITIES if turns else "")
         way = Way(ran.times, along, follow, value)
         brackets, touched, unseen = _brackets(way)
         brackets = brackets.part(np.isin(brackets.sense, {1: (1,), -1: (-1,), 0: (1, -1)}[event.direction]))
@@ -158,12 +173,12 @@ def _located(run: observing.Observed, event: data.Event, follow: Follow | None) 
         note = UNSEEN if unseen else TOUCHED.format(touched[0]) if len(touched) else ""
         note = NO_VALUE.format(lost, len(along)) if lost else note
         if not len(brackets.places):
-            return Found(event, nothing[:, 0], nothing, nothing, note)
+            return replace(nothing, note=note)
         state = _zeros(brackets, way)
     except nf.NoValue:
-        return Found(event, nothing[:, 0], nothing, nothing, NO_VELOCITIES)
+        return replace(nothing, note=NO_VELOCITIES)
     except errors.InputError as error:
-        return Found(event, nothing[:, 0], nothing, nothing, error.detail)
+        return replace(nothing, note=error.detail)
     about = value(state)
     if (lost_there := np.isnan(about)).any():  # just before the zero where it has no value there, as sign(x) at x = 0
         begin = way.times[brackets.places]

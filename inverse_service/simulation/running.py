@@ -156,7 +156,7 @@ def run_method(
             numbers, series = observing.observed_quantities(shorter, seconds)
             return replace(
                 run, outcome=lost, trajectory=shorter.trajectory, numbers=numbers, series=series, seconds=seconds,
-                events=tuple(happening.until(one, end) for one in run.events), observed=shorter,
+                events=tuple(one.part(one.times <= end) for one in run.events), observed=shorter,
             )  # fmt: skip
         outcome = replace(outcome, doubt=numbers.pop("doubt"))
     if "cost" in derived.scene.observe:

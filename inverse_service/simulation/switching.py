@@ -33,7 +33,7 @@ from inverse_service.simulation import (
     observing,
     scene_data as data,
 )
-from inverse_service.simulation.events import CONTINUED, ENDED, NOISE, Found, Point, located
+from inverse_service.simulation.events import CONTINUED, ENDED, NOISE, Found, Point, joined, located, nowhere
 
 FIRST, MOST = 16, 4096  # steps of a piece that is looked at for events at once
 SAME = 1e-12  # of a step: events at one time; of the size of a state: what does not move
@@ -305,7 +305,8 @@ class _Pieces:
 
     def __post_init__(self) -> None:
         self.parts: list[Trajectory] = []
-        self.seen: dict[int, list[Point]] = {k: [] for k in range(len(self.scene.events))}
+        size = len(self.scene.coordinates)
+        self.seen: list[list[Found]] = [[nowhere(event, size)] for event in self.scene.events]
         self.notes: dict[int, str] = {}
         self.switches: list[Switch] = []
         self.acted: list[float] = []
@@ -404,13 +405,8 @@ class _Pieces:
             text = " = ".join(map(printing.to_text, self._zeros(state, {}) or self.motion.functions))
             outcome = Outcome("singular", place, state[0], NO_MOTION.format(text), None, BEGIN_ELSEWHERE)
         whole = self._joined(outcome or Outcome("completed", grid.steps, grid.begin + grid.steps * grid.step), start)
-        events = []
-        for k, event in enumerate(scene.events):
-            rows = sorted(self.seen[k], key=lambda state: state[0])
-            times = np.array([time for time, _, _ in rows])
-            q, v = (np.array([row[j] for row in rows]).reshape(-1, len(scene.coordinates)) for j in (1, 2))
-            events.append(Found(event, times, q, v, self.notes.get(k, "")))
-        return Run(whole, True, tuple(events), tuple(self.switches), state)
+        events = tuple(joined(parts, self.notes.get(k, "")) for k, parts in enumerate(self.seen))
+        return Run(whole, True, events, tuple(self.switches), state)
 
     def _passed(self, ran: Trajectory, velocities: Array, sides: Sides) -> int:
         """How many points lead to the first beyond a switch, or all."""
@@ -466,42 +462,31 @@ class _Pieces:
     def _first(self, run: observing.Observed, sides: Sides) -> tuple[Point, list[int | ex.Expression]] | None:
         """The state at the first event of a piece that acts, stops or switches, and all events at that time."""
         shares = self.motion.shares(sides)
-        watched: list[tuple[int | ex.Expression, data.Event]] = list(enumerate(self.scene.events))
+        events, watched = self.scene.events, list[tuple[int | ex.Expression, data.Event]](enumerate(self.scene.events))
         for u, side in sides.items():
             formula = ex.ONE - shares[u] ** 2 if side == STICKS and u in shares else on_sides(u, sides)
             if side != STICKS or u in shares:
                 watched.append((u, data.Event(formula, -side or -1, True)))
-        at, least = run.trajectory, SAME * abs(self.scene.grid.step)
-        ends: list[tuple[float, int | ex.Expression, Point]] = []
-        records: list[tuple[float, int, Point]] = []
+        begin, least = run.trajectory.times[0], SAME * abs(self.scene.grid.step)
         motion = replace(self.motion.problem, accelerations=self.motion.forces(sides))
-        places = located(run, [event for _, event in watched], lambda: motion)
-        for (kind, _), found in zip(watched, places, strict=True):
-            if isinstance(kind, int) and found.note:
-                self.notes[kind] = found.note
-            for row in range(len(found.times)):
-                state = (float(found.times[row]), found.positions[row], found.velocities[row])
-                new = state[0] > at.times[0] + (least if len(self.parts) else -least)
-                if new and isinstance(kind, int) and not (found.event.acts or found.event.stops):
-                    records.append((state[0], kind, state))
-                elif new:
-                    ends.append((state[0], kind, state))
-                    break
-        end = min((time for time, _, _ in ends), default=np.inf)
-        for time, index, state in records:
-            if time <= end:
-                self.seen[index].append(state)
-        if not ends:
-            return None
-        first = min(ends, key=lambda one: one[0])
-        return first[2], [kind for time, kind, _ in ends if time <= end + least]
+        found = located(run, [event for _, event in watched], lambda: motion)
+        later = [one.part(one.times > begin + (least if self.parts else -least)) for one in found]
+        ends = [one.event.acts or one.event.stops for one in later]
+        firsts = [one.first for one, is_end in zip(later, ends, strict=True) if is_end and len(one.times)]
+        first = min(firsts, key=lambda state: state[0], default=None)
+        end = np.inf if first is None else first[0]
+        for k, one in enumerate(later[: len(events)]):
+            self.notes |= {k: one.note} if one.note else {}
+            self.seen[k] += [] if ends[k] else [one.part(one.times <= end)]
+        at_end = [is_end and (one.times[:1] <= end + least).any() for one, is_end in zip(later, ends, strict=True)]
+        return first and (first, [kind for (kind, _), is_there in zip(watched, at_end, strict=True) if is_there])
 
     def _act(self, state: Point, kinds: Sequence[int | ex.Expression], sides: Sides) -> tuple[Point, Outcome | None]:
         """The state after the events, and the outcome where they end the run."""
         time, q, v = state
         for index in (kind for kind in kinds if isinstance(kind, int)):
             event = self.scene.events[index]
-            self.seen[index].append((time, q, v))
+            self.seen[index].append(Found(event, np.array([time]), q[None], v[None]))
             if event.acts:
                 q, v = self._after(event, (time, q, v), state, sides)
                 if not (np.isfinite(q).all() and np.isfinite(v).all()):
@@ -509,7 +494,7 @@ class _Pieces:
                     return (time, q, v), Outcome("off_domain", None, time, text, None, BEGIN_ELSEWHERE)
                 if sense := self._sense_held(event, state, (time, q, v), sides):
                     self.held[index] = sense
-            if len(self.seen[index]) >= event.most:
+            if sum(len(one.times) for one in self.seen[index]) >= event.most:
                 note = ENDED.format(time) if event.most == 1 else MANY.format(event.most, time)
                 return (time, q, v), Outcome("completed", None, time, note=note)
         self.acted.append(time)
