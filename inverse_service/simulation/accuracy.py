@@ -35,7 +35,7 @@ from inverse_service.simulation import (
     scene_data as data,
     schemes,
 )
-from inverse_service.simulation.switching import run_motion
+from inverse_service.simulation.switching import Run, run_motion
 
 MOST_STEPS = 1_000_000
 CHANGED, TIGHTER, TIGHTEST, LEAST_RANGE, ROUND_OFF = 0.1, 0.1, 1e-14, 0.01, 1e-15
@@ -49,7 +49,6 @@ AGAIN, TRUE = "With {}, the trajectory", "The true motion"
 ELSEWHERE = "{} differs: from t = {:.6g} on, {} is off by about {:.3g}. Take a smaller step or tolerance."
 GOES_ON = ("completed", "cancelled")
 ENDS_EARLY = "With {}, the run ends at t = {:.6g}: {}."
-Repeat = Callable[[data.Scene, data.Requested], Trajectory]
 _OTHER = "the Euler-Lagrange equations of the free Lagrangian at the motion"
 TOO_LARGE, NOT_CHOSEN, OVER_TOLERANCE = 0.1, 0.01, 100.0  # the first two of the size of the motion
 GOLDEN, GOLDEN_STEPS, MOST_MOMENTS, MOST_VALUES = 0.618033988749895, 75, 64, 2**21  # to the last bit of a step
@@ -118,25 +117,33 @@ def errors_of(
     return errors, errors / np.maximum(np.maximum(ranges, least), schemes.SMALLEST)
 
 
-def _again(run: observing.Observed, repeat: Repeat) -> tuple[Finer, Trajectory | None]:
+def integrated(derived: derivation.Derived, requested: data.Requested, problem: data.Problem) -> Run:
+    """The run of a method from the start of the scene, in pieces where it has some."""
+    scene = derived.scene
+    values, start = observing.beginning(scene, requested, derivation.free_of(requested, derived))
+    if not np.isfinite(values.get(observing.ENERGY_START, 0.0)):
+        raise data.Unavailable("The energy has no finite value at the start: start somewhere else.")
+    return run_motion(derived, requested, problem, start, values)
+
+
+def _again(run: observing.Observed, again: Finer, derived: derivation.Derived) -> Trajectory | None:
     """The finer run, without the guard if that ends it early."""
-    again = finer(run.requested, run.scene.grid)
-    scene, choice = replace(run.scene, grid=again.grid), again.requested.choice
+    assert run.problem is not None
+    own = replace(derived, scene=replace(run.scene, grid=again.grid))
     try:
-        found = repeat(scene, again.requested)
+        found = integrated(own, again.requested, run.problem).trajectory
     except InputError:
-        return again, None
+        return None
     if found.outcome.kind in GOES_ON:
-        return again, found
-    return again, repeat(scene, replace(again.requested, choice=replace(choice, guard=False)))
+        return found
+    unguarded = replace(again.requested, choice=replace(again.requested.choice, guard=False))
+    return integrated(own, unguarded, run.problem).trajectory
 
 
-def estimated(run: observing.Observed, repeat: Repeat) -> dict[str, Any]:
+def estimated(run: observing.Observed, derived: derivation.Derived) -> dict[str, Any]:
     """{estimated_error, estimated_error_share, estimated_until, doubt}: the greatest error of a position, and the
     greatest share of the range of a coordinate; the end of the comparison if it is earlier; warnings if they are large.
     `lost` is the outcome of a run that one step leads elsewhere, and else None.
-
-    `repeat` runs a method of a scene.
     """
     at, turns, scene, doubts = run.trajectory, initial.angles(run.scene), run.scene, [""]
     numbers: dict[str, Any] = {"lost": None}
@@ -152,22 +159,21 @@ def estimated(run: observing.Observed, repeat: Repeat) -> dict[str, Any]:
         change, start = float(np.abs(energies - energies[0]).max()), abs(float(energies[0]))
         if change > CHANGED * min(mean, max(start, CHANGED * mean)):
             doubts = [VARIES.format(change, change / mean, start)]
-    again, found = _again(run, repeat)
-    if found is not None:
-        count = min(len(found.times), len(at.times))
-        if count < len(at.times) and found.outcome.kind not in GOES_ON and again.how == HALF:
-            end, kind = float(found.times[-1]), found.outcome.kind.replace("_", " ")
-            step = min((count - 1) * run.scene.grid.record_every, run.scene.grid.steps)
-            lost = Outcome("unresolved", step, end, ENDS.format(kind), None, SHORTER)
+    again = finer(run.requested, scene.grid)
+    if (found := _again(run, again, derived)) is not None:
+        count, end, kind = min(len(found.times), len(at.times)), float(found.times[-1]), found.outcome.kind
+        early = count < len(at.times) and kind not in GOES_ON
+        if early and again.how == HALF:
+            quantity = ENDS.format(kind.replace("_", " "))
+            lost = Outcome("unresolved", int(scene.grid.recorded[count - 1]), end, quantity, None, SHORTER)
             return numbers | {"lost": lost, "doubt": ""}
         errors, shares = errors_of(at.positions[:count], found.positions[:count], turns, again.part)
         numbers |= {"estimated_error": observing.greatest(errors), "estimated_error_share": observing.greatest(shares)}
         numbers["lost"] = _lost(run, shares.max(axis=1)) if again.how == HALF else None
         numbers |= {"estimated_until": float(at.times[count - 1])} if count < len(at.times) else {}
         doubts.append(_elsewhere(run, errors, shares, AGAIN.format(again.how)))
-        early = count < len(at.times) and found.outcome.kind not in GOES_ON
         if early and not doubts[-1]:
-            doubts.append(ENDS_EARLY.format(again.how, found.times[-1], found.outcome.kind.replace("_", " ")))
+            doubts.append(ENDS_EARLY.format(again.how, end, kind.replace("_", " ")))
     if run.true is not None and not any(doubts[1:]):
         doubts.append(_elsewhere(run, *errors_of(at.positions, run.true, turns), TRUE))
     return numbers | {"doubt": " ".join(filter(None, doubts))}
@@ -239,9 +245,9 @@ def other_motion(run: observing.Observed) -> Outcome | None:
     places = np.flatnonzero(~(apart <= accelerating.NOTICED))
     if not len(places):
         return None
-    point = int(places[0])
-    step = min(point * scene.grid.record_every, scene.grid.steps)
-    return Outcome("off_domain", step, float(at.times[point]), _OTHER, float(apart[point]), schemes.OTHER_MOTION)
+    k = int(places[0])
+    step, time = int(scene.grid.recorded[k]), float(at.times[k])
+    return Outcome("off_domain", step, time, _OTHER, float(apart[k]), schemes.OTHER_MOTION)
 
 
 def moments_between(run: observing.Observed) -> Array:

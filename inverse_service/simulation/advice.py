@@ -30,8 +30,7 @@ def advice(scene: data.Scene, derived: derivation.Derived) -> dict[str, Any] | N
         return None
     if scene.constraints:
         return method_advice.for_constraints(lagrangian, scene.constraints, scene.coordinates)
-    moving: set[ex.Expression] = set(map(ex.Symbol, scene.coordinates))
-    ends = (*numeric_formulas.walls(lagrangian, moving), *free.domain) if free is not None else ()
+    ends = (*numeric_formulas.walls(lagrangian, scene.coordinates), *free.domain) if free is not None else ()
     return method_advice.for_lagrangian(lagrangian, scene.coordinates, ends)
 
 

@@ -34,9 +34,8 @@ from inverse_service.kernels.codegen.symengine_trees import Formula
 from inverse_service.kernels.machine_code.loading import processor_features
 from inverse_service.simulation import peers, schemes
 from inverse_service.simulation.numeric_formulas import MOMENT, Formulas, formulas_of
-from inverse_service.simulation.scene_data import Grid, MethodChoice, Observable, Observation, Problem, Start, Stop
+from inverse_service.simulation.scene_data import Grid, MethodChoice, Observation, Problem, Start, Stop
 
-__all__ = ["Grid", "MethodChoice", "Observable", "Observation", "Problem", "Start", "run"]
 NO_GUARD = "The guard was off, so it was not checked that each step took the root that belongs to small steps."
 _FIRST_PIECE = 4096
 FEW, MANY, BEGINNING = 16, 1.3, 4  # points of a grid; steps for each of them; steps that grow to a usual length

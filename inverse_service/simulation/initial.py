@@ -13,21 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inverse_service.errors import InputError
-from inverse_service.expressions.collecting import collect
-from inverse_service.expressions.derivative import differentiate
-from inverse_service.expressions.tree import (
-    ZERO,
-    Apply,
-    Expression,
-    Number,
-    Symbol,
-    Velocity,
-    children,
-    substitute,
-    walk,
-)
+from inverse_service.expressions import collecting, derivative, tree as ex
 from inverse_service.integrators.trajectory import Array, Outcome, Trajectory
-from inverse_service.mechanics.euler_lagrange import hessian, momenta
+from inverse_service.mechanics import euler_lagrange
 from inverse_service.simulation.numeric_formulas import array_value, array_values, table_of
 from inverse_service.simulation.scene_data import Members, Problem, Scene
 
@@ -43,21 +31,21 @@ System = Problem | Scene  # coordinates, a Lagrangian where there is one, and co
 Values = Mapping[str, float | Array]  # one number, or one for each start
 
 
-def forms_of(what: System) -> list[list[Expression]]:
+def forms_of(what: System) -> list[tuple[ex.Expression, ...]]:
     """w(q): the coefficients of the velocities, a row for each constraint."""
-    return [[collect(differentiate(w, Velocity(name))) for name in what.coordinates] for w in what.constraints]
+    return [euler_lagrange.momenta(w, what.coordinates) for w in what.constraints]
 
 
-def drifts_of(what: System) -> list[Expression]:
+def drifts_of(what: System) -> list[ex.Expression]:
     """c(q): what is free of the velocities in each constraint."""
-    rest: dict[Expression, Expression] = {Velocity(name): ZERO for name in what.coordinates}
-    return [collect(substitute(w, rest)) for w in what.constraints]
+    rest: dict[ex.Expression, ex.Expression] = {ex.Velocity(name): ex.ZERO for name in what.coordinates}
+    return [collecting.collect(ex.substitute(w, rest)) for w in what.constraints]
 
 
-def saddle(what: System, table: Mapping[Expression, Any]) -> Array:
+def saddle(what: System, table: Mapping[ex.Expression, Any]) -> Array:
     """[[g, w^T], [w, 0]] at the points of a table, (N, n + m, n + m), with g = 1 where there is no Lagrangian."""
     n, size = len(what.coordinates), len(what.coordinates) + len(what.constraints)
-    masses = None if what.lagrangian is None else hessian(what.lagrangian, what.coordinates)
+    masses = None if what.lagrangian is None else euler_lagrange.hessian(what.lagrangian, what.coordinates)
     rows = [*(masses or ()), *forms_of(what)]
     values = np.array(array_values([entry for row in rows for entry in row], table)).reshape(len(rows), n, -1)
     whole = np.zeros((values.shape[2], size, size))
@@ -68,7 +56,7 @@ def saddle(what: System, table: Mapping[Expression, Any]) -> Array:
     return whole
 
 
-def at_start(scene: Scene, values: Values) -> dict[Expression, Any]:
+def at_start(scene: Scene, values: Values) -> dict[ex.Expression, Any]:
     """The names of all formulas with their values at the start."""
     moment = np.array([scene.grid.begin])
     return table_of(scene.coordinates, scene.positions[None], scene.velocities[None], values, moment)
@@ -78,9 +66,9 @@ def check_constraints(what: System, values: Values, positions: Array) -> None:
     """Raise InputError for constraints that are nonlinear in the velocities or dependent, or that leave no motion."""
     names, constraints = what.coordinates, what.constraints
     for place, slopes in enumerate(forms_of(what), 1):
-        if all(slope == ZERO for slope in slopes):
+        if all(slope == ex.ZERO for slope in slopes):
             raise InputError(f"constraint {place} has no velocity in it: leave it out.", "/system")
-        if any(isinstance(node, Velocity) for slope in slopes for node in walk(slope)):
+        if any(isinstance(node, ex.Velocity) for slope in slopes for node in ex.walk(slope)):
             raise InputError(
                 f"constraint {place} is not linear in the velocities: only linear ones can be simulated.", "/system"
             )
@@ -185,22 +173,19 @@ def _times(matrices: Array, vectors: Array) -> Array:
 
 def angles(scene: Scene) -> NDArray[np.bool_]:
     """Which coordinates are angles, (n,): they occur only in sines and cosines of their integer multiples."""
-    trees = [scene.lagrangian, *scene.constraints, *(scene.accelerations or ()), *scene.forces]
-    return np.array([_is_angle([tree for tree in trees if tree is not None], Symbol(x)) for x in scene.coordinates])
+    given = (scene.lagrangian, *scene.constraints, *(scene.accelerations or ()), *scene.forces)
+    trees = [tree for tree in given if tree is not None]
+    waves = [node for node in ex.distinct_nodes(trees) if isinstance(node, ex.Apply) and node.function in PERIODIC]
 
+    def is_angle(name: ex.Symbol) -> bool:
+        turns: dict[ex.Expression, ex.Expression] = {}
+        for wave in waves:
+            slope = derivative.differentiate(wave.argument, name)
+            if isinstance(slope, ex.Number) and slope != ex.ZERO and slope.value.denominator == 1:
+                turns[wave] = ex.PI
+        return bool(turns) and not any(ex.holds(ex.substitute(tree, turns), name) for tree in trees)
 
-def _is_angle(stack: list[Expression], name: Symbol) -> bool:
-    turns = False
-    while stack:
-        node = stack.pop()
-        slope = differentiate(node.argument, name) if isinstance(node, Apply) and node.function in PERIODIC else None
-        if node == name:
-            return False
-        if isinstance(slope, Number) and slope.value.denominator == 1:
-            turns = turns or slope.value != 0
-        else:
-            stack.extend(children(node))
-    return turns
+    return np.array([is_angle(ex.Symbol(name)) for name in scene.coordinates])
 
 
 def velocities_from_momenta(what: System, values: Mapping[str, float], positions: Array, target: Array) -> Array:
@@ -208,7 +193,8 @@ def velocities_from_momenta(what: System, values: Mapping[str, float], positions
     if what.lagrangian is None:
         raise InputError("the system has no Lagrangian, so no momenta: give velocities.", "/initial/momenta")
     names, n = what.coordinates, len(what.coordinates)
-    trees = [*momenta(what.lagrangian, names), *(entry for row in hessian(what.lagrangian, names) for entry in row)]
+    masses = euler_lagrange.hessian(what.lagrangian, names)
+    trees = [*euler_lagrange.momenta(what.lagrangian, names), *(entry for row in masses for entry in row)]
     for attempt in (0.0, 1.0, 0.1):
         velocities = np.full(n, attempt)
         for _ in range(MOST_ITERATIONS):

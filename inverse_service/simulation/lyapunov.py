@@ -10,9 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from inverse_service.expressions.collecting import collect
-from inverse_service.expressions.derivative import differentiate
-from inverse_service.expressions.tree import Expression, Symbol, Velocity, add
+from inverse_service.expressions import collecting, derivative, tree as ex
 from inverse_service.integrators.trajectory import Array
 from inverse_service.simulation import derivation, execution, numeric_formulas as nf, scene_data as data
 
@@ -31,8 +29,8 @@ def largest_exponent(derived: derivation.Derived) -> dict[str, Any]:
     problem = with_tangent(scene, motion.accelerations or ())
     n, length = len(scene.coordinates), scene.grid.step * scene.grid.steps
     positions, velocities = scene.positions, scene.velocities
-    names: list[Expression] = [*map(Symbol, scene.coordinates), *map(Velocity, scene.coordinates)]
-    slopes = [differentiate(one, name) for one in scene.constraints for name in names]
+    names: list[ex.Expression] = [*map(ex.Symbol, scene.coordinates), *map(ex.Velocity, scene.coordinates)]
+    slopes = [derivative.differentiate(one, name) for one in scene.constraints for name in names]
 
     def kept(tangent: Array) -> Array:
         """Tangent to motions that keep the constraints, (2 n,): others, which the accelerations have too, may part."""
@@ -62,12 +60,12 @@ def largest_exponent(derived: derivation.Derived) -> dict[str, Any]:
     return {"largest": total / length, "half": halves[PARTS // 2 - 1] / (length / 2), "time": length}
 
 
-def with_tangent(scene: data.Scene, accelerations: tuple[Expression, ...]) -> data.Problem:
+def with_tangent(scene: data.Scene, accelerations: tuple[ex.Expression, ...]) -> data.Problem:
     """The motion with its variational equations; the tangent of x has a name that no formula uses."""
     names = scene.coordinates
     tangents = tuple(f"tangent_of_{name}" for name in names)
     rows = []
     for force in accelerations:
-        pairs = [(kind(x), kind(w)) for kind in (Symbol, Velocity) for x, w in zip(names, tangents, strict=True)]
-        rows.append(collect(add(*(differentiate(force, x) * w for x, w in pairs))))
+        pairs = [(kind(x), kind(w)) for kind in (ex.Symbol, ex.Velocity) for x, w in zip(names, tangents, strict=True)]
+        rows.append(collecting.collect(ex.add(*(derivative.differentiate(force, x) * w for x, w in pairs))))
     return data.Problem((*names, *tangents), tuple(scene.values), accelerations=(*accelerations, *rows))

@@ -7,7 +7,7 @@ cos(u) of tan(u). Along a motion it keeps its sign, or the motion has left the d
 """
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
@@ -29,12 +29,11 @@ _POLES = {"tan": "cos", "sec": "cos", "cot": "sin", "csc": "sin"}
 _AT_ZERO = frozenset({"log", "coth", "csch"})
 # t in a kernel: the time at the start of the step, a state variable of systems that depend on it.
 MOMENT = se.symbol("t")
-# NumPy's names, where they are not ours.
-_NUMPY = {name: f"arc{name[1:]}" for name in ("asin", "acos", "atan", "asinh", "acosh", "atanh")}
 
 
-def walls(tree: ex.Expression, moving: set[ex.Expression]) -> Iterator[ex.Expression]:
-    """The walls of the tree that hold a velocity or one of `moving`, among them t where its poles count too."""
+def walls(tree: ex.Expression, names: Collection[str]) -> Iterator[ex.Expression]:
+    """The walls of the tree that hold a velocity or one of the names, among them t where its poles count too."""
+    moving = {*map(ex.Symbol, names)}
     for found in dict.fromkeys(wall for node in ex.distinct_nodes([tree]) for wall in _walls_of(node)):
         if any(isinstance(leaf, ex.Velocity) or leaf in moving for leaf in ex.walk(found)):
             yield from _without_squares(found)
@@ -251,9 +250,8 @@ class Formulas:
 
     def walls_of(self, trees: Sequence[ex.Expression | None]) -> list[Denominator]:
         """The walls whose signs must not change for the formulas to stay smooth, without repetition."""
-        names = [*self.problem.coordinates, *(f"p_{name}" for name in self.problem.coordinates)]
-        moving: set[ex.Expression] = {ex.TIME, *map(ex.Symbol, names)}
-        found = dict.fromkeys(wall for tree in trees if tree is not None for wall in walls(tree, moving))
+        names = (*self.problem.coordinates, *(f"p_{name}" for name in self.problem.coordinates), ex.TIME.name)
+        found = dict.fromkeys(wall for tree in trees if tree is not None for wall in walls(tree, names))
         return [self._denominator(wall) for wall in found]
 
     @cached_property
@@ -289,11 +287,6 @@ def formulas_of(problem: Problem) -> Formulas:
 def put(formulas: Vector, table: Mapping[se.Formula, se.Formula]) -> Vector:
     """The formulas, of any shape, with what the table has in the place of names."""
     return np.array([formula.subs(table) for formula in formulas.flat], dtype=object).reshape(formulas.shape)
-
-
-def array_function(name: str, values: Any) -> Any:
-    below = derivative.RECIPROCALS.get(name)
-    return 1 / array_function(below, values) if below else getattr(np, _NUMPY.get(name, name))(values)
 
 
 class NoValue(errors.InputError):
@@ -358,7 +351,9 @@ def _value(expression: ex.Expression, known: dict[ex.Expression, Any]) -> Any:
         case ex.Power(base, exponent):
             found = np.power(np.asarray(_value(base, known), dtype=float), _value(exponent, known))
         case ex.Apply(function, argument):
-            found = array_function(function, _value(argument, known))
+            below = derivative.RECIPROCALS.get(function)
+            found = getattr(np, below or function)(_value(argument, known))
+            found = 1 / found if below else found
         case _ if expression == ex.PI:
             found = np.pi
         case _:

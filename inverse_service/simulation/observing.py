@@ -377,7 +377,7 @@ def end_of_energy(run: Observed) -> str | None:
     scene = run.scene
     if scene.found is None:
         return None
-    own = nf.walls(scene.found.lagrangian, set(map(ex.Symbol, scene.coordinates)))
+    own = nf.walls(scene.found.lagrangian, scene.coordinates)
     for wall in dict.fromkeys((*own, *scene.found.domain)):
         (values,) = run.values_of(wall)
         if not (np.isfinite(values).all() and (values.min() > 0 or values.max() < 0)):
@@ -394,7 +394,7 @@ def _conserved(run: Observed) -> Observations:
     found: dict[str, Any] = {}
     series: dict[str, Array] = {}
     for k, one in enumerate(run.scene.conserved, 1):
-        ends = nf.walls(one.expression, set(map(ex.Symbol, run.scene.coordinates)))
+        ends = nf.walls(one.expression, run.scene.coordinates)
         values, *walls = run.values_of(one.expression, *ends)
         turned = [np.diff(np.sign(wall)) != 0 for wall in walls]
         cuts = np.flatnonzero(np.any([*turned, np.zeros(len(values) - 1, dtype=bool)], axis=0)) + 1

@@ -139,14 +139,9 @@ def run_method(
     if run.observed is None or run.observed.problem is None:
         return run
     outcome, numbers, seconds = run.outcome, dict(run.numbers), dict(run.seconds)
-    problem = run.observed.problem
-
-    def again(scene: data.Scene, requested: data.Requested) -> Trajectory:
-        return _integrated(replace(derived, scene=scene), requested, problem).trajectory
-
     if outcome.completed:
         with derivation.timed(seconds, "half the step"):
-            numbers |= accuracy.estimated(run.observed, again)
+            numbers |= accuracy.estimated(run.observed, derived)
             lost = numbers.pop("lost")
             if lost is None and not numbers["doubt"]:
                 numbers = accuracy.with_missed_force(run.observed, numbers, derived)
@@ -185,7 +180,7 @@ def observed_run(
             maxima = {name: float(np.abs(column).max()) for name, column in series.items()}
             ran = switching.Run(replace(found, series=series, maxima=maxima))
         else:
-            ran = _integrated(watched, requested, problem)
+            ran = accuracy.integrated(watched, requested, problem)
     except InputError as error:
         return MethodRun(requested, Outcome("unavailable", remedy=error.detail), None)
     found = ran.trajectory
@@ -212,15 +207,6 @@ def observed_run(
                 *others, returns = events
                 numbers, events = numbers | happening.period_of(observed, returns, others), tuple(others)
     return MethodRun(requested, found.outcome, found, numbers, series, seconds, free, events, observed, ran)
-
-
-def _integrated(derived: derivation.Derived, requested: data.Requested, problem: data.Problem) -> switching.Run:
-    """The run of a method, in pieces where the scene has some."""
-    scene = derived.scene
-    values, start = observing.beginning(scene, requested, derivation.free_of(requested, derived))
-    if not np.isfinite(values.get(observing.ENERGY_START, 0.0)):
-        raise data.Unavailable("The energy has no finite value at the start: start somewhere else.")
-    return switching.run_motion(derived, requested, problem, start, values)
 
 
 def run_members(derived: derivation.Derived, members: data.Members, requested: data.Requested) -> EnsembleRun:

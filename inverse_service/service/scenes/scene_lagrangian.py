@@ -146,14 +146,13 @@ def _domain(
 ) -> tuple[ex.Expression, ...] | None:
     """The formulas that are positive while L~ has the motion: its conditions, and the denominators and radicands of
     given accelerations; None if a condition does not hold at the start."""
-    moving: set[ex.Expression] = {ex.Symbol(name) for name in scene.coordinates}
     ends = [read_condition(condition, system.names) for condition in conditions]
     ends = [derivative.define_functions(end, system.definitions) for end in ends]
     table = initial.at_start(scene, values)
     signs = [float(array_value(end, table)[0]) for end in ends]
     if any(not sign > 0 and " != " not in condition for sign, condition in zip(signs, conditions, strict=True)):
         return None
-    inner = [wall for tree in scene.accelerations or () for wall in walls(tree, moving)]
+    inner = [wall for tree in scene.accelerations or () for wall in walls(tree, scene.coordinates)]
     signs += [float(array_value(wall, table)[0]) for wall in inner]
     pairs = zip([*ends, *inner], signs, strict=True)
     return tuple(dict.fromkeys(end if sign > 0 else -end for end, sign in pairs if sign))

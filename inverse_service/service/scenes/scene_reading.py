@@ -204,7 +204,7 @@ def lagrangians_of(result: Mapping[str, Any], names: Names) -> tuple[KnownLagran
     def rank(answer: Mapping[str, Any]) -> tuple[bool, int]:
         hamiltonian, tree = answer.get("hamiltonian"), reader.read_formula(answer["lagrangian"]["text"], names)
         closed = _is_part(hamiltonian) and not (hamiltonian or {}).get("implicit")
-        return not closed, len({*walls(tree, {*map(ex.Symbol, names.coordinates)})})
+        return not closed, len({*walls(tree, names.coordinates)})
 
     parts = [answer["lagrangian"] for answer in sorted(answers, key=rank)]
     return tuple(dict.fromkeys(KnownLagrangian(part["text"], tuple(part.get("domain") or ())) for part in parts))

@@ -18,7 +18,6 @@ from starlette.responses import HTMLResponse, JSONResponse, RedirectResponse, Re
 
 from inverse_service import catalogue, errors
 from inverse_service.deadline import now
-from inverse_service.expressions.tree import Expression, Symbol
 from inverse_service.reading import reader
 from inverse_service.reading.names import Names
 from inverse_service.service.documents import sheets
@@ -274,8 +273,7 @@ def with_good_start(
         return _where_all_methods_begin(form, system, further or {})
     if found is None:
         return form
-    moving: set[Expression] = {Symbol(name) for name in scene.coordinates}
-    watched += tuple(dict.fromkeys(wall for tree in found for wall in walls(tree, moving)))
+    watched += tuple(dict.fromkeys(wall for tree in found for wall in walls(tree, scene.coordinates)))
     q, v = starts.every_start(len(scene.coordinates))
     steps_lasted, evenness, _ = starts.lasted(scene, (*found, *watched), hessian, q, v, int(form.steps))
     best = int((steps_lasted + evenness).argmax())
