@@ -14,7 +14,7 @@ is one, the run is compared with `adaptive`, whose steps end there.
 """
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -321,15 +321,15 @@ def true_motion(derived: derivation.Derived) -> data.Truth:
     """The true motion at the recorded times of the scene; Unavailable where it is not known."""
     if derived.exact_or_none() is None:
         return _references(derived)
-    found = exact_trajectory(derived)
+    found = exact_trajectory(derived.but(observe=()), derived.scene.values)
     assert found.velocities is not None
     bounds = ROUND_OFF * (1 + np.maximum.accumulate(np.abs(found.positions).max(axis=1)))
     return data.Truth(found.times, found.positions, found.velocities, "exact", bounds, found.run_seconds)
 
 
-def exact_trajectory(derived: derivation.Derived) -> Trajectory:
-    """The exact solution as a trajectory, at the recorded times."""
-    scene = derived.scene
+def exact_trajectory(derived: derivation.Derived, values: Mapping[str, float]) -> Trajectory:
+    """The exact solution as a trajectory, with what is observed, at the recorded times."""
+    scene, times = derived.scene, derived.scene.grid.times
     try:
         exact = derived.exact()
     except data.Unavailable as error:
@@ -337,13 +337,12 @@ def exact_trajectory(derived: derivation.Derived) -> Trajectory:
     if initial.ended_at_start(scene) is not None:
         raise data.Unavailable(initial.NO_VALUE)
     begun = time.perf_counter()
-    times = scene.grid.times
-    try:
-        rows = exact_motion.positions_of(exact, scene.positions, scene.velocities, times - scene.grid.begin)
-    except ValueError as error:
-        raise data.Unavailable(f"The exact solution ends: {error}.") from None
-    seconds = time.perf_counter() - begun
-    return Trajectory(times, rows[0], None, np.array(rows[1]), Outcome("completed"), run_seconds=seconds)
+    q, v = exact_motion.positions_of(exact, scene.positions, scene.velocities, times - scene.grid.begin)
+    seconds, table = time.perf_counter() - begun, nf.table_of(scene.coordinates, q, v, values, times)
+    series = {one.name: nf.array_value(one.expression, table) for one in observing.observables(scene)}
+    maxima = {name: float(np.abs(column).max()) for name, column in series.items()}
+    done = Outcome("completed")
+    return Trajectory(times, q, None, np.array(v), done, run_seconds=seconds, series=series, maxima=maxima)
 
 
 def _references(derived: derivation.Derived) -> data.Truth:

@@ -37,8 +37,8 @@ MOST_NODES = 2_000_000
 INTERVALS_AT_ONCE = 5_000
 TOLERANCE = 4e-16
 RANK_LOST = (
-    "along the motion the constraints lose rank, or the kinetic energy is not positive on them, so the exact motion "
-    "is not determined: change a parameter or the start"
+    "The exact solution ends: along the motion the constraints lose rank, or the kinetic energy is not positive on "
+    "them, so the exact motion is not determined: change a parameter or the start."
 )
 SAMPLES = 32
 CONSTANT = 1e-13
@@ -100,7 +100,7 @@ def motion_by_quadrature(what: initial.System, values: Mapping[str, float]) -> E
 def positions_of(motion: ExactMotion, positions: Array, velocities: Array, times: Array) -> tuple[Array, Array]:
     """Positions and velocities, (m, n) each, at `times` (m,) from a start (n,) that keeps the constraints.
 
-    Raises ValueError where the constraints lose rank on the way: the motion is not determined there.
+    Raises Unavailable where the constraints lose rank on the way: the motion is not determined there.
     """
     times = np.asarray(times, dtype=float)
     if motion.turning is None or velocities[motion.turning] == 0:
@@ -140,7 +140,7 @@ def _settled(motion: ExactMotion, start: float, rate: float, edges: Array) -> Ar
         if change <= tolerance and steady:
             return found
     if not steady:
-        raise ValueError(RANK_LOST)
+        raise Unavailable(RANK_LOST)
     return found
 
 
@@ -177,7 +177,7 @@ def _direction(motion: ExactMotion, turning: Array) -> Array:
     mass = motion.mass[np.ix_(others, others)]
     norm = np.sqrt(np.einsum("ij,jk,ik->i", direction, mass, direction))
     if not np.isfinite(norm).all() or norm.min() <= 1e-12 * max(1.0, float(norm.max())):
-        raise ValueError(RANK_LOST)
+        raise Unavailable(RANK_LOST)
     found: Array = direction / norm[:, None]
     return found
 

@@ -171,21 +171,16 @@ def observed_run(
     section = happening.section_of(scene, derived.motion) if "period" in scene.observe else None
     watched = derived if section is None else derived.but(events=(*scene.events, section))
     try:
-        problem = None if requested.method == data.EXACT else derivation.problem_of(requested, derived)
-        if problem is None:
-            found = accuracy.exact_trajectory(derived)
-            values, _ = observing.beginning(scene, requested, free)
-            table = nf.table_of(scene.coordinates, found.positions, found.velocities, values, found.times)
-            series = {one.name: nf.array_value(one.expression, table) for one in observing.observables(scene)}
-            maxima = {name: float(np.abs(column).max()) for name, column in series.items()}
-            ran = switching.Run(replace(found, series=series, maxima=maxima))
+        values, _ = observing.beginning(scene, requested, free)
+        if requested.method == data.EXACT:
+            problem, ran = None, switching.Run(accuracy.exact_trajectory(derived, values))
         else:
+            problem = derivation.problem_of(requested, derived)
             ran = accuracy.integrated(watched, requested, problem)
     except InputError as error:
         return MethodRun(requested, Outcome("unavailable", remedy=error.detail), None)
     found = ran.trajectory
     seconds = {"compile": found.compile_seconds, "run": found.run_seconds}
-    values, _ = observing.beginning(scene, requested, free)
     observed = observing.Observed(scene, requested, found, problem, values, truth, ran.in_pieces)
     events = ran.events
     if not ran.in_pieces:
