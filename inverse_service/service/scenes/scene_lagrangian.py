@@ -96,9 +96,8 @@ class _Search:
         """The L~ of a text, tested against the motion."""
         scene, names, constants = self.scene, self.system.names, self.constants
         extra = tuple(name for name in constants if name not in names.parameters)
-        known = Names(names.coordinates, (*names.parameters, *extra), names.functions)
-        tree = derivative.define_functions(scene_reading.formula(text, known, pointer), self.system.definitions)
-        scene_reading.refuse_open_functions([tree], names)
+        known = replace(self.system, names=Names(names.coordinates, (*names.parameters, *extra), names.functions))
+        tree = scene_reading.read_expression(text, known, pointer)
         used = {node.name for node in ex.walk(tree) if isinstance(node, ex.Symbol)}
         own = {name: value for name, value in constants.items() if name in used and name not in scene.values}
         values = dict(scene.values) | own

@@ -319,7 +319,8 @@ EXPECTED: dict[accepting.Steps, str] = {
 WORDING = accepting.Wording("The scene", EXPECTED, _unknown, _steps)
 
 
-def _read(text: str, system: MechanicalSystem, pointer: str) -> ex.Expression:
+def read_expression(text: str, system: MechanicalSystem, pointer: str) -> ex.Expression:
+    """A formula of the scene, with those of its functions; InputError at the pointer, or where a function has none."""
     given = formula(text, system.names, pointer)
     tree = without_steps(define_functions(given, system.definitions))
     refuse_open_functions([tree], system.names)
@@ -334,9 +335,9 @@ def read_forces(
     found: dict[str, ex.Expression] = {}
     for key, text in schema.forces.items() if FORCES in effects else ():
         pointer = f"/forces/{escape(key)}"
-        found[_coordinate(key, names, pointer)] = _read(text, system, pointer)
+        found[_coordinate(key, names, pointer)] = read_expression(text, system, pointer)
     if schema.rayleigh is not None and RAYLEIGH in effects:
-        function = _read(schema.rayleigh, system, "/rayleigh")
+        function = read_expression(schema.rayleigh, system, "/rayleigh")
         for name in names.coordinates:
             slope = differentiate(function, ex.Velocity(name))
             found[name] = collecting.collect(found.get(name, ex.ZERO) - slope)
@@ -353,11 +354,11 @@ def read_observables(schema: schemas.SceneDocument, system: MechanicalSystem) ->
             pointer = f"/observe/{place}/{escape(name)}"
             if name in taken or name in found:
                 raise InputError("another column already has this name: rename the observable.", pointer)
-            found[name] = data.Observable(name, _read(text, system, pointer))
+            found[name] = data.Observable(name, read_expression(text, system, pointer))
     for body, texts in schema.points.items():
         for axis, text in zip("xy", texts, strict=True):
             pointer = f"/points/{escape(body)}/{'xy'.index(axis)}"
-            found[f"{body}_{axis}"] = data.Observable(f"{body}_{axis}", _read(text, system, pointer))
+            found[f"{body}_{axis}"] = data.Observable(f"{body}_{axis}", read_expression(text, system, pointer))
     return tuple(found.values())
 
 
@@ -374,14 +375,14 @@ def read_events(schema: schemas.SceneDocument, system: MechanicalSystem) -> tupl
         left, equals, right = event.when.partition("=")
         if equals and right.strip() not in ("0", "0.0"):
             raise InputError('write the event as a formula, or as "formula = 0".', pointer)
-        when, names, sets = _read(left, system, pointer), system.names, []
+        when, names, sets = read_expression(left, system, pointer), system.names, []
         for key, text in () if isinstance(event.do, str) else event.do.set.items():
             pointer = f"/events/{place}/do/set/{escape(key)}"
             target, known = formula(key, names, pointer), names.coordinates
             if target not in (*map(ex.Symbol, known), *map(ex.Velocity, known)):
                 detail = f"an event sets coordinates and velocities: {', '.join(known)}, {known[0]}'."
                 raise InputError(detail, pointer)
-            sets.append((target, _read(text, system, pointer)))
+            sets.append((target, read_expression(text, system, pointer)))
         stops = event.do == "stop" or (event.do == "record" and event.count is not None)
         most = event.count or (MOST_ACTS if sets else 1)
         found.append(data.Event(when, event.direction, stops, tuple(sets), most))
@@ -502,8 +503,7 @@ def _with_effects(
                 """"forces", as in {"x": "-c*x'"}, or "rayleigh": "c*x'^2/2"; or set "as_lagrangian": true."""
             )
             raise InputError(detail, f"/terms/{escape(name)}")
-    texts = {name: formula(text, system.names, f"/terms/{escape(name)}") for name, text in schema.terms.items()}
-    terms = {name: define_functions(tree, system.definitions) for name, tree in texts.items()}
+    terms = {name: read_expression(text, system, f"/terms/{escape(name)}") for name, text in schema.terms.items()}
     further = [name for name, given in ((FORCES, schema.forces), (RAYLEIGH, schema.rayleigh)) if given]
     known = (*BUILT_IN, *terms, *further)
     named = tuple(dict.fromkeys(schema.effects if schema.effects is not None else known))
