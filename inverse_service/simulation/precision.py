@@ -206,15 +206,10 @@ def _grid(step: float, steps: int) -> data.Grid:
 
 
 def reason_of(run: running.MethodRun) -> str:
-    """The reason why a setting has no error, in one line."""
-    outcome = run.outcome
-    if outcome.kind == "cancelled":
+    """The reason why a setting has no error."""
+    if run.outcome.kind == "cancelled":
         return CUT
-    if run.trajectory is None:
-        return outcome.remedy or outcome.kind
-    what = f"{outcome.quantity} = {outcome.value:.3g}" if outcome.value is not None else outcome.quantity or ""
-    where = f"at step {outcome.step}" if outcome.step is not None else ""
-    return " ".join(part for part in (outcome.kind.replace("_", " "), where, what) if part)
+    return run.outcome.sentence if run.trajectory is not None else run.outcome.remedy or run.outcome.kind
 
 
 def _repeated(derived: derivation.Derived, settings: list[Setting], repeats: int, budget: float) -> list[Setting]:
