@@ -148,17 +148,15 @@ def problem_of(requested: Requested, derived: Derived) -> Problem:
         raise Unavailable("The modified method does not support additional forces: use nonholonomic.")
     if method == "modified" and not scene.constraints:
         raise Unavailable("The modified method needs constraints; this scene has none.")
+    found = Problem(scene.coordinates, tuple(scene.values), scene.lagrangian, scene.constraints, forces=scene.forces)
     if method == "nonholonomic":
-        names, values = scene.coordinates, tuple(scene.values)
-        return Problem(names, values, lagrangian=scene.lagrangian, constraints=scene.constraints, forces=scene.forces)
+        return found
     free = derived.free(requested.free)
     if free.lost and method == "variational" and requested.choice.form != "raw":
         raise Unavailable(free.lost)
-    return Problem(
-        scene.coordinates,
-        (*scene.values, *(name for name in free.constants if name not in scene.values)),
-        lagrangian=scene.lagrangian,
-        constraints=scene.constraints,
+    return replace(
+        found,
+        parameters=(*scene.values, *(name for name in free.constants if name not in scene.values)),
         free_lagrangian=free.lagrangian,
         free_hamiltonian=free.hamiltonian,
         free_constants=tuple(free.constants),

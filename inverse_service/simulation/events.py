@@ -276,11 +276,8 @@ def _brackets(way: Way) -> tuple[Brackets, Array, bool]:
 
 def _signed(values: Array) -> Array:
     """The values, where a 0 within the run gets the sign that follows it: touching 0 is not a change of sign."""
-    rest = np.flatnonzero((values == 0) & (np.arange(len(values)) < len(values) - 1))
-    if not len(rest):
-        return values
     found = values.copy()
-    for place in rest[::-1]:
+    for place in np.flatnonzero(values[:-1] == 0)[::-1]:
         found[place] = np.copysign(np.finfo(float).tiny, found[place + 1]) if found[place + 1] else 0.0
     return found
 

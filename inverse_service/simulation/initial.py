@@ -7,6 +7,7 @@ Constraints w(q) v + c(q) = 0. The projection is orthogonal in the kinetic energ
 
 from collections.abc import Mapping
 from contextlib import suppress
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -117,19 +118,16 @@ def ended_at_start(scene: Scene) -> Trajectory | None:
 def is_degenerate(scene: Scene) -> bool:
     """Whether L_vv, on the velocities that the constraints leave, is singular at the start and about it."""
     assert scene.lagrangian is not None
-    random = np.random.default_rng(4)
-    for attempt in range(NEARBY):
-        shift = random.normal(0, 0.1, (2, len(scene.coordinates))) * bool(attempt)
-        place, rate = scene.positions + shift[0], scene.velocities + shift[1]
-        moment = np.array([scene.grid.begin + attempt * scene.grid.step])
-        table = table_of(scene.coordinates, place[None], rate[None], scene.values, moment)
-        whole = saddle(scene, table)[0]
-        size = np.abs(whole).max(axis=1)
-        if not np.isfinite(whole).all() or (
-            (size > 0).all() and np.linalg.matrix_rank(whole / size[:, None]) == len(whole)
-        ):
-            return False
-    return True
+    shifts = np.random.default_rng(4).normal(0, 0.1, (NEARBY, 2, len(scene.coordinates)))
+    shifts[0] = 0.0
+    states = np.stack([scene.positions, scene.velocities]) + shifts
+    moments = replace(scene.grid, steps=NEARBY - 1, record_every=1).times
+    whole = saddle(scene, table_of(scene.coordinates, states[:, 0], states[:, 1], scene.values, moments))
+    known, size = np.isfinite(whole).all(axis=(1, 2)), np.abs(whole).max(axis=2)
+    if not known.all():
+        return False
+    ranks = np.linalg.matrix_rank(whole / np.where(size > 0, size, 1.0)[:, :, None])
+    return not ((size > 0).all(axis=1) & (ranks == whole.shape[1])).any()
 
 
 def initial_velocities(what: System, values: Values, positions: Array, given: Values, project: bool) -> Array:

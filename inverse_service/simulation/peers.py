@@ -6,6 +6,7 @@ F. Biscani, D. Izzo, Mon. Not. R. Astron. Soc. 504 (2021) 2614; P. Virtanen et a
 import threading
 import time
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
@@ -90,10 +91,9 @@ def _power_of_2(size: float) -> float:
     return float(2.0 ** np.clip(np.floor(np.log2(size)), -500, 500))
 
 
-def used_parameters(problem: Problem) -> list[str]:
+def used_parameters(problem: Problem) -> tuple[str, ...]:
     """The names that occur in the accelerations: heyoka accepts no others."""
-    used = {node.name for tree in problem.accelerations or () for node in ex.walk(tree) if isinstance(node, ex.Symbol)}
-    return [name for name in problem.parameters if name in used]
+    return replace(problem, constraints=()).with_used_parameters().parameters
 
 
 @lru_cache(maxsize=64)

@@ -298,9 +298,6 @@ def member_columns(scene: Scene, run: EnsembleRun) -> dict[str, Array]:
 
 def ensemble_arrays(scene: Scene, run: EnsembleRun) -> dict[str, Array]:
     """t (m,), each coordinate, velocity and observable (N, m), and one number per member: the content of NPZ files."""
-    arrays: dict[str, Array] = {"t": run.many.grid.times}
-    for k, name in enumerate(scene.coordinates):
-        arrays[name] = run.many.positions[:, :, k]
-        if run.velocities is not None:
-            arrays[f"v_{name}"] = run.velocities[:, :, k]
+    arrays: dict[str, Array] = {"t": run.many.grid.times} | columns_of(scene, run.many.positions)
+    arrays |= {} if run.velocities is None else columns_of(scene, run.velocities, "v_")
     return arrays | dict(run.series) | {f"member_{name}": x for name, x in member_columns(scene, run).items()}
