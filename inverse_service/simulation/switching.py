@@ -353,7 +353,8 @@ class _Pieces:
             if velocities is None:
                 raise data.Unavailable("The method has no velocities at its points, which events need.")
             ran = replace(ran, velocities=velocities, momenta=None)
-            if (turned := self._turned(ran, velocities, sides)) is not None:
+            points = list(zip(ran.times[:3].tolist(), ran.positions[:3], velocities[:3], strict=True))
+            if (turned := self._turned(points, sides)) is not None:
                 sides = turned
                 continue
             # What follows the first passage of a switch is no motion, and may end where none can be followed.
@@ -364,7 +365,7 @@ class _Pieces:
                 velocities = velocities[:last]
             found = self._first(observed, sides)
             begun = None
-            if self._fell_through(ran, velocities, np.inf if found is None else found[0][0]):
+            if self._fell_through(points[1], np.inf if found is None else found[0][0]):
                 outcome = self._zeno(state[0], place)
                 break
             if found is None and self._is_beyond((float(ran.times[-1]), ran.positions[-1], velocities[-1]), sides):
@@ -420,14 +421,13 @@ class _Pieces:
         values = (side * self.motion.value(u, sides, state) for u, side in sides.items())
         return any(value < -AT_ZERO * _size(state) for value in values)
 
-    def _turned(self, ran: Trajectory, velocities: Array, sides: Sides) -> Sides | None:
+    def _turned(self, points: Sequence[Point], sides: Sides) -> Sides | None:
         """The sides, where a function that was zero at the start of a piece went to the other one at once: its sides
-        have the same force there, and what moves it is of a higher order."""
+        have the same force there, and what moves it is of a higher order. `points` are the first of the piece."""
         for u, side in sides.items():
-            rows = range(min(3, len(ran.times)))
-            values = [self.motion.value(u, sides, (ran.times[k], ran.positions[k], velocities[k])) for k in rows]
-            turns = side and u not in self.settled and values[0] == 0 and all(side * value < 0 for value in values[1:])
-            if turns and not self.motion.goes(sides, [u], (float(ran.times[0]), ran.positions[0], velocities[0])):
+            begin, *others = (self.motion.value(u, sides, point) for point in points)
+            turns = side and u not in self.settled and begin == 0 and all(side * value < 0 for value in others)
+            if turns and not self.motion.goes(sides, [u], points[0]):
                 self.settled.add(u)
                 return sides | {u: -side}
         return None
@@ -543,14 +543,12 @@ class _Pieces:
         sense = float(event.direction or np.sign(old))
         return sense if abs(value) <= AT_ZERO * _size(before) and (sense * new <= 0 or sense * old < 0) else 0.0
 
-    def _fell_through(self, ran: Trajectory, velocities: Array, until: float) -> bool:
+    def _fell_through(self, after: Point, until: float) -> bool:
         """Whether the motion passes in the sense in which an event has just turned it back: the next event, sooner
         than can be located, is missed."""
         held, self.held = self.held, {}
-        if not held or ran.times[1] >= until:
-            return False
-        state = (float(ran.times[1]), ran.positions[1], velocities[1])
-        return any(sense * self.motion.at([self.scene.events[k].formula], state)[0] > 0 for k, sense in held.items())
+        formulas = {k: self.scene.events[k].formula for k in held} if after[0] < until else {}
+        return any(held[k] * self.motion.at([formula], after)[0] > 0 for k, formula in formulas.items())
 
     def _keep(self, ran: Trajectory, rows: NDArray[np.bool_]) -> None:
         """The points of a piece, without its start unless it is the first."""
