@@ -61,11 +61,6 @@ class Setting:
     tolerance: float | None = None
 
     @property
-    def fineness(self) -> tuple[int, float]:
-        """A key that increases from coarse settings of a method to fine ones."""
-        return self.steps, -(self.tolerance or 0.0)
-
-    @property
     def grid(self) -> data.Grid:
         return _grid(self.step, self.steps)
 
@@ -232,29 +227,33 @@ def _repeated(derived: derivation.Derived, settings: list[Setting], repeats: int
     ]
 
 
+def by_method(settings: Iterable[Setting]) -> dict[str, list[Setting]]:
+    """The settings of each method, from coarse to fine."""
+    found: dict[str, list[Setting]] = {}
+    for setting in settings:
+        found.setdefault(setting.requested.label, []).append(setting)
+    return found
+
+
 def _with_floor(settings: Sequence[Setting], scale: float, unknown: float = 0.0) -> list[Setting]:
     """Mark the settings beyond the least error of their method, or beyond the first error that is only round-off or
     less than the `unknown` part of the true motion."""
-    found = []
-    for label in dict.fromkeys(setting.requested.label for setting in settings):
-        own = [s for s in settings if s.requested.label == label]
-        errors = [s.error for s in own if s.error is not None]
-        least = min(errors, default=0.0)
+    found: list[Setting] = []
+    for own in by_method(settings).values():
+        least = min((s.error for s in own if s.error is not None), default=0.0)
         is_noise = least <= ROUND_OFF * scale
         limit = max(NOISE * least + 1e-16 * scale if is_noise else least, unknown)
-        last = next((s.fineness for s in own if s.error is not None and s.error <= limit), None)
-        found += [replace(s, at_floor=last is not None and s.error is not None and s.fineness > last) for s in own]
+        last = next((k for k, s in enumerate(own) if s.error is not None and s.error <= limit), len(own))
+        found += [replace(s, at_floor=s.error is not None and k > last) for k, s in enumerate(own)]
     return found
 
 
 def curves(measured: Precision) -> dict[str, list[Setting]]:
     """The curve of each method: its settings with an error and a time, from coarse to fine, up to the floor."""
-    found: dict[str, list[Setting]] = {}
-    for setting in measured.settings:
-        own = found.setdefault(setting.requested.label, [])
-        if setting.error and setting.best_seconds is not None and not setting.at_floor:
-            own.append(setting)
-    return found
+    return {
+        label: [s for s in own if s.error and s.best_seconds is not None and not s.at_floor]
+        for label, own in by_method(measured.settings).items()
+    }
 
 
 def measured_order(curve: Sequence[Setting], scale: float) -> float | None:
@@ -295,10 +294,7 @@ def price_of(curve: Sequence[Setting], coarsest: Setting, error: float) -> Price
 
 def prices(measured: Precision) -> dict[float, dict[str, Price]]:
     """For each target the methods that reach it, cheapest first."""
-    drawn: dict[str, list[Setting]] = curves(measured)
-    first: dict[str, Setting] = {}
-    for setting in measured.settings:
-        first.setdefault(setting.requested.label, setting)
+    drawn, first = curves(measured), {label: own[0] for label, own in by_method(measured.settings).items()}
     found: dict[float, dict[str, Price]] = {}
     finer: dict[str, Price] = {}
     for target in reversed(TARGETS):
