@@ -13,14 +13,13 @@ from typing import Any
 import numpy as np
 
 from inverse_service.errors import InputError
-from inverse_service.expressions import tree as ex
+from inverse_service.expressions import derivative, tree as ex
 from inverse_service.integrators.method_table import SCIPY
 from inverse_service.integrators.trajectory import Outcome, Trajectory
 from inverse_service.kernels.codegen.symengine_trees import closure
 from inverse_service.simulation.numeric_formulas import MOMENT, Formulas, array_value, table_of
 from inverse_service.simulation.scene_data import Grid, MethodChoice, Observation, Problem, Start
 
-_QUOTIENTS = {"cot": ("cos", "sin"), "sec": (None, "cos"), "csc": (None, "sin"), "coth": ("cosh", "sinh")}
 MOST_STEPS = 2_000_000
 SMALL = 1e-3
 SHORT = 1e-6
@@ -137,12 +136,11 @@ def _translated(tree: ex.Expression, table: Mapping[ex.Expression, Any], heyoka:
             return _product(_translated(base, table, heyoka), value.numerator, heyoka)
         case ex.Power(base, exponent):
             return _translated(base, table, heyoka) ** _translated(exponent, table, heyoka)
+        case ex.Apply("cot", argument):  # 1/tan has no series where it is 0
+            return _translated(ex.Apply("cos", argument) / ex.Apply("sin", argument), table, heyoka)
         case ex.Apply(function, argument):
-            inner = _translated(argument, table, heyoka)
-            if function not in _QUOTIENTS:
-                return getattr(heyoka, function)(inner)
-            above, below = _QUOTIENTS[function]
-            return (getattr(heyoka, above)(inner) if above else 1.0) / getattr(heyoka, below)(inner)
+            below, inner = derivative.RECIPROCALS.get(function), _translated(argument, table, heyoka)
+            return 1.0 / getattr(heyoka, below)(inner) if below else getattr(heyoka, function)(inner)
         case _:
             raise InputError("heyoka cannot take a formula with functions or names that have no value.")
 
