@@ -363,22 +363,22 @@ class _Pieces:
                 ran = replace(ran.part(slice(last)), outcome=Outcome("completed"))
                 observed = replace(observed, trajectory=observed.trajectory.part(slice(last)))
                 velocities = velocities[:last]
-            found = self._first(observed, sides)
-            begun = None
+            found, begun = self._first(observed, sides), None
+            arrived = float(ran.times[-1]), ran.positions[-1], velocities[-1]
             if self._fell_through(points[1], np.inf if found is None else found[0][0]):
                 outcome = self._zeno(state[0], place)
                 break
-            if found is None and self._is_beyond((float(ran.times[-1]), ran.positions[-1], velocities[-1]), sides):
+            if found is None and self._is_beyond(arrived, sides):
                 sides = None  # it left a zero at which it began, to the other side
                 break
             if found is None and share < 1:
                 self._keep(ran, np.arange(len(ran.times)) == 0)
-                state, tries = (float(ran.times[-1]), ran.positions[-1], velocities[-1]), tries + 1
+                state, tries = arrived, tries + 1
                 continue
             if found is None:
                 self._keep(ran, np.ones(len(ran.times), dtype=bool))
                 place += len(ran.times) - 1
-                state = (grid.begin + place * grid.step, ran.positions[-1], velocities[-1])
+                state = (grid.begin + place * grid.step, *arrived[1:])
                 count = min(2 * count, MOST)
                 if not (ran.outcome.completed or ran.outcome.kind in ENDS_BEYOND):
                     outcome = replace(ran.outcome, step=place, time=state[0])
