@@ -92,11 +92,6 @@ def joined(parts: Sequence[Found], note: str) -> Found:
     return Found(parts[0].event, times, positions, velocities, note)
 
 
-def float_number(value: float) -> ex.Expression:
-    """The same number."""
-    return ex.Number(Fraction(float(value)))
-
-
 def located(run: observing.Observed, events: Sequence[data.Event], motion: Motion) -> tuple[Found, ...]:
     """All points of these events along a run."""
     follow = _follower(run, motion)
@@ -338,7 +333,7 @@ def section_of(scene: data.Scene, motion: Motion) -> data.Event | None:
     """The returns to the section through the start, across its velocity, or across its acceleration among the
     velocities where it begins at rest; None where every step is not recorded, or neither is known."""
     way, turns = scene.velocities, initial.angles(scene)
-    parts = [ex.Symbol(x) - float_number(q) for x, q in zip(scene.coordinates, scene.positions, strict=True)]
+    parts = [ex.Symbol(x) - ex.number(Fraction(q)) for x, q in zip(scene.coordinates, scene.positions, strict=True)]
     terms = [ex.Apply("sin", part) if turn else part for part, turn in zip(parts, turns, strict=True)]
     if not way.any():
         with suppress(data.Unavailable):
@@ -346,7 +341,7 @@ def section_of(scene: data.Scene, motion: Motion) -> data.Event | None:
             way, terms = np.array(values)[:, 0], [ex.Velocity(name) for name in scene.coordinates]
     if scene.grid.record_every > 1 or not (way.any() and np.isfinite(way).all()):
         return None
-    return data.Event(ex.add(*(float_number(v) * term for v, term in zip(way, terms, strict=True) if v)), 1, False)
+    return data.Event(ex.dot([ex.number(Fraction(v)) for v in way], terms), 1, False)
 
 
 def period_of(run: observing.Observed, returns: Found, others: Sequence[Found]) -> dict[str, Any]:

@@ -470,7 +470,7 @@ def initial(f: Formulas, choice: MethodChoice, start: Start, arguments: Columns)
         return carried(f, choice, table, momenta)
     found = carried(f, choice, table, momenta)
     undefined = undefined_force(f, f.forces, table)
-    if undefined is None and f.depends_on_time:  # elsewhere L~ may be 0/0 at the start
+    if undefined is None and f.problem.depends_on_time:  # elsewhere L~ may be 0/0 at the start
         undefined = undefined_force(f, [f.discretized(choice.method).diff(x) for x in f.symbols("q")], table)
     if all(map(np.isfinite, found.values())):
         return undefined or found

@@ -109,10 +109,6 @@ class Formulas:
         return len(self.problem.coordinates)
 
     @cached_property
-    def depends_on_time(self) -> bool:
-        return self.problem.depends_on_time
-
-    @cached_property
     def depends_on_velocities(self) -> bool:
         """Whether an acceleration does."""
         return any(se.contains(force, v) for force in self.accelerations for v in self.symbols("v"))

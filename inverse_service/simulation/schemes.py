@@ -193,7 +193,7 @@ def _finished(
     further: Sequence[Formula] = (),
 ) -> programs.Program:  # fmt: skip
     """The program with a clock where t matters, and without what nothing needs."""
-    if f.depends_on_time or any(se.contains(formula, MOMENT) for _, formula in observed):
+    if f.problem.depends_on_time or any(se.contains(formula, MOMENT) for _, formula in observed):
         carried, changes = (*carried, str(MOMENT)), [*changes, STEP]
     known = {symbol(s.name): s.formula for s in statements if isinstance(s, programs.Assign)}
     updates = tuple(None if known.get(change, change) == ZERO else change for change in changes)
@@ -244,7 +244,7 @@ def _squared_norm(f: Formulas, changes: Vector, first: Vector, errors: Vector, l
         gained = gained**2 / (gained + number(AT_REST) * (se.WHOLE_STEP**2 * now) + number(SMALLEST))
         others = others + np.concatenate([se.WHOLE_STEP**2 * gained, gained])
     sizes = np.concatenate([q, v]) ** 2 + changes**2 + first**2 + others / 1_000_000
-    if f.depends_on_time:
+    if f.problem.depends_on_time:
         ends = put(f.accelerations, {MOMENT: moment_at(number(1.0))})
         terms = np.array([_squared_terms(end) if _is_sum(end) else ZERO for end in ends])
         noise = (number(ROUND_OFF) * STEP / se.ALPHA) ** 2 * terms
@@ -290,7 +290,7 @@ def stiff(f: Formulas, choice: MethodChoice, observation: Observation) -> progra
         stages.append(u)
     changes = _combined(RODAS.rows[-1], stages, 2 * n) + stages[-1]
     # A force that begins as t^2 from rest has an error of the size of its change in a step of any length.
-    later = put(f.accelerations, {MOMENT: MOMENT + LATER * se.WHOLE_STEP}) if f.depends_on_time else None
+    later = put(f.accelerations, {MOMENT: MOMENT + LATER * se.WHOLE_STEP}) if f.problem.depends_on_time else None
     error = _squared_norm(f, changes, STEP * np.concatenate([v, f.accelerations]), stages[-1], later)
     program = _point_program(f, observation, statements, changes, [], len(stages), [error])
     return replace(program, error=error, order=RODAS.order)

@@ -72,13 +72,12 @@ def _suitable(derived: derivation.Derived) -> list[SceneMethod]:
 
 
 def _steps(schema: SceneDocument) -> tuple[float, ...]:
-    sizes, found = schema.step_sizes, list[float]()
+    sizes, what = schema.step_sizes, "a step size must be a positive number."
     if sizes is not None and len(sizes) < FEWEST_STEPS:
         raise errors.InputError(f"give at least {FEWEST_STEPS} step sizes, or none.", "/step_sizes")
-    for k, text in enumerate(sizes or ()):
-        what = "a step size must be a positive number."
-        found.append(scene_reading.number_of(text, f"/step_sizes/{k}", what, scene_reading.POSITIVE))
-    return tuple(found)
+    pointers = {f"/step_sizes/{k}": text for k, text in enumerate(sizes or ())}
+    positive = scene_reading.POSITIVE
+    return tuple(scene_reading.number_of(text, pointer, what, positive) for pointer, text in pointers.items())
 
 
 def _document(measured: precision.Precision, taken: dict[str, Any] | None) -> dict[str, Any]:
