@@ -162,8 +162,7 @@ def _located(run: observing.Observed, event: data.Event, follow: Follow | None) 
             turns = (np.sign(along[1:]) != np.sign(along[:-1])).any()
             return replace(nothing, note=NO_VELOCITIES if turns else "")
         way = Way(ran.times, along, follow, value)
-        brackets, touched, unseen = _brackets(way)
-        brackets = brackets.part(np.isin(brackets.sense, {1: (1,), -1: (-1,), 0: (1, -1)}[event.direction]))
+        brackets, touched, unseen = _brackets(way, event.direction)
         lost = int(np.isnan(along).sum())
         note = UNSEEN if unseen else TOUCHED.format(touched[0]) if len(touched) else ""
         note = NO_VALUE.format(lost, len(along)) if lost else note
@@ -216,15 +215,6 @@ class Brackets:
     below: Array
     above: Array
 
-    @property
-    def sense(self) -> Array:
-        """1 where the formula rises, -1 where it falls, 0 where it does not change its sign."""
-        found = np.where(self.above > 0, 1, -1) * (np.sign(self.below) * np.sign(self.above) < 0)
-        return np.where((self.above == 0) & (self.below != 0), -np.sign(self.below), found)
-
-    def part(self, rows: NDArray[np.bool_]) -> Brackets:
-        return Brackets(self.places[rows], self.low[rows], self.high[rows], self.below[rows], self.above[rows])
-
 
 def _is_unseen(way: Way, fine: Array, pieces: int) -> bool:
     """Whether the formula between the points has values that the cubic through four of them does not show."""
@@ -241,9 +231,9 @@ def _is_unseen(way: Way, fine: Array, pieces: int) -> bool:
     )
 
 
-def _brackets(way: Way) -> tuple[Brackets, Array, bool]:
-    """The changes of sign along a run, the times at which the formula is 0 and does not change it, and whether it has
-    more of them than the points show.
+def _brackets(way: Way, direction: int) -> tuple[Brackets, Array, bool]:
+    """The changes of sign along a run, rising (direction 1), falling (-1) or both (0), the times at which the formula
+    is 0 and does not change it, and whether it has more of them than the points show.
 
     Each step is examined at PIECES points and, where the formula turns towards 0 between them, at its turning point.
     """
@@ -264,9 +254,13 @@ def _brackets(way: Way) -> tuple[Brackets, Array, bool]:
     order = np.argsort(shares, kind="stable")
     shares, values = shares[order], values[order]
     k = np.minimum(((shares[:-1] + shares[1:]) / 2).astype(np.int64), steps - 1)
-    found = Brackets(k, shares[:-1] - k, shares[1:] - k, values[:-1], _signed(values)[1:])
+    below, above = values[:-1], _signed(values)[1:]
+    sense = np.where(above > 0, 1, -1) * (np.sign(below) * np.sign(above) < 0)
+    sense = np.where((above == 0) & (below != 0), -np.sign(below), sense)
+    kept = np.isin(sense, (direction,) if direction else (1, -1))
+    low, high, below, above = (column[kept] for column in (shares[:-1] - k, shares[1:] - k, below, above))
     moments = np.interp(turned[touching], np.arange(steps + 1), way.times)
-    return found.part(found.sense != 0), moments, _is_unseen(way, fine, pieces)
+    return Brackets(k[kept], low, high, below, above), moments, _is_unseen(way, fine, pieces)
 
 
 def _signed(values: Array) -> Array:

@@ -568,17 +568,14 @@ def no_one_motion(f: Formulas, by_slopes: bool, at: tuple[tuple[str, float], ...
 def _steep(f: Formulas, table: Mapping[str, float]) -> NDArray[np.bool_]:
     """Of each force, whether it changes as a power below 1 of the distance: along q_k, v_k or oblique to them all."""
     names = [f"{letter}{k}" for letter in "qv" for k in range(f.size)]
-    oblique = np.random.default_rng(0).normal(size=(4, len(names)))
-    steep = np.zeros(f.size, dtype=bool)
-    for way in (*np.eye(len(names)), *-np.eye(len(names)), *oblique):
-        places = [dict(zip(names, size * way, strict=True)) for size in (0.0, *NEARER)]
-        values = np.array(
-            [f.values(f.accelerations, {**table} | {x: table[x] + place[x] for x in names}) for place in places]
-        )
-        with np.errstate(all="ignore"):
-            first, last = -np.diff(np.log10(np.abs(values[1:] - values[0])), axis=0) / NEARER_BY
-        steep |= (last > FLAT) & (last < STRAIGHT) & (np.abs(first - last) < SAME_POWER)
-    return steep
+    axes, sizes = np.eye(len(names)), np.array([0.0, *NEARER])
+    ways = np.concatenate([axes, -axes, np.random.default_rng(0).normal(size=(4, len(names)))])
+    moved = {x: table[x] + np.outer(sizes, ways[:, k]).ravel() for k, x in enumerate(names)}
+    values = f.rows(f.accelerations, {**table, **moved}).reshape(len(sizes), len(ways), f.size)
+    with np.errstate(all="ignore"):
+        first, last = -np.diff(np.log10(np.abs(values[1:] - values[0])), axis=0) / NEARER_BY
+    powers = (last > FLAT) & (last < STRAIGHT) & (np.abs(first - last) < SAME_POWER)
+    return np.asarray(powers.any(axis=0))
 
 
 def run_ensemble(
