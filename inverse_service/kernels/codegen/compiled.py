@@ -31,20 +31,16 @@ _lock = threading.Lock()
 
 
 @lru_cache(maxsize=1)
-def code_digest() -> str:
+def code_digest() -> bytes:
     """Of our own sources that take part, of LLVM and of the processor."""
-    digest = hashlib.sha256()
     root = Path(__file__).parents[2]
-    for room in _ROOMS:
-        for path in sorted(path for ending in ("py", "toml", "ll") for path in (root / room).rglob(f"*.{ending}")):
-            digest.update(path.name.encode() + b"\0" + path.read_bytes())
-    digest.update(loading.processor_name().encode())
-    return digest.hexdigest()
+    paths = (path for room in _ROOMS for ending in ("py", "toml", "ll") for path in (root / room).rglob(f"*.{ending}"))
+    return code_store.digest_of_files(paths, loading.processor_name().encode())
 
 
 def digest_of(*parts: Hashable) -> str:
     """SHA-256 of the parts' texts and of the code."""
-    return hashlib.sha256(b"".join((code_digest().encode(), *map(_digest, parts)))).hexdigest()
+    return hashlib.sha256(b"".join((code_digest(), *map(_digest, parts)))).hexdigest()
 
 
 @lru_cache(maxsize=256)

@@ -132,8 +132,7 @@ class Blocks:
         w, e = self.writer, self.emitter
         zero = {symbol(name): symengine.Integer(0) for name in block.unknowns}
         size = len(block.unknowns)
-        entries = [entry for row in block.jacobian for entry in row]
-        values = e.write([*(residual.subs(zero) for residual in block.residuals), *entries])
+        values = e.write([*(residual.subs(zero) for residual in block.residuals), *block.entries])
         matrix = [values[size * (k + 1) : size * (k + 2)] for k in range(size)]
         solution, determinant = solve_dense(matrix, [-value for value in values[:size]])
         for name, value in zip(block.unknowns, solution, strict=True):
@@ -190,8 +189,7 @@ class Blocks:
 
     def _iterate(self, block: programs.Solve) -> None:
         """Newton's method, or a contraction where there is no Jacobian."""
-        w, e, size = self.writer, self.emitter, len(block.unknowns)
-        entries = [entry for row in block.jacobian for entry in row]
+        w, e, size, entries = self.writer, self.emitter, len(block.unknowns), block.entries
         self._labels += 1  # parts without unknowns are names, bound to values computed before the loop
         parts: dict[Formula, Formula] = {}
         changing = {symbol(name) for name in block.unknowns}

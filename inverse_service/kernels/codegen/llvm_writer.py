@@ -346,7 +346,6 @@ class Emitter:
     def __init__(self, writer: LlvmWriter) -> None:
         self.writer = writer
         self._values: dict[Formula, Value] = {}
-        self._pairs: dict[Formula, tuple[Value, Value]] = {}
 
     def bind(self, name: str, value: Value) -> None:
         self._values[symengine.Symbol(name)] = value
@@ -354,9 +353,9 @@ class Emitter:
     @contextmanager
     def inner(self) -> Iterator[None]:
         """Code of a loop: what is written inside is forgotten afterwards."""
-        values, pairs = dict(self._values), dict(self._pairs)
+        values = dict(self._values)
         yield
-        self._values, self._pairs = values, pairs
+        self._values = values
 
     def write(self, formulas: Sequence[Formula]) -> list[Value]:
         """The values of the formulas, common parts found first."""
@@ -369,7 +368,6 @@ class Emitter:
         found = [self._value(formula) for formula in reduced]
         if gone := {name for name, _ in replaced}:
             self._values = {f: v for f, v in self._values.items() if not (f.free_symbols & gone)}
-            self._pairs = {f: v for f, v in self._pairs.items() if not (f.free_symbols & gone)}
         return found
 
     def value(self, formula: Formula) -> Value:
@@ -440,9 +438,9 @@ class Emitter:
 
     def _function(self, name: str, argument: Formula) -> Value:
         if name in ("sin", "cos"):  # all that is made of them was translated so
-            if argument not in self._pairs:
-                self._pairs[argument] = self.writer.sine_cosine(self._value(argument))
-            return self._pairs[argument][name == "cos"]
+            pair = self.writer.sine_cosine(self._value(argument))
+            self._values |= zip((symengine.sin(argument), symengine.cos(argument)), pair, strict=True)
+            return pair[name == "cos"]
         if name in derivative.RECIPROCALS:
             return 1.0 / self._function(derivative.RECIPROCALS[name], argument)
         if name in _LIBRARY or name == "log":

@@ -108,6 +108,11 @@ class Solve:
     limit: Formula | None = None
     tested: bool = True
 
+    @property
+    def entries(self) -> list[Formula]:
+        """Those of the Jacobian, row by row."""
+        return [entry for row in self.jacobian for entry in row]
+
 
 @dataclass(frozen=True, slots=True)
 class Watch:
@@ -214,22 +219,21 @@ def _eliminate(
 
 def _best_pivot(equations: Sequence[Formula], unknowns: Sequence[str], poles: bool) -> tuple[int, str] | None:
     """The pivot whose elimination spreads least: (equations touched, other unknowns brought in)."""
-    names = set(unknowns)
-    present = [free_names(equation) & names for equation in equations]
-    best: tuple[tuple[int, int, int], tuple[int, str]] | None = None
-    for row, equation in enumerate(equations):
-        for place, name in enumerate(unknowns):
-            if name not in present[row]:
-                continue
-            factor = equation.diff(symbol(name))
-            if not (_is_number(factor) or (poles and _is_reciprocal(factor, name))):
-                continue
-            touched = sum(name in other for k, other in enumerate(present) if k != row)
-            others = len(present[row]) - 1
-            rank = (touched * others, others, place)
-            if best is None or rank < best[0]:
-                best = (rank, (row, name))
-    return best[1] if best else None
+    present = [free_names(equation).intersection(unknowns) for equation in equations]
+
+    def is_pivot(row: int, name: str) -> bool:
+        factor = equations[row].diff(symbol(name))
+        return _is_number(factor) or (poles and _is_reciprocal(factor, name))
+
+    def spread(pivot: tuple[int, str]) -> tuple[int, int, int]:
+        row, name = pivot
+        others = len(present[row]) - 1
+        return (sum(name in one for one in present) - 1) * others, others, unknowns.index(name)
+
+    pivots = (
+        (row, name) for row, names in enumerate(present) for name in unknowns if name in names and is_pivot(row, name)
+    )
+    return min(pivots, key=spread, default=None)
 
 
 def _is_number(factor: Formula) -> bool:
@@ -340,8 +344,7 @@ def used_only(statements: Sequence[Statement], formulas: Sequence[Formula]) -> t
                 continue
             needed |= free_names(statement.formula)
         else:
-            entries = [entry for row in statement.jacobian for entry in row]
-            limits = [statement.limit] if statement.limit is not None else []
-            needed |= {name for part in (*statement.residuals, *entries, *limits) for name in free_names(part)}
+            parts = (*statement.residuals, *statement.entries, *([] if statement.limit is None else [statement.limit]))
+            needed |= {name for part in parts for name in free_names(part)}
         kept.append(statement)
     return tuple(reversed(kept))

@@ -36,10 +36,6 @@ def dispatcher(work: Callable[..., Any]) -> Any:
     return numba.njit(error_model="numpy")(alike)
 
 
-def made_intrinsic(definition: Callable[..., Any]) -> Any:
-    return intrinsic(definition)
-
-
 def object_code(compiler: Any, kinds: kernels.Kinds) -> tuple[bytes, str]:
     """The kernel for these kinds and what it answers; raises Unstorable where it needs more than itself."""
     module, answer = module_of(compiler, kinds)

@@ -6,11 +6,11 @@ import json
 import os
 import sys
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-_MAGIC = b"inverse-service/kernel/1\n"
+_MAGIC = b"inverse-service/kernel/2\n"
 _VARIABLE = "INVERSE_SERVICE_CACHE"
 _MOST_ENTRIES = 2000
 # Rights to write for others than the owner, which a folder of compiled code must not give.
@@ -81,12 +81,18 @@ def _unpacked(content: bytes | None, digest: str) -> tuple[dict[str, Any], bytes
     seal, body = content[head : head + 64], content[head + 64 :]
     if content[:head] != _MAGIC or _seal(digest, body) != seal:
         return None
-    length = int.from_bytes(body[:8], "little")
-    try:
-        noted = json.loads(body[8 : 8 + length])
-    except ValueError:
-        return None
-    return (noted, body[8 + length :]) if isinstance(noted, dict) else None
+    text, _, code = body.partition(b"\n")
+    return json.loads(text), code
+
+
+def digest_of_files(paths: Iterable[Path], *others: bytes) -> bytes:
+    """SHA-256 of names and contents, and of what else counts."""
+    digest = hashlib.sha256()
+    for path in sorted(paths):
+        digest.update(path.name.encode() + b"\0" + path.read_bytes())
+    for other in others:
+        digest.update(other)
+    return digest.digest()
 
 
 def _seal(digest: str, body: bytes) -> bytes:
@@ -95,8 +101,7 @@ def _seal(digest: str, body: bytes) -> bytes:
 
 def write(digest: str, noted: Mapping[str, Any], code: bytes, kind: str = "kernel") -> None:
     """Keep an entry; a disk that is full or read-only costs time only. Kinds do not push each other out."""
-    text = json.dumps(noted).encode()
-    body = len(text).to_bytes(8, "little") + text + code
+    body = json.dumps(noted).encode() + b"\n" + code
     with contextlib.suppress(OSError, RuntimeError):  # RuntimeError: there is no home
         directory = cache_directory()
         directory.mkdir(parents=True, exist_ok=True, mode=0o700)

@@ -12,6 +12,7 @@ words of arrays that stay where they are, are held: of small read-only ones, and
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import sys
 import threading
@@ -226,30 +227,21 @@ class Kernel:
         found = shipped.entry(self.name, kinds)
         if found is not None:
             return found
-        from inverse_service.kernels.machine_code.loading import Unstorable  # LLVM takes 0.03 s to import
+        from inverse_service.kernels.machine_code import loading  # LLVM takes 0.03 s to import
 
         try:
-            return self._from_store(kinds) or self._built(kinds)
-        except (Unstorable, OSError, RuntimeError):  # the last two where this LLVM wants it otherwise
+            digest = loading.kernel_digest(self.py_func, kinds)
+            stored = code_store.read(digest, _KIND)
+            with contextlib.suppress(OSError, RuntimeError):  # where this LLVM wants it otherwise
+                if stored is not None:
+                    return loading.load(stored[1], stored[0]["answer"])
+            from inverse_service.kernels.machine_code.building import object_code
+
+            code, answer = object_code(self.made(), kinds)
+            code_store.write(digest, {"kernel": repr(self), "kinds": told(kinds), "answer": answer}, code, _KIND)
+            return loading.load(code, answer)
+        except (loading.Unstorable, OSError, RuntimeError):
             return None
-
-    def _from_store(self, kinds: Kinds) -> Entry | None:
-        from inverse_service.kernels.machine_code.loading import kernel_digest, load
-
-        found = code_store.read(kernel_digest(self.py_func, kinds), _KIND)
-        try:
-            return None if found is None else load(found[1], found[0]["answer"])
-        except (OSError, RuntimeError):
-            return None
-
-    def _built(self, kinds: Kinds) -> Entry:
-        from inverse_service.kernels.machine_code.building import object_code
-        from inverse_service.kernels.machine_code.loading import kernel_digest, load
-
-        code, answer = object_code(self.made(), kinds)
-        noted = {"kernel": repr(self), "kinds": told(kinds), "answer": answer}
-        code_store.write(kernel_digest(self.py_func, kinds), noted, code, _KIND)
-        return load(code, answer)
 
 
 class Intrinsic:
@@ -262,10 +254,10 @@ class Intrinsic:
         self._made: Any = None
 
     def made(self) -> Any:
-        from inverse_service.kernels.machine_code.building import made_intrinsic
+        from numba.extending import intrinsic as made
 
         if self._made is None:
-            self._made = made_intrinsic(self.py_func)
+            self._made = made(self.py_func)
         return self._made
 
 

@@ -1,11 +1,9 @@
 """An object file made a function of this process by LLVM and ctypes, and the processor that it is made for."""
 
-import ctypes
 import dis
 import hashlib
 import importlib.util
 import sys
-from array import array
 from collections.abc import Callable, Iterator
 from functools import lru_cache
 from pathlib import Path
@@ -16,7 +14,7 @@ import llvmlite
 import llvmlite.binding as llvm
 import numpy as np
 
-from inverse_service.kernels.machine_code import kernels, shipped
+from inverse_service.kernels.machine_code import code_store, kernels, shipped
 
 ENTRY = "entry"
 # Code lives as long as the process.
@@ -67,14 +65,7 @@ def load(code: bytes, answer: str) -> kernels.Entry:
     if not address:
         raise OSError("the object file has no entry")
     _kept.append(engine)
-    result = ctypes.c_uint64 if answer == "uint64" else ctypes.c_int64
-    function, finished = ctypes.PYFUNCTYPE(result, ctypes.c_void_p)(address), shipped.ANSWERS[answer]
-
-    def entry(words: list[int]) -> Any:
-        block = array("Q", words)
-        return finished(function(block.buffer_info()[0]))
-
-    return entry
+    return shipped.called(address, answer)
 
 
 class Unstorable(Exception):
@@ -142,11 +133,8 @@ def _of_global(name: str, value: Any) -> Iterator[str]:
 @lru_cache(maxsize=1)
 def _makers() -> bytes:
     """Of this room, numba, LLVM, the processor and the Python whose bytecode and objects are read."""
-    digest = hashlib.sha256(repr((sys.version, processor_name())).encode())
-    for path in sorted(Path(__file__).parent.glob("*.py")):
-        digest.update(path.name.encode() + b"\0" + path.read_bytes())
-    digest.update(_numba_version())
-    return digest.digest()
+    text = repr((sys.version, processor_name())).encode()
+    return code_store.digest_of_files(Path(__file__).parent.glob("*.py"), text, _numba_version())
 
 
 def _numba_version() -> bytes:
@@ -154,6 +142,4 @@ def _numba_version() -> bytes:
     found = importlib.util.find_spec("numba")
     if found is None or found.origin is None:
         raise Unstorable("numba is not installed as files")
-    path = Path(found.origin)
-    text = path.with_name("_version.py")
-    return text.read_bytes() if text.is_file() else repr((path.stat().st_mtime_ns, path.stat().st_size)).encode()
+    return Path(found.origin).with_name("_version.py").read_bytes()

@@ -36,20 +36,24 @@ def is_available() -> bool:
 
 def entry(name: str, kinds: kernels.Kinds) -> kernels.Entry | None:
     """The kernel of this name for arguments of these kinds, None where the library has none."""
-    found = library(FOLDER).get((name, json.dumps(kernels.told(kinds))))
-    if found is None:
-        return None
-    function, finished = found
+    return library(FOLDER).get((name, json.dumps(kernels.told(kinds))))
 
-    def call(words: list[int]) -> Any:
+
+def called(where: Any, answer: str) -> kernels.Entry:
+    """The machine code at an address, or of (a name, its library), as a function of the words of its arguments."""
+    result = ctypes.c_uint64 if answer == "uint64" else ctypes.c_int64
+    function = ctypes.PYFUNCTYPE(result, ctypes.c_void_p)(where)
+    finished = ANSWERS[answer]
+
+    def entry(words: list[int]) -> Any:
         block = array("Q", words)
         return finished(function(block.buffer_info()[0]))
 
-    return call
+    return entry
 
 
 @lru_cache(maxsize=1)
-def library(folder: Path) -> dict[tuple[str, str], tuple[Any, Callable[[int], Any]]]:
+def library(folder: Path) -> dict[tuple[str, str], kernels.Entry]:
     """What the index lists; empty where there is no library for this processor or it is of other sources."""
     try:
         index = json.loads((folder / "kernels.json").read_text(encoding="utf-8"))
@@ -62,13 +66,10 @@ def library(folder: Path) -> dict[tuple[str, str], tuple[Any, Callable[[int], An
         library = ctypes.PyDLL(str(folder / f"kernels-{target}.so"))
     except (OSError, ValueError, KeyError, StopIteration):
         return {}
-    found = {}
-    for one in index["kernels"]:
-        function = library[one["symbol"]]
-        function.restype = ctypes.c_uint64 if one["answer"] == "uint64" else ctypes.c_int64
-        function.argtypes = [ctypes.c_void_p]
-        found[one["name"], json.dumps(one["kinds"])] = function, ANSWERS[one["answer"]]
-    return found
+    return {
+        (one["name"], json.dumps(one["kinds"])): called((one["symbol"], library), one["answer"])
+        for one in index["kernels"]
+    }
 
 
 def digest(name: str) -> str:

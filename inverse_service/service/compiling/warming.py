@@ -1,8 +1,6 @@
 """Compiles the modular kernels of this installation before any clock runs, once for a machine and a version."""
 
-import contextlib
 import hashlib
-import itertools
 import os
 import platform
 import sys
@@ -64,13 +62,6 @@ def _stamp() -> str:
     root = Path(code_store.__file__).parents[2]
     files = [entry for folder in FOLDERS for entry in os.scandir(root / folder) if entry.name.endswith(".py")]
     newest = max(entry.stat().st_mtime_ns for entry in files)
-    about = (__version__, str(newest), sys.implementation.cache_tag or "", platform.machine(), _processor())
+    processor = platform.machine(), platform.processor(), *sorted(shipped.processor_flags())
+    about = (__version__, str(newest), sys.implementation.cache_tag or "", *processor)
     return hashlib.sha256("\x00".join(about).encode()).hexdigest()
-
-
-def _processor() -> str:
-    """What tells processors apart that need other code."""
-    with contextlib.suppress(OSError), open("/proc/cpuinfo") as stream:
-        lines = itertools.takewhile(str.strip, stream)  # of the first core
-        return "".join(line for line in lines if line.startswith(("model", "flags", "Features", "CPU part")))
-    return platform.processor()

@@ -67,11 +67,17 @@ def save(figure: Figure, folder: Path, name: str, caption: str) -> list[str]:
     if lines:
         figure.supxlabel(plain("\n".join(lines)), x=0.012, ha="left", fontsize=CAPTION_SIZE, color="#333333")
     names = [f"{name}.svg", f"{name}.png"]
-    with matplotlib.rc_context(SETTINGS):
-        figure.savefig(folder / names[0], metadata={"Date": None, "Title": name})
+    for file in names:
+        (folder / file).write_bytes(_encoded(figure, name, file[-3:]))
         figure.set_layout_engine("none")  # the places found for the first file are those of the second
-        figure.savefig(folder / names[1], dpi=RESOLUTION, metadata={"Title": name})
     return names
+
+
+def _encoded(figure: Figure, name: str, ending: str) -> bytes:
+    stream, metadata = io.BytesIO(), {"Title": name} | ({"Date": None} if ending == "svg" else {})
+    with matplotlib.rc_context(SETTINGS):
+        figure.savefig(stream, format=ending, dpi=RESOLUTION, metadata=metadata)
+    return stream.getvalue()
 
 
 def run_of(result: Result) -> str:
@@ -260,12 +266,7 @@ def picture(result: Result, name: str, ending: str) -> bytes | None:
     else:
         found = (one["views"] for one in views.figures_of(result) if one["name"] == name)
         drawn = view_figure(next(found, [])[:MOST_PANELS], wide=2)
-    if drawn is None:
-        return None
-    stream, metadata = io.BytesIO(), {"Title": name} | ({"Date": None} if ending == "svg" else {})
-    with matplotlib.rc_context(SETTINGS):
-        drawn[0].savefig(stream, format=ending, dpi=RESOLUTION, metadata=metadata)
-    return stream.getvalue()
+    return None if drawn is None else _encoded(drawn[0], name, ending)
 
 
 def path_figure(result: Result, tables: Tables, truth: Table | None) -> tuple[Figure, str] | None:
