@@ -7,7 +7,6 @@ import ctypes
 import hashlib
 import threading
 import time
-from collections import OrderedDict
 from collections.abc import Callable, Hashable
 from dataclasses import asdict, dataclass
 from functools import lru_cache
@@ -31,7 +30,7 @@ _lock = threading.Lock()
 
 
 @lru_cache(maxsize=1)
-def code_digest() -> bytes:
+def code_digest() -> str:
     """Of our own sources that take part, of LLVM and of the processor."""
     root = Path(__file__).parents[2]
     paths = (path for room in _ROOMS for ending in ("py", "toml", "ll") for path in (root / room).rglob(f"*.{ending}"))
@@ -40,7 +39,7 @@ def code_digest() -> bytes:
 
 def digest_of(*parts: Hashable) -> str:
     """SHA-256 of the parts' texts and of the code."""
-    return hashlib.sha256(b"".join((code_digest(), *map(_digest, parts)))).hexdigest()
+    return hashlib.sha256(b"".join((code_digest().encode(), *map(_digest, parts)))).hexdigest()
 
 
 @lru_cache(maxsize=256)
@@ -117,7 +116,7 @@ class Compiled:
     seconds: dict[str, float]
 
 
-_memory: OrderedDict[str, Compiled] = OrderedDict()
+_memory: dict[str, Compiled] = {}
 _CARD = TypeAdapter(Card)  # as JSON gives it back
 
 
@@ -125,14 +124,11 @@ def compiled(identity: Hashable, make: Callable[[], Program], lanes: int = 1) ->
     """The kernel of the program that `make` builds; `identity` says all on which the program depends."""
     digest = digest_of(identity, lanes)
     with _lock:  # LLVM's global context takes one thread at a time
-        known = _memory.get(digest)
-        if known is not None:
-            _memory.move_to_end(digest)
+        if (known := _memory.get(digest)) is not None:
             return Compiled(known.card, known.machine, {})
-        found = _from_disk(digest) or _made(digest, make, lanes)
-        _memory[digest] = found
-        while len(_memory) > _MOST_IN_MEMORY:
-            _memory.popitem(last=False)
+        if len(_memory) >= _MOST_IN_MEMORY:
+            _memory.clear()  # from disk they are loaded again in a millisecond
+        found = _memory[digest] = _from_disk(digest) or _made(digest, make, lanes)
     return found
 
 

@@ -85,14 +85,14 @@ def _unpacked(content: bytes | None, digest: str) -> tuple[dict[str, Any], bytes
     return json.loads(text), code
 
 
-def digest_of_files(paths: Iterable[Path], *others: bytes) -> bytes:
+def digest_of_files(paths: Iterable[Path], *others: bytes) -> str:
     """SHA-256 of names and contents, and of what else counts."""
     digest = hashlib.sha256()
     for path in sorted(paths):
         digest.update(path.name.encode() + b"\0" + path.read_bytes())
     for other in others:
         digest.update(other)
-    return digest.digest()
+    return digest.hexdigest()
 
 
 def _seal(digest: str, body: bytes) -> bytes:

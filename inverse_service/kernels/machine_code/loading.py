@@ -89,7 +89,7 @@ def _names(code: CodeType) -> Iterator[str]:
 
 def kernel_digest(work: Callable[..., Any], kinds: kernels.Kinds) -> str:
     """SHA-256 of the kernel for arguments of these kinds; raises Unstorable."""
-    digest = hashlib.sha256(_makers())
+    digest = hashlib.sha256(_makers().encode())
     for part in (repr(kernels.told(kinds)), *_described(work)):
         digest.update(part.encode() + b"\0")
     return digest.hexdigest()
@@ -131,7 +131,7 @@ def _of_global(name: str, value: Any) -> Iterator[str]:
 
 
 @lru_cache(maxsize=1)
-def _makers() -> bytes:
+def _makers() -> str:
     """Of this room, numba, LLVM, the processor and the Python whose bytecode and objects are read."""
     text = repr((sys.version, processor_name())).encode()
     return code_store.digest_of_files(Path(__file__).parent.glob("*.py"), text, _numba_version())

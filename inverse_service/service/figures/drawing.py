@@ -26,7 +26,7 @@ from inverse_service.errors import InputError
 from inverse_service.integrators.trajectory import Array
 from inverse_service.service.figures import views
 from inverse_service.service.figures.views import Table, Tables
-from inverse_service.service.scenes.prices import best_first, power
+from inverse_service.service.scenes.prices import best_first, power, short_number
 from inverse_service.simulation import circles
 
 # The style of all figures: sizes in inches, colors, lines.
@@ -91,13 +91,8 @@ def plain(text: str) -> str:
 
 
 def shown(value: float) -> str:
-    """A number in a caption: two digits, or a power of ten if that is shorter."""
-    if value == 0:
-        return "0"
-    if 1e-3 <= abs(value) < 1e4:
-        return f"{value:.3g}"
-    mantissa, exponent = f"{value:.1e}".split("e")
-    return f"{mantissa}e{int(exponent)}"
+    """A number in a caption."""
+    return short_number(value, 3 if 1e-3 <= abs(value) < 1e4 else 2)
 
 
 def view_figure(
