@@ -6,7 +6,7 @@ import json
 import os
 import sys
 import tempfile
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -53,24 +53,18 @@ def _content(directory: Path, name: str) -> bytes | None:
     try:
         if not hasattr(os, "getuid"):
             return (directory / name).read_bytes()
-        with _opened_folder(directory) as folder:
+        folder = os.open(directory, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC)
+        try:
             found = os.fstat(folder)
             if found.st_uid != os.getuid() or found.st_mode & _WRITABLE:
                 return None
             entry = os.open(name, os.O_RDONLY | os.O_NOFOLLOW | os.O_CLOEXEC, dir_fd=folder)
             with os.fdopen(entry, "rb") as stream:
                 return stream.read() if os.fstat(entry).st_uid == os.getuid() else None
+        finally:
+            os.close(folder)
     except OSError:
         return None
-
-
-@contextlib.contextmanager
-def _opened_folder(directory: Path) -> Iterator[int]:
-    folder = os.open(directory, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC)
-    try:
-        yield folder
-    finally:
-        os.close(folder)
 
 
 def _unpacked(content: bytes | None, digest: str) -> tuple[dict[str, Any], bytes] | None:

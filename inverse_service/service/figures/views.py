@@ -132,13 +132,13 @@ QUANTITIES = {
 
 def lines_of(result: Mapping[str, Any], tables: Tables, column_of: Column) -> list[Line]:
     """The methods that have a column, but the exact one, which has no error."""
-    found = []
-    for place, method in enumerate(result["methods"]):
-        table = tables.get(method["label"])
-        values = None if table is None or method["method"] == "exact" else column_of(method, table)
-        if table is not None and values is not None and np.isfinite(values).any():
-            found.append((place, method, table["t"], values))
-    return found
+    return [
+        (place, method, table["t"], values)
+        for place, method, table in _drawn(result, tables, least=1)
+        if method["method"] != "exact"
+        and (values := column_of(method, table)) is not None
+        and np.isfinite(values).any()
+    ]
 
 
 def without_start(values: Array) -> Array:
@@ -282,10 +282,10 @@ def is_thinned(result: Mapping[str, Any], tables: Tables) -> bool:
     return left_out or any(len(table["t"]) > MOST_POINTS for table in tables.values())
 
 
-def _drawn(result: Mapping[str, Any], tables: Tables) -> list[tuple[int, Method, Table]]:
-    """The methods that recorded a motion, each with its place."""
+def _drawn(result: Mapping[str, Any], tables: Tables, least: int = 2) -> list[tuple[int, Method, Table]]:
+    """The methods that recorded so many points at least, each with its place."""
     found = [(k, method, tables.get(method["label"], {})) for k, method in enumerate(result["methods"])]
-    return [(k, method, table) for k, method, table in found if len(table.get("t", ())) > 1]
+    return [(k, method, table) for k, method, table in found if len(table.get("t", ())) >= least]
 
 
 def view_of(label: str, x: str, y: str, lines: Sequence[Line], **axes: bool) -> dict[str, Any] | None:
