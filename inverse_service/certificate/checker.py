@@ -40,9 +40,7 @@ class CheckResult:
 
 
 def judged(
-    work: Callable[[Tools], Iterable[str]],
-    time_limit: float,
-    seed: int | None,
+    work: Callable[[Tools], Iterable[str]], time_limit: float, seed: int | None
 ) -> CheckResult:
     """The sentences that the work gives, or how it ended; the work raises nothing else."""
     tools = Tools(random.Random(seed), time.thread_time() + time_limit)
@@ -59,9 +57,7 @@ def judged(
 
 
 def check_certificate(
-    certificate: object,
-    time_limit: float = 60.0,
-    seed: int | None = None,
+    certificate: object, time_limit: float = 60.0, seed: int | None = None
 ) -> CheckResult:
     """The verdict on a certificate by itself; never raises. `seed` makes its choices repeatable."""
     proven = list[CheckResult]()

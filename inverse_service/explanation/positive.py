@@ -178,11 +178,11 @@ def existence_steps(decision: Decision) -> tuple[Step, ...]:
     return (
         said(
             f"The Taylor polynomials of `g` that satisfy the Helmholtz conditions, prolonged to order {order}, form "
-            f"spaces of dimensions {dimensions} in degrees 0 to {degree}; higher orders do not reduce them.",
+            f"spaces of dimensions {dimensions} in degrees 0 to {degree}; higher orders do not reduce them."
         ),
         said(
             f"Its symbol in degree {degree} has dimension {decision.symbol.dimension} and passes Cartan's test "
-            f"(characters {', '.join(map(str, decision.symbol.characters))}): the system is involutive.",
+            f"(characters {', '.join(map(str, decision.symbol.characters))}): the system is involutive."
         ),
         said(f"A regular `g` remains at a generic point, so a regular Lagrangian exists; {decision.space.statement}."),
     )
@@ -300,10 +300,7 @@ def search_steps(outcome: SearchOutcome) -> tuple[Step, ...]:
     general = row("L = ", *separated(parts, " + "))
     short = len(general.text) <= bounds.SHOWN
     sentence: list[Piece] = [general, " is a Lagrangian"] if short else ["so is every sum of its parts `C_k L_k`"]
-    return (
-        first,
-        said("More generally, ", *sentence, " for constants `C_k` that keep the Hessian regular."),
-    )
+    return (first, said("More generally, ", *sentence, " for constants `C_k` that keep the Hessian regular."))
 
 
 def verification_steps(analysis: Analysis, lagrangian: Lagrangian) -> tuple[Step, ...]:
