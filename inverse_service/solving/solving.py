@@ -17,6 +17,7 @@ from inverse_service.explanation import positive, wording
 from inverse_service.expressions import collecting, notation, printing, tree as ex
 from inverse_service.linear_pde import involution
 from inverse_service.mechanics import second_order_system
+from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.search import quadratures, row_factors, terms, tidy
 from inverse_service.search.protocol import Found, SearchOutcome, describe, is_multiple, why_shown
 
@@ -53,7 +54,7 @@ log = logging.getLogger(__name__)
 
 
 def solve_branches(
-    system: second_order_system.SecondOrderSystem, options: SolveOptions, progress: Progress | None = None
+    system: SecondOrderSystem, options: SolveOptions, progress: Progress | None = None
 ) -> tuple[tuple[Solution, ...], tuple[cells.Left, ...]]:
     """The answers on all cells of the system, and the cells without one.
 
@@ -74,7 +75,7 @@ def solve_branches(
     told, end, solutions = options.hand_over, deadline.now() + options.time_limit, list[Solution]()
 
     def answer(
-        branch: second_order_system.SecondOrderSystem, waiting: Sequence[second_order_system.SecondOrderSystem]
+        branch: SecondOrderSystem, waiting: Sequence[SecondOrderSystem]
     ) -> tuple[Solution, Sequence[ex.Expression]]:
         alone = not waiting and not solutions
         share = (end - deadline.now()) / (1 + len(waiting))
@@ -108,9 +109,7 @@ def sides_of(solution: Solution) -> tuple[ex.Expression, ...]:
     return tuple(dict.fromkeys(sides))
 
 
-def solve(
-    system: second_order_system.SecondOrderSystem, options: SolveOptions, progress: Progress | None = None
-) -> Solution:
+def solve(system: SecondOrderSystem, options: SolveOptions, progress: Progress | None = None) -> Solution:
     """The answers on the first branch of the system; mathematics that cannot be decided is an outcome.
 
     Raises CertificateRefused where our own checker finds our certificate invalid: a fault of ours.
@@ -136,7 +135,7 @@ def with_reasons(solution: Solution, options: SolveOptions, progress: Progress |
     return replace(solution, autonomous=autonomous, with_time=with_time)
 
 
-def _solve(system: second_order_system.SecondOrderSystem, options: SolveOptions, progress: Progress | None) -> Solution:
+def _solve(system: SecondOrderSystem, options: SolveOptions, progress: Progress | None) -> Solution:
     began = deadline.now()
     system = second_order_system.branches_of(system)[0]
     if max(len(printing.to_text(tree)) for tree in system.accelerations) > formulas.MAX_TEXT:
@@ -171,9 +170,7 @@ def _solve(system: second_order_system.SecondOrderSystem, options: SolveOptions,
     return Solution(system, autonomous, with_time, work.printed, provenance, work.cut, kept)
 
 
-def _conditions(
-    system: second_order_system.SecondOrderSystem, options: SolveOptions, report: Progress
-) -> tuple[Conditions | None, str]:
+def _conditions(system: SecondOrderSystem, options: SolveOptions, report: Progress) -> tuple[Conditions | None, str]:
     """The conditions written out, or None with the reason for leaving them out, empty where they were not wanted."""
     if system.is_unsolved:
         return None, "the equations are not solved for the accelerations"
@@ -202,9 +199,7 @@ def _first_integrals(work: Work, *answers: Answer | None) -> tuple[FirstIntegral
     return found
 
 
-def _unreduced(
-    system: second_order_system.SecondOrderSystem, options: SolveOptions, found: Conditions | None, reason: str
-) -> Solution:
+def _unreduced(system: SecondOrderSystem, options: SolveOptions, found: Conditions | None, reason: str) -> Solution:
     answer = Answer("undetermined", reason=reason, positive=tuple(map(collecting.collect, system.positive)))
     autonomous, with_time = (answer if asked else None for asked in questions(options.time_dependent, system))
     return Solution(system, autonomous, with_time, found, {"seed": options.seed})
@@ -282,7 +277,7 @@ def _holds_time(answer: Answer) -> bool:
 
 
 def _explained(
-    answers: tuple[Answer | None, Answer | None], system: second_order_system.SecondOrderSystem
+    answers: tuple[Answer | None, Answer | None], system: SecondOrderSystem
 ) -> tuple[Answer | None, Answer | None]:
     """Both with a note on names that have two meanings and on their sets; one answer to both questions stays one."""
 
@@ -664,6 +659,6 @@ def confirmed(work: Work, answer: Answer) -> Answer:
     return replace(_on_its_set(work, answer), checked="valid")
 
 
-def _has_signed_functions(system: second_order_system.SecondOrderSystem) -> bool:
+def _has_signed_functions(system: SecondOrderSystem) -> bool:
     """Whether the sign of an arbitrary function belongs to the branch: a checker may draw it otherwise."""
     return any(isinstance(node, ex.Arbitrary) for tree in system.positive for node in ex.walk(tree))

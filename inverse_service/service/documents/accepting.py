@@ -26,6 +26,7 @@ from inverse_service import errors
 from inverse_service.expressions import collecting, derivative, letters, printing, refusals, tree as ex
 from inverse_service.field import reduction
 from inverse_service.mechanics import euler_lagrange, reading, second_order_system
+from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading import components, document_names, names as nm, reader
 from inverse_service.reading.names import Names
 from inverse_service.reading.tokens import at, spelled, walk
@@ -791,14 +792,12 @@ def to_schema(document: Any) -> SystemDocument:
     return validated(document, SystemDocument)
 
 
-def to_system(schema: SystemDocument) -> second_order_system.SecondOrderSystem:
+def to_system(schema: SystemDocument) -> SecondOrderSystem:
     """The system that a document describes; raises InputError with pointer and column."""
     return reading.solved_system(to_given(schema), schema.name)
 
 
-def to_solvable(
-    schema: SystemDocument, given: reading.GivenEquations | None = None
-) -> second_order_system.SecondOrderSystem:
+def to_solvable(schema: SystemDocument, given: reading.GivenEquations | None = None) -> SecondOrderSystem:
     """The system of a document to be solved; its equations as given where these are Euler-Lagrange equations already.
 
     That is where the accelerations, solved for, are too long to be written, or fill pages. InputError as `to_system`.
@@ -833,7 +832,7 @@ def declared(schema: Asking, most: int = refusals.LIMITS.coordinates) -> documen
     return document_names.Declared(schema.coordinates, schema.parameters, schema.functions, schema.where, most)
 
 
-def to_ansatz(schema: Asking, system: second_order_system.SecondOrderSystem) -> tuple[ex.Expression, ...]:
+def to_ansatz(schema: Asking, system: SecondOrderSystem) -> tuple[ex.Expression, ...]:
     """The user's own terms of a Lagrangian as trees; raises InputError with pointer and column."""
     places = {f"/ansatz/{place}": text for place, text in enumerate(schema.ansatz)}
     terms = ((formula_about(text, system.names, schema, pointer), pointer) for pointer, text in places.items())
