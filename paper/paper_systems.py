@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Any
 
 from inverse_service import catalogue
-from inverse_service.constrained.hamiltonise import vanish
 from inverse_service.decision.solutions import SolveOptions
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.tree import (
@@ -23,6 +22,7 @@ from inverse_service.expressions.tree import (
     power,
     subtract,
 )
+from inverse_service.field.identities import vanish
 from inverse_service.reading.names import Names
 from inverse_service.reading.reader import read_formula
 from inverse_service.service.documents.nonholonomic_documents import solve_nonholonomic

@@ -15,15 +15,12 @@ from fractions import Fraction
 from typing import Literal
 
 import numpy as np
-from flint import nmod_mat
 from numpy.typing import NDArray
 
-from inverse_service import bounds, errors
+from inverse_service import errors
 from inverse_service.expressions import derivative, printing, tree as ex
 from inverse_service.expressions.derivative import FUNCTION
-from inverse_service.field import real_point, reduction
-from inverse_service.field.point import Point, SingularPoint, Variable, evaluate
-from inverse_service.field.tower import draw_point, to_kernels
+from inverse_service.field import identities
 from inverse_service.mechanics import writing
 from inverse_service.mechanics.constrained_motion import EquationsOfMotion
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_sums
@@ -48,57 +45,6 @@ _FUNCTIONS: dict[str, Callable[[float], float]] = {
     "csch": lambda u: 1 / math.sinh(u),
 }
 State = NDArray[np.float64]
-
-
-def values_modulo_primes(
-    expressions: Sequence[ex.Expression], variables: Sequence[Variable], points: int = 2, seed: int = 1
-) -> list[tuple[Point, list[int]]] | None:
-    """The residues of all expressions at `points` random points, each over a prime of its own.
-
-    None where the relations among their functions cannot be settled or no point is found.
-    """
-    kernels = [to_kernels(expression) for expression in expressions]
-    try:
-        table = real_point.find_real_point(kernels, variables, seed)
-        tower = reduction.reduce_atoms(kernels, variables, table)
-        found = []
-        for attempt in range(bounds.ATTEMPTS):
-            point = draw_point(tower, seed * bounds.ATTEMPTS + attempt)
-            known: dict[ex.Expression, int] = {}
-            try:
-                found.append((point, [evaluate(kernel, point, known) for kernel in kernels]))
-            except (SingularPoint, ValueError, ZeroDivisionError, KeyError):
-                continue
-            if len(found) == points:
-                return found
-    except (errors.IrreducibleAtoms, KeyError):
-        return None
-    return None
-
-
-def vanish(expressions: Sequence[ex.Expression], variables: Sequence[Variable], seed: int = 1) -> bool | None:
-    """True where all vanish at two points, False where one does not, None where it was not settled.
-
-    A nonzero rational function of degree d vanishes at a random point with probability about d/2^61.
-    """
-    if not expressions:
-        return True
-    found = values_modulo_primes(expressions, variables, 2, seed)
-    return None if found is None else all(not any(values) for _, values in found)
-
-
-def rank_at_point(
-    matrix: Sequence[Sequence[ex.Expression]], variables: Sequence[Variable], seed: int = 1
-) -> int | None:
-    """The rank of a matrix of expressions at a random point, which is its generic rank (almost surely)."""
-    flat = [entry for row in matrix for entry in row]
-    if not flat:
-        return 0
-    found = values_modulo_primes(flat, variables, 1, seed)
-    if found is None:
-        return None
-    ((point, values),) = found
-    return int(nmod_mat(len(matrix), len(matrix[0]), values, point.prime).rank())
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,7 +136,7 @@ class _Work:
         return dict(zip(self.transform.symbols, self.transform.momenta, strict=True))
 
     def _tested(self, text: str, trees: Sequence[ex.Expression]) -> Statement:
-        found = vanish(trees, self.variables, self.seed)
+        found = identities.vanish(trees, self.variables, self.seed)
         return Statement(text, "not settled" if found is None else "holds" if found else "fails")
 
     def restriction(self) -> Statement:
@@ -226,7 +172,7 @@ class _Work:
             [self._restricted(derivative.differentiate(tree, p)) for p in self.transform.symbols]
             for tree in self.images
         ]
-        rank = rank_at_point(slopes, self.variables, self.seed)
+        rank = identities.rank_at_point(slopes, self.variables, self.seed)
         if rank is None:
             return Statement(text, "not settled")
         return Statement(text, "holds" if rank == len(self.images) else "fails")

@@ -10,12 +10,13 @@ from typing import Literal, TypeVar
 from inverse_service import errors
 from inverse_service.certificate.exceptions import not_found
 from inverse_service.constrained import answering
-from inverse_service.constrained.hamiltonise import Hamiltonisation, hamiltonise, vanish
+from inverse_service.constrained.hamiltonise import Hamiltonisation, hamiltonise
 from inverse_service.constrained.reduced import confirmed, solution_with
 from inverse_service.deadline import now
 from inverse_service.decision import solutions
 from inverse_service.explanation import wording
 from inverse_service.expressions import tree as ex
+from inverse_service.field import identities
 from inverse_service.field.exact_field import TooLarge
 from inverse_service.mechanics import (
     constrained_motion,
@@ -162,7 +163,7 @@ def _require_vanishing(
         pointer = "/multiples" + (f"/{place}" if count > 1 else "") + f"/{name}"
         names: list[ex.Symbol | ex.Velocity] = [*map(ex.Velocity, system.coordinates)]
         names += map(ex.Symbol, (*system.coordinates, *system.parameters, "t"))
-        found = tree == ex.ZERO or vanish([ex.substitute(tree, motion.on_constraints)], names)
+        found = tree == ex.ZERO or identities.vanish([ex.substitute(tree, motion.on_constraints)], names)
         if not found:
             what = "does not vanish" if found is False else "could not be shown to vanish"
             raise errors.InputError(
