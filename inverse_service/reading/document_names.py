@@ -623,6 +623,8 @@ def _guessed(texts: Mapping[str, str], declared: nm.Names, dummies: Collection[s
     alone = {line[place].text for line, place, outer in everywhere if _is_constant(line, place, outer)}
     defined = {declared.spelling(place.removeprefix("/where/")) for place in texts if place.startswith("/where/")}
 
+    factors_alone = reader.alone(lines.values())
+
     def is_known(token: Token) -> bool:
         return token.kind != "name" or not known.isdisjoint((token.text, declared.spelling(token.text)))
 
@@ -630,11 +632,11 @@ def _guessed(texts: Mapping[str, str], declared: nm.Names, dummies: Collection[s
         for line, place, outer in places(tokens):
             token, after = line[place], at(line, place + 1)
             unknown = not is_known(token)
-            marked = (unknown or not all(map(is_known, token.inside))) and line is tokens
+            marked = unknown or (not all(map(is_known, token.inside)) and line is tokens)
             if (
                 marked
                 and not nm.only_split(token.text, declared)
-                and (error := reader.remark(line, place, not pointer.startswith("/constraints")))
+                and (error := reader.remark(line, place, factors_alone))
             ):
                 raise error.at(pointer)  # cosx sinx is none
             if not unknown:

@@ -13,7 +13,7 @@ from functools import partial
 from inverse_service.errors import InputError
 from inverse_service.expressions import letters
 from inverse_service.expressions.refusals import LIMITS, at_most, refusal, shorten
-from inverse_service.reading import components, names as nm, tokens as plain
+from inverse_service.reading import components, names as nm, prose, tokens as plain
 from inverse_service.reading.tokens import CASES, FACTOR, FRACTION, MATRIX, PARTIAL, TOTAL, Token, Tokens, bracket
 
 _NO_LETTER = "(?![A-Za-z])"
@@ -171,7 +171,7 @@ def _word(text: str, place: int, names: nm.Names) -> str:
     word = run[0][: LIMITS.name_characters] if run else ""
     for size in range(len(word), 1, -1):
         part = word[:size]
-        whole = part in _WORDS | _ENGLISH and size == len(word)
+        whole = size == len(word) and (part in _WORDS | _ENGLISH or prose.is_word(part))
         command = part in _COMMANDS or (size > 2 and part in letters.LETTER_COMMANDS)  # alpha for \alpha
         if whole or command or names.role(part) or names.derivative(part):
             return part

@@ -5,7 +5,7 @@ Lists of equations are split as tokens: where one ends, and its two sides.
 
 import itertools
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from dataclasses import dataclass, replace
@@ -13,110 +13,25 @@ from fractions import Fraction
 from functools import lru_cache
 
 from inverse_service import errors
-from inverse_service.expressions import letters, tree as ex
+from inverse_service.expressions import tree as ex
 from inverse_service.expressions.refusals import most_characters, refusal, shorten
-from inverse_service.reading import notations, parser, tokens as tk
+from inverse_service.reading import notations, parser, prose, tokens as tk
 from inverse_service.reading.names import FUNCTIONS, GREEK_NAMES, MAY_BE_FUNCTIONS, Names, written_product
 from inverse_service.reading.tokens import Token, at
 
 _GREEK_OF_MATHEMATICA = re.compile(r"\\\[(?:Curly)?(?:Capital)?([A-Z][a-z]+)\]")
-SHORTEST_REMARK = 4  # letters of a word that no constant needs
-_TO = r"(?:subject\s+to|s\.\s?t\.|constrained\s+by)"
-_KIND = (
-    r"(?:(?:the|two|a|(?:non-?)?holonomic|rolling|kinematic|velocity|linear|Pfaffian|no-?slip|equations?\s+of)\s+){0,5}"
-)
-_HELD = r"(?:constraints?|(?:rolling|no-?slip)\s+conditions?)"
-_WORDS = (
-    rf"(?:(?:{_TO}|with|under)\s+{_KIND}{_HELD}|{_TO}|{_KIND}constraints?(?:\s*\([A-Z]\))?(?=\s*:|\s+[-\u2212\w\\$]))"
-    r"(?:\s*\d(?=\s*:)|\s+(?:is|are|reads?)\b)?"
-)
-# The words between a Lagrangian and its constraints, in LaTeX in an upright font.
-_SUBJECT_TO = re.compile(
-    rf"\\(?:text|textrm|mathrm|mbox)\s*\{{\s*(?:and\s+)?{_WORDS}\s*:?\s*\}}\s*:?|(?:\.\s+|\band\s+)?\b{_WORDS}\s*:?"
-    r"|\bi\.\s?e\.,?|\bas\s+well\s+as\b",
-    re.I,
-)
-# Van der Pol: x'' = …, Eq. (3.2): x'' = …, and x'' = … (eq. 3.2)
-_NUMBER = r"\(?[\d.]*\d[a-z]?\)?"
-_NUMBERED = rf"[Ee]q(?:uation|n)?(?:\.\s*|\s+|\s*(?=\()){_NUMBER}"
-# H\'enon--Heiles, Example 1 (skate)
-_TITLE = (
-    r"(?:[A-Z]|(?=[a-z]{3,}\s[a-z]{3,}))(?:[\w\u2013\u2019' -]|\\['\"`^~]\{?\w\}?){2,40}"
-    r"(?:\w|\s(?:\([\w ,-]+\)|\[[\w ,-]+\]))"
-)
-_LABEL = re.compile(
-    rf"(?:^|(?<=[;,\n])|(?<=quad))[ \t]*(?:{_TITLE}|\(?[A-Z]\)?"
-    rf"|[\w -]{{0,20}}(?:energy|slip(?:ping)?|conditions?|rolling)|{_NUMBERED}|eq\d+)"
-    rf"\s*:(?![=:])|^\s*{_TITLE}(?<=[a-z]{{2}}[a-z)\]])\.(?=\s)"
-    rf"|(?:^|(?<=[;,\n]))[ \t]*(?:[Kk]inetic|[Pp]otential)\s+energy\s+(?=[A-Z]\s*=)|^\s*{_NUMBERED}(?=\s)"
-    r"|(?<=\s)\[[A-Z][\w.,\s\u2013-]{3,60}\](?=\s*$)"
-    rf"|^\s*(?:Problem|Example|Exercise)\s+{_NUMBER}\.?(?=\s)"
-    r"|^[ \t]*\([A-Z][a-z]{3,}(?:[ \u2013-][A-Za-z]{3,})*\)(?=[ \t])"
-    rf"|(?<![ \t])[ \t]+(?:(?:,[ \t]*)?(?:\({_NUMBERED}\)|\[{_NUMBERED}\]|{_NUMBERED})"
-    rf"|(?:\.{{3,}}|\u2026)[ \t]*{_NUMBER})"
-    r"(?=[ \t]*(?:[.;\n]|$))"
-)
 # q''_1, \omega^2_0 and \u03c9\u00b2\u2080, whose order TeX does not show; \Gamma^x_{xx} is a tensor.
 _RAISED_FIRST = re.compile(
     r"(?<=[^\W\d_]|\})((?:['\u2032\u2033\u2019]+|\^(?:[^\W_]|\{[^{}_^]*\}))(?=_\d|_\{\d|[\u2080-\u2089])"
     r"|[\u2070\u00b9\u00b2\u00b3\u2074-\u2079]+|\^(?:\d|\{-?\d+\}))"
     r"(_(?:\{\w+\}|[A-Za-z](?!\w)|\d+(?![\d_']))|[\u2080-\u2089]+)"
 )
-# x'' = y: y'' = x
-_COLON = re.compile(r"(=[^=:;,\n]*):(?=\s[^=:;,\n]*=)")
-# m g. \quad (2) and y^{2} .\end{array}: the full stop after an equation.
-_FULL_STOP = re.compile(r"(?<![\d.\s])(?<!\\left)(?<!\\right)(\s*)\.(?=\s+\S|\s*\\(?:q?quad|\\|right|end))")
-# $x'' = -x$ where words, or other formulas, are beside it; not Maple's t$2.
-_MATHEMATICS = re.compile(r"(?<![\w)\\])(\$\$?)([^$]+)\1(?!\w)|(?<!\\)(?<!\\!)\\[(\[]((?:[^\\]|\\[^()\[\]])*)\\[)\]]")
-_JOINING = re.compile(r"\b(?:and|with|where)(?=\s+\\[^;,.]*=)")
-# Solve x'' = …, Consider the Lagrangian L = …
-_BEFORE = re.compile(
-    r"^\s*(?i:(?:Solve|(?:Find|Consider)(?:\s+an?)?|solutions?|Let|Given|Minimi[sz]e|Study|the|equations?,?|of|motion|for|system|function"
-    r"|Lagrang(?:ian|e)|(?:kinetic|total)\s+energy|\w+['\u2019]s(?=\s+equation))\s+)+(?=[\w\\(])"
-)
-# Words of a sentence, with single letters between them: where g is the acceleration of gravity.
-_WRAPPED = r"\\(?:text|textrm|mbox)\s*\{"
-_GAP = rf"(?:\s?\$\s|\s\$|[ \t]|{_WRAPPED}|\}})+"
-_WITH_ARGUMENT = r"d?dot|[dt]?frac|sqrt|left|right|partial|vec|bf|math|text|mbox|bold"
-_SENTENCE = re.compile(
-    rf"(?<![\w\\'^{{.])(?:{_WRAPPED}\s*)?[A-Za-z]+(?:['\u2019]s(?!\w))?"
-    rf"(?:{_GAP}(?:[A-Za-z]{{2,}}[-\u2013][A-Za-z]{{3,}}|(?:\\(?!{_WITH_ARGUMENT}))?[A-Za-z]+|[\u0391-\u03c9\u2113])(?:[\u2080-\u2089]+|_\{{?\w+\}}?)?)+"
-    r"(?!\w|\s*[-+*/^=<>&('\[_\u2032\u2033\u0307\u0308])\s*[.:]?\s*\}?"
-)
-_WORD_IN_TEXT = re.compile(rf"(?:{_WRAPPED}\s*)?(?<!\\)\b([A-Za-z]+)(?:\s*\}})?")
-_CLAUSE = re.compile(r"[;,\n]|\\\\|\\q?quad|[.:](?=\s|$)")
-_ARTICLE = re.compile(r"\b(?:the|an)\s+[A-Za-z]{4,}", re.I)
-# A sentence holds an article before a word, or one of the first; what is left out begins and ends with one of both.
-_OF_SENTENCES = (
-    "is are study denotes denote have has which that let suppose assume consider moves move slides rolls reads "
-    "obeys satisfies governed described acts impose imposing small large cannot slip slips yields gives becomes "
-    "describe describes"
-)
-_BESIDE_THEM = (
-    "the an where with here for and in of on at by to be we being under obtain read subject constraint constraints "
-    "equation equations motion lagrangian system energy oscillator pendulum particle rolling condition "
-    "conditions"
-)
-_ARITHMETIC = re.compile(
-    r"\b(?:times|plus|minus|over|divided|squared?|cubed?|per|sum|product|root|const|constants?)\b", re.I
-)
 _LOST = dict(zip("\a\b\f\n\r\t\v", "abfnrtv", strict=True))
 _LOST_BACKSLASH = re.compile(
     r"([\a\b\f\v])(lpha|eta|ar[a-z]*|egin|oldsymbol|rac|ec)(?![A-Za-z])|(\t)(an|anh|heta|au|imes|ext|ilde)(?![A-Za-z])|(\r)(ho|ight)(?![A-Za-z])"
     r"|(?<=[-+*({])\s*(\n)(abla|u)(?![A-Za-z'])"
 )
-_COMMENT = re.compile(r"(?<!\\)%.*")
-_COMPARES = re.compile(r"[=<>\u2264\u2265]|\\(?:le|ge|ne|equiv)")
-_PROSE = re.compile(
-    r"(?<![_^]\{)(?<![_^])(\((?:\s*\\?\w+)?\s*)?\\(?:text|textrm|mbox|intertext)\s*\{([^{}$\\]*)\}(?(1)\s*\))"
-)
 _ITEM = re.compile(r"\((?:[a-h]|[ivx]+)\)")  # (a), (ii)
-_FIRST_ITEM, _ITEM_INSIDE = re.compile(r"\s*\([ai]\)\s"), re.compile(r"\s\((?:[b-h]|i[iv]i?)\)(?=\s)")
-_BINDING = re.compile(
-    r"\b(?:if|when|while|for(?!\s+(?:an?|the|this|small|large)\s)|unless|otherwise|else|(?<!does )(?<!do )not|or|except"
-    r"|either|only)\b",
-    re.I,
-)
 # The y'' of y''_{xx} = x y.
 _BY_INDEX = re.compile(r"('')_?(?:\{([xts])\2\}|([xts])\3(?!\w))")
 _ACCELERATION = re.compile(r"(?<!')''(?!['(])")
@@ -148,7 +63,7 @@ def _refuse_lost_backslashes(formula: str) -> None:
 def is_latex(formula: str) -> bool:
     """Whether the formula is read as LaTeX."""
     braces = "{" in formula and not _OF_PROGRAMS.search(formula)
-    return "\\" in formula or braces or formula.lstrip().startswith("$") or bool(_MATHEMATICS.search(formula))
+    return "\\" in formula or braces or formula.lstrip().startswith("$") or bool(prose.MATHEMATICS.search(formula))
 
 
 def read_formula(formula: str, names: Names) -> ex.Expression:
@@ -219,7 +134,7 @@ def _read(formula: str, names: Names, _: int) -> tuple[tuple[Token, ...], dict[s
     with noted() as notes:
         _refuse_lost_backslashes(formula)
         formula = _GREEK_OF_MATHEMATICA.sub(_greek, formula)
-        latex, formula = is_latex(formula), _with_dots_after_letters(without_words(formula))
+        latex, formula = is_latex(formula), _with_dots_after_letters(without_words(formula, names.declared()))
         formula = _RAISED_FIRST.sub(r"\2\1", _BY_INDEX.sub(lambda index: index[1].ljust(len(index[0])), formula))
         in_our_words = notations.with_derivatives if latex else notations.in_our_words
         scanned = _without_given_names(_with_primes(_scanned(formula, names, latex), names))
@@ -481,9 +396,6 @@ def _without_number(group: list[Token], formula: str, names: Names) -> list[Toke
     if named and (_is_item(group) or (_is_number(group[:1]) and len(first.inside) == 1)):
         note(tk.spelled(group[:1]), LEFT_OUT)
         return group[1:]
-    if _is_phrase(group):
-        note(tk.source(group[-1:]), LEFT_OUT)
-        return group[:-1]
     if first.kind == "number" and first.text.endswith(".") and second.space_before:
         note(first.text, LEFT_OUT)
         return group[1:]
@@ -513,16 +425,6 @@ def _is_item(group: Sequence[Token]) -> bool:
     letter = tk.spelled(group[0].inside)
     again = any(token.text == letter for token in tk.walk(group[1:]))
     return group[1].space_before and bool(_ITEM.fullmatch(tk.spelled(group[:1]))) and not again
-
-
-def _is_phrase(group: Sequence[Token]) -> bool:
-    """Whether it ends in words such as (harmonic oscillator) or (torsion)."""
-    words = group[-1].inside if len(group) > 2 and group[-1].is_bracket() and group[-1].space_before else ()
-    listed = [word for word in words if not word.is_operator("-", ",")]
-    plain = all(word.kind == "name" and word.text.isalpha() and not word.order for word in listed)
-    long = [len(word.text) >= SHORTEST_REMARK and word.text not in GREEK_NAMES | FUNCTIONS for word in listed]
-    surnames = all(long) and all(word.text.istitle() for word in listed)  # (Bates-Cushman)
-    return plain and any(long) and (surnames or listed == [*words]) and _ends_factor(group[-2])
 
 
 def _is_number(group: Sequence[Token]) -> bool:
@@ -580,70 +482,9 @@ def _with_dots_after_letters(formula: str) -> str:
     raise refusal(what, place + 1, f"write {' or '.join(meant)}", meant, span)
 
 
-def _without_label(match: re.Match[str]) -> str:
-    note(match[0].strip(), LEFT_OUT)
-    return " " * len(match[0])
-
-
-def without_words(formula: str) -> str:
-    """The formula with separators and blanks for the words, labels and full stops of a text, at the same columns."""
-    formula = _COMMENT.sub(_without_label, formula) if is_latex(formula) else formula
-    formula = _ITEM_INSIDE.sub(lambda item: ";".ljust(len(item[0])), formula) if _FIRST_ITEM.match(formula) else formula
-    formula = _SENTENCE.sub(_without_sentence, _mathematics(formula))
-    formula = _SUBJECT_TO.sub(lambda words: ";".ljust(len(words[0])), _LABEL.sub(_without_label, formula))
-    formula = _BEFORE.sub(_without_label, _PROSE.sub(_without_prose, formula))
-    return _FULL_STOP.sub(r"\1;", _COLON.sub(r"\1;", formula))
-
-
-def _mathematics(formula: str) -> str:
-    """The formula between dollars; the equations and comparisons where a text has several, or words beside one."""
-    parts = [*_MATHEMATICS.finditer(formula)]
-    outside = " ".join(_MATHEMATICS.sub(" ", formula).split()).strip(".,; ")
-    alone = len(parts) == 1 and not outside
-    kept = [part.span(k) for part in parts for k in (2, 3) if part[k] and (alone or _COMPARES.search(part[k]))]
-    if parts and re.search(r"=\s*[^\s;$]", outside) and "$" not in outside:
-        return _JOINING.sub(lambda word: ";".ljust(len(word[0])), formula.replace("$", " "))
-    if not kept or "$" in outside:
-        return formula
-    found = [" "] * len(formula)
-    for start, end in kept:
-        part = formula[start:end].rstrip().removesuffix(".").ljust(end - start)
-        found[start : end + 1] = f"{part}{' ' if alone else ';'}"
-    if outside:
-        note(outside, LEFT_OUT)
-    return "".join(found)
-
-
-def _without_prose(match: re.Match[str]) -> str:
-    r"""A line end for \text{and the constraint}, \text{(ii)} and (\text{pendulum}).
-
-    Words that may be a condition are kept, and refused; a single word may be a name.
-    """
-    words = match[2].strip()
-    if not (match[1] or " " in words or words.endswith((":", ".", ")")) or _ITEM.fullmatch(words)) or _BINDING.search(
-        words
-    ):
-        return match[0]
-    note(words, LEFT_OUT)
-    return "\n".ljust(len(match[0]))
-
-
-def _without_sentence(match: re.Match[str]) -> str:
-    """A separator for the words of a sentence, from its first to its last, or to the end of what they stand in."""
-    text, whole = match[0], match.string
-    of_sentences, known = {*_OF_SENTENCES.split()}, {*_OF_SENTENCES.split(), *_BESIDE_THEM.split()}
-    words = [word for word in _WORD_IN_TEXT.finditer(text) if word[1].lower() in known]
-    is_sentence = _ARTICLE.search(text) or not of_sentences.isdisjoint(word[1].lower() for word in words)
-    if not is_sentence or _BINDING.search(text) or _ARITHMETIC.search(text):
-        return text
-    before = _CLAUSE.split(whole[: match.start()])[-1].strip(" $")
-    after = "" if text.rstrip(" }\n")[-1] in ".:" else _CLAUSE.split(whole[match.end() :])[0].strip(" $}")
-    start, end = words[0].start() * bool(before), words[-1].end() if after else len(text)
-    said = text[start:end]
-    if len(said.split()) < 2 or said.count("{") != said.count("}"):
-        return text
-    note(" ".join(re.sub(rf"{_WRAPPED}|[{{}}]", " ", said).split()), LEFT_OUT)
-    return text[:start] + ";".ljust(end - start) + text[end:]
+def without_words(formula: str, declared: Collection[str] = ()) -> str:
+    """The formula with separators and blanks for the words around it; what is left out is noted."""
+    return prose.without_words(formula, is_latex(formula), lambda words: note(words, LEFT_OUT), declared)
 
 
 def _greek(match: re.Match[str]) -> str:
@@ -703,39 +544,42 @@ def read_equation(equation: EquationTokens, names: Names) -> tuple[ex.Expression
     return _side(left, equation.tokens[places[0]].column, names), _side(right, equation.end_column, names)
 
 
-def remark(line: Sequence[Token], place: int, first: bool) -> errors.InputError | None:
-    """The refusal of names not meant as factors: a word after an equation, (spring) there, and (a) before one.
+def remark(line: Sequence[Token], place: int, alone: Collection[str]) -> errors.InputError | None:
+    """The refusal of names not meant as factors: a word beside one, such as damping, unless it stands `alone` too.
 
-    The `first` equation may begin with a word, as in mass x'' = -k x.
+    So are (spring) after an equation, and (a) before one.
     """
-    token = line[place]
-    if _is_word_beside(line, place, first):
-        shown = shorten(token.text)
-        return refusal(f"{shown} could be a remark", token.column, "leave it out, or write * before a factor")
+    token, before, after = line[place], at(line, place - 1), at(line, place + 1)
+    shown = shorten(token.text)
+    behind = _ends_factor(before)
+    ahead = after.kind in ("name", "number") or (after.is_bracket() and after.space_before)
+    if token.kind == "name" and prose.is_word(token.text) and token.text not in alone and (behind or ahead):
+        short = ["*".join(token.text)] * (len(token.text) <= prose.SHORTEST_WORD + 1)
+        meant = (*(f"{'*' * behind}{name}{'*' * ahead}" for name in (token.text, *short)), " ")
+        span = (token.column, token.column + len(token.text))
+        instead = "leave it out, or write * before a factor"
+        return refusal(f"{shown} could be a remark", token.column, instead, meant, span)
     if not token.is_bracket() or _moves(token.inside) or {each.kind for each in token.inside} != {"name"}:
         return None
-    before, after = at(line, place - 1), at(line, place + 1)
     begins = _is_edge(before) and after.kind == "name"
     power = before if before.is_bracket() and at(line, place - 2).is_operator("^") else None
     raised = power and at(line, place - 3).text in FUNCTIONS  # sin^{2} (omega t)
-    if not begins and not (token.space_before and _ends_factor(before) and _is_edge(after) and not raised):
+    if not begins and not (token.space_before and behind and _is_edge(after) and not raised):
         return None
     shown = shorten(f"({' '.join(each.text for each in token.inside)})")
     return refusal(f"{shown} could be a remark", token.column, "leave it out, or write * next to a factor")
 
 
-def _is_word_beside(line: Sequence[Token], place: int, first: bool) -> bool:
-    """Whether a word such as damping, and no letter such as omega, ends or begins an equation, with a gap beside it."""
-    word, before, after = line[place], at(line, place - 1), at(line, place + 1)
-    ends = _is_edge(after) and word.space_before and _ends_factor(before) and before.kind != "number"
-    return (
-        len(word.text) >= SHORTEST_REMARK
-        and sum(token.text == word.text for token in tk.walk(line)) == 1
-        and word.text.isalpha()
-        and word.text.islower()
-        and word.text not in letters.LETTER_COMMANDS
-        and bool(ends or ((place or not first) and _is_edge(before) and after.kind == "name" and after.space_before))
-    )
+def alone(lines: Iterable[Sequence[Token]]) -> set[str]:
+    """The names that stand between signs somewhere, have primes, or occur twice, so that they are no remarks."""
+    found, once = set[str](), set[str]()
+    for line, place, _ in (each for tokens in lines for each in tk.places(tokens)):
+        name, beside = line[place], (at(line, place - 1), at(line, place + 1))
+        signs = all(token.kind in ("end", "operator") for token in beside)
+        if name.kind == "name" and (signs or name.order or name.text in once):
+            found.add(name.text)
+        once.add(name.text)
+    return found
 
 
 def _is_edge(token: Token) -> bool:

@@ -66,8 +66,8 @@ _LETTER_L = re.compile(
 )
 # L, T, and V with an argument perhaps, and =; half of 2 T = … is meant.
 _ENERGY = re.compile(
-    r"(?:\$+|\\\[|\s|\\begin\s*\{\w+\*?\})*(?P<twice>2\s*)?(?:(?P<whole>L)|(?P<kinetic>[TK]|E_\{?k(?:in)?\}?)"
-    r"|(?P<potential>[UV\u03a0]|\\Pi|Pi|E_\{?p(?:ot)?\}?))(?P<arguments>\s*\([^()=]*\))?\s*&?\s*"
+    r"(?:\$+|\\\[|\s|\\begin\s*\{\w+\*?\})*(?P<twice>2\s*)?(?:(?P<whole>L)|(?P<kinetic>[TK]|KE|E_\{?k(?:in)?\}?)"
+    r"|(?P<potential>[UV\u03a0]|PE|\\Pi|Pi|E_\{?p(?:ot)?\}?))(?P<arguments>\s*\([^()=]*\))?\s*&?\s*"
     r"(?:=(?!=)|\u2261|\\(?:equiv|triangleq|coloneqq)(?![A-Za-z])|\\(?:stackrel|overset)\s*\{[^{}]*\}\s*\{\s*=\s*\})"
 )
 # The T - V of L = T - V = …
@@ -379,6 +379,7 @@ def _letter_l(match: re.Match[str]) -> str:
 
 def _lines(text: str) -> list[str]:
     """The equations of a text, each after as many spaces that its columns hold."""
+    text = reader.without_words(text)
     try:
         groups = reader.split_equations(text, Names(forms=True))
     except errors.InputError:

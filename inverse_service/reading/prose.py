@@ -1,0 +1,365 @@
+r"""What stands around the formulas of a text: sentences, titles, numbers of equations, and statements about sets.
+
+    text    = clause {separator clause}        ; , line ends, \quad, : ? and the full stop of a sentence separate
+    clause  = {piece}                          a word; a remark, \text{words} or (words); a sign, = + '; or a name, m, 2
+    run     = word {name} word ...             the words of a clause between which only names stand
+
+A run is a sentence if it has a word such as "is" or "the", a title if it has several words at an end of its clause;
+both are left out, the sentence with the names beside it. So is a clause without = that has a word, or that a colon
+ends. All else remains: a single word may be a name, and is asked about where it would be a factor. Separators and
+blanks take the places of what is left out, so that columns hold.
+"""
+
+import re
+from collections.abc import Callable, Collection, Container, Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+
+from inverse_service.expressions import letters
+from inverse_service.reading import names as nm
+
+Note = Callable[[str], None]
+
+
+def _words(text: str) -> frozenset[str]:
+    return frozenset(text.split())
+
+
+SHORTEST_WORD = 4  # letters of a word that no product of constants needs
+_OF_SENTENCES = _words(
+    """
+    is are be being has have had was were which that this these those such an the its their of on at to by from as
+    we us it in our into let suppose assume where here with under and or then so thus hence whose using since say
+    see obtain study denote denotes consider find given solve moves move slides rolls reads read obeys satisfies
+    subject describe describes acts gives yields becomes cannot must can may will does do also both well all any
+    each every some stands means called impose imposing imposes look no two for
+    """
+)
+# They begin a clause by themselves.
+_BEGINNINGS = _words(
+    """
+    let suppose consider find solve minimize minimise study given problem example exercise lagrangian lagrange
+    hamiltonian constraint constraints subject and with where under kinetic potential energy solutions solution
+    but the as
+    """
+)
+_PREFIXES = _words("non one van co")
+_OPENERS = _words("that where so thus then hence if and let have")  # a formula may follow
+# They may change what a formula means, so that they are not left out.
+_BINDING = re.compile(
+    r"\b(?:if|when|while|for(?!\s+(?:an?|the|this|all|small|large|every|any|some)\b)|unless|otherwise|else|except|either"
+    r"|(?<!does )(?<!do )not|only|times|plus|minus|over|divided|squared?|cubed?|per|sum|product|root)\b",
+    re.I,
+)
+_CONSTANT = re.compile(r"=.*\b(?:is|are)\s+(?:an?\s+)?const(?:ant)?s?$")  # h = r^2 phi' is constant
+_LETTER = r"[^\W\d_\u00b2\u00b3]"
+_MARKS = "'\u2032\u2033\u2019\u0307\u0308\u00a8\u02d9"
+_WRAPPED = r"\\(?:text|textrm|textbf|textit|emph|mbox|intertext)\s*\{(?P<said>[^{}]*)\}"
+_NUMBER = r"\(?\d[\d.]*[a-z]?\)?"
+_PIECES = re.compile(
+    rf"(?P<comment>#.*)|(?P<wrapped>(?<![_^])(?<![_^]\{{){_WRAPPED})"
+    rf"|(?P<numbered>[\[(]?\b(?:[Ee]q(?:uation|n)?s?(?=[.\s(])|Sect(?:ion)?|Problem|Example|Exercise|Fig|Chapter)\.?\s*"
+    rf"\(?\d[\d.]*(?:[a-z](?![a-z]))?\)?[\])]?[.:]?(?=\s|$))|(?P<short>\b(?:i\.\s?e\.|e\.\s?g\.|s\.\s?t\.),?)"
+    r"|(?P<separator>\\(?:q?quad|hfill?)(?![A-Za-z])|\\\\|[;,\n]|\.{3,}|\u2026|[:?](?=\s|\\|\$|$)"
+    r"|(?<![\d.\s])\s*\.(?=\s+\S|\s*\\(?:q?quad|\\|right|end))|(?<=\d)\.(?=\s+[A-Z](?:[a-z]{2}|\s*=)))"
+    r"|(?P<frame>\\(?:begin|end)\s*\{[^{}]*\}(?:\{[lcr| ]*\})?|\\(?:left|right)\s*(?:\.|\\?\|))"
+    r"|(?P<relation>:?[=<>\u2260\u2264\u2265\u2261\u226a\u226b~]|\\(?:le|ge|ne|leq|geq|neq|ll|gg|lt|gt|equiv)(?![A-Za-z]))"
+    r"|(?P<sign>[-+*/^|\u2212\u00b7\u00d7\u22c5\u2202\u2207]|\\(?:cdot|times|[dt]?frac|over|partial)(?![A-Za-z]))"
+    rf"|(?P<mark>[{_MARKS}]+|\\d?dot(?![A-Za-z]))|(?P<opening>\\?[(\[{{])|(?P<closing>\\?[)\]}}])"
+    r"|(?P<name>\\(?:[A-Za-z]+|.))|(?P<number>[\u00b2\u00b3\u00b9\u2070-\u2099]+|\d+(?:\.(?!\s+[A-Z](?:[a-z]{2}|\s*=))\d*)?)"
+    rf"|(?P<word>{_LETTER}+(?:[-\u2010\u2013]{_LETTER}{{3,}})*(?:['\u2019]s(?!\w))?)|(?P<space>\s+)|(?P<other>.)",
+    re.DOTALL,
+)
+_CLOSING = {"(": ")", "[": "]", "{": "}", "\\{": "\\}", "\\(": "\\)", "\\[": "\\]"}
+_OF_LETTERS = sorted((*letters.LETTER_COMMANDS, *nm.FUNCTIONS), key=len, reverse=True)
+_PRODUCT = re.compile(
+    "[A-Za-z]{0,3}(?:%s)(?:[A-Za-z]{0,2}|%s)" % (("|".join(w for w in _OF_LETTERS if len(w) > 2),) * 2)
+)
+_COMMENT = re.compile(r"(?<!\\)%.*")
+_COMPARES = re.compile(r"[=<>\u2264\u2265]|\\(?:le|ge|ne|equiv)")
+# $x'' = -x$ where words, or other formulas, are beside it; not Maple's t$2.
+MATHEMATICS = re.compile(r"(?<![\w)\\])(\$\$?)([^$]+)\1(?!\w)|(?<!\\)(?<!\\!)\\[(\[]((?:[^\\]|\\[^()\[\]])*)\\[)\]]")
+_JOINED = re.compile(r"\b(?:and|with|where)(?=\s+\\[^;,.]*=)")
+_ITEM = re.compile(r"\((?:[a-h]|[ivx]+)\)")  # (a), (ii)
+_FIRST_ITEM, _ITEM_INSIDE = re.compile(r"\s*\([ai]\)\s"), re.compile(r"\s\((?:[b-h]|i[iv]i?)\)(?=\s)")
+# x, y \in R, (x, phi) \in R^2 x S^1, Q = SE(2).
+_SPACE = (
+    r"(?:[\u211d\u2124\u2115\u2102]|\\mathbb\s*(?:\{\s*\w\s*\}|\w)|\\R(?![a-z])|[RST](?=\s*\^|[\u00b9\u00b2\u00b3])|S[EO](?=\())"
+    r"(?:\s*\^\s*(?:\{[^{}]*\}|[\w+*])|[\u00b9\u00b2\u00b3\u207f\u207a]|_\{?[+>\d]+\}?|\(\w\))*"
+)
+_SPACES = rf"{_SPACE}(?:\s*(?:\u00d7|\\times|x)\s*{_SPACE})*"
+_NAME = rf"(?:(?<!\w)\\?{_LETTER}\w*+[{_MARKS}]*+(?:_\{{?\w++\}}?)?|\((?:[^()=]|\([^()]*\))*+\))"
+_LIST = rf"{_NAME}(?:\s*+,\s*+{_NAME}){{0,9}}+\s*+"
+_SETS = re.compile(
+    rf"(?:(?:\\forall|\u2200|\bfor\s+(?:all|every|any))\s*+)?(?:{_NAME}\s*+=\s*+)?{_LIST}(?:\u2208|\\in(?![A-Za-z]))\s*+"
+    rf"(?:{_SPACES}|\[[^\[\]]*\]|\([^()]*\)|\\?[A-Z]\w*(?:\^\*)?)|^\s*+{_SPACES}(?=\s*[,;:])"
+    rf"|{_NAME}\s*+(?:\u2248|\u2243|\\(?:approx|simeq)(?![a-z]))\s*+\d[^,;\n]*"
+    rf"|(?<![\w\\])[A-Z]\s*+=\s*+{_SPACES}|\b(?:on|in)\s+\$?{_SPACES}"
+)
+# D = {z' = y x'} and ker(dz - y dx), the velocities that are allowed.
+_ALLOWED = re.compile(
+    r"(?:\\mathcal\s*(?:\{\s*D\s*\}|D)|\\Delta(?![a-z])|\b[D\u0394]|\u0394)(?:_?\w|\(q\))?\s*=\s*(?:\\?\{(?:[^{}=]*?(?::|\\mid|\|)(?![=A-Za-z]))?"
+    r"(?P<equations>(?:[^{}]|\{[^{}]*\})*=(?:[^{}\\]|\{[^{}]*\}|\\(?!\}))*)\\?\}|(?:\\?ker|\\mathrm\{ker\})\s*\\?[({](?P<form>[^=;]*?)\\?[)}](?=\s*(?:[,;.\n\\]|$)))"
+)
+# \omega^1 = dz - y dx, whose index counts the forms.
+_COUNTED = re.compile(
+    r"((?:^|[;,\n]|quad)[ \t]*\\?(?:omega|eta|theta|alpha|[\u03c9\u03b7\u03b8\u03b1]))"
+    r"(\^\{?\d\}?|[\u00b9\u00b2\u00b3])(?=\s*:?=[^;\n=]*d[\\a-z])"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Piece:
+    """A piece of a text: its kind, a group of `_PIECES` or "remark", its place, and what is in it."""
+
+    kind: str
+    start: int
+    end: int
+    text: str
+    inside: tuple["Piece", ...] = field(default=())
+    marked: bool = False
+
+
+def without_words(text: str, latex: bool, note: Note, declared: Container[str] = ()) -> str:
+    """The text with separators and blanks for its words, at the same columns; each is noted."""
+
+    def left_out(match: re.Match[str]) -> str:
+        note(match[0].strip())
+        return ";".ljust(len(match[0]))
+
+    text = _COMMENT.sub(lambda match: left_out(match).replace(";", " "), text) if latex else text
+    text = _ITEM_INSIDE.sub(lambda item: ";".ljust(len(item[0])), text) if _FIRST_ITEM.match(text) else text
+    text = _COUNTED.sub(lambda match: match[1].ljust(len(match[0])), _ALLOWED.sub(_allowed, _mathematics(text, note)))
+    text = _SETS.sub(left_out, text)
+    found = [*text]
+    for start, end, said in _left_out(text, declared):
+        found[start:end] = ";".ljust(end - start)
+        words = " ".join(re.sub(r"\\text\w*\s*\{|\\mbox\s*\{|[{}]", " ", text[start:end]).split()).strip(" ,;")
+        if said:
+            note(words)
+    return "".join(found)
+
+
+def _allowed(match: re.Match[str]) -> str:
+    """The equations of a distribution, at their columns."""
+    kept = "form" if match["form"] else "equations"
+    start, end = match.start(kept) - match.start(), match.end(kept) - match.start()
+    return ("0=" if match["form"] else ";").ljust(start) + match[0][start:end] + ";".ljust(len(match[0]) - end)
+
+
+def _mathematics(formula: str, note: Note) -> str:
+    """The formula between dollars; the equations and comparisons where a text has several, or words beside one."""
+    parts = [*MATHEMATICS.finditer(formula)]
+    outside = " ".join(MATHEMATICS.sub(" ", formula).split()).strip(".,; ")
+    alone = len(parts) == 1 and not outside
+    kept = [part.span(k) for part in parts for k in (2, 3) if part[k] and (alone or _COMPARES.search(part[k]))]
+    if parts and re.search(r"=\s*[^\s;$]", outside) and "$" not in outside:
+        return _JOINED.sub(lambda word: ";".ljust(len(word[0])), formula.replace("$", " "))
+    if not kept or "$" in outside:
+        return formula
+    found = [" "] * len(formula)
+    for start, end in kept:
+        part = formula[start:end].rstrip().removesuffix(".").ljust(end - start)
+        found[start : end + 1] = f"{part}{' ' if alone else ';'}"
+    if outside:
+        note(outside)
+    return "".join(found)
+
+
+def _scanned(text: str) -> list[Piece]:
+    """The pieces one by one, without spaces."""
+    found: list[Piece] = []
+    place = 0
+    while match := _PIECES.match(text, place):
+        kind, shown = "wrapped" if match.lastgroup == "said" else str(match.lastgroup), match[0]
+        if kind == "word" and not is_word(shown):
+            shown = re.split("[-\u2010\u2013'\u2019]", shown)[0]
+        if kind != "space":
+            found.append(Piece(kind, place, place + len(shown), shown, (), kind == "mark" or _is_dotted(shown)))
+        place += len(shown)
+    return found
+
+
+def _nested(pieces: Sequence[Piece], text: str) -> list[Piece]:
+    """The pieces, brackets with what is in them being one."""
+    outer: list[tuple[Piece, list[Piece]]] = []
+    line: list[Piece] = []
+    for piece in pieces:
+        if piece.kind == "opening":
+            outer.append((piece, line))
+            line = []
+        elif piece.kind == "closing" and outer and _CLOSING[outer[-1][0].text] == piece.text:
+            opening, before = outer.pop()
+            marked = any(each.marked for each in line)
+            whole = Piece("opening", opening.start, piece.end, text[opening.start : piece.end], tuple(line), marked)
+            before.append(whole)
+            line = before
+        else:
+            line.append(piece)
+    for opening, before in reversed(outer):
+        line = [*before, opening, *line]
+    return line
+
+
+@lru_cache(maxsize=4096)
+def is_word(text: str) -> bool:
+    """Whether letters are a word of a language, and not a name, a function, or a product such as mgl or sintheta."""
+    plain = re.sub("['\u2019]s$", "", text)
+    parts = re.split("[-\u2010\u2013]", plain)
+    if len(parts) > 1:
+        return all(is_word(part) or part.lower() in _PREFIXES for part in parts)
+    if plain.lower() in _OF_SENTENCES | _BEGINNINGS or (plain != text and len(plain) > 2):
+        return True
+    known = plain in nm.FUNCTIONS | nm.DERIVATIVE_NAMES | nm.REFUSED.keys() | letters.LETTER_COMMANDS.keys()
+    if not plain.isascii():  # Painlevé, and no Greek letter
+        return (
+            len(plain) > 2
+            and not any(letter in letters.GREEK for letter in plain)
+            and not all(map(letters.letter, plain))
+        )
+    if known or len(plain) < SHORTEST_WORD or not plain.isalpha() or not (plain.islower() or plain.istitle()):
+        return False
+    product = _PRODUCT.fullmatch(plain) or plain.endswith("dot") or re.search("[xyz]{2}|[wxyz]{3}", plain)
+    return not product and re.search("[aeiouy]", plain.lower()) is not None
+
+
+def _left_out(text: str, declared: Container[str]) -> Iterator[tuple[int, int, bool]]:
+    """The places of what is left out, and whether it is said."""
+    pieces = _scanned(text)
+    named = _names_among(pieces, text, declared)
+    clauses: list[tuple[list[Piece], Piece | None]] = [([], None)]
+    for piece in _nested(pieces, text):
+        if piece.kind in ("separator", "frame"):
+            clauses[-1] = clauses[-1][0], piece
+            clauses.append(([], None))
+        else:
+            clauses[-1][0].append(_as_remark(piece, clauses[-1][0], named, text))
+    holds = any(piece.kind == "relation" for clause, _ in clauses for piece in clause)
+    gone = [_is_gone(clause, end, holds, text) for clause, end in clauses]
+    for place, (clause, end) in enumerate(clauses):
+        beside = (k for k in (place - 1, place + 1) if 0 <= k < len(clauses) and gone[k])
+        joined = any((clauses[min(k, place)][1] or Piece("", 0, 0, "")).text == "," for k in beside)
+        alone = len(clause) == 1 and clause[0].kind in ("word", "name") and joined and holds
+        if clause and (gone[place] or alone):
+            yield clause[0].start, end.end if end and end.text == ":" else clause[-1].end, True
+        else:
+            yield from _runs(clause, text)
+        sign = end.text.strip()[:1] if end else ""
+        goes_on = gone[place] or (place + 1 < len(clauses) and _has(clauses[place + 1][0], "relation"))
+        if end and ((sign and sign in ".\u2026") or (sign == ":" and goes_on) or (sign == "?" and gone[place])):
+            yield end.start, end.end, False
+
+
+def _names_among(pieces: Sequence[Piece], text: str, declared: Container[str]) -> set[str]:
+    """The words that are factors or terms somewhere, or declared."""
+    found: set[str] = set()
+    for place, piece in enumerate(pieces):
+        if piece.kind != "word":
+            continue
+        before, after = pieces[place - 1] if place else None, pieces[place + 1] if place + 1 < len(pieces) else None
+        apart = after and after.text in ("-", "+", "\u2212") and text[after.end : after.end + 1].strip()  # is -sin(x)
+        touches = (
+            after and after.start == piece.end and (after.kind in ("mark", "opening", "number") or after.text == "_")
+        )
+        signed = any(beside and beside.kind in ("sign", "relation") for beside in (before, None if apart else after))
+        behind = before and before.end == piece.start and (before.kind in ("number", "mark") or before.text == "_")
+        if touches or signed or behind or piece.text in declared:
+            found.add(piece.text)
+    return found
+
+
+def _as_remark(piece: Piece, before: Sequence[Piece], named: Collection[str], text: str) -> Piece:
+    """The piece, as a word only where it is one, and brackets of words as a remark."""
+    if piece.kind == "word" and (piece.text in named or not is_word(piece.text)):
+        return Piece("name", piece.start, piece.end, piece.text)
+    last = before[-1] if before else None
+    argument = last and last.end == piece.start and last.kind in ("name", "word", "opening", "sign", "mark")
+    if piece.kind == "opening" and not argument:
+        kinds = {each.kind if each.inside else _as_remark(each, (), named, text).kind for each in piece.inside}
+        if kinds & {"word", "numbered"} and not kinds & {"relation", "sign", "mark"}:
+            return Piece("remark", piece.start, piece.end, piece.text)
+    return piece
+
+
+def _has(clause: Sequence[Piece], *kinds: str) -> bool:
+    return any(piece.kind in kinds or ("mark" in kinds and piece.marked) for piece in clause)
+
+
+def _is_dotted(word: str) -> bool:
+    """Whether a letter of it has dots, as \u1e8b."""
+    return not word.isascii() and any((letters.letter(sign) or ("", 0))[1] for sign in word)
+
+
+def _is_gone(clause: Sequence[Piece], end: Piece | None, holds: bool, text: str) -> bool:
+    """Whether the whole clause is left out: a label, a clause of words without =, a number after dots."""
+    said = text[clause[0].start : clause[-1].end] if clause else ""
+    if not clause or _has(clause, "relation", "mark"):
+        return _CONSTANT.search(said) is not None
+    if end and end.text == ":":
+        return holds
+    words = [piece for piece in clause if piece.kind in ("word", "remark", "numbered")]
+    kept = clause[0].text[:1] != "(" or _has(clause[0].inside, "relation", "sign", "mark")
+    only = len(clause) == 1 and holds and (clause[0].kind in ("remark", "numbered") or not kept)
+    signed = _has(clause, "sign") and not _is_sentence(clause)
+    return (only and not _BINDING.search(said)) or bool(holds and words and not signed and not _BINDING.search(said))
+
+
+def _is_sentence(run: Sequence[Piece]) -> bool:
+    texts = (piece.text.lower() for piece in run if piece.kind in ("word", "wrapped"))
+    return any(not _OF_SENTENCES.isdisjoint(re.findall(r"\w+", text)) for text in texts)
+
+
+def _runs(clause: Sequence[Piece], text: str) -> Iterator[tuple[int, int, bool]]:
+    """The places of the sentences, titles and remarks of a clause that holds a formula."""
+    place = 0
+    while place < len(clause):
+        first = place
+        if clause[place].kind not in ("word", "wrapped", "remark", "numbered", "short"):
+            place += 1
+            continue
+        last = place
+        while place < len(clause) and clause[place].kind in (
+            "word",
+            "wrapped",
+            "remark",
+            "numbered",
+            "short",
+            "name",
+            "number",
+        ):
+            article = clause[place].text in ("a", "A") and last == place - 1
+            last = place if article or clause[place].kind not in ("name", "number") else last
+            place += 1
+        place = last + 1
+        follows = place < len(clause) and clause[place].kind != "relation"
+        if follows and place - first > 1 and clause[place - 1].kind == "word":
+            place -= clause[place - 2].text.lower() in _OPENERS and clause[place - 1].text.lower() not in _OF_SENTENCES
+        before, run, after = clause[:first], clause[first:place], clause[place:]
+        if not _is_left_out(before, run, after, text):
+            continue
+        sentence = _is_sentence(run)
+        start, end = run[0].start, run[-1].end
+        if before and not _has(before, "relation", "sign", "mark") and (sentence or before[-1].text in ("a", "A")):
+            start = before[0].start
+        if after and not _has(after, "relation", "sign", "mark") and sentence:
+            end = after[-1].end
+        yield start, end, run[0].kind != "short"
+
+
+def _is_left_out(before: Sequence[Piece], run: Sequence[Piece], after: Sequence[Piece], text: str) -> bool:
+    """Whether a run is a sentence, a title at an end of its clause, or a remark."""
+    words = [piece for piece in run if piece.kind == "word"]
+    said = text[run[0].start : run[-1].end]
+    if _BINDING.search(said if before else said.removesuffix(" for")):  # the equation of motion for L = ...
+        return False
+    if not words:
+        wrapped = [re.sub(r"^\\\w+\s*\{|\}$", "", piece.text).strip() for piece in run if piece.kind == "wrapped"]
+        long = any(" " in each or each.endswith((":", ".", ")")) or _ITEM.fullmatch(each) for each in wrapped)
+        return long or run[0].kind == "short" or (len(wrapped) < len(run) and not (before and after))
+    article = not before or (len(before) == 1 and before[0].text in ("a", "A"))
+    if len(words) > 1:
+        return _is_sentence(run) or article or not after
+    names = list(after[:2])
+    plain = len(names) > 1 and names[0].kind == "name" and names[1].kind in ("relation", "opening")
+    defines = plain and any(piece.kind == "relation" for piece in after[1:3])
+    return article and bool(after) and (words[0].text.lower() in _BEGINNINGS or defines)
