@@ -13,8 +13,8 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
-from itertools import pairwise
-from typing import TYPE_CHECKING, Any, NamedTuple
+from itertools import chain, pairwise
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from flint import Ordering, fmpq, fmpq_mpoly_ctx
 
@@ -25,6 +25,7 @@ from .numbers import Entry
 if TYPE_CHECKING:
     from .question import Question
 
+T = TypeVar("T")
 Polynomial = Any  # fmpq_mpoly
 MAX_TERMS = 3000  # of a polynomial; a longer formula becomes a generator of unknown sign
 LONG = "..."  # begins the text of such a generator, which no formula contains
@@ -699,14 +700,12 @@ class Knowledge:
         return 0
 
 
-def letters_of(question: Question, read: Callable[[Letters], object]) -> Letters:
-    """The ring after the formulas were read, with as many generators as they need."""
+def in_letters(question: Question, work: Callable[[Letters], T]) -> T:
+    """What the work gives in a ring with as many generators as it needs."""
     size = SPARE + len(question.plan.pairs)
     while True:
-        ring = Letters(question, size)
         try:
-            read(ring)
-            return ring
+            return work(Letters(question, size))
         except TooManyLetters:
             size *= 2
             if size > MAX_LETTERS:
@@ -722,23 +721,19 @@ def cells_of(question: Question, by_theorem: bool = False) -> tuple[Cell, Cell]:
     analytic. Of this set the sides are kept on which the relations between the formulas hold:
     beyond them others do.
     """
-    hints, forces = list[Need](), list[Need]()
+    return in_letters(question, lambda ring: _cells_in(ring, question, by_theorem))
 
-    def read(ring: Letters) -> None:
-        hints.clear()
-        forces.clear()
-        collect_needs(ring, question.read_all(ring))
-        forces.extend(ring.needs)
-        collect_needs(ring, question.read(ring))
-        ring.entries = iter(())
-        for pair in question.conditions:
-            value = ring.add([value_of(ring, one) for one in pair], [1, -1])
-            hints.extend(ring.pieces(">", value))
-        for _, said in () if question.rational else question.roots:
-            value = value_of(ring, said)
-            hints.extend(need for need in ring.pieces(">", value) if need.kind == ">")
 
-    ring = letters_of(question, read)
+def _cells_in(ring: Letters, question: Question, by_theorem: bool) -> tuple[Cell, Cell]:
+    collect_needs(ring, question.read_all(ring))
+    forces, hints = [*ring.needs], list[Need]()
+    collect_needs(ring, question.read(ring))
+    ring.entries = iter(())
+    for pair in question.conditions:
+        value = ring.add([value_of(ring, one) for one in pair], [1, -1])
+        hints += ring.pieces(">", value)
+    for _, said in () if question.rational else question.roots:
+        hints += [need for need in ring.pieces(">", value_of(ring, said)) if need.kind == ">"]
     cut = signed(question, ring, ring.needs if question.partly else ring.cut)
     sides = strongest(ring, [*hints, *cut])
 
@@ -854,25 +849,21 @@ def where_regular(
 
     Parameters alone are generic.
     """
-    found = list[Need]()
+    moving = {"t", *question.coordinates, *(f"{name}'" for name in question.coordinates)}
 
-    def read(ring: Letters) -> None:
-        found.clear()
+    def work(ring: Letters) -> Cell:
         ring.entries = iter(())
         matrix = read_matrix(ring)
-        for row in matrix:
-            for entry in row:
-                found.extend(ring.needs_of(entry))
+        found = [need for row in matrix for entry in row for need in ring.needs_of(entry)]
         factors = ring.plain_factors(determinant(ring, matrix).above).listed
-        found.extend(need_of("!=", factor) for factor, _ in factors)
+        found += [need_of("!=", factor) for factor, _ in factors]
+        if any(LONG in text for text in written(ring, found)):
+            return Cell(unknown=True)
+        texts = [(need, read_tokens(ring.text(need.polynomial), "cell")) for need in found]
+        kept = [need for need, tokens in texts if not moving.isdisjoint(tokens)]
+        return Cell(written(ring, strongest(ring, kept)))
 
-    ring = letters_of(question, read)
-    if any(LONG in text for text in written(ring, found)):
-        return Cell(unknown=True)
-    moving = {"t", *question.coordinates, *(f"{name}'" for name in question.coordinates)}
-    texts = [(need, read_tokens(ring.text(need.polynomial), "cell")) for need in found]
-    kept = [need for need, tokens in texts if not moving.isdisjoint(tokens)]
-    return Cell(written(ring, strongest(ring, kept)))
+    return in_letters(question, work)
 
 
 def determinant(ring: Letters, matrix: list[list[Quotient]]) -> Quotient:
@@ -898,20 +889,18 @@ def determinant(ring: Letters, matrix: list[list[Quotient]]) -> Quotient:
 
 def shortest(question: Question, stated: Sequence[str]) -> Cell:
     """A stated domain without members that follow from others, as stated where that is short."""
-    said = dict[Need, str]()
 
-    def read(ring: Letters) -> None:
-        ring.entries = iter(())
-        said.clear()
+    def work(ring: Letters) -> Cell:
+        ring.entries, said = iter(()), dict[Need, str]()
         for text in stated:
             needs = [*needs_of_text(ring, text)]
             for need in needs:
                 known = said.get(need) or written(ring, [need])[0]
                 said[need] = min(text, known, key=len) if len(needs) == 1 else known
+        kept = strongest(ring, [*said])
+        return Cell(tuple(said.get(need) or written(ring, [need])[0] for need in kept))
 
-    ring = letters_of(question, read)
-    kept = strongest(ring, [*said])
-    return Cell(tuple(said.get(need) or written(ring, [need])[0] for need in kept))
+    return in_letters(question, work)
 
 
 def lacking(question: Question, stated: Sequence[str], cell: Cell) -> tuple[list[str], list[int]]:
@@ -920,36 +909,24 @@ def lacking(question: Question, stated: Sequence[str], cell: Cell) -> tuple[list
     Which stated members do not follow from it. What does not follow with the angles as they are
     written may do so with sines and cosines of sums apart.
     """
-    missing, beyond = _lacking(question, stated, cell, apart=False)
-    if not missing and not beyond:
-        return missing, beyond
-    left, further = _lacking(question, stated, cell, apart=True)
-    return [text for text in missing if text in left], [k for k in beyond if k in further]
 
-
-def _lacking(
-    question: Question, stated: Sequence[str], cell: Cell, apart: bool
-) -> tuple[list[str], list[int]]:
-    def read(ring: Letters) -> None:
+    def work(ring: Letters, apart: bool) -> tuple[list[str], list[int]]:
         ring.entries, ring.apart = iter(()), apart
-        own.clear()
-        said.clear()
         velocities = zip(question.bound, question.force_texts[len(question.free) :], strict=True)
         rates = {name + "'": value_of(ring, text) for name, text in velocities}
-        for listed, found in ((cell.domain, own), (stated, said)):
-            for text in listed:
-                ring.needs = {}
-                found.append(list(needs_of_text(ring, text, rates)))
+        own, said = ([[*needs_of_text(ring, text, rates)] for text in listed]
+                     for listed in (cell.domain, stated))  # fmt: skip
+        known, proven = (Knowledge(ring, chain.from_iterable(some)) for some in (said, own))
+        pairs = zip(cell.domain, own, strict=True)
+        missing = [text for text, needs in pairs if not all(map(known.implies, needs))]
+        beyond = [k for k, needs in enumerate(said) if not all(map(proven.implies, needs))]
+        return missing, beyond
 
-    own, said = list[list[Need]](), list[list[Need]]()
-    ring = letters_of(question, read)
-    known, proven = (
-        Knowledge(ring, (need for needs in some for need in needs)) for some in (said, own)
-    )
-    pairs = zip(cell.domain, own, strict=True)
-    missing = [text for text, needs in pairs if not all(map(known.implies, needs))]
-    beyond = [k for k, needs in enumerate(said) if not all(map(proven.implies, needs))]
-    return missing, beyond
+    missing, beyond = in_letters(question, lambda ring: work(ring, apart=False))
+    if not missing and not beyond:
+        return missing, beyond
+    left, further = in_letters(question, lambda ring: work(ring, apart=True))
+    return [text for text in missing if text in left], [k for k in beyond if k in further]
 
 
 def needs_of_text(

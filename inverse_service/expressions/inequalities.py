@@ -56,17 +56,16 @@ def is_nonzero(
 def _follows(
     tree: ex.Expression, ending: str, nonzero: tuple[ex.Expression, ...], positive: tuple[ex.Expression, ...]
 ) -> bool:
-    stated, known, wanted = [*texts(nonzero, " != 0"), *texts(positive, " > 0")], list[cell.Need](), list[cell.Need]()
-
-    def read(ring: cell.Letters) -> None:
-        known[:] = [*(need for text in stated for need in cell.needs_of_text(ring, text)), *ring.needs]
+    def follows(ring: cell.Letters) -> bool:
+        stated = [*texts(nonzero, " != 0"), *texts(positive, " > 0")]
+        known = [*(need for text in stated for need in cell.needs_of_text(ring, text)), *ring.needs]
         ring.needs = {}
-        wanted[:] = [need for text in texts([tree], ending) for need in cell.needs_of_text(ring, text)]
+        wanted = [need for text in texts([tree], ending) for need in cell.needs_of_text(ring, text)]
         (known if ending == " > 0" else wanted).extend(ring.needs)
+        return all(map(cell.Knowledge(ring, known).implies, wanted))
 
     try:
-        ring = cell.letters_of(question_about([tree, *nonzero, *positive]), read)
-        return all(map(cell.Knowledge(ring, known).implies, wanted))
+        return cell.in_letters(question_about([tree, *nonzero, *positive]), follows)
     except formulas.Ended:
         return False
 

@@ -332,7 +332,7 @@ def _agreed(certificate: Mapping[str, Any], shown: Any, notes: dict[str, bool], 
         notes["proven"] = False
         question.look_around()  # which may refute it
 
-    def read(ring: cell.Letters) -> None:
+    def is_whole(ring: cell.Letters) -> bool:
         question.read_all(ring)
         _, p, difference = parts(ring)
         moving = {ring.texts.index(v) for v in speeds}
@@ -345,10 +345,10 @@ def _agreed(certificate: Mapping[str, Any], shown: Any, notes: dict[str, bool], 
             ring, [*(need for need in each if need not in held), *(n for one in stated for n in one)]
         )
         follow = cell.Knowledge(ring, [*before, *needed])
-        notes["whole"] = all(map(known.implies, needed)) and all(follow.implies(n) for one in stated for n in one)
+        return all(map(known.implies, needed)) and all(follow.implies(n) for one in stated for n in one)
 
     if notes["proven"]:
-        cell.letters_of(question, read)
+        notes["whole"] = cell.in_letters(question, is_whole)
     return [""]
 
 
