@@ -190,18 +190,18 @@ def _program(
 def _finished(
     f: Formulas, carried: tuple[str, ...], statements: Sequence[programs.Statement], changes: Sequence[Formula],
     watches: Sequence[programs.Watch], observed: Sequence[tuple[str, Formula]], forces: int,
-    further: Sequence[Formula] = (),
+    error: Formula | None = None, order: int = 0,
 ) -> programs.Program:  # fmt: skip
     """The program with a clock where t matters, and without what nothing needs."""
     if f.problem.depends_on_time or any(se.contains(formula, MOMENT) for _, formula in observed):
         carried, changes = (*carried, str(MOMENT)), [*changes, STEP]
     known = {symbol(s.name): s.formula for s in statements if isinstance(s, programs.Assign)}
     updates = tuple(None if known.get(change, change) == ZERO else change for change in changes)
-    needed = [change for change in updates if change is not None]
-    needed += [*further, *(watch.formula for watch in watches), *(formula for _, formula in observed)]
+    needed = [formula for formula in (*updates, error) if formula is not None]
+    needed += [*(watch.formula for watch in watches), *(formula for _, formula in observed)]
     return programs.Program(
         state=carried, arguments=("h", "a", *f.parameters), statements=programs.used_only(statements, needed),
-        updates=updates, watches=tuple(watches), observed=tuple(observed), forces=forces,
+        updates=updates, watches=tuple(watches), observed=tuple(observed), forces=forces, error=error, order=order,
     )  # fmt: skip
 
 
@@ -224,8 +224,7 @@ def adaptive(f: Formulas, choice: MethodChoice, observation: Observation) -> pro
     error, *coarse = (_squared_norm(f, changes, first, error) for error in errors)
     if coarse:
         error = error**2 / (error + coarse[0] / 100 + number(SMALLEST_NORM))
-    program = _point_program(f, observation, statements, changes, [], len(forces), [error])
-    return replace(program, error=error, order=tableau.falls)
+    return _point_program(f, observation, statements, changes, [], len(forces), error, tableau.falls)
 
 
 def _squared_norm(f: Formulas, changes: Vector, first: Vector, errors: Vector, later: Vector | None = None) -> Formula:
@@ -292,8 +291,7 @@ def stiff(f: Formulas, choice: MethodChoice, observation: Observation) -> progra
     # A force that begins as t^2 from rest has an error of the size of its change in a step of any length.
     later = put(f.accelerations, {MOMENT: MOMENT + LATER * se.WHOLE_STEP}) if f.problem.depends_on_time else None
     error = _squared_norm(f, changes, STEP * np.concatenate([v, f.accelerations]), stages[-1], later)
-    program = _point_program(f, observation, statements, changes, [], len(stages), [error])
-    return replace(program, error=error, order=RODAS.order)
+    return _point_program(f, observation, statements, changes, [], len(stages), error, RODAS.order)
 
 
 def _explicit(f: Formulas, tableau: Tableau) -> tuple[list[programs.Statement], list[Vector], Vector, list[Vector]]:
@@ -353,12 +351,12 @@ def gauss_legendre(f: Formulas, choice: MethodChoice, observation: Observation) 
 
 def _point_program(
     f: Formulas, observation: Observation, statements: Sequence[programs.Statement], changes: Vector,
-    watches: Sequence[programs.Watch], forces: int, further: Sequence[Formula] = (),
+    watches: Sequence[programs.Watch], forces: int, error: Formula | None = None, order: int = 0,
 ) -> programs.Program:  # fmt: skip
     carried = tuple(str(name) for letter in "qv" for name in f.symbols(letter))
     watches = [*watches, *rank_watches(f, f.symbols("q") + changes[: f.size], divides=True)]
     observed = [(item.name, se.translate(item.expression, f.table)) for item in observation]
-    return _finished(f, carried, statements, changes, watches, observed, forces, further)
+    return _finished(f, carried, statements, changes, watches, observed, forces, error, order)
 
 
 def where_it_ends(f: Formulas) -> str:
