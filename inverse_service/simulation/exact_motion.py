@@ -130,15 +130,13 @@ def _settled(motion: ExactMotion, start: float, rate: float, edges: Array) -> Ar
     # A node is known to a relative 1e-16, and e no better than that.
     reach = 1 + abs(start) + abs(rate) * float(np.abs(edges).max())
     tolerance = TOLERANCE * reach * float(np.abs(np.diff(edges)).max())
-    pieces = 1
-    found, steady = _composite(motion, start, rate, edges, pieces)
-    while pieces < MOST_PIECES and 2 * pieces * len(edges) * len(NODES) <= MOST_NODES:
-        pieces *= 2
+    found, steady, pieces = np.array(np.inf), True, 1
+    while pieces == 1 or (pieces <= MOST_PIECES and pieces * len(edges) * len(NODES) <= MOST_NODES):
         finer, steady = _composite(motion, start, rate, edges, pieces)
-        change = float(np.abs(finer - found).max())
-        found = finer
+        change = float(np.abs(finer - found).max(initial=0.0))
+        found, pieces = finer, 2 * pieces
         if change <= tolerance and steady:
-            return found
+            break
     if not steady:
         raise Unavailable(RANK_LOST)
     return found
