@@ -176,8 +176,6 @@ def turned(points: Array) -> Array:
     """
     chords = np.diff(points, axis=0)
     moving = np.hypot(*chords.T) > 0
-    if not moving.any():
-        return np.zeros(len(chords))
     places = np.maximum.accumulate(np.where(moving, np.arange(len(chords)), -1))
     places[places < 0] = int(np.argmax(moving))
     directions = np.arctan2(chords[:, 1], chords[:, 0])[places]

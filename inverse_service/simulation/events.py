@@ -218,8 +218,6 @@ class Brackets:
 
 def _is_unseen(way: Way, fine: Array, pieces: int) -> bool:
     """Whether the formula between the points has values that the cubic through four of them does not show."""
-    if len(fine) < 4:
-        return False
     places = np.unique(np.linspace(1, len(fine) - 3, LOOKED_AGAIN).astype(np.int64))
     part = np.resize(OFF_GRID, len(places))
     a, b, c, d = fine[places - 1], fine[places], fine[places + 1], fine[places + 2]

@@ -44,16 +44,14 @@ def drifts_of(what: System) -> list[ex.Expression]:
 
 
 def saddle(what: System, table: Mapping[ex.Expression, Any]) -> Array:
-    """[[g, w^T], [w, 0]] at the points of a table, (N, n + m, n + m), with g = 1 where there is no Lagrangian."""
-    n, size = len(what.coordinates), len(what.coordinates) + len(what.constraints)
-    masses = None if what.lagrangian is None else euler_lagrange.hessian(what.lagrangian, what.coordinates)
-    rows = [*(masses or ()), *forms_of(what)]
-    values = np.array(array_values([entry for row in rows for entry in row], table)).reshape(len(rows), n, -1)
+    """[[g, w^T], [w, 0]] at the points of a table, (N, n + m, n + m)."""
+    assert what.lagrangian is not None  # given equations have no constraints
+    rows = [*euler_lagrange.hessian(what.lagrangian, what.coordinates), *forms_of(what)]
+    n, size = len(what.coordinates), len(rows)
+    values = np.array(array_values([entry for row in rows for entry in row], table)).reshape(size, n, -1)
     whole = np.zeros((values.shape[2], size, size))
-    whole[:, size - len(rows) :, :n] = values.transpose(2, 0, 1)
+    whole[:, :, :n] = values.transpose(2, 0, 1)
     whole[:, :n, n:] = whole[:, n:, :n].transpose(0, 2, 1)
-    if masses is None:
-        whole[:, :n, :n] = np.eye(n)
     return whole
 
 
