@@ -605,18 +605,16 @@ def _requested(schema: schemas.SceneDocument, given: schemas.SceneMethod, pointe
         tolerance = number_of(given.tolerance, f"{pointer}/tolerance", what, 1e-18, 0.1)
     if verlet and (given.alpha is not None or given.symmetrised or given.form != "hamiltonian"):
         raise InputError("stormer-verlet accepts an order, but not alpha, form or symmetrised.", pointer)
-    choice_of = data.MethodChoice(method, alpha, given.symmetrised, order, given.form, given.guard, tolerance)
-    if verlet:
-        choice_of = replace(choice_of, alpha=0.0, symmetrised=True, form="verlet")
-    short = "0" if verlet else f"{alpha:g}"
-    written = short if verlet or float(short) == alpha else given.alpha or short  # as it is written: 1/3
+    alpha, symmetrised, form = (0.0, True, "verlet") if verlet else (alpha, given.symmetrised, given.form)
+    short = f"{alpha:g}"
+    written = short if float(short) == alpha else given.alpha or short  # as it is written: 1/3
     shown = written if method in GEOMETRIC else None
     constants = [
         (key, number_of(text, f"{pointer}/constants/{escape(key)}")) for key, text in (given.constants or {}).items()
     ]
     return data.Requested(
         label=given.label or _label(given, shown, order),
-        choice=choice_of,
+        choice=data.MethodChoice(method, alpha, symmetrised, order, form, given.guard, tolerance),
         alpha=shown,
         convention=given.start or schema.start,
         free=given.free_lagrangian,
