@@ -462,7 +462,8 @@ class _Pieces:
     def _first(self, run: observing.Observed, sides: Sides) -> tuple[Point, list[int | ex.Expression]] | None:
         """The state at the first event of a piece that acts, stops or switches, and all events at that time."""
         shares = self.motion.shares(sides)
-        events, watched = self.scene.events, list[tuple[int | ex.Expression, data.Event]](enumerate(self.scene.events))
+        events = self.scene.events
+        watched: list[tuple[int | ex.Expression, data.Event]] = [*enumerate(events)]
         for u, side in sides.items():
             formula = ex.ONE - shares[u] ** 2 if side == STICKS and u in shares else on_sides(u, sides)
             if side != STICKS or u in shares:
@@ -471,15 +472,19 @@ class _Pieces:
         motion = replace(self.motion.problem, accelerations=self.motion.forces(sides))
         found = located(run, [event for _, event in watched], lambda: motion)
         later = [one.part(one.times > begin + (least if self.parts else -least)) for one in found]
-        ends = [one.event.acts or one.event.stops for one in later]
-        firsts = [one.first for one, is_end in zip(later, ends, strict=True) if is_end and len(one.times)]
-        first = min(firsts, key=lambda state: state[0], default=None)
+        ends = [
+            (kind, one)
+            for (kind, event), one in zip(watched, later, strict=True)
+            if (event.acts or event.stops) and len(one.times)
+        ]
+        first = min((one.first for _, one in ends), key=lambda state: state[0], default=None)
         end = np.inf if first is None else first[0]
-        for k, one in enumerate(later[: len(events)]):
-            self.notes |= {k: one.note} if one.note else {}
-            self.seen[k] += [] if ends[k] else [one.part(one.times <= end)]
-        at_end = [is_end and (one.times[:1] <= end + least).any() for one, is_end in zip(later, ends, strict=True)]
-        return first and (first, [kind for (kind, _), is_there in zip(watched, at_end, strict=True) if is_there])
+        for k, (event, one) in enumerate(zip(events, later, strict=False)):
+            if one.note:
+                self.notes[k] = one.note
+            if not (event.acts or event.stops):
+                self.seen[k].append(one.part(one.times <= end))
+        return first and (first, [kind for kind, one in ends if one.times[0] <= end + least])
 
     def _act(self, state: Point, kinds: Sequence[int | ex.Expression], sides: Sides) -> tuple[Point, Outcome | None]:
         """The state after the events, and the outcome where they end the run."""
