@@ -109,7 +109,7 @@ def with_products_in_order(
         match base:
             case ex.Apply("exp") if ex.TIME in held:
                 return 1, 0
-            case ex.Symbol() | ex.Sum() if all(node in places for node in held):
+            case ex.Symbol() | ex.Sum() | ex.Power() if all(node in places for node in held):
                 return 2, min(places[node] for node in held if isinstance(node, ex.Symbol))
             case ex.Symbol() | ex.Velocity():
                 return 6 if moving else 3, 0
