@@ -8,7 +8,15 @@ from pathlib import Path
 import matplotlib
 
 from inverse_service.service.figures import views
-from inverse_service.service.figures.drawing import SETTINGS, TRUE_COLOR, new_figure, path_figure, save, series_figure
+from inverse_service.service.figures.drawing import (
+    SETTINGS,
+    TRUE_COLOR,
+    new_figure,
+    path_figure,
+    save,
+    series_figure,
+    with_truth,
+)
 from paper.scenes import Run
 from paper.statement import Figure
 
@@ -18,7 +26,7 @@ ALPHA = "\N{GREEK SMALL LETTER ALPHA}"
 
 def paths(run: Run, folder: Path, name: str, caption: str) -> Figure:
     """Paths in the plane, one panel a method, with the exact curve."""
-    drawn = path_figure(run.result, run.tables, run.truth)
+    drawn = path_figure(*with_truth(run.result, run.tables, run.truth))
     assert drawn is not None
     figure, finding = drawn
     save(figure, folder, name, caption)
@@ -27,7 +35,7 @@ def paths(run: Run, folder: Path, name: str, caption: str) -> Figure:
 
 def series(run: Run, quantity: str, folder: Path, name: str, caption: str) -> Figure:
     """An observed quantity against time, signed and on a logarithmic axis."""
-    drawn = series_figure(quantity, run.result, run.tables, run.truth)
+    drawn = series_figure(quantity, *with_truth(run.result, run.tables, run.truth))
     if drawn is None:
         raise ValueError(f"no method of the scene has the quantity {quantity}")
     figure, finding = drawn

@@ -137,9 +137,8 @@ def view_figure(
     return figure, caption
 
 
-def series_figure(name: str, result: Result, tables: Tables, truth: Table | None = None) -> tuple[Figure, str] | None:
+def series_figure(name: str, result: Result, tables: Tables) -> tuple[Figure, str] | None:
     """An observed quantity in time: its size on a logarithmic axis, and each of its columns with its sign."""
-    result, tables = _with_truth(result, tables, truth)
     lines = views.lines_of(result, tables, views.QUANTITIES[name].size)
     sizes = {method["label"]: float(np.nanmax(np.abs(values))) for _, method, _, values in lines}
     caption = extremes(views.QUANTITIES[name].words, sizes) + _bands(tables)
@@ -162,7 +161,7 @@ def _bands(tables: Tables) -> str:
     return f" Bands reach from the least to the greatest of {most // views.BINS} points." * (most > views.MOST_POINTS)
 
 
-def _with_truth(result: Result, tables: Tables, truth: Table | None) -> tuple[Result, Tables]:
+def with_truth(result: Result, tables: Tables, truth: Table | None) -> tuple[Result, Tables]:
     """The true motion as one more method, unless it is one."""
     if truth is None or any(method["method"] == "exact" for method in result["methods"]):
         return result, tables
@@ -227,14 +226,14 @@ def draw_simulation(folder: Path, result: Result, tables: Tables, truth: Table |
     if any("members" in method for method in result["methods"]):
         drawn = {"ensemble": ensemble_figure(result, tables), "sweep": sweep_figure(result, tables)}
     else:
-        whole, columns = _with_truth(result, tables, truth)
+        whole, columns = with_truth(result, tables, truth)
         pair, is_round = result["circle_coordinates"], "matching_circle" in observed
         for table in tables.values() if pair and not is_round else ():
             # A full turn in the plane of the circle; other paths are shown by coordinate.
             path = np.column_stack([table[name] for name in pair])
             is_round = is_round or (len(path) > 2 and abs(circles.turned(path)[-1]) >= 2 * np.pi)
         if observed & {"trajectory", "matching_circle"} and pair and is_round:
-            drawn["path"] = path_figure(result, tables, truth)
+            drawn["path"] = path_figure(whole, columns)
         elif "trajectory" in observed:
             caption = f"{result['name'] or 'Motion'}: {run_of(result)}.{_bands(tables)}"
             drawn["coordinates"] = view_figure([views.time_view(name, whole, columns) for name in names], caption, 1)
@@ -246,7 +245,7 @@ def draw_simulation(folder: Path, result: Result, tables: Tables, truth: Table |
         drawn["section"] = view_figure(views.section_views(result)[:MOST_PANELS], caption)
         for name in views.QUANTITIES:
             if name in observed or (name == "discrete_energy" and "energy" in observed):
-                drawn[name] = series_figure(name, result, tables, truth)
+                drawn[name] = series_figure(name, whole, columns)
     return [
         {"files": save(pair[0], folder, name, pair[1]), "caption": pair[1]}
         for name, pair in drawn.items()
@@ -264,10 +263,9 @@ def picture(result: Result, name: str, ending: str) -> bytes | None:
     return None if drawn is None else _encoded(drawn[0], name, ending)
 
 
-def path_figure(result: Result, tables: Tables, truth: Table | None) -> tuple[Figure, str] | None:
+def path_figure(result: Result, tables: Tables) -> tuple[Figure, str] | None:
     """A panel for each method, all of one scale: its path, the true one, and the paper's matching circle, which goes
     through three points of the first revolution."""
-    result, tables = _with_truth(result, tables, truth)
     whole = views.path_view(result, tables)
     if whole is None:
         return None
@@ -302,7 +300,7 @@ def path_figure(result: Result, tables: Tables, truth: Table | None) -> tuple[Fi
     methods = [result["methods"][line["place"]] for line in own]
     circles_of = {method["label"]: method["circle"] for method in methods if method.get("circle")}
     parts = [f"{result['name'] or 'Path'}: {run_of(result)}."]
-    parts += ["The broad pale curve is the true motion."] * (truth is not None)
+    parts += ["The broad pale curve is the true motion."] * len(true)
     if any(circle.get("through_three_points") for circle in circles_of.values()):
         parts.append("Dashed: the matching circles through three points.")
     known = {name: circle for name, circle in circles_of.items() if (circle["revolutions"] or 2) >= 2}
