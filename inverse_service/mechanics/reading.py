@@ -215,7 +215,7 @@ def _read_with(
 
 def _canonical_equations(text: str) -> str:
     """; x' = dH/dp; p' = -dH/dx for H = … alone, each momentum having its coordinate; else nothing."""
-    named = document_names.HAMILTONIAN.match(text)
+    named = document_names.HAMILTONIAN.match(reader.without_words(text).replace(";", " "))
     tokens = reader.tokens_if_any(text, Names(guesses=True)) if named else []
     found = list(dict.fromkeys(token.text for token in walk(tokens) if token.kind == "name"))
     pairs = {name: _partner(name, found) for name in found if re.fullmatch(r"p(?:_\w+|\d)?", name)}

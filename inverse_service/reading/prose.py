@@ -58,7 +58,7 @@ _WRAPPED = r"\\(?:text|textrm|textbf|textit|emph|mbox|intertext)\s*\{(?P<said>[^
 _NUMBER = r"\(?\d[\d.]*[a-z]?\)?"
 _PIECES = re.compile(
     rf"(?P<comment>#.*)|(?P<wrapped>(?<![_^])(?<![_^]\{{){_WRAPPED})"
-    rf"|(?P<numbered>[\[(]?\b(?:[Ee]q(?:uation|n)?s?(?=[.\s(])|Sect(?:ion)?|Problem|Example|Exercise|Fig|Chapter)\.?\s*"
+    rf"|(?P<numbered>[\[(]?\b(?:[Ee]q(?:uation|n)?s?(?=[.\s(])|Sect(?:ion)?|Problem|Example|Exercise|Ex|Fig|Chapter)\.?\s*"
     rf"\(?\d[\d.]*(?:[a-z](?![a-z]))?\)?[\])]?[.:]?(?=\s|$))|(?P<short>\b(?:i\.\s?e\.|e\.\s?g\.|s\.\s?t\.),?)"
     r"|(?P<separator>\\(?:q?quad|hfill?)(?![A-Za-z])|\\\\|[;,\n]|\.{3,}|\u2026|[:?](?=\s|\\|\$|$)"
     r"|(?<![\d.\s])\s*\.(?=\s+\S|\s*\\(?:q?quad|\\|right|end))|(?<=\d)\.(?=\s+[A-Z](?:[a-z]{2}|\s*=)))"
@@ -70,6 +70,8 @@ _PIECES = re.compile(
     rf"|(?P<word>{_LETTER}+(?:[-\u2010\u2013]{_LETTER}{{3,}})*(?:['\u2019]s(?!\w))?)|(?P<space>\s+)|(?P<other>.)",
     re.DOTALL,
 )
+_SHOWN = r"\s*\{(?:equation|align|gather|displaymath)\*?\}"
+_ENDED = re.compile(rf"\\end{_SHOWN}(?=\s*\\begin{_SHOWN})")
 _CLOSING = {"(": ")", "[": "]", "{": "}", "\\{": "\\}", "\\(": "\\)", "\\[": "\\]"}
 _OF_LETTERS = sorted((*letters.LETTER_COMMANDS, *nm.FUNCTIONS), key=len, reverse=True)
 _PRODUCT = re.compile(
@@ -94,7 +96,7 @@ _SETS = re.compile(
     rf"(?:(?:\\forall|\u2200|\bfor\s+(?:all|every|any))\s*+)?(?:{_NAME}\s*+=\s*+)?{_LIST}(?:\u2208|\\in(?![A-Za-z]))\s*+"
     rf"(?:{_SPACES}|\[[^\[\]]*\]|\([^()]*\)|\\?[A-Z]\w*(?:\^\*)?)|^\s*+{_SPACES}(?=\s*[,;:])"
     rf"|{_NAME}\s*+(?:\u2248|\u2243|\\(?:approx|simeq)(?![a-z]))\s*+\d[^,;\n]*"
-    rf"|(?<![\w\\])[A-Z]\s*+=\s*+{_SPACES}|\b(?:on|in)\s+\$?{_SPACES}"
+    rf"|(?<![\w\\])[A-Z]\s*+=\s*+{_SPACES}|\b(?:on|in|is|space)\s+\$?{_SPACES}"
 )
 # D = {z' = y x'} and ker(dz - y dx), the velocities that are allowed.
 _ALLOWED = re.compile(
@@ -246,6 +248,9 @@ def _left_out(text: str, declared: Container[str]) -> Iterator[tuple[int, int, b
             yield from _runs(clause, text)
         sign = end.text.strip()[:1] if end else ""
         goes_on = gone[place] or (place + 1 < len(clauses) and _has(clauses[place + 1][0], "relation"))
+        starts = _ENDED.match(text, end.start) if end and end.kind == "frame" else None
+        if starts:
+            yield starts.start(), starts.end(), False
         if end and ((sign and sign in ".\u2026") or (sign == ":" and goes_on) or (sign == "?" and gone[place])):
             yield end.start, end.end, False
 
@@ -293,6 +298,9 @@ def _is_dotted(word: str) -> bool:
 def _is_gone(clause: Sequence[Piece], end: Piece | None, holds: bool, text: str) -> bool:
     """Whether the whole clause is left out: a label, a clause of words without =, a number after dots."""
     said = text[clause[0].start : clause[-1].end] if clause else ""
+    meaning = clause[2:] if len(clause) > 3 and clause[1].kind == "relation" and not clause[0].marked else ()
+    if meaning and all(piece.kind in ("word", "name") and is_word(piece.text) for piece in meaning):
+        return True  # I = moment of inertia
     if not clause or _has(clause, "relation", "mark"):
         return _CONSTANT.search(said) is not None
     if end and end.text == ":":
@@ -327,7 +335,8 @@ def _runs(clause: Sequence[Piece], text: str) -> Iterator[tuple[int, int, bool]]
             "name",
             "number",
         ):
-            article = clause[place].text in ("a", "A") and last == place - 1
+            defined = clause[place + 2].kind == "relation" if place + 2 < len(clause) else False
+            article = clause[place].text in ("a", "A") and last == place - 1 and defined  # Find a L = ...
             last = place if article or clause[place].kind not in ("name", "number") else last
             place += 1
         place = last + 1
