@@ -243,13 +243,28 @@ def _factors(terms: Sequence[Term]) -> list[tuple[Expression, int]] | None:
     return found
 
 
+def _by_constants(tree: Expression, letters: Collection[Expression], others: Collection[Expression]) -> Expression:
+    groups, rest = dict[Monomial, Terms](), [term for term in ex.summands(tree) if not ex.holds(term, *letters)]
+    for monomial, value in expand(ex.add(*(term for term in ex.summands(tree) if term not in rest))):
+        constants = tuple((p, e) for p, e in monomial if isinstance(p, ex.Symbol) and p not in (*letters, *others))
+        groups.setdefault(constants, {})[_times(monomial, constants, -1)] = value
+    found = list[Expression]()
+    for key, terms in groups.items():
+        constants = terms_tree([(key, Fraction(1))])
+        inner = terms_tree(expand(writing.one_square(terms_tree(terms.items()))))
+        short = min([inner, *short_forms(inner, letters)], key=ex.node_count)
+        found += [constants * term for term in ex.summands(short)]
+    return ex.add(*found, *rest)
+
+
 def shortest_form(tree: Expression, letters: Collection[Expression], others: Collection[Expression] = ()) -> Expression:
     """The tree itself, or the shortest of its forms where one is shorter.
 
     One of them has outside what all terms with `letters` share, and inside squares of sums in `others`:
-    (x^2 + y^2 + 1) (p^2 + q^2 + (x p + y q)^2)/2.
+    (x^2 + y^2 + 1) (p^2 + q^2 + (x p + y q)^2)/2. In another, the terms with one product of constants are squares:
+    (cos(u) p + sin(u) q)^2/(2 A) + (cos(u) q - sin(u) p)^2/(2 B).
     """
-    forms = [tree, *short_forms(tree, letters)]
+    forms = [tree, *short_forms(tree, letters), _by_constants(tree, letters, others)]
     terms = [term for term in ex.summands(tree) if ex.holds(term, *letters)]
     powers = [ex.powers_of(term) for term in terms]
     sums = dict.fromkeys((p, e) for term in powers for p, e in term if isinstance(p, ex.Sum))

@@ -14,6 +14,8 @@ from inverse_service.field import exact_field
 _MOST_PRODUCTS = 64
 # Terms of a quotient that is still made shorter, which takes 1 ms a term; a longer one is not read by people.
 _MOST_TERMS = 200
+# Terms met on the way (`Budget`) in one quotient.
+_WORK = 150_000
 _QUOTIENTS = {("sin", "cos"): "tan", ("cos", "sin"): "cot", ("sinh", "cosh"): "tanh", ("cosh", "sinh"): "coth"}
 _CIRCULAR = {"sin": "cos", "cos": "sin"}
 
@@ -204,10 +206,16 @@ def tidied(tree: ex.Expression) -> ex.Expression:
     """The tree as one exact quotient, roots and trigonometric functions reduced; as it is where that is too large."""
     variables = list(dict.fromkeys(node for node in ex.walk(tree) if isinstance(node, ex.Symbol | ex.Velocity)))
     try:
-        ring = exact_field.exact_ring([tree], variables, 0, exact_field.Budget(bounds.TERMS), spare=True, slopes=False)
+        ring = exact_field.exact_ring([tree], variables, 0, exact_field.Budget(work=_WORK), spare=True, slopes=False)
         return readable(ring, ring.value(tree))
     except (exact_field.TooLarge, ZeroDivisionError):
         return tree
+
+
+def much_shorter(tree: ex.Expression) -> ex.Expression:
+    """A long tree, as one that was multiplied out, in the form of `tidied` where that has at most half of the nodes."""
+    size = ex.node_count(tree)
+    return other if size > bounds.NODES and 2 * ex.node_count(other := tidied(tree)) <= size else tree
 
 
 # Signs and numbers of a finished formula.
@@ -238,15 +246,19 @@ def turned(tree: ex.Expression) -> ex.Expression:
     return tree
 
 
-def minus_inside(tree: ex.Expression) -> ex.Expression:
-    """Each term -(a - b) c of a sum as (b - a) c, -c/(a - b) as c/(b - a); likewise where more terms are negative."""
+def minus_inside(tree: ex.Expression, others: Sequence[ex.Expression] = ()) -> ex.Expression:
+    """Each term -(a - b) c of a sum as (b - a) c, -c/(a - b) as c/(b - a); likewise where more terms are negative.
+
+    Not where a - b is in a term that is not negative, too.
+    """
     if isinstance(tree, ex.Sum):
-        return ex.add(*map(minus_inside, tree.terms))
+        return ex.add(*(minus_inside(term, [one for one in tree.terms if not is_negative(one)]) for term in tree.terms))
     match tree:
         case ex.Product((ex.Number(value), *factors)) if value < 0:
             for place, factor in enumerate(factors):
                 base, exponent = (factor.base, factor.exponent) if isinstance(factor, ex.Power) else (factor, ex.ONE)
-                if not isinstance(base, ex.Sum) or not _is_half_negative(base):
+                is_kept = any(ex.holds(other, base) for other in others)
+                if not isinstance(base, ex.Sum) or is_kept or not _is_half_negative(base):
                     continue
                 if isinstance(exponent, ex.Number) and exponent.value % 2 == 1:
                     turned = ex.add(*sorted(map(ex.negate, base.terms), key=is_negative)) ** exponent
@@ -272,14 +284,17 @@ def roots_upright(tree: ex.Expression) -> ex.Expression:
 
 
 def numbers_outside(tree: ex.Expression) -> ex.Expression:
-    """(x^2/2 + 3 y^2/2)/z as (x^2 + 3 y^2)/(2 z): no denominator or minus in a bracket that all of its terms have."""
+    """(x^2/2 + 3 y^2/2)/z as (x^2 + 3 y^2)/(2 z): no denominator in a bracket, no minus that all of its terms have.
+
+    Under an exponent, only a denominator that all terms have is taken out.
+    """
     tree = ex.rebuild(tree, numbers_outside)
     if not isinstance(tree, ex.Product):
         return tree
     number, factors = Fraction(1), []
     for base, e in ex.powers_of(tree):
         if isinstance(base, ex.Sum) and e.denominator == 1:
-            share = Fraction(_common_denominator(base))
+            share = _content(base, is_whole=e == 1)
             base = ex.add(*(share * term for term in base.terms))
             number /= share**e.numerator
         factors.append(base**e)
@@ -310,11 +325,14 @@ def plain_quotients(tree: ex.Expression) -> ex.Expression:
     return ex.multiply(ex.number(number), *(base**e for base, e in powers))
 
 
-def _common_denominator(tree: ex.Expression) -> int:
-    """The denominator of the coefficients of a sum if all share it, else 1; negative if all coefficients are."""
-    found = [ex.coefficient(term) for term in tree.terms] if isinstance(tree, ex.Sum) else [Fraction(1)]
+def _content(tree: ex.Sum, is_whole: bool) -> Fraction:
+    """What makes the coefficients integers without a common factor, if they are not; -1 if all are negative."""
+    found = [ex.coefficient(term) for term in tree.terms]
+    below = math.lcm(*(value.denominator for value in found))
     sign = -1 if all(value < 0 for value in found) else 1
-    return sign * found[0].denominator if len({value.denominator for value in found}) == 1 else sign
+    if below == 1 or not (is_whole or all(value.denominator == below for value in found)):
+        return Fraction(sign)
+    return Fraction(sign * below, math.gcd(*(value.numerator for value in found)) if is_whole else 1)
 
 
 def _is_half_negative(tree: ex.Sum) -> bool:

@@ -37,7 +37,7 @@ from inverse_service.expressions import tree as ex
 from inverse_service.field import exact_field, matrices
 from inverse_service.field.exact_field import Budget, TooLarge, factored
 from inverse_service.field.real_point import RealTable
-from inverse_service.mechanics import euler_lagrange
+from inverse_service.mechanics import euler_lagrange, writing
 from inverse_service.mechanics.implicit_equations import linear_equation
 from inverse_service.mechanics.second_order_system import Branch, SecondOrderSystem, connected
 from inverse_service.search import gradients, terms as tm
@@ -191,7 +191,7 @@ def lines_of(system: SecondOrderSystem, equations: Sequence[ex.Expression]) -> L
     parts = [linear_equation(equation) for equation in equations]
     names = system.coordinates
     matrix = [[tm.terms_of(part.coefficients[q]) if q in part.coefficients else {} for q in names] for part in parts]
-    return Lines(system, matrix, [tm.terms_of(part.rest) for part in parts])
+    return Lines(system, matrix, [tm.terms_of(writing.much_shorter(part.rest)) for part in parts])
 
 
 def solved(system: SecondOrderSystem) -> tuple[ex.Expression, ...]:

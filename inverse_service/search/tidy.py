@@ -44,8 +44,8 @@ def tidied(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
         tree = _finite(_regular_gauge(tree, system), system)
     if _size(tree) > bounds.TERMS:
         return tree
-    tree = _with_squares_inside(system, writing.joined(_shortened(tree, system)))
-    tree = writing.numbers_outside(writing.minus_inside(ex.negated(tree) if _is_upside_down(tree) else tree))
+    tree = _with_squares_inside(system, writing.one_square(writing.joined(_shortened(tree, system))))
+    tree = writing.numbers_outside(writing.minus_inside(ex.negated(tree) if _is_upside_down(tree, system) else tree))
     return _in_order(_turns_together(_grouped_alike(kinetic_first(tree)), _parameters(system) | {ex.TIME}), system)
 
 
@@ -70,12 +70,17 @@ def _turns_together(tree: ex.Expression, constants: frozenset[ex.Symbol]) -> ex.
         if _degree(one) == _degree(other) == 1:
             parts = [[f for f in ex.factors_of(term) if _is_moving(f, constants)] for term in (one, other)]
             outside = ex.multiply(*(f for f in ex.factors_of(one) if f not in parts[0]))
-            both = ex.multiply(*parts[0]) - ex.multiply(*parts[1])
-            if not isinstance(outside, ex.Number) and not tm.terms_of(other + outside * ex.multiply(*parts[1])):
-                terms[terms.index(one)] = outside * both
+            left, right = (ex.multiply(*part) for part in parts)
+            alike = _names_in(left) == _names_in(right) and not isinstance(outside, ex.Number)
+            if alike and not tm.terms_of(other + outside * right):
+                terms[terms.index(one)] = outside * (left - right)
                 terms.remove(other)
                 return _turns_together(ex.add(*terms), constants)
     return tree
+
+
+def _names_in(tree: ex.Expression) -> set[str]:
+    return {node.coordinate if isinstance(node, ex.Velocity) else node.name for node in variables_in(tree)}
 
 
 def _is_moving(factor: ex.Expression, constants: frozenset[ex.Symbol]) -> bool:
@@ -229,12 +234,13 @@ def _place(term: ex.Expression) -> tuple[int, bool]:
     return -degree, degree == 2 and negative
 
 
-def _is_upside_down(tree: ex.Expression) -> bool:
-    """Whether it has squares of velocities with numbers before them, all of these negative."""
-    powers = [(term, ex.powers_of(term)) for term in ex.summands(tree)]
-    squares = [term for term, found in powers if any(isinstance(v, ex.Velocity) and e == 2 for v, e in found)]
-    plain = [term for term in squares if len(ex.factors_of(term)) - isinstance(ex.factors_of(term)[0], ex.Number) == 1]
-    return bool(squares) and plain == squares and all(map(writing.is_negative, squares))
+def _is_upside_down(tree: ex.Expression, system: SecondOrderSystem) -> bool:
+    """Whether the square of each velocity has constants before it, all of them negative: k v^2/r - m v^2."""
+    velocities = {ex.Velocity(name): (ex.Velocity(name), Fraction(2)) for name in system.coordinates}
+    terms, constants = tm.terms_of(tree) if _degree(tree) == 2 else {}, _parameters(system)
+    squares = {v: [c for key, c in terms.items() if e in key and constants.issuperset(p for p, _ in key - {e})]
+               for v, e in velocities.items()}  # fmt: skip
+    return all(found and max(found) < 0 for found in squares.values())
 
 
 def _degree(tree: ex.Expression) -> int:
@@ -301,7 +307,9 @@ def _sign(node: ex.Expression) -> int:
 
 
 def _fractions(node: ex.Expression) -> int:
-    """For (c + 2 x'/x)/a, which is (c x + 2 x')/(a x)."""
+    """For (c + 2 x'/x)/a, which is (c x + 2 x')/(a x), and for (x - 3 y/4)^2."""
+    if isinstance(node, ex.Power) and isinstance(node.base, ex.Sum) and not tm.has_velocity(node):
+        return _FRACTION_IN_FRACTION * any(ex.coefficient(term).denominator > 1 for term in node.base.terms)
     if not (isinstance(node, ex.Product) and any(map(_is_divisor, node.factors))):
         return 0
     terms = (term for factor in node.factors if isinstance(factor, ex.Sum) for term in factor.terms)
@@ -335,7 +343,7 @@ def _with_whole_squares(system: SecondOrderSystem, tree: ex.Expression) -> ex.Ex
 
     Squares of single velocities with one coefficient share it: m (x'^2 + y'^2)/2.
     """
-    parameters, quadratic, parts = _parameters(system), tm.Terms(), list[ex.Expression]()
+    quadratic, parts, plain = tm.Terms(), list[ex.Expression](), list[ex.Expression]()
     velocities = [ex.Velocity(name) for name in system.coordinates]
     for part in ex.summands(tree):
         terms = tm.terms_of(part)
@@ -343,21 +351,12 @@ def _with_whole_squares(system: SecondOrderSystem, tree: ex.Expression) -> ex.Ex
             quadratic = tm.add_terms(quadratic, terms)
         else:
             parts.append(part)
-    plain = dict[ex.Expression, list[ex.Expression]]()
-    for constants, inner in tm.grouped(quadratic, lambda letter: letter in parameters).items():
-        square = _whole_square(inner, velocities)
-        if square is not None:
-            parts.append(tm.monomial_tree(constants) * square)
-            continue
-        for moving, beside in tm.grouped(inner, tm.has_velocity).items():
-            coefficient = tm.monomial_tree(constants) * tm.tree_of(angles.shortest(beside))
-            plain.setdefault(coefficient, []).append(tm.monomial_tree(moving))
-    for coefficient, products in plain.items():
-        if isinstance(coefficient, ex.Number):
-            parts += [coefficient * one for one in products]
-        else:
-            parts.append(coefficient * ex.add(*products))
-    return ex.add(*parts)
+    for key, inner in tm.grouped(quadratic, _parameters(system).__contains__).items():
+        constants, square = tm.monomial_tree(key), _whole_square(inner, velocities)
+        for moving, beside in tm.grouped(inner, tm.has_velocity).items() if square is None else ():
+            plain.append(constants * tm.tree_of(angles.shortest(beside)) * tm.monomial_tree(moving))
+        parts += [] if square is None else [constants * square]
+    return ex.add(*parts, writing.with_one_coefficient(ex.add(*plain), velocities))
 
 
 def _is_quadratic(moving: tm.Monomial) -> bool:
@@ -426,7 +425,8 @@ def _by_rates(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
         if rates or (_MUCH if brackets < 2 else 1) * _size(whole) < min(map(_size, forms)):
             forms.append(whole)
         parts.append(min(forms, key=_preference))
-    return ex.add(*parts)
+    tree = ex.add(*parts)
+    return min(tree, writing.with_one_coefficient(tree, [*map(ex.Velocity, system.coordinates)]), key=_preference)
 
 
 def _by_both(system: SecondOrderSystem, terms: tm.Terms) -> ex.Expression:
@@ -651,4 +651,4 @@ def _plainer(tower: Tower, force: ex.Expression) -> ex.Expression:
             plain = ex.substitute(plain, {rule.atom: rule.tree})
     with suppress(errors.InputError):
         plain = plain if plain == force else writing.collected_inside(plain, _size)
-    return min(force, plain, key=ex.node_count)
+    return min(writing.much_shorter(force), plain, key=ex.node_count)
