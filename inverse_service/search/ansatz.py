@@ -74,8 +74,12 @@ def sampler_of(analysis: Analysis, terms: Iterable[Monomial]) -> Sampler:
     extra = [to_kernels(tree) for letter, e in letters for tree in (letter, letter ** Fraction(1, e.denominator))]
     wanted = [*analysis.accelerations, *analysis.constrained.values(), *dict.fromkeys(extra)]
     variables = variables_of(analysis.system)
-    table = find_real_point(wanted, variables, seed=2, positive=analysis.system.positive)
-    if table is None:
+    radicands = [letter for letter, e in letters if e.denominator % 2 == 0]
+    for positive in (analysis.system.positive, (*analysis.system.positive, *radicands)):
+        table = find_real_point(wanted, variables, seed=2, positive=positive)
+        if table is not None:
+            break
+    else:
         raise IrreducibleAtoms("the ansatz has no real point in common with f")
     atoms = _atoms(wanted)
     for known in analysis.towers:

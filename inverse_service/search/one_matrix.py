@@ -122,8 +122,8 @@ class OneMatrix:
 
     def dimension(self, more: int = 0) -> int:
         """Of the kernel of the conditions at a random place, those of `more` tensors too."""
-        for _ in range(12):
-            kernels, points = self._kernels({}, 4, more)
+        for k in range(12):  # points with many roots are few
+            kernels, points = self._kernels({}, 4 << min(k, 6), more)
             if points.good.any():
                 return len(kernels[0])
         raise NoFit("no point")
