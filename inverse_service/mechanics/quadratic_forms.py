@@ -250,10 +250,10 @@ def _by_constants(tree: Expression, letters: Collection[Expression], others: Col
         groups.setdefault(constants, {})[_times(monomial, constants, -1)] = value
     found = list[Expression]()
     for key, terms in groups.items():
-        constants = terms_tree([(key, Fraction(1))])
+        outside = terms_tree([(key, Fraction(1))])
         inner = terms_tree(expand(writing.one_square(terms_tree(terms.items()))))
         short = min([inner, *short_forms(inner, letters)], key=ex.node_count)
-        found += [constants * term for term in ex.summands(short)]
+        found += [outside * term for term in ex.summands(short)]
     return ex.add(*found, *rest)
 
 
