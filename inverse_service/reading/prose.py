@@ -47,7 +47,7 @@ _PREFIXES = _words("non one van co")
 _OPENERS = _words("that where so thus then hence if and let have")  # a formula may follow
 # They may change what a formula means, so that they are not left out.
 _BINDING = re.compile(
-    r"\b(?:if|when|while|for(?!\s+(?:an?|the|this|all|small|large|every|any|some)\b)|unless|otherwise|else|except|either"
+    r"\b(?:if|when|while|for(?!\s+(?:an?|the|this|all|small|large|every|any|some)\b)|unless|provided|otherwise|else|except|either"
     r"|(?<!does )(?<!do )not|only|times|plus|minus|over|divided|squared?|cubed?|per|sum|product|root)\b",
     re.I,
 )
@@ -251,7 +251,11 @@ def _left_out(text: str, declared: Container[str]) -> Iterator[tuple[int, int, b
         starts = _ENDED.match(text, end.start) if end and end.kind == "frame" else None
         if starts:
             yield starts.start(), starts.end(), False
-        if end and ((sign and sign in ".\u2026") or (sign == ":" and goes_on) or (sign == "?" and gone[place])):
+        if end and (
+            (sign and sign in ".\u2026")
+            or (sign == ":" and goes_on)
+            or (sign == "?" and (gone[place] or not text[end.end :].strip()))
+        ):
             yield end.start, end.end, False
 
 
@@ -305,7 +309,9 @@ def _is_gone(clause: Sequence[Piece], end: Piece | None, holds: bool, text: str)
         return _CONSTANT.search(said) is not None
     if end and end.text == ":":
         return holds
-    words = [piece for piece in clause if piece.kind in ("word", "remark", "numbered")]
+    words = [
+        piece for piece in clause if piece.kind in ("word", "remark", "numbered") + ("wrapped",) * (len(clause) > 1)
+    ]
     kept = clause[0].text[:1] != "(" or _has(clause[0].inside, "relation", "sign", "mark")
     only = len(clause) == 1 and holds and (clause[0].kind in ("remark", "numbered") or not kept)
     signed = _has(clause, "sign") and not _is_sentence(clause)
