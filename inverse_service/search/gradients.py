@@ -136,9 +136,9 @@ class Integrator:
         return total, left
 
     def _cancelled(self, terms: tm.Terms) -> tm.Terms:
-        """The factor of each product of parameters over its own denominator: a x (x - 1)/(x^2 (x - 1)) is a/x.
+        """The factor of each product of constants and functions over its own denominator.
 
-        Where there are roots, that of each product of roots.
+        a x (x - 1)/(x^2 (x - 1)) is a/x. Where there are roots, that of each product of roots.
         """
         groups: dict[tm.Monomial, tm.Terms] = {}
         for key, value in terms.items():
@@ -146,7 +146,7 @@ class Integrator:
             groups.setdefault(roots, {})[tm.times(key, roots, -1)] = value
         if not any(groups):
             parameters = set(map(ex.Symbol, self.system.parameters))
-            groups = tm.grouped(terms, lambda letter: letter in parameters)
+            groups = tm.grouped(terms, lambda letter: letter in parameters or isinstance(letter, ex.Apply))
         parts = [tm.multiply_terms({key: Fraction(1)}, self.in_normal_form(inner)) for key, inner in groups.items()]
         return tm.sum_of(parts)
 
