@@ -17,7 +17,7 @@ from typing import Any
 from benchmarks.measured import conditions, put
 from benchmarks.tables import table
 from inverse_service import catalogue
-from inverse_service.certificate.checker import check_certificate
+from inverse_service.certificate import checker
 from inverse_service.deadline import now
 from inverse_service.decision import certify
 from inverse_service.decision.deciding import analyze, decide
@@ -38,12 +38,12 @@ class Checks:
     """Processor time that the checker takes inside of an answer."""
 
     def __init__(self) -> None:
-        self.seconds = 0.0
-        kind_answers.check_certificate = self.check  # type: ignore[attr-defined]
+        self.seconds, self._checked = 0.0, checker.check_certificate
+        checker.check_certificate = self.check  # type: ignore[assignment]
 
-    def check(self, certificate: object, **options: Any) -> Any:
+    def check(self, certificate: Any, **options: Any) -> Any:
         began = time.thread_time()
-        found = check_certificate(certificate, **options)
+        found = self._checked(certificate, **options)
         self.seconds += time.thread_time() - began
         return found
 
@@ -52,7 +52,7 @@ def plain(system: SecondOrderSystem, seed: int) -> None:
     analysis = analyze(system)
     found = decide(system, False, seed, analysis=analysis)
     if found.verdict != "undetermined":
-        kind_answers.check_certificate(certify.of_decision(analysis, found))  # type: ignore[attr-defined]
+        checker.check_certificate(certify.of_decision(analysis, found))
 
 
 def asked(name: str, system: SecondOrderSystem, seed: int) -> bool:
