@@ -51,7 +51,7 @@ _BINDING = re.compile(
     r"|(?<!does )(?<!do )not|only|times|plus|minus|over|divided|squared?|cubed?|per|sum|product|root)\b",
     re.I,
 )
-_CONSTANT = re.compile(r"=.*\b(?:is|are)\s+(?:an?\s+)?const(?:ant)?s?$")  # h = r^2 phi' is constant
+_CONSTANT = re.compile(r"\b(?:is|are)\s+(?:an?\s+)?const(?:ant)?s?$")  # h = r^2 phi' is constant
 _LETTER = r"[^\W\d_\u00b2\u00b3]"
 _MARKS = "'\u2032\u2033\u2019\u0307\u0308\u00a8\u02d9"
 _WRAPPED = r"\\(?:text|textrm|textbf|textit|emph|mbox|intertext)\s*\{(?P<said>[^{}]*)\}"
@@ -306,7 +306,8 @@ def _is_gone(clause: Sequence[Piece], end: Piece | None, holds: bool, text: str)
     if meaning and all(piece.kind in ("word", "name") and is_word(piece.text) for piece in meaning):
         return True  # I = moment of inertia
     if not clause or _has(clause, "relation", "mark"):
-        return _CONSTANT.search(said) is not None
+        found = _CONSTANT.search(said)
+        return found is not None and "=" in said[: found.start()]
     if end and end.text == ":":
         return holds
     words = [
