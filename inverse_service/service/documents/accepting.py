@@ -410,6 +410,9 @@ def prepared(document: Any) -> Prepared:
     if str(document.get("format", "")).startswith("inverse-service/"):
         raise errors.InputError("This is a result, not a document: its document is in system.given.", "/format")
     plain = {key: value for key, value in document.items() if key not in ("id", "$schema") and key[:1] != "_"}
+    formulas = [plain[key] for key in FORMULAS if key in plain]
+    if any(len(text) > refusals.most_characters() for text in _texts(formulas)):
+        return Prepared(plain)  # too long a text is refused before it is read
     plain, places, read = _with_lagrangian(plain)
     if is_forward(plain):
         plain.pop("constraints", None)
