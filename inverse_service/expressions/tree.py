@@ -12,15 +12,15 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
-from itertools import repeat
-from typing import ClassVar, TypeGuard, cast
+from functools import lru_cache
+from operator import attrgetter
+from typing import Any, TypeGuard, cast
 
 
 class _Node:
     """A tree caches its hash: trees are keys of many tables, and hashing visits every node."""
 
     __slots__ = ("_hash", "_size")
-    __match_args__: ClassVar[tuple[str, ...]]
     _hash: int
     _size: int
 
@@ -28,7 +28,7 @@ class _Node:
         try:
             return self._hash
         except AttributeError:
-            value = hash((type(self).__name__, *map(getattr, repeat(self), self.__match_args__)))
+            value = hash((type(self).__name__, _FIELDS[type(self)](self)))
             object.__setattr__(self, "_hash", value)
             return value
 
@@ -70,6 +70,13 @@ class Number(_Node):
     value: Fraction
 
     __hash__ = _Node.__hash__
+
+    def __eq__(self, other: object) -> bool:
+        """As of all data; numbers are compared most often, and fractions look at what kind of number the other is."""
+        if self is other or type(other) is not Number:
+            return self is other
+        mine, its = self.value, other.value
+        return mine.numerator == its.numerator and mine.denominator == its.denominator
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,12 +176,17 @@ class Integral(Arbitrary):
 
 Expression = Number | Symbol | Velocity | Acceleration | Sum | Product | Power | Apply | Arbitrary
 Operand = _Node | int | Fraction
+_FIELDS: dict[type[_Node], Callable[[Any], object]] = {
+    kind: attrgetter(*kind.__match_args__)
+    for kind in (Number, Symbol, Velocity, Acceleration, Sum, Product, Power, Apply, Arbitrary, Integral)
+}
 
 ZERO, ONE, TWO, MINUS_ONE, HALF = (Number(Fraction(k)) for k in ("0", "1", "2", "-1", "1/2"))
 TIME = Symbol("t")
 PI = Symbol("pi")
 
 
+@lru_cache(maxsize=1024)
 def number(value: int | Fraction) -> Number:
     """The exact number as a tree."""
     return Number(value if isinstance(value, Fraction) else Fraction(value))
@@ -191,16 +203,16 @@ def _tree(operand: Operand) -> Expression:
 
 def add(*terms: Expression) -> Expression:
     """The sum, flattened, numbers folded, zero dropped."""
-    total: Fraction | None = None  # most sums have at most one number, and fractions are slow
+    total = ZERO  # most sums have at most one number, and fractions are slow
     rest: list[Expression] = []
     for term in terms:
         for part in term.terms if isinstance(term, Sum) else (term,):
             if isinstance(part, Number):
-                total = part.value if total is None else total + part.value
+                total = part if total is ZERO else Number(total.value + part.value)
             else:
                 rest.append(part)
-    if total:
-        rest.append(Number(total))
+    if total != ZERO:
+        rest.append(total)
     if not rest:
         return ZERO
     return rest[0] if len(rest) == 1 else Sum(tuple(rest))
@@ -208,18 +220,18 @@ def add(*terms: Expression) -> Expression:
 
 def multiply(*factors: Expression) -> Expression:
     """The product, flattened, numbers folded and put first."""
-    total: Fraction | None = None
+    total = ONE
     rest: list[Expression] = []
     for factor in factors:
         for part in factor.factors if isinstance(factor, Product) else (factor,):
             if isinstance(part, Number):
-                total = part.value if total is None else total * part.value
+                total = part if total is ONE else Number(total.value * part.value)
             else:
                 rest.append(part)
-    if total is not None and not total:
+    if total == ZERO:
         return ZERO
-    if total is not None and total != 1:
-        rest.insert(0, Number(total))
+    if total != ONE:
+        rest.insert(0, total)
     if not rest:
         return ONE
     return rest[0] if len(rest) == 1 else Product(tuple(rest))
@@ -232,11 +244,11 @@ def power(base: Expression, exponent: Expression | int | Fraction) -> Expression
     if not isinstance(exponent, Number):
         return base if base == ONE else Power(base, exponent)
     e = exponent.value
-    if e == 0:
+    if not e:
         return ONE
-    if e == 1 or base == ONE:
+    if exponent == ONE or base == ONE:
         return base
-    if e > 0 and base == ZERO:
+    if base == ZERO and e > 0:
         return ZERO
     if e.denominator == 1:
         if isinstance(base, Number) and abs(e) <= 64 and (base.value or e > 0):
