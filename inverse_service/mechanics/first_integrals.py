@@ -109,6 +109,7 @@ class _Integrals:
         # What varies along the motion; values of what does not, for which all roots of constants exist.
         self.moving: tuple[Variable, ...] = (ex.TIME, *self.positions, *self.velocities)
         self.constants: dict[flow.Generator, int] = {}
+        self.drawn: flow.Evaluation | None = None
         self.kept: list[FirstIntegral] = []
         self.functions: list[Expression] = []
         held = [*motion.free_accelerations, *motion.dependent_velocities, *([] if lagrangian is None else [lagrangian])]
@@ -253,10 +254,17 @@ class _Integrals:
         moving: tuple[Variable, ...] = (),
         gradients: bool = False,
     ) -> tuple[flow.Points, list[flow.Jet]]:
-        """Points of the motion, and for each tree its value and rate, or its gradients in q and v, at them."""
+        """Points of the motion, and for each tree its value and rate, or its gradients in q and v, at them.
+
+        Those of the search before serve again where they are enough, and with them what was evaluated there.
+        """
         rates = {v: to_kernels(w) for v, w in self.constraints.items()}
         forces = dict(zip(self.free, map(to_kernels, self.motion.free_accelerations), strict=True))
         units = flow.Units.of([*kernels, *rates.values(), *forces.values()])
+        if not gradients and (last := self.drawn) is not None and last.points.count >= count:
+            points = last.points
+            if (points.units, points.fixed, points.moving) == (units, fixed or {}, moving):
+                return points, [last.jet(tree) for tree in kernels]
         points = flow.Points(self.names, units, count, self.random, fixed or {}, moving=moving)
         velocities, width = list(map(ex.Velocity, self.names)), len(self.names)
         q, v = (np.zeros((width, 2, count), np.int64) for _ in range(2))
@@ -276,8 +284,8 @@ class _Integrals:
         start = evaluation(1, 1)
         q[:, 1] = [start.jet(w).data[0, 0] for w in velocities]
         v[:, 1] = [start.jet(forces[w]).data[0, 0] if w in forces else v[0, 1] for w in velocities]
-        along = evaluation(2, 1)
-        return points, [along.jet(tree) for tree in kernels]
+        self.drawn = evaluation(2, 1)
+        return points, [self.drawn.jet(tree) for tree in kernels]
 
     def _search(self, ansatz: _Ansatz, degree: int, moving: bool) -> None:
         """Integrals of the form; the degree is that of its terms in the momenta or other forms."""
@@ -300,7 +308,7 @@ class _Integrals:
         """The terms of each integral of a basis, at one value of the parameters."""
         kernels = [*map(to_kernels, ansatz.forms), *map(to_kernels, ansatz.factors)]
         wanted = len(ansatz.terms) + _SPARE
-        count = wanted + _SPARE
+        count = max(_DRAWN, wanted + wanted // 4)
         for _ in range(_DOUBLED):
             points, jets = self._along(kernels, count, self.constants, self.moving)
             good = np.flatnonzero(points.good)[:wanted]
