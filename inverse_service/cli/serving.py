@@ -24,7 +24,7 @@ from inverse_service.cli import command_line as cli
 from inverse_service.settings import Settings, read_settings
 
 if TYPE_CHECKING:
-    from inverse_service.service.jobs.store import JobStore
+    from inverse_service.service.jobs.stores import JobStore
 
 log = logging.getLogger(__name__)
 # Of the web process itself, in MiB and in times MAX_BODY: no request can make it take the memory of the others.

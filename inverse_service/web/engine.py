@@ -25,7 +25,7 @@ from api_schemas.system import SystemDocument
 from inverse_service import __version__, errors
 from inverse_service.service.documents import answers
 from inverse_service.service.jobs import metrics, model, opening, statements, tasks, workers
-from inverse_service.service.jobs.store import Cleaner, JobStore
+from inverse_service.service.jobs.stores import Cleaner, JobStore
 from inverse_service.service.jobs.supervisor import Supervisor
 from inverse_service.settings import Settings
 from inverse_service.web import asking, clients, pages, problems

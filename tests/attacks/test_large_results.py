@@ -12,8 +12,8 @@ from typing import Any
 import pytest
 
 from inverse_service.service.jobs.model import JobOptions
-from inverse_service.service.jobs.sqlite_store import SqliteStore
 from inverse_service.service.jobs.statements import BatchLine, batch_id
+from inverse_service.service.jobs.stores import SqliteStore
 from inverse_service.service.jobs.tasks import Usage, request_of
 from inverse_service.service.scenes.simulating import simulate
 from tests.attacks.harness import Attacked, Watch, attacked

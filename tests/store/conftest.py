@@ -8,8 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from inverse_service.service.jobs.sqlite_store import SqliteStore
-from inverse_service.service.jobs.store import JobStore
+from inverse_service.service.jobs.stores import JobStore, SqliteStore
 from tests.store.server import Server, programs, server
 
 COUNT = itertools.count()

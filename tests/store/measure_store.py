@@ -17,9 +17,8 @@ from pathlib import Path
 from benchmarks.measured import conditions, put
 from benchmarks.tables import table
 from inverse_service.service.jobs.model import BULK, JobRequest
-from inverse_service.service.jobs.sqlite_store import SqliteStore
 from inverse_service.service.jobs.statements import BatchLine
-from inverse_service.service.jobs.store import JobStore
+from inverse_service.service.jobs.stores import JobStore, SqliteStore
 from inverse_service.service.jobs.tasks import Usage
 from tests.store.server import programs, server
 

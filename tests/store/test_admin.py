@@ -89,7 +89,7 @@ def test_what_cannot_be_done_is_said_in_a_sentence_and_makes_nothing(
 ) -> None:
     path = tmp_path / "jobs.sqlite"
     if words[0] != "status":
-        from inverse_service.service.jobs.sqlite_store import SqliteStore
+        from inverse_service.service.jobs.stores import SqliteStore
 
         SqliteStore(path).close()
     command = [sys.executable, "-m", "inverse_service", "admin", *words]

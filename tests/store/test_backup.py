@@ -8,8 +8,8 @@ import threading
 from pathlib import Path
 
 from inverse_service.service.jobs.model import JobRequest
-from inverse_service.service.jobs.sqlite_store import SqliteStore
 from inverse_service.service.jobs.statements import BatchLine
+from inverse_service.service.jobs.stores import SqliteStore
 from inverse_service.service.jobs.tasks import Usage
 
 DEPLOY = Path(__file__).parents[2] / "deploy"

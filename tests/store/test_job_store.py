@@ -1,4 +1,4 @@
-"""What every job store promises (`store.JobStore`), for each of them."""
+"""What every job store promises (`stores.JobStore`), for each of them."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from inverse_service.errors import LimitError
 from inverse_service.service.jobs.model import Bounds, Event, JobRequest, TooManyJobs
 from inverse_service.service.jobs.opening import stored_answer
 from inverse_service.service.jobs.statements import BatchLine
-from inverse_service.service.jobs.store import JobStore
+from inverse_service.service.jobs.stores import JobStore
 from inverse_service.service.jobs.tasks import Usage
 from tests.values import present
 

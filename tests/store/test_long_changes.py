@@ -10,7 +10,7 @@ import pytest
 
 from inverse_service.service.jobs.model import Bounds, JobRequest, TooManyJobs
 from inverse_service.service.jobs.statements import BatchLine
-from inverse_service.service.jobs.store import JobStore
+from inverse_service.service.jobs.stores import JobStore
 from tests.values import present
 
 LINES = [BatchLine(k, str(k), JobRequest(f"job {k}", "solve", "{}", client="alice")) for k in range(1, 4_001)]

@@ -11,12 +11,11 @@ import psycopg
 import pytest
 
 from inverse_service.errors import InputError
-from inverse_service.service.jobs import sqlite_store
+from inverse_service.service.jobs import stores
 from inverse_service.service.jobs.model import JobRequest, WrongVersion
 from inverse_service.service.jobs.opening import open_store
-from inverse_service.service.jobs.sqlite_store import SqliteStore
 from inverse_service.service.jobs.statements import VERSION, BatchLine
-from inverse_service.service.jobs.store import JobStore
+from inverse_service.service.jobs.stores import JobStore, SqliteStore
 from inverse_service.service.jobs.tasks import Usage
 from tests.values import present
 
@@ -99,7 +98,7 @@ def test_a_database_that_cannot_be_written_is_not_called_one_of_another_program(
         return sqlite3.connect(f"file:{path}?mode=ro", uri=True, isolation_level=None)
 
     path = tmp_path / "jobs.sqlite"
-    monkeypatch.setattr(sqlite_store, "connect", read_only)
+    monkeypatch.setattr(stores, "connect", read_only)
     with pytest.raises(InputError, match=r"writable .attempt to write a readonly"):
         open_store(str(path))
 

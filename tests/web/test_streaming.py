@@ -13,8 +13,8 @@ import pytest
 from inverse_service.service.jobs.batch import answer_line
 from inverse_service.service.jobs.model import JobOptions, StoreUnavailable
 from inverse_service.service.jobs.opening import stored_answer
-from inverse_service.service.jobs.sqlite_store import SqliteStore
 from inverse_service.service.jobs.statements import BatchLine
+from inverse_service.service.jobs.stores import SqliteStore
 from inverse_service.service.jobs.tasks import Usage, request_of
 from inverse_service.settings import Settings
 from inverse_service.web import job_answers

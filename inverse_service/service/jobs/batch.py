@@ -26,7 +26,7 @@ from typing import IO, Any
 
 from inverse_service.errors import InputError, LimitError
 from inverse_service.service.documents import answers, plain_data
-from inverse_service.service.jobs import locks, model, opening, sqlite_store, statements, tasks, workers
+from inverse_service.service.jobs import locks, model, opening, statements, stores, tasks, workers
 from inverse_service.service.jobs.supervisor import Supervisor
 
 MAX_LINE_BYTES = 1_000_000
@@ -494,7 +494,7 @@ def _refuse_other_layouts(line: Line) -> None:
 
 
 def _answered(
-    store: sqlite_store.SqliteStore, executor: workers.Executor, lines: Iterator[Line], terms: tasks.Terms
+    store: stores.SqliteStore, executor: workers.Executor, lines: Iterator[Line], terms: tasks.Terms
 ) -> Iterator[tuple[Line, bytes]]:
     """Each line with its answer, as they come: a batch of the store as those of the service, which grows meanwhile."""
     open_lines, after, ended = dict[int, Line](), 0, threading.Event()
@@ -516,10 +516,10 @@ def _answered(
 
 
 @contextlib.contextmanager
-def _engine(plan: BatchPlan) -> Iterator[tuple[sqlite_store.SqliteStore, workers.Executor]]:
+def _engine(plan: BatchPlan) -> Iterator[tuple[stores.SqliteStore, workers.Executor]]:
     """A store, a supervisor and its processes for the time of one run."""
     with locks.temporary_folder() as folder:
-        store = sqlite_store.SqliteStore(folder / locks.DATABASE, durable=False)
+        store = stores.SqliteStore(folder / locks.DATABASE, durable=False)
         working = opening.executor(plan.cluster, plan.workers, plan.options.memory_limit)
         try:
             working.start()

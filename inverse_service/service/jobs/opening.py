@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from inverse_service import errors
-from inverse_service.service.jobs import locks, model, sqlite_store, statements, workers
-from inverse_service.service.jobs.store import JobStore
+from inverse_service.service.jobs import locks, model, statements, stores, workers
+from inverse_service.service.jobs.stores import JobStore
 
 log = logging.getLogger(__name__)
 POSTGRES = ("postgresql://", "postgres://")
@@ -34,7 +34,7 @@ def open_store(database: str | None, guest: bool = False) -> JobStore:
     try:
         if guest and not Path(database).is_file():
             raise errors.InputError(f"There is no database {database}; INVERSE_SERVICE_DATABASE names the service's.")
-        return sqlite_store.SqliteStore(Path(database), guest=True) if guest else _store_at(Path(database))
+        return stores.SqliteStore(Path(database), guest=True) if guest else _store_at(Path(database))
     except model.DatabaseTaken as error:
         raise errors.InputError(error.detail) from None
     except (OSError, sqlite3.Error, model.WrongVersion) as error:
@@ -71,18 +71,18 @@ def _postgres_store(address: str) -> JobStore:
     return store
 
 
-def _store_at(path: Path) -> sqlite_store.SqliteStore:
+def _store_at(path: Path) -> stores.SqliteStore:
     path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
     # Documents of clients are in it; SQLite gives its other files the same rights.
     os.close(os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600))
     for each in (path, *(path.with_name(path.name + end) for end in ("-wal", "-shm"))):
         with contextlib.suppress(OSError):
             each.chmod(0o600)
-    return sqlite_store.SqliteStore(path)
+    return stores.SqliteStore(path)
 
 
 def _reason(error: Exception) -> str:
-    if isinstance(error, model.WrongVersion | sqlite_store.Damaged):
+    if isinstance(error, model.WrongVersion | stores.Damaged):
         return str(error)
     match getattr(error, "sqlite_errorcode", 0) & 0xFF:  # extended codes have more above
         case sqlite3.SQLITE_READONLY | sqlite3.SQLITE_CANTOPEN:
@@ -98,7 +98,7 @@ def stored_answer(address: str, id: str) -> tuple[str, bytes]:
     For worker processes, so that large answers do not pass through the service.
     """
     is_postgres = address.startswith(POSTGRES)
-    module: Any = importlib.import_module(POSTGRES_MODULE) if is_postgres else sqlite_store
+    module: Any = importlib.import_module(POSTGRES_MODULE) if is_postgres else stores
     dialect = statements.POSTGRES if is_postgres else statements.SQLITE
     with contextlib.closing(module.connect(address)) as connection:
         row = statements.Session(connection, [], dialect).first("stored_answer", id)

@@ -15,7 +15,7 @@ from psycopg.rows import dict_row
 
 from inverse_service import errors
 from inverse_service.service.jobs import model, statements
-from inverse_service.service.jobs.store import JobStore
+from inverse_service.service.jobs.stores import JobStore
 
 T = TypeVar("T")
 Row = dict[str, Any]
@@ -58,7 +58,7 @@ def prepare(connection: Connection) -> None:
 
 
 class PostgresStore(JobStore):
-    """See `store.JobStore`. Raises InputError where the database cannot be used, StoreUnavailable later."""
+    """See `stores.JobStore`. Raises InputError where the database cannot be used, StoreUnavailable later."""
 
     exclusive = False
 

@@ -23,7 +23,7 @@ from typing import Any
 from inverse_service import errors
 from inverse_service.service.documents import answers, growing
 from inverse_service.service.jobs import log_lines, metrics, model, tasks, workers
-from inverse_service.service.jobs.store import JobStore
+from inverse_service.service.jobs.stores import JobStore
 from inverse_service.service.jobs.tasks import LIMITS, Call, Outcome, Usage
 
 log = logging.getLogger(__name__)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from inverse_service.service.jobs.sqlite_store import SqliteStore
+from inverse_service.service.jobs.stores import SqliteStore
 
 
 @pytest.fixture

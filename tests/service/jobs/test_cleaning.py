@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
-from inverse_service.service.jobs import store as job_store
+from inverse_service.service.jobs import stores as job_store
 from inverse_service.service.jobs.model import Job
-from inverse_service.service.jobs.store import Cleaner
+from inverse_service.service.jobs.stores import Cleaner
 
 DAY = 86_400.0
 

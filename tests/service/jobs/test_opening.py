@@ -12,7 +12,7 @@ import pytest
 from inverse_service.errors import InputError
 from inverse_service.service.jobs.model import JobRequest
 from inverse_service.service.jobs.opening import default_path, open_store
-from inverse_service.service.jobs.sqlite_store import SqliteStore
+from inverse_service.service.jobs.stores import SqliteStore
 
 
 def test_a_path_is_made_with_its_folders(tmp_path: Path) -> None:

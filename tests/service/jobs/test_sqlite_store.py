@@ -13,8 +13,8 @@ from pathlib import Path
 import pytest
 
 from inverse_service.service.jobs.model import DatabaseTaken, Job, JobRequest
-from inverse_service.service.jobs.sqlite_store import SqliteStore
 from inverse_service.service.jobs.statements import BatchLine
+from inverse_service.service.jobs.stores import SqliteStore
 from inverse_service.service.jobs.tasks import Usage
 
 USAGE = Usage(1.0, 0.5, 100.0)
@@ -47,7 +47,7 @@ KILLED = """
 import sys
 from pathlib import Path
 from inverse_service.service.jobs.model import JobRequest
-from inverse_service.service.jobs.sqlite_store import SqliteStore
+from inverse_service.service.jobs.stores import SqliteStore
 store = SqliteStore(Path(sys.argv[1]))
 for k in range(10**6):
     store.submit([JobRequest(f"{sys.argv[2]}-{k}", "solve", "{}")])

@@ -17,7 +17,7 @@ import pytest
 from inverse_service import errors
 from inverse_service.service.documents import growing
 from inverse_service.service.jobs import model, tasks, workers
-from inverse_service.service.jobs.sqlite_store import SqliteStore
+from inverse_service.service.jobs.stores import SqliteStore
 from inverse_service.service.jobs.supervisor import TICK, Supervisor, described
 from inverse_service.service.jobs.tasks import Call, Outcome, Usage
 from tests.serving import until

@@ -11,12 +11,12 @@ from pathlib import Path
 import pytest
 
 from inverse_service.service.jobs.locks import DATABASE, YOUNG, temporary_folder
-from inverse_service.service.jobs.sqlite_store import SqliteStore
+from inverse_service.service.jobs.stores import SqliteStore
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="needs flock")
 HOLD = """
 import sys
-from inverse_service.service.jobs.sqlite_store import SqliteStore
+from inverse_service.service.jobs.stores import SqliteStore
 from inverse_service.service.jobs.locks import DATABASE, temporary_folder
 with temporary_folder() as folder:
     store = SqliteStore(folder / DATABASE, durable=False)
