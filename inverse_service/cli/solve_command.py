@@ -289,7 +289,7 @@ def _written(result: dict[str, Any], form: str, explain: bool) -> str:
 
         return from_result(result).to_code(form)
     if form == "latex":
-        from inverse_service.service.documents.latex_page import latex_page
+        from inverse_service.service.documents.text_page import latex_page
 
         return latex_page(result, explain)
     from inverse_service.service.documents.text_page import text_page

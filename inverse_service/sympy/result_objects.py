@@ -263,7 +263,7 @@ class Answer(dict[str, Any]):
     @property
     def proof(self) -> Listed[Step]:
         """The steps of the explanation."""
-        from inverse_service.service.documents.latex_page import sentence
+        from inverse_service.service.documents.text_page import sentence
 
         names = _sheets().names_of(self._system or None)
         steps = self._shown.get("explanation", ())
@@ -332,7 +332,7 @@ class Answer(dict[str, Any]):
         return "\\begin{align*}\n" + " \\\\\n".join(self._rows()) + "\n\\end{align*}\n"
 
     def _rows(self) -> list[str]:
-        from inverse_service.service.documents.latex_page import conditions_latex
+        from inverse_service.service.documents.text_page import conditions_latex
 
         rows = [row.replace(" = ", " &= ", 1) for row in self._system.get("latex", {}).values()]
         for branch in self.branches:

@@ -19,7 +19,7 @@ from inverse_service import errors
 from inverse_service.decision.solutions import SolveOptions
 from inverse_service.reading import document_names
 from inverse_service.reading.names import Names
-from inverse_service.service.documents import latex_page, plain_data, sheets, text_page
+from inverse_service.service.documents import plain_data, sheets, text_page
 from inverse_service.service.figures import views
 from inverse_service.service.jobs import model, opening, tasks
 from inverse_service.web.pages import WORDS, forms, preview, rendering, simulations, typesetting
@@ -224,7 +224,7 @@ def code_task(store: str, id: str, language: str, address: str) -> str:
     """A result as a text; SymPy is imported by the first program in a worker, never in the web process."""
     found = _result(store, id)
     if language == "latex":
-        return latex_page.latex_page(dict(found), True, f"{address}/results/{id}")
+        return text_page.latex_page(dict(found), True, f"{address}/results/{id}")
     if language == "embed":
         return rendering.frame_code(f"{address}/results/{id}/embed", sheets.title_of(found), "640", 320)
     if language in ("client", "curl"):
