@@ -19,7 +19,7 @@ from typing import Any
 
 from inverse_service import catalogue, solve
 from inverse_service.errors import InputError
-from inverse_service.service.documents import sheets, text_page
+from inverse_service.service.documents import printed_pages, sheets
 from inverse_service.service.documents.alike import form_of
 
 ROOT = Path(__file__).parents[1]
@@ -205,7 +205,7 @@ def tags_of(row: Mapping[str, Any], result: Mapping[str, Any], sheet: sheets.She
     text = f"{row['name']} {row['title']}".lower()
     found = [*row["tags"], f"{count} coordinate{'s' if count != 1 else ''}", sheet.badge]
     found += ["constraints"] if sheets.is_constrained(result) else []
-    found += ["with time only"] if text_page.plain(sheet.sentence).endswith("with the time in L.") else []
+    found += ["with time only"] if printed_pages.plain(sheet.sentence).endswith("with the time in L.") else []
     found += ["arbitrary functions"] if system.get("functions") else []
     found += [word for word in WORDS if word in text]
     return list(dict.fromkeys(found))

@@ -325,7 +325,7 @@ def table(
     file: Annotated[Path, typer.Argument(help="The output of a batch: NDJSON (or .gz); - for standard input.")],
 ) -> cli.ExitCode:
     """Convert the results of a batch to CSV, one row per line."""
-    from inverse_service.service.documents.text_page import row_of  # for this command only
+    from inverse_service.service.documents.printed_pages import row_of  # for this command only
 
     with batches.open_source(file) as source:
         for place, (_, answer) in enumerate(batches.read_answers(source)):

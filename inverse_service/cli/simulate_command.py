@@ -133,12 +133,12 @@ def file_name(label: str) -> str:
 
 def page(summary: Mapping[str, Any]) -> str:
     """One line per method: outcome and observed quantities."""
-    from inverse_service.service.documents import text_page  # which loads the reader of formulas
+    from inverse_service.service.documents import printed_pages  # which loads the reader of formulas
 
-    columns = text_page.quantities(summary)
+    columns = printed_pages.quantities(summary)
     rows = [["method", "outcome", "steps", *(heading for _, heading in columns)]]
     for method in summary["methods"]:
-        numbers = [_number(text_page.value_at(method, key)) for key, _ in columns]
+        numbers = [_number(printed_pages.value_at(method, key)) for key, _ in columns]
         rows.append([method["label"], method["outcome"], str(method["steps"]), *numbers])
     lines = [*_aligned(rows), *_reasons(summary), *_effects(summary), *_costs(summary), *summary["notes"]]
     return "\n".join(lines) + "\n"
@@ -182,11 +182,11 @@ def _price(part: Mapping[str, Any]) -> str:
 
 
 def _reasons(summary: Mapping[str, Any]) -> list[str]:
-    from inverse_service.service.documents import text_page
+    from inverse_service.service.documents import printed_pages as pages
 
     lines = []
     for method in summary["methods"]:
-        told = (text_page.why(method), method.get("note"), method.get("doubt"), *text_page.notes_of_formulas(method))
+        told = (pages.why(method), method.get("note"), method.get("doubt"), *pages.notes_of_formulas(method))
         lines += [f"{method['label']}: {text}" for text in dict.fromkeys(filter(None, told))]
     return lines
 

@@ -94,7 +94,7 @@ def solve(
     if form == "json" and output is None and sys.stdout.isatty():
         print("This is JSON, for programs; -f text is shorter.", file=sys.stderr)
     if result.get("guessed") or result.get("readings"):
-        from inverse_service.service.documents.text_page import guessed_words
+        from inverse_service.service.documents.printed_pages import guessed_words
 
         for words in guessed_words(result):
             print(f"{words[:1].upper()}{words[1:]}.", file=sys.stderr)
@@ -288,13 +288,9 @@ def _written(result: dict[str, Any], form: str, explain: bool) -> str:
         from inverse_service.sympy import from_result
 
         return from_result(result).to_code(form)
-    if form == "latex":
-        from inverse_service.service.documents.text_page import latex_page
+    from inverse_service.service.documents import printed_pages as pages
 
-        return latex_page(result, explain)
-    from inverse_service.service.documents.text_page import text_page
-
-    return text_page(result, explain)
+    return pages.latex_page(result, explain) if form == "latex" else pages.text_page(result, explain)
 
 
 def _names(incomplete: str) -> list[str]:

@@ -111,9 +111,9 @@ def _sheets() -> Any:
 
 def _pages() -> Any:
     """Rows of tables, and what is said of runs."""
-    from inverse_service.service.documents import text_page
+    from inverse_service.service.documents import printed_pages
 
-    return text_page
+    return printed_pages
 
 
 @dataclass(frozen=True)
@@ -263,7 +263,7 @@ class Answer(dict[str, Any]):
     @property
     def proof(self) -> Listed[Step]:
         """The steps of the explanation."""
-        from inverse_service.service.documents.text_page import sentence
+        from inverse_service.service.documents.printed_pages import sentence
 
         names = _sheets().names_of(self._system or None)
         steps = self._shown.get("explanation", ())
@@ -332,7 +332,7 @@ class Answer(dict[str, Any]):
         return "\\begin{align*}\n" + " \\\\\n".join(self._rows()) + "\n\\end{align*}\n"
 
     def _rows(self) -> list[str]:
-        from inverse_service.service.documents.text_page import conditions_latex
+        from inverse_service.service.documents.printed_pages import conditions_latex
 
         rows = [row.replace(" = ", " &= ", 1) for row in self._system.get("latex", {}).values()]
         for branch in self.branches:
@@ -508,7 +508,7 @@ class Answers(Iterator[Result | dict[str, Any]]):
         return next(self._answers)
 
     def to_pandas(self) -> Any:
-        """A DataFrame with one row a result, see `text_page.row_of`; needs pandas."""
+        """A DataFrame with one row a result, see `printed_pages.row_of`; needs pandas."""
         return _frame([_pages().row_of(answer) for answer in self])
 
 

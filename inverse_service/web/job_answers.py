@@ -237,6 +237,6 @@ def written_task(store: str, id: str, form: str, address: str) -> str:
         from inverse_service.sympy import from_result
 
         return from_result(result).to_code(form)
-    from inverse_service.service.documents.text_page import latex_page, text_page
+    from inverse_service.service.documents.printed_pages import latex_page, text_page
 
     return text_page(result, True) if form == "text" else latex_page(result, True, address)

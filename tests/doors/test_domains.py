@@ -9,7 +9,7 @@ import pytest
 
 import inverse_service
 from inverse_service.service.documents import checking
-from inverse_service.service.documents.text_page import text_page
+from inverse_service.service.documents.printed_pages import text_page
 from tests.doors.formulas import Point
 from tests.values import slow
 

@@ -12,7 +12,7 @@ import pytest
 
 import inverse_service
 from inverse_service.service.documents.derived import left_out
-from inverse_service.service.documents.text_page import latex_page, text_page
+from inverse_service.service.documents.printed_pages import latex_page, text_page
 from tests.values import slow
 
 COUPLED = {"equations": {"x": "a*y", "y": "b*x*y'"}, "parameters": ["a", "b"]}

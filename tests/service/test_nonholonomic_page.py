@@ -13,7 +13,7 @@ import pytest
 from inverse_service import catalogue
 from inverse_service.decision.solutions import SolveOptions
 from inverse_service.service.documents.documents import solve_document
-from inverse_service.service.documents.text_page import text_page
+from inverse_service.service.documents.printed_pages import text_page
 
 PAGE = (Path(__file__).parent.parent.parent / "docs" / "how-to" / "constrained-systems.md").read_text(encoding="utf-8")
 ROWS = re.findall(r"^\| ([a-z-]+) \| (n?v) \| (n?v) \| (n?v) \| `(.+)` \|$", PAGE, re.MULTILINE)

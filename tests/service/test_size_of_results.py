@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 import inverse_service
-from inverse_service.service.documents import sheets, text_page
+from inverse_service.service.documents import printed_pages, sheets
 from tests.values import slow
 
 KNIFE_EDGE = {
@@ -40,7 +40,7 @@ def test_an_answer_is_short(document: dict[str, Any], most: int) -> None:
 def test_one_proof_of_a_no_answers_both_questions_at_every_door(equations: str) -> None:
     result = inverse_service.solve({"equations": equations})
     assert (result.verdict, result.verdict_with_time, result.with_time) == ("not_variational", "not_variational", None)
-    for page in (text_page.text_page(dict(result), False), text_page.latex_page(dict(result), False)):
+    for page in (printed_pages.text_page(dict(result), False), printed_pages.latex_page(dict(result), False)):
         assert page.count("do not come from any regular Lagrangian.") == 1
     answers = sheets.answers_of(result, result)
     assert [(one["verdict"], one["timed"]) for one in answers] == [("not_variational", k) for k in (False, True)]

@@ -1,5 +1,5 @@
 """The use cases: a document in, a result out; checking of results; the sheet of an answer, which all printers print.
 
 Others use `documents`, `checking`, `own_lagrangian`, `derived`, `answers`, `growing`, `accepting`, `plain_data`,
-`sheets`, `text_page`, and `latex_page`.
+`sheets`, and `printed_pages`.
 """

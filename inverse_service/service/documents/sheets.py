@@ -1,7 +1,7 @@
 """One answer as a person reads it, for every printer: the verdict in a sentence, L and H, a table for a motion on
 constraints, the proofs, and more.
 
-A sentence is words, formulas, and words with a meaning; `text_page` prints it as text, `latex_page` as LaTeX, and the
+A sentence is words, formulas, and words with a meaning; `printed_pages` prints it as text and as LaTeX, and the
 pages as HTML. The verdict of a result is formed here alone: a yes with t is a yes. Title, history, atlas, and badges
 take it from here.
 """

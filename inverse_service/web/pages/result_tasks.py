@@ -19,7 +19,7 @@ from inverse_service import errors
 from inverse_service.decision.solutions import SolveOptions
 from inverse_service.reading import document_names
 from inverse_service.reading.names import Names
-from inverse_service.service.documents import plain_data, sheets, text_page
+from inverse_service.service.documents import plain_data, printed_pages, sheets
 from inverse_service.service.figures import views
 from inverse_service.service.jobs import model, opening, tasks
 from inverse_service.web.pages import WORDS, forms, preview, rendering, simulations, typesetting
@@ -204,7 +204,7 @@ def answer_picture_task(store: str, id: str, ending: str) -> bytes | None:
     except ModuleNotFoundError:  # the extras "simulation" and "figures" are not installed
         return None
     found = _result(store, id)
-    words = text_page.plain(sheets.sheet_of(found, brief=True).sentence)
+    words = printed_pages.plain(sheets.sheet_of(found, brief=True).sentence)
     return picture_of(found, ending, "\n".join(textwrap.wrap(words, 28)))
 
 
@@ -224,7 +224,7 @@ def code_task(store: str, id: str, language: str, address: str) -> str:
     """A result as a text; SymPy is imported by the first program in a worker, never in the web process."""
     found = _result(store, id)
     if language == "latex":
-        return text_page.latex_page(dict(found), True, f"{address}/results/{id}")
+        return printed_pages.latex_page(dict(found), True, f"{address}/results/{id}")
     if language == "embed":
         return rendering.frame_code(f"{address}/results/{id}/embed", sheets.title_of(found), "640", 320)
     if language in ("client", "curl"):

@@ -18,7 +18,7 @@ from starlette.requests import Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
 from inverse_service.reading import document_names
-from inverse_service.service.documents import sheets, text_page
+from inverse_service.service.documents import printed_pages, sheets
 from inverse_service.service.figures import views
 from inverse_service.service.jobs import log_lines, tasks
 from inverse_service.service.jobs.batch import answer_line
@@ -405,7 +405,7 @@ def row_of(answer: BatchAnswer) -> Row:
     name = "\u2013" if found["id"] is None else str(found["id"])
     if "error" in found:
         return Row(answer.number, name, "failed", "failed", sheets.NO, reason=found["detail"])
-    row, others = text_page.row_of(found), len(found.get("branches") or ()) - 1
+    row, others = printed_pages.row_of(found), len(found.get("branches") or ()) - 1
     where = row["where"] + (f"; {others} more {'case' if others == 1 else 'cases'}" if others > 0 else "")
     verdict = row["verdict"] or "done"  # results of other kinds have none
     word, shade = (sheets.badge_of(found), sheets.verdict_of(found)) if "verdict" in found else ("done", "")

@@ -11,7 +11,7 @@ from markupsafe import Markup
 from starlette.responses import HTMLResponse
 
 from inverse_service.reading.names import Names
-from inverse_service.service.documents import sheets, text_page
+from inverse_service.service.documents import printed_pages, sheets
 from inverse_service.service.figures import views
 from inverse_service.service.scenes import prices
 from inverse_service.web.pages import preview, rendering, typesetting
@@ -27,7 +27,7 @@ CHARACTER, LINE = 6.6, 15.0  # of a label of a curve
 def simulation_result(address: str, job: Mapping[str, Any], document: str) -> HTMLResponse:
     """The page of a job of kind "simulate"; `address` is that of the service."""
     result = job["result"]
-    columns, tables = text_page.quantities(result), views.tables_of(result)
+    columns, tables = printed_pages.quantities(result), views.tables_of(result)
     return rendering.page(
         "simulation.html",
         active="/simulate",
@@ -36,7 +36,7 @@ def simulation_result(address: str, job: Mapping[str, Any], document: str) -> HT
         headings=[heading for _, heading in columns],
         formulas=typesetting.formulas_of(result["system"]),
         start={name: f"{v or 0:.10g}" for name, v in start_of(result).items()},
-        rows=[(m, _numbers(m, columns), text_page.why(m), m["label"] in tables) for m in result["methods"]],
+        rows=[(m, _numbers(m, columns), printed_pages.why(m), m["label"] in tables) for m in result["methods"]],
         ensembles=[(m["label"], *_members(of)) for m in result["methods"] if (of := m.get("members_columns"))],
         free=free_lagrangians(result),
         costs=costs(result),
@@ -50,7 +50,7 @@ def simulation_result(address: str, job: Mapping[str, Any], document: str) -> HT
 
 
 def _numbers(method: Mapping[str, Any], columns: Sequence[tuple[str, str]]) -> list[str]:
-    return [prices.short_number(text_page.value_at(method, key)) for key, _ in columns]
+    return [prices.short_number(printed_pages.value_at(method, key)) for key, _ in columns]
 
 
 def _members(columns: Mapping[str, Sequence[Any]]) -> tuple[list[str], list[tuple[int, list[str]]]]:
@@ -211,9 +211,9 @@ def table_of(result: Mapping[str, Any]) -> list[tuple[Any, ...]]:
         keys = ("error", "method", "order", "step", "tolerance", "seconds", "ratio", "evaluations")
         rows = [{**row, "error": target["error"]} for target in result["targets"] for row in target["rows"]]
         return [keys, *(tuple(row[key] for key in keys) for row in rows)]
-    columns = [("label", "method"), ("outcome", "outcome"), ("steps", "steps"), *text_page.quantities(result)]
+    columns = [("label", "method"), ("outcome", "outcome"), ("steps", "steps"), *printed_pages.quantities(result)]
     columns += [("seconds.run", "seconds")]
-    lines = [tuple(text_page.value_at(method, key) for key, _ in columns) for method in result["methods"]]
+    lines = [tuple(printed_pages.value_at(method, key) for key, _ in columns) for method in result["methods"]]
     return [tuple(heading for _, heading in columns), *lines]
 
 
@@ -223,7 +223,7 @@ def notes_of(result: Mapping[str, Any]) -> list[str]:
     for method in result["methods"]:
         own = [str(method[key]) for key in ("note", "energy_note", "error_note", "phase_note") if method.get(key)]
         own = [sheets.capitalized(text).replace(FIELD, "") for text in own]
-        for text in (*own, *text_page.notes_of_formulas(method)):
+        for text in (*own, *printed_pages.notes_of_formulas(method)):
             found.setdefault(text, []).append(method["label"])
     return [
         *result["notes"],

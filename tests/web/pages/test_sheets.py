@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from inverse_service import solve
-from inverse_service.service.documents import sheets, text_page
+from inverse_service.service.documents import printed_pages, sheets
 from inverse_service.web.pages import result_tasks
 from tests.values import present, slow
 
@@ -25,7 +25,7 @@ DISK = {
 }
 
 
-words = text_page.plain
+words = printed_pages.plain
 
 
 @pytest.mark.parametrize(
