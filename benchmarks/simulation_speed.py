@@ -18,7 +18,7 @@ from benchmarks.problems import DISK, DISK_CONSTRAINTS, DISK_ENERGY, problem
 from benchmarks.simulation_cases import BARE, CASES, SpeedCase
 from benchmarks.simulation_routes import lambdify_and_fsolve, ours, with_numba
 from inverse_service.expressions.collecting import forget_expansions
-from inverse_service.mechanics.legendre.transform import legendre
+from inverse_service.mechanics.legendre import legendre
 from inverse_service.simulation.execution import kernel_of, run, run_ensemble
 from inverse_service.simulation.numeric_formulas import Formulas
 from inverse_service.simulation.scene_data import Grid, MethodChoice, Start

@@ -19,7 +19,7 @@ from inverse_service.expressions.tree import (
     subtract,
 )
 from inverse_service.mechanics.euler_lagrange import momenta
-from inverse_service.mechanics.legendre.transform import legendre
+from inverse_service.mechanics.legendre import legendre
 from inverse_service.mechanics.reading import read_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from paper.paper_systems import (

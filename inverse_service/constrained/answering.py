@@ -45,7 +45,7 @@ from inverse_service.field.modular import safe_prime
 from inverse_service.field.point import Point, SingularPoint, Variable
 from inverse_service.linear_pde.involution import Finding, Unknown, halved_squares, prolonged, solution_of
 from inverse_service.mechanics.constrained_motion import ConstrainedMotion, EquationsOfMotion
-from inverse_service.mechanics.legendre.transform import legendre
+from inverse_service.mechanics.legendre import legendre
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 # Of the time, what the decisions may take; the rest is for a closed form, H and the checks.

@@ -24,7 +24,7 @@ from inverse_service.field import identities
 from inverse_service.mechanics import writing
 from inverse_service.mechanics.constrained_motion import EquationsOfMotion
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_sums
-from inverse_service.mechanics.legendre.transform import LegendreTransform, constraint_images, legendre
+from inverse_service.mechanics.legendre import LegendreTransform, constraint_images, legendre
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 Verdict = Literal["holds", "fails", "not settled"]

@@ -26,7 +26,7 @@ from inverse_service.mechanics import (
     second_order_system,
 )
 from inverse_service.mechanics.first_integrals import FirstIntegral
-from inverse_service.mechanics.legendre.transform import LegendreTransform
+from inverse_service.mechanics.legendre import LegendreTransform
 from inverse_service.solving import solving
 from inverse_service.solving.solving import Progress
 

@@ -27,7 +27,7 @@ from inverse_service.field.exact_field import TooLarge
 from inverse_service.field.point import SingularPoint, gradient
 from inverse_service.linear_pde.involution import Limits
 from inverse_service.mechanics import constrained_motion, writing
-from inverse_service.mechanics.legendre.transform import legendre
+from inverse_service.mechanics.legendre import legendre
 from inverse_service.mechanics.nonholonomic_integrals import MeasureDensity
 from inverse_service.mechanics.paper_class import Proposal
 from inverse_service.mechanics.second_order_system import SecondOrderSystem, system_of

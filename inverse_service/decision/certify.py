@@ -17,7 +17,7 @@ from inverse_service.certificate.cell import Cell
 from inverse_service.decision import deciding, root_hints
 from inverse_service.expressions import collecting, evaluation, inequalities, notation, printing, tree as ex
 from inverse_service.field import exact_field, real_point, reduction, tower
-from inverse_service.mechanics import euler_lagrange, implicit_equations, quadratic_forms
+from inverse_service.mechanics import euler_lagrange, implicit_equations, short_forms
 from inverse_service.reading import reader
 from inverse_service.reading.names import Names
 
@@ -159,7 +159,7 @@ def _members(texts: Sequence[str], ending: str, names: Names) -> list[ex.Express
     for text in texts:
         if text.endswith(ending):
             tree = collecting.collect(reader.read_formula(text.removesuffix(ending), names))
-            found.append(min([tree, *quadratic_forms.sums_of_squares(tree, tuple(letters))], key=ex.node_count))
+            found.append(min([tree, *short_forms.sums_of_squares(tree, tuple(letters))], key=ex.node_count))
     return sorted(found, key=lambda tree: (ex.node_count(tree), collecting.natural(printing.to_text(tree))))
 
 

@@ -11,7 +11,7 @@ from inverse_service.expressions import tree as ex
 if TYPE_CHECKING:
     from inverse_service.decision.cells import Left
     from inverse_service.mechanics.first_integrals import FirstIntegral
-    from inverse_service.mechanics.legendre.transform import LegendreTransform
+    from inverse_service.mechanics.legendre import LegendreTransform
     from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 Verdict = Literal["variational", "not_variational", "undetermined"]

@@ -25,7 +25,7 @@ from inverse_service.expressions.tree import ONE, TIME, ZERO, Acceleration, Expr
 from inverse_service.field.exact_field import Budget, Quotient, TooLarge, quotient_tree, sum_of
 from inverse_service.field.matrices import determinant
 from inverse_service.mechanics import conditions
-from inverse_service.mechanics.legendre.transform import legendre
+from inverse_service.mechanics.legendre import legendre
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.search.protocol import SearchOutcome, describe
 

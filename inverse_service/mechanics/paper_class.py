@@ -39,7 +39,7 @@ from inverse_service.expressions.tree import HALF, ZERO, Expression, Number, Sym
 from inverse_service.field.exact_field import Quotient, TooLarge, sum_of
 from inverse_service.mechanics import euler_lagrange, potential
 from inverse_service.mechanics.constrained_motion import EliminatedMotion, Frame, Geometry, frames, open_places
-from inverse_service.mechanics.legendre.transform import LegendreTransform, momentum_symbols
+from inverse_service.mechanics.legendre import LegendreTransform, momentum_symbols
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.mechanics.writing import tidied, velocity_parts
 

@@ -14,7 +14,7 @@ from inverse_service.expressions import collecting, tree as ex
 from inverse_service.field import exact_field, real_point
 from inverse_service.field.point import variables_in
 from inverse_service.field.tower import AngleRule, Tower, to_kernels
-from inverse_service.mechanics import quadratic_forms, writing
+from inverse_service.mechanics import short_forms, writing
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.search import angles, gradients, material, terms as tm
 
@@ -285,8 +285,8 @@ def _other_forms(tree: ex.Expression, system: SecondOrderSystem) -> list[ex.Expr
         with suppress(*_FAILED):
             found.append(form(tree))
     velocities, positions = ([kind(name) for name in system.coordinates] for kind in (ex.Velocity, ex.Symbol))
-    springs = quadratic_forms.sums_of_squares(tree, tuple(positions))
-    return [*found, *quadratic_forms.short_forms(tree, velocities), *springs]
+    springs = short_forms.sums_of_squares(tree, tuple(positions))
+    return [*found, *short_forms.short_forms(tree, velocities), *springs]
 
 
 @lru_cache(maxsize=1024)
@@ -396,7 +396,7 @@ def _with_squares_inside(system: SecondOrderSystem, tree: ex.Expression) -> ex.E
     letters = tuple(map(ex.Symbol, (*system.coordinates, *system.parameters)))
     match tree:
         case ex.Power(ex.Sum() as inner, ex.Number(e)) if (e < 0 or e.denominator > 1) and not tm.has_velocity(inner):
-            return min([inner, *quadratic_forms.sums_of_squares(inner, letters)], key=_preference) ** e
+            return min([inner, *short_forms.sums_of_squares(inner, letters)], key=_preference) ** e
     return tree
 
 
@@ -549,7 +549,7 @@ def _by_squares_of(name: str, other: str, system: SecondOrderSystem, tree: ex.Ex
     found = list[ex.Expression]()
     for outer, inner in groups.items():
         whole = tm.tree_of(inner)
-        squares = quadratic_forms.sums_of_squares(whole, letters) if letters else ()
+        squares = short_forms.sums_of_squares(whole, letters) if letters else ()
         found.append(tm.monomial_tree(outer) * min([whole, *squares], key=_preference))
     return ex.add(*found)
 
@@ -603,7 +603,7 @@ def _part(outer: tm.Monomial, inner: tm.Terms, system: SecondOrderSystem) -> ex.
     quotient = _quotient(plain, system.parameters, system.coordinates)
     if _is_sum_of(quotient, len(inner)) and _size(quotient) >= _size(plain):
         return whole
-    power = quadratic_forms.as_power(collecting.expand(plain))
+    power = short_forms.as_power(collecting.expand(plain))
     return min(whole, *(constant * _constants_first(one, system) * rates for one in (quotient, power)), key=_size)
 
 

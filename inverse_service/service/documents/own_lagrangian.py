@@ -19,7 +19,7 @@ from inverse_service.expressions.inequalities import inequality_text
 from inverse_service.field import reduction, tower
 from inverse_service.field.real_point import RealTable, requirements
 from inverse_service.mechanics import constrained_motion, euler_lagrange, implicit_equations, writing
-from inverse_service.mechanics.legendre.transform import legendre
+from inverse_service.mechanics.legendre import legendre
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading.document_names import Declared, known_names
 from inverse_service.service.documents import accepting, checking, translate

@@ -36,7 +36,6 @@ ENGINE = (
     "explanation.negative",
     "explanation.theorems",
     "search.ladder",
-    "mechanics.legendre.inverses",
 )
 Report = Callable[[Any], None]
 Work = Callable[[Any, model.JobOptions, Report], Any]

@@ -18,7 +18,7 @@ from inverse_service.errors import InputError, InverseServiceError
 from inverse_service.expressions import derivative, printing, tree as ex
 from inverse_service.field.exact_field import TooLarge
 from inverse_service.mechanics.constrained_motion import eliminate_multipliers, frames, geometry
-from inverse_service.mechanics.legendre.transform import legendre
+from inverse_service.mechanics.legendre import legendre
 from inverse_service.mechanics.paper_class import KINDS, associated, recognized
 from inverse_service.reading.names import Names
 from inverse_service.reading.reader import read_condition

@@ -1,4 +1,8 @@
-"""p = dL/dv solved for the velocities of a block that is not quadratic in them: each family of such blocks in turn.
+"""p = dL/dv solved for the velocities: L cut into blocks, quadratic ones inverted, then each family of others in turn.
+
+The parts of L are free of velocities, linear, and independent blocks; a candidate for an inverse is checked by the
+caller. Of a quadratic block L = v^T G v/2 it is v = G^-1 p, with H = p^T G^-1 p/2: G is inverted exactly by
+fraction-free elimination (Bareiss 1968) over polynomials in opaque atoms.
 
 One velocity: F(v) = dL/dv = p is solved from the outside to the inside where v occurs in F once; else F may be a short
 polynomial in z, a power of v or exp(v). With z^d = y the equation is c_2 y^2 + c_1 y + c_0 = 0, or a cubic; its
@@ -24,17 +28,17 @@ H = (p_k + p_w^T S^-1 p_w/2)^2 / (2 a).
 """
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
-from itertools import combinations, product
+from itertools import combinations, combinations_with_replacement, product
 
-from inverse_service import bounds
+from inverse_service import bounds, errors
 from inverse_service.expressions import collecting, derivative, tree as ex
-from inverse_service.mechanics import euler_lagrange, quadratic_forms
-from inverse_service.mechanics.legendre import blocks, sampling, short_forms
+from inverse_service.mechanics import euler_lagrange, implicit_equations, sampling, second_order_system, short_forms
 
+Matrix = tuple[tuple[ex.Expression, ...], ...]
 Rule = Callable[[ex.Expression], ex.Expression]
 _INVERSES: dict[str, str] = {
     "exp": "log", "log": "exp", "tan": "atan", "sinh": "asinh", "tanh": "atanh", "asin": "sin", "acos": "cos",
@@ -48,6 +52,211 @@ Form = tuple[ex.Expression, ...]
 Table = dict[ex.Expression, ex.Expression]
 # A space is in no name that a user can declare.
 _S, _W, _PI_W = ex.Symbol("S of v"), ex.Velocity("w of v"), ex.Symbol("momentum of w")
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """A function of the velocities of `names`, expanded, without linear terms; `momenta` names each p."""
+
+    function: ex.Expression
+    names: tuple[str, ...]
+    momenta: Mapping[str, ex.Symbol]
+
+
+@dataclass(frozen=True, slots=True)
+class Parts:
+    """function = free + sum of linear[name] v_name + sum of the blocks' functions; `written` is a part of free."""
+
+    free: ex.Expression
+    written: ex.Expression
+    linear: Mapping[str, ex.Expression]
+    blocks: tuple[Block, ...]
+
+
+def split(function: ex.Expression, names: Sequence[str], momenta: Mapping[str, ex.Symbol]) -> Parts:
+    """The parts of a function of the velocities of `names`; each name is in exactly one block.
+
+    Terms of a sum that hold no velocity are left as they are written.
+    """
+    terms = [part for term in ex.summands(function) for part in _apart(term, names)]
+    plain = [term for term in terms if not short_forms.velocities_in(term, names)]
+    moving = collecting.expand(ex.add(*(term for term in terms if short_forms.velocities_in(term, names))))
+    free: list[collecting.Term] = []
+    linear: dict[str, list[collecting.Term]] = {}
+    coupled: list[tuple[set[str], collecting.Term]] = []
+    for monomial, value in moving:
+        found = short_forms.velocities_in(collecting.monomial_tree(monomial), names)
+        only = next(iter(found)) if len(found) == 1 else ""
+        if not found:
+            free.append((monomial, value))
+        elif (ex.Velocity(only), Fraction(1)) in monomial and degrees(monomial, [only]) is not None:
+            linear.setdefault(only, []).append((without(monomial, [only]), value))
+        else:
+            coupled.append((found, (monomial, value)))
+    groups = second_order_system.connected(names, [found for found, _ in coupled])
+    functions = [collecting.terms_tree(term for found, term in coupled if found <= set(g)) for g in groups]
+    blocks = tuple(Block(f, g, momenta) for f, g in zip(functions, groups, strict=True))
+    slopes, written = {name: _short(found) for name, found in linear.items()}, ex.add(*plain)
+    return Parts(ex.add(written, _short(free)), written, slopes, blocks)
+
+
+def _apart(term: ex.Expression, names: Sequence[str]) -> list[ex.Expression]:
+    """exp(c t) T and exp(c t) V of exp(c t) (T + V)."""
+    sums = [factor for factor in ex.factors_of(term) if isinstance(factor, ex.Sum)]
+    if len(sums) != 1 or not short_forms.velocities_in(term, names):
+        return [term]
+    outside = ex.multiply(*(factor for factor in ex.factors_of(term) if factor is not sums[0]))
+    moving = [part for part in sums[0].terms if short_forms.velocities_in(part, names)]
+    still = [part for part in sums[0].terms if part not in moving]
+    return [outside * ex.add(*group) for group in (moving, still) if group]
+
+
+def without(monomial: collecting.Monomial, names: Collection[str]) -> collecting.Monomial:
+    """The monomial without its bare velocities of `names`."""
+    return tuple((base, e) for base, e in monomial if not (isinstance(base, ex.Velocity) and base.coordinate in names))
+
+
+def degrees(monomial: collecting.Monomial, names: Collection[str]) -> dict[str, Fraction] | None:
+    """The exponents of the velocities, None where one occurs inside another atom."""
+    if short_forms.velocities_in(collecting.monomial_tree(without(monomial, names)), names):
+        return None
+    bare = {base: exponent for base, exponent in monomial if isinstance(base, ex.Velocity)}
+    return {base.coordinate: exponent for base, exponent in bare.items() if base.coordinate in names}
+
+
+def _short(terms: list[collecting.Term]) -> ex.Expression:
+    return short_forms.simplified(collecting.terms_tree(terms)) if terms else ex.ZERO
+
+
+@dataclass(frozen=True, slots=True)
+class Branch:
+    """v(t, q, p) and H(t, q, p) of a block, where every tree of `conditions` (in t, q, v, p) is positive.
+
+    A velocity may contain the velocity of another name of the block whose own formula contains none;
+    `resolved` puts that formula in.
+    """
+
+    velocities: tuple[ex.Expression, ...]
+    hamiltonian: ex.Expression
+    conditions: tuple[ex.Expression, ...] = ()
+
+
+Family = Callable[[Block], Iterator[Branch]]
+Solver = Callable[[ex.Expression, Sequence[str], Mapping[str, ex.Symbol]], Iterator[Branch]]
+
+
+def resolved(velocities: Sequence[ex.Expression], names: Sequence[str]) -> tuple[ex.Expression, ...]:
+    """The velocities of a branch over (t, q, p) alone: no Velocity of `names` is left."""
+    table: dict[ex.Expression, ex.Expression] = dict(zip(map(ex.Velocity, names), velocities, strict=True))
+    return tuple(ex.substitute(tree, table) for tree in velocities)
+
+
+@dataclass(frozen=True, slots=True)
+class Inverse:
+    """adjugate / determinant without a common factor, and the quotients entry by entry; all (n, n)."""
+
+    adjugate: Matrix
+    determinant: ex.Expression
+    entries: Matrix
+
+
+def quadratic_branches(block: Block) -> Iterator[Branch]:
+    """The one inverse of a quadratic block; none where the block is not quadratic or G is singular."""
+    matrix = form_matrix(collecting.expand(block.function), block.names)
+    inverse = invert(matrix) if matrix else None
+    if inverse:
+        momenta = [block.momenta[name] for name in block.names]
+        velocities = tuple(_shorter_row(inverse, row, momenta) for row in range(len(momenta)))
+        yield Branch(velocities, multiply_out(ex.HALF, quadratic_form(inverse, momenta)))
+
+
+def form_matrix(terms: Sequence[collecting.Term], names: Sequence[str]) -> Matrix | None:
+    """The symmetric G with terms v^T G v / 2; None where there are others."""
+    table: dict[tuple[str, str], list[collecting.Term]] = {}
+    for monomial, value in terms:
+        found = degrees(monomial, names)
+        if found is None or sum(found.values()) != 2 or any(e not in (1, 2) for e in found.values()):
+            return None
+        pair = [name for name, exponent in found.items() for _ in range(int(exponent))]
+        scale = 2 if pair[0] == pair[1] else 1
+        for key in {(pair[0], pair[1]), (pair[1], pair[0])}:
+            table.setdefault(key, []).append((without(monomial, names), value * scale))
+    return tuple(tuple(collecting.terms_tree(table.get((i, j), ())) for j in names) for i in names)
+
+
+def invert(matrix: Sequence[Sequence[ex.Expression]]) -> Inverse | None:
+    """The exact inverse; None where the determinant is the zero polynomial or everything is too large."""
+    plain = [[short_forms.separated(entry) for entry in row] for row in matrix]
+    ring = implicit_equations.OpaqueRing([entry for row in plain for entry in row])
+    try:
+        fractions = [[ring.fraction(entry) for entry in row] for row in plain]
+        scales = [implicit_equations.common_denominator(ring, row, bounds.TERMS) for row in fractions]
+        pairs = zip(fractions, scales, strict=True)
+        rows = [implicit_equations.cleared(row, scale, bounds.TERMS) for row, scale in pairs]
+        solved = implicit_equations.solved_rows(ring, rows, scales, bounds.TERMS)
+        return None if solved is None else _reduced(ring, *solved)
+    except (errors.LimitError, ZeroDivisionError):
+        return None
+
+
+def _reduced(
+    ring: implicit_equations.OpaqueRing,
+    adjugate: implicit_equations.Rows,
+    determinant: implicit_equations.Polynomial,
+) -> Inverse:
+    """adjugate / determinant, reduced as a whole and entry by entry."""
+    common = determinant
+    for row in adjugate:
+        for entry in row:
+            common = common.gcd(entry)
+    short = [[divmod(entry, common)[0] for entry in row] for row in adjugate]
+    bottom = divmod(determinant, common)[0]
+    first = ex.factors_of(_tree(ring, bottom, ring.constant(1)))[0]
+    if isinstance(first, ex.Number) and first.value < 0:
+        short, bottom = [[-entry for entry in row] for row in short], -bottom
+    return Inverse(
+        tuple(tuple(_tree(ring, entry, ring.constant(1)) for entry in row) for row in short),
+        _tree(ring, bottom, ring.constant(1)),
+        tuple(tuple(_tree(ring, entry, bottom) for entry in row) for row in short),
+    )
+
+
+def _tree(
+    ring: implicit_equations.OpaqueRing,
+    numerator: implicit_equations.Polynomial,
+    denominator: implicit_equations.Polynomial,
+) -> ex.Expression:
+    return short_forms.trigonometric(collecting.merge_powers(ring.tree(ring.reduced(numerator, denominator))))
+
+
+def quadratic_form(inverse: Inverse, momenta: Sequence[ex.Symbol]) -> ex.Expression:
+    """p^T G^-1 p: one quotient, or a sum of such where that is shorter."""
+    pairs = list(combinations_with_replacement(enumerate(momenta), 2))
+    forms = [
+        ex.add(*(matrix[i][j] * (p**2 if i == j else 2 * p * q) for (i, p), (j, q) in pairs))
+        for matrix in (inverse.adjugate, inverse.entries)
+    ]
+    return short_forms.shortest([forms[1], over(forms[0], inverse.determinant)])
+
+
+def _shorter_row(inverse: Inverse, row: int, momenta: Sequence[ex.Symbol]) -> ex.Expression:
+    """One row of G^-1 p."""
+    sums = [
+        ex.add(*(entry * p for entry, p in zip(matrix[row], momenta, strict=True) if entry != ex.ZERO))
+        for matrix in (inverse.adjugate, inverse.entries)
+    ]
+    return short_forms.shortest([sums[1], over(sums[0], inverse.determinant)])
+
+
+def over(numerator: ex.Expression, denominator: ex.Expression) -> ex.Expression:
+    return numerator if denominator == ex.ONE else collecting.merge_powers(numerator / denominator)
+
+
+def multiply_out(factor: ex.Expression, tree: ex.Expression) -> ex.Expression:
+    """factor * tree, into each term of a sum."""
+    if isinstance(tree, ex.Sum):
+        return ex.add(*(factor * term for term in tree.terms))
+    return factor * tree
 
 
 @dataclass(frozen=True, slots=True)
@@ -240,7 +449,7 @@ def _tripled(k: ex.Expression, b: ex.Expression, inverse: str, function: str) ->
     return 2 * ex.square_root(short_forms.simplified(k)) * third
 
 
-def scalar_branches(block: blocks.Block, _: blocks.Solver) -> Iterator[blocks.Branch]:
+def scalar_branches(block: Block, _: Solver) -> Iterator[Branch]:
     """All branches found of a block of one velocity."""
     if len(block.names) != 1:
         return
@@ -254,10 +463,10 @@ def scalar_branches(block: blocks.Block, _: blocks.Solver) -> Iterator[blocks.Br
             short_forms.simplified(factored_inside(tree)) for tree in short[2:3]
         ]
         forms += [short_forms.with_cosines(factored_inside(form)) for form in forms]
-        yield blocks.Branch((velocity,), short_forms.shortest(forms or trees), root.conditions)
+        yield Branch((velocity,), short_forms.shortest(forms or trees), root.conditions)
 
 
-def _energies(block: blocks.Block, rate: ex.Velocity) -> Iterator[ex.Expression]:
+def _energies(block: Block, rate: ex.Velocity) -> Iterator[ex.Expression]:
     """H in v, then p v - L with one term T of L written by p: T = (p - (L - T)') T/T'."""
     function, momentum = block.function, block.momenta[block.names[0]]
     yield short_forms.simplified(rate * derivative.differentiate(function, rate) - function)
@@ -379,7 +588,7 @@ def _without_root(tree: ex.Expression, rate: ex.Velocity) -> ex.Expression:
     return ex.add(*plain) ** 2 - ex.add(*terms) ** 2 * root**2
 
 
-def elimination_branches(block: blocks.Block) -> Iterator[blocks.Branch]:
+def elimination_branches(block: Block) -> Iterator[Branch]:
     """The branches of a block of two or three velocities; H is the energy p v - L at v(p)."""
     if not 1 < len(block.names) <= _LARGEST_BLOCK:
         return
@@ -392,7 +601,7 @@ def elimination_branches(block: blocks.Block) -> Iterator[blocks.Branch]:
     for rates, conditions in _solutions(equations, block.names):
         table: dict[ex.Expression, ex.Expression] = {ex.Velocity(name): tree for name, tree in rates.items()}
         velocities = tuple(short_forms.simplified(rates[name]) for name in block.names)
-        yield blocks.Branch(velocities, short_forms.simplified(ex.substitute(energy, table)), conditions)
+        yield Branch(velocities, short_forms.simplified(ex.substitute(energy, table)), conditions)
 
 
 def _solutions(equations: Sequence[Equation], names: Sequence[str]) -> Iterator[Solved]:
@@ -430,21 +639,19 @@ def factored_inside(tree: ex.Expression) -> ex.Expression:
     return ex.rebuild(outer, factored_inside)
 
 
-def linear_branches(block: blocks.Block, solve: blocks.Solver) -> Iterator[blocks.Branch]:
+def linear_branches(block: Block, solve: Solver) -> Iterator[Branch]:
     """The branches after a change to the linear forms under functions and powers, completed by velocities."""
     found = _forms(block) if len(block.names) > 1 else ()
     units = tuple(tuple(ex.number(int(a == b)) for b in block.names) for a in block.names)
     if not found or set(found) <= set(units):
         return
     for chosen in combinations(units, len(block.names) - len(found)):
-        inverse = blocks.invert((*found, *chosen))
+        inverse = invert((*found, *chosen))
         if inverse is not None:
             yield from _after_change(block, (*found, *chosen), inverse, solve)
 
 
-def _after_change(
-    block: blocks.Block, forms: Sequence[Form], inverse: blocks.Inverse, solve: blocks.Solver
-) -> Iterator[blocks.Branch]:
+def _after_change(block: Block, forms: Sequence[Form], inverse: Inverse, solve: Solver) -> Iterator[Branch]:
     """The branches with the forms in the place of velocities."""
     velocities = [ex.Velocity(name) for name in block.names]
     symbols = [block.momenta[name] for name in block.names]
@@ -455,7 +662,7 @@ def _after_change(
     new = _table(velocities, [ex.dot(row, velocities) for row in forms])
     for branch in solve(changed, block.names, block.momenta):
         found = [ex.substitute(tree, momenta) for tree in branch.velocities]
-        yield blocks.Branch(
+        yield Branch(
             tuple(short_forms.simplified(ex.dot(row, found)) for row in inverse.entries),
             ex.substitute(branch.hamiltonian, momenta),
             tuple(ex.substitute(condition, {**new, **momenta}) for condition in branch.conditions),
@@ -466,7 +673,7 @@ def _table(keys: Sequence[ex.Symbol | ex.Velocity], values: Sequence[ex.Expressi
     return dict(zip(keys, values, strict=True))
 
 
-def _forms(block: blocks.Block) -> tuple[Form, ...]:
+def _forms(block: Block) -> tuple[Form, ...]:
     """The linear forms on which functions and powers depend, else that of one square; none where there are others."""
     found: dict[Form, None] = {}
     for monomial, _ in collecting.expand(block.function):
@@ -520,12 +727,12 @@ class _Radial:
     """L = function(_S) with _S = u^T matrix u/2 and u_i = v_i + shift_i."""
 
     function: ex.Expression
-    matrix: blocks.Matrix
-    inverse: blocks.Inverse
+    matrix: Matrix
+    inverse: Inverse
     shift: tuple[ex.Expression, ...]
 
 
-def radial_branches(block: blocks.Block, solve: blocks.Solver) -> Iterator[blocks.Branch]:
+def radial_branches(block: Block, solve: Solver) -> Iterator[Branch]:
     """The branches of a block that depends on one quadratic form of its velocities."""
     for form in _candidates(block):
         radial = _recognized(block, form)
@@ -536,16 +743,16 @@ def radial_branches(block: blocks.Block, solve: blocks.Solver) -> Iterator[block
             return
 
 
-def _candidates(block: blocks.Block) -> Iterator[ex.Expression]:
+def _candidates(block: Block) -> Iterator[ex.Expression]:
     """Trees quadratic in the velocities: the bases of powers, and the part of degree 2."""
-    power = quadratic_forms.power_of_form(block.function)
+    power = short_forms.power_of_form(block.function)
     if power is not None:
         yield power[0]
     terms = collecting.expand(block.function)
     second = []
     seen: set[ex.Expression] = set()
     for monomial, value in terms:
-        found = blocks.degrees(monomial, block.names)
+        found = degrees(monomial, block.names)
         if found is not None and sum(found.values()) == 2:
             second.append((monomial, value))
         for base, _ in monomial:
@@ -556,10 +763,10 @@ def _candidates(block: blocks.Block) -> Iterator[ex.Expression]:
         yield collecting.terms_tree(second)
 
 
-def _recognized(block: blocks.Block, form: ex.Expression) -> _Radial | None:
+def _recognized(block: Block, form: ex.Expression) -> _Radial | None:
     """The block as a function of the quadratic form's quadratic part about its center."""
     parts = _quadratic_parts(form, block.names)
-    inverse = blocks.invert(parts[0]) if parts else None
+    inverse = invert(parts[0]) if parts else None
     if parts is None or inverse is None:
         return None
     matrix, slopes = parts
@@ -577,24 +784,24 @@ def _recognized(block: blocks.Block, form: ex.Expression) -> _Radial | None:
     return _Radial(along, matrix, inverse, shift)
 
 
-def _quadratic_parts(form: ex.Expression, names: Sequence[str]) -> tuple[blocks.Matrix, list[ex.Expression]] | None:
+def _quadratic_parts(form: ex.Expression, names: Sequence[str]) -> tuple[Matrix, list[ex.Expression]] | None:
     """(G, b) of c + b v + v^T G v/2."""
     quadratic: list[collecting.Term] = []
     linear: list[collecting.Term] = []
     for monomial, value in collecting.expand(form):
-        found = blocks.degrees(monomial, names)
+        found = degrees(monomial, names)
         if found is None or sum(found.values()) not in (0, 1, 2):
             return None
         if sum(found.values()):
             (linear if sum(found.values()) == 1 else quadratic).append((monomial, value))
-    matrix = blocks.form_matrix(quadratic, names) if quadratic else None
+    matrix = form_matrix(quadratic, names) if quadratic else None
     slopes = linear_coefficients(collecting.terms_tree(linear), names)
     if matrix is None or slopes is None:
         return None
     return matrix, [slopes.get(name, ex.ZERO) for name in names]
 
 
-def _along_a_ray(function: ex.Expression, names: Sequence[str], matrix: blocks.Matrix) -> ex.Expression | None:
+def _along_a_ray(function: ex.Expression, names: Sequence[str], matrix: Matrix) -> ex.Expression | None:
     """The function of S on the ray through e_i, or e_i + e_j, on which S is not zero; None where v is left."""
     for i, j in product(range(len(names)), repeat=2):
         entry = matrix[i][i] if i == j else 2 * matrix[i][j] if i < j else ex.ZERO
@@ -608,7 +815,7 @@ def _along_a_ray(function: ex.Expression, names: Sequence[str], matrix: blocks.M
     return None
 
 
-def _form_of_velocities(matrix: blocks.Matrix, names: Sequence[str]) -> ex.Expression:
+def _form_of_velocities(matrix: Matrix, names: Sequence[str]) -> ex.Expression:
     pairs = product(enumerate(names), repeat=2)
     return ex.add(*(matrix[i][j] * ex.Velocity(a) * ex.Velocity(b) for (i, a), (j, b) in pairs))
 
@@ -631,12 +838,10 @@ def _holds_s(tree: ex.Expression) -> bool:
     return derivative.differentiate(tree, _S) != ex.ZERO
 
 
-def _of_root(
-    block: blocks.Block, radial: _Radial, k: ex.Expression, b: ex.Expression, s: ex.Expression
-) -> Iterator[blocks.Branch]:
+def _of_root(block: Block, radial: _Radial, k: ex.Expression, b: ex.Expression, s: ex.Expression) -> Iterator[Branch]:
     """F = k sqrt(b + s S): H_u^2 = b (k^2 - 2 R/s), sign(H_u) = -sign(k b), u = -2 b G^-1 p/(s H_u)."""
     momenta = [block.momenta[name] for name in block.names]
-    form = blocks.quadratic_form(radial.inverse, momenta)
+    form = quadratic_form(radial.inverse, momenta)
     apart = b * k**2 + collecting.collect(-2 * b * form / s)
     square = short_forms.shortest([short_forms.simplified(apart), apart])
     lead = short_forms.simplified(k * b)
@@ -646,27 +851,27 @@ def _of_root(
         rates = [scale * ex.dot(row, momenta) * energy**-1 for row in radial.inverse.entries]
         condition = -sign * lead
         if not (isinstance(condition, ex.Number) and condition.value < 0):
-            yield blocks.Branch(tuple(rates), energy, (condition,))
+            yield Branch(tuple(rates), energy, (condition,))
 
 
-def _shifted(block: blocks.Block, shift: Sequence[ex.Expression], branch: blocks.Branch) -> blocks.Branch:
+def _shifted(block: Block, shift: Sequence[ex.Expression], branch: Branch) -> Branch:
     """A branch in u = v + h as one in v: H = H_u - p h."""
     plain = branch.hamiltonian - ex.dot([block.momenta[name] for name in block.names], shift)
     pairs = zip(block.names, shift, strict=True)
     place: dict[ex.Expression, ex.Expression] = {ex.Velocity(n): ex.Velocity(n) + h for n, h in pairs}
-    return blocks.Branch(
+    return Branch(
         tuple(short_forms.simplified(u - h) for u, h in zip(branch.velocities, shift, strict=True)),
         short_forms.shortest([plain, short_forms.simplified(plain)]),
         tuple(short_forms.simplified(ex.substitute(condition, place)) for condition in branch.conditions),
     )
 
 
-def _of_length(block: blocks.Block, radial: _Radial, solve: blocks.Solver) -> Iterator[blocks.Branch]:
+def _of_length(block: Block, radial: _Radial, solve: Solver) -> Iterator[Branch]:
     """Any other F, through w = sqrt(2 e S), for both signs e of S and d of F'."""
     if len(block.names) == 1:
         return
     momenta = [block.momenta[name] for name in block.names]
-    form = blocks.quadratic_form(radial.inverse, momenta)
+    form = quadratic_form(radial.inverse, momenta)
     whole = _form_of_velocities(radial.matrix, block.names)
     for e, d in product((1, -1), repeat=2):
         length = ex.square_root(short_forms.simplified(e * form))
@@ -678,10 +883,10 @@ def _of_length(block: blocks.Block, radial: _Radial, solve: blocks.Solver) -> It
             size = ex.square_root(e * whole)
             slope = ex.substitute(derivative.differentiate(radial.function, _S), {_S: ex.HALF * whole})
             conditions = [*(ex.substitute(c, {_W: size, **known}) for c in inner.conditions), d * slope]
-            yield blocks.Branch(tuple(rates), energy, (*conditions, e * whole))
+            yield Branch(tuple(rates), energy, (*conditions, e * whole))
 
 
-def ratio_branches(block: blocks.Block, solve: blocks.Solver) -> Iterator[blocks.Branch]:
+def ratio_branches(block: Block, solve: Solver) -> Iterator[Branch]:
     """The branches for each velocity that can play the part of v_k."""
     for pivot in block.names if len(block.names) > 1 else ():
         parts = _ratio_parts(block, pivot)
@@ -694,7 +899,7 @@ def ratio_branches(block: blocks.Block, solve: blocks.Solver) -> Iterator[blocks
                 yield _with_ratios(block, pivot, inner, outer)
 
 
-def _ratio_parts(block: blocks.Block, pivot: str) -> tuple[ex.Expression, ex.Expression] | None:
+def _ratio_parts(block: Block, pivot: str) -> tuple[ex.Expression, ex.Expression] | None:
     """(g, phi(u)), u_j being written as the velocity of w_j; None where the block is not of the form."""
     rate = ex.Velocity(pivot)
     others = [name for name in block.names if name != pivot]
@@ -702,7 +907,7 @@ def _ratio_parts(block: blocks.Block, pivot: str) -> tuple[ex.Expression, ex.Exp
     alone: list[collecting.Term] = []
     homogeneous: list[collecting.Term] = []
     for monomial, value in collecting.expand(ex.substitute(block.function, table)):
-        rest = blocks.without(monomial, [pivot])
+        rest = without(monomial, [pivot])
         if not short_forms.velocities_in(collecting.monomial_tree(monomial), others):
             alone.append((monomial, value))
         elif (rate, Fraction(1)) in monomial and not short_forms.velocities_in(collecting.monomial_tree(rest), [pivot]):
@@ -714,7 +919,7 @@ def _ratio_parts(block: blocks.Block, pivot: str) -> tuple[ex.Expression, ex.Exp
     return collecting.terms_tree(alone), collecting.terms_tree(homogeneous)
 
 
-def _with_ratios(block: blocks.Block, pivot: str, inner: blocks.Branch, outer: blocks.Branch) -> blocks.Branch:
+def _with_ratios(block: Block, pivot: str, inner: Branch, outer: Branch) -> Branch:
     others = [name for name in block.names if name != pivot]
     momentum = block.momenta[pivot]
     shifted: dict[ex.Expression, ex.Expression] = {momentum: momentum + inner.hamiltonian}
@@ -724,4 +929,4 @@ def _with_ratios(block: blocks.Block, pivot: str, inner: blocks.Branch, outer: b
     conditions = [ex.substitute(condition, ratios) for condition in inner.conditions]
     conditions += [ex.substitute(condition, shifted) for condition in outer.conditions]
     rates = tuple(velocities[name] for name in block.names)
-    return blocks.Branch(rates, ex.substitute(outer.hamiltonian, shifted), tuple(conditions))
+    return Branch(rates, ex.substitute(outer.hamiltonian, shifted), tuple(conditions))

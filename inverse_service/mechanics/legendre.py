@@ -14,8 +14,7 @@ from itertools import islice, product
 from inverse_service import bounds, deadline, errors
 from inverse_service.expressions import collecting, printing, tree as ex
 from inverse_service.field import real_point
-from inverse_service.mechanics import euler_lagrange, quadratic_forms, writing
-from inverse_service.mechanics.legendre import blocks, sampling, short_forms
+from inverse_service.mechanics import euler_lagrange, inverses, sampling, short_forms, writing
 
 _MANY, _FEW = 16, 4
 TIME_LIMIT = 3.0
@@ -58,7 +57,7 @@ class LegendreTransform:
 class _Chosen:
     """A checked branch of a block."""
 
-    branch: blocks.Branch
+    branch: inverses.Branch
     judgment: sampling.Judgment
 
 
@@ -88,7 +87,7 @@ def legendre(
     ]
     functions = tuple(writing.with_products_in_order(slope, constants) for slope in shorter)
     momenta = dict(zip(names, symbols, strict=True))
-    parts = blocks.split(plain, names, momenta)
+    parts = inverses.split(plain, names, momenta)
     implicit = LegendreTransform(lagrangian, symbols, _energy(parts), functions, None, True, renamed)
     points = sampling.sample_points([plain, *functions], positive)
     if not points:
@@ -129,7 +128,7 @@ def momentum_symbols(lagrangian: ex.Expression, names: Sequence[str]) -> tuple[t
     return tuple(symbols), " ".join(notes)
 
 
-def _energy(parts: blocks.Parts) -> ex.Expression:
+def _energy(parts: inverses.Parts) -> ex.Expression:
     """sum v dL/dv - L block by block, in the velocities; linear terms drop out."""
     terms = [-parts.free]
     for block in parts.blocks:
@@ -140,10 +139,10 @@ def _energy(parts: blocks.Parts) -> ex.Expression:
 
 
 def _of_blocks(
-    given: Sequence[blocks.Block], best: Callable[[blocks.Block], _Chosen | None]
+    given: Sequence[inverses.Block], best: Callable[[inverses.Block], _Chosen | None]
 ) -> dict[tuple[str, ...], _Chosen | None]:
     """That of each block; those of one velocity that are the same function of theirs share one."""
-    known: dict[ex.Expression, tuple[blocks.Block, _Chosen | None]] = {}
+    known: dict[ex.Expression, tuple[inverses.Block, _Chosen | None]] = {}
     found: dict[tuple[str, ...], _Chosen | None] = {}
     for block in given:
         single = ex.Velocity(block.names[0]) if len(block.names) == 1 else None
@@ -155,7 +154,7 @@ def _of_blocks(
     return found
 
 
-def _renamed(chosen: _Chosen, first: blocks.Block, block: blocks.Block) -> _Chosen:
+def _renamed(chosen: _Chosen, first: inverses.Block, block: inverses.Block) -> _Chosen:
     """The branch of the first block for another that is the same function of its velocity."""
     if first is block:
         return chosen
@@ -170,12 +169,12 @@ def _renamed(chosen: _Chosen, first: blocks.Block, block: blocks.Block) -> _Chos
 
     branch, judgment = chosen.branch, chosen.judgment
     (energy,) = renamed([branch.hamiltonian])
-    moved = blocks.Branch(renamed(branch.velocities), energy, renamed(branch.conditions))
+    moved = inverses.Branch(renamed(branch.velocities), energy, renamed(branch.conditions))
     return _Chosen(moved, replace(judgment, conditions=renamed(judgment.conditions)))
 
 
 def _best(
-    block: blocks.Block,
+    block: inverses.Block,
     points: Sequence[sampling.Point],
     positive: Sequence[ex.Expression],
     reach: Reach,
@@ -187,7 +186,7 @@ def _best(
     at = dict[ex.Expression, ex.Expression](zip(known, functions, strict=True))
     found: list[_Chosen] = []
     for branch in _with_variants(islice(block_branches(block, reach), bounds.CANDIDATES)):
-        velocities = blocks.resolved(branch.velocities, block.names)
+        velocities = inverses.resolved(branch.velocities, block.names)
         claim = sampling.Claim(block.function, block.names, known, velocities, branch.hamiltonian)
         quick = sampling.judge(claim, (), few) if few and not branch.conditions else None
         judgment = quick or sampling.judge(claim, branch.conditions, points)
@@ -207,7 +206,7 @@ def _best(
     return max(found, key=preference, default=None)
 
 
-def _with_variants(branches: Iterator[blocks.Branch]) -> Iterator[blocks.Branch]:
+def _with_variants(branches: Iterator[inverses.Branch]) -> Iterator[inverses.Branch]:
     """Each branch after shorter forms of it that hold on parts of its domain only; all are checked."""
     for branch in branches:
         forms: list[Callable[[ex.Expression], ex.Expression]] = [
@@ -216,14 +215,14 @@ def _with_variants(branches: Iterator[blocks.Branch]) -> Iterator[blocks.Branch]
             partial(short_forms.cancelled, -1),
         ]
         for form in forms:
-            other = blocks.Branch(tuple(map(form, branch.velocities)), form(branch.hamiltonian), branch.conditions)
+            other = inverses.Branch(tuple(map(form, branch.velocities)), form(branch.hamiltonian), branch.conditions)
             if ex.node_count(other.hamiltonian) < ex.node_count(branch.hamiltonian):
                 yield other
         yield branch
 
 
 def _closed(
-    implicit: LegendreTransform, names: Sequence[str], parts: blocks.Parts, chosen: Sequence[_Chosen], table: Table
+    implicit: LegendreTransform, names: Sequence[str], parts: inverses.Parts, chosen: Sequence[_Chosen], table: Table
 ) -> LegendreTransform:
     """The blocks put together, each momentum less its linear term A_i by the table."""
     rates: dict[str, ex.Expression] = {}
@@ -238,7 +237,7 @@ def _closed(
     )
     short = short_forms.inside(short_forms.shortest([plain, apart, mixed, collecting.collect(plain)]))
     whole = writing.roots_upright(writing.joined(short))
-    whole = quadratic_forms.shortest_form(whole, implicit.symbols, [*map(ex.Symbol, names)])
+    whole = short_forms.shortest_form(whole, implicit.symbols, [*map(ex.Symbol, names)])
     whole = writing.plain_quotients(writing.one_square(whole))
     constants = _constants_of(implicit.lagrangian, names)
     whole = writing.with_one_coefficient(writing.minus_inside(whole), implicit.symbols)
@@ -248,7 +247,7 @@ def _closed(
         implicit,
         hamiltonian=ex.add(*sorted(ex.summands(whole), key=partial(_place, implicit.symbols))),
         velocities=tuple(
-            writing.joined(collecting.merge_powers(velocity)) for velocity in blocks.resolved(chained, names)
+            writing.joined(collecting.merge_powers(velocity)) for velocity in inverses.resolved(chained, names)
         ),
         implicit=False,
         chained=chained,
@@ -299,7 +298,7 @@ def _branch_note(conditions: Sequence[ex.Expression], names: Sequence[str]) -> s
 
 
 def _degenerate(
-    implicit: LegendreTransform, parts: blocks.Parts, names: Sequence[str], points: Sequence[sampling.Point]
+    implicit: LegendreTransform, parts: inverses.Parts, names: Sequence[str], points: Sequence[sampling.Point]
 ) -> errors.InputError:
     """The refusal of a Lagrangian whose momenta do not determine the velocities."""
     detail = "the Lagrangian is degenerate, its matrix d2L/dv_i dv_j is singular everywhere"
@@ -323,14 +322,11 @@ class Reach:
         return self.depth <= 0 or deadline.now() > self.end
 
 
-def block_branches(block: blocks.Block, reach: Reach) -> Iterator[blocks.Branch]:
+def block_branches(block: inverses.Block, reach: Reach) -> Iterator[inverses.Branch]:
     """Candidates for one block without linear terms; none of them is checked here."""
-    yield from blocks.quadratic_branches(block)
-    if blocks.form_matrix(collecting.expand(block.function), block.names) is not None:
+    yield from inverses.quadratic_branches(block)
+    if inverses.form_matrix(collecting.expand(block.function), block.names) is not None:
         return
-    # Most Lagrangians are quadratic: what solves the others is loaded for them.
-    from inverse_service.mechanics.legendre import inverses
-
     inner = partial(solve, reach=Reach(reach.depth - 1, reach.end))
     for family in (
         inverses.radial_branches,
@@ -347,24 +343,24 @@ def block_branches(block: blocks.Block, reach: Reach) -> Iterator[blocks.Branch]
 
 def solve(
     function: ex.Expression, names: Sequence[str], momenta: Mapping[str, ex.Symbol], reach: Reach
-) -> Iterator[blocks.Branch]:
+) -> Iterator[inverses.Branch]:
     """Candidates for any function of the velocities: products of those of its blocks."""
-    parts = blocks.split(function, names, momenta)
+    parts = inverses.split(function, names, momenta)
     found = [_up_to_certain(block, reach) for block in parts.blocks]
     table = momentum_shifts(parts.linear, momenta)
     for choice in islice(product(*found), bounds.CANDIDATES):
         rates = {
             name: ex.substitute(tree, table)
             for block, branch in zip(parts.blocks, choice, strict=True)
-            for name, tree in zip(block.names, blocks.resolved(branch.velocities, block.names), strict=True)
+            for name, tree in zip(block.names, inverses.resolved(branch.velocities, block.names), strict=True)
         }
         energies = [ex.substitute(branch.hamiltonian, table) for branch in choice]
         conditions = tuple(ex.substitute(condition, table) for branch in choice for condition in branch.conditions)
         velocities = tuple(rates[name] for name in names)
-        yield blocks.Branch(velocities, ex.add(*energies, -parts.free), conditions)
+        yield inverses.Branch(velocities, ex.add(*energies, -parts.free), conditions)
 
 
-def _up_to_certain(block: blocks.Block, reach: Reach) -> list[blocks.Branch]:
+def _up_to_certain(block: inverses.Block, reach: Reach) -> list[inverses.Branch]:
     """The candidates up to the first that claims to hold everywhere."""
     found = []
     for branch in islice(block_branches(block, reach), bounds.CANDIDATES):

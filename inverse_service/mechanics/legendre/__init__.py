@@ -1,1 +1,0 @@
-"""The Legendre transform: forms of L whose momenta can be solved for the velocities."""
