@@ -1,4 +1,4 @@
-"""Measuring: the decision beside a plain SymPy pipeline, growth with n and with the order, cold starts.
+"""Measurements: the decision next to a plain SymPy pipeline, growth with n and with the order, cold starts.
 
 python -m benchmarks --help
 """

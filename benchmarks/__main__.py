@@ -1,8 +1,9 @@
-"""Run the benchmark: tables on standard output, and with --output as Markdown and JSON files.
+"""Run a benchmark and print its tables; --output also writes them as Markdown and JSON files.
 
-`lagrangians` as the first word runs the benchmark of the search for closed forms instead, `collection` the same on a
-list of documents, `ablation` that of its parts, `bounds` that of its bounds, `service` the one of the service under
-load, `simulation` that of the integrators, `peers` what an error costs by others, `hard-cases` hard cases.
+Without a first word it measures the decision. The first word selects another benchmark: `lagrangians` the search for
+closed forms, `collection` the same on a list of documents, `ablation` the parts of the search, `bounds` its bounds,
+`service` the service under load, `simulation` the integrators, `peers` the cost of an error in other programs,
+`hard-cases` the hard cases.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ Section = tuple[str, list[Any]]  # Markdown, rows
 
 
 def report(line: str) -> None:
-    """What is being measured, on standard error."""
+    """Print the name of the running measurement on standard error."""
     print(line, file=sys.stderr, flush=True)
 
 
@@ -93,7 +94,7 @@ def options(arguments: Sequence[str] | None = None) -> argparse.Namespace:
 
 
 def machine() -> str:
-    """What the numbers were measured on, without naming the computer."""
+    """Describe the machine of the measurement without naming it."""
     return f"Python {platform.python_version()}, {platform.machine()}, {os.cpu_count()} cores"
 
 

@@ -1,9 +1,9 @@
-"""What each leaf and reduction of the search is worth: who finds L, and what is left where the finder is left out.
+"""Measure what each search method is worth: which one finds L, and what is still found without it.
 
 python -m benchmarks ablation --generated 300 --disguised 34 --catalogue --systems FILE.ndjson …
 
-Every system is solved once with all rungs, which of them found something (in nested searches too) is recorded, and
-up to --most systems of each such rung are solved again without it. Seconds are processor time of the whole solution.
+Every system is solved once with all rungs. The run records which of them found something, also in nested searches, and
+solves up to --most systems of each such rung again without it. Seconds are processor time of the whole solution.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ Given = tuple[str, SecondOrderSystem, tuple[Any, ...]]
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """One solution: `finders` are the rungs that found something for it, `text` is that of L, empty without one."""
+    """One solution: `finders` are the rungs that found something for it, `text` is L as text or empty."""
 
     name: str
     text: str
@@ -61,7 +61,7 @@ def from_entries(entries: Iterable[Mapping[str, Any]]) -> Iterator[Given]:
 
 
 def record(given: Given, limit: float) -> Run:
-    """The better answer of both questions, L(q, v) first."""
+    """The better answer to the two questions, L(q, v) first."""
     name, system, equations = given
     finders: dict[str, None] = {}
     began = time.process_time()
@@ -83,7 +83,7 @@ def best(solution: Solution) -> Answer | None:
 
 @contextmanager
 def observed(finders: dict[str, None]) -> Iterator[None]:
-    """Within the block the names of the rungs that find something are put down."""
+    """Record the names of the rungs that find something within the block."""
     plain_attempt = ladder.attempt
 
     def attempt(state: Any, rung: Any) -> Any:
@@ -98,7 +98,7 @@ def observed(finders: dict[str, None]) -> Iterator[None]:
 
 @contextmanager
 def without(*names: str) -> Iterator[None]:
-    """Within the block the search has no rungs of these names."""
+    """Run the block without the rungs of these names."""
     kept = tuple(rung for rung in ladder.RUNGS if rung.name not in names)
     with mock.patch.object(ladder, "RUNGS", kept):
         yield
@@ -106,7 +106,7 @@ def without(*names: str) -> Iterator[None]:
 
 @dataclass(slots=True)
 class Row:
-    """What became of the systems for which one rung found something, without it."""
+    """The results without one rung, for the systems for which it found something."""
 
     found: int = 0
     tried: int = 0
@@ -133,7 +133,7 @@ def options(arguments: Sequence[str] | None) -> argparse.Namespace:
 
 
 def add_collections(parser: argparse.ArgumentParser) -> None:
-    """The options that say which systems are solved, and for how long."""
+    """Add the options that select the systems and their time limit."""
     parser.add_argument("--catalogue", action="store_true", help="the systems of the catalogue")
     parser.add_argument("--systems", nargs="*", default=[], help="lists with one JSON object per line")
     parser.add_argument("--generated", type=int, default=0, help="so many systems of the test generator")

@@ -2,7 +2,7 @@
 
 `python -m benchmarks.atlas` solves all of them and writes inverse_service/catalogue/entries/atlas.ndjson;
 `--only NAME` solves one and prints its line, `--check N` compares N lines of the file with what is computed now, and
-`--resume` keeps the lines whose documents are unchanged. A system that `--time-limit` leaves open is left out.
+`--resume` keeps the lines whose documents are unchanged. A system that stays undecided at `--time-limit` is omitted.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ from inverse_service.service.documents.alike import form_of
 
 ROOT = Path(__file__).parents[1]
 FILE = ROOT / "inverse_service" / "catalogue" / "entries" / "atlas.ndjson"
-TIME_LIMIT = 20.0  # s of processor time for a system
-HARD = 2  # times that: a system is ended in any case
+TIME_LIMIT = 20.0  # seconds of processor time for a system
+HARD = 2  # times that: a system is always stopped
 LONGEST = 1_500  # characters of a formula that the atlas keeps
-# Lists of the tests whose documents are systems that somebody asked about, and the tag of each.
+# Test lists whose documents are systems from users' questions, and the tag of each.
 LISTS = {"literature": "literature", "kamke": "Kamke", "textbook": "textbook", "constrained": "constraints"}
-# Parts of a source that are notes of ours, not a citation.
+# Parts of a source that are our own notes, not a citation.
 OWN = re.compile(
     r"\bown\b|regression|attacks|by hand|worked out|random search|verdict|\btests?\b|identity checked|^6-dim$|^n=1$"
     r"|always works"
@@ -124,7 +124,7 @@ def _slug(text: str) -> str:
 
 
 def _title(words: str, source: str) -> str:
-    """The words of a name as one writes them: the source where it says the same, else with the capitals of names."""
+    """The title for a name: the source if it says the same, else the words of the name with proper capitals."""
     same = source.partition(" (")[0]
     if _slug(same) == _slug(words):
         words = same
@@ -136,7 +136,7 @@ def _title(words: str, source: str) -> str:
 
 
 def citation(source: str) -> str:
-    """A source in the words of a citation: its parts between semicolons that are no notes of ours."""
+    """A source in the words of a citation: the parts between semicolons that are not our own notes."""
     source = re.sub(r"\s*\((?:Jacobi identity checked|three classes are obstructed)\)", "", source)
     source = re.sub(r"\s*exceptional parameter found.*", "", source)
     if source.startswith("own"):
@@ -183,7 +183,7 @@ def entry_of(row: Mapping[str, Any], time_limit: float = TIME_LIMIT) -> dict[str
 
 
 def _overrun(*_: Any) -> None:
-    """Ends a system whose stages do not look at the clock."""
+    """Stop a system whose stages do not check the clock."""
     raise TimeoutError
 
 
@@ -194,12 +194,12 @@ def _shown(result: Mapping[str, Any]) -> Mapping[str, Any]:
 
 
 def _short(text: str | None) -> str | None:
-    """The formula; None where it is too long for a list."""
+    """The formula, or None if it is too long for a list."""
     return None if text is None or len(text) > LONGEST else text
 
 
 def tags_of(row: Mapping[str, Any], result: Mapping[str, Any], sheet: sheets.Sheet) -> list[str]:
-    """What one searches by besides names: where from, how many coordinates, the answer, what it is about."""
+    """The search tags besides the name: origin, number of coordinates, verdict, and subject."""
     system = result["system"] or {"coordinates": (), "functions": ()}
     count = len(system["coordinates"])
     text = f"{row['name']} {row['title']}".lower()
@@ -258,7 +258,7 @@ def _lines() -> list[dict[str, Any]]:
 
 
 def _compared(rows: list[dict[str, Any]], count: int) -> int:
-    """1 where a verdict of the file is not the computed one."""
+    """Return 1 if a verdict in the file differs from the computed one."""
     known = {entry["name"]: entry for entry in _lines()}
     chosen = random.Random(0).sample([row for row in rows if row["name"] in known], count)
     differ = [row["name"] for row in chosen if entry_of(row).get("verdict") != known[row["name"]]["verdict"]]

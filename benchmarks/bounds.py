@@ -1,9 +1,9 @@
-"""What each kind of amount is worth: L found, other forms of L and time with half of it and with twice as much.
+"""Measure what each bound is worth: L found, other forms of L, and time with half of it and with twice as much.
 
 python -m benchmarks bounds --generated 24 --systems FILE.ndjson … [--only NAME …]
 
-The amounts are those of `inverse_service.bounds`, each changed wherever it is met. Seconds are processor time of all
-systems together. What neither half nor twice a bound changes is fixed by nothing that was measured.
+The bounds are those of `inverse_service.bounds`, each changed wherever it occurs. Seconds are processor time of all
+systems together. If neither half nor twice a bound changes a result, no measurement fixes that bound.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ from inverse_service.search.families import Family
 from inverse_service.search.ladder import Rung
 
 VALUES: dict[str, int] = {name: value for name, value in vars(amounts).items() if name.isupper()}
-# Their rooms keep what they computed with other amounts.
+# These packages keep results that they computed with other bounds.
 KEEP = ("decision", "search", "solving", "constrained", "explanation", "mechanics", "expressions", "field")
 
 
 @contextmanager
 def changed(name: str, value: int) -> Iterator[None]:
-    """Within the block an amount has another value, also in the rows of the ansatz, and nothing computed is kept."""
+    """Give a bound another value within the block, also in the rows of the ansatz, and keep no cached results."""
     rows = tuple(_changed(rung, VALUES[name], value) for rung in ladder.RUNGS)
     with mock.patch.object(amounts, name, value), mock.patch.object(ladder, "RUNGS", rows):
         forget()
@@ -42,7 +42,7 @@ def _changed(rung: Rung, before: int, after: int) -> Rung:
 
 
 def forget() -> None:
-    """Caches of functions are emptied."""
+    """Empty the caches of functions."""
     for place, module in list(sys.modules.items()):
         if place.startswith(tuple(f"inverse_service.{room}" for room in KEEP)):
             for held in list(vars(module).values()):
@@ -50,7 +50,7 @@ def forget() -> None:
 
 
 def told(before: Sequence[Run], after: Sequence[Run]) -> str:
-    """What is lost, found, written otherwise, and the time of all."""
+    """The Lagrangians lost, found, and written differently, and the total time."""
     pairs = list(zip(before, after, strict=True))
     lost = [a.name for a, b in pairs if a.found and not b.found]
     found = [a.name for a, b in pairs if b.found and not a.found]

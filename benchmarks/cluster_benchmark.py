@@ -1,9 +1,9 @@
-"""A batch on this machine's own pool, on a Dask cluster on loopback, and on front ends over PostgreSQL: lines a second.
+"""Measure a batch on the local pool, a Dask cluster on loopback, and front ends over PostgreSQL: lines per second.
 
     python -m benchmarks cluster [--lines N] [--rounds N] [--workers N] [--output DIR] [--page docs/records/scaling.md]
                                 [--postgres postgresql://...]
 
-They take turns, so that a machine that is busy with other things is so for all. A front end is a service with one
+They take turns, so that other load on the machine affects all of them. A front end is a service with one
 worker; all share the store at the address of --postgres, whose server is not counted.
 """
 
@@ -35,18 +35,18 @@ LIMIT = 1800.0
 Machines = contextlib.AbstractContextManager[tuple[str, list[int]]]
 # The first lines also pay for processes that load the engine.
 WARM = 0.2
-# The last ones end while the batch gives its processes up.
+# The last lines end while the batch releases its processes.
 LAST = 0.97
 LOADS = {"n = 2": (2, 1.0), "n = 4": (4, 0.4)}
 
 
 @dataclass(frozen=True, slots=True)
 class ClusterRow:
-    """Lines a second once everything is warm, the medians of all rounds.
+    """Lines per second once everything is warm, the medians of all rounds.
 
-    `efficiency`: against the pool of one process, times the number of workers; the pool's own row
-    says what the machine itself gives. `processor`: milliseconds of processor time a line, of all
-    processes together (Linux only); unlike the rate it does not depend on what else the machine does.
+    `efficiency`: relative to the pool of one process times the number of workers; the pool's own row shows what the
+    machine itself gives. `processor`: milliseconds of processor time per line, of all processes together (Linux only);
+    unlike the rate it does not depend on other load on the machine.
     """
 
     load: str
@@ -60,14 +60,14 @@ class ClusterRow:
 
 @dataclass(frozen=True, slots=True)
 class Sample:
-    """Lines a second and milliseconds of processor time a line, of one run."""
+    """Lines per second and milliseconds of processor time per line, of one run."""
 
     rate: float
     processor: float
 
 
 def measure(lines: int, rounds: int, most: int, postgres: str | None) -> list[ClusterRow]:
-    """Each load on pool, cluster, and front ends over `postgres`, with 1 to `most` workers."""
+    """Run each load on the pool, the cluster, and the front ends over `postgres`, with 1 to `most` workers."""
     rows = []
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -102,7 +102,7 @@ def _write(path: Path, n: int, count: int) -> None:
 
 
 def _run(source: Path, count: int, where: str, workers: int) -> Sample:
-    """Between the first WARM of the answers and the last one."""
+    """Measure from the end of the first WARM answers to the last one."""
     output = source.with_suffix(f".{time.monotonic_ns()}.out")
     command = [sys.executable, "-m", "inverse_service", "batch", str(source), "--output", str(output)]
     alone: Machines = contextlib.nullcontext(("", []))
@@ -119,7 +119,7 @@ def _run(source: Path, count: int, where: str, workers: int) -> Sample:
 
 
 def _fronts(source: Path, count: int, workers: int, postgres: str) -> Sample:
-    """A batch given to the first of so many services with a worker each; its lines are new to the store."""
+    """Give a batch to the first of several services with one worker each; its lines are new to the store."""
     with contextlib.ExitStack() as stack:
         settings = {"DATABASE": postgres, "WORKERS": "1", "LOG_LEVEL": "error"}
         fronts = [stack.enter_context(service.service(**settings)) for _ in range(workers)]
@@ -151,7 +151,7 @@ def _lines_of(output: Path) -> int:
 
 
 def _processor_time(sessions: set[int]) -> float:
-    """Seconds of all processes of these sessions and of their dead children; nan where there is no /proc."""
+    """Processor seconds of all processes of these sessions and of their ended children; nan if there is no /proc."""
     ticks, seen = 0, False
     for folder in Path("/proc").glob("[0-9]*"):
         with contextlib.suppress(OSError, IndexError):

@@ -22,7 +22,7 @@ Report = Callable[[str], None]
 class ColdStart:
     """Seconds of one command by the clock and of processor time, its exit code (0: a definite verdict).
 
-    None past the limit. On a machine with other work the processor time is the fairer figure.
+    None past the limit. If other programs use the machine, the processor time is the fairer number.
     """
 
     name: str
@@ -32,7 +32,7 @@ class ColdStart:
 
 
 def cold_starts(names: Sequence[str], limit: float, report: Report) -> list[ColdStart]:
-    """Each entry once, a fresh process for each."""
+    """Run each entry once, each in a fresh process."""
     found = []
     with tempfile.TemporaryDirectory() as folder:
         for name in names:
@@ -54,6 +54,6 @@ def _cold_start(name: str, path: Path, limit: float) -> ColdStart:
 
 
 def _used_by_children() -> float:
-    """Processor seconds of all ended child processes and theirs."""
+    """Processor seconds of all ended child processes and of their children."""
     used = resource.getrusage(resource.RUSAGE_CHILDREN)
     return used.ru_utime + used.ru_stime

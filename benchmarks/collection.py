@@ -1,10 +1,10 @@
-"""A list of documents, each answered at the door: how many get L and H in closed form, in what time, and which do not.
+"""Solve a list of documents: how many get L and H in closed form, in what time, and which do not.
 
 python -m benchmarks collection FILE.ndjson … [--limit 30] [--only NAME …]
 
 A line is an entry with "id" and "expected", and a document under "document" or in its own keys; those that are not
-expected to be variational are left out. Both questions are asked, and the answer that is shown first counts. Seconds
-are processor time from the document to the result, so that other programs do not count.
+expected to be variational are omitted. Both questions are solved, and the result that is shown first counts. Seconds
+are processor time from the document to the result, so other programs do not count.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _KEYS = ("coordinates", "equations", "parameters", "functions")
 
 @dataclass(frozen=True, slots=True)
 class Answered:
-    """One document: the first L that is shown, empty where there is none, whether it holds integral signs, and H."""
+    """One document: the first L that is shown (empty if there is none), whether it contains integral signs, and H."""
 
     name: str
     verdicts: str
@@ -41,7 +41,7 @@ class Answered:
 
 
 def answered(entry: Mapping[str, Any], limit: float) -> Answered:
-    """InputError where the document cannot be read."""
+    """Solve one document. Raises InputError if it cannot be parsed."""
     document = entry.get("document") or {key: entry[key] for key in _KEYS if key in entry}
     began = time.process_time()
     result = solve_document(document, SolveOptions(time_limit=limit))
@@ -57,7 +57,7 @@ def answered(entry: Mapping[str, Any], limit: float) -> Answered:
 
 
 def entries(files: Iterable[Path], only: Sequence[str] = ()) -> Iterator[dict[str, Any]]:
-    """The variational ones in the files, those with other names than `only` left out where there are any."""
+    """The variational entries of the files, restricted to the names in `only` if any are given."""
     for file in files:
         for line in file.read_text(encoding="utf-8").splitlines():
             entry = json.loads(line)

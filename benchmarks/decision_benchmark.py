@@ -1,4 +1,4 @@
-"""Our decision beside the plain pipeline, alternating, on the paper's systems and on random ones."""
+"""Compare our decision with the plain pipeline, alternately, on the paper's systems and on random ones."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Comparison:
     plain_verdicts: dict[str, str | None]
 
     def ratio(self, simplification: str) -> float | None:
-        """Plain seconds over ours; None where the plain run was stopped or gave the wrong verdict."""
+        """Plain seconds over ours; None if the plain run was stopped or gave the wrong verdict."""
         plain = self.plain_seconds[simplification]
         if plain is None or self.plain_verdicts[simplification] != self.expected:
             return None
@@ -68,9 +68,9 @@ def paper_systems() -> list[tuple[str, Document, str]]:
 
 
 def random_ones(each: int) -> list[tuple[str, Document, str]]:
-    """For n = 2, 3, 4 `each` natural systems and as many random quadratic ones, their verdicts known.
+    """For n = 2, 3, 4, `each` natural systems and as many random quadratic ones, with known verdicts.
 
-    A quadratic draw that has a Lagrangian after all is told by the decision disagreeing; none has.
+    A quadratic draw that has a Lagrangian after all would make the decision disagree; none has one.
     """
     found = []
     for n in (2, 3, 4):
@@ -82,14 +82,14 @@ def random_ones(each: int) -> list[tuple[str, Document, str]]:
 
 
 def read(document: Document) -> SecondOrderSystem:
-    """The system of a document, as the service reads it."""
+    """The system of a document, as the service parses it."""
     return read_system(
         document["coordinates"], document["equations"], document.get("parameters", ()), document.get("functions")
     )
 
 
 def compare(name: str, document: Document, expected: str, limit: float) -> Comparison:
-    """Ours for L(q, v), both points included, each repeat with a seed of its own; then the plain pipelines."""
+    """Run our decision for L(q, v) at both points, with a new seed for each repeat; then the plain pipelines."""
     system = read(document)
     runs, seconds = [], []
     for seed in range(1, REPEATS + 1):
@@ -110,7 +110,7 @@ def compare(name: str, document: Document, expected: str, limit: float) -> Compa
 
 
 def comparisons(each: int, limit: float, report: Report) -> list[Comparison]:
-    """All systems, ours and the plain pipelines in turn, so that both meet the same load of the machine."""
+    """Compare all systems, alternating ours and the plain pipelines, so that both meet the same load of the machine."""
     decide(read(random_natural(2)), False)  # compiled kernels are loaded once: a warm worker has them
     found = []
     for name, document, expected in paper_systems() + random_ones(each):

@@ -1,4 +1,4 @@
-"""Systems of any size, as documents: to see how cost grows, and random ones for medians."""
+"""Systems of any size, as documents: families that show how cost grows, and random systems for medians."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How cost grows: time and memory against n, and against the order of prolongation."""
+"""Measure how cost grows: time and memory against n, and against the order of prolongation."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class SizeRow:
 
 @dataclass(frozen=True, slots=True)
 class OrderRow:
-    """One order at one point: unknown coefficients, and the seconds from nothing up to this order."""
+    """One order at one point: unknown coefficients, and the seconds from the start up to this order."""
 
     name: str
     n: int
@@ -39,7 +39,7 @@ class OrderRow:
 
 
 def against_size(largest: int, limit: float, report: Report) -> list[SizeRow]:
-    """Each family for n = 1 to `largest`, each in a process of its own; a family ends at its first timeout."""
+    """Measure each family for n = 1 to `largest`, each n in its own process; a family ends at its first timeout."""
     rows = []
     for family, make in GROWING.items():
         for n in range(1, largest + 1):
@@ -59,7 +59,7 @@ def _size_row(family: str, n: int, document: Document, limit: float) -> SizeRow:
 
 
 def against_order(document: Document, highest: int, limit: float, report: Report) -> list[OrderRow]:
-    """Orders 0 to `highest` one after the other, whether or not a lower one decides; ends past `limit` seconds."""
+    """Measure orders 0 to `highest`, even if a lower one decides; end after `limit` seconds."""
     analysis = analyze(read(document))
     rows: list[OrderRow] = []
     for order in range(highest + 1):

@@ -1,4 +1,4 @@
-"""Order-8 steps of Stormer and Verlet against a C program written by hand, and against heyoka, in one run."""
+"""Compare order-8 Stormer-Verlet steps with a hand-written C program and with heyoka, in one run."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ STEPS, STEP = 20_000, 0.05
 
 @dataclass(frozen=True, slots=True)
 class HandwrittenRow:
-    """Nanoseconds of a step: ours with and without what is watched, and C (None without gcc); `apart` of their ends."""
+    """Nanoseconds per step: ours with and without monitoring, and C (None without gcc); `apart` compares their ends."""
 
     ours: float
     unwatched: float
@@ -33,7 +33,7 @@ class HandwrittenRow:
 
 
 def handwritten_row(rounds: int) -> HandwrittenRow:
-    """Best of `rounds`, alternating."""
+    """Measure all alternately and take the best of `rounds`."""
     times: dict[str, list[float]] = {"ours": [], "unwatched": [], "by hand": []}
     by_hand, ends = _compiled(), {}
     bare = ()

@@ -1,4 +1,4 @@
-"""Cases in which integrators fail without a word: each must end in a right answer or in a typed outcome."""
+"""Cases in which integrators fail silently: each must end in a right result or in a named outcome."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ STEPS = (0.2, 0.1, 0.03)
 
 @dataclass(frozen=True, slots=True)
 class HardCase:
-    """`allowed` are outcomes that are right here; a completed run must be nearer than `bound` to the true motion."""
+    """`allowed` are the correct outcomes; a completed run must be closer than `bound` to the true motion."""
 
     group: str
     name: str
@@ -50,7 +50,7 @@ class HardCase:
 
 @dataclass(frozen=True, slots=True)
 class Judged:
-    """A case with what came of it; `error` is `greatest_error` where it completed."""
+    """A case with its outcome; `error` is `greatest_error` if it completed."""
 
     case: HardCase
     trajectory: Trajectory
@@ -111,7 +111,7 @@ def crossings() -> Iterator[HardCase]:
 
 
 def crossings_of_others() -> Iterator[HardCase]:
-    """The third type and the nonholonomic method have no trouble; the modified one has where factors do not cancel."""
+    """The third system and the nonholonomic method pass; the modified method fails where factors do not cancel."""
     for step in STEPS:
         grid = Grid(step, math.ceil(10.0 / step))
         for alpha in ALPHAS:
@@ -121,14 +121,14 @@ def crossings_of_others() -> Iterator[HardCase]:
         for name, problem, start in (("disk", DISK, disk_start()), ("particle", PARTICLE, particle_start())):
             for method in ("nonholonomic", "modified"):
                 choice, label = MethodChoice(method, 0.5), f"{name}, {method}, h = {step:g}, alpha = 0.5"
-                # The modified method is implicit in L~ itself: its error is that of C = 1 whatever C is.
+                # The modified method is implicit in L~ itself: its error is that of C = 1 for every C.
                 yield _case("crossing, other methods", label, problem, choice, start, grid)
     for alpha in (0.0, 1 / 3, 0.5, 1.0):
         for phi in (0.0, 0.3):
             label = f"knife edge from phi = {phi:g}, alpha = {alpha:.3g}"
             choice, grid = MethodChoice("modified", alpha), Grid(0.05, 200)
             yield _case("crossing, other methods", f"{label}, modified", KNIFE, choice, knife_start(phi), grid)
-            # The mean over alpha and 1 - alpha divides by cos phi at two places, which lie on both sides of its zero.
+            # The mean over alpha and 1 - alpha divides by cos phi at two places, which are on both sides of its zero.
             choice = replace(choice, method="variational", symmetrised=True)
             allowed = ("completed",) if alpha == 0.5 else ("singular",)
             yield _case("crossing, other methods", f"{label}, variational, symmetrised", KNIFE, choice,
@@ -136,7 +136,7 @@ def crossings_of_others() -> Iterator[HardCase]:
 
 
 def starts() -> Iterator[HardCase]:
-    """Started exactly where A vanishes."""
+    """Runs that start exactly where A vanishes."""
     grid = Grid(0.02, 300)
     places = [("disk, sin phi = 0", DISK, disk_start(0.0)), ("disk, cos phi = 0", DISK, disk_start(math.pi / 2)),
               ("knife edge, sin phi = 0", KNIFE, knife_start(0.0)), ("particle, x = 0", PARTICLE, particle_start(0.0)),
@@ -174,7 +174,7 @@ def slow_rates() -> Iterator[HardCase]:
 
 
 def large_steps() -> Iterator[HardCase]:
-    """h far too large: refused, or the scheme's own bounded answer for methods that are explicit here."""
+    """h far too large: the run must be rejected, or bounded as the scheme itself for methods that are explicit here."""
     for step in (8.0, 20.0, 100.0):
         for alpha in (0.0, 1 / 3, 0.5, 1.0):
             label = f"disk, C = 1, h = {step:g}, alpha = {alpha:.3g}"
@@ -209,7 +209,7 @@ def stiff() -> Iterator[HardCase]:
 
 
 def near_singular() -> Iterator[HardCase]:
-    """The modified method at alpha = 0 comes to 1 + (theta'^2/phi'^3)(cos phi + sin phi) = 0 of its own accord."""
+    """The modified method at alpha = 0 reaches 1 + (theta'^2/phi'^3)(cos phi + sin phi) = 0 by itself."""
     start = disk_start()
     discrete = Start(start.positions, start.velocities, convention="discrete_constraint")
     yield _case("near-singular Newton", "disk, modified, alpha = 0, h = 0.2", DISK, MethodChoice("modified", 0.0),
@@ -230,7 +230,7 @@ def _contract_scene() -> HardCase:
 
 
 def non_reversible() -> Iterator[HardCase]:
-    """A contact oscillator with a magnetic term and a driver that is not symmetric: no reflection turns time round."""
+    """A contact oscillator with a magnetic term and an asymmetric driver: no reflection reverses time."""
     for order, bound in ((2, 0.06), (4, 1e-3), (8, 1e-7)):
         yield _case("not reversible", f"contact oscillator, nonholonomic, order {order}", CONTACT,
                     MethodChoice("nonholonomic", 0.5, order=order), contact_start(), Grid(0.05, 2000, 10),
@@ -238,7 +238,7 @@ def non_reversible() -> Iterator[HardCase]:
 
 
 def long_runs() -> Iterator[HardCase]:
-    """10^6 and 10^7 steps, with energy and constraint recorded on the way."""
+    """10^6 and 10^7 steps, with energy and constraint recorded along the run."""
     observed = (DISK_ENERGY, *DISK_CONSTRAINTS)
     for count in (10**6, 10**7):
         for method in ("variational", "nonholonomic"):
@@ -261,7 +261,7 @@ def judge(case: HardCase) -> Judged:
 
 
 def greatest_error(case: HardCase, found: Trajectory) -> float:
-    """The greatest difference of a coordinate from the true motion, relative where the coordinate is beyond 1."""
+    """The greatest difference of a coordinate from the true motion, relative where the coordinate exceeds 1."""
     true = true_positions(case, found)
     return float((np.abs(found.positions - true) / np.maximum(1.0, np.abs(true).max(axis=0))).max())
 
@@ -282,7 +282,7 @@ def _disk_motion(q: NDArray[np.float64], v: NDArray[np.float64], t: NDArray[np.f
     phi, theta = q[0] + v[0] * t, q[1] + v[1] * t
     if v[0] == 0:
         return np.stack([phi, theta, q[2] + v[2] * t, q[3] + v[3] * t], axis=1)
-    # sin a - sin b = 2 cos((a + b)/2) sin((a - b)/2) keeps its digits where phi' t is small.
+    # sin a - sin b = 2 cos((a + b)/2) sin((a - b)/2) loses no digits where phi' t is small.
     half, middle = v[0] * t / 2, q[0] + v[0] * t / 2
     chord = 2 * v[1] / v[0] * np.sin(half)
     return np.stack([phi, theta, q[2] + chord * np.cos(middle), q[3] + chord * np.sin(middle)], axis=1)

@@ -1,6 +1,6 @@
-"""Run one measurement in a process of its own, with a limit on its processor time.
+"""Run one measurement in its own process, with a limit on its processor time.
 
-Processor time and not the clock: other load on the machine then neither stops a run nor slows it.
+The limit is on processor time, not on the clock, so that other load on the machine does not stop a run.
 """
 
 from __future__ import annotations
@@ -15,14 +15,13 @@ import sys
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-# python-flint, once installed, changes SymPy's number types; a user of plain SymPy has these:
+# python-flint, if installed, changes SymPy's number types; a user of plain SymPy has these:
 _ENVIRONMENT = {"SYMPY_GROUND_TYPES": "python"}
 
 
 def measure(module: str, arguments: Sequence[str], document: Mapping[str, Any], limit: float) -> dict[str, Any] | None:
     """The JSON object that `python -m module arguments < document` prints, None past `limit` seconds of processor time.
-
-    CalledProcessError, with what it wrote to standard error, where it fails.
+    Raises CalledProcessError with its standard error if it fails.
     """
     bound = math.ceil(limit)
     done = subprocess.run(

@@ -1,7 +1,7 @@
-"""What a kind of Lagrangian costs beside the plain decision: the table in docs/records/kinds.md.
+"""Measure what a kind of Lagrangian costs next to the plain decision: the table in docs/records/kinds.md.
 
 `python -m benchmarks.kind_costs [--write]`: the systems of the catalogue with at most four coordinates, processor
-time of one thread, one run each; no Lagrangian is handed over, so each kind is decided alone.
+time of one thread, one run each; no Lagrangian is passed, so each kind is decided by itself.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ MOST, MOST_SECONDS = 4, 5.0
 
 
 class Checks:
-    """Processor time that the checker takes inside of an answer."""
+    """The processor time that the checker takes within an answer."""
 
     def __init__(self) -> None:
         self.seconds, self._checked = 0.0, checker.check_certificate
@@ -56,7 +56,7 @@ def plain(system: SecondOrderSystem, seed: int) -> None:
 
 
 def asked(name: str, system: SecondOrderSystem, seed: int) -> bool:
-    """Answer about a kind, as if nothing else were known of the system; whether the answer is definite."""
+    """Decide a kind as if nothing else were known about the system; return whether the answer is definite."""
     names, end = system.coordinates, now() + MOST_SECONDS
     solution = Solution(system, Answer("undetermined"), Answer("undetermined"), None)
     kind = invariant([{names[0]: ("1", number(1))}], names) if name == "invariant" else kind_named(name, names)
@@ -64,7 +64,7 @@ def asked(name: str, system: SecondOrderSystem, seed: int) -> bool:
 
 
 def seconds(work: Callable[[], object], checks: Checks) -> tuple[object, float, float]:
-    """What the work gives, its processor time with the checks, and without them."""
+    """The value of the work, and its processor time with and without the checks."""
     checks.seconds, began = 0.0, time.thread_time()
     found = work()
     whole = time.thread_time() - began

@@ -1,10 +1,10 @@
-"""How often, and how fast, systems with a known Lagrangian get L and H in closed form.
+"""Measure how often, and how fast, systems with a known Lagrangian get L and H in closed form.
 
 python -m benchmarks lagrangians --count 200 --seed 1 [--disguised] [--shapes] [--start 100]
 
-The systems are those of the test generator, so this runs from a checkout only. Timed is the whole
-solution in seconds of processor time, so that other programs do not count: decision, search, check by
-the independent checker, Legendre transform, explanation.
+The systems are those of the test generator, so this runs from a checkout only. The time is that of the whole solution
+in seconds of processor time, so other programs do not count: decision, search, check by the independent checker,
+Legendre transform, explanation.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ EVERY = "all"
 
 @dataclass(frozen=True, slots=True)
 class Measured:
-    """One system: `ansatz` is the family in which L was found, empty where none was."""
+    """One system: `ansatz` is the family in which L was found, empty if none was."""
 
     name: str
     family: str
@@ -41,7 +41,7 @@ class Measured:
 
 @dataclass(frozen=True, slots=True)
 class FamilyRow:
-    """Shares and seconds of one family; None where nothing was found."""
+    """Shares and seconds of one family; None if nothing was found."""
 
     family: str
     systems: int
@@ -52,7 +52,10 @@ class FamilyRow:
 
 
 def generated(count: int, seed: int, disguised: bool, shapes: bool = False, start: int = 0) -> list[Any]:
-    """Systems of the test generator, of its less usual shapes or the others; ModuleNotFoundError outside a checkout."""
+    """Systems of the test generator, with its less usual shapes or its usual ones.
+
+    Raises ModuleNotFoundError outside a checkout.
+    """
     generator = importlib.import_module("tests.generator")
     rooms = {True: ("shapes", "SHAPES"), False: ("families", "FAMILIES")}
     room, name = rooms[shapes]
@@ -62,7 +65,7 @@ def generated(count: int, seed: int, disguised: bool, shapes: bool = False, star
 
 
 def measure(given: Any, limit: float) -> Measured:
-    """The question that the known Lagrangian answers, put to the solver."""
+    """Solve the question that the known Lagrangian answers."""
     system = read_system(given.coordinates, given.equations, name=given.id)
     began = time.process_time()
     solution = solve(system, SolveOptions(time_dependent=given.time_dependent, time_limit=limit))
@@ -83,14 +86,14 @@ def _has_closed_hamiltonian(answer: Answer) -> bool:
 
 
 def by_family(measured: Sequence[Measured]) -> list[FamilyRow]:
-    """A row for each family of systems, and one for all."""
+    """One row for each family of systems, and one for all."""
     families = list(dict.fromkeys(one.family for one in measured))
     rows = [_row(family, [one for one in measured if one.family == family]) for family in families]
     return [*rows, _row(EVERY, measured)]
 
 
 def by_ansatz(measured: Iterable[Measured]) -> dict[str, int]:
-    """How many Lagrangians each ansatz found, the most first."""
+    """The number of Lagrangians that each ansatz found, in descending order."""
     counts: dict[str, int] = {}
     for one in measured:
         if one.ansatz:
@@ -112,7 +115,7 @@ def _row(family: str, measured: Sequence[Measured]) -> FamilyRow:
 
 
 def percentile(ordered: Sequence[float], share: float) -> float:
-    """The smallest number that at least this share of an ascending sequence does not pass."""
+    """The smallest number that at least this share of an ascending sequence does not exceed."""
     place = next(k for k in range(len(ordered)) if k + 1 >= share * len(ordered))
     return ordered[place]
 

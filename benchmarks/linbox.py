@@ -1,4 +1,4 @@
-"""One elimination of the decision beside LinBox: the same rows in SMS format, both ranks, both processor times.
+"""Compare one elimination of the decision with LinBox: the same rows in SMS format, both ranks, both processor times.
 
     python -m benchmarks.linbox [--order 5] [--keep FILE.sms]
 

@@ -1,6 +1,7 @@
-"""Which motions can be given a Hamiltonian: docs/questions/motions.ndjson, as docs/records/motions.md has it.
+"""Decide which motions of docs/questions/motions.ndjson can be given a Hamiltonian, for docs/records/motions.md.
 
-For each the question about L(q, q') is settled alone, for its order and dimensions, then `solve` answers all of it.
+For each motion, the question about L(q, q') is decided by itself, for its order and dimensions. Then `solve` solves it
+in full.
 """
 
 from __future__ import annotations
@@ -38,7 +39,7 @@ _WORDS = {"variational": "**yes**", "not_variational": "no", "undetermined": "op
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """The finding about L(q, q') and what `solve` says of the motion, each with its processor seconds."""
+    """The decision about L(q, q') and the result of `solve` for the motion, each with its processor seconds."""
 
     name: str
     found: Finding
@@ -48,13 +49,13 @@ class Row:
 
 
 def documents(chosen: str = "") -> Iterator[dict[str, Any]]:
-    """Those of the file whose names contain the text."""
+    """The documents of the file whose names contain the text."""
     lines = QUESTIONS.read_text(encoding="utf-8").splitlines()
     return (document for document in map(json.loads, lines) if chosen in document["name"])
 
 
 def measure(document: Mapping[str, Any], limit: float) -> Row:
-    """Both, one after the other, each with a limit in processor seconds."""
+    """Measure both, one after the other, each with a limit in processor seconds."""
     began = time.process_time()
     motion = equations_of_motion(nonholonomic_of(document))
     found = decide_motion(analyze_motion(motion), False, 1, time.thread_time() + limit, lambda _: None)
@@ -65,7 +66,7 @@ def measure(document: Mapping[str, Any], limit: float) -> Row:
 
 
 def cells(row: Row) -> tuple[str, ...]:
-    """Of the table: a Lagrangian is a proof, and so are rows or the data of an existence."""
+    """The cells of the table. The proof is a Lagrangian, a list of rows, or the data of an existence proof."""
     last = row.found.history[-1] if row.found.history else ()
     return (
         row.name,
@@ -80,13 +81,13 @@ def cells(row: Row) -> tuple[str, ...]:
 
 
 def said(answer: Mapping[str, Any]) -> str:
-    """One word, two where only an L(t, q, q') is known or excluded."""
+    """The verdict in one word, or in two if only an L(t, q, q') is known or excluded."""
     without, with_time = (_WORDS[answer[key]] for key in ("verdict", "verdict_with_time"))
     return without if without == with_time else f"{without}, L(t, q, q'): {with_time}"
 
 
 def proof(answer: Mapping[str, Any]) -> str:
-    """What the certificate is; `solve` gives none that the checker does not find valid."""
+    """The type of the certificate. `solve` returns only certificates that the checker finds valid."""
     certificate = answer["certificate"] or {}
     if certificate.get("along"):
         return f"brackets to t^{certificate['along']}"

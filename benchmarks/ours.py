@@ -1,4 +1,4 @@
-"""One decision in a process of its own: seconds cold and warm, peak memory.
+"""Measure one decision in its own process: seconds cold and warm, peak memory.
 
 python -m benchmarks.ours < system.json
 """

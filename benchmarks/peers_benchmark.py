@@ -1,4 +1,4 @@
-"""Our decision beside the tools that complete linear PDE systems, on the same systems in one run."""
+"""Compare our decision with tools that complete linear PDE systems, on the same systems in one run."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from inverse_service.decision.deciding import decide
 
 Report = Callable[[str], None]
 REPEATS = 9
-# Those that complete the system, then the one that does the algebraic part alone.
+# The tools that complete the system, then the one that does only the algebraic part.
 PEERS = ("differential_algebra", "singular", "maxima")
 
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """What one tool said: its verdict and processor seconds, or why there are none."""
+    """The answer of one tool: its verdict and processor seconds, or why there are none."""
 
     verdict: str | None
     seconds: float | None
@@ -40,7 +40,7 @@ class PeerRow:
 
     @property
     def fastest_complete(self) -> float | None:
-        """The least seconds of a peer that completes the system and is right."""
+        """The shortest time of a peer that completes the system and is right, in seconds."""
         complete = [self.peers[name] for name in PEERS[:2]]
         return min((a.seconds for a in complete if a.seconds is not None and a.verdict == self.expected), default=None)
 
@@ -58,7 +58,7 @@ def ours(document: Document) -> Answer:
 
 
 def peer(name: str, document: Document, limit: float) -> Answer:
-    """One peer in a process of its own; its start and our preparation of its input are not counted."""
+    """Run one peer in its own process; its start and our preparation of its input are not counted."""
     found = measure(f"benchmarks.peers.{name}", [], document, limit)
     if found is None or found.get("stopped"):
         return Answer(None, None, "past the limit")
@@ -68,7 +68,7 @@ def peer(name: str, document: Document, limit: float) -> Answer:
 
 
 def against_peers(limit: float, report: Report) -> list[PeerRow]:
-    """All systems, the tools in turn."""
+    """Measure all systems, alternating the tools."""
     rows = []
     for document, expected in peer_systems():
         report(document["name"])
@@ -78,7 +78,7 @@ def against_peers(limit: float, report: Report) -> list[PeerRow]:
 
 
 def summary(rows: Sequence[PeerRow]) -> str:
-    """On how many systems we are right, and how we stand beside the fastest peer that completes the system."""
+    """On how many systems we are right, and our time relative to the fastest peer that completes the system."""
     right = sum(row.ours.verdict == row.expected for row in rows)
     ratios = [
         (row.ours.seconds / fastest, row.name)

@@ -56,14 +56,14 @@ def field_of(system: SecondOrderSystem, simplify: Simplification) -> Field:
 
 
 def endomorphism(field: Field) -> tuple[SympyExpression, SympyExpression]:
-    """(N, Phi): N = -1/2 df/dv, Phi = Gamma(df/dv) - 2 df/dq - 1/2 (df/dv)(df/dv), each (n, n)."""
+    """Return (N, Phi): N = -1/2 df/dv, Phi = Gamma(df/dv) - 2 df/dq - 1/2 (df/dv)(df/dv), each (n, n)."""
     slope = field.forces.jacobian(field.velocities)
     Phi = slope.applyfunc(field.along) - 2 * field.forces.jacobian(field.coordinates) - slope * slope / 2
     return -slope / 2, Phi.applyfunc(field.simplify)
 
 
 def conditions(field: Field) -> list[SympyExpression]:
-    """What must vanish: g Phi and g nabla_Phi symmetric, and the cyclic sum of g R."""
+    """The expressions that must vanish: g Phi and g nabla_Phi minus their transposes, and the cyclic sum of g R."""
     n = len(field.coordinates)
     N, Phi = endomorphism(field)
     nabla = (Phi.applyfunc(field.along) + N * Phi - Phi * N).applyfunc(field.simplify)
@@ -92,7 +92,7 @@ def _cyclic(field: Field, Phi: SympyExpression, g: SympyExpression) -> list[Symp
 
 
 def plain_verdict(system: SecondOrderSystem, simplify: Simplification) -> str:
-    """ "variational" where a regular g survives the algebraic conditions, else "not_variational"."""
+    """ "variational" if a regular g survives the algebraic conditions, else "not_variational"."""
     field = field_of(system, simplify)
     g = multiplier(len(system.coordinates))
     unknowns = sorted(g.free_symbols, key=str)
@@ -103,7 +103,7 @@ def plain_verdict(system: SecondOrderSystem, simplify: Simplification) -> str:
 
 
 def measured(document: dict[str, Any], simplification: str) -> dict[str, Any]:
-    """Verdict, processor seconds without imports and reading, peak memory of this process in MB."""
+    """Verdict, processor seconds without imports and parsing, peak memory of this process in MB."""
     system = read_system(
         document["coordinates"], document["equations"], document.get("parameters", ()), document.get("functions")
     )

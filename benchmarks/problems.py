@@ -1,7 +1,7 @@
-"""The motions that the integrators are measured and tested on, written out by hand.
+"""The motions on which the integrators are measured and tested, written by hand.
 
 Systems and free Lagrangians: T. Mestdag, A. M. Bloch, O. E. Fernandez, Hamiltonization and geometric integration of
-nonholonomic mechanical systems (2009); those of the third type are our own. `c` stands for the free constants.
+nonholonomic mechanical systems (2009); those of the third type are our own. `c` are the free constants.
 """
 
 from __future__ import annotations
@@ -111,9 +111,9 @@ ROBOT = problem(
     parameters="k",
 )
 # Contact oscillators x' = -y z' in an asymmetric potential. K. Modin, O. Verdier, What makes nonholonomic integrators
-# work?, Numer. Math. 145 (2020) 405: long-time behavior is good because motions are reversible, so one that is not
-# must be looked at. The systems are our own. Without terms linear in the velocities (q, v) -> (q, -v) turns time round
-# whatever the potential: the first is reversible. The magnetic term k z y' of the second changes its sign then; of the
+# work?, Numer. Math. 145 (2020) 405: long-time behavior is good because motions are reversible, so an irreversible one
+# must be tested too. The systems are our own. Without terms linear in the velocities, (q, v) -> (q, -v) reverses time
+# for any potential: the first is reversible. The magnetic term k z y' of the second changes its sign then; of the
 # reflections that keep the constraint, (x, z) -> -(x, z) and (x, y) -> -(x, y) would undo that, but x^3 breaks them.
 _CONTACT_POTENTIAL = "1/2*(x^2 + y^2 + z^2) + k*x^3/3"
 _CONTACT_KINETIC = "1/2*(x'^2 + y'^2 + z'^2)"
@@ -133,7 +133,7 @@ CONTACT = problem(
     accelerations=(f"-x - k*x^2 + {_PUSH_MAGNETIC}", "-y - k*z'", f"-z + k*y' + y*{_PUSH_MAGNETIC}"),
     parameters="k",
 )
-# The magnetic term does no work: both keep the same energy.
+# The magnetic term does no work: both conserve the same energy.
 CONTACT_ENERGY = Observable("energy", read(f"{_CONTACT_KINETIC} + {_CONTACT_POTENTIAL}", CONTACT.coordinates, ("k",)))
 HENON_HEILES = problem(
     "x y",

@@ -1,9 +1,9 @@
 """What each effect and each observed quantity of a scene costs: derive, compile, time a step.
 
 `python -m benchmarks.scene_effects [--steps N] [--repeats N]`. The system is a rolling disk with a
-spring, a field and a term of its own; each row adds one thing to the row it names. Times a step alternate between
-all rows, best of several; compile times are those of an empty cache. Operations are the floating-point instructions
-and calls in the text of the kernel: they do not depend on the machine or its load.
+spring, a field and a term of its own; each row adds one thing to the row it names. The times per step are the best of
+several alternating measurements of all rows; compile times are those of an empty cache. Operations are the
+floating-point instructions and calls in the text of the kernel: they do not depend on the machine or its load.
 """
 
 from __future__ import annotations
@@ -40,7 +40,8 @@ TERMS = {"bumps": "-a*cos(x)*cos(y)"}
 VALUES = {"B": 0.1, "k": 0.2, "a": 0.05}
 METHOD = Requested("nonholonomic", MethodChoice("nonholonomic"), "0.5")
 Named = tuple[str, ...]
-# Row, effects, observed quantities; a row adds one thing to the first, or to the row before it with the same start.
+# Row, effects, observed quantities. Each row adds one thing to the first row, or to the previous row with the same
+# beginning.
 ROWS: tuple[tuple[str, Named, Named], ...] = (
     ("kinetic energy alone", (), ()),
     ("+ constraints", ("constraints",), ()),
@@ -56,7 +57,7 @@ ROWS: tuple[tuple[str, Named, Named], ...] = (
 
 @dataclass(frozen=True, slots=True)
 class Cost:
-    """Seconds to derive and to compile, operations in the kernel, nanoseconds a step (best), seconds of observing."""
+    """Seconds to derive and to compile, operations in the kernel, nanoseconds per step (best), seconds of observing."""
 
     row: str
     derive: float
@@ -82,7 +83,7 @@ def scene_of(effects: Named, observe: Named, steps: int) -> Scene:
 
 
 def costs(steps: int, repeats: int) -> list[Cost]:
-    """One Cost a row."""
+    """One Cost per row."""
     scenes = [scene_of(effects, observe, steps) for _, effects, observe in ROWS]
     firsts, derived_in = [], []
     for scene in scenes:

@@ -1,11 +1,11 @@
-"""The service under load next to a bare endpoint, and how busy a batch keeps the cores.
+"""Measure the service under load next to a bare endpoint, and how busy a batch keeps the cores.
 
     python -m benchmarks service [--clients 1 20 100] [--seconds 8] [--lines 1000] [--output DIR]
                                 [--page docs/records/reliability.md]
 
 Starts a service of its own on loopback with an empty store in a temporary folder. The bare endpoint is FastAPI with a
-pool of processes that run the same task, and a dictionary of answers: nothing durable, no limits, no deadlines. Both
-are measured by turns, so that other work on the machine slows both.
+pool of processes that run the same task, and a dictionary of answers: nothing durable, no limits, no deadlines. The two
+are measured alternately, so that other work on the machine slows both.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ KNOWN = b'{"equations": "x\'\' = -x"}'
 
 @dataclass(frozen=True, slots=True)
 class Loaded:
-    """Answers a second, the median and the 99th percentile in ms, ms of processor time of the web process an answer."""
+    """Answers per second, median and 99th percentile in ms, and ms of processor time of the web process per answer."""
 
     where: str
     question: str
@@ -80,7 +80,7 @@ def bare() -> Any:
 
 
 def solved(body: bytes) -> bytes:
-    """A document to its result, as the workers of the service have it."""
+    """Solve a document as the workers of the service do."""
     from inverse_service.decision.solutions import SolveOptions
     from inverse_service.service.jobs.tasks import solve_task
 
@@ -88,14 +88,14 @@ def solved(body: bytes) -> bytes:
 
 
 def fresh_system(dice: random.Random) -> dict[str, Any]:
-    """An n = 2 system that was not asked before."""
+    """A new system with n = 2."""
     a, b, c = (dice.randint(1, 10**6) for _ in range(3))
     return {"coordinates": ["x", "y"], "equations": {"x": f"-{a}*x+{c}*y", "y": f"-{b}*y+{c}*x"}}
 
 
 @contextmanager
 def service(**settings: str) -> Iterator[tuple[str, int]]:
-    """The address and the process of a service of its own."""
+    """Start a service; yield its address and its process."""
     with tempfile.TemporaryDirectory() as folder:
         environment = {"DATABASE": f"{folder}/jobs.sqlite", "LOG_LEVEL": "info", **settings}
         whole = os.environ | {f"INVERSE_SERVICE_{name}": value for name, value in environment.items()}
@@ -115,7 +115,7 @@ def service(**settings: str) -> Iterator[tuple[str, int]]:
 
 @contextmanager
 def bare_service() -> Iterator[tuple[str, int]]:
-    """The address and the process of the bare endpoint."""
+    """Start the bare endpoint; yield its address and its process."""
     with socket.create_server(("127.0.0.1", 0)) as free:
         port = free.getsockname()[1]
     command = [sys.executable, "-m", "uvicorn", "benchmarks.service:bare", "--factory", "--port", str(port)]
@@ -139,7 +139,7 @@ def _wait_until(is_ready: Callable[[], bool]) -> None:
 
 
 def compared(clients: Sequence[int], seconds: float) -> list[Loaded]:
-    """Known and new questions by so many clients, of the bare endpoint and of the service by turns."""
+    """Send known and new questions from that many clients, alternately to the bare endpoint and to the service."""
     dice, found = random.Random(), list[Loaded]()
 
     def new() -> bytes:
@@ -161,7 +161,7 @@ def compared(clients: Sequence[int], seconds: float) -> list[Loaded]:
 
 
 async def load(address: str, body: Callable[[], bytes], clients: int, seconds: float) -> list[float]:
-    """Seconds of each answer to clients that ask again at once, each on one connection."""
+    """Seconds per answer to clients that send the next request immediately, each on one connection."""
     host, port = address.removeprefix("http://").split(":")
     head = "POST /v1/solve HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\nPrefer: wait=20\r\n"
     end, found = time.monotonic() + seconds, list[float]()
@@ -183,7 +183,7 @@ async def load(address: str, body: Callable[[], bytes], clients: int, seconds: f
 
 
 def _thread_time(pid: int) -> float:
-    """Seconds of processor that the threads of a process have used that are alive."""
+    """Processor seconds that the live threads of a process have used."""
     found = 0.0
     for path in Path(f"/proc/{pid}/task").glob("*/schedstat"):
         with contextlib.suppress(OSError):
@@ -208,7 +208,7 @@ def busy(address: str, pid: int, lines: int, workers: int) -> Busy:
 
 
 def cpu_below(pid: int) -> float:
-    """Seconds of processor used by a process and its descendants that live (workers live through a batch)."""
+    """Processor seconds of a process and its live descendants (workers live through a batch)."""
     parents: dict[int, list[int]] = {}
     used: dict[int, float] = {}
     for folder in Path("/proc").glob("[0-9]*"):
@@ -258,7 +258,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def number(value: float) -> str:
-    """Three digits, and all of an integer part."""
+    """Format with three digits, or with all digits of the integer part."""
     return f"{value:.0f}" if value >= 100 else f"{value:.3g}"
 
 

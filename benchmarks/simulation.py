@@ -1,6 +1,6 @@
 """`python -m benchmarks simulation`: speed of the integrators as tables.
 
-`hard-cases` as the first word runs every hard case instead.
+With `hard-cases` as the first word, run every hard case instead.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ PARTS = ("routes", "latency", "ensembles", "effects", "long", "handwritten")
 
 
 def report(line: str) -> None:
-    """What is being measured, on standard error."""
+    """Print the name of the running measurement on standard error."""
     print(line, file=sys.stderr, flush=True)
 
 
@@ -116,7 +116,7 @@ def main(arguments: Sequence[str]) -> None:
 
 
 def hard_cases_main(arguments: Sequence[str]) -> None:
-    """Every hard case with its outcome, as a page; exit 1 where one is wrong."""
+    """Print every hard case with its outcome as a page; exit 1 if one is wrong."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks hard-cases")
     parser.add_argument("--long", action="store_true", help="with the cases of 10^7 steps")
     parser.add_argument("--output", type=Path, help="a Markdown file to write")

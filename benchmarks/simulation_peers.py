@@ -1,4 +1,5 @@
-"""What an error costs by our methods, by heyoka, and by SciPy, as `work-precision` measures it, and a first result.
+"""Measure what an error costs with our methods, heyoka, and SciPy, as `work-precision` does, and the time to a first
+result.
 
 `python -m benchmarks peers` writes one table. All integrate the equations of the same scene in the same process; "cold"
 is a new process with an empty store of machine code, from its start to the last point of the motion, processor time.
@@ -23,7 +24,7 @@ from inverse_service.service.scenes.prices import duration
 from inverse_service.service.scenes.work_precision import machine, work_precision
 from inverse_service.simulation import precision
 
-REPEATS, SECONDS = 50, 0.5  # what a method may take grows with both, so that SciPy gets to its finer tolerances
+REPEATS, SECONDS = 50, 0.5  # the limit for a method grows with both, so that SciPy reaches its finer tolerances
 KEPLER = "(x'^2 + y'^2)/2 + 1/sqrt(x^2 + y^2)"
 PENDULUM = "a'^2 + b'^2/2 + a'*b'*cos(a - b) + 2*cos(a) + cos(b)"
 HENON_HEILES = "(x'^2 + y'^2 - x^2 - y^2)/2 - x^2*y + y^3/3"
@@ -77,8 +78,7 @@ COLD = "import json, sys, inverse_service; inverse_service.simulate(json.load(sy
 
 
 def rows_of(name: str, scene: dict[str, Any]) -> list[list[str]]:
-    """One row for each error: our best method, that of a scene that names none, heyoka, SciPy's best, and how long ours
-    take against the best peer."""
+    """One row per error: our best and our default method, heyoka, SciPy's best, our time over the best peer's."""
     plain = {key: value for key, value in scene.items() if key != "methods"}
     found, cold = work_precision(scene, None, LIMIT), [_cold(plain), _cold(plain | {"methods": ["heyoka"]})]
     own, rows = simulate(plain)["methods"][0]["label"], []

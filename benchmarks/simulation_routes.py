@@ -110,7 +110,7 @@ def _solve_text(block: Solve) -> list[str]:
 
 
 def lambdify_and_fsolve(case: SpeedCase) -> Runner:
-    """As a user would write it: residuals of all unknowns by SymPy's lambdify, SciPy's fsolve at each step."""
+    """Integrate as a user would: residuals of all unknowns by SymPy's lambdify, SciPy's fsolve at each step."""
     import numpy as np
     import sympy
     from scipy.optimize import fsolve

@@ -1,4 +1,4 @@
-"""Steps per second against other routes, latency by stage, ensembles, long runs."""
+"""Measure steps per second next to other routes, latency by stage, ensembles, and long runs."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from inverse_service.simulation.numeric_formulas import Formulas
 from inverse_service.simulation.scene_data import Grid, MethodChoice, Start
 
 Report = Callable[[str], None]
-# Many short rounds: on a machine that does other work too, the best of them is undisturbed.
+# Many short rounds: even if other programs use the machine, the best of them is undisturbed.
 ROUNDS = 41
 _STEPS = {"ours": 10_000, "generated C": 10_000, "numba": 10_000, "lambdify + fsolve": 10}
 
@@ -37,7 +37,7 @@ class RouteRow:
     routes: Mapping[str, tuple[float, float]]
 
     def ratio(self, route: str) -> float | None:
-        """How many times longer ours takes than the route, by the best rounds."""
+        """Our time divided by that of the route, by the best rounds."""
         return self.routes["ours"][0] / self.routes[route][0] if route in self.routes else None
 
 
@@ -64,7 +64,7 @@ class LatencyRow:
     """Milliseconds by stage (best of each) from a Lagrangian never seen before to its first 1,000 steps.
 
     `best` and `median` totals by the clock; `processor` the best total of processor time, which other work on the
-    machine lengthens less.
+    machine affects less.
     """
 
     case: str
@@ -83,7 +83,7 @@ _NEW = {
 
 
 def latency_rows(report: Report, rounds: int = 15) -> list[LatencyRow]:
-    """Each round has a new factor in L and forgets expansions, so that no cache knows it."""
+    """Each round has a new factor in L and clears the expansions, so that no cache contains it."""
     rows = []
     with tempfile.TemporaryDirectory() as folder:
         before = os.environ.get("INVERSE_SERVICE_CACHE")
@@ -139,7 +139,7 @@ def _latency(name: str, alpha: float, factor: int) -> dict[str, float]:
 class EnsembleRow:
     """Nanoseconds per trajectory-step: processor time (best, median), and by the clock on all cores.
 
-    Half of the processor time is what two cores take that do nothing else, where all is done by both.
+    Two idle cores that share the work evenly need half of the processor time by the clock.
     """
 
     case: str
@@ -198,7 +198,7 @@ def long_rows(report: Report, steps: int = 10**7) -> list[LongRow]:
 
 @dataclass(frozen=True, slots=True)
 class EffectRow:
-    """What each observed quantity or potential adds to a step, nanoseconds (best of alternating rounds)."""
+    """The nanoseconds that each observed quantity or potential adds to a step (best of alternating rounds)."""
 
     case: str
     nanoseconds: float

@@ -1,4 +1,4 @@
-"""Trees as SymPy expressions in which velocities are symbols of their own."""
+"""Convert trees to SymPy expressions in which velocities are separate symbols."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ SympyExpression = Any  # SymPy has no types
 
 
 class _Names(Table):
-    """Every name is a symbol, also that of a velocity."""
+    """Map every name, also that of a velocity, to a symbol."""
 
     def velocity(self, name: str) -> SympyExpression:
         return velocity(name)
@@ -24,7 +24,7 @@ _NAMES = _Names(sympy.Symbol("t"))
 
 
 def to_sympy(expression: Expression) -> SympyExpression:
-    """The same formula; the velocity of x is the symbol named x'. KeyError for an acceleration."""
+    """The same formula; the velocity of x is the symbol named x'. Raises KeyError for an acceleration."""
     return from_sympy.to_sympy(expression, _NAMES.leaf)
 
 

@@ -14,7 +14,7 @@ MISSING = "-"
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """A Markdown table, the first column to the left, the others to the right."""
+    """A Markdown table with the first column left-aligned and the other columns right-aligned."""
     rule = ["---"] + ["---:"] * (len(head) - 1)
     return "\n".join("| " + " | ".join(cells) + " |" for cells in (head, rule, *rows)) + "\n"
 
@@ -28,7 +28,7 @@ def times(ratio: float | None) -> str:
 
 
 def comparison_table(found: Sequence[Comparison]) -> str:
-    """Each system: ours, then each plain pipeline and how many times longer it took."""
+    """One row per system: our time, then that of each plain pipeline and its ratio to ours."""
     plain = [cell for kind in SIMPLIFICATIONS for cell in (f"plain ({kind}), ms", "ratio")]
     return table(["system", "n", "verdict", "order", "ours, ms", *plain], map(_comparison_cells, found))
 
@@ -89,7 +89,7 @@ def _cold_cells(row: ColdStart) -> list[str]:
 
 
 def peers_table(rows: Sequence[PeerRow]) -> str:
-    """Each system: ours and each peer in ms, a wrong verdict said so."""
+    """One row per system: our time and that of each peer in ms; a wrong verdict is marked."""
     head = ["system", "n", "verdict", "ours, ms", *(f"{name.replace('_', ' ')}, ms" for name in PEERS)]
     return table(head, (_peer_cells(row) for row in rows))
 

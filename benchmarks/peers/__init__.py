@@ -1,1 +1,1 @@
-"""Other tools on the same systems: each in a process of its own, skipped where it is not installed."""
+"""Other tools on the same systems: each runs in its own process, and is skipped if it is not installed."""

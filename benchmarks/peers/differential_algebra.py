@@ -20,7 +20,7 @@ from benchmarks.peers.helmholtz import UNDERIVED, LinearSystem, linear_system
 
 
 def measured(document: dict[str, Any]) -> dict[str, Any]:
-    """Verdict and processor seconds of the completion alone; {"missing": True} where it is not installed."""
+    """Verdict and processor seconds of the completion alone; {"missing": True} if it is not installed."""
     try:
         package = importlib.import_module("DifferentialAlgebra")
     except ImportError:

@@ -1,7 +1,7 @@
 """The Helmholtz conditions as a linear PDE system for g_ij(q, v), as an expert would hand it to a peer.
 
-Each equation is {(i, j, axis): coefficient} for the sum of coefficient * d_axis g_ij, axis -1 standing for
-g_ij itself and 0 … 2n - 1 for (q, v); coefficients are polynomials, denominators multiplied away.
+Each equation is {(i, j, axis): coefficient} for the sum of coefficient * d_axis g_ij, where axis -1 means g_ij itself
+and 0 … 2n - 1 mean (q, v). The coefficients are polynomials: each equation is multiplied by its denominators.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class LinearSystem:
 
 
 def linear_system(system: SecondOrderSystem) -> LinearSystem:
-    """(H1), (H2), (H3) of a system whose f is rational; ValueError where it is not."""
+    """(H1), (H2), (H3) of a system with rational f. Raises ValueError if f is not rational."""
     n = len(system.coordinates)
     x = tuple(sympy.Symbol(f"x{k + 1}") for k in range(2 * n))
     names = {sympy.Symbol(name): x[k] for k, name in enumerate(system.coordinates)}
@@ -101,7 +101,7 @@ def _symmetric(forces: Any, x: tuple[Any, ...]) -> list[Equation]:
 
 
 def _polynomial(equation: Equation) -> Equation:
-    """The equation times its common denominator, zero coefficients left out."""
+    """The equation times its common denominator, without zero coefficients."""
     parts = {key: sympy.together(sympy.sympify(value)) for key, value in equation.items()}
     common = sympy.Integer(1)
     for value in parts.values():

@@ -1,4 +1,4 @@
-"""Maxima for the algebraic part: Phi, nabla Phi, R, the linear conditions on g, and det of what they leave.
+"""Maxima for the algebraic part: Phi, nabla Phi, R, the linear conditions on g, and det of the remaining g.
 
 It stops at algebraic conditions, so its "variational" only says "not excluded".
 
@@ -54,7 +54,7 @@ print("SECONDS", float(spent))$
 def measured(document: dict[str, Any]) -> dict[str, Any]:
     """Verdict and seconds of the computation alone, the mean of enough runs.
 
-    {"missing": True} where Maxima is not installed, {"stopped": True} past the limit.
+    {"missing": True} if Maxima is not installed, {"stopped": True} past the limit.
     """
     if shutil.which("maxima") is None:
         return {"missing": True}

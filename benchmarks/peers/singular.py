@@ -1,7 +1,7 @@
 """Singular's slimgb of the Helmholtz system as a left module over the Weyl algebra.
 
 The order of derivation comes first in the ordering, so the elements of order zero in the basis generate all
-consequences on the values of g; a random point tells whether they leave a nonsingular matrix.
+consequences on the values of g; a random point shows whether they leave a nonsingular matrix.
 
     apt-get install singular-ui
     python -m benchmarks.peers.singular < system.json
@@ -45,7 +45,7 @@ exit;
 def measured(document: dict[str, Any]) -> dict[str, Any]:
     """Verdict and seconds of slimgb alone, the mean of enough runs: its clock ticks in 10 ms.
 
-    {"missing": True} where Singular is not installed, {"stopped": True} past the limit.
+    {"missing": True} if Singular is not installed, {"stopped": True} past the limit.
     """
     if shutil.which("Singular") is None:
         return {"missing": True}

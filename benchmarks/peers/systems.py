@@ -1,4 +1,4 @@
-"""Rational systems that every peer can read, n = 1 to 4, with their verdicts for L(q, q')."""
+"""Rational systems that every peer can parse, n = 1 to 4, with their verdicts for L(q, q')."""
 
 from __future__ import annotations
 

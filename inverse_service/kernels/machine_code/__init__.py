@@ -1,1 +1,1 @@
-"""Machine code: kept on disk between processes, loaded by LLVM; kernels written as plain Python functions."""
+"""Compile kernels written as plain Python functions, keep their machine code on disk, and load it with LLVM."""

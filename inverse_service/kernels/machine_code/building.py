@@ -1,6 +1,6 @@
-"""A kernel compiled by numba to an object file that needs nothing of numba.
+"""Compile a kernel with numba to an object file that does not need numba.
 
-Imported only where the store has no code: numba takes 0.3 s to import and some 0.5 s a kernel.
+Imported only if the store has no code: numba takes 0.3 s to import and about 0.5 s per kernel.
 """
 
 from collections.abc import Callable
@@ -21,13 +21,13 @@ _ANSWERS = {types.none: "none", types.int64: "int64", types.uint64: "uint64", ty
 
 
 def for_numba(value: Any) -> Any:
-    """A global of a kernel as numba knows it: kernels and intrinsics made, all else as it is."""
+    """A global of a kernel in numba's form: kernels and intrinsics are converted, other values are unchanged."""
     make = getattr(value, "made", None)
     return value if make is None else make()
 
 
 def dispatcher(work: Callable[..., Any]) -> Any:
-    """numba's function that compiles `work` for what it is called with."""
+    """The numba function that compiles `work` for the arguments of a call."""
     function = cast(FunctionType, work)
     space = {**function.__globals__, **{name: for_numba(value) for name, value in loading.used(work).items()}}
     alike = FunctionType(function.__code__, space, function.__name__, function.__defaults__)
@@ -37,7 +37,10 @@ def dispatcher(work: Callable[..., Any]) -> Any:
 
 
 def object_code(compiler: Any, kinds: kernels.Kinds) -> tuple[bytes, str]:
-    """The kernel for these kinds and what it answers; raises Unstorable where it needs more than itself."""
+    """Object code of the kernel for these kinds, and the kind of its result.
+
+    Raises Unstorable if it needs other code.
+    """
     module, answer = module_of(compiler, kinds)
     machine = loading.target_machine(level=3)
     reduce(module, machine, loading.ENTRY)
@@ -45,9 +48,9 @@ def object_code(compiler: Any, kinds: kernels.Kinds) -> tuple[bytes, str]:
 
 
 def module_of(compiler: Any, kinds: kernels.Kinds, name: str = loading.ENTRY) -> tuple[Any, str]:
-    """The kernel as a module of LLVM with one function of this name to enter, and what it answers."""
+    """The kernel as an LLVM module whose entry is one function of this name, and the kind of its result."""
     signature = tuple(map(_type, kinds))
-    compiler.compile(signature)  # refuses a kernel that writes what is to be read only
+    compiler.compile(signature)  # rejects a kernel that writes to a read-only array
     answer = _ANSWERS.get(compiler.overloads[signature].signature.return_type)
     if answer is None:
         raise loading.Unstorable("the kernel gives neither nothing nor one number")
@@ -84,14 +87,14 @@ def _flat(compiler: Any, kinds: kernels.Kinds, answer: str) -> Any:
 
     call = f"work({', '.join(map(argument, kinds))})"
     body = f"{call}; return 0" if answer == "none" else f"return {'int' if answer == 'bool' else ''}({call})"
-    exec(f"def flat(words): {body}", space)  # a text of numbered letters, nobody's input
+    exec(f"def flat(words): {body}", space)  # a text of numbered letters, not user input
     given = types.uint64 if answer == "uint64" else types.int64
     pointer: Any = types.CPointer
     return numba.cfunc(given(pointer(types.uint64)), error_model="numpy")(space["flat"])
 
 
 def _argument(kind: str, place: int, lengths: list[str]) -> str:
-    """What stands in the words, made the argument."""
+    """Code that rebuilds the argument from its words."""
     word, array = f"words[{place}]", kernels.array_of(kind)
     if lengths:
         made = f"array({array.element}({word}), ({', '.join(lengths)},))"
@@ -100,7 +103,7 @@ def _argument(kind: str, place: int, lengths: list[str]) -> str:
 
 
 def _constant() -> Any:
-    """An array as one that is only read: for another kind the kernel would be compiled a second time."""
+    """A read-only view of an array: for another kind the kernel would be compiled a second time."""
 
     def definition(context: Any, array: Any) -> Any:
         return array.copy(readonly=True)(array), lambda context, builder, signature, given: given[0]
@@ -109,7 +112,7 @@ def _constant() -> Any:
 
 
 def _pointer_to(element: Any) -> Any:
-    """From an address."""
+    """A pointer from an address."""
     make: Any = types.CPointer
     pointer = make(element)
 

@@ -1,4 +1,4 @@
-"""Compiled kernels on disk, by digest; a damaged or foreign entry is as good as none."""
+"""Compiled kernels on disk, by digest. A damaged or foreign entry is ignored."""
 
 import contextlib
 import hashlib
@@ -13,12 +13,12 @@ from typing import Any
 _MAGIC = b"inverse-service/kernel/2\n"
 _VARIABLE = "INVERSE_SERVICE_CACHE"
 _MOST_ENTRIES = 2000
-# Rights to write for others than the owner, which a folder of compiled code must not give.
+# Write permissions for group and others, which a folder of compiled code must not have.
 _WRITABLE = 0o022
 
 
 def cache_directory(environment: Mapping[str, str] = os.environ, platform: str = sys.platform) -> Path:
-    """INVERSE_SERVICE_CACHE, else the platform's place for what can be made again."""
+    """INVERSE_SERVICE_CACHE, else the cache folder of the platform."""
     if environment.get(_VARIABLE):
         return Path(environment[_VARIABLE]).expanduser()
     if platform == "win32":
@@ -29,7 +29,7 @@ def cache_directory(environment: Mapping[str, str] = os.environ, platform: str =
 
 
 def cache_directory_name() -> str:
-    """The folder for people; where there is no home, what would be in its place."""
+    """The name of the folder for messages, also if there is no home directory."""
     try:
         return str(cache_directory())
     except RuntimeError:
@@ -37,7 +37,7 @@ def cache_directory_name() -> str:
 
 
 def read(digest: str, kind: str = "kernel") -> tuple[dict[str, Any], bytes] | None:
-    """(what was noted, object code) of an entry, None where there is none that is whole."""
+    """(notes, object code) of an entry, or None if there is no undamaged one."""
     try:
         return _unpacked(_content(cache_directory(), f"{digest}.{kind}"), digest)
     except RuntimeError:  # there is no home
@@ -45,10 +45,10 @@ def read(digest: str, kind: str = "kernel") -> tuple[dict[str, Any], bytes] | No
 
 
 def _content(directory: Path, name: str) -> bytes | None:
-    """The bytes of an entry. Machine code is run only where nobody but the user could have put it.
+    """The bytes of an entry. Machine code is run only if no other user could have written it.
 
-    Folder and file are opened once, not through links, and what was opened is looked at: both are the user's, and
-    the folder is writable for nobody else.
+    Folder and file are opened once, not through links, and the open files are examined: the user owns both, and only
+    the user can write to the folder.
     """
     try:
         if not hasattr(os, "getuid"):
@@ -68,7 +68,7 @@ def _content(directory: Path, name: str) -> bytes | None:
 
 
 def _unpacked(content: bytes | None, digest: str) -> tuple[dict[str, Any], bytes] | None:
-    """The parts of an entry, None where it is damaged or another one."""
+    """The parts of an entry, or None if it is damaged or belongs to another digest."""
     head = len(_MAGIC)
     if content is None:
         return None
@@ -80,7 +80,7 @@ def _unpacked(content: bytes | None, digest: str) -> tuple[dict[str, Any], bytes
 
 
 def digest_of_files(paths: Iterable[Path], *others: bytes) -> str:
-    """SHA-256 of names and contents, and of what else counts."""
+    """SHA-256 of names and contents, and of the additional texts."""
     digest = hashlib.sha256()
     for path in sorted(paths):
         digest.update(path.name.encode() + b"\0" + path.read_bytes())
@@ -94,7 +94,10 @@ def _seal(digest: str, body: bytes) -> bytes:
 
 
 def write(digest: str, noted: Mapping[str, Any], code: bytes, kind: str = "kernel") -> None:
-    """Keep an entry; a disk that is full or read-only costs time only. Kinds do not push each other out."""
+    """Store an entry.
+
+    A full or read-only disk costs only time. Entries of one kind do not displace those of another.
+    """
     body = json.dumps(noted).encode() + b"\n" + code
     with contextlib.suppress(OSError, RuntimeError):  # RuntimeError: there is no home
         directory = cache_directory()
@@ -110,7 +113,7 @@ def write(digest: str, noted: Mapping[str, Any], code: bytes, kind: str = "kerne
 
 
 def _prune(directory: Path, kind: str) -> None:
-    """The oldest half goes when there are too many."""
+    """Delete the oldest half if there are too many."""
     entries = list(directory.glob(f"*.{kind}"))
     if len(entries) < _MOST_ENTRIES:
         return

@@ -1,13 +1,13 @@
-"""Kernels: plain functions of numbers and arrays, compiled for the kinds of arguments they are called with.
+"""Kernels: plain functions of numbers and arrays, compiled for the kinds of their arguments.
 
 The code comes from the library of the installation (`shipped`), or from the user's store, where it is looked up by a
-digest of all it is made from and loaded by LLVM; numba is imported only where neither has it. A call takes 2 us, and
-1 us more for each array that is not held.
+digest of everything it is built from and loaded by LLVM. numba is imported only if neither has it. A call takes 2 us,
+and 1 us more for each array that is not held.
 
 Kinds are texts: "int64", "uint64", "bool", and arrays such as "int64[2]" (element type, dimensions) or
 "const int64[2]", which the kernel only reads. A NamedTuple of such arguments is one argument, whose kind is the class
 with the kinds of its parts. Machine code takes one address: that of the words of all parts, one after another. The
-words of arrays that stay where they are, are held: of small read-only ones, and of a `Kept` struct.
+words of arrays that do not move are held: those of small read-only arrays and of a `Kept` struct.
 """
 
 from __future__ import annotations
@@ -36,15 +36,15 @@ _MOST_DIMENSIONS = 4
 _CONSTANT = "const "
 _LARGE = 1 << 63
 _LARGEST = (1 << 64) - 1
-# By their `id`: arguments whose arrays stay where they are, with kind and words (none before the first call). An entry
-# keeps its argument.
+# By `id`: arguments whose arrays do not move, with kind and words (none before the first call). An entry keeps its
+# argument alive.
 _held: dict[int, tuple[Any, Kind, list[int]]] = {}
 _MOST_HELD = 256
 Struct = TypeVar("Struct", bound=tuple[Any, ...])
 _buffer: Callable[[Any], ctypes.c_char] = ctypes.c_char.from_buffer
 _SMALL = 4096
 Work = TypeVar("Work", bound=Callable[..., Any])
-# Machine code: the words of the arguments to the answer.
+# Machine code: maps the words of the arguments to the result.
 Entry = Callable[[list[int]], Any]
 _KIND = "modular"
 # Entries pass addresses as 64-bit numbers.
@@ -64,13 +64,13 @@ class ArrayKind:
 
 @lru_cache(maxsize=256)
 def array_of(kind: str) -> ArrayKind:
-    """The kind read; `dimensions` is 0 for that of a number."""
+    """Parse the kind; `dimensions` is 0 for a number."""
     name, _, rest = kind.removeprefix(_CONSTANT).partition("[")
     return ArrayKind(name, int(rest.rstrip("]") or 0), kind.startswith(_CONSTANT))
 
 
 def kinds_of(arguments: Sequence[Any], words: list[int]) -> Kinds | None:
-    """The kinds, or None where one argument is none that machine code of ours takes; its words are appended.
+    """The kinds, or None if our machine code cannot take one of the arguments. Appends the words of the arguments.
 
     The words of an array are its address and its lengths. OverflowError for an integer of more than 64 bits.
     """
@@ -101,7 +101,7 @@ def _hold(argument: Any, kind: Kind, words: list[int]) -> None:
 
 
 class Kept(Generic[Struct]):
-    """A NamedTuple of arrays, none of which is resized, whose words are kept as long as this object lives."""
+    """A NamedTuple of arrays, none of which is resized, whose words are kept for the lifetime of this object."""
 
     __slots__ = ("struct",)
 
@@ -114,7 +114,7 @@ class Kept(Generic[Struct]):
 
 
 def _kind_of_struct(struct: tuple[Any, ...], words: list[int]) -> Kind | None:
-    """That of a NamedTuple; where all its arrays are read-only, as in tables that are made once, it is held."""
+    """The kind of a NamedTuple. It is held if all its arrays are read-only, as in tables that are built once."""
     own: list[int] = []
     parts = kinds_of(struct, own) if hasattr(struct, "_fields") else None
     if parts is None:
@@ -132,7 +132,7 @@ def _is_constant(parts: Kinds) -> bool:
 
 
 def leaves(kinds: Kinds) -> Iterator[str]:
-    """The kinds of numbers and arrays, those of the parts in the place of a NamedTuple."""
+    """The kinds of numbers and arrays, with each NamedTuple replaced by its parts."""
     for kind in kinds:
         if isinstance(kind, str):
             yield kind
@@ -141,12 +141,12 @@ def leaves(kinds: Kinds) -> Iterator[str]:
 
 
 def told(kinds: Kinds) -> list[Any]:
-    """The kinds as texts and lists: a NamedTuple with its names, which say where a kernel finds what."""
+    """The kinds as texts and lists. A NamedTuple includes the names of its parts, which determine their places."""
     return [k if isinstance(k, str) else [k[0].__qualname__, *getattr(k[0], "_fields", ()), told(k[1])] for k in kinds]
 
 
 def _kind_of_array(array: npt.NDArray[Any], words: list[int]) -> str | None:
-    """That of an array, which is held where it is small, read-only and no view: tables are made once."""
+    """The kind of an array. A small, read-only array that is not a view is held, because tables are built once."""
     flags = array.flags
     writable = flags.writeable
     kind = _array_kind(array.dtype, array.ndim, writable) if flags.c_contiguous and flags.aligned else None
@@ -200,19 +200,19 @@ class Kernel:
 
     @property
     def entries(self) -> Iterator[Kinds]:
-        """The kinds for which it was compiled to machine code that needs nothing of numba."""
+        """The kinds for which it was compiled to machine code that does not need numba."""
         return (kinds for kinds, entry in self._entries.items() if entry is not None)
 
     @property
     def unstorable(self) -> Iterator[Kinds]:
-        """The kinds for which numba has to call it, compiled anew in each process."""
+        """The kinds for which numba has to call it; they are compiled in each process."""
         return (kinds for kinds, entry in self._entries.items() if entry is None)
 
     def __repr__(self) -> str:
         return f"<kernel {self.name}>"
 
     def made(self) -> Any:
-        """numba's function, as other kernels need it."""
+        """The numba function, as other kernels need it."""
         from inverse_service.kernels.machine_code.building import dispatcher  # numba takes 0.3 s to import
 
         with _lock:
@@ -221,7 +221,7 @@ class Kernel:
             return self._made
 
     def _entry(self, kinds: Kinds) -> Entry | None:
-        """The machine code for arguments of these kinds; None where numba has to call it."""
+        """The machine code for arguments of these kinds, or None if numba has to call it."""
         from inverse_service.kernels.machine_code import shipped
 
         found = shipped.entry(self.name, kinds)
@@ -262,10 +262,10 @@ class Intrinsic:
 
 
 def compiled(work: Work) -> Work:
-    """The function as a kernel; it calls other kernels and intrinsics, and its globals do not change."""
+    """Make the function a kernel. It may call other kernels and intrinsics, and its globals must not change."""
     return cast(Work, Kernel(work))
 
 
 def intrinsic(definition: Callable[..., Any]) -> Any:
-    """An operation for kernels; `definition` is as numba.extending.intrinsic wants it and imports numba itself."""
+    """An operation for kernels; `definition` is in the form of numba.extending.intrinsic and imports numba itself."""
     return Intrinsic(definition)

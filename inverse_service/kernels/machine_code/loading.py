@@ -1,4 +1,4 @@
-"""An object file made a function of this process by LLVM and ctypes, and the processor that it is made for."""
+"""Load an object file as a function of this process with LLVM and ctypes, and name the processor it is compiled for."""
 
 import dis
 import hashlib
@@ -17,7 +17,7 @@ import numpy as np
 from inverse_service.kernels.machine_code import code_store, kernels, shipped
 
 ENTRY = "entry"
-# Code lives as long as the process.
+# Loaded code is never freed.
 _kept: list[Any] = []
 _CONSTANTS = (bool, int, float, np.generic)
 
@@ -35,7 +35,7 @@ def processor_name() -> str:
 
 
 def target_machine(level: int = 2) -> Any:
-    """A new one each time: an engine takes its target machine for its own and ends it with itself."""
+    """A new target machine each time: an engine owns its target machine and frees it at its end."""
     _initialize()
     target = llvm.Target.from_default_triple()
     return target.create_target_machine(
@@ -50,8 +50,8 @@ def _initialize() -> None:
 
 
 def engine_of(code: bytes) -> Any:
-    """The object file loaded; its code lives as long as the engine."""
-    # One engine for each, 1 ms: in an engine that has an object already, LLVM finds the data of the next one wrongly.
+    """Load the object file; its code lives until the engine ends."""
+    # One engine for each, 1 ms: in an engine that already has an object, LLVM locates the data of the next one wrongly.
     engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), target_machine())
     engine.add_object_file(llvm.ObjectFileRef.from_data(code))
     engine.finalize_object()
@@ -59,7 +59,7 @@ def engine_of(code: bytes) -> Any:
 
 
 def load(code: bytes, answer: str) -> kernels.Entry:
-    """The kernel in the object file as a function of the words of its arguments (`kinds_of`)."""
+    """Load the kernel in the object file as a function of the words of its arguments (`kinds_of`)."""
     engine = engine_of(code)
     address = engine.get_function_address(ENTRY)
     if not address:
@@ -69,18 +69,18 @@ def load(code: bytes, answer: str) -> kernels.Entry:
 
 
 class Unstorable(Exception):
-    """A kernel uses something whose text says too little of what it is."""
+    """A kernel uses an object that its text does not identify."""
 
 
 def used(work: Callable[..., Any]) -> dict[str, Any]:
-    """The globals that a function names."""
+    """The globals that a function uses."""
     function = cast(FunctionType, work)
     space = function.__globals__
     return {name: space[name] for name in _names(function.__code__) if name in space}
 
 
 def _names(code: CodeType) -> Iterator[str]:
-    """Of globals: an attribute may have the name of one that the function does not know."""
+    """The names of globals. An attribute may have the name of a global that the function does not use."""
     yield from dict.fromkeys(found.argval for found in dis.get_instructions(code) if found.opname == "LOAD_GLOBAL")
     for part in code.co_consts:
         if isinstance(part, CodeType):
@@ -116,7 +116,7 @@ def _of_code(code: CodeType) -> Iterator[str]:
 
 
 def _of_global(name: str, value: Any) -> Iterator[str]:
-    # Kernels and intrinsics say what they are made from.
+    # Kernels and intrinsics contribute their own sources.
     made_from = getattr(value, "py_func", None)
     if made_from is not None:
         yield from _described(made_from)
@@ -132,13 +132,13 @@ def _of_global(name: str, value: Any) -> Iterator[str]:
 
 @lru_cache(maxsize=1)
 def _makers() -> str:
-    """Of this room, numba, LLVM, the processor and the Python whose bytecode and objects are read."""
+    """The versions of this package, numba, LLVM, the processor, and Python."""
     text = repr((sys.version, processor_name())).encode()
     return code_store.digest_of_files(Path(__file__).parent.glob("*.py"), text, _numba_version())
 
 
 def _numba_version() -> bytes:
-    """Read from its files: to import numba takes a quarter of a second."""
+    """The version from numba's files: importing numba takes a quarter of a second."""
     found = importlib.util.find_spec("numba")
     if found is None or found.origin is None:
         raise Unstorable("numba is not installed as files")

@@ -1,9 +1,9 @@
-"""The kernels that were compiled when the wheel was made: a shared library for this processor, and its index.
+"""The kernels that were compiled when the wheel was built: a shared library for this processor, and its index.
 
     kernels.json     {"kernels": [{"name", "kinds", "answer", "symbol"}], "sources": {file: SHA-256}}
-    kernels-TARGET.so   TARGET one of `TARGETS`, the best that this processor runs is loaded
+    kernels-TARGET.so   TARGET is one of `TARGETS`; the best one that this processor runs is loaded
 
-A checkout has none of them; there kernels are compiled by numba at the first use.
+A checkout has no library; numba compiles its kernels at their first use.
 """
 
 import ctypes
@@ -21,7 +21,7 @@ from inverse_service.kernels.machine_code import kernels
 
 FOLDER, CPUINFO = Path(__file__).parent / "compiled", Path("/proc/cpuinfo")
 # Names of processors for LLVM with the flags of /proc/cpuinfo that they need, best first. Elimination takes half the
-# time with 512-bit vectors; v2 and v3 gain nothing on it.
+# time with 512-bit vectors; v2 and v3 do not speed it up.
 _WIDE = frozenset({"avx512f", "avx512bw", "avx512cd", "avx512dq", "avx512vl"})
 TARGETS: dict[str, tuple[tuple[str, frozenset[str]], ...]] = {
     "x86_64": (("x86-64-v4", _WIDE), ("x86-64", frozenset())),
@@ -35,7 +35,7 @@ def is_available() -> bool:
 
 
 def entry(name: str, kinds: kernels.Kinds) -> kernels.Entry | None:
-    """The kernel of this name for arguments of these kinds, None where the library has none."""
+    """The kernel of this name for arguments of these kinds, or None if the library has none."""
     return library(FOLDER).get((name, json.dumps(kernels.told(kinds))))
 
 
@@ -54,7 +54,7 @@ def called(where: Any, answer: str) -> kernels.Entry:
 
 @lru_cache(maxsize=1)
 def library(folder: Path) -> dict[tuple[str, str], kernels.Entry]:
-    """What the index lists; empty where there is no library for this processor or it is of other sources."""
+    """The kernels in the index; empty if there is no library for this processor or it was built from other sources."""
     try:
         index = json.loads((folder / "kernels.json").read_text(encoding="utf-8"))
         if index["sources"] != {name: digest(name) for name in index["sources"]} or not sys.platform.startswith(
@@ -78,7 +78,7 @@ def digest(name: str) -> str:
 
 
 def processor_flags() -> frozenset[str]:
-    """What the processor can do, as Linux names it; nothing where it does not say."""
+    """The features of the processor as Linux names them; empty if Linux lists none."""
     try:
         lines = CPUINFO.read_text().splitlines()
     except OSError:
