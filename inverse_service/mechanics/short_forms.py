@@ -276,7 +276,7 @@ def short_forms(tree: Expression, letters: Collection[Expression]) -> Iterator[E
     own = [v for v in letters if any(v in dict(key) for key in quadratic)]
     yield ex.add(*(part for group in groups for part in _by_pairs(group, own, 2)), *higher, *rest)
     mixed = [v for v in own if any(dict(key).get(v) == 1 for key in quadratic)]
-    for order in islice(permutations(mixed), _MOST_ORDERS):
+    for order in islice(permutations(mixed), _MOST_ORDERS if mixed else 0):
         squares = [square for group in groups for square in _squares(group, order)]
         yield ex.add(*squares, *higher, *rest)
 

@@ -1,6 +1,6 @@
 """A Lagrangian written shorter: terms with the same velocities and parameters over one denominator; f made plain."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from fractions import Fraction
@@ -50,9 +50,11 @@ def tidied(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
 
 
 def _shortened(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
-    """The shortest form of the shortest form, and so on."""
-    while (shorter := _shortest(tree, system)) != tree:
-        tree = shorter
+    """The shortest form of the shortest form, and so on; forms of the terms are not made again of the same terms."""
+    shorter, terms = _shortest(tree, system), _terms_if_few(tree)
+    while shorter != tree:
+        before, tree, terms = terms, shorter, _terms_if_few(shorter)
+        shorter = _shortest(tree, system, terms != before)
     return tree
 
 
@@ -205,10 +207,10 @@ def _divisor(terms: tm.Terms, constants: frozenset[ex.Symbol]) -> tm.Monomial:
 
 
 @lru_cache(maxsize=256)
-def _shortest(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
-    """The shortest of all forms; the tree itself where none is shorter."""
+def _shortest(tree: ex.Expression, system: SecondOrderSystem, of_terms: bool = True) -> ex.Expression:
+    """The shortest of all forms, or of those that depend on how it is written; the tree itself if none is shorter."""
     kept = _velocity_sums(tree)
-    others = dict.fromkeys(_other_forms(tree, system))
+    others = dict.fromkeys(_other_forms(tree, system, of_terms))
     return min(
         [tree, *(collecting.merge_powers(one) for one in others if kept <= _velocity_sums(one))], key=_preference
     )
@@ -218,6 +220,13 @@ def _shortest(tree: ex.Expression, system: SecondOrderSystem) -> ex.Expression:
 def _terms_of(tree: ex.Expression) -> tm.Terms:
     """The terms of a tree of which several forms are made; not to be changed in place."""
     return tm.terms_of(tree)
+
+
+def _terms_if_few(tree: ex.Expression) -> tm.Terms:
+    """The terms, none where they are too many."""
+    with suppress(*_FAILED):
+        return _terms_of(tree)
+    return {}
 
 
 def kinetic_first(tree: ex.Expression) -> ex.Expression:
@@ -274,16 +283,16 @@ def _velocity_sums(tree: ex.Expression) -> int:
     return sum(isinstance(collecting.collect(inner), ex.Sum) for inner in moving)
 
 
-def _other_forms(tree: ex.Expression, system: SecondOrderSystem) -> list[ex.Expression]:
-    found = []
-    constants = partial(_by_parameters, _parameters(system))
-    of_system: tuple[Callable[[SecondOrderSystem, ex.Expression], ex.Expression], ...] = (
-        _with_common_factor, _by_rates, _with_whole_squares, _by_functions, _with_shifted_rates,
+def _other_forms(tree: ex.Expression, system: SecondOrderSystem, of_terms: bool) -> list[ex.Expression]:
+    found = list[ex.Expression]()
+    as_written = _with_whole_squares, _with_shifted_rates, _with_springs
+    every = (
+        _by_parameters, _with_common_factor, _by_rates, _with_whole_squares, _by_functions, _with_shifted_rates,
         _with_springs, _by_sines, _by_cosines,
     )  # fmt: skip
-    for form in (constants, *(partial(one, system) for one in of_system)):
+    for form in every if of_terms else as_written:
         with suppress(*_FAILED):
-            found.append(form(tree))
+            found.append(form(system, tree))
     velocities, positions = ([kind(name) for name in system.coordinates] for kind in (ex.Velocity, ex.Symbol))
     springs = short_forms.sums_of_squares(tree, tuple(positions))
     return [*found, *short_forms.short_forms(tree, velocities), *springs]
@@ -404,8 +413,9 @@ def _is_exponential_of_time(letter: ex.Expression) -> bool:
     return ex.is_exponential(letter) and ex.holds(letter, ex.TIME)
 
 
-def _by_parameters(parameters: frozenset[ex.Symbol], tree: ex.Expression) -> ex.Expression:
+def _by_parameters(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
     """The sum over what varies of its coefficients, factored: n^2 + 2 m n is n (n + 2 m)."""
+    parameters = _parameters(system)
     groups = tm.grouped(_terms_of(tree), lambda letter: letter not in parameters)
     coefficients = exact_field.factored(
         [tm.tree_of(inner) for inner in groups.values()], sorted(parameters, key=repr), exact_field.Budget.short()
@@ -437,7 +447,7 @@ def _by_both(system: SecondOrderSystem, terms: tm.Terms) -> ex.Expression:
     groups = tm.grouped(terms, lambda letter: letter not in parameters)
     several = {key | c: value for key, inner in groups.items() for c, value in inner.items() if len(inner) > 1}
     rest = {key: value for key, value in terms.items() if key not in several}
-    return _by_parameters(parameters, tm.tree_of(several)) + _by_letters(system, rest)
+    return _by_parameters(system, tm.tree_of(several)) + _by_letters(system, rest)
 
 
 def _by_letters(system: SecondOrderSystem, terms: tm.Terms) -> ex.Expression:
@@ -545,6 +555,8 @@ def _by_squares_of(name: str, other: str, system: SecondOrderSystem, tree: ex.Ex
             key, value = key - {(square, Fraction(2))} | {(ex.Apply(name, square.argument), Fraction(2))}, -value
         plain[key] = plain.get(key, Fraction(0)) + value
     letters = tuple(p for p in dict.fromkeys(p for key in plain for p, _ in key) if isinstance(p, ex.Apply))
+    if name == "cos" and not letters:
+        return tree  # that by sines is the same
     groups = tm.grouped(plain, lambda letter: letter in constants or tm.has_velocity(letter))
     found = list[ex.Expression]()
     for outer, inner in groups.items():
