@@ -289,7 +289,7 @@ def sums_of_squares(tree: Expression, letters: tuple[Expression, ...]) -> tuple[
     """
     kept, terms = ex.summands(tree), expand(tree)
     found, degrees = [*short_forms(tree, letters)], [_degree(monomial, letters) for monomial, _ in terms]
-    if {0, 2} <= set(degrees) <= {0, 1, 2}:
+    if set(degrees) == {0, 1, 2}:
         parts = (terms_tree([term]) * _UNIT ** (2 - (d or 0)) for term, d in zip(terms, degrees, strict=True))
         found += [ex.substitute(form, {_UNIT: ex.ONE}) for form in short_forms(ex.add(*parts), [*letters, _UNIT])]
 
