@@ -203,6 +203,8 @@ class Expansion:
 
     def multiply(self, left: Series, right: Series, degree: int) -> Series:
         """The product up to a total degree: the order of monomials is that of degrees first."""
+        if not degree:
+            return self.settle({0: left.get(0, 0) * right.get(0, 0)})
         total: Series = {}
         terms, above = sorted(right.items()), (degree + 1) << self.shift
         for place, (first, value) in enumerate(left.items()):
@@ -237,6 +239,8 @@ class Expansion:
 
     def power(self, u: Series, exponent: int) -> Series:
         start = u[0] if 0 in u else self.arithmetic.number(Fraction(0))
+        if not self.degree:
+            return self.settle({0: self.arithmetic.power(start, exponent)})
         binomial = [
             *accumulate(
                 range(self.degree), lambda last, k: last * (exponent - k) // (k + 1), initial=1
