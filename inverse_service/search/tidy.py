@@ -417,9 +417,9 @@ def _by_parameters(system: SecondOrderSystem, tree: ex.Expression) -> ex.Express
     """The sum over what varies of its coefficients, factored: n^2 + 2 m n is n (n + 2 m)."""
     parameters = _parameters(system)
     groups = tm.grouped(_terms_of(tree), lambda letter: letter not in parameters)
-    coefficients = [tm.tree_of(inner) for inner in groups.values()]
+    coefficients: Sequence[ex.Expression] = [tm.tree_of(inner) for inner in groups.values()]
     if any(isinstance(c, ex.Sum) for c in coefficients):
-        coefficients = list(exact_field.factored(coefficients, sorted(parameters, key=repr), exact_field.Budget.short()))
+        coefficients = exact_field.factored(coefficients, sorted(parameters, key=repr), exact_field.Budget.short())
     return ex.add(*(c * tm.monomial_tree(key) for c, key in zip(coefficients, groups, strict=True)))
 
 
