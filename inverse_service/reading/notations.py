@@ -47,9 +47,11 @@ def in_our_words(tokens: Tokens, names: Names) -> Tokens:
         raise refusal(
             "I is the imaginary unit in this notation; it occurs", column, "write real equations", declare="parameters"
         )
-    whole = tokens[0] if len(tokens) == 1 and not tokens[0].order else None  # [eq1, eq2] and {eq1, eq2}
-    if whole and whole.text in ("[", "(") and any(token.is_operator("=") for token in whole.inside):
-        tokens = [*whole.inside]
+    last = len(tokens) - 1 - at(tokens, len(tokens) - 1).is_operator(";")
+    given, whole = tokens[: max(last, 0)], at(tokens, last)  # [eq1, eq2] and sys := {eq1, eq2};
+    alone = not given or (len(given) == 2 and given[1].value == tk.GIVEN)
+    if alone and not whole.order and any(token.is_operator("=") for token in whole.inside):
+        tokens = [*given, *whole.inside]
     return with_derivatives(tokens, names)
 
 

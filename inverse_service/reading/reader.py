@@ -137,38 +137,14 @@ def _read(formula: str, names: Names, _: int) -> tuple[tuple[Token, ...], dict[s
         latex, formula = is_latex(formula), _with_dots_after_letters(without_words(formula, names.declared()))
         formula = _RAISED_FIRST.sub(r"\2\1", _BY_INDEX.sub(lambda index: index[1].ljust(len(index[0])), formula))
         in_our_words = notations.with_derivatives if latex else notations.in_our_words
-        scanned = _without_given_names(_with_primes(_scanned(formula, names, latex), names))
-        tokens = in_our_words(_with_products(scanned, names), names)
+        tokens = in_our_words(_with_products(_scanned(formula, names, latex), names), names)
         tk.refuse_decimal_commas(tokens)
         _ask_about_primes(tokens, names.energy, latex)
         if names.forms:
             _ask_about_displacements(tokens, names)
             tokens = _with_forms(tokens, names, _moves(tokens))
         tokens = _without_remarks(tokens, formula, names)
-        return tuple(_without_names_of_forms(tokens, names) if names.forms else tokens), notes
-
-
-def _with_primes(tokens: Sequence[Token], names: Names) -> list[Token]:
-    """The tokens with x'' for x_ddot."""
-    found: list[Token] = []
-    for token in tokens:
-        dotted = names.derivative(token.text, known=False) if token.kind == "name" else None
-        if dotted:
-            token = replace(token, text=dotted[0], order=token.order + dotted[1], primed=token.column)
-        found.append(replace(token, inside=tuple(_with_primes(token.inside, names))) if token.inside else token)
-    return found
-
-
-def _without_given_names(tokens: list[Token]) -> list[Token]:
-    """The tokens without the eq := of eq := x'' = -x, which is noted."""
-    found: list[Token] = []
-    for line, end in tk.split(tokens, lambda _, token: token.is_operator(";", ",")):
-        given = at(line, 0).kind == "name" and not line[0].order and at(line, 1).value == tk.GIVEN
-        if given and line[1].is_operator("=") and any(token.is_operator("=") for token in tk.walk(line[2:])):
-            note(f"{line[0].text} :=", LEFT_OUT)
-            line = line[2:]
-        found += [*line, *([end] if end else [])]
-    return found
+        return tuple(_without_labels(tokens, names)), notes
 
 
 def _ask_about_primes(tokens: Sequence[Token], energy: bool, latex: bool) -> None:
@@ -264,21 +240,23 @@ def _ask_about_displacements(tokens: Sequence[Token], names: Names) -> None:
             raise refusal(what, delta.column, instead, meant, (span[0], span[1] + len(moving.text)))
 
 
-def _without_names_of_forms(tokens: list[Token], names: Names) -> list[Token]:
-    """The tokens without the name in mu = sin(theta) dx - cos(theta) dy and phi = z' - y x' = 0, which is noted.
+def _without_labels(tokens: list[Token], names: Names) -> list[Token]:
+    """The tokens without the eq := of eq := x'' = -x, which is noted.
 
-    A form is not a number, so a name that equals it can only be the name of the form.
+    So is the name in mu = sin(theta) dx - cos(theta) dy and phi = z' - y x' = 0: a form is not a number.
     """
     found: list[Token] = []
     for line, end in tk.split(tokens, lambda _, token: token.is_operator(";", ",")):
-        equal = 1 + at(line, 1).is_bracket()  # phi(q, q') = ... too
-        named = len(line) > equal + 1 and line[0].kind == "name" and line[equal].is_operator("=")
-        last = [token.text for token in line[-2:]] == ["=", "0"] and len(line) > equal + 3
-        form = any(token.order and token.value == OF_A_FORM for token in tk.walk(line[equal:]))
-        if named and (last or form) and names.role(names.spelling(line[0].text)) != "coordinate":
-            note(f"{line[0].text} =", LEFT_OUT)
-            zero = [] if last else [Token("number", "0", line[0].column), line[equal]]
-            line = [*zero, *line[equal + 1 :]]
+        equal = 1 + (names.forms and at(line, 1).is_bracket())  # phi(q, q') = ... too
+        rest = line[equal + 1 :]
+        if at(line, 0).kind == "name" and not line[0].order and rest and line[equal].is_operator("="):
+            given = line[equal].value == tk.GIVEN and any(token.is_operator("=") for token in tk.walk(rest))
+            last = len(rest) > 2 and tk.spelled(rest[-2:]) == "=0"
+            form = any(token.order and token.value == OF_A_FORM for token in tk.walk(rest))
+            held = names.forms and (last or form) and names.role(names.spelling(line[0].text)) != "coordinate"
+            if given or held:
+                note(f"{line[0].text} {':' * given}=", LEFT_OUT)
+                line = rest if given or last else [Token("number", "0", line[0].column), *line[equal:]]
         found += [*line, *([end] if end else [])]
     return found
 
@@ -435,9 +413,11 @@ def _is_number(group: Sequence[Token]) -> bool:
 
 
 def _with_products(tokens: Sequence[Token], names: Names) -> list[Token]:
-    """The tokens with each run of letters in `names.splits` split; the parts after a function are in brackets."""
+    """The tokens with x'' for x_ddot, and each run of letters in `names.splits` split, with brackets after functions."""
     found: list[Token] = []
     for place, token in enumerate(tokens):
+        if token.kind == "name" and (dotted := names.derivative(token.text, known=False)):
+            token = replace(token, text=dotted[0], order=token.order + dotted[1], primed=token.column)
         parts = names.splits.get(token.text, ()) if token.kind == "name" else ()
         if token.inside:
             token = replace(token, inside=tuple(_with_products(token.inside, names)))
