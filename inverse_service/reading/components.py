@@ -2,10 +2,10 @@ r"""Split matrices and vectors of LaTeX into components: tokens in, tokens out, 
 
 \begin{pmatrix} a & b \\ c & d \end{pmatrix} comes as [a & b; c & d], times columns; \mathbf{r} or \vec{r} as a token of
 the kind "vector", where an equation gives its components, \mathbf{r} = (x, y, z), with dots, |r|, r^2, \cdot and
-\times. A scalar before or after multiplies each row.
+\times. A scalar before or after multiplies each row. In plain text r = (x, y, z) makes a vector of each r.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from fractions import Fraction
 
@@ -19,16 +19,19 @@ BOLD = ("mathbf", "boldsymbol", "bm", "pmb", "textbf", "vec", "overrightarrow", 
 Value = list[list[Tokens]]  # rows of cells; a scalar is one cell
 
 
-def by_components(tokens: Tokens) -> Tokens:
+def by_components(tokens: Tokens, latex: bool) -> Tokens:
     """The tokens with each matrix or vector equation replaced by its rows; InputError if shapes differ."""
-    if not _holds_many(tokens):
+    statements = tk.split_at(";,", tokens)
+    named = {line[0].text for line in statements if _is_given(line) and line[0].kind == "name"}
+    if not named and not (latex and _holds_many(tokens)):
         return tokens
+    tokens = _with_vectors(tokens, named)
     last = max((place for place, token in enumerate(tokens) if token.is_operator("=")), default=0)
     parts = tk.split(tokens, lambda at, token: token.is_operator(";") or (token.is_operator(",") and at < last))
     statements, vectors = [part for part, _ in parts if part], dict[str, list[Tokens]]()
     for statement in tuple(statements):
-        if given := _given(statement):
-            vectors[statement[0].text] = given
+        if _is_given(statement):
+            vectors[statement[0].text] = tk.split_at(",", statement[2].inside)
             statements.remove(statement)
     for name, given in vectors.items():
         if not any(tk.spelled(statement[:2]) == f"{name}=" for statement in statements):
@@ -42,20 +45,30 @@ def by_components(tokens: Tokens) -> Tokens:
 
 
 def holds_vector(text: str) -> bool:
-    """Whether a text may contain a vector."""
+    """Whether a text may contain a vector in bold or with an arrow."""
     return any(f"\\{command}" in text for command in BOLD)
+
+
+def _with_vectors(line: Sequence[Token], names: Collection[str]) -> Tokens:
+    """The tokens with these names as vectors."""
+    kinds: tuple[tk.Kind, ...] = tuple("vector" if token.text in names else token.kind for token in line)
+    inside = [tuple(_with_vectors(token.inside, names)) for token in line]
+    return [replace(*part[:1], kind=part[1], inside=part[2]) for part in zip(line, kinds, inside, strict=True)]
 
 
 def _holds_many(tokens: Sequence[Token]) -> bool:
     return any(token.kind == "vector" or token.is_bracket("[") for token in tk.walk(tokens))
 
 
-def _given(statement: Tokens) -> list[Tokens]:
-    r"""The components in \mathbf{r} = (x, y, z), none of which holds a vector; else nothing."""
-    kinds = [(token.kind, token.text) for token in statement[1:]]
-    whole = statement[0].kind == "vector" and kinds == [("operator", "="), ("bracket", "(")]
-    parts = tk.split_at(",", statement[2].inside) if whole and not _holds_many(statement[1:]) else []
-    return parts if len(parts) > 1 and all(parts) else []
+def _is_given(statement: Tokens) -> bool:
+    r"""Whether this is \mathbf{r} = (x, y, z), none of which holds a vector."""
+    name, shape = (
+        tk.at(statement, 0),
+        [(token.kind, token.text) for token in statement[1:]] == [("operator", "="), ("bracket", "(")],
+    )
+    parts = tk.split_at(",", statement[2].inside) if shape and not _holds_many(statement[1:]) else []
+    own = name.kind == "name" and name.text in {token.text for part in parts for token in part}
+    return len(parts) > 1 and all(parts) and name.kind in ("name", "vector") and not own
 
 
 def _with_length(name: str, parts: list[Tokens], line: Sequence[Token]) -> Tokens:
@@ -131,7 +144,12 @@ class _Reader:
                 continue
             if tk.at(line, place).is_operator("^"):
                 factor, place = self._power(factor, line[place : place + 2]), place + 2
+            if len(factor) == len(factor[0]) == 1:
+                scalar += _bracketed(factor[0][0])
+                continue
             last = tk.at(scalar, len(scalar) - 1)
+            if last.is_operator("/"):
+                raise self._refused()
             before = scalar[:-1] if last.is_operator("*") else scalar
             if value is None:
                 value, scalar = self._scaled(before, factor), []

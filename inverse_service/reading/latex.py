@@ -551,4 +551,4 @@ def tokenize(text: str, names: nm.Names | None = None) -> Tokens:
     text = text if _MATRIX.search(text) or _CASES.search(text) else text.replace("&", " ")
     raw = plain.nested(plain.scan(text, 0, len(text), partial(_raw, names=names)), primes=False)
     found = _with_factors_apart(_Line(raw, text, names).read())
-    return components.by_components(plain.with_line_ends(found, latex=True))
+    return plain.with_line_ends(found, latex=True)

@@ -707,7 +707,8 @@ class FormulaParser:
         if any(part.is_operator(",") or (part.text == "t" != token.text and not moving) for part in inside):
             return False
         moves = self._names.role(self._names.spelling(token.text)) == "coordinate"
-        weight = token.text in ("g", "G") and self._stream.look(-2).text in ("m", "M")
+        constant = all(map(self._is_constant, (part for part in inside if part.kind == "name")))
+        weight = token.text in ("g", "G") and (constant or self._stream.look(-2).text in ("m", "M"))
         return sums and (moves or weight or token.text not in nm.MAY_BE_FUNCTIONS)
 
     def _coordinate(self, name: str, token: Token) -> ex.Expression:

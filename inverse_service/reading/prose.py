@@ -61,7 +61,7 @@ _PIECES = re.compile(
     rf"|(?P<numbered>[\[(]?\b(?:[Ee]q(?:uation|n)?s?(?=[.\s(])|Sect(?:ion)?|Problem|Example|Exercise|Ex|Fig|Chapter)\.?\s*"
     rf"\(?\d[\d.]*(?:[a-z](?![a-z]))?\)?[\])]?[.:]?(?=\s|$))|(?P<short>\b(?:i\.\s?e\.|e\.\s?g\.|s\.\s?t\.),?)"
     r"|(?P<separator>\\(?:q?quad|hfill?)(?![A-Za-z])|\\\\|[;,\n]|\.{3,}|\u2026|[:?](?=\s|\\|\$|$)"
-    r"|(?<![\d.\s])\s*\.(?=\s+\S|\s*\\(?:q?quad|\\|right|end))|(?<=\d)\.(?=\s+[A-Z](?:[a-z]{2}|\s*=)))"
+    r"|(?<![\d.\s])\s*\.(?=\s+\S|\s*\Z|\s*\\(?:q?quad|\\|right|end))|(?<=\d)\.(?=\s+[A-Z](?:[a-z]{2}|\s*=)))"
     r"|(?P<frame>\\(?:begin|end)\s*\{[^{}]*\}(?:\{[lcr| ]*\})?|\\(?:left|right)\s*(?:\.|\\?\|))"
     r"|(?P<relation>:?[=<>\u2260\u2264\u2265\u2261\u226a\u226b~]|\\(?:le|ge|ne|leq|geq|neq|ll|gg|lt|gt|equiv)(?![A-Za-z]))"
     r"|(?P<sign>[-+*/^|\u2212\u00b7\u00d7\u22c5\u2202\u2207]|\\(?:cdot|times|[dt]?frac|over|partial)(?![A-Za-z]))"
@@ -238,13 +238,16 @@ def _left_out(text: str, declared: Container[str]) -> Iterator[tuple[int, int, b
             clauses[-1][0].append(_as_remark(piece, clauses[-1][0], named, text))
     holds = any(piece.kind == "relation" for clause, _ in clauses for piece in clause)
     gone = [_is_gone(clause, end, holds, text) for clause, end in clauses]
+    commas = [end is not None and end.text == "," for _, end in clauses]
+    alone = [holds and len(clause) == 1 and clause[0].kind in ("word", "name") for clause, _ in clauses]
+    for place in reversed(range(len(clauses) - 1)):
+        gone[place] |= alone[place] and commas[place] and gone[place + 1]
     for place, (clause, end) in enumerate(clauses):
-        beside = (k for k in (place - 1, place + 1) if 0 <= k < len(clauses) and gone[k])
-        joined = any((clauses[min(k, place)][1] or Piece("", 0, 0, "")).text == "," for k in beside)
-        alone = len(clause) == 1 and clause[0].kind in ("word", "name") and joined and holds
-        if clause and (gone[place] or alone):
+        gone[place] |= place > 0 and alone[place] and commas[place - 1] and gone[place - 1]
+        if clause and gone[place]:
             yield clause[0].start, end.end if end and end.text == ":" else clause[-1].end, True
         else:
+            yield from _listed(clause) if commas[place] and gone[place + 1] else ()
             yield from _runs(clause, text)
         sign = end.text.strip()[:1] if end else ""
         goes_on = gone[place] or (place + 1 < len(clauses) and _has(clauses[place + 1][0], "relation"))
@@ -252,7 +255,7 @@ def _left_out(text: str, declared: Container[str]) -> Iterator[tuple[int, int, b
         if starts:
             yield starts.start(), starts.end(), False
         if end and (
-            (sign and sign in ".\u2026")
+            (sign and sign in ".\u2026" and (end.text != "." or text[end.end :].strip()))
             or (sign == ":" and goes_on)
             or (sign == "?" and (gone[place] or not text[end.end :].strip()))
         ):
@@ -307,7 +310,8 @@ def _is_gone(clause: Sequence[Piece], end: Piece | None, holds: bool, text: str)
         return True  # I = moment of inertia
     if not clause or _has(clause, "relation", "mark"):
         found = _CONSTANT.search(said)
-        return found is not None and "=" in said[: found.start()]
+        before = said[: found.start()] if found else ""
+        return "=" in before and not re.search(r"\b(?:where|with)\b", before)
     if end and end.text == ":":
         return holds
     words = [
@@ -360,6 +364,12 @@ def _runs(clause: Sequence[Piece], text: str) -> Iterator[tuple[int, int, bool]]
         if after and not _has(after, "relation", "sign", "mark") and sentence:
             end = after[-1].end
         yield start, end, run[0].kind != "short"
+
+
+def _listed(clause: Sequence[Piece]) -> Iterator[tuple[int, int, bool]]:
+    """The place of the "with a" before the rest of a list, as in x'' = -a x + b y with a, b real constants."""
+    if len(clause) > 2 and clause[-2].text in ("with", "where", "and") and clause[-1].kind == "name":
+        yield clause[-2].start, clause[-1].end, True
 
 
 def _is_left_out(before: Sequence[Piece], run: Sequence[Piece], after: Sequence[Piece], text: str) -> bool:

@@ -269,11 +269,10 @@ def tokens_if_any(formula: str, names: Names) -> list[Token]:
 
 
 def _scanned(formula: str, names: Names, is_latex: bool) -> list[Token]:
-    if not is_latex:
-        return tk.tokenize(formula, names.declared())
-    from inverse_service.reading import latex
+    from inverse_service.reading import components, latex
 
-    return latex.tokenize(formula, names)
+    tokens = latex.tokenize(formula, names) if is_latex else tk.tokenize(formula, names.declared())
+    return components.by_components(tokens, is_latex)
 
 
 def _without_remarks(tokens: list[Token], formula: str, names: Names) -> list[Token]:
@@ -413,7 +412,7 @@ def _is_number(group: Sequence[Token]) -> bool:
 
 
 def _with_products(tokens: Sequence[Token], names: Names) -> list[Token]:
-    """The tokens with x'' for x_ddot, and each run of letters in `names.splits` split, with brackets after functions."""
+    """The tokens with x'' for x_ddot and the runs of letters in `names.splits` split, with brackets after functions."""
     found: list[Token] = []
     for place, token in enumerate(tokens):
         if token.kind == "name" and (dotted := names.derivative(token.text, known=False)):

@@ -74,9 +74,9 @@ _ENERGY = re.compile(
 _ENERGIES = re.compile(
     r"(?:[\s&]*[-+\u2212]?[\s&]*(?:\\(?:mathcal|mathrm)\s*)?\{?[TKUVE]\}?(?:_\{?\w+\}?)?\s*(?:\([^()=]*\))?)+\s*&?\s*="
 )
-# The components of a vector, \mathbf{r} = (x, y, z)
+# The components of a vector, \mathbf{r} = (x, y, z) and r = (x, y, z)
 _VECTOR = re.compile(
-    rf"\\(?:{'|'.join(components.BOLD)})\s*(?:\{{\s*\\?\w+\s*\}}|\\?\w)\s*=\s*(?:\\left\s*)?\([^()=]*\)"
+    rf"(?:\\(?:{'|'.join(components.BOLD)})\s*(?:\{{\s*\\?\w+\s*\}}|\\?\w)|(?<![\w\\)'])\w+)\s*=\s*(?:\\left\s*)?\([^()=,]+,[^()=]*\)"
 )
 # d/dt ∂L/∂x' - ∂L/∂x = 0 beside L = …
 _D = r"(?:d|\\(?:mathrm|text)\s*\{\s*d\s*\}|\\(?:rm|mathrm)\s+d)"
@@ -193,7 +193,7 @@ def _with_lagrangian(plain: dict[str, Any]) -> tuple[dict[str, Any], dict[str, s
     texts = {f"/{key}": given} if isinstance(given, str) else {}
     if isinstance(given, list) and all(isinstance(text, str) for text in given):
         texts = {f"/{key}/{place}": text for place, text in enumerate(given)}
-    vectors = "".join(f", {found[0]}" for text in texts.values() for found in _VECTOR.finditer(text))
+    vectors = [f", {found[0]}" for text in texts.values() for found in _VECTOR.finditer(text)]
     energies: dict[str, tuple[re.Match[str], str, str]] = {}
     others: list[tuple[str, str]] = []
     notes: dict[str, str] = {}
@@ -262,8 +262,10 @@ def _with_lagrangian(plain: dict[str, Any]) -> tuple[dict[str, Any], dict[str, s
             whole = lagrangian if "whole" in energies and energy and energy["potential"] else ""
             if _is_unused(line, pointer, [lagrangian, *rest], moving, whole):
                 notes[line.strip()] = reader.LEFT_OUT
+    bold = components.holds_vector
     lagrangian, *constraints = (
-        f"{text}{vectors}" if components.holds_vector(text) else text for text in (lagrangian, *constraints)
+        "".join([text, *(vector for vector in vectors if bold(text) or not bold(vector))])
+        for text in (lagrangian, *constraints)
     )
     _check_reactions(reactions, lagrangian, constraints)
     made = {**{name: value for name, value in plain.items() if name != key}, "lagrangian": lagrangian}
