@@ -37,7 +37,7 @@ def _free_constants() -> Statement:
         "free-constants", "Proposition 1, the constants C",
         "The constants C of the Lagrangians are arbitrary.",
         finding(all(80 < ratio < 125 for ratio in ratios)),
-        "They are, and they are a knob for accuracy: the error of the variational path is proportional to C.", CODE,
+        "They are, and they control the accuracy: the error of the variational path is proportional to C.", CODE,
         (Table(("C", "misfit of the orbit's shape", "energy error"),
                tuple((value, shown(misfit), shown(energy)) for value, misfit, energy in rows)),),
     )  # fmt: skip

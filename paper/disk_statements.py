@@ -82,7 +82,8 @@ def _spiral(found: Run, folder: Path) -> Statement:
         "At alpha = 0 the nonholonomic integrator spirals, the variational one follows a circle through three of its "
         "points that differs from the exact one.",
         finding(good),
-        "Both are seen. The paper gives no data; phi' = 1, theta' = 1/2, phi(0) = 0.3 were taken, q1 on the discrete "
+        "Both are confirmed. The paper gives no data; phi' = 1, theta' = 1/2, phi(0) = 0.3 were taken, q1 on the "
+        "discrete "
         "constraint as in the paper.", CODE,
         (Table(("method", "first radius", "last radius", "misfit of its circle", "off the exact circle / R"), rows),),
         figures,
@@ -100,8 +101,8 @@ def _energy(found: Run, folder: Path) -> Statement:
         "disk-energy", "section 3.2, figure 4",
         "The variational integrator does better on the energy than the nonholonomic one.",
         finding(good),
-        f"So it is at alpha = 0: {shown(errors['variational-0'])} against {shown(errors['nonholonomic-0'])}. At "
-        "alpha = 1/2 it is the other way round, see below.", CODE,
+        f"True at alpha = 0: {shown(errors['variational-0'])} against {shown(errors['nonholonomic-0'])}. At alpha = "
+        "1/2 the reverse holds, see below.", CODE,
         (), (pictures.series(found, "discrete_energy", folder, "figure-4-energy", caption),),
     )  # fmt: skip
 
@@ -123,7 +124,8 @@ def _modified(short: Run, long: Run, folder: Path) -> Statement:
         "disk-modified", "section 3.2, figure 5",
         "The modified integrator has the circular behavior of the variational one and conserves the constraints.",
         finding(change > 10 * circle and change < spiral / 5 and defect < 1e-12, "correction"),
-        f"It keeps the constraints ({shown(defect)}) and no circle: over the length of the figure its radius changes "
+        f"It conserves the constraints ({shown(defect)}) but follows no circle: over the length of the figure its "
+        "radius changes "
         f"by {shown(100 * change)} %, that of the variational one by {shown(100 * circle)} %, that of the "
         f"nonholonomic spiral by {shown(100 * spiral)} %; its path is a slow spiral."
         f" {end} For alpha other than 1/2 it is not symplectic, and it is singular where "
@@ -145,10 +147,11 @@ def _constraints(found: Run, folder: Path) -> Statement:
     )
     return Statement(
         "disk-constraints", "section 3.2, figure 6",
-        "The variational integrator does not conserve the constraint but oscillates about zero; the others keep it.",
+        "The variational integrator does not conserve the constraint but oscillates about zero; the others conserve "
+        "it.",
         finding(good),
-        f"Largest defect {shown(largest)}, {crossings} changes of sign over T = 25, no growth. With L~1 in the place "
-        "of L~2 the variational method keeps the discrete constraint to round-off, because p_2 and p_s are momenta of "
+        f"Largest defect {shown(largest)}, {crossings} changes of sign over T = 25, no growth. With L~1 instead of "
+        "L~2 the variational method keeps the discrete constraint to round-off, because p_2 and p_s are momenta of "
         "symmetries.", CODE,
         (), (pictures.series(found, "constraints", folder, "figure-6-constraints", caption),),
     )  # fmt: skip
@@ -192,7 +195,7 @@ def _alphas(found: Run, folder: Path) -> Statement:
         "two integrators have the same accuracy.",
         finding(good),
         "The spirals are as stated. At alpha = 1/2 the distance from the exact circle is the same for both, but "
-        "energy, constraint and phase are kept to round-off by the nonholonomic method alone.", CODE,
+        "energy, constraint and phase are conserved to round-off by the nonholonomic method only.", CODE,
         (Table(HEAD, _rows(found)),), (pictures.paths(found, folder, "figure-7-alpha", caption),),
     )  # fmt: skip
 

@@ -64,7 +64,7 @@ def covariant_derivative() -> Statement:
         finding(right and wrong and verdict == "variational", "erratum"),
         "The second sign is wrong: nabla Phi = Gamma(Phi) + N Phi - Phi N. Hill's lunar problem has a "
         "Lagrangian with g = identity. With the right sign nabla Phi is symmetric, as it must be; with the printed "
-        "sign it is not, so the printed condition refuses a system that has a Lagrangian.",
+        "sign it is not, so the printed condition rejects a system that has a Lagrangian.",
         CODE,
     )
 
@@ -89,7 +89,7 @@ def curvature_indices() -> Statement:
         finding(_vanish(system, *sums) and nonzero, "erratum"),
         "R^j_kl = d Phi^j_k/dv^l - d Phi^j_l/dv^k. With it the cyclic condition "
         "g_ij R^j_kl + g_lj R^j_ik + g_kj R^j_li = 0 holds for the geodesics of a metric in three dimensions with g "
-        "the metric, R not being zero.",
+        "the metric, where R is not zero.",
         CODE,
     )
 

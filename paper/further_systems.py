@@ -40,7 +40,8 @@ def systems_with_potential() -> Statement:
     return Statement(
         "potential",
         "section 4, the examples",
-        "For the mobile robot with potential and the knife edge on an inclined plane a free Lagrangian is looked for.",
+        "For the mobile robot with potential and the knife edge on an inclined plane the paper looks for a free "
+        "Lagrangian.",
         finding(good),
         "Neither the first nor the second associated system has one; each verdict has a certificate.",
         CODE,
@@ -95,8 +96,8 @@ def two_constraints() -> Statement:
         "section 4, the open question",
         "For systems with more than one constraint and a potential V(r2) the result is open.",
         finding(good, "correction"),
-        "It can be settled: the first and the second system have no regular Lagrangian for arbitrary A, B and V, "
-        "nor has that of the mobile robot. Whether another associated system has one is decided too: "
+        "It can be decided: the first and the second system have no regular Lagrangian for arbitrary A, B and V, "
+        "nor do those of the mobile robot. Whether another associated system has one is decided too: "
         "docs/reference/open-questions.md.",
         CODE,
         (Table(("system", "first", "second"), tuple(rows)),),

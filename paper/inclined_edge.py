@@ -82,10 +82,10 @@ def inclined_edge(folder: Path, progress: Progress) -> tuple[Statement, ...]:
             "Whether it can be given a Hamiltonian is left open.",
             finding(off < 1e-10 and outcomes == {"completed"}),
             "It can: the variational integrator of a Lagrangian whose motions on the constraint are those of the knife "
-            "edge follows the nonholonomic motion through every cos(phi) = 0. At alpha = 0 and 1 it is nearer to the "
-            "exact motion than the nonholonomic method, whose energy grows or falls; it leaves the constraint by an "
-            "oscillation. At alpha = 1/2 and at order 4 the nonholonomic method is better in all. "
-            f"The true motion is the closed form to {shown(off)}.", CODE,
+            "edge follows the nonholonomic motion through every cos(phi) = 0. At alpha = 0 and 1 it is closer to the "
+            "exact motion than the nonholonomic method, whose energy grows or falls; it oscillates about the "
+            "constraint. At alpha = 1/2 and at order 4 the nonholonomic method is better in all respects. "
+            f"The reference solution agrees with the closed form to {shown(off)}.", CODE,
             (Table(("method", "outcome", "greatest error", "energy error", "constraint"), rows),), figures,
         ),
     )  # fmt: skip

@@ -82,7 +82,7 @@ def _particle(runs: list[Run], folder: Path) -> Statement:
     return Statement(
         "particle", "section 3.4, figures 9 and 10",
         "Both methods are not very accurate for the particle.",
-        finding(good), "So it is at this step, started with q1 on the discrete constraint.", CODE,
+        finding(good), "True at this step, started with q1 on the discrete constraint.", CODE,
         (Table(("alpha", "greatest error in z, variational", "nonholonomic"), rows),), (first, third, second),
     )  # fmt: skip
 
@@ -103,7 +103,7 @@ def _best_alpha(starts: Mapping[str, list[Run]]) -> Statement:
         "particle-alpha", "section 3.4",
         "The best accuracy for the particle is reached near alpha = 1/3.",
         finding(good, "correction"),
-        "An artefact of the start. With q1 given instead of momenta the start is itself an error of order h, which a "
+        "An artifact of the start. With q1 given instead of momenta the start is itself an error of order h, which a "
         "suitable alpha cancels. Started from the momenta of the exact motion alpha = 1/2 is best for both methods.",
         CODE, (Table(("start", "method", *(f"alpha = {a}" for a in ALPHAS), "best"), rows),),
     )  # fmt: skip
