@@ -38,13 +38,13 @@ def report(line: str) -> None:
 def decision_section(options: argparse.Namespace) -> Section:
     found = comparisons(options.random, options.limit, report)
     rows = medians(found)
-    head = "## The decision beside a plain SymPy pipeline"
+    head = "## The decision next to a plain SymPy pipeline"
     return f"{head}\n\n{tables.medians_table(rows)}\n{tables.comparison_table(found)}", [*rows, *found]
 
 
 def peers_section(options: argparse.Namespace) -> Section:
     rows = against_peers(options.limit, report)
-    head = "## The decision beside tools that complete PDE systems"
+    head = "## The decision next to tools that complete PDE systems"
     return f"{head}\n\n{summary(rows)}\n{tables.peers_table(rows)}", list(rows)
 
 

@@ -136,9 +136,9 @@ def add_collections(parser: argparse.ArgumentParser) -> None:
     """Add the options that select the systems and their time limit."""
     parser.add_argument("--catalogue", action="store_true", help="the systems of the catalogue")
     parser.add_argument("--systems", nargs="*", default=[], help="lists with one JSON object per line")
-    parser.add_argument("--generated", type=int, default=0, help="so many systems of the test generator")
-    parser.add_argument("--disguised", type=int, default=0, help="so many in other coordinates, for three seeds")
-    parser.add_argument("--shapes", type=int, default=0, help="so many of its less usual shapes")
+    parser.add_argument("--generated", type=int, default=0, help="number of systems of the test generator")
+    parser.add_argument("--disguised", type=int, default=0, help="number of systems in other coordinates, for three seeds")
+    parser.add_argument("--shapes", type=int, default=0, help="number of systems of its less usual shapes")
     parser.add_argument("--limit", type=float, default=30.0, help="seconds for one system (default 30)")
 
 
@@ -191,7 +191,7 @@ def by_collection(runs: dict[str, list[Run]]) -> str:
         counts = [len(found), sum(one.found for one in found), sum(one.closed for one in found)]
         times = [statistics.median(seconds), percentile(seconds, 0.95), percentile(vain, 0.95) if vain else 0.0]
         cells.append([name, *map(str, counts), *(f"{one:.2f}" for one in times)])
-    head = ["collection", "systems", "with L", "with H", "median, s", "95th percentile, s", "in vain, 95th, s"]
+    head = ["collection", "systems", "with L", "with H", "median, s", "95th percentile, s", "without L, 95th, s"]
     missing = [one.name for found in runs.values() for one in found if not one.found]
     implicit = [one.name for found in runs.values() for one in found if one.found and not one.closed]
     return table(head, cells) + f"\nWithout L: {', '.join(missing)}\n\nWithout H: {', '.join(implicit)}\n"

@@ -158,7 +158,7 @@ def entry_of(row: Mapping[str, Any], time_limit: float = TIME_LIMIT) -> dict[str
     if "verdict" not in result:
         return {**row, "refused": "It is a Lagrangian, not equations."}
     if sheets.verdict_of(result) == sheets.OPEN and time_limit < TIME_LIMIT:
-        return {**row, "refused": "It was not settled in this time."}
+        return {**row, "refused": "It was not decided within the time limit."}
     sheet, system = sheets.sheet_of(result, brief=True), result["system"] or {}
     formulas = {f.letter: f.text for case in sheet.cases[:1] for f in case.formulas}
     constrained = sheets.is_constrained(result)

@@ -88,7 +88,7 @@ def _rows(load: str, source: Path, count: int, rounds: int, most: int, postgres:
             is_front = where == "front ends"
             sample = _fronts(source, count, workers, str(postgres)) if is_front else _run(source, count, where, workers)
             samples[where, workers].append(sample)
-            told = f"{sample.rate:.3g} lines/s, {sample.processor:.3g} ms of processor time a line"
+            told = f"{sample.rate:.3g} lines/s, {sample.processor:.3g} ms of processor time per line"
             print(f"{load}, round {turn + 1}: {where} of {workers}: {told}", file=sys.stderr, flush=True)
     rates = {case: statistics.median(sample.rate for sample in found) for case, found in samples.items()}
     spent = {case: statistics.median(sample.processor for sample in found) for case, found in samples.items()}

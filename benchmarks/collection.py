@@ -96,7 +96,7 @@ def _cells(words: str, rows: Sequence[Answered]) -> list[str]:
 def options(arguments: Sequence[str] | None = None) -> argparse.Namespace:
     """The command line."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks collection", description=__doc__)
-    parser.add_argument("files", type=Path, nargs="+", help="lists of documents, one a line")
+    parser.add_argument("files", type=Path, nargs="+", help="lists of documents, one per line")
     parser.add_argument("--limit", type=float, default=60.0, help="seconds for one document (default 60)")
     parser.add_argument("--only", nargs="*", default=[], help="names of the entries that are measured")
     return parser.parse_args(arguments)

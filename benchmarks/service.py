@@ -269,7 +269,7 @@ def markdown(found: dict[str, Any], seconds: float) -> str:
         cells = [number(row[key]) for row in (two, one) for key in ("rate", "p50", "p99", "processor")]
         rows.append([two["question"], str(two["clients"]), *cells, f"{two['rate'] / one['rate']:.2f}"])
     head = ["question", "clients", "service, 1/s", "p50, ms", "p99, ms", "web process, ms", "bare, 1/s", "p50, ms"]
-    text = f"{found['conditions']}; {seconds:g} s for each row, both by turns:\n\n"
+    text = f"{found['conditions']}; {seconds:g} s for each row, measured alternately:\n\n"
     text += table([*head, "p99, ms", "web process, ms", "ratio of rates"], rows)
     batches = [
         [str(row["workers"]), str(row["lines"]), f"{row['lines_per_second']:.3g}", f"{row['busy_by_service']:.0%}"]
