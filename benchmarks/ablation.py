@@ -137,7 +137,7 @@ def add_collections(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--catalogue", action="store_true", help="the systems of the catalogue")
     parser.add_argument("--systems", nargs="*", default=[], help="lists with one JSON object per line")
     parser.add_argument("--generated", type=int, default=0, help="number of systems of the test generator")
-    parser.add_argument("--disguised", type=int, default=0, help="number of systems in other coordinates, for three seeds")
+    parser.add_argument("--disguised", type=int, default=0, help="number in other coordinates, for three seeds")
     parser.add_argument("--shapes", type=int, default=0, help="number of systems of its less usual shapes")
     parser.add_argument("--limit", type=float, default=30.0, help="seconds for one system (default 30)")
 
