@@ -1,4 +1,4 @@
-"""What tests of several rooms share: a running service."""
+"""Fixtures shared by several test packages: a running service."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from tests.serving import serving
 
 @pytest.fixture(scope="session")
 def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    """The address of a real service in a process of its own."""
+    """The address of a real service in a separate process."""
     yield from running_service(tmp_path_factory.mktemp("service"))
 
 
 @pytest.fixture(scope="session")
 def patient(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    """A service with the time of a real one: the double pendulum takes 3 s of a processor that others use too."""
+    """A service with a realistic time limit: the double pendulum takes 3 s of processor time on a busy machine."""
     yield from running_service(tmp_path_factory.mktemp("patient"), 60)
 
 
 def running_service(folder: Path, time_limit: int = 10, frame_origins: str = "") -> Iterator[str]:
-    """A service with its store in a folder; `time_limit` in s by the clock, so a busy machine needs more."""
+    """A service with its store in a folder; `time_limit` is in s by the clock, so a busy machine needs more."""
     more = {"database": str(folder / "jobs.sqlite"), "log_level": "warning", "frame_origins": frame_origins}
     with serving(time_limit=str(time_limit), **more) as (_, address):
         yield address
@@ -31,5 +31,5 @@ def running_service(folder: Path, time_limit: int = 10, frame_origins: str = "")
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Browser tests come last: their driver keeps an event loop in the thread, and others start one of their own."""
+    """Run browser tests last: their driver keeps an event loop in the thread, and other tests start their own."""
     items.sort(key=lambda item: item.get_closest_marker("browser") is not None)

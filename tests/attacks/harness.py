@@ -1,4 +1,4 @@
-"""A service of its own for each attack, and another client that looks at it meanwhile.
+"""A separate service for each attack, and another client that watches it during the attack.
 
 Everything stays on this machine: the attacker is 127.0.0.1, the other client 127.0.0.2.
 """
@@ -22,11 +22,10 @@ import httpx
 from tests.attacks.looking import OTHER, look, memory_of
 from tests.serving import COMMAND, serving, until
 
-# What the longest look may take, without the time for which the cores did something else; a loop that is held shows
-# seconds.
+# Longest allowed look, without the time for which the cores ran other programs; a blocked loop shows seconds.
 FREEZE = 0.1
 MEMORY = 500.0
-# 250 bytes whose exponents have a common denominator of millions: its reading does not end by itself.
+# 250 bytes whose exponents have a common denominator of millions: parsing them does not end by itself.
 ENDLESS = {
     "coordinates": ["x", "y", "z"],
     "lagrangian": "x'^2/2+y'^2/2+z'^2/2-(" + "+".join(f"exp(x/{p})" for p in (2, 3, 5, 7, 11, 13, 17, 19, 23)) + ")",
@@ -52,7 +51,7 @@ class Attacked:
         return httpx.Client(base_url=self.address, timeout=timeout, limits=limits)
 
     def other(self, timeout: float = 30.0) -> httpx.Client:
-        """Somebody else, from another address."""
+        """Another client, with another address."""
         transport = httpx.HTTPTransport(local_address=OTHER)
         return httpx.Client(base_url=self.address, timeout=timeout, transport=transport)
 
@@ -66,11 +65,11 @@ class Attacked:
             connection.close()
 
     def memory(self) -> float:
-        """Resident memory of the web process in MiB."""
+        """Return the resident memory of the web process in MiB."""
         return memory_of(self.process.pid)
 
     def seconds_to_end(self) -> float:
-        """SIGTERM, and how long the service takes."""
+        """Send SIGTERM and return how long the service takes to end."""
         began = time.monotonic()
         self.process.send_signal(signal.SIGTERM)
         assert self.process.wait(30) == 0
@@ -79,7 +78,7 @@ class Attacked:
 
 @contextmanager
 def attacked(folder: Path, descriptors: int | None = None, **settings: str) -> Iterator[Attacked]:
-    """A service with a fresh database, ready to be asked; it may have only so many descriptors."""
+    """A ready service with a new database, optionally with a limited number of descriptors."""
     command = COMMAND if descriptors is None else ["sh", "-c", f'ulimit -n {descriptors}; exec "$@"', "sh", *COMMAND]
     settings = {"database": str(folder / "jobs.sqlite")} | settings
     log = folder / "log"
@@ -93,11 +92,10 @@ def attacked(folder: Path, descriptors: int | None = None, **settings: str) -> I
 
 @dataclass
 class Watch:
-    """Looks at /livez as another client while an attack goes on, and at the memory of the web process.
-
-    What other programs on the same cores take is no work of the service: the time for which its threads, or who looks,
-    waited for a core is taken off each look. A look is never shorter than what the loop itself did meanwhile. Who looks
-    is a process of its own: the attacker's threads would keep the interpreter from it.
+    """Watches /livez as another client during an attack, and the memory of the web process. Each look excludes the time
+    for which the threads of the service, or the watcher, waited for a core that other programs used. A look is never
+    shorter than the work of the loop during it. The watcher is a separate process, because the attacker's threads would
+    hold the interpreter lock.
     """
 
     service: Attacked
@@ -124,7 +122,7 @@ class Watch:
 
     @property
     def usual(self) -> float:
-        """What 9 of 10 looks took at most, s."""
+        """The longest of the fastest 9 of 10 looks, s."""
         return sorted(self.seconds)[int(0.9 * len(self.seconds))]
 
     @property
@@ -133,16 +131,16 @@ class Watch:
         return max(self.seconds)
 
     def hold(self) -> None:
-        """Fail where the loop was held or the web process grew; `pytest -rP` shows the figures."""
+        """Fail if the loop was blocked or the web process grew; `pytest -rP` shows the numbers."""
         figures = f"/livez at the longest {1e3 * self.longest:.0f} ms, 9 of 10 below {1e3 * self.usual:.0f} ms"
         print(f"{figures}, {1e3 * max(self.whole):.0f} ms with waiting for cores, web process {self.memory:.0f} MiB")
-        if "PYTEST_XDIST_WORKER" not in os.environ:  # other tests beside it would be measured, too
+        if "PYTEST_XDIST_WORKER" not in os.environ:  # other tests at the same time would be measured, too
             assert self.longest < FREEZE, f"/livez took {self.longest:.3f} s"
         assert self.memory < MEMORY, f"the web process had {self.memory:.0f} MiB"
 
 
 def is_open(connection: socket.socket) -> bool:
-    """Whether the service did not close it; what it said before is read."""
+    """Whether the service kept the connection open; reads its earlier output."""
     connection.setblocking(False)
     try:
         while connection.recv(65_536):

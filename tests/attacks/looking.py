@@ -1,4 +1,4 @@
-"""Who looks at a service while it is attacked: a process of its own, which begins at once as it imports little."""
+"""A separate process that watches a service during an attack; it starts fast because it imports little."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ FEWEST_LOOKS = 40
 
 @dataclass(frozen=True)
 class Cores:
-    """For how long a thread was on a core, and ready for one that did something else; s."""
+    """How long a thread ran on a core, and how long it waited for a busy one; s."""
 
     ran: float
     waited: float
@@ -28,10 +28,10 @@ class Cores:
 
 
 def cores_of(process: int) -> dict[str, Cores]:
-    """Those of each thread of a process."""
+    """The times of each thread of a process."""
     found = {}
     for place in Path(f"/proc/{process}/task").iterdir():
-        with contextlib.suppress(OSError):  # ended meanwhile
+        with contextlib.suppress(OSError):  # the thread has ended
             found[place.name] = Cores.of(place)
     return found
 
@@ -46,7 +46,7 @@ def memory_of(process: int) -> float:
 
 @dataclass(frozen=True)
 class Look:
-    """One look: what of it the service took, all of it (s), and the memory of the web process (MiB)."""
+    """One look: the time that the service took, the total time (s), and the memory of the web process (MiB)."""
 
     held: float
     whole: float
@@ -54,7 +54,7 @@ class Look:
 
 
 def look(address: str, process: int, other: Connection) -> None:
-    """Look at /livez until the other end says that it is over, and send it all looks."""
+    """Look at /livez until the other end stops the watch, then send it all looks."""
     own, looks = Path("/proc/thread-self"), list[Look]()
     client = HTTPConnection(address.removeprefix("http://"), timeout=30.0, source_address=(OTHER, 0))
     with contextlib.closing(client):
@@ -73,8 +73,7 @@ def look(address: str, process: int, other: Connection) -> None:
 
 
 def _held(process: int, before: dict[str, Cores], seconds: float) -> float:
-    """What of a look the service took: all but the time for which its loop, or a thread that had the interpreter,
-    waited for a core; never less than what the loop did meanwhile."""
+    """The time of the service in a look: without waits of its loop or lock holder for a core, at least the loop's own work."""
     loop = str(process)
     now = {name: found for name, found in cores_of(process).items() if name in before}
     others = (now[name].waited - before[name].waited for name in now if name != loop)

@@ -1,4 +1,4 @@
-"""No body, whatever it holds, stops the service for others or takes its memory."""
+"""No request body stops the service for other clients or exhausts its memory."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def field(name: str, data: bytes) -> bytes:
 
 
 def dotted(parts: int) -> bytes:
-    """A TOML key that makes tomllib take memory with the square of its parts."""
+    """A TOML key for which tomllib needs memory quadratic in the number of its parts."""
     return upload("d.toml", b".".join([b"a"] * parts) + b"=1")
 
 
@@ -89,7 +89,7 @@ def test_bodies_that_one_client_leaves_half_sent_are_bounded(service: Attacked) 
             connections.append(connection)
             try:
                 connection.sendall(head + b"\r\n\r\n" + b" " * 900_000)
-            except OSError:  # refused with 429
+            except OSError:  # rejected with 429
                 continue
         with service.other() as client:
             answer = client.post("/v1/parse", json={"coordinates": ["x"], "equations": {"x": "-x"}})

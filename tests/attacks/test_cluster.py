@@ -1,4 +1,4 @@
-"""Dask's scheduler and workers that die, freeze, or are spoken to by strangers, and results that are large."""
+"""Dask schedulers and workers that die, freeze, or get messages from strangers, and large results."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def both(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Both]:
 
 
 def verdict(client: httpx.Client, k: int) -> str:
-    """That of a system nobody asked before, however long it waits."""
+    """The verdict of a new system, however long it waits."""
     question = {"coordinates": ["x"], "equations": {"x": f"-{k}*x"}}
     end = time.monotonic() + 180
     while time.monotonic() < end:

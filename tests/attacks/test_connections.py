@@ -1,4 +1,4 @@
-"""Connections that ask nothing, ask slowly, or are too many."""
+"""Connections that send nothing, send slowly, or are too many."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def test_a_document_in_chunks_of_one_byte_is_read(service: Attacked) -> None:
 
 @pytest.mark.slow
 def test_a_client_that_offers_http_2_is_answered_in_http_1(service: Attacked) -> None:
-    """As Java's client does with its first request, also with a body."""
+    """Java's client offers it with its first request, also with a body."""
     offer = b"\r\nConnection: Upgrade, HTTP2-Settings\r\nUpgrade: h2c\r\nHTTP2-Settings: AAMAAABkAAQAAP__\r\n\r\n"
     head = HEAD.replace(b"500000\r\n\r\n", b"%d" % len(DOCUMENT) + offer)
     with socket.create_connection(("127.0.0.1", service.port)) as connection:

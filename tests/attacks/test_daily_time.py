@@ -1,4 +1,4 @@
-"""The processor time of a day is charged for runs that hit their limit and for those that are cancelled."""
+"""The daily processor time includes runs that reached their limit and runs that were canceled."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def long_question(number: int) -> dict[str, Any]:
 
 
 def answered(client: httpx.Client, address: str) -> dict[str, Any]:
-    """A job when it is over."""
+    """The job after its end."""
     while (answer := client.get(address)).status_code == 202:
         time.sleep(0.1)
     found: dict[str, Any] = answer.json()
@@ -28,7 +28,7 @@ def answered(client: httpx.Client, address: str) -> dict[str, Any]:
 @pytest.mark.slow
 def test_runs_at_their_limit_and_cancelled_ones_are_charged(tmp_path: Path) -> None:
     with attacked(tmp_path, client_daily_seconds="3") as service, service.client() as alice:
-        for _ in range(2):  # made, and from memory
+        for _ in range(2):  # computed, and from memory
             assert alice.post("/v1/solve", json={"equations": "x'' = -x"}).headers["RateLimit"].startswith('"day";r=3;')
         first = alice.post("/v1/solve?time_limit=1.5", json=long_question(1), headers={"Prefer": "respond-async"})
         assert first.headers["RateLimit"].startswith('"day";r=3;t=')

@@ -1,4 +1,4 @@
-"""PostgreSQL that is killed while it writes, drops its connections, is slow or silent."""
+"""PostgreSQL is killed while it writes, drops its connections, is slow, or does not respond."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ COUNT = itertools.count()
 
 
 class Wire:
-    """Between the service and its database: it can be cut, slow, or silent."""
+    """The connection between the service and its database: it can be cut, slow, or silent."""
 
     def __init__(self, port: int) -> None:
         self._there = port
@@ -43,7 +43,7 @@ class Wire:
         threading.Thread(target=self._accept, daemon=True).start()
 
     def cut(self) -> int:
-        """Reset all connections; how many there were."""
+        """Reset all connections; return how many there were."""
         found = list(self._open)
         for each in found:
             with contextlib.suppress(OSError):
@@ -106,7 +106,7 @@ def system(k: int) -> dict[str, Any]:
 
 
 def kill(postgres: Server) -> None:
-    """SIGKILL to the server and all of its processes, and a new start."""
+    """Send SIGKILL to the server and all of its processes, and start it again."""
     first = int((postgres.folder / "data" / "postmaster.pid").read_text().split()[0])
     children = Path(f"/proc/{first}/task/{first}/children").read_text().split()
     for pid in (first, *map(int, children)):
@@ -118,7 +118,7 @@ def kill(postgres: Server) -> None:
 
 
 def answered_through(service: Attacked, lines: int, harm: Any, harms: int) -> None:
-    """A batch whose every line has its verdict once, and jobs that were acknowledged meanwhile."""
+    """Assert that every line of a batch gets its verdict once, and that jobs acknowledged during the fault are done."""
     dice, kept, done = random.Random(harms), list[str](), 0
     with Client(service.address, patience=120) as client, service.client() as other:
         batch = client.submit_batch([system(k) for k in range(lines)])

@@ -1,4 +1,4 @@
-"""Every leaf of a result, changed to something else: the check sees it, or lists it as not checked."""
+"""If any leaf of a result is changed, the check rejects it or lists the leaf as not checked."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from inverse_service.certificate import checker
 from inverse_service.service.documents import checking
 from tests.doors import rows
 
-DOCUMENTS, LEAVES, SECONDS = 100, 80, 10.0  # how many documents, of each at most so many leaves
+DOCUMENTS, LEAVES, SECONDS = 100, 80, 10.0  # the number of documents, and the most leaves of each
 VERDICTS = {"variational": "not_variational", "not_variational": "variational", "undetermined": "variational",
             "differs": "variational", "valid": "invalid"}  # fmt: skip
 
 
 def leaves(value: Any, at: str = "") -> Iterator[str]:
-    """The JSON pointers of what is no object, no list, and not null."""
+    """The JSON pointers of values that are not objects, lists, or null."""
     for key, part in value.items() if isinstance(value, dict) else enumerate(value):
         if isinstance(part, dict | list):
             yield from leaves(part, f"{at}/{key}")
@@ -31,7 +31,7 @@ def leaves(value: Any, at: str = "") -> Iterator[str]:
 
 
 def other(value: Any) -> Any:
-    """Another value of the same form."""
+    """A different value of the same type."""
     if isinstance(value, bool):
         return not value
     if isinstance(value, int | float):
@@ -51,13 +51,13 @@ def changed(result: dict[str, Any], pointer: str) -> dict[str, Any]:
     place: Any = found
     for key in path:
         place = place[key]
-    # The rows of a certificate are of an order and below: a larger one is true too.
+    # The rows of a certificate are of its order or below: a larger order is true too.
     place[last] = place[last] - 1 if last == "order" else other(place[last])
     return found
 
 
 def chosen() -> Iterator[Any]:
-    """Documents of every file of the corpus, the same ones each time, after two small ones for every day."""
+    """Documents of every file of the corpus, the same ones each time, after two small ones of the default suite."""
     for name, equations in (("yes", {"x": "-x"}), ("no", {"x": "-x - x'^2*y", "y": "-y + x'*y'"})):
         yield pytest.param({"id": name, "document": {"equations": equations}}, 20, id=name)
     listed = rows.systems()
@@ -91,7 +91,7 @@ def test_a_changed_leaf_is_seen_or_listed(row: rows.Row, most: int, monkeypatch:
     for pointer in asked:
         found = checking.check_plain(changed(result, pointer))
         if re.search(r"/certificate\w*/(near/|rows/|order)", pointer):
-            continue  # at another point, or by other rows, it is another proof of the same: nothing false is said
+            continue  # at another point, or with other rows, it is another proof of the same claim, so nothing is false
         if found["verdict"] == "valid" and not pointer.startswith(tuple(found["not_checked"])):
             unseen.append(pointer)
     print(f"{row['id']}: {len(asked)} leaves changed")

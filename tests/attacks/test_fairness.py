@@ -1,4 +1,4 @@
-"""Long jobs of one client leave short questions of others alone."""
+"""Long jobs of one client do not delay short questions of other clients."""
 
 from __future__ import annotations
 
@@ -32,5 +32,5 @@ def test_a_short_question_is_answered_while_all_workers_have_long_jobs(service: 
             assert (answer.status_code, answer.json()["verdict"]) == (200, "variational")
         counts = [job["status"] for job in alice.get("/v1/jobs").json()["jobs"] if job["status"] in ("running",)]
     assert len(counts) >= 2
-    # Half a second on a machine of its own; others use this one too.
+    # Half a second on an idle machine; other programs use this one too.
     assert sorted(seconds)[3] < 1.5

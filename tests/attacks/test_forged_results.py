@@ -1,4 +1,4 @@
-"""A result that says what is not proven is not valid, or the check names the field as one that it did not compare."""
+"""A result with an unproven claim is not valid, or the check lists the field as not compared."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def result_of(name: str) -> Document:
 
 
 def is_caught(found: Document, place: str) -> bool:
-    """Refused, or the field is among those that were not compared."""
+    """Whether the check rejects the result or lists the field as not compared."""
     named = any(f"{place}/".startswith(f"{one}/") or one.startswith(f"{place}/") for one in found["not_checked"])
     return found["verdict"] != "valid" or named
 
@@ -70,7 +70,7 @@ def test_an_honest_result_is_valid_and_stated(name: str) -> None:
 
 
 def test_a_lagrangian_that_is_wrong_on_a_ball_holds_nowhere_without_that_border() -> None:
-    """The reviewer's forgery 2.2: w > 0 everywhere but on a unit ball of the phase space."""
+    """w > 0 everywhere except on a unit ball of the phase space."""
     result = result_of("pair")
     w = "((x-2)^2+(y-2)^2+(x'-2)^2+(y'-2)^2-1)"
     text = f"x'^2/2+y'^2/2-x^2/2-y^2+x^3*(sqrt({w}^2)-{w})"
@@ -143,7 +143,7 @@ def test_the_kind_of_what_is_there_instead_is_one_of_four() -> None:
 
 
 FRICTION = {"text": "x'^2", "latex": "\\dot{x}^{2}"}
-# What is false, by the places where it stands; the first one is that of the statement.
+# False claims by their places; the first place is that of the statement.
 STATEMENTS: dict[str, tuple[str, Document]] = {
     "momenta that are exchanged": ("coupled", {"/hamiltonian/momenta": {"p_y": "x'/2", "p_x": "y'"},
                                                "/hamiltonian/text": "p_y^2+p_x^2/2+x^2/4+y^2/2-x*y/2"}),
@@ -195,7 +195,7 @@ def test_an_energy_is_stated_where_it_was_proven() -> None:
     assert "at least on an open part" in found["statement"]["text"]
 
 
-# --- forgeries of twenty kinds: each changes the places where its key stands
+# --- forgeries of twenty kinds: each changes the places of its key
 Forgery = Callable[[Any], Any]
 
 
@@ -204,7 +204,7 @@ def longer(text: Any) -> Any:
 
 
 def in_text(part: Any, pattern: str) -> Any:
-    """A formula alone, or with its LaTeX, inside another one."""
+    """A formula inserted into another one, with or without its LaTeX."""
     if isinstance(part, dict):
         return {**part, "text": pattern.format(part["text"])}
     return part and pattern.format(part)
@@ -267,7 +267,7 @@ def forged(name: str, kind: str) -> Iterator[tuple[str, Document]]:
     key, change = FORGERIES[kind]
     result = result_of(name)
     for way in places(result, key):
-        # A proof holds at other points of its cell too.
+        # A proof is also valid at other points of its cell.
         if not {*way} & {*HIDDEN} and not (key == "near" and "certificate" in way):
             twin, changed = put(result, way, change)
             if changed:

@@ -1,4 +1,4 @@
-"""Large answers cost the service one part of them at a time, whoever reads them at whatever pace."""
+"""The service holds only one part of a large answer at a time, however fast or slowly clients read it."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ MOST = 300.0
 
 @pytest.fixture(scope="module")
 def body() -> bytes:
-    """A result of 12 MB or more: one method many times, as a scene of many methods has it."""
+    """A result of 12 MB or more: one method many times, as in a scene with many methods."""
     result = simulate(SCENE, lambda report: None, 60.0)
     first = result["methods"][0]
     columns = {name: values * 4 for name, values in first["points"]["columns"].items()}
@@ -61,7 +61,7 @@ def service(tmp_path_factory: pytest.TempPathFactory, body: bytes) -> Iterator[A
 
 
 def ids(service: Attacked) -> list[str]:
-    """The batch, and one of its jobs."""
+    """The ids of the batch and of one of its jobs."""
     return Path(service.log.parent / "ids").read_text().split()
 
 

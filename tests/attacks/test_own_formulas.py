@@ -1,4 +1,4 @@
-"""A Lagrangian of one's own with a term that is zero: everywhere, or on a part of the line only."""
+"""A user's Lagrangian with a term that is zero everywhere, or only on a part of the line."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tests.doors.judge import DIGITS
 
 
 def numbers(formula: str) -> list[tuple[Point, float]]:
-    """The formula at points of the line where it is defined, none of them next to a border."""
+    """Values of the formula at points of the line where it is defined, away from borders."""
     draw, found = random.Random(3), []
     for _ in range(200):
         point = Point({"x": draw.choice((1, 4, 12)) * draw.uniform(-1, 1)})

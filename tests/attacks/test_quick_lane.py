@@ -1,4 +1,4 @@
-"""Documents whose reading does not end hold up their own client only."""
+"""Documents whose parsing does not end delay only their own client."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def test_a_document_that_does_not_end_is_refused_after_its_second(service: Attac
 def test_a_loop_that_is_held_for_a_moment_is_seen(service: Attacked) -> None:
     with Watch(service) as watch:
         os.kill(service.process.pid, signal.SIGSTOP)
-        time.sleep(1.0)  # longer than who looks may wait for a core before its first look
+        time.sleep(1.0)  # longer than the watcher may wait for a core before its first look
         os.kill(service.process.pid, signal.SIGCONT)
     assert watch.longest > FREEZE
 

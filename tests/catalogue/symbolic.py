@@ -1,4 +1,4 @@
-"""Documents of the catalogue as SymPy expressions, and their values with 40 digits."""
+"""Convert documents of the catalog to SymPy expressions, and evaluate them with 40 digits."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ DIGITS = 40
 
 
 class Reader:
-    """Formulas of one document; parameters that carry a value are replaced by it."""
+    """Formulas of one document; parameters with a value are replaced by it."""
 
     def __init__(self, document: Mapping[str, Any]) -> None:
         self.coordinates = tuple(document["coordinates"])
@@ -33,7 +33,7 @@ class Reader:
 
 
 def opaque_atoms(expressions: Iterable[sympy.Expr]) -> set[sympy.Expr]:
-    """Symbols, arbitrary functions and their derivatives: all that a point must give a value to."""
+    """Symbols, arbitrary functions, and their derivatives: everything that needs a value at a point."""
     found: set[sympy.Expr] = set()
     for expression in expressions:
         found |= expression.atoms(sympy.Derivative, sympy.core.function.AppliedUndef) | expression.free_symbols

@@ -45,7 +45,7 @@ def motion(document: dict[str, Any]) -> Motion:
 
 
 def on_constraints(found: Motion, document: dict[str, Any], point: Point) -> None:
-    """The last velocities replaced by what the constraints make of the others."""
+    """Express the last velocities by the others with the constraints."""
     names = document["coordinates"]
     a = numbers(found.constraints, point)
     m, n = a.rows, a.cols
@@ -69,7 +69,7 @@ def constrained_accelerations(found: Motion, point: Point) -> mpmath.matrix:
 
 
 def defect(name: str, seed: int, constrained: bool = True) -> mpmath.mpf:
-    """Largest difference of the accelerations at a random point, on the constraints or anywhere."""
+    """Largest difference of the accelerations at a random point, on the constraints or off them."""
     document = catalogue.document(name)
     original = catalogue.document(catalogue.entry(name)["associated_with"])
     assert document["coordinates"] == original["coordinates"]

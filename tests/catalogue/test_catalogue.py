@@ -1,4 +1,4 @@
-"""The entries are well formed, are read by the system reader, and come as copies."""
+"""The entries are well formed, the system reader accepts them, and callers get copies."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Certificates and results to judge, built without the project's engine."""
+"""Build certificates and results for the checker without the project's engine."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def multi_indices(variables: int, degree: int) -> Iterator[list[int]]:
 
 
 def all_rows(coordinates: int, variables: int, order: int) -> list[list[Any]]:
-    """Every row of the order-r system: a legitimate certificate wherever one exists at that order."""
+    """Every row of the order-r system: a valid certificate if one exists at that order."""
     rows: list[list[Any]] = []
     for i, j in combinations_with_replacement(range(coordinates), 2):
         for degree in range(order + 1):
@@ -106,7 +106,7 @@ def nonexistence(name: str, order: int, question: str = "autonomous", **content:
 def existence(
     name: str, order: int, dimensions: list[int], symbol: list[int], question: str = "autonomous", **content: Any
 ) -> Document:
-    """`symbol` is dimension, prolonged, then the characters."""
+    """`symbol` has the dimension, the prolonged dimension, and the characters."""
     parts = {"dimension": symbol[0], "prolonged": symbol[1], "characters": symbol[2:]}
     degree = len(dimensions) - 1
     return certificate(
@@ -128,13 +128,13 @@ def result(name: str, verdict: str, proof: Document | None, **content: Any) -> D
 
 
 def motion(equations: dict[str, str], velocities: object, **more: object) -> Document:
-    """A motion on constraints, as a certificate has it."""
+    """A motion on constraints in the form of a certificate."""
     dependent = list(velocities) if isinstance(velocities, dict) else []
     return {"coordinates": [*equations, *dependent], "equations": equations, "velocities": velocities, **more}
 
 
 def claim(system: Document, lagrangian: str = "", **more: object) -> Document:
-    """That this system has this Lagrangian, or what more says."""
+    """The claim that this system has this Lagrangian, with the changes in `more`."""
     head = {"format": FORMAT, "system": system, "question": "autonomous", "claim": "variational"}
     return head | ({"kind": "lagrangian", "lagrangian": lagrangian} if lagrangian else {}) | more
 
@@ -159,6 +159,6 @@ def changed(document: Document, path: str, value: Any) -> Document:
 
 
 def check_result(document: object, **_: Any) -> CheckResult:
-    """What `check` says of a result."""
+    """Check a result."""
     found = check_plain(document)
     return CheckResult(found["verdict"], tuple(found["reasons"]))

@@ -1,4 +1,4 @@
-"""Nonholonomic motions of the literature for tests, and motions given as they are."""
+"""Nonholonomic motions from the literature, and motions given by their equations."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def analyzed(document: dict[str, Any]) -> AnalyzedMotion:
 
 
 def given(free: dict[str, str], dependent: dict[str, str], parameters: tuple[str, ...] = ()) -> ConstrainedMotion:
-    """A motion from texts: accelerations of the free velocities, velocities of the others."""
+    """A motion from texts: accelerations of the independent coordinates, velocities of the dependent ones."""
     names = [*free, *dependent]
     system = read_system(names, free | dependent, parameters)
     k = len(free)

@@ -1,7 +1,7 @@
-"""The order-r system once more, column by column from its definition, for polynomial f over a prime field.
+"""Build the order-r system column by column from its definition, for polynomial f over a prime field.
 
-Another road than the checker's: each unknown L = one monomial in the displacements is put into the
-Helmholtz conditions as polynomials, and all ranks come from dense elimination.
+This method differs from the checker's: it substitutes each unknown L = one monomial in the displacements into the
+Helmholtz conditions as polynomials, and computes all ranks by dense elimination.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ def derivative(polynomial: Polynomial, a: int) -> Polynomial:
 
 
 class Reference:
-    """f(t, q…, v…) as polynomials in the displacements from a point; `timed` makes t the first of them."""
+    """f(t, q…, v…) as polynomials in the displacements from a point; with `timed`, t is the first variable."""
 
     def __init__(self, forces: Forces, n: int, timed: bool, point: list[int]) -> None:
         self.n, self.m, self.timed = n, 2 * n + timed, timed
@@ -102,7 +102,7 @@ class Reference:
         return found
 
     def unknowns(self, order: int) -> list[tuple[int, ...]]:
-        """Monomials of L, those of the lowest degree first."""
+        """Monomials of L in ascending degree."""
         keys = [
             tuple(chosen.count(a) for a in range(self.m))
             for degree in range(2, order + 3)
@@ -111,7 +111,7 @@ class Reference:
         return [key for key in keys if sum(key[self.m - self.n :]) >= 2]
 
     def dimensions(self, order: int) -> list[int]:
-        """D_0 … D_order: of the projections to degree <= k of the solutions of the order-r system.
+        """D_0 … D_order: dimensions of the projections to degree <= k of the solutions of the order-r system.
 
         dim of the projection = dim of all solutions - dim of those that vanish up to degree k.
         """

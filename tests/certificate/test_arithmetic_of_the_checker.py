@@ -1,4 +1,4 @@
-"""Numbers of the checker: no error is too small to be seen, no rounding error a consequence."""
+"""The checker detects arbitrarily small errors and never takes a rounding error for a consequence."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def test_functions_have_at_most_six_arguments(count: int, verdict: str) -> None:
 
 
 def test_related_functions_leave_no_consequence_of_their_rounding_errors() -> None:
-    """(sin^2 + cos^2 - 1) x'^2 y' and the like is zero to all digits: a harmonic oscillator stays what it is."""
+    """(sin^2 + cos^2 - 1) x'^2 y' and similar terms are zero to all digits, so the oscillator is unchanged."""
     zero = "(sin(3*x)^2+cos(3*x)^2-1)"
     system = {"coordinates": ["x", "y"], "equations": {"x": f"-x+{zero}*x'^2*y'", "y": f"-2*y+{zero}*exp(x)*y'^3"}}
     claim = {"format": "inverse-service/certificate/2", "system": system, "question": "autonomous"}

@@ -1,4 +1,4 @@
-"""The bounds that FORMAT.md names: what reaches them is read, what is one beyond them is refused, and as such."""
+"""The bounds in FORMAT.md: values at a bound are accepted; values one beyond it are rejected for that reason."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def test_a_kind_claims_one_verdict_only(kind: str) -> None:
 
 
 def read_beside(text: str) -> CheckResult:
-    """The formula is read, and means nothing."""
+    """Add the formula without effect on the claim, so that it is parsed."""
     return checked(lagrangian("free", f"x'^2/2 + 0*({text})", near={"x": "2"}))
 
 
@@ -86,7 +86,7 @@ def read_beside(text: str) -> CheckResult:
     ],
 )
 def test_a_degree_of_2_to_the_20_is_the_highest_that_anything_has_which_is_tested(within: str, beyond: str) -> None:
-    """The chance of Lemma 2 is the degree by the prime."""
+    """The probability in Lemma 2 is the degree divided by the prime."""
     assert read_beside(within).verdict == "valid"
     found = read_beside(beyond)
     assert found.verdict == "incomplete"

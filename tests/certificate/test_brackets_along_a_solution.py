@@ -1,4 +1,4 @@
-"""Claims from the brackets along one solution, and the series that the checker makes of them."""
+"""Claims from brackets along one solution, and the series that the checker computes for them."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ CHAINED = {
     "lagrangian": "(x'^2+y'^2+a'^2+b'^2+c'^2+d'^2)/2 - x^2 - a*b",
     "constraints": ["a'-y*x'", "b'-a*x'", "c'-b*x'", "d'-c*x'"],
 }
-# Of the sleigh (m = 1): v' = a w^2, w' = -a v w/(J + a^2), here with a = J = 1.
+# The sleigh (m = 1): v' = a w^2, w' = -a v w/(J + a^2), here with a = J = 1.
 SLEIGH = {
     "coordinates": ["phi", "x", "y"],
     "equations": {"phi": "-x'*phi'/(2*cos(phi))", "x": "cos(phi)*phi'^2 - tan(phi)*phi'*x'"},
@@ -41,7 +41,7 @@ HEAD = {
     "claim": "not_variational",
     "kind": "nonexistence",
 }
-# Of every kind of formula, one with the time, and one with a parameter and more than eight variables.
+# One motion for every kind of formula, one with time, and one with a parameter and more than eight variables.
 MOTIONS = (
     SLEIGH,
     {
@@ -74,7 +74,7 @@ def verdict(system: Document, along: Any, **more: Any) -> str:
 
 
 def texts(system: Document) -> list[str]:
-    """In the order of the components of the motion, the velocities called Dx."""
+    """Formulas in the order of the components of the motion; the velocity of x is named Dx."""
     found = [*system["velocities"].values(), *system["equations"].values()]
     for name in system["equations"]:
         found = [text.replace(f"{name}'", f"D{name}") for text in found]
@@ -82,7 +82,7 @@ def texts(system: Document) -> list[str]:
 
 
 def brackets(system: Document, last: int) -> tuple[list[sympy.Symbol], list[list[sympy.Matrix]]]:
-    """By SymPy: the variables and t, and (ad Gamma)^j d/du^i for each i and j."""
+    """Compute with SymPy the variables and t, and (ad Gamma)^j d/du^i for each i and j."""
     names = [*system["coordinates"], *(f"D{name}" for name in system["equations"])]
     *own, clock = (sympy.Symbol(name) for name in (*names, "t"))
     table = dict(zip((*names, "t"), (*own, clock), strict=True)) | {"c": sympy.Rational(PARAMETER)}
@@ -125,7 +125,7 @@ def test_the_series_of_the_flow_are_the_iterated_brackets_that_sympy_finds(syste
 
 @pytest.mark.slow
 def test_the_chained_form_with_a_potential_is_refused_at_the_door_with_a_valid_proof() -> None:
-    """Eight coordinates on the constraints, where order 10 of prolongation leaves it open."""
+    """Eight coordinates on the constraints, undecided at prolongation order 10."""
     result = solve_document(CHAINED | {"associated": "any"}, SolveOptions(time_limit=100))
     answer = result["any_associated"]
     assert (answer["verdict"], answer["verdict_with_time"]) == ("not_variational", "not_variational")

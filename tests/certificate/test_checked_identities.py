@@ -1,4 +1,4 @@
-"""Proofs as identities are checked over the rationals, exactly, by `check`."""
+"""`check` verifies proofs by identities exactly over the rationals."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from inverse_service.explanation.coq import proof_document
 from inverse_service.service.documents.checking import check_document
 
 Document = dict[str, Any]
-# x = 0 and y x + z = 0 give z = 0, and z^2 w = 0 with w not zero gives nothing more.
+# x = 0 and y x + z = 0 give z = 0, and z^2 w = 0 with nonzero w gives nothing new.
 PROOF: Document = {
     "theorem": "z_is_zero",
     "relations": {"rel1": "x"},

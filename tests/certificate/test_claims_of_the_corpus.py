@@ -1,4 +1,4 @@
-"""Certificates of the corpus, true ones and forgeries, are judged as is known."""
+"""The checker gives the known verdict for true and forged certificates of the corpus."""
 
 from __future__ import annotations
 

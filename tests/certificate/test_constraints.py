@@ -1,4 +1,4 @@
-"""Claims about motions on constraints: right ones are valid, altered ones are not."""
+"""Correct claims about motions on constraints are valid; altered claims are not."""
 
 from __future__ import annotations
 
@@ -121,7 +121,7 @@ def test_existence_is_proven_by_an_involutive_system() -> None:
 
 
 def test_without_dependent_coordinates_it_is_the_inverse_problem() -> None:
-    """The same claim with velocities that are none: what has no Lagrangian has none."""
+    """The claim without dependent velocities: a system without a Lagrangian has none here either."""
     analyzed = analyze_motion(given({"x": "x*y'", "y": "y*x'^2"}, {}))
     found = decide_motion(analyzed, False, 1, float("inf"), lambda _: None)
     proof = existence.of_finding(analyzed, found, False)

@@ -36,7 +36,7 @@ def test_other_pivots_at_another_point_settle_nothing(other: list[Any]) -> None:
 
 
 def with_sizes(monkeypatch: pytest.MonkeyPatch, document: Document, *symbols: Symbol) -> CheckResult:
-    """The verdict where the symbol has these sizes, at one point after the other."""
+    """The verdict if the symbol has these sizes at the successive points."""
     found, plain = itertools.cycle(symbols), question.sr.symbol_of
     monkeypatch.setattr(question.sr, "symbol_of", lambda *parts: (next(found), plain(*parts)[1]))
     return check_certificate(document, seed=1)
@@ -56,7 +56,7 @@ def test_a_symbol_of_other_dimensions_at_another_point_settles_nothing(monkeypat
 @pytest.mark.slow
 @pytest.mark.parametrize(("factor", "verdict"), [("cos(pi/61)", "valid"), ("{zero}", "incomplete")])
 def test_rows_that_a_hidden_zero_makes_dependent_refute_nothing(factor: str, verdict: str) -> None:
-    """The number is 0, which is not seen for so fine a part of pi: the system is that of free motion."""
+    """The number is 0, which the checker cannot see for such a small part of pi: the motion is free."""
     zero = "(1+2*(" + "+".join(f"cos({k}*2*pi/61)" for k in range(1, 31)) + "))"
     equations = {"x": f"{factor.format(zero=zero)}*(x^2+y^2)", "y": "0"}
     document = changed(nonexistence("douglas-IIIb", 2), "system.equations", equations)
@@ -64,7 +64,7 @@ def test_rows_that_a_hidden_zero_makes_dependent_refute_nothing(factor: str, ver
 
 
 class Unlucky(random.Random):
-    """Draws the same numbers for the first directions."""
+    """A generator that draws the same numbers for the first directions."""
 
     left = 16
 

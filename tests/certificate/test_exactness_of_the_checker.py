@@ -1,4 +1,4 @@
-"""What the checker promises of its own numbers: its primes, its digits, its bounds, the meaning of incomplete."""
+"""The guarantees of the checker's arithmetic: primes, digits, bounds, and the meaning of incomplete."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tests.certificate.documents import Document, changed, existence, lagrangian
 
 @pytest.fixture
 def drawn(monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """The prime of each arithmetic that a check makes, 0 of balls."""
+    """The prime of each arithmetic that a check uses, 0 for balls."""
     made: list[int] = []
 
     class NotedResidues(Residues):
@@ -47,7 +47,7 @@ def test_rational_documents_are_judged_modulo_random_primes_of_61_bits(
 ) -> None:
     for seed in range(4):
         assert check_certificate(document, seed=seed).verdict == "valid"
-    assert len(set(drawn)) == len(drawn) == 4 * (count + 1)  # the first only sees that f is defined
+    assert len(set(drawn)) == len(drawn) == 4 * (count + 1)  # the first only tests that f is defined
     assert all(prime.bit_length() == 61 and fmpz(prime).is_probable_prime() for prime in drawn)
 
 
@@ -112,7 +112,7 @@ def test_degrees_and_heights_beyond_the_bounds_make_incomplete(text: str) -> Non
 
 @pytest.mark.parametrize("other", ["", " + 0*sin(x)"])
 def test_a_declared_function_is_taken_at_numbers_of_any_length(other: str) -> None:
-    """Of 16,000 digits, which Python does not write down."""
+    """Numbers of 16,000 digits, which Python does not convert to text."""
     document = lagrangian("free", f"x'^2/2 + 0*A(((10^400)^20)^2){other}")
     document["system"]["functions"] = {"A": ["x"]}
     assert check_certificate(document, seed=1).verdict == "valid"

@@ -70,7 +70,7 @@ def test_right_data_are_valid(name: str, order: int, dimensions: list[int], symb
 def test_the_right_data_are_those_of_the_definition(
     name: str, order: int, dimensions: list[int], symbol: list[int], question: str
 ) -> None:
-    """The reference finds the dimensions, and, one order on, the growth that the characters foretell."""
+    """The reference finds the dimensions and, at the next order, the growth that the characters predict."""
     n = len(existence(name, order, dimensions, symbol)["system"]["coordinates"])
     reference = Reference(REFERENCES[name], n, question == TIMED, [3, 5, 7, 11, 13][: 2 * n + (question == TIMED)])
     degree = len(dimensions) - 1
@@ -183,7 +183,7 @@ def test_a_series_that_is_no_regular_solution_is_refused(prime: int | None, path
 
 @pytest.mark.slow
 def test_ranks_that_a_hidden_zero_makes_smaller_are_not_proven() -> None:
-    """The number is 0, which is not seen for so fine a part of pi; what is left has more multipliers."""
+    """The number is 0, which the checker cannot see for such a small part of pi; the system has more multipliers."""
     zero = "(1+2*(" + "+".join(f"cos({k}*2*pi/61)" for k in range(1, 31)) + "))"
     right = existence("henon-heiles", 2, [1, 1], [0, 0])
     for factor, verdict in (("cos(pi/61)", "valid"), (zero, "incomplete")):

@@ -1,4 +1,4 @@
-"""Equations that are too long to be solved, each divided by a constant: the certificate names the factors."""
+"""For equations that are too long to solve, each divided by a constant, the certificate names the factors."""
 
 from __future__ import annotations
 

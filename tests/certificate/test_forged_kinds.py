@@ -1,4 +1,4 @@
-"""What a result says of kinds of Lagrangians is what its certificates prove."""
+"""A result claims about kinds of Lagrangians only what its certificates prove."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a result says of a motion on constraints is what its certificates prove."""
+"""A result claims about a motion on constraints only what its certificates prove."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""Certificates made to deceive: none of them is valid, at any point, scale, precision or form of the text.
+"""Deceptive certificates: none is valid, at any point, scale, precision, or form of the text.
 
-Three families of false claims, each with every trick: a term that is not zero but looks so (to reals of any number
-of digits, at one chosen root, modulo a known prime), a term that is zero but does not look so, and points far away.
+Three families of false claims, each with every trick: a nonzero term that looks like zero (to reals of any number of
+digits, at one chosen root, modulo a known prime), a zero term that does not look like zero, and points far away.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ def about(equations: dict[str, str], near: dict[str, str], **content: object) ->
 @pytest.mark.slow
 @pytest.mark.parametrize("trick", TINY)
 def test_a_term_that_looks_like_zero_is_none(trick: str) -> None:
-    """Two oscillators with a coupling that has no Lagrangian, times what looks like zero."""
+    """Two oscillators with a coupling that has no Lagrangian, times a term that looks like zero."""
     text, near = TINY[trick]
     equations = {"x": f"-x+({text})*y", "y": f"-2*y+({text})*x'*x"}
     claim = {"claim": "variational", "kind": "lagrangian", "lagrangian": "(x'^2-x^2)/2+y'^2/2-y^2"}
@@ -47,7 +47,7 @@ def test_a_false_lagrangian_times_what_looks_like_zero_is_refused(trick: str) ->
 @pytest.mark.parametrize("trick", HIDDEN)
 @pytest.mark.parametrize("order", [1, 2])
 def test_a_term_that_is_zero_excludes_nothing(trick: str, order: int) -> None:
-    """With the term these are two oscillators, whatever a coupling by something else would be."""
+    """The coupling is multiplied by the zero term, so these are two uncoupled oscillators."""
     text, near = HIDDEN[trick]
     equations = {"x": f"-x-({text})*y'", "y": f"-2*y+({text})*x*x'"}
     rows = all_rows(2, 4, order)
@@ -112,7 +112,7 @@ SQUARE = {"x": "(sqrt(x^2)-x)*y'", "y": "0"}
         ({"roots": [{"root": "sqrt(x^2)", "is": "x+1/10^300"}]}, "incomplete"),
         ({"roots": [{"root": "sqrt(x^2)", "is": "2*x"}]}, "invalid"),
         ({"roots": [{"root": "0*y", "is": "x"}]}, "invalid"),
-        # What holds is no root, so x would be positive at the point only, and U is all of the plane.
+        # No root restricts x, so x would be positive at the point only, and U is the whole plane.
         *(
             ({"roots": [{"root": root, "is": "x"}]}, "invalid")
             for root in (
@@ -154,7 +154,7 @@ def test_a_certificate_of_format_1_proves_too_little() -> None:
 def test_forgeries_put_together_at_random_are_refused() -> None:
     """Sums and products of tricks, at points of all sizes."""
     chance, names = random.Random(7), list(TINY)
-    # A formula of another branch is zero there, and the claim true: one at most, and it keeps its place.
+    # A formula of another branch is zero there, and the claim is true: at most one, in its place.
     single = names[: names.index("the other branch of a square root")]
     for _ in range(400):
         first, second = TINY[chance.choice(names)], TINY[chance.choice(single)]
@@ -165,7 +165,7 @@ def test_forgeries_put_together_at_random_are_refused() -> None:
         assert check_certificate(about(equations, near, **claim)).verdict != "valid", (text, near)
 
 
-ROOTS = [  # a factor, the inequalities, whether it is zero: of roots that are products of roots
+ROOTS = [  # a factor, the inequalities, whether it is zero: for roots that are products of roots
     ("sqrt(1-x^2) - sqrt(1-x)*sqrt(1+x)", ["x < 1", "x > -1"], True),
     ("sqrt(1-x^2) + sqrt(1-x)*sqrt(1+x)", ["x < 1", "x > -1"], False),
     ("sqrt((x-1)^2) - x + 1", ["x > 1"], True),

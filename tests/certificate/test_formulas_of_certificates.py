@@ -70,7 +70,7 @@ def test_a_hundred_levels_of_nesting_are_read(text: str) -> None:
 
 
 def test_the_two_ways_of_writing_partial_derivatives_agree() -> None:
-    """x'' = B_x(x, y), y'' = B_y(x, y) has L = T + B; of B(x, 2 y) and B(x + y, x - y) the chain rule makes it."""
+    """x'' = B_x(x, y), y'' = B_y(x, y) has L = T + B; for B(x, 2 y) and B(x + y, x - y) the chain rule applies."""
     document = lagrangian("free-pair", "(x'^2 + y'^2)/2 + B(x, y)")
     document["system"]["functions"] = {"B": ["u", "w"]}
     for right in ({"x": "diff(B(x, y), x)", "y": "diff( B( x , y ) , y )"}, {"x": "B[1,0](x, y)", "y": "B[0,1](x, y)"}):
@@ -86,7 +86,7 @@ def test_the_two_ways_of_writing_partial_derivatives_agree() -> None:
 
 
 def test_one_function_at_equal_arguments_is_one_number_however_they_are_written() -> None:
-    """In real numbers too, where equal arguments differ in the last digits."""
+    """This holds in real numbers too, where equal arguments differ in the last digits."""
     document = lagrangian("free", "x'^2/2 + A(x*sin(x)^2 + x*cos(x)^2) - A(x)")
     document["system"]["functions"] = {"A": ["u"]}
     assert check_certificate(document, seed=1).verdict == "valid"

@@ -1,4 +1,4 @@
-"""How atoms come from others is guessed: a right guess makes true documents valid, a wrong one proves nothing."""
+"""The checker guesses relations of atoms: a right guess makes true documents valid, a wrong one proves nothing."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tests.certificate.test_primes_and_choices import question
 
 
 def verdict(difference: str) -> str:
-    """Of the claim that x'^2/2 and more that vanishes is a Lagrangian of free motion."""
+    """The verdict on the claim that x'^2/2 plus vanishing terms is a Lagrangian of free motion."""
     return check_certificate(lagrangian("free", f"x'^2/2 + x^2*({difference})", near={"x": "2"}), seed=1).verdict
 
 
@@ -50,7 +50,7 @@ def test_primes_have_the_roots_of_numbers_that_a_formula_holds(formula: str, deg
 
 @pytest.mark.parametrize("formula", ["exp(x)", "sin(x)"])
 def test_where_only_the_point_itself_can_be_reached_nothing_is_settled(formula: str) -> None:
-    """At x = 0 alone x seems to be 0, so that the relations that are guessed are none."""
+    """At x = 0 alone x seems to be 0, so the guessed relations are false."""
     document = lagrangian("free", f"x'^2/2 + 0*{formula}", near={"x": "0"}, conditions=["1/10^40 - x^2 > 0"])
     assert check_certificate(document, seed=1).verdict == "incomplete"
 
@@ -86,7 +86,7 @@ def test_a_multiple_of_pi_is_the_only_one_in_a_ball_whatever_its_middle_says(rad
 
 
 def test_a_number_that_is_huge_or_tiny_is_not_written_down() -> None:
-    """It would fill the memory: exp(exp(60)) has 10^26 digits."""
+    """Its digits would fill the memory: exp(exp(60)) has 10^26 of them."""
     for exponent in (30_000, -30_000):
         assert exactly(arb(2) ** exponent) == exactly(-(arb(2) ** exponent)) == 0
     assert exactly(arb(2) ** -10_000) == Fraction(1, 2**10_000)

@@ -1,4 +1,4 @@
-"""Whatever is handed to the checker, it answers with a verdict and a sentence, and soon."""
+"""The checker answers any input promptly with a verdict and a sentence."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def documents() -> list[Document]:
 
 
 def paths(value: Any, path: str = "") -> list[str]:
-    """The dotted paths of all members, at most three of each list."""
+    """The dotted paths of all members, with at most three of each list."""
     members: list[tuple[Any, Any]] = list(enumerate(value))[:3] if isinstance(value, list) else []
     members = list(value.items()) if isinstance(value, dict) else members
     found: list[str] = []
@@ -87,7 +87,7 @@ def paths(value: Any, path: str = "") -> list[str]:
 @pytest.mark.parametrize("number", [0, 1, 2])
 @pytest.mark.parametrize("value", [None, True, -1, 10**6, 0.5, "", "\x00", "x y", [], [None], {}, {"x": 1}])
 def test_no_member_may_be_anything_else(number: int, value: Any) -> None:
-    """A verdict always; never "valid", unless the replaced part may be left out or left alone."""
+    """There is always a verdict, and never "valid" unless the replaced part is optional or unused."""
     document = documents()[number]
     free = {"near", "near.x", "system.parameters", "system.functions", "symbol.characters", "lagrangian"}
     for path in paths(document):
@@ -128,7 +128,7 @@ def test_a_system_that_is_none_is_refused(key: str, value: Any) -> None:
 
 
 def test_large_work_ends_at_the_time_limit() -> None:
-    """Many coordinates at a high order, and formulas whose series are dense."""
+    """Many coordinates at a high order, and formulas with dense series."""
     names = [f"x{k}" for k in range(8)]
     system = {"coordinates": names, "equations": {name: f"1/({'+'.join(names)})^3" for name in names}}
     document = {**existence("henon-heiles", 3, [1, 1], [0, 0]), "system": system}

@@ -1,4 +1,4 @@
-"""The rows and matrices of claims about kinds say what the mathematics says: each false one beside a true one."""
+"""The rows and matrices of claims about kinds agree with the mathematics: each false claim next to a true one."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def definite(lagrangian: str, /, *forces: str, **more: object) -> Document:
     return claim("positive_definite", lagrangian, *forces, **{"near": PLACE, **more})
 
 
-# u'' = (1 - u^2) u' - u, w'' = -2 w for u = x + y, w = y: what is left is g = a du^2 + b dw^2.
+# u'' = (1 - u^2) u' - u, w'' = -2 w for u = x + y, w = y: the remaining g is a du^2 + b dw^2.
 COUPLED = ("(1 - (x + y)^2)*(x' + y') - (x + y) + 2*y", "-2*y")
 LEFT = {"kind": "existence", "order": 2, "degree": 1, "dimensions": [2, 4],
         "symbol": {"dimension": 2, "prolonged": 2, "characters": [2, 0, 0, 0]}}  # fmt: skip
@@ -83,7 +83,7 @@ def test_a_definite_matrix_that_is_left_proves_existence(matrix: Any) -> None:
 @pytest.mark.parametrize(
     "matrix",
     [
-        [[1, 0], [0, 1]], [[1, "1/2"], ["1/2", 3]], [[2, 1], [1, 3]], [["1/2", 1], [1, 3]],  # not left
+        [[1, 0], [0, 1]], [[1, "1/2"], ["1/2", 3]], [[2, 1], [1, 3]], [["1/2", 1], [1, 3]],  # excluded
         [[1, 1], [1, 1]], [[1, 1], [1, "1/2"]], [[-1, -1], [-1, -3]], [[0, 0], [0, 1]], [[0, 0], [0, 0]],  # indefinite
         [[1, 1], [0, 3]], [[1, 0], [1, 3]], [[1, 1]], [[1]], [],
     ],
@@ -112,7 +112,7 @@ def test_where_the_place_is_not_whole_nothing_definite_is_proven() -> None:
 
 
 def test_what_holds_at_the_place_alone_proves_nothing() -> None:
-    """At x = 1 these look like free particles to the twelfth order; no Lagrangian is theirs."""
+    """At x = 1 these look like free particles to the twelfth order, but they have no Lagrangian."""
     special = ("(x - 1)^12*(x^2 + y^2)", "0")
     assert verdict(definite("", *special, **FLAT, multiplier=[[1, 0], [0, 1]])) == "incomplete"
     assert verdict(definite("x'^2/2 + y'^2/2", *special)) == "invalid"
@@ -160,7 +160,7 @@ NATURAL_L, FRICTION = "((1 + y^2*z)*x'^2 + (1 + z^2)*y'^2 + z'^2)/2", "x'*y'*y/2
 
 
 def test_the_rows_of_friction_vanish_on_an_l_with_friction() -> None:
-    """Each of C, D and K is 0 on the derivatives of L at a point, and most are not on those of another L."""
+    """Each of C, D, and K is 0 on the derivatives of L at a point, and most are nonzero on those of another L."""
     assert verdict(claim("rayleigh", NATURAL_L, *DISSIPATIVE, dissipation=FRICTION)) == "valid"
     given = claim("rayleigh", "", *DISSIPATIVE, kind="existence", near=POINT)
     asked = OfKind(Tools(random.Random(1), time.thread_time() + 60), given["system"], False, given)
@@ -182,7 +182,7 @@ def test_friction_of_one_coordinate_leaves_every_l() -> None:
     assert verdict(claim(GENERAL, "", "-x - x'^3", **data)) == "valid"
 
 
-# L = exp(x y) x'^4/y'^2 of degree 2 in the velocities; the trace of the curvature is no symmetric one.
+# L = exp(x y) x'^4/y'^2 of degree 2 in the velocities; the trace of the curvature is not symmetric.
 ONLY_FINSLER = ("-y*x'^2/4", "x*y'^2/2")
 
 

@@ -1,4 +1,4 @@
-"""Attacks that a review made on the checker of format 1, with their numbers, and those found on that of format 2."""
+"""Known attacks on the checker of format 1, with their numbers, and on that of format 2."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def result_of(one: Document) -> Document:
             "certificate": one, **shown}  # fmt: skip
 
 
-# --- 1.1, 1.2: dimensions of a system whose first derivatives seem to vanish beside a huge coordinate
+# --- 1.1, 1.2: dimensions of a system whose first derivatives seem to vanish relative to a huge coordinate
 DIMENSIONS = {"order": 1, "degree": 1, "dimensions": [3, 10],
               "symbol": {"dimension": 7, "prolonged": 12, "characters": [3, 3, 1, 0]}}  # fmt: skip
 FAR_AWAY = [
@@ -92,7 +92,7 @@ FREE = {"x": f"-(1-{D})*y' + 0*exp(1)", "y": "-y"}
     ("true", "forged", "near"), [(DECOUPLED, BELL, {"x": "20"}), (DAMPED, FREE, {})], ids=["1.4", "1.5"]
 )
 def test_rows_of_another_system_prove_nothing(true: Document, forged: Document, near: Document) -> None:
-    """The same rows do prove it of the other system, so they are no straw men."""
+    """The same rows prove the claim for the other system, so the test is meaningful."""
     verdicts = []
     for order in (1, 2, 3):
         claim = {"order": order, "rows": all_rows(2, 4, order), "near": near}
@@ -101,7 +101,7 @@ def test_rows_of_another_system_prove_nothing(true: Document, forged: Document, 
     assert "valid" in verdicts
 
 
-# --- 1.6: a document that is almost the one of the certificate
+# --- 1.6: a document that is almost that of the certificate
 def test_a_document_that_differs_by_little_is_another() -> None:
     honest = of_lagrangian("-x*sqrt(1+x^2)", "-2*y", "x'^2/2-(1+x^2)^(3/2)/3+y'^2/2-y^2", near={"x": "30"})
     given = {"equations": {"x": "-x*sqrt(1+x^2)+y'*exp(-x^2)", "y": "-2*y+exp(-x^2)*x"}}
@@ -118,7 +118,7 @@ TIMED = {"question": "time_dependent"}
 
 
 def test_an_integral_may_hold_those_before_it_only() -> None:
-    """F'' = 1 + x'^2 by way of F' = G."""
+    """F'' = 1 + x'^2 through F' = G."""
     first, second = integral("1+x'^2", "x'")["F"], integral("G(x')", "x'")["F"]
     made = of_lagrangian("-1/(1+x'^2)", "0", "F(x')-x+y'^2")
     assert check_certificate({**made, "integrals": {"G": first, "F": second}}).verdict == "valid"
@@ -194,7 +194,7 @@ def test_no_oddity_at_any_place_ends_in_an_exception(name: str) -> None:
 
 
 def test_no_load_of_the_machine_decides(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A clock on which each look is a minute later is not asked."""
+    """The check does not use a clock that advances a minute per call."""
     minutes = itertools.count(0, 60)
     monkeypatch.setattr("time.monotonic", lambda: float(next(minutes)))
     one = result_of(of_lagrangian("-x", "-y", "x'^2+y'^2-x^2-y^2"))

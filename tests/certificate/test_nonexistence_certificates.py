@@ -51,7 +51,7 @@ def test_systems_with_a_multiplier_left_are_not_refuted(name: str, order: int, q
 
 
 def test_sin_2u_is_not_independent_of_sin_u() -> None:
-    """With a function S(u) of its own in the place of sin(2 u) the rows refute; with sin(2 u) they do not."""
+    """With an independent function S(u) instead of sin(2 u) the rows refute; with sin(2 u) they do not."""
     trap = nonexistence("spherical-pendulum", 2)
     independent = changed(trap, "system.equations.u", "S(u)/2*w'^2 - G*sin(u)")
     independent["system"]["functions"] = {"S": ["u"]}
@@ -70,7 +70,7 @@ def test_sin_2u_is_not_independent_of_sin_u() -> None:
     ],
 )
 def test_dependent_atoms_refute_nothing(written: str, meant: str) -> None:
-    """The system is x'' = y, y'' = x, which has a Lagrangian, in disguise."""
+    """The system is a disguised x'' = y, y'' = x, which has a Lagrangian."""
     document = nonexistence("henon-heiles", 3)
     extra = f"({written} - {meant})"
     document["system"]["equations"] = {"x": f"y + {extra}*x'*y", "y": f"x - {extra}*y'^2"}
@@ -169,7 +169,7 @@ def test_the_verdict_does_not_hang_on_the_seed() -> None:
 
 
 def test_seven_rows_of_h3_alone_suffice_and_six_do_not() -> None:
-    """Phi is expanded as far as H3 needs it even where no row of H2 is named."""
+    """Phi is expanded as far as H3 needs it even if no row of H2 is listed."""
     first = [(0, 1), (0, 2), (0, 3), (1, 2)]
     rows = [["H3", i, j, [0] * 8] for i, j in first]
     rows += [["H3", i, j, [int(a == b) for b in range(8)]] for i, j, a in ((1, 2, 7), (1, 3, 6), (2, 3, 5))]

@@ -1,4 +1,4 @@
-"""Documents that are right but for one thing: that one is seen, and named; and right ones at the very edge."""
+"""In documents with one error the checker finds and names it; correct documents at the bounds are valid."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ PRIME = 2**61 - 1
 
 
 def on(document: Document, equations: dict[str, str], **parts: Any) -> Document:
-    """The document about another system."""
+    """The document for another system."""
     system = {"coordinates": list(equations), "equations": equations, **parts}
     return {**document, "system": system}
 
@@ -68,7 +68,7 @@ def test_derivatives_of_order_twenty_are_read(text: str) -> None:
     ("before", "behind"), [("(", ")"), ("-(", ")"), ("sin(", ")"), ("B(x, ", ")"), ("B(", ", x)"), ("2^(x+", ")")]
 )
 def test_two_hundred_brackets_inside_each_other_are_the_most(before: str, behind: str) -> None:
-    """The factor 0 has one pair of its own; an exponent counts twice, as power and as bracket."""
+    """The factor 0 has its own pair; an exponent counts twice, as power and as bracket."""
     most = 99 if before.startswith("2^") else 199
     assert verdict(with_function(before * most + "x" + behind * most)) in ("valid", "incomplete")
     found = check_certificate(with_function(before * (most + 2) + "x" + behind * (most + 2)), seed=1)
@@ -120,7 +120,7 @@ def test_a_domain_of_a_thousandth_is_found_where_the_certificate_says() -> None:
 
 
 def test_t_in_a_lagrangian_is_no_constant() -> None:
-    """Were it one, t x'^2 would be a Lagrangian of x'' = 0."""
+    """If t were a constant, t x'^2 would be a Lagrangian of x'' = 0."""
     assert "contains t" in reason(lagrangian("free", "t*x'^2"))
     assert "does not hold" in reason(lagrangian("free", "t*x'^2", TIMED))
 
@@ -206,7 +206,7 @@ def test_symbols_whose_equations_have_several_terms_are_right(
 
 
 def symbol_of(*kept: list[int]) -> Symbol:
-    """Dimension, that of the prolongation and characters of the symbol of degree 2 with just these monomials of L."""
+    """Dimension, prolonged dimension, and characters of the symbol of degree 2 with just these monomials of L."""
     system = existence("free-pair", 2, [], [0, 0])["system"]
     question = Question(Tools(random.Random(1), float("inf")), system, timed=False)
     question.prepare(lambda ring: None)
@@ -230,12 +230,12 @@ def symbol_of(*kept: list[int]) -> Symbol:
     ],
 )
 def test_symbols_have_their_dimensions(kept: list[list[int]], sizes: Symbol) -> None:
-    """All of x^2, of x^2 and x y, and of all squares, times x'^2: these are involutive."""
+    """The spans of x^2, of x^2 and x y, and of all squares, times x'^2, are involutive."""
     assert symbol_of(*kept) == sizes
 
 
 def test_a_symbol_that_is_not_involutive_has_too_small_a_prolongation() -> None:
-    """x y x'^2 alone: no cubic has all its derivatives in it, but one derivative kills it not yet."""
+    """x y x'^2 alone: no cubic has all its derivatives in the span, but one derivative does not annihilate it."""
     assert symbol_of([1, 1, 2, 0]) == Symbol(1, 0, (1, 0, 0, 0))
 
 
@@ -243,7 +243,7 @@ EXPONENTIAL = {"x": "-pi*x'^2/2"}  # g = exp(pi x): L = exp(pi x) x'^2/2 solves 
 
 
 def exponential_series(prime: int) -> Document:
-    """L = (1 + k x + k^2 x^2/2) w^2/2 about x = 0, x' = 1 + w, with k = 5 in the place of pi."""
+    """L = (1 + k x + k^2 x^2/2) w^2/2 about x = 0, x' = 1 + w, with k = 5 instead of pi."""
     point = {"x": "0", "x'": "1", "pi": "5"}
     terms = [[[0, 2], "1/2"], [[1, 2], "5/2"], [[2, 2], "25/4"]]
     series = {"order": 2, "point": point, "terms": terms, "prime": prime}

@@ -1,4 +1,4 @@
-"""A formula without a value at single points makes nothing invalid; one without a value on an open set does."""
+"""A formula undefined at single points keeps a claim valid; a formula undefined on an open set does not."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tests.certificate.test_known_attacks import of_lagrangian, result_of
 
 
 class Zeros(random.Random):
-    """Every third number is 0."""
+    """A generator whose every third number is 0."""
 
     count = 0
 

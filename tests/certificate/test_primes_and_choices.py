@@ -1,4 +1,4 @@
-"""What Lemma 2 of FORMAT.md asks of primes, and which choices of the roots are tried."""
+"""The requirements of Lemma 2 of FORMAT.md for primes, and the choices of roots that the checker tries."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from inverse_service.certificate.question import Question, Tools
 
 
 def question(formula: str = "x", near: str = "2") -> Any:
-    """About one equation, with this formula read beside it."""
+    """A question about one equation that also parses this formula."""
     tools = Tools(random.Random(1), time.thread_time() + 60)
     asked = Question(tools, {"coordinates": ["x"], "equations": {"x": "0"}}, True, {"near": {"x": near, "x'": "3"}})
     tokens = read_tokens(formula, "formula")
@@ -24,7 +24,7 @@ def question(formula: str = "x", near: str = "2") -> Any:
 
 
 def planned(turn: int, roots: int, primes: dict[int, int]) -> Any:
-    """Where e^(pi i/turn), roots of this degree of a function, and those of prime numbers are needed."""
+    """The plan for e^(pi i/turn), roots of this degree of a function, and roots of prime numbers."""
     asked = question()
     asked.plan = Plan([[]], 192)
     asked.plan.pairs = [Pair(False, False, 1), Pair(True, False, 1), Pair(True, False, -1, turn),

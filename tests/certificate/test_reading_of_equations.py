@@ -1,4 +1,4 @@
-"""What the checker's reader makes of equations: where accelerations may stand, how much a list may hold, what binds."""
+"""The checker's reader of equations: places of accelerations, sizes of lists, and operator precedence."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ DEGREES = {
 
 @pytest.mark.parametrize("text", DEGREES)
 def test_degrees_and_bits_of_numerator_and_denominator_are_counted(text: str) -> None:
-    """Lemma 2 needs them: those of a product add, those of a sum are brought to one denominator, powers multiply."""
+    """Lemma 2 needs them: products add, sums use a common denominator, and powers multiply."""
     system = {"coordinates": ["x", "y"], "equations": {"x": "0", "y": "0"}, "functions": {"A": ["r"]}}
     asked, formula = (
         Question(Tools(random.Random(1), 1e9), system, claim={"near": {"x": "2", "y": "3"}}),

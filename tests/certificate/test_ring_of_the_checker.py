@@ -1,4 +1,4 @@
-"""The ring of the checker: numbers, roots and their choices, huge powers, functions; and what balls add to it."""
+"""The ring of the checker: numbers, roots and their choices, huge powers, functions, and the use of balls."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def verdicts(document: Document, seeds: int) -> set[str]:
 
 
 def times(factor: str, **content: Any) -> Document:
-    """The free particle's L for x'' = factor y', which is false as far as the factor is not 0."""
+    """The free particle's L for x'' = factor y', which is false if the factor is not 0."""
     return of_lagrangian(f"({factor})*y'", "0", FLAT, **content)
 
 
@@ -79,7 +79,7 @@ def test_a_power_at_the_bound_is_a_product_and_one_beyond_it_is_no_number() -> N
 
 
 def test_no_prime_makes_a_huge_power_a_number(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The author knows the prime here: what Fermat says of it holds of no generator of the ring."""
+    """The author knows the prime here; Fermat's little theorem does not apply to generators of the ring."""
     prime = next(one for one in range(2**60 + 1, 2**61, 24) if all(pow(a, one - 1, one) == 1 for a in (2, 3, 5, 7)))
     monkeypatch.setattr(Question, "prime", lambda question: prime)
     assert verdicts(of_lagrangian(f"x^{prime - 1}-1", "0", FLAT, near={"x": "1/2"}), 1) == {"invalid"}
@@ -107,7 +107,7 @@ def test_a_function_at_arguments_that_are_equal_but_not_seen_to_be_has_one_value
 
 
 def test_a_function_has_one_value_at_arguments_that_meet_at_the_place() -> None:
-    """Where a = b the Hessian is singular, which it is nowhere near."""
+    """The Hessian is singular where a = b and regular nearby."""
     energy = "x'^2/2+(A(a)-A(b))^2*y'^2/2"
     for b, verdict in (("1", "incomplete"), ("2", "valid")):
         near = {"a": "1", "b": b, **dict.fromkeys(("t", "x", "y", "x'", "y'"), "1")}
@@ -133,7 +133,7 @@ def test_a_function_at_zero_is_not_the_same_at_one() -> None:
 
 
 def test_high_coefficients_of_exponentials_are_computed() -> None:
-    """Of order six: a row that follows from nothing leaves a regular multiplier, and that is what is said."""
+    """At order six a row that gives no condition leaves a regular multiplier, and the checker reports that."""
     rows = [["H3", 0, 1, [4, 0, 0, 0]]]
     document = certificate({"x": "y*exp(x)", "y": "sin(x)"}, "nonexistence", order=4, rows=rows)
     assert check_certificate(document, seed=1).reasons == ("The rows leave a regular multiplier g(p).",)

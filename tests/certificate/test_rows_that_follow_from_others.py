@@ -1,4 +1,4 @@
-"""Rows thought to follow from others are left out only where they do, whatever they were thought to do."""
+"""Predicted dependent rows are omitted only if they are dependent, for any prediction."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def every_row(ring: Expansion) -> list[Row]:
 
 
 def eliminated(ring: Expansion) -> Elimination:
-    """The rows one by one, none left out."""
+    """The elimination of all rows, one by one."""
     elimination = Elimination(ring.arithmetic, ring.shift)
     for name in every_row(ring):
         elimination.insert(ring.row(*name))
@@ -49,7 +49,7 @@ def ranks(ring: Expansion, elimination: Elimination) -> list[int]:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_a_false_foretelling_leaves_out_no_row(name: str) -> None:
-    """Foretold are: no row, every row, any half of them."""
+    """The prediction is no row, every row, or any half of the rows."""
     ring = expansion(name)
     expected, rows, chance = ranks(ring, eliminated(ring)), every_row(ring), random.Random(3)
     assert sum(expected) < len(rows)
@@ -59,7 +59,7 @@ def test_a_false_foretelling_leaves_out_no_row(name: str) -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_rows_are_remembered_as_idle_only_if_they_follow(name: str) -> None:
-    """The others alone have the rank of all, and are as many."""
+    """The remaining rows have the rank of all rows, which equals their number."""
     ring, idle = expansion(name), set[Row]()
     expected = ranks(ring, extended(ring, idle))
     kept = [row for row in every_row(ring) if row not in idle]

@@ -1,4 +1,4 @@
-"""Forgeries of a second attack, each by a way that the first ones did not take; none is valid."""
+"""Forgeries of a second attack, each with a new method; none is valid."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from tests.certificate.test_known_attacks import certificate, of_lagrangian, res
 FLAT = "x'^2/2+y'^2/2"
 
 
-# --- results that were valid
+# --- results
 FRICTION = {"x": "-x-2*x*y-x'", "y": "-y-x^2+y^2-y'"}  # Henon and Heiles with friction: no L, but one with D
 NONE = certificate(FRICTION, "nonexistence", order=2, rows=all_rows(2, 4, 2))
 
@@ -48,7 +48,7 @@ def test_every_branch_is_looked_at(branch: Document) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("border", ["10^9", "10^15", "1000^7"])
 def test_a_border_far_away_is_part_of_the_domain(border: str) -> None:
-    """On x < -border the system is not variational, so `domain` has to say where it ends."""
+    """On x < -border the system is not variational, so `domain` must include the border."""
     u = f"(x+{border})"
     forces = {"x": f"sqrt({u}^2)*y'-y^2", "y": f"-{u}*x'-2*x*y"}
     lagrangian = f"x'^2/2+y'^2/2-x*y^2+{u}^2*y'/2"

@@ -1,4 +1,4 @@
-"""Two programs that share no line judge the same certificates: `certificate/` and tests/second_checker.py."""
+"""Two programs without common code check the same certificates: `certificate/` and tests/second_checker.py."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Certificate = dict[str, Any]
 
 
 def without_lagrangian() -> list[tuple[str, dict[str, Any]]]:
-    """Documents of the literature and the catalogue that have no L(q, q') or no L(t, q, q')."""
+    """Documents from the literature and the catalog without L(q, q') or without L(t, q, q')."""
     found = [(row["id"], row["document"]) for row in rows("literature")
              if "not_variational" in (row["verdict"], row["verdict_with_time"])]  # fmt: skip
     for one in map(catalogue.entry, catalogue.names()):
@@ -30,7 +30,7 @@ def without_lagrangian() -> list[tuple[str, dict[str, Any]]]:
 
 
 def certificates(document: dict[str, Any]) -> Iterator[Certificate]:
-    """Those of nonexistence that the solver writes for a document."""
+    """The nonexistence certificates that the solver writes for a document."""
     result = inverse_service.solve(document, time_limit=60)
     for certificate in (result.get("certificate"), (result.get("with_time") or {}).get("certificate")):
         if certificate and certificate["kind"] == "nonexistence":
@@ -38,7 +38,7 @@ def certificates(document: dict[str, Any]) -> Iterator[Certificate]:
 
 
 def mutant(certificate: Certificate, generator: random.Random) -> Certificate:
-    """The certificate with one small change, which may or may not spoil it."""
+    """The certificate with one small change, which may or may not invalidate it."""
     changed = copy.deepcopy(certificate)
     rows, equations = changed["rows"], changed["system"]["equations"]
     name = generator.choice(sorted(equations))
@@ -75,7 +75,7 @@ def test_both_judge_a_certificate_and_its_mutants_alike(name: str, document: dic
     generator = random.Random(name)
     for certificate in certificates(document):
         verdict, sentence = second_checker.check(certificate)
-        if verdict == "incomplete":  # it holds more than rational operations
+        if verdict == "incomplete":  # it contains more than rational operations
             continue
         assert (verdict, check_certificate(certificate).verdict) == ("valid", "valid"), sentence
         for _ in range(4):

@@ -1,4 +1,4 @@
-"""Documents that hang on the power series: values at zero, derivatives of arbitrary functions, bends of constraints."""
+"""Documents that depend on power series: values at zero, derivatives of arbitrary functions, curvature of constraints."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ def verdict(document: Document) -> str:
     "one", ["exp(0)", "cos(0)", "exp(x - x)", "cos(sin(0))", "exp(log(1))", "cosh(0)", "exp(atan(0))"]
 )
 def test_functions_have_their_value_at_zero(one: str) -> None:
-    """Factors that are 1: with another value the force would be another one."""
+    """Factors that are 1: with another value the force would differ."""
     assert verdict(of_lagrangian("-x", "-y", f"x'^2/2 + y'^2/2 - x^2/2*{one} - y^2/2")) == "valid"
     assert verdict(of_lagrangian("-x", "-y", f"x'^2/2 + y'^2/2 - x^2/2*({one} + 1) - y^2/2")) == "invalid"
 
 
 @pytest.mark.parametrize("order", [2, 3])
 def test_a_derivative_of_an_arbitrary_function_is_that_of_its_series(order: int) -> None:
-    """V = A(x) y + B(x, y): no rows refuse what has the Lagrangian T - V."""
+    """V = A(x) y + B(x, y): no rows refute the Lagrangian T - V."""
     functions: Any = {"A": ["x"], "B": ["x", "y"]}
     forces = {"x": "-A'(x)*y - B[1,0](x, y)", "y": "-A(x) - B[0,1](x, y)"}
     rows = all_rows(2, 4, order)
@@ -52,7 +52,7 @@ def test_an_integral_is_arbitrary_where_no_derivative_is_given(arguments: list[s
     assert verdict(free) == expected
 
 
-# --- dependent velocities that hold their own coordinate, and their curvature
+# --- dependent velocities that contain their own coordinate, and their curvature
 def test_a_constraint_that_holds_its_own_coordinate() -> None:
     """z' = z x': z'/z - x' is a total derivative."""
     given = motion({"x": "0"}, {"z": "z*x'"})
@@ -70,5 +70,5 @@ def test_a_constraint_that_holds_its_own_coordinate() -> None:
     ],
 )  # fmt: skip
 def test_the_hessian_on_a_curved_constraint_takes_its_curvature_into_account(text: str, expected: str) -> None:
-    """y' = x'^2: with L = l + lambda mu it is the Hessian of l less lambda times that of x'^2."""
+    """y' = x'^2: with L = l + lambda mu it is the Hessian of l minus lambda times that of x'^2."""
     assert verdict(claim(motion({"x": "0"}, {"y": "x'^2"}), text)) == expected

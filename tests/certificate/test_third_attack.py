@@ -1,4 +1,4 @@
-"""Forgeries of a third attack: all of these but the true ones beside them were valid, or made the checker raise."""
+"""Forgeries of a third attack, next to true documents: none of the forgeries is valid or makes the checker raise."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ FLAT = "x'^2/2 + y'^2/2"
     ("slope", "expected"), [("y'^2", "invalid"), ("0*y'", "invalid"), ("z'", "invalid"), ("t^2", "valid")]
 )
 def test_an_integral_of_a_dependent_velocity_is_no_function_of_the_time(slope: str, expected: str) -> None:
-    """With F' = y'^2 along y' = x'^2 there seemed to be an L with 2 x'^2 y + F(t); F would depend on the solution."""
+    """With F' = y'^2 along y' = x'^2 there seems to be an L with 2 x'^2 y + F(t); F would depend on the solution."""
     integrals = {"F": {"arguments": ["t"], "derivatives": {"t": slope}}}
     if slope == "y'^2":
         system, lagrangian = motion({"x": "-4*x'^3/(4*y + 1)"}, {"y": "x'^2"}), "x'^2/2 + 2*x'^2*y + (y' - x'^2)^2/2"
@@ -41,7 +41,7 @@ def test_the_series_of_a_kind_solves_the_rows_of_the_kind(among: str) -> None:
 
 
 def test_the_series_of_a_definite_multiplier_stands_at_its_own_point() -> None:
-    """Of x'' = x x': x' dg/dx + x x' dg/dx' + x g = 0 at the first order, where x = 3, x' = 2, and not at `near`."""
+    """For x'' = x x': x' dg/dx + x x' dg/dx' + x g = 0 at first order, at x = 3, x' = 2, and not at `near`."""
     near = dict.fromkeys(("t", "x", "x'"), "1")
     definite = existence("oscillator", 2, [1, 2], [1, 1, 1], among="positive_definite", near=near, multiplier=[["1"]])
     document = changed(definite, "system.equations.x", "x*x'")
@@ -52,7 +52,7 @@ def test_the_series_of_a_definite_multiplier_stands_at_its_own_point() -> None:
 
 
 def test_the_series_of_a_motion_is_not_compared() -> None:
-    """It has no place for the multipliers lambda."""
+    """A series cannot contain the multipliers lambda."""
     parts = {"dimension": 15, "prolonged": 28, "characters": [6, 5, 4]}
     system = motion({"x": "0", "y": "0"}, {"z": "y*x' - x*y'"})
     document = claim(system, kind="existence", bivectors=10, order=1, degree=1, dimensions=[6, 21], symbol=parts)

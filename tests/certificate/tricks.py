@@ -1,12 +1,12 @@
-"""Terms that look like zero and are none, and terms that are zero and do not look so: (text, near)."""
+"""Nonzero terms that look like zero, and zero terms that do not look like zero: (text, near)."""
 
 from __future__ import annotations
 
-# 1 - D is 0; to 480 bits D was 0 and to 1440 bits 1.
+# 1 - D is 0; with 480 bits D is 0, and with 1440 bits 1.
 D = "(0." + "0" * 149 + "1*1" + "0" * 150 + ")"
 KNOWN_PRIME = 2**61 - 1
 
-# What is not zero on the component of the point: (text, near).
+# Terms that are nonzero on the component of the point: (text, near).
 TINY = {
     "a short number": ("1/10^390", {}),
     "a number below every precision": ("(1/2)^(10^30)", {}),
@@ -45,7 +45,7 @@ TINY = {
     "a parameter under a root": ("sqrt(a^2)-a", {"a": "-2"}),
 }  # fmt: skip
 
-# What is zero: (text, near).
+# Terms that are zero: (text, near).
 HIDDEN = {
     "Pythagoras": ("sin(x)^2+cos(x)^2-1", {}),
     "half an angle": ("sin(2*x)-2*sin(x)*cos(x)", {}),

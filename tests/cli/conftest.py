@@ -1,4 +1,4 @@
-"""Commands that are called in this process."""
+"""Run commands in this process."""
 
 import io
 import sys
@@ -10,7 +10,7 @@ from inverse_service.cli.command_line import run
 
 
 class Call(NamedTuple):
-    """How a call of the command ended."""
+    """The outcome of a command."""
 
     code: int
     out: str

@@ -1,4 +1,4 @@
-"""A batch answers every line exactly once, whatever the lines are and whenever it is killed."""
+"""A batch answers every line exactly once, for any lines, even if it is killed at any time."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ def test_a_batch_that_is_killed_half_way_and_started_again_answers_every_line_on
     done = output.read_bytes().count(b"\n")
     assert 10 <= done < count
     with output.open("ab") as stream:
-        stream.write(b'{"id": "s149", "line"')  # as if killed within a write
+        stream.write(b'{"id": "s149", "line"')  # as if killed during a write
     run = batch(source, output)
     assert run.returncode == 0, run.stderr
     assert sorted(answer["id"] for answer in answers(output)) == sorted(f"s{k}" for k in range(count))
@@ -181,7 +181,7 @@ def test_a_file_of_another_kind_is_exit_2_at_once(files: tuple[Path, Path]) -> N
     ):
         output.unlink(missing_ok=True)
         source.write_text(text)
-        for _ in range(2):  # the second time the ten answers are there
+        for _ in range(2):  # the second time the ten answers exist
             run = batch(source, output)
             assert (run.returncode, words in run.stderr, run.stderr.count("\n")) == (2, True, 1), run.stderr
     nine = "nonsense\n" * 9 + json.dumps(SPRING) + "\n" + "nonsense\n" * 9
@@ -200,14 +200,14 @@ def test_an_interrupted_batch_says_how_far_it_came(files: tuple[Path, Path], num
     ]
     source.write_text(written(SPRING, *hard))
     command = [*COMMAND, str(source), "--output", str(output), "--workers", "2"]
-    # A shell starts what runs in the background with Ctrl-C ignored, and children inherit that.
+    # A shell starts background commands with Ctrl-C ignored, and children inherit that.
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
         signal.signal(signal.SIGINT, before)
         until(lambda: output.exists() and output.read_bytes(), 120, 0.01)
         process.send_signal(number)
         said = process.communicate(timeout=30)[1]
-    # A loaded machine may have answered one more before the signal arrived.
+    # On a busy machine one more answer may arrive before the signal.
     count = len(answers(output))
     assert 1 <= count < 41
     # The signal may come between a line and its count.

@@ -1,4 +1,4 @@
-"""Two thousand lines through signals, kill -9, changed lines, --again, .gz and -: none lost, none mispaired."""
+"""Two thousand lines through signals, kill -9, changed lines, --again, .gz and -: none is lost or mismatched."""
 
 from __future__ import annotations
 
@@ -23,7 +23,10 @@ SIGNALS = (signal.SIGTERM, signal.SIGINT, signal.SIGKILL)
 
 
 def line(k: int, stiffness: int) -> dict[str, Any]:
-    """Its answer shows whose it is: the Lagrangian has the stiffness; some are errors, some have no Lagrangian."""
+    """A line whose answer identifies it: the Lagrangian contains the stiffness.
+
+    Some lines are errors, some have no Lagrangian.
+    """
     if k % 50 == 7:
         return {"id": k, "coordinates": ["x"], "equations": {"x": f"-omega{stiffness}*x"}}
     if k % 25 == 3:
@@ -42,7 +45,7 @@ def answers(path: Path) -> list[dict[str, Any]]:
 
 
 def interrupted(source: Path, output: Path, times: int) -> Counter[int]:
-    """Run until done, with interruptions at random moments; the exit codes."""
+    """Run the batch to the end with interruptions at random times; return the exit codes."""
     dice, codes = random.Random(times), Counter[int]()
     for k in range(1000):
         process = subprocess.Popen(
@@ -83,7 +86,7 @@ def test_two_thousand_lines_through_interruptions_changes_and_again(ending: str,
     began = time.monotonic()
     codes = interrupted(source, output, 9)
     assert_each_is_answered_by_its_own(lines, answers(output))
-    # Every tenth line is another one now, a line is new, and the errors are mended: only these are computed again.
+    # Every tenth line is changed, one line is new, and the errors are fixed: only these are computed.
     changed = [line(each["id"], 3 * (each["id"] + 7000)) if each["id"] % 10 == 0 else each for each in lines]
     mended = [each | {"equations": {"x": "-6*x"}} if "omega" in each["equations"]["x"] else each for each in changed]
     mended.insert(5, line(LINES, 8))

@@ -1,4 +1,4 @@
-"""A batch that was expected to answer so and so: differences, exit codes, and the report of JUnit."""
+"""A batch with expected answers: differences, exit codes, and the JUnit report."""
 
 import json
 import subprocess

@@ -1,4 +1,4 @@
-"""The tools of `mcp`, asked as a client asks: over standard input and output of the command."""
+"""Call the tools of `mcp` as a client does: over standard input and output of the command."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ SCENES = Path(__file__).parents[2] / "docs" / "scenes"
 
 @pytest.fixture(scope="module", autouse=True)
 def engine() -> None:
-    """Processes are forked from this one: load the engine once, not in each of them."""
+    """Load the engine once, because all worker processes are forked from this one."""
     import inverse_service.service.scenes.work_precision  # noqa: F401
 
 
@@ -106,7 +106,7 @@ def test_a_run_that_is_to_be_doubted_is_told_and_done(call: Any, tmp_path: Path)
 
 
 def test_what_does_not_converge_has_no_value(call: Any, tmp_path: Path) -> None:
-    """The iteration of the stages of a pendulum on a spring, with h omega = 10."""
+    """The stage iteration of a pendulum on a spring with h omega = 10 does not converge."""
     lagrangian = "(x'^2+y'^2)/2 - 10^6*(sqrt(x^2+y^2)-1)^2/2 - 9.81*y"
     scene = {"system": {"coordinates": ["x", "y"], "lagrangian": lagrangian}, "step": 0.01, "steps": 9}
     initial = {"positions": {"x": 1, "y": 0}, "velocities": {"x": 0, "y": 0}}
@@ -157,7 +157,7 @@ ENSEMBLE = {"initial": {"positions": {"x": [1, 2, 3]}}, "parameters": {"k": [1, 
 @pytest.mark.slow
 @pytest.mark.parametrize("further", [{}, {"ensemble": ENSEMBLE}], ids=["run", "ensemble"])
 def test_netcdf_files_hold_every_recorded_step_with_units(call: Any, tmp_path: Path, further: dict[str, Any]) -> None:
-    """Read back with h5py, a second reader: all columns of the NPZ, units, and the scene with the version."""
+    """h5py, a second reader, finds all columns of the NPZ, the units, and the scene with the version."""
     h5py = pytest.importorskip("h5py")
     scene = {
         "system": {"coordinates": ["x"], "lagrangian": "x'^2/2 - k*x^2/2", "parameters": ["k"]},

@@ -27,7 +27,7 @@ DISK = {
 
 @pytest.fixture(scope="module", autouse=True)
 def engine() -> None:
-    """Processes are forked from this one: load the engine once, not in each of them."""
+    """Load the engine once, because all worker processes are forked from this one."""
     tasks.load_engine()
 
 

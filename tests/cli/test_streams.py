@@ -1,4 +1,4 @@
-"""Streams that are closed or full are one sentence and exit 2; kernels are compiled before any clock starts."""
+"""A closed or full stream gives one sentence and exit code 2; kernels are compiled before any time limit starts."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A service that says what a test writes down, and both clients on it."""
+"""A service with scripted responses, and both clients connected to it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from inverse_service.client import AsyncClient, Client
 
 @dataclass
 class Script:
-    """Answers in turn; a callable may raise as a broken connection does. `requests` is what was asked."""
+    """Responses in order; a callable may raise, as a broken connection does. `requests` records the requests."""
 
     answers: list[httpx.Response | Exception]
     requests: list[httpx.Request] = field(default_factory=list)
@@ -34,7 +34,7 @@ def answer(status: int, value: Any = None, **headers: str) -> httpx.Response:
 
 
 class Broken(httpx.SyncByteStream, httpx.AsyncByteStream):
-    """A body that breaks off after its pieces."""
+    """A body that ends with a broken connection after its pieces."""
 
     def __init__(self, *pieces: bytes) -> None:
         self.pieces = pieces
@@ -58,14 +58,14 @@ Ask = Callable[[Script, str, Any], Any]
 
 
 def blocking(script: Script, method: str, *arguments: Any, patience: float = 5.0, **options: Any) -> Any:
-    """What a method of the blocking client gives; a list where it gives items one by one."""
+    """The value of a method of the blocking client, as a list if it is an iterator."""
     with Client("http://service", patience=patience, transport=httpx.MockTransport(script)) as client:
         found = getattr(client, method)(*arguments, **options)
         return list(found) if isinstance(found, Iterator) else found
 
 
 def asynchronous(script: Script, method: str, *arguments: Any, patience: float = 5.0, **options: Any) -> Any:
-    """The same of the asynchronous client."""
+    """The same for the asynchronous client."""
 
     async def run() -> Any:
         async with AsyncClient("http://service", patience=patience, transport=httpx.MockTransport(script)) as client:

@@ -1,4 +1,4 @@
-"""The clients repeat what may be repeated, tell errors apart, and hand out nothing twice."""
+"""The clients repeat safe requests, distinguish errors, and return nothing twice."""
 
 from __future__ import annotations
 
@@ -242,7 +242,7 @@ def test_both_clients_have_the_same_methods() -> None:
 
 def test_the_timeout_of_a_call_holds_where_nobody_is_there_too() -> None:
     began = time.monotonic()
-    with socket.create_server(("127.0.0.1", 0)) as silent:  # takes connections and never answers
+    with socket.create_server(("127.0.0.1", 0)) as silent:  # accepts connections and never responds
         for address in (f"http://127.0.0.1:{silent.getsockname()[1]}", "http://127.0.0.1:9"):
             with Client(address) as client, pytest.raises(ServiceUnreachable):
                 client.solve({"equations": "x'' = -x"}, timeout=0.3)

@@ -1,4 +1,4 @@
-"""The clients against a real service in a process of its own."""
+"""The clients with a real service in a separate process."""
 
 from __future__ import annotations
 

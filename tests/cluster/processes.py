@@ -1,4 +1,4 @@
-"""A Dask cluster of real processes on loopback, as its users start it; every process gone at the end."""
+"""A Dask cluster of real processes on loopback, started as users start it; all processes are stopped at the end."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from pathlib import Path
 from inverse_service.service.jobs.workers import die_with_parent
 
 DASK = [sys.executable, "-m", "dask"]
-# Dask's nanny needs semaphores, which live there; without one a worker is started again by who started it.
+# Dask's nanny needs semaphores in /dev/shm; without a nanny the test restarts the worker.
 NANNY = [] if os.access("/dev/shm", os.W_OK) else ["--no-nanny"]
 QUIET = {"stdin": subprocess.DEVNULL, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
 
@@ -46,7 +46,7 @@ class Cluster:
         end(self.scheduler)
 
     def kill_worker(self, index: int = 0) -> None:
-        """The worker and its nanny at once, as when a machine is lost."""
+        """Kill the worker and its nanny at once, as when a machine is lost."""
         worker = self.workers.pop(index)
         for pid in [*processes(worker.pid)]:
             if b"forkserver" not in command_of(pid):
@@ -63,7 +63,7 @@ class Cluster:
                     os.kill(pid, signal.SIGKILL)
 
     def left(self, seconds: float) -> list[int]:
-        """Processes of all sessions that still live after so many seconds, without the present ones'."""
+        """Processes of all earlier sessions that are alive after this many seconds."""
         present = {worker.pid for worker in self.workers} | ({self.scheduler.pid} if self.scheduler else set())
         gone = [session for session in self._sessions if session not in present]
         stop = time.monotonic() + seconds

@@ -1,4 +1,4 @@
-"""Tasks on a real Dask cluster: the same killable workers, and nothing lost or answered twice."""
+"""Tasks on a real Dask cluster run in the same killable workers; none is lost or answered twice."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from tests.serving import serving, until
 pytest.importorskip("distributed")
 pytestmark = [
     pytest.mark.skipif(sys.platform != "linux", reason="reads /proc"),
-    # Dask leaves sockets and loops to the collector when it closes.
+    # Dask leaves sockets and loops to the garbage collector when it closes.
     pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::pytest.PytestUnraisableExceptionWarning"),
 ]
 from inverse_service.service.jobs import cluster as on_dask  # noqa: E402
@@ -44,7 +44,7 @@ def machines(tmp_path_factory: pytest.TempPathFactory) -> Iterator[processes.Clu
 def cluster(machines: processes.Cluster) -> Iterator[Cluster]:
     connected = Cluster(machines.address, MEMORY)
     connected.start()
-    # A front that starts before any worker finds no stranger among them.
+    # A front end that starts before any worker finds no mismatched version.
     connected.submit(Call(tasks.load_engine, (), 60.0)).outcome.result(90)
     yield connected
     connected.stop()

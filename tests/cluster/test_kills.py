@@ -24,7 +24,7 @@ KILLS = 10
 
 
 def write_source(path: Path) -> None:
-    """Systems that all differ, some of them bad, so that none is answered for another one."""
+    """Write distinct systems, some of them invalid, so that no answer fits another line."""
     with path.open("w") as stream:
         for k in range(LINES):
             force = "omega" if k % 97 == 5 else f"-{k + 1}*x - y^3"
@@ -37,7 +37,7 @@ def answered(path: Path) -> int:
 
 
 def kill_scheduler(cluster: processes.Cluster) -> None:
-    """With it all workers lose their work; the operator starts everything anew."""
+    """Kill the scheduler: all workers lose their work, and the operator restarts everything."""
     cluster.kill_scheduler()
     cluster.start_scheduler()
     for _ in range(2):
@@ -60,7 +60,7 @@ def test_every_line_is_answered_once_through_ten_kills(kill: Kill, tmp_path: Pat
         with subprocess.Popen([*command, "--cluster", cluster.address], stderr=subprocess.PIPE, text=True) as batch:
             try:
                 while batch.poll() is None and time.monotonic() < end:
-                    # Each kill comes at a random moment of its tenth of the work.
+                    # Each kill comes at a random time in its tenth of the work.
                     due = (killed + moments.random()) * LINES / (KILLS + 1)
                     if killed < KILLS and answered(output) > due:
                         kill(cluster)

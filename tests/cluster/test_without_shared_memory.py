@@ -1,4 +1,4 @@
-"""The tests of the cluster pass where /dev/shm cannot be written, as in a chroot or a narrow container."""
+"""The tests of the cluster pass if /dev/shm is not writable, as in a chroot or a restricted container."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Programs run for the tests: a formula as the increment of one state variable."""
+"""Run programs in which each formula is the increment of one state variable."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def program_for(formulas: Sequence[Formula], arguments: Sequence[str]) -> Progra
 
 
 def call(machine: Machine, card: Card, memory: np.ndarray, steps: int = 1, weights: Sequence[float] = (1.0,)) -> int:
-    """Run; the number of steps done."""
+    """Run the program; return the number of steps."""
     substeps = np.array(weights)
     control = np.array([steps, len(substeps), 10**9, 10**9, 0, 0, 0], dtype=np.int64)
     record = np.zeros((1, len(card.layout.columns), memory.shape[1]))
@@ -38,7 +38,7 @@ def memory_for(card: Card, lanes: Sequence[Mapping[str, float]]) -> np.ndarray:
 
 
 def values_of(formulas: Sequence[Formula], lanes: Sequence[Mapping[str, float]]) -> np.ndarray:
-    """(formulas, lanes): the formulas' values as the compiled kernel computes them."""
+    """The values of the formulas from the compiled kernel, (formulas, lanes)."""
     names = sorted({name for values in lanes for name in values})
     program = program_for(formulas, names)
     card = card_of(program, len(lanes))

@@ -1,4 +1,4 @@
-"""Formulas have the same value in a kernel as in forty digits."""
+"""Kernels agree with 40-digit values of the formulas."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def test_values_agree_with_forty_digits(lanes: int) -> None:
 
 @pytest.mark.slow
 def test_sine_and_cosine_are_good_to_two_units() -> None:
-    """Small and large arguments, multiples of pi/2, beyond the fast range, and what is not finite."""
+    """For small and large arguments, multiples of pi/2, beyond the fast range, and for values that are not finite."""
     generator = random.Random(1)
     points = [generator.uniform(-10, 10) for _ in range(4000)]
     points += [generator.uniform(-6e7, 6e7) for _ in range(4000)]
@@ -91,7 +91,7 @@ def test_what_has_no_formula_is_refused() -> None:
 
 
 def test_names_of_the_user_never_reach_the_kernel() -> None:
-    """A parameter called alpha, h or sin's twin is a number like any other."""
+    """A parameter named alpha, h, or like a function is an ordinary number."""
     table = names_of(("a", "d0", "h"), ("alpha", "q0", "weights"))
     assert {str(value) for value in table.values()} == {
         "pi", "c0", "c1", "c2", "p0", "p1", "p2", "q0", "q1", "q2", "v0", "v1", "v2",
@@ -99,7 +99,7 @@ def test_names_of_the_user_never_reach_the_kernel() -> None:
 
 
 def test_closures_have_the_values_of_their_formulas_whatever_the_names() -> None:
-    """With common parts, to which a search for these gives names that no formula has, such as x0 here."""
+    """Common subexpressions get names that no formula contains, such as x0 here."""
     names = ["x0", "x1", "x2", "x3", "x4", "x5"]
     a, b, c = map(symbol, names[3:])
     common = symengine.sin(a * b + c) + (a + b) ** 3

@@ -1,4 +1,4 @@
-"""Compiled kernels are kept, found again, and never believed when damaged."""
+"""Compiled kernels are stored and found again; damaged ones are rejected."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def test_a_folder_that_cannot_be_written_costs_time_only(tmp_path: Path, monkeyp
 
 
 def test_others_code_is_not_run(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """An entry that belongs to another user is passed over."""
+    """An entry that another user owns is ignored."""
     assert result("one")[0] == 6.0
     forget_memory()
     monkeypatch.setattr(os, "getuid", lambda: os.stat(folder).st_uid + 1)

@@ -1,7 +1,7 @@
-"""A bare Debian in a folder, and commands that run in it as on a machine of its own.
+"""A bare Debian in a folder, and commands that run in it as on a separate machine.
 
-debootstrap makes it once, under build/; each test has a copy. Commands have their own mounts, processes and, where
-asked for, a network with nothing but loopback.
+debootstrap creates it once, under build/; each test gets a copy. Commands have their own mounts and processes and, on
+request, a network with loopback only.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ ROOT = Path(__file__).parents[2]
 KEPT = ROOT / "build" / "bare-debian"
 RELEASE = "bookworm"
 AUTHORITIES = Path("/etc/ssl/certs/ca-certificates.crt")
-# What a test may take where the machine does ten times its work besides, s.
+# The time limit of a test on a machine with ten times its load, s.
 PATIENCE = 1500
 SEARCHED = "/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin"
 
 
 def can_bootstrap() -> bool:
-    """Root, debootstrap, and the right to have mounts and networks of one's own."""
+    """Whether there are root, debootstrap, and permission to create mounts and networks."""
     if os.geteuid() != 0 or shutil.which("debootstrap") is None:
         return False
     return (
@@ -32,7 +32,7 @@ def can_bootstrap() -> bool:
 
 
 def bare_debian(folder: Path) -> Path:
-    """A copy of a Debian that has nothing but what debootstrap calls minimal, and authorities that pip believes."""
+    """A copy of a minimal Debian from debootstrap, with certificate authorities for pip."""
     if not (KEPT / "etc" / "debian_version").exists():
         shutil.rmtree(KEPT, ignore_errors=True)
         partly = KEPT.with_name(f"bare-debian-{os.getpid()}")
@@ -47,7 +47,7 @@ def bare_debian(folder: Path) -> Path:
 
 
 def copy(root: Path, folder: Path) -> None:
-    """A root with its devices, owners and rights."""
+    """Copy a root with its devices, owners, and permissions."""
     subprocess.run(["cp", "-a", "--reflink=auto", f"{root}/.", str(folder)], check=True)
 
 
@@ -60,9 +60,11 @@ def run_in(
     is_read_only: bool = False,
     writable: Sequence[str] = (),
 ) -> str:
-    """What a script of bash prints on both streams; fails with it. `is_alone`: no network but loopback.
+    """Run a bash script and return its output on both streams; fails with that output. `is_alone`: only a loopback
+    network.
 
-    `is_read_only`: all but /proc, /dev, the places that are `writable` and a /tmp of 64 MiB where nothing is executed.
+    `is_read_only`: everything except /proc, /dev, the paths in `writable`, and a /tmp of 64 MiB where nothing can be
+    executed.
     """
     place = shlex.quote(str(root))
     mounts = [

@@ -1,4 +1,4 @@
-"""The steps of the Dockerfile, run in a bare Debian: what they make starts, solves, draws and has no installer."""
+"""Run the steps of the Dockerfile in a bare Debian: the image starts, solves, draws, and has no installer."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ python3 -m venv /tmp/one
 rm -r /tmp/one
 python -m pip --version
 """
-# Asks the service that runs beside it, as a client in the container could.
+# Sends requests to the service as a client in the container could.
 ASK = """
 import json, os, time, urllib.error, urllib.request
 def ask(path, document=None):
@@ -57,7 +57,7 @@ print(json.dumps({"verdict": json.loads(body)["verdict"], "outcome": json.loads(
 
 @dataclass
 class Stage:
-    """What a stage of the Dockerfile has made so far."""
+    """The state of a stage of the Dockerfile."""
 
     root: Path
     arguments: dict[str, str] = field(default_factory=dict)
@@ -104,7 +104,7 @@ def built(base: Path, folder: Path, **arguments: str) -> Stage:
             stage = stages[name] = Stage(folder / name)
         elif word == "ARG":
             name, _, value = rest.partition("=")
-            if stages:  # that of the base comes before all
+            if stages:  # the environment of the base comes first
                 stage.arguments[name] = arguments.get(name, value.strip('"'))
         elif word == "ENV":
             for name, value in re.findall(r"(\w+)=(\S+)", rest):

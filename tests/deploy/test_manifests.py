@@ -1,4 +1,4 @@
-"""deploy/ is what its schemas say, and asks for the rights that the page promises: none."""
+"""The files in deploy/ match their schemas and request no privileges, as the page says."""
 
 from __future__ import annotations
 

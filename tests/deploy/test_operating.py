@@ -1,4 +1,4 @@
-"""docs/how-to/deploy.md from a bare Debian on: TLS, keys, backup, restore, a new key, an upgrade."""
+"""The steps of docs/how-to/deploy.md on a bare Debian: TLS, keys, backup, restore, a new key, an upgrade."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ pytestmark = [pytest.mark.nightly, pytest.mark.skipif(not can_bootstrap(), reaso
 PAGE = ROOT / "docs" / "how-to" / "deploy.md"
 INSTALL, *STEPS, UPGRADE = [block.text for block in blocks(PAGE) if block.language == "sh"]
 SOURCES = "/root/inverse-service"
-# What systemd does with a unit as far as the page asks for it, in a root where it does not run.
+# Does what systemd does with the unit of the page, in a root without systemd.
 SYSTEMCTL = r"""#!/bin/bash
 set -eu
 unit=${!#}; file=/etc/systemd/system/$unit.service
@@ -40,7 +40,7 @@ start() {
 }
 case $1 in daemon-reload) ;; stop) stop ;; restart) stop; start ;; start|enable) start ;; *) exit 2 ;; esac
 """
-# A database as 0.1.0 left it is upgraded, and what it had is still there.
+# A database of 0.1.0 is upgraded and keeps its content.
 OLD = """
 systemctl stop inverse-service
 rm /var/lib/inverse-service/jobs.sqlite*
@@ -66,7 +66,7 @@ systemctl stop nginx
 
 @pytest.fixture(scope="module")
 def said(tmp_path_factory: pytest.TempPathFactory) -> str:
-    """What the commands of the page print."""
+    """The output of the commands of the page."""
     root = bare_debian(tmp_path_factory.mktemp("debian"))
     sources = root / SOURCES.lstrip("/")
     kept_out = shutil.ignore_patterns("build", ".venv", ".git", "__pycache__", ".*_cache")
@@ -74,7 +74,7 @@ def said(tmp_path_factory: pytest.TempPathFactory) -> str:
     (root / "usr/local/bin/systemctl").write_text(SYSTEMCTL)
     (root / "usr/local/bin/systemctl").chmod(0o755)
     shutil.copyfile(ROOT / "tests/store/version_1/sqlite.sql", root / "root/version_1.sql")
-    # An upgrade takes its packages from where this puts them, as the rest happens without a network but loopback.
+    # An upgrade takes its packages from this folder, because the other steps have only loopback.
     wheels = "/opt/inverse-service/bin/pip download --quiet -d /wheels -c constraints.txt . hatchling editables"
     run_in(root, f"cd {SOURCES}\n{INSTALL}\n{wheels}", {"DEBIAN_FRONTEND": "noninteractive"})
     script = "\n".join([f"cd {SOURCES}", *STEPS, OLD, UPGRADE, LOOK])

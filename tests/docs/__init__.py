@@ -1,1 +1,1 @@
-"""The pages for people: every block is run, every link resolves."""
+"""Tests of the documentation: every block is run, every link resolves."""

@@ -1,8 +1,7 @@
-"""Fenced blocks of the pages, and how those that are programs are run.
-
-The first word behind the fence is the language. `output` is what the program before it prints, with `...` for
-anything within a line and, alone in a line, for any lines. A further word says more: of `json` and `yaml` the
-name of the file that the block is; of a program `slow` (not in the default tests) or `not-run`.
+"""Fenced blocks of the pages, and how the tests run those that are programs. The first word after the fence is the
+language. `output` is the output of the previous program, with `...` for any text within a line and, alone on a line,
+for any lines. A second word may follow: for `json` and `yaml` the name of the file to write; for a program `slow` (not
+in the default tests) or `not-run`.
 """
 
 from __future__ import annotations
@@ -21,10 +20,10 @@ PAGES = sorted([ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.
                 *ROOT.glob("inverse_service/certificate/*.md")])  # fmt: skip
 PROGRAMS = ("sh", "bash", "python", "javascript", "julia")
 DOCUMENTS = ("json", "yaml")
-# What begins with a brace is for the site alone (`make docs`).
+# Languages that begin with a brace are only for the site (`make docs`).
 LANGUAGES = (*PROGRAMS, *DOCUMENTS, "output", "text", "diff", "toml", "{toctree}", "{eval-rst}")
 MARKS = ("slow", "not-run")
-# What the pages print where a test has an address and a folder of its own.
+# The address in the pages; tests replace it with their own.
 ADDRESS = "http://127.0.0.1:8000"
 FENCE = re.compile(r"^```(.*)\n((?:.*\n)*?)```$", re.MULTILINE)
 END = "\x1e"
@@ -32,7 +31,7 @@ END = "\x1e"
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """A fenced block; `line` is that of its fence."""
+    """A fenced block; `line` is the line of its fence."""
 
     page: Path
     line: int
@@ -50,7 +49,7 @@ class Block:
 
 
 def name(page: Path) -> str:
-    """The page as it is called in tests: its path in the repository."""
+    """The name of the page in tests: its path in the repository."""
     return page.relative_to(ROOT).as_posix()
 
 
@@ -66,7 +65,7 @@ def blocks(page: Path) -> tuple[Block, ...]:
 
 
 def programs(page: Path, with_slow: bool) -> list[tuple[Block, str | None]]:
-    """The programs that are run, each with what it is said to print, None where nothing is said."""
+    """The programs to run, each with its expected output, or None if the page shows none."""
     own = blocks(page)
     left_out = {"not-run"} if with_slow else set(MARKS)
     missing = {"julia", *(() if shutil.which("node") else ("javascript",))}
@@ -78,7 +77,7 @@ def programs(page: Path, with_slow: bool) -> list[tuple[Block, str | None]]:
 
 
 def pattern(expected: str) -> re.Pattern[str]:
-    """What is printed, with `...` for anything in a line, and for any lines where it is a line."""
+    """A pattern for the expected output: `...` matches any text in a line, and any lines if it is a whole line."""
     parts = [
         "(?:.*\n)*?" if line.strip() == "..." else re.escape(line).replace(re.escape("..."), ".*") + "\n"
         for line in expected.splitlines()
@@ -87,7 +86,7 @@ def pattern(expected: str) -> re.Pattern[str]:
 
 
 def run_page(page: Path, folder: Path, address: str, with_slow: bool) -> list[str]:
-    """Run the programs of a page in one shell; sentences about those that do not do what is said."""
+    """Run the programs of a page in one shell; return a sentence for each that does not behave as the page says."""
     chosen = programs(page, with_slow)
     prepare(page, folder)
     script = "set -euo pipefail\n" + "".join(command(block, folder, address) for block, _ in chosen)
@@ -109,7 +108,7 @@ def run_page(page: Path, folder: Path, address: str, with_slow: bool) -> list[st
 
 
 def prepare(page: Path, folder: Path) -> None:
-    """The folder as the reader has it: docs and sources at hand, the files of the page written."""
+    """Prepare the folder of a reader: docs and sources, and the files that the page defines."""
     for name in ("docs", "inverse_service"):
         (folder / name).symlink_to(ROOT / name)
     for block in blocks(page):
@@ -118,11 +117,11 @@ def prepare(page: Path, folder: Path) -> None:
 
 
 def command(block: Block, folder: Path, address: str) -> str:
-    """The block as lines of a shell, ended by a mark in the output."""
+    """The block as shell lines that end by printing a separator."""
     text = block.text.replace(ADDRESS, address).replace(".venv/bin/", "")
     if interpreter := {"python": ("python", "py"), "javascript": ("node", "mjs")}.get(block.language):
         name = f"line{block.line}.{interpreter[1]}"
         (folder / name).write_text(text, encoding="utf-8")
         text = f"{interpreter[0]} {name}\n"
-    # One shell for all, as the variables of one block are used in the next.
+    # One shell for all, because later blocks use the variables of earlier ones.
     return f"{text}printf '\\x1e'\n"

@@ -1,6 +1,6 @@
 """The notebooks of the documentation: `python -m tests.docs.notebooks` executes them in place.
 
-A code cell with the tag `varies` prints times or sentences; it is executed, and what it prints is not compared.
+A code cell with the tag `varies` prints times or sentences; it is executed, but its output is not compared.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ ADDRESS = re.compile(r" at 0x[0-9a-f]+")
 
 
 def execute(path: Path, write: bool = False) -> Any:
-    """The notebook with the outputs of a fresh kernel, in the folder where it lies; raises CellExecutionError."""
+    """Execute the notebook with a new kernel in its folder. Raises CellExecutionError."""
     found = nbformat.read(path, as_version=4)
     os.environ["PYTHONPATH"] = str(ROOT)
     client = NotebookClient(
@@ -38,7 +38,7 @@ def execute(path: Path, write: bool = False) -> Any:
 
 
 def texts(cell: Any) -> str:
-    """What the cell prints, which may come in pieces, and its value as text; pictures are left out."""
+    """The printed output of the cell and its value as text, without pictures."""
     shown = [output.get("text") or output.get("data", {}).get("text/plain", "") for output in cell["outputs"]]
     return "".join(ADDRESS.sub("", text) for text in shown if not text.startswith("<Figure"))
 

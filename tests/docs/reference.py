@@ -1,4 +1,4 @@
-"""docs/reference/results.md from the OpenAPI description: `make reference`."""
+"""Write docs/reference/results.md from the OpenAPI description: `make reference`."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from inverse_service.web.application import create_application
 from tests.docs.blocks import ROOT
 
 PAGE = ROOT / "docs" / "reference" / "results.md"
-# What is written by hand stands before and after these marks.
+# The text before and after these marks is written by hand.
 BEGIN, END = "<!-- fields -->\n\n", "<!-- end of fields -->\n"
 
 
-# What commands and calls answer with; the objects within them follow the first that has them.
+# The results of commands and calls; nested objects follow the first result that contains them.
 RESULTS = ("ResultDocument", "ForwardResult", "CheckAnswer", "SimulationResult", "WorkPrecisionResult")
 HEAD = "| field | what it is | type |\n| --- | --- | --- |"
 
 
 def fields(description: dict[str, Any]) -> str:
-    """Every field once: those that mean the same in several objects first, then the rest by object."""
+    """Every field once: first those with the same meaning in several objects, then the remaining ones by object."""
     schemas = description["components"]["schemas"]
     groups: dict[str, list[str]] = {}
     for result in RESULTS:
@@ -47,12 +47,12 @@ def fields(description: dict[str, Any]) -> str:
 
 
 def _fields(schema: dict[str, Any]) -> dict[tuple[str, str], str]:
-    """The type of each field, by its name and what it is."""
+    """The type of each field, by its name and description."""
     return {(key, _cell(part.get("description", ""))): kind(part) for key, part in schema.get("properties", {}).items()}
 
 
 def _row(field: tuple[str, str], kinds: list[str]) -> str:
-    """A field with all types that it has, an enumeration without those that it contains."""
+    """A field with all its types; an enumeration omits the types that it contains."""
     plain = dict.fromkeys(each.removesuffix(" or null") for each in kinds)
     plain = [each for each in plain if not any(other.startswith(f"{each}, ") for other in plain)]
     null = " or null" if any(each.endswith(" or null") for each in kinds) else ""
@@ -64,7 +64,7 @@ def _also(names: list[str]) -> str:
 
 
 def _within(name: str, schemas: dict[str, Any]) -> Iterator[str]:
-    """The objects in this one, each once, in depth."""
+    """The nested objects, each once, depth first."""
     found = dict.fromkeys(_references(schemas[name]))
     while more := [each for part in found for each in _references(schemas[part]) if each not in found]:
         found |= dict.fromkeys(more)
@@ -112,7 +112,7 @@ def kind(schema: dict[str, Any]) -> str:
 
 
 def fields_page(description: dict[str, Any]) -> str:
-    """docs/reference/results.md with its tables made again."""
+    """docs/reference/results.md with new tables."""
     page = (PAGE).read_text()
     before, _, rest = page.partition(BEGIN)
     return before + BEGIN + fields(description) + "\n" + END + rest.partition(END)[2]

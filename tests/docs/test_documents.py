@@ -1,4 +1,4 @@
-"""What the pages show is what happens: every fenced block of README and docs is run or validated."""
+"""The pages are true: the tests run or validate every fenced block of README and docs."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ from tests.docs.blocks import (
     run_page,
 )
 
-# How many programs of a page are not run, and why; no other program is left out.
+# The number of programs of a page that are not run, and why; all other programs run.
 NOT_RUN = {
     "README.md": (3, "one does not end, one is these tests, one runs overnight"),
     "CONTRIBUTING.md": (2, "these are the tests themselves, and hooks are installed"),
@@ -52,7 +52,7 @@ NOT_RUN = {
     "docs/records/motions.md": (1, "minutes"),
     "docs/reference/open-questions.md": (1, "minutes"),
 }
-# Blocks of plain text: pictures, and what other tests compare.
+# Blocks of plain text: diagrams, and blocks that other tests compare.
 TEXTS = {
     "docs/explanation/architecture.md": (3, "pictures of the house, the way of a document"),
     "docs/how-to/constrained-systems.md": (1, "compared by tests/service/test_nonholonomic_page.py"),
@@ -69,7 +69,7 @@ BASE = catalogue.document("vertically-rolling-disk")
 
 
 def run(page: Path, folder: Path, request: pytest.FixtureRequest, with_slow: bool) -> None:
-    """Run a page, on a service where it speaks to one."""
+    """Run a page, with a service if the page calls one."""
     speaks = any(ADDRESS in block.text for block, _ in programs(page, with_slow))
     if shutil.which("bash") is None or (speaks and shutil.which("curl") is None):
         pytest.skip("bash and curl are needed")
@@ -108,7 +108,7 @@ def test_every_toml_is_read() -> None:
 
 
 def _written(folder: Path) -> list[Path]:
-    """Each block of Python as a file, as each is a program of its own."""
+    """Write each Python block as a file, because each is a separate program."""
     written = []
     for block in ALL:
         if block.language == "python":
@@ -130,7 +130,7 @@ def test_python_in_the_pages_passes_mypy_strict(tmp_path: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.skipif(not find_spec("pyright") or not shutil.which("npm"), reason="pyright and npm are not installed")
 def test_python_in_the_pages_passes_pyright_strict(tmp_path: Path) -> None:
-    """Where a page calls SymPy, what SymPy leaves without types is SymPy's."""
+    """Missing types in SymPy itself are ignored."""
     of_sympy = ("reportMissingTypeStubs", "reportUnknownVariableType", "reportUnknownMemberType")
     for file in _written(tmp_path):
         text = file.read_text(encoding="utf-8")
@@ -183,7 +183,7 @@ def test_every_document_is_accepted(block: Block) -> None:
 
 
 def accept(document: Any) -> None:
-    """Raise where this is no System, Nonholonomic or Scene document, nor some keys of a Nonholonomic one."""
+    """Raise unless this is a System, Nonholonomic, or Scene document, or some keys of a Nonholonomic one."""
     if "methods" in document or "step" in document:
         SceneDocument.model_validate(document)
     elif {"equations", "lagrangian"} & set(document):

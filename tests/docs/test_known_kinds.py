@@ -51,7 +51,7 @@ def written(equations: Any) -> str:
 
 
 def cited(named: str) -> tuple[str, str, str]:
-    """What a row is called, its citation, and the name of the source, both empty for our own."""
+    """The name of a row, its citation, and the name of the source; the last two are empty for our own systems."""
     found = CITED.fullmatch(named)
     return (found[1], found[2], found[3]) if found else (named, "", "")
 

@@ -27,7 +27,7 @@ TEXTS = [*PAGES, *(ROOT / name for name in ("Makefile", "Dockerfile", "pyproject
 
 
 def anchors(page: Path) -> set[str]:
-    """The anchors of the headings of a page, as readers of Markdown make them."""
+    """The anchors of the headings of a page, as Markdown renderers make them."""
     text = FENCED.sub("", page.read_text(encoding="utf-8"))
     titles = re.findall(r"^#+ (.+)$", text, re.MULTILINE)
     return {re.sub(r"[^\w\- ]", "", title).lower().replace(" ", "-") for title in titles}

@@ -1,4 +1,4 @@
-"""The notebooks of the manual run in a fresh kernel, and print what stands in them."""
+"""The notebooks of the manual run in a new kernel and print their stored output."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The pages that are made from the program are those that it makes now."""
+"""The generated pages are up to date with the program."""
 
 from __future__ import annotations
 
