@@ -1,6 +1,7 @@
-"""Ten questions to an installation: `python tests/installed.py COMMAND`, with the `inverse-service` of an environment.
+"""Test an installation with ten questions: `python tests/installed.py COMMAND`, with the `inverse-service` of an
+environment.
 
-Run by `make installed` against the wheel in an empty environment, in a home that nobody may write.
+Run by `make installed` against the wheel in an empty environment, with a home directory that is not writable.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ SCENE = {
 
 def main(command: str) -> None:
     with tempfile.TemporaryDirectory() as folder:
-        barrier = Path(folder) / "file"  # below a file nobody can write, not even root
+        barrier = Path(folder) / "file"  # nobody can write below a file, not even root
         barrier.touch()
         environment = os.environ | {"HOME": f"{barrier}/home", "XDG_CACHE_HOME": f"{barrier}/cache"}
 

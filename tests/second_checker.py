@@ -1,9 +1,9 @@
 """A second checker of `nonexistence` certificates whose equations are rational, written from FORMAT.md alone.
 
-It needs the standard library only and shares no line with the solver or with `certificate/`. Formulas are read into any
-kind of number with `+ - * /`: into Taylor series about a random point modulo a random prime, which decide; into exact
-fractions, for the conditions at the point `near`; and into degrees, which bound what is left to chance. What is not
-rational, or is about constraints, kinds of Lagrangians or arbitrary functions, is `incomplete`.
+It needs the standard library only and shares no line with the solver or with `certificate/`. Formulas are evaluated in
+any type of number with `+ - * /`: Taylor series about a random point modulo a random prime, which decide; exact
+fractions, for the conditions at the point `near`; and degrees, which bound the probability of error. Claims that are
+not rational, or about constraints, kinds of Lagrangians, or arbitrary functions, are `incomplete`.
 
     python tests/second_checker.py CERTIFICATE.json
 """
@@ -86,7 +86,7 @@ class Taylor:
     def __truediv__(self, other: Taylor) -> Taylor:
         zero = (0,) * self.ring[1]
         if zero not in other.terms:
-            raise ZeroDivisionError  # another point will do
+            raise ZeroDivisionError  # another point will work
         first = self.constant(pow(other.terms[zero], -1, self.ring[0]))
         rest = self.constant(1) - first * other  # has no constant term, so 1/(1 - rest) ends
         total = self.constant(1)
@@ -104,7 +104,7 @@ def up(index: Index, k: int, by: int = 1) -> Index:
 
 
 def read(text: str, names: dict[str, Any], number: Callable[[Fraction], Any]) -> Any:
-    """The value of a formula; `^` binds tightest and -x^2 is -(x^2)."""
+    """Evaluate a formula; `^` binds tightest and -x^2 is -(x^2)."""
     require(isinstance(text, str) and len(text) <= MAX_TEXT, "A formula has to be a text of moderate length.")
     tokens, at = list[str](), 0
     while at < len(text):
@@ -271,7 +271,7 @@ def check_shape(c: Any) -> None:
 
 
 def compare(c: Any) -> None:
-    """Ends unless the certificate proves its claim."""
+    """Raise Ended unless the certificate proves its claim."""
     check_shape(c)
     system, timed, near, n = (
         c["system"],

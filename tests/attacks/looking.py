@@ -73,7 +73,7 @@ def look(address: str, process: int, other: Connection) -> None:
 
 
 def _held(process: int, before: dict[str, Cores], seconds: float) -> float:
-    """The time of the service in a look: without waits of its loop or lock holder for a core, at least the loop's own work."""
+    """The service's time in a look: no waits for a core by its loop or lock holder, at least the loop's own work."""
     loop = str(process)
     now = {name: found for name, found in cores_of(process).items() if name in before}
     others = (now[name].waited - before[name].waited for name in now if name != loop)

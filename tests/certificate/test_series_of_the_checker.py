@@ -1,4 +1,4 @@
-"""Documents that depend on power series: values at zero, derivatives of arbitrary functions, curvature of constraints."""
+"""Documents that need power series: values at zero, derivatives of arbitrary functions, curvature of constraints."""
 
 from __future__ import annotations
 

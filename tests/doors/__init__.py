@@ -1,1 +1,1 @@
-"""The corpus through the doors that users have: Python, the command line, HTTP."""
+"""Run the corpus through the user interfaces: Python, the command line, HTTP."""

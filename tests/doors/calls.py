@@ -1,4 +1,4 @@
-"""One document through one door: what comes back, in the words of the Python door."""
+"""Send one document through one interface and return the result in the form of the Python interface."""
 
 import contextlib
 import io
@@ -18,7 +18,7 @@ JSON = {"Content-Type": "application/json"}
 
 @dataclass(frozen=True)
 class Refusal:
-    """What is wrong, where, and what to write instead."""
+    """An error: what is wrong, where, and what to write instead."""
 
     detail: str
     pointer: str
@@ -27,7 +27,7 @@ class Refusal:
 
 
 def solve(document: Any, door: str, service: str | None = None) -> Any:
-    """The result as a dictionary, or a Refusal. A document in text goes in as it is."""
+    """Return the result as a dictionary, or a Refusal. A text document is passed unchanged."""
     if door == "python":
         return _by_python(document)
     body = document if isinstance(document, str) else json.dumps(document)
@@ -35,7 +35,7 @@ def solve(document: Any, door: str, service: str | None = None) -> Any:
 
 
 def check(result: dict[str, Any], door: str, service: str | None = None) -> str:
-    """The verdict of the independent checker by the same door."""
+    """The verdict of the independent checker through the same interface."""
     text = json.dumps(result)
     if door == "python":
         verdict: str = inverse_service.check(text)["verdict"]
@@ -48,7 +48,7 @@ def check(result: dict[str, Any], door: str, service: str | None = None) -> str:
 
 
 def command(*arguments: str, given: str = "") -> tuple[int, str, str]:
-    """(exit code, standard output, standard error) of the command in this process."""
+    """Run the command in this process; return (exit code, standard output, standard error)."""
     out, err = io.StringIO(), io.StringIO()
     streams = (contextlib.redirect_stdout(out), contextlib.redirect_stderr(err))
     stdin = io.TextIOWrapper(io.BytesIO(given.encode("utf-8", "surrogatepass")))

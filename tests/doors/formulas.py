@@ -1,10 +1,10 @@
-"""Canonical formulas of results and of the corpus, read and evaluated without the package.
+"""Parse and evaluate canonical formulas of results and of the corpus without the package.
 
 The grammar is that of `system.equations` in a result: numbers, names, primes, + - * / ^, functions, derivatives such as
 A'(x), diff(A(x, y), x, y) and A[1,0](x, y). A value is a `Jet`: a number to 30 digits with its first and second
-derivatives by the variables of a point, so that Euler-Lagrange expressions are exact up to rounding. Arbitrary
-functions are replaced by particular ones (what fails for these fails in general). Where a formula is not real,
-`NotReal` is raised.
+derivatives by the variables of a point, so Euler-Lagrange expressions are exact up to rounding. Arbitrary
+functions are replaced by particular ones (what fails for these fails in general). A formula that is not real raises
+`NotReal`.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class NotReal(ValueError):
 
 @lru_cache(maxsize=20_000)
 def read(text: str) -> Tree:
-    """The tree of a canonical formula; ValueError where it is not canonical."""
+    """Parse a canonical formula to a tree. Raises ValueError if it is not canonical."""
     found = _Parser(text)
     tree = found.sum()
     if found.kind is not None:
@@ -95,7 +95,7 @@ class _Parser:
         return ("^", base, self.signed()) if self.accept("^") or self.accept("**") else base
 
     def pieces(self) -> Tree:
-        """piecewise((value, condition), ..., (value, true)) after its name and bracket."""
+        """Parse piecewise((value, condition), ..., (value, true)) after its name and bracket."""
         found = []
         while not found or self.accept(","):
             self.expect("(")
@@ -107,7 +107,7 @@ class _Parser:
         return ("pieces", tuple(found))
 
     def condition(self) -> Tree:
-        """Comparisons joined by words or signs, from left to right."""
+        """Parse comparisons joined by words or signs, from left to right."""
         tree = self.comparison()
         while self.value in ("and", "or", "&", "|"):
             word = self.advance()
@@ -222,7 +222,7 @@ def _times(left: Jet, right: Jet) -> Jet:
 
 
 def composed(inner: Jet, value: Any, first: Any, second: Any) -> Jet:
-    """u(inner), where u, u', u'' have these values."""
+    """The jet of u(inner), where u, u', u'' have these values."""
     if not inner.slopes:
         return _constant(value)
     slopes = {i: x * first for i, x in inner.slopes.items()}
@@ -302,7 +302,7 @@ def arbitrary(name: str, orders: Sequence[int], place: Sequence[Any]) -> Any:
 
 
 class Point:
-    """A real point: numbers for names, jets for the variables among them; integrals have the slopes that are given."""
+    """A real point: numbers for names, jets for the variables among them; integrals have the given slopes."""
 
     def __init__(
         self,
@@ -314,7 +314,7 @@ class Point:
         self.index = {name: k for k, name in enumerate(variables)}
 
     def jet(self, text: str) -> Jet:
-        """The jet of a formula; NotReal where it has no real value."""
+        """The jet of a formula. Raises NotReal if it has no real value."""
         try:
             found = self._of(read(text))
         except (ZeroDivisionError, OverflowError) as error:
@@ -408,7 +408,7 @@ class Point:
         return _applied(name, orders, inner)
 
     def _integral(self, name: str) -> Jet:
-        """A function with an integral sign: any height, the slopes as they are said, along its own arguments."""
+        """A function with an integral sign: an arbitrary value, and the given slopes along its arguments."""
         found = Jet(mpmath.mpf(7) / 5, {}, {})
         for by, slope in self.integrals[name]["derivatives"].items():
             if by not in self.index:

@@ -1,4 +1,4 @@
-"""The one judge of Lagrangians, Hamiltonians, and readings: by numbers at random points of the domain."""
+"""Test Lagrangians, Hamiltonians, and interpretations numerically at random points of the domain."""
 
 import itertools
 import random
@@ -16,7 +16,7 @@ NEAR_ZERO = mpmath.mpf(10) ** -18
 
 @dataclass(frozen=True)
 class Equations:
-    """q'' = f in canonical texts, and what its names are."""
+    """q'' = f in canonical texts, and the roles of its names."""
 
     coordinates: tuple[str, ...]
     accelerations: tuple[str, ...]
@@ -33,14 +33,14 @@ class Equations:
 
 
 def equations_of(system: Mapping[str, Any], values: Mapping[str, Any] | None = None) -> Equations:
-    """Those of `system.equations` in a result or of a document with explicit accelerations."""
+    """The equations of `system.equations` in a result, or of a document with explicit accelerations."""
     names = tuple(system.get("coordinates") or system["equations"])
     texts = tuple(system["equations"][name] for name in names)
     return Equations(names, texts, values or {}, system.get("time") or "t")
 
 
 class _Anything(dict[str, Any]):
-    """Names of parameters get a value when they are asked for, positive and fixed by name and seed."""
+    """A parameter gets a value on first use, positive and determined by name and seed."""
 
     def __init__(self, given: Mapping[str, Any], seed: int, high: int) -> None:
         super().__init__(given)
@@ -62,7 +62,7 @@ def points(
     integrals: Mapping[str, Any] | None = None,
     seed: int = 1,
 ) -> Iterator[Point]:
-    """Random points of a domain, close to `near` first where it is given; parameters included."""
+    """Random points of a domain with values of the parameters, starting close to `near` if it is given."""
     draw = random.Random(seed)
     for attempt in range(TRIES):
         numbers: dict[str, Any] = {}
@@ -97,7 +97,7 @@ def faults_of_lagrangian(
     integrals: Mapping[str, Any] | None = None,
     count: int = 2,
 ) -> str | None:
-    """None where L is regular and its Euler-Lagrange expressions vanish along f at `count` points; or what fails."""
+    """None if L is regular and its Euler-Lagrange expressions vanish along f at `count` points, else the failure."""
     with mpmath.workdps(DIGITS):
         seen = 0
         for point in points(given, domain, near, integrals):
@@ -137,10 +137,10 @@ def euler_lagrange(jet: Jet, given: Equations, point: Point) -> tuple[list[list[
 
 
 def same_lagrangian(left: str, right: str, given: Equations, domain: Sequence[str] = (), **more: Any) -> bool:
-    """Whether one is a constant times the other and a total derivative: Euler-Lagrange expressions for any q''."""
+    """Whether one is a constant times the other plus a total derivative, by Euler-Lagrange expressions for any q''."""
     with mpmath.workdps(DIGITS):
         ratio, seen = None, 0
-        # A constant may depend on parameters, so they are the same at all points.
+        # A constant may depend on parameters, so they have the same values at all points.
         fixed = dict(given.values)
         for point in points(given, domain, **more):
             for name, value in fixed.items():
@@ -170,7 +170,7 @@ def same_lagrangian(left: str, right: str, given: Equations, domain: Sequence[st
 
 
 def faults_of_hamiltonian(hamiltonian: Mapping[str, Any], lagrangian: str, given: Equations, **more: Any) -> str | None:
-    """None where the momenta are L_v and H is p v - L at two points; `implicit` ones are formulas of velocities."""
+    """None if the momenta are L_v and H is p v - L at two points; `implicit` formulas contain velocities."""
     domain = [*more.pop("domain", ()), *hamiltonian.get("domain", ())]
     momenta = dict(hamiltonian["momenta"])
     on_velocities = [condition for condition in domain if not any(name in condition for name in momenta)]
@@ -201,7 +201,7 @@ def faults_of_hamiltonian(hamiltonian: Mapping[str, Any], lagrangian: str, given
 
 
 def faults_of_endomorphism(printed: Sequence[Sequence[str]], given: Equations, **more: Any) -> str | None:
-    """None where Jacobi's endomorphism is printed: d/dt(df_i/dv_j) - 2 df_i/dq_j - (1/2) df_i/dv_k df_k/dv_j."""
+    """None if the printed Phi is d/dt(df_i/dv_j) - 2 df_i/dq_j - (1/2) df_i/dv_k df_k/dv_j."""
     n = len(given.coordinates)
     span, zero = range(n), mpmath.mpf(0)
     with mpmath.workdps(DIGITS):
@@ -227,9 +227,8 @@ def faults_of_endomorphism(printed: Sequence[Sequence[str]], given: Equations, *
 
 
 def faults_of_motion(part: Mapping[str, Any], coordinates: Sequence[str]) -> str | None:
-    """None where the motion on constraints is d'Alembert's: E_i = lambda_a dw^a/dv_i, w^a = 0 and its rate is 0.
-
-    First integrals have no rate along it either. `part` is `nonholonomic` of a result.
+    """None if the motion on constraints is d'Alembert's: E_i = lambda_a dw^a/dv_i, w^a = 0 and its rate is 0. The rates
+    of first integrals along it must vanish too. `part` is `nonholonomic` of a result.
     """
     given, motion = Equations(tuple(coordinates), ()), part["equations_of_motion"]
     n, zero = len(coordinates), mpmath.mpf(0)

@@ -1,4 +1,4 @@
-"""The rows of tests/corpus, and those of the catalogue."""
+"""The rows of tests/corpus and of the catalog."""
 
 import json
 import zlib
@@ -29,7 +29,7 @@ def _lines(name: str) -> Iterable[str]:
 
 
 def systems() -> list[Row]:
-    """All rows that are solved, the catalogue among them; its rows name their times in catalogue.ndjson."""
+    """All rows that are solved, including the catalog, whose rows have their times in catalogue.ndjson."""
     return [*rows(*SYSTEMS), *_of_the_catalogue()]
 
 
@@ -49,7 +49,7 @@ def _of_the_catalogue() -> Iterator[Row]:
 
 
 def doors(row: Row) -> tuple[str, ...]:
-    """One door by the hash of the id; all of them where the row says so."""
+    """One interface chosen by the hash of the id, or all of them if the row says so."""
     if row.get("doors") == "all":
         return ("python", "command line", "http")
     return (DOORS[zlib.crc32(row["id"].encode()) % len(DOORS)],)

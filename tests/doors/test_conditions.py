@@ -1,4 +1,4 @@
-"""The conditions of a result as they are printed."""
+"""The printed conditions of a result."""
 
 import pytest
 
@@ -6,7 +6,7 @@ import inverse_service
 
 
 def test_conditions_of_the_double_pendulum_keep_differences_of_angles() -> None:
-    """Written in sin a, cos a, sin b and cos b they have three times the characters."""
+    """In terms of sin a, cos a, sin b, and cos b they are three times as long."""
     lines = (
         "(m1+m2)*l1*a'' + m2*l2*b''*cos(a-b) + m2*l2*b'^2*sin(a-b) + (m1+m2)*g*sin(a) = 0; "
         "l2*b'' + l1*a''*cos(a-b) - l1*a'^2*sin(a-b) + g*sin(b) = 0"

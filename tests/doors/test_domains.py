@@ -1,4 +1,4 @@
-"""Where a verdict holds and where the formula of its Lagrangian does: in the result, the statement, text, and page."""
+"""The domains of a verdict and of its Lagrangian's formula: in the result, the statement, text, and page."""
 
 import copy
 import json
@@ -27,7 +27,7 @@ def test_the_damped_oscillator_has_a_lagrangian_for_all_c(damped: dict[str, Any]
     said = inverse_service.check(damped)
     assert (said["verdict"], said["statement"]["domain"]) == ("valid", [])
     assert {*said["statement"]["lagrangian_domain"]} == {"x != 0", "c^2 < 4"}
-    assert "not both 0" in said["statement"]["text"]  # at rest in 0 it has none
+    assert "not both 0" in said["statement"]["text"]  # at rest at 0 it has none
 
 
 def test_text_and_page_say_which_of_both_the_conditions_belong_to(damped: dict[str, Any]) -> None:
@@ -76,7 +76,7 @@ def test_a_verdict_on_one_coordinate_holds_where_f_is_analytic(force: str, domai
     ],
 )
 def test_lines_are_the_system_only_where_what_they_are_divided_by_is_not_0(lines: Any, domain: list[str]) -> None:
-    """M(t, q, q') q'' = -b says q'' = f where det M is not 0; where it is 0 the lines leave the motion open."""
+    """M(t, q, q') q'' = -b means q'' = f where det M != 0; where det M = 0 it does not determine the motion."""
     result = json.loads(inverse_service.solve(lines).to_json())
     assert (result["verdict"], result["domain"], result["not_answered"]) == ("variational", domain, [])
     said = inverse_service.check(result)
@@ -114,7 +114,7 @@ def test_where_constraints_are_dependent_the_motion_is_open(first: str, second: 
 
 
 def everywhere(value: Any) -> Any:
-    """The same without a condition anywhere, in the certificate neither."""
+    """The same without any condition, also in the certificate."""
     if isinstance(value, dict):
         kept = {key: [] if key == "domain" else everywhere(part) for key, part in value.items() if key != "conditions"}
         return kept if "given" not in value else {**kept, "given": value["given"]}
@@ -137,7 +137,7 @@ def test_several_coordinates_have_the_domain_of_the_proof() -> None:
 
 
 LINES = [{"equations": {"x": f"-x - {name}*x'"}, "time": name} for name in ("t", "tau")]
-FREE = {"lagrangian": "(x'^2 + y'^2)/2", "constraints": ["y' = x*x'"], "associated": "any"}  # no formula holds a time
+FREE = {"lagrangian": "(x'^2 + y'^2)/2", "constraints": ["y' = x*x'"], "associated": "any"}  # no formula contains t
 
 
 @pytest.mark.parametrize("document", [*LINES, FREE])
@@ -160,7 +160,7 @@ def test_a_part_beyond_a_pole_of_an_arctangent_has_no_answer_of_its_own() -> Non
 @pytest.mark.slow
 @pytest.mark.parametrize("angle", ["x*y", "x"])
 def test_cells_and_what_is_left_open_cover_the_plane(angle: str) -> None:
-    """There are infinitely many cells: those without an answer are in sets that are listed."""
+    """There are infinitely many cells; the result lists sets that contain the cells without an answer."""
     lines = {"x": f"atan(tan({angle}))*y' - y^2", "y": f"-({angle})*x' - 2*x*y"}
     result = inverse_service.solve({"equations": lines})
     domains = [one["domain"] for one in (*result["branches"], *result["not_answered"])]

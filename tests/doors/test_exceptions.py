@@ -1,4 +1,4 @@
-"""The special values of the parameters that a verdict leaves out: in the result, the statement, and at the doors."""
+"""The special parameter values that a verdict excludes: in the result, the statement, and every interface."""
 
 import copy
 import json
@@ -98,7 +98,7 @@ def test_van_der_pol_is_one_sentence() -> None:
 
 @pytest.fixture(scope="module")
 def kinds() -> dict[str, Any]:
-    """A natural Lagrangian of the damped oscillator is one without damping."""
+    """The damped oscillator has a natural Lagrangian only without damping."""
     asked = {"equations": {"x": "-k*x - c*x'"}, "parameters": ["k", "c"], "kinds": ["natural"]}
     found: dict[str, Any] = json.loads(inverse_service.solve(asked).to_json())
     return found

@@ -1,4 +1,4 @@
-"""A Lagrangian alone: its equations, momenta, energy, and what is conserved."""
+"""A Lagrangian alone gives its equations, momenta, energy, and conserved quantities."""
 
 from __future__ import annotations
 

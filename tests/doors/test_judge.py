@@ -1,4 +1,4 @@
-"""The judge itself: it knows derivatives, and it says no."""
+"""The judge computes derivatives correctly and rejects wrong formulas."""
 
 from __future__ import annotations
 

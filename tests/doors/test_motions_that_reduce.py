@@ -1,4 +1,4 @@
-"""A yes about the equations of the free coordinates is one about the motion on the constraints, and is checked so."""
+"""A yes for the equations of the independent coordinates is a checked yes for the motion on the constraints."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def test_the_knife_edge_in_a_central_spring_has_a_lagrangian_in_closed_form() ->
 
 
 def test_angles_that_turn_together_are_taken_apart() -> None:
-    """By differences of the headings; in the headings themselves the accelerations have 21,000 characters."""
+    """Uses differences of the headings; in the headings themselves the accelerations have 21,000 characters."""
     (row,) = (row for row in rows("constrained") if row["id"] == "whole-trailer2")
     assert sum(len(one["text"]) for one in parse_document(row["document"])["equations"].values()) < 4000
 

@@ -1,4 +1,4 @@
-"""Texts of the corpus: each is read as what its writer means, or refused at its place."""
+"""Texts of the corpus: each is parsed as its author means it, or rejected with a location."""
 
 import json
 from collections.abc import Iterator
@@ -20,14 +20,14 @@ BODIES = rows("bodies")
 
 
 def pasted() -> Iterator[Row]:
-    """What people paste from books and programs, as a text whose constants are guessed."""
+    """Text that people paste from books and programs; its constants are guessed."""
     for row in rows("spellings"):
         document = {"equations": row["given"], "parameters": "guess"}
         yield {**row, "document": document, "reads": row.get("read"), "id": row["given"]}
 
 
 def fault_of(row: Row, found: Any) -> str | None:
-    """None where a document is understood or refused as its row says."""
+    """None if a document is parsed or rejected as its row says."""
     wanted = row.get("refused")
     if isinstance(found, calls.Refusal):
         return f"refused: {found.detail}" if wanted is None else fault_of_refusal(wanted, found)
@@ -45,7 +45,7 @@ def fault_of(row: Row, found: Any) -> str | None:
 
 
 def fault_of_refusal(wanted: dict[str, Any], found: calls.Refusal) -> str | None:
-    """None where what is refused, its place and what is offered are those of the row."""
+    """None if the error, its location, and the suggestions are those of the row."""
     detail = found.detail
     if not (detail.isprintable() and detail.replace("…", "").isascii() and 10 < len(detail) < 600):
         return f"not a sentence: {detail!r}"
@@ -60,7 +60,7 @@ def fault_of_refusal(wanted: dict[str, Any], found: calls.Refusal) -> str | None
 
 
 def parsed(document: Any, service: str | None = None) -> Any:
-    """What is understood, by Python or by POST /v1/parse."""
+    """The parsed system, from Python or from POST /v1/parse."""
     if service is None:
         try:
             return parse_document(document)
@@ -76,7 +76,7 @@ def assert_all(chosen: list[Row], service: str | None = None) -> None:
 
 
 def blocks(all_rows: list[Row], every: int = 1) -> list[Any]:
-    """All rows, some at a time; of the blocks one of so many is in the default suite."""
+    """All rows in blocks; the default suite runs only some of the blocks."""
     starts = range(0, len(all_rows), AT_A_TIME)
     marks = [pytest.mark.slow if k % every else () for k in range(len(starts))]
     return [

@@ -1,5 +1,4 @@
-"""Scenes of the corpus: what means nothing is refused; each run ends as its row says; no method completes a hard motion
-with a wrong trajectory."""
+"""Scenes of the corpus are rejected or end as their rows say; no completed run has a wrong trajectory."""
 
 import json
 from typing import Any
@@ -38,14 +37,14 @@ def test_what_is_no_scene_is_refused(scene: object) -> None:
 
 @pytest.mark.parametrize("row", [pytest.param(row, id=row["id"], marks=marks(row)) for row in rows("motions")])
 def test_no_method_completes_a_hard_motion_with_a_wrong_trajectory(row: Row) -> None:
-    """To the end without a doubt: within the error that is given, or a tenth of the motion's size."""
+    """A run completed without a `doubt` is within the given error, or a tenth of the motion's size."""
     right, final = dict(row.get("right", {})), row["final"]
     for method in inverse_service.simulate(row["scene"])["methods"]:
         if method["outcome"] == "completed" and not method.get("doubt"):
             assert final is not None, method["label"]
             apart = max(abs(method["final"]["positions"][name] - value) for name, value in final.items())
             assert apart <= row["size"] * right.pop(method["label"], 0.1), method["label"]
-    assert not right  # these get to the end
+    assert not right  # these reach the end
 
 
 @pytest.mark.parametrize("row", [pytest.param(row, id=row["id"], marks=marks(row)) for row in rows("ends")])

@@ -1,4 +1,4 @@
-"""For which parameters there is a Lagrangian: the conditions of a result against those by hand, on a grid of values."""
+"""The conditions on parameters for a Lagrangian agree with conditions derived by hand, on a grid of values."""
 
 from __future__ import annotations
 

@@ -1,7 +1,6 @@
-"""Systems of the corpus: verdicts that are known, Lagrangians and Hamiltonians that hold, certificates that check.
-
-What is expected comes from the literature, from the Lagrangian that a system was made of, or from an argument; the
-judge uses nothing of the package.
+"""Systems of the corpus have the known verdicts, correct Lagrangians and Hamiltonians, and valid certificates. Expected
+values come from the literature, from the Lagrangian that defines a system, or from an argument. The judge uses nothing
+from the package.
 """
 
 import re
@@ -13,11 +12,11 @@ import pytest
 from tests.doors import calls, judge, rows
 
 SYSTEMS = rows.systems()
-LONGER = 1.3  # a pair of brackets and a number more than a person needs
+LONGER = 1.3  # a pair of brackets and a number more than a person writes
 
 
 def given_equations(row: rows.Row) -> judge.Equations | None:
-    """f from the row alone; None where only a reader of its notation knows it."""
+    """f from the row alone, or None if the row needs a reader of its notation."""
     document = row["document"]
     equations = row.get("equations") or document.get("equations")
     if not isinstance(equations, dict):
@@ -30,7 +29,7 @@ def given_equations(row: rows.Row) -> judge.Equations | None:
 
 @pytest.mark.slow
 def test_the_known_lagrangians_of_all_rows_hold() -> None:
-    """Each row proves its yes by itself."""
+    """The known Lagrangian of each row proves its yes."""
     known = [(row, text) for row in SYSTEMS for text in row.get("known", ())]
     assert known
     for row, text in known:
@@ -105,7 +104,7 @@ def assert_kinds(wanted: Mapping[str, str], result: Mapping[str, Any]) -> None:
 
 
 def assert_cases(wanted: Mapping[str, str], result: Mapping[str, Any]) -> None:
-    """Each connected set, written as its conditions, with its own verdict."""
+    """Assert the verdict on each connected set, which its conditions describe."""
     found = {frozenset(branch["domain"]): branch["verdict"] for branch in result["branches"] or [result]}
     assert found == {frozenset(domain.split(", ")): verdict for domain, verdict in wanted.items()}
 
@@ -116,7 +115,7 @@ def assert_domain(wanted: Sequence[str], result: Mapping[str, Any]) -> None:
 
 
 def assert_clock(wanted: Mapping[str, Any], result: Mapping[str, Any]) -> None:
-    """With another clock: the verdict, N in dtau = N dt, and equations."""
+    """Assert the time change: the verdict, N in dtau = N dt, and equations."""
     found = result["with_clock"]
     assert found["verdict"] == wanted["verdict"], found["reason"]
     assert found["checked"] == "valid" or wanted["verdict"] == "undetermined"
@@ -131,7 +130,7 @@ def assert_clock(wanted: Mapping[str, Any], result: Mapping[str, Any]) -> None:
 
 
 def assert_reduced(wanted: Mapping[str, Any], result: Mapping[str, Any]) -> None:
-    """The reduced system as it is and with Chaplygin's clock; None: there is no other clock."""
+    """Assert the reduced system with and without Chaplygin's time change; None means there is no time change."""
     found = result["reduced"]
     with_clock = found["with_clock"]
     assert found["verdict"] == wanted["verdict"]
@@ -180,7 +179,7 @@ def answers_of(result: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
 
 
 def assert_answer_holds(answer: Mapping[str, Any], given: judge.Equations, result: Mapping[str, Any]) -> None:
-    """What one answer shows: it was checked, it was explained, its formulas belong to each other."""
+    """Assert that an answer is checked and explained, and that its formulas agree with each other."""
     if answer["verdict"] == "undetermined":
         return
     assert answer["checked"] == "valid"

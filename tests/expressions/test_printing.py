@@ -1,4 +1,4 @@
-"""What is printed reads back: the same value, and then the same text for ever."""
+"""Printed text parses back to the same value, and printing that again gives the same text."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def test_text_reads_back_to_the_same_value(tree: ex.Expression) -> None:
         with mp.workdps(30):
             _values([tree], 1)
     except evaluation.NoRealValue:
-        return  # the tree means nothing at this point, and the reader may refuse it
+        return  # the tree has no value at this point, and the reader may reject it
     try:
         again = reader.read_formula(printing.to_text(tree), NAMES)
     except errors.LimitError:
@@ -150,7 +150,7 @@ TABLE = [
     (ex.power(ex.power(ex.Symbol("x"), ex.Symbol("y")), 2), "(x^y)^2", r"\left(x^{y}\right)^{2}"),
     (ex.Power(ex.number(2), ex.Symbol("x")), "2^x", "2^{x}"),
     (ex.multiply(ex.number(3), ex.Power(ex.number(2), ex.Symbol("x"))), "3*2^x", r"3 \cdot 2^{x}"),
-    # The reader takes |u| as sqrt(u^2); formulas for eyes show it as it was written.
+    # The reader parses |u| as sqrt(u^2); formulas for people show it as written.
     (ex.power(ex.power(ex.Symbol("x"), 2), Fraction(1, 2)), "sqrt(x^2)", r"\left|x\right|"),
     (
         ex.power(
@@ -159,7 +159,7 @@ TABLE = [
         "sqrt((x + sqrt(y^2))^2)",
         r"\left|x + \left|y\right|\right|",
     ),
-    # A decimal number where the fraction is much longer.
+    # A decimal number if the fraction is much longer.
     (
         ex.multiply(ex.number(Fraction("398600.4418")), ex.power(ex.Symbol("x"), -1)),
         "398600.4418/x",

@@ -107,7 +107,7 @@ def test_a_consequence_is_a_combination_of_exactly_the_rows_traced(seed: int) ->
     for number, row in basis.items():
         used = [rows[k] for k in echelon.trace({number: 1})]
         assert in_span(row, used, width)
-        # the rows traced are independent, so none of them can be left out
+        # the traced rows are independent, so each of them is needed
         assert reduced(used, width)[1] == len(used)
         assert all(not in_span(row, used[:k] + used[k + 1 :], width) for k in range(len(used)))
 
@@ -182,7 +182,7 @@ def test_rows_rightly_expected_to_depend_leave_the_very_same_basis(seed: int) ->
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(6))
 def test_rows_wrongly_expected_to_depend_are_inserted_all_the_same(seed: int) -> None:
-    """A single row too many among those expected is noticed."""
+    """A single independent row among those expected to depend is detected."""
     rows, plain = random_rows(40, 60, 0.1, seed), Echelon(P)
     plain.widen(60)
     dependent = insert(plain, rows)

@@ -1,4 +1,4 @@
-"""A space of symmetric matrices holds a definite one, or a semidefinite matrix is orthogonal to it: exactly."""
+"""Either a space of symmetric matrices contains a definite one, or a semidefinite matrix is orthogonal to it."""
 
 from __future__ import annotations
 

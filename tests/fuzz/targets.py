@@ -1,7 +1,6 @@
-"""What is fuzzed: formulas, documents and bytes, each read or refused with a sentence; never a fault.
-
-Every target is a hypothesis test. Hypothesis runs it by itself, and atheris drives it by bytes that
-reach new lines of the readers (`hypothesis.fuzz_one_input`).
+"""Fuzz targets: formulas, documents, and bytes are parsed or rejected with a sentence, without internal errors. Every
+target is a Hypothesis test. Hypothesis runs it by itself, and atheris drives it with bytes that reach new lines of the
+readers (`hypothesis.fuzz_one_input`).
 """
 
 from __future__ import annotations
@@ -59,7 +58,7 @@ NONHOLONOMIC = some.fixed_dictionaries(
 @SETTINGS
 @given(FORMULAS)
 def formulas(text: str) -> None:
-    """A formula is refused at a column, or read; then it prints, and what is printed reads back."""
+    """A formula is rejected at a column or parsed; then its printed text parses back."""
     read = read_or_refused(text)
     if read is None:
         return
@@ -82,7 +81,7 @@ def read_or_refused(text: str) -> Expression | None:
 
 
 def assert_told(sentence: str, column: int | None = None, last: int = 10**9) -> None:
-    """A refusal says something, not too much, and points into the text."""
+    """Assert that an error message is present, short, and points into the text."""
     assert 0 < len(sentence) < 600
     assert column is None or 1 <= column <= last
 
@@ -90,7 +89,7 @@ def assert_told(sentence: str, column: int | None = None, last: int = 10**9) -> 
 @SETTINGS
 @given(SYSTEMS | NONHOLONOMIC | VALUES)
 def documents(document: Any) -> None:
-    """A document is understood or refused with places."""
+    """A document is parsed or rejected with locations."""
     outcome = guard(parse_document, document)
     assert outcome.status in ("done", "refused"), outcome.detail
     assert (outcome.status == "refused") == bool(outcome.places)
@@ -104,7 +103,7 @@ BYTES = some.binary(max_size=80) | VALUES.map(lambda value: json.dumps(value).en
 @SETTINGS
 @given(BYTES | some.tuples(BYTES, BYTES).map(lambda pair: pair[0][: len(pair[0]) // 2] + pair[1]))
 def files(data: bytes) -> None:
-    """JSON, YAML and TOML are read or refused; the checker has a verdict on any text."""
+    """JSON, YAML, and TOML are parsed or rejected; the checker has a verdict on any text."""
     for read in (read_json, read_yaml, read_toml):
         try:
             read(data)

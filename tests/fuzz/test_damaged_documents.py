@@ -1,4 +1,4 @@
-"""A beginning of a formula, or one with a character missing, is read or refused with a sentence at every door."""
+"""Every interface parses a prefix of a formula, or one with a missing character, or rejects it with a sentence."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ FORMULAS = ("equations", "lagrangian", "constraints")
 
 
 def whole() -> list[dict[str, Any]]:
-    """What people paste, and the documents of motions on constraints."""
+    """Text that people paste, and documents of motions on constraints."""
     found = [{"equations": row["given"], "parameters": "guess"} for row in rows("spellings")]
     return found + [row["document"] for name in ("constrained", "readings") for row in rows(name)]
 
 
 def damaged(seed: int, count: int) -> Iterator[dict[str, Any]]:
-    """Documents with one formula cut off, or without one of its characters."""
+    """Documents with one formula truncated, or without one of its characters."""
     source, documents = random.Random(seed), whole()
     for _ in range(count):
         document = json.loads(json.dumps(source.choice(documents)))
@@ -62,7 +62,7 @@ def test_no_damaged_document_is_a_fault_of_the_program(seed: int) -> None:
 
 
 def ask(service: str, count: int, seed: int) -> None:
-    """Each document by HTTP, and each text on the page and on the command line."""
+    """Send each document by HTTP, and each text through the page and the command line."""
     for document in damaged(seed, count):
         answer = httpx.post(f"{service}/v1/parse", content=json.dumps(document), headers=calls.JSON, timeout=60)
         assert answer.status_code in (200, 422), (answer.text, document)

@@ -1,4 +1,4 @@
-"""No short line, no beginning of a formula, and no formula with a character missing is a fault of the program."""
+"""No short line, prefix of a formula, or formula with a missing character causes an internal error."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def test_no_short_line_is_a_fault_of_the_program(seed: int) -> None:
 
 
 def formulas() -> list[str]:
-    """Those in the catalogue, in code of the documentation, and as books print them."""
+    """The formulas in the catalog, in code of the documentation, and as printed in books."""
     found: dict[str, None] = {}
     for row in rows("readings"):
         if "as-printed" in row["id"]:
@@ -81,7 +81,7 @@ def test_no_beginning_of_a_formula_is_a_fault_of_the_program(every: int) -> None
 
 
 def shortened() -> list[str]:
-    """Every beginning of the formulas, and the formulas without one of their characters."""
+    """Every prefix of the formulas, and the formulas without one of their characters."""
     texts = formulas()
     assert len(texts) > 300
     begun = [text[:length] for text in texts for length in range(1, len(text))]

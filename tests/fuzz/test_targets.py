@@ -1,4 +1,4 @@
-"""The fuzz targets: some examples by hypothesis always, many by atheris where it is installed."""
+"""The fuzz targets: some Hypothesis examples always, and many with atheris if it is installed."""
 
 from __future__ import annotations
 

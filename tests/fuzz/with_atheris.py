@@ -1,6 +1,6 @@
-"""`python -m tests.fuzz.with_atheris TARGET -runs=N [options of libFuzzer]`: a target driven by coverage.
+"""`python -m tests.fuzz.with_atheris TARGET -runs=N [options of libFuzzer]`: run a target driven by coverage.
 
-Needs `pip install atheris`, which is no dependency of the tests.
+Needs `pip install atheris`, which is not a dependency of the tests.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ import sys
 
 import atheris
 
-# Only what reads is watched: lines of libraries would lead the search astray.
+# Only the readers are instrumented: lines of libraries would mislead the search.
 WATCHED = [
     "inverse_service.expressions",
     "inverse_service.service.documents.plain_data",

@@ -1,6 +1,6 @@
-"""A system in other coordinates: q = phi(Q), with L and f carried along, so the verdict stays.
+"""Transform a system to other coordinates, q = phi(Q), with L and f, so the verdict is unchanged.
 
-f is transformed by itself, Q'' = J^-1 (f - (d/dt J) Q') with J = d phi / d Q, not derived again from L.
+f is transformed by itself, Q'' = J^-1 (f - (d/dt J) Q') with J = d phi / d Q, not derived from the new L.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ CHANGES = ("rotation", "polar", "shear", "exponential")
 
 
 def disguised(system: GeneratedSystem, seed: int) -> GeneratedSystem:
-    """The same system in other coordinates; one coordinate alone is only stretched or exponentiated."""
+    """The same system in other coordinates; a single coordinate is only stretched or exponentiated."""
     rng = random.Random(f"disguise/{system.id}/{seed}")
     new = space([name.upper() for name in system.coordinates])
     change = rng.choice(CHANGES if system.n > 1 else CHANGES[2:])

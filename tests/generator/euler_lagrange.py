@@ -30,7 +30,7 @@ def equations_of(lagrangian: sympy.Expr, s: Space) -> tuple[sympy.Matrix, list[s
 
 
 def accelerations(lagrangian: sympy.Expr, s: Space) -> list[sympy.Expr]:
-    """f with M f = b, exactly; ValueError where M is singular."""
+    """f with M f = b, exactly. Raises ValueError if M is singular."""
     mass, forces = equations_of(lagrangian, s)
     if mass.is_diagonal():
         return [_quotient(b, mass[i, i]) for i, b in enumerate(forces)]
@@ -47,7 +47,7 @@ def _quotient(numerator: sympy.Expr, denominator: sympy.Expr) -> sympy.Expr:
 
 
 def _over_one_bar(row: Sequence[sympy.Expr], forces: Sequence[sympy.Expr]) -> sympy.Expr:
-    """Sum of row_j b_j; entries over the same bar share it, and a constant row is multiplied out."""
+    """Sum of row_j b_j; entries with the same denominator share it, and a constant row is multiplied out."""
     above: dict[sympy.Expr, sympy.Expr] = {}
     for entry, b in zip(row, forces, strict=True):
         numerator, denominator = sympy.fraction(entry)
@@ -56,7 +56,7 @@ def _over_one_bar(row: Sequence[sympy.Expr], forces: Sequence[sympy.Expr]) -> sy
 
 
 def shortest(expression: sympy.Expr) -> sympy.Expr:
-    """The shortest to write of some equal forms."""
+    """The shortest of several equal forms."""
     numerator, denominator = sympy.fraction(sympy.together(expression))
     quotient = sympy.expand(numerator) / denominator
     forms = (sympy.factor_terms(expression), sympy.expand(expression), sympy.factor_terms(quotient))

@@ -31,7 +31,7 @@ def _constant(rng: random.Random, s: Space) -> sympy.Expr:
 
 
 def metric(rng: random.Random, s: Space) -> sympy.Expr:
-    """Kinetic energy of a metric that depends on q: diagonal, conformal, or sheared; at times a potential."""
+    """Kinetic energy of a metric that depends on q: diagonal, conformal, or sheared; sometimes a potential."""
     kind = rng.choice((_diagonal, _conformal, _sheared))
     energy = kind(rng, s)
     return energy - potential(rng, s.coordinates) if rng.random() < 0.5 else energy
@@ -71,7 +71,7 @@ def _linear(rng: random.Random, s: Space) -> sympy.Expr:
 
 
 def velocity_ratio(rng: random.Random, s: Space) -> sympy.Expr:
-    """w'^2/2 + v^T S(w) v / (2 w') with functions of the one coordinate w; at times a potential."""
+    """w'^2/2 + v^T S(w) v / (2 w') with functions of the single coordinate w; sometimes a potential."""
     w, rate = s.coordinates[0], s.velocities[0]
     if s.n == 1:
         return function_of(rng, w) / rate - rng.randint(0, 1) * function_of(rng, w)
@@ -87,7 +87,7 @@ def _weight(rng: random.Random, w: sympy.Symbol) -> sympy.Expr:
 
 
 def quartic(rng: random.Random, s: Space) -> sympy.Expr:
-    """Fourth powers of the velocities beside a quadratic form."""
+    """Fourth powers of the velocities plus a quadratic form."""
     if s.n < 4 and rng.random() < 0.5:  # for n = 4 the right-hand sides fill a page
         square = sum((v**2 for v in s.velocities), sympy.Integer(0))
         kinetic = square / 2 + positive(rng) * square**2 / 4
@@ -97,7 +97,7 @@ def quartic(rng: random.Random, s: Space) -> sympy.Expr:
 
 
 def relativistic(rng: random.Random, s: Space) -> sympy.Expr:
-    """-m sqrt(1 - |v|^2), of all velocities together or of each, in a potential, at times magnetic."""
+    """-m sqrt(1 - |v|^2), of all velocities together or of each one, with a potential and sometimes a magnetic term."""
     if rng.random() < 0.6:
         kinetic = -positive(rng) * sympy.sqrt(1 - sum(v**2 for v in s.velocities))
     else:
@@ -106,7 +106,7 @@ def relativistic(rng: random.Random, s: Space) -> sympy.Expr:
 
 
 def exponential(rng: random.Random, s: Space) -> sympy.Expr:
-    """Exponentials of velocities or of sums of two of them, in a potential."""
+    """Exponentials of velocities or of sums of two of them, with a potential."""
     kinetic = sympy.Integer(0)
     for i, v in enumerate(s.velocities):
         partner = s.velocities[i - 1] if i and rng.random() < 0.3 else 0
@@ -136,7 +136,7 @@ FAMILIES: dict[str, Family] = {
 
 
 def with_time(rng: random.Random, s: Space, lagrangian: sympy.Expr) -> sympy.Expr:
-    """The same with t in it: a factor exp(c t), or a driving force."""
+    """The same with explicit time: a factor exp(c t), or a driving force."""
     if rng.random() < 0.6:
         return sympy.exp(rng.choice((1, 1, 2, -1)) * TIME) * lagrangian
     return lagrangian + rng.choice((TIME, sympy.cos(TIME), sympy.exp(-TIME))) * rng.choice(s.coordinates)

@@ -34,7 +34,7 @@ def random_space(rng: random.Random, n: int) -> Space:
 
 
 def coefficient(rng: random.Random) -> sympy.Rational:
-    """A small number, not zero, mostly an integer."""
+    """A small nonzero number, mostly an integer."""
     return sympy.Rational(rng.choice((-3, -2, -1, -1, 1, 1, 1, 2, 3)), rng.choice((1, 1, 1, 1, 2, 3)))
 
 
@@ -59,7 +59,7 @@ def monomial(rng: random.Random, q: Sequence[sympy.Symbol]) -> sympy.Expr:
 
 
 def potential(rng: random.Random, q: Sequence[sympy.Symbol]) -> sympy.Expr:
-    """A sum of two to four terms, every coordinate in one of them at least."""
+    """A sum of two to four terms that contains every coordinate."""
     total = sum((monomial(rng, q) for _ in range(rng.randint(1, 3))), sympy.Integer(0))
     for a in q:
         if a not in total.free_symbols:

@@ -1,7 +1,7 @@
-"""Exact inverse of a small matrix of elementary functions, quickly.
+"""Compute the exact inverse of a small matrix of elementary functions quickly.
 
-Every exponential, root, sine and cosine gets a symbol of its own, so that all arithmetic is that of
-polynomials; roots are reduced modulo their squares before they are written out again.
+Every exponential, root, sine, and cosine gets its own symbol, so all arithmetic is that of polynomials; roots are
+reduced modulo their squares before they are substituted back.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ EXPONENTIAL_STEP = 6
 
 @dataclass(frozen=True, slots=True)
 class Atoms:
-    """What the generator symbols stand for: `meaning` for all, `radicand` for the square roots."""
+    """The meaning of the generator symbols: `meaning` for all, `radicand` for the square roots."""
 
     meaning: dict[sympy.Symbol, sympy.Expr] = field(default_factory=dict)
     radicand: dict[sympy.Symbol, sympy.Expr] = field(default_factory=dict)
@@ -33,7 +33,7 @@ class Atoms:
 
 
 def inverse(matrix: sympy.Matrix) -> sympy.Matrix:
-    """The inverse; ValueError where the determinant is zero.
+    """The inverse. Raises ValueError if the determinant is zero.
 
     Cofactors over determinant: Gauss in the fraction field takes up to a minute for n = 4, and
     DomainMatrix.adj_det of SymPy 1.14 fails where a coefficient of the characteristic polynomial is 0.

@@ -1,4 +1,4 @@
-"""The value of a SymPy expression by its own arithmetic: no code is generated."""
+"""Evaluate a SymPy expression directly, without code generation."""
 
 from __future__ import annotations
 

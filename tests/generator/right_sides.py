@@ -16,7 +16,7 @@ KINDS = ("polynomial", "rational", "trigonometric")
 
 @dataclass(frozen=True, slots=True)
 class RandomRightSide:
-    """q'' = f with nothing known about it but its equations."""
+    """q'' = f without any known structure."""
 
     id: str
     kind: str
@@ -31,12 +31,12 @@ class RandomRightSide:
 
 
 def random_right_sides(count: int, seed: int) -> list[RandomRightSide]:
-    """`count` systems, the kinds and n = 2 to 4 in turn; the same for the same seed."""
+    """`count` systems that cycle through the kinds and n = 2 to 4; a seed determines them."""
     return [random_right_side(index, seed) for index in range(count)]
 
 
 def random_right_side(index: int, seed: int) -> RandomRightSide:
-    """The system of this number."""
+    """The system with this number."""
     return _one(index, seed, KINDS[index % 3], 2 + index // 3 % 3)
 
 

@@ -45,12 +45,12 @@ def text(expression: sympy.Expr) -> str:
 
 
 def random_systems(count: int, seed: int, families: Sequence[str] = tuple(FAMILIES)) -> list[GeneratedSystem]:
-    """`count` systems, the families and n = 1 to 4 in turn; the same for the same seed."""
+    """`count` systems that cycle through the families and n = 1 to 4; a seed determines them."""
     return [random_system(index, seed, families) for index in range(count)]
 
 
 def random_system(index: int, seed: int, families: Sequence[str] = tuple(FAMILIES)) -> GeneratedSystem:
-    """The system of this number."""
+    """The system with this number."""
     kinds = len(families)
     return _one(index, seed, families[index % kinds], 1 + index // kinds % 4)
 
@@ -71,7 +71,7 @@ def _one(index: int, seed: int, family: str, n: int) -> GeneratedSystem:
 
 
 def assembled(name: str, family: str, s: Space, f: Sequence[sympy.Expr], lagrangian: sympy.Expr) -> GeneratedSystem:
-    """The system, once its Lagrangian is verified at two points with 40 digits; else AssertionError."""
+    """The system, after its Lagrangian is verified at two points with 40 digits. Raises AssertionError if it fails."""
     for seed in (1, 2):
         defect, determinant = residual(lagrangian, f, s, seed)
         if not (defect < 1e-30 and determinant > 1e-12):

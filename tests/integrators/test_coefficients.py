@@ -38,7 +38,7 @@ Tree = tuple["Tree", ...]
 
 @functools.cache
 def trees(size: int) -> frozenset[Tree]:
-    """The rooted trees with so many nodes, each as the sorted tuple of the trees on its root."""
+    """The rooted trees with this number of nodes, each as the sorted tuple of the subtrees of its root."""
     grown: set[Tree] = {()} if size == 1 else set()
     for last in range(1, size):
         for rest, tree in itertools.product(trees(size - last), trees(last)):
@@ -66,10 +66,10 @@ def test_runge_kutta_methods_satisfy_the_condition_of_every_rooted_tree(order: i
 
 @pytest.mark.parametrize("order", method_table.TABLEAUX)
 def test_forces_without_velocities_need_the_conditions_of_nystrom(order: int) -> None:
-    """A force along q = t^m, or along the positions that other such forces make: exact up to t^order (II.14)."""
+    """A force along q = t^m, or along positions due to other such forces, is exact up to t^order (II.14)."""
     one = method_table.TABLEAUX[order]
     assert not np.triu(one.places).any()
-    grown = {0: [(np.ones(len(one.nodes)), 1.0)]}  # by the power of t: values at the stages, and the factor
+    grown = {0: [(np.ones(len(one.nodes)), 1.0)]}  # by power of t: values at the stages, and the factor
     for power in range(1, order):
         grown[power] = [(one.nodes * values, factor) for values, factor in grown[power - 1]]
         for last in range(power - 1):

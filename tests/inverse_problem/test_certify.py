@@ -1,4 +1,4 @@
-"""Certificates of decisions are confirmed by the checker; corrupted ones are refused."""
+"""The checker confirms certificates of decisions and rejects corrupted ones."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ def test_a_corrupted_proof_of_existence_is_refused(corrupt: Corruption) -> None:
 
 
 def test_no_row_used_is_superfluous() -> None:
-    """Every row of a traced combination is needed: without any one of them the proof falls."""
+    """Every row of a traced combination is needed: without any one of them the proof fails."""
     right = certificate({"x": "x*y", "y": "0"})
     assert check_certificate(right, seed=3).verdict == "valid"
     for k in range(len(right["rows"])):
@@ -129,7 +129,7 @@ def test_the_real_point_of_the_domain_is_written_down() -> None:
     assert float(near["x"]) > 0
 
 
-# Functions that a decision over a prime field must not take for independent: the checker is real.
+# Functions that a decision over a prime field must not treat as independent; the checker uses real numbers.
 RELATED = [
     {"x": "-x-2*x*y+(sin(atan(1/x))-cos(atan(x)))*x'*y'^2", "y": "-y-x^2+y^2"},
     {"x": "sqrt(x-y)*sqrt(x+y)*y'", "y": "sqrt(x^2-y^2)*x'+log(x-y)+log(x+y)"},

@@ -169,7 +169,7 @@ def essence(found: Decision) -> tuple[str, tuple[tuple[int, ...], ...], tuple[in
 
 
 def linear_change(given: SecondOrderSystem, matrix: list[Fraction]) -> SecondOrderSystem:
-    """The system of Q where q = M Q: Q'' = M^-1 f(M Q, M Q'), the names kept."""
+    """The system of Q where q = M Q: Q'' = M^-1 f(M Q, M Q'), with the same names."""
     a, b, c, d = matrix
     x, y = given.coordinates
     table: dict[Expression, Expression] = {}

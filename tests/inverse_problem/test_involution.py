@@ -1,4 +1,4 @@
-"""Cartan's test: characters of textbook systems, and what it needs from linear algebra."""
+"""Cartan's test: characters of textbook systems, and the linear algebra that it needs."""
 
 from __future__ import annotations
 

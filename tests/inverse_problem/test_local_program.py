@@ -64,7 +64,7 @@ def test_a_denominator_that_vanishes_everywhere_is_told(monkeypatch: pytest.Monk
 def test_a_program_is_written_anew_for_a_higher_order(
     equations_of: dict[str, str], parameters: list[str], with_time: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Arbitrary functions are expanded to the order a program is written for, and no further."""
+    """Arbitrary functions are expanded only to the order of the program."""
     system = system_of(equations_of, parameters)
     expected = decide(system, with_time)
     monkeypatch.setattr(settling, "SECOND_ORDER", 1)

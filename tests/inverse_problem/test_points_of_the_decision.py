@@ -1,4 +1,4 @@
-"""The points of a decision: other ones after a singular one, other ones for each seed; and how far it goes at them."""
+"""A decision uses new points after a singular one and for each seed, and goes up to the right order at them."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ def test_a_limit_of_order_lets_that_order_be_done() -> None:
 def test_of_three_consequences_that_leave_nothing_two_are_traced(
     equations: dict[str, str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """All of g(p) is zero at last; two equations leave one g(p) of rank one, and that is enough."""
+    """In the end all of g(p) is zero; two equations leave one g(p) of rank one, and that is enough."""
     traced: list[Mapping[int, int]] = []
     trace = Echelon.trace
 
@@ -125,14 +125,14 @@ def test_the_space_of_a_positive_verdict_is_that_of_an_involutive_system() -> No
         ({"x": "x^2+y^2", "y": "0"}, [2, 1]),
         ({"x": "x*y", "y": "x"}, [2, 1, 0]),
         ({"x": "-x-2*x*y-x'", "y": "-y-x^2+y^2-y'"}, [2, 1, 0]),
-        # at order 2 nothing new is found: the obstruction is differential
+        # order 2 gives nothing new: the obstruction is differential
         ({"x": "2*x'/y'+2*x'", "y": "2*x'^2/y'+x'/y'"}, [2, 1, 1, 0]),
     ],
 )
 def test_no_multiplier_is_seen_at_the_first_order_that_leaves_none(
     equations: dict[str, str], values: list[int]
 ) -> None:
-    """`values` are the dimensions of what is left of g(p), order by order, at both points."""
+    """`values` are the dimensions of the remaining space of g(p), order by order, at both points."""
     found = decide(read_system(["x", "y"], equations), False)
     assert (found.verdict, found.order) == ("not_variational", len(values) - 1)
     assert [dimensions[0] for dimensions in found.history] == values

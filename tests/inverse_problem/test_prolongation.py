@@ -1,4 +1,4 @@
-"""The rows of the prolonged Helmholtz system against the Helmholtz conditions of a known multiplier."""
+"""The rows of the prolonged Helmholtz system agree with the Helmholtz conditions of a known multiplier."""
 
 from __future__ import annotations
 
@@ -213,7 +213,7 @@ def reduced(echelon: Echelon, width: int) -> list[int]:
 def test_rows_foreseen_to_depend_on_others_change_nothing(
     equations_of: dict[str, str], with_time: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The consequences are the same, and as many rows depend on others."""
+    """The consequences and the number of dependent rows are the same."""
     foreseen = prolongation_of(equations_of, 4, with_time)
     expected = room._expected
     monkeypatch.setattr(room, "_expected", lambda *given: np.zeros_like(expected(*given)))

@@ -1,4 +1,4 @@
-"""Verdicts as identities: exact over the rationals, and Coq compiles what is written of them."""
+"""Verdicts as identities are exact over the rationals, and Coq compiles their proofs."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def test_coq_accepts_the_proof(name: str, tmp_path: Path) -> None:
 @pytest.mark.slow
 @needs_coq
 def test_coq_refuses_the_proof_for_another_f(tmp_path: Path) -> None:
-    """The accelerations stand in the file, and Coq takes their derivatives."""
+    """The file contains the accelerations, and Coq computes their derivatives."""
     text = proof_document(solved({"equations": {"x": "-x - x'^2*y", "y": "-y + x'*y'"}}), "coq", 1)
     assert "  | 1%nat => (num (-1 # 1) * _y + _v_x * _v_y)%poly" in text
     assert compiled(text, tmp_path).returncode == 0
@@ -107,7 +107,7 @@ def test_long_factors_are_letters_with_their_meaning(name: str) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [*NEGATIVE, *LETTERED])
 def test_the_identities_hold_over_the_rationals(name: str) -> None:
-    """Each step expanded by SymPy; together they give the determinant, and divide by named factors only."""
+    """SymPy expands each step; together they give the determinant, and they divide only by named factors."""
     (theorem,) = theorems(solved(catalogue.document(name)))
     known = {key: sympy.sympify(text) for key, text in (theorem["relations"] | theorem["equations"]).items()}
     named = {sympy.expand(sympy.sympify(text)) for text in theorem["nonzero"]}

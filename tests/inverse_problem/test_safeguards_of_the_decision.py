@@ -1,4 +1,4 @@
-"""What stands between a run at one point and a verdict: each safeguard by itself stops a wrong one."""
+"""The safeguards between a run at one point and a verdict: each one alone stops a wrong verdict."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def test_what_the_first_point_leaves_open_is_not_asked_at_a_second() -> None:
 
 @pytest.mark.parametrize(("most", "order"), [(2, 0), (3, 1), (12, 1), (13, 2), (34, 2), (35, 3)])
 def test_no_more_unknowns_than_the_limit_are_ever_made(most: int, order: int) -> None:
-    """With two coordinates 3, 13 and 35 unknowns are of degree 0, of at most 1, of at most 2."""
+    """With two coordinates there are 3, 13, and 35 unknowns of degree 0, at most 1, and at most 2."""
     found = decide(OSCILLATORS, False, limits=Limits(unknowns=most))
     assert (found.verdict, found.order) == ("undetermined", order - 1)
     assert found.reason == f"order {order} of prolongation would need more than {most} unknowns"
@@ -90,7 +90,7 @@ def test_only_a_positive_verdict_has_a_degree_and_a_symbol() -> None:
     [({"x": "x*y'", "y": "y*x'^2"}, 2), ({"x": "x*y", "y": "0"}, 2), ({"x": "y'^3", "y": "x*y*x'"}, 2)],
 )
 def test_consequences_that_are_not_needed_are_not_traced(equations: dict[str, str], count: int) -> None:
-    """g_11 = g_12 = 0 or the like suffices: without any one of the rows named the proof falls."""
+    """g_11 = g_12 = 0 or similar suffices: without any one of the listed rows the proof fails."""
     system = read_system(["x", "y"], equations)
     analysis = analyze(system)
     proof = certify.of_decision(analysis, decide(system, False, analysis=analysis))

@@ -1,4 +1,4 @@
-"""The tables of monomials say where products and derivatives of monomials stand."""
+"""The tables of monomials give the indices of products and derivatives of monomials."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from inverse_service.decision.kinds import helmholtz
 from inverse_service.field import dense_series
 from inverse_service.linear_pde import equations as pde
 
-# (variables, place of the first velocity): n = 1 and 2 and 3 without and with t
+# (variables, index of the first velocity): n = 1, 2, 3 without and with t
 SIZES = [(2, 1), (3, 2), (4, 2), (5, 3), (6, 3)]
 
 

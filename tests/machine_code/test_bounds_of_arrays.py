@@ -1,6 +1,5 @@
-"""No kernel reads or writes beyond an array: numba checks each index, which machine code of the store does not.
-
-A word written past its row is seen nowhere near: processes ended long after a motion with time in its constraints.
+"""No kernel reads or writes beyond an array: numba checks each index here, which stored machine code does not do. A
+word written past its row can crash the process much later.
 """
 
 from __future__ import annotations
@@ -45,7 +44,7 @@ MOVING = """{"lagrangian": "(x'^2+y'^2+z'^2+u'^2+v'^2+w'^2)/2", "constraints": [
 
 
 def documents(count: int) -> list[str]:
-    """Every so many of the systems of papers and textbooks, and a motion whose constraints move."""
+    """A sample of the systems of papers and textbooks, and a motion whose constraints depend on time."""
     lines = (ROOT / "tests" / "corpus" / "literature.ndjson").read_text(encoding="utf-8").splitlines()
     return [json.dumps(json.loads(line)["document"]) for line in lines[:: len(lines) // count]] + [MOVING]
 

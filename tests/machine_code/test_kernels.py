@@ -1,4 +1,4 @@
-"""Kernels give what their Python gives, from the store as from the compiler, and a store is never believed blindly."""
+"""Kernels agree with their Python source, from the store and from the compiler, and stored entries are verified."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def weighted(a: int) -> int:
 
 @compiled
 def add_up(first: int, steps: Any, table: Any, factor: np.uint64, negative: bool) -> int:
-    """Change the table and give a sum."""
+    """Change the table and return a sum."""
     total = first
     for step in steps:
         total += weighted(step)
@@ -61,7 +61,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.fixture
 def compilations(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """The kernels that were compiled and not found."""
+    """The kernels that were compiled instead of found."""
     names: list[str] = []
     real = building.object_code
 
@@ -74,7 +74,7 @@ def compilations(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 
 def again(kernel: Any) -> Kernel:
-    """The kernel as another process has it, without machine code."""
+    """The kernel as in a new process, without machine code."""
     return Kernel(kernel.py_func)
 
 
@@ -123,7 +123,7 @@ def test_numbers_and_arrays_of_numpy_and_python_are_alike(folder: Path) -> None:
     expected = outcome(work, (first, steps, table, factor, negative))
     steps.setflags(write=False)
     assert outcome(work, (np.int64(first), steps, table, factor, np.bool_(negative))) == expected
-    # An array from a pickle has an element type of its own.
+    # An array from a pickle has its own element type object.
     there = pickle.loads(pickle.dumps(steps))
     assert there.dtype is not steps.dtype
     assert outcome(work, (first, there, table, factor, negative)) == expected

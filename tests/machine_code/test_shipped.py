@@ -1,4 +1,4 @@
-"""The library of kernels that a wheel has: it is found by name and kinds, and only with the sources it was made of."""
+"""Kernels in the library of a wheel are found by name and kinds, and only with the sources they were built from."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def test_every_processor_has_a_library_that_it_runs(tmp_path: Path, monkeypatch:
 
 @pytest.mark.slow
 def test_no_kernel_of_the_solver_is_called_through_its_compiler() -> None:
-    """Code that cannot be stored would be compiled anew in each process, and be missing in a wheel."""
+    """Code that cannot be stored would be compiled in each process and be missing in a wheel."""
     inverse_service.solve({"equations": "m x'' + d x' + k x = 0", "parameters": "guess"})
     assert {kernel.name for kernel in KERNELS if any(True for _ in kernel.unstorable)} == set()
     assert {kernel.name for kernel in KERNELS if any(True for _ in kernel.entries)}

@@ -1,4 +1,4 @@
-"""Compiled code is run only from files and folders that nobody but their owner can have written."""
+"""Compiled code is run only from files and folders that only their owner can write."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Momenta, Hessian and Euler-Lagrange residual against known equations of motion."""
+"""Momenta, Hessian, and Euler-Lagrange residual agree with known equations of motion."""
 
 from __future__ import annotations
 

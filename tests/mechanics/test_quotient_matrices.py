@@ -1,4 +1,4 @@
-"""Determinants over a field of quotients beside those of FLINT."""
+"""Determinants over a field of quotients agree with those of FLINT."""
 
 from __future__ import annotations
 
@@ -25,6 +25,6 @@ def test_determinants_are_those_of_flint(size: int, share: int) -> None:
 
 
 def test_twelve_coordinates_without_zeros_have_a_determinant() -> None:
-    """12! products would never end."""
+    """Expanding 12! products would not finish."""
     rows = [[RING.constant(1 + (i == j)) for j in range(12)] for i in range(12)]
     assert (determinant(rows, RING.constant(1)) - RING.constant(13)).is_zero

@@ -1,4 +1,4 @@
-"""The flow of H is the motion wherever the domain of H says so, whatever momenta velocities have."""
+"""The flow of H is the motion on the whole domain of H, for momenta of any sign."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def read(text: str) -> Any:
 @pytest.mark.slow
 @pytest.mark.parametrize(("equation", "domain"), ONE_SIGN)
 def test_the_flow_of_h_is_the_motion_all_over_its_domain(equation: str, domain: list[str] | None) -> None:
-    """With momenta of both signs, drawn without regard to velocities."""
+    """Momenta of both signs are drawn independently of velocities."""
     x, p, v = (sympy.Symbol(name, real=True) for name in ("x", "p_x", "v"))
     found = answers(equation)
     assert found

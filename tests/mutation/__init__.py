@@ -1,1 +1,1 @@
-"""Mutation testing of the heart: small changes of its source, each of which a test has to notice."""
+"""Mutation testing of checker and decision: a test has to detect each small change of their source."""

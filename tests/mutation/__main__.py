@@ -1,7 +1,7 @@
 """Mutation testing of checker and decision: `python -m tests.mutation --sample N --output DIR`.
 
-Mutants have a quick trial; where that cannot tell, a slow one, with all tests and the package loaded anew. What
-survives is listed in survivors.md in the folder. A run that was broken off goes on where it was.
+Each mutant has a quick trial; if that is inconclusive, it has a slow one that reloads the package and runs all tests.
+survivors.md in the folder lists the survivors. An interrupted run resumes.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ DECISION_TESTS = tuple(
         "certify",
     )
 )
-# Which tests answer for a module.
+# The tests responsible for a module.
 TESTS: dict[str, tuple[str, ...]] = {
     **{f"inverse_service.certificate.{name}": ("tests/certificate",) for name in CHECKER},
     "inverse_service.linear_pde.involution": DECISION_TESTS,
@@ -58,7 +58,7 @@ def options(arguments: Sequence[str] | None = None) -> argparse.Namespace:
 
 
 def chosen_mutants(module: str, sample: int | None, seed: int) -> tuple[int, list[Mutant]]:
-    """How many there are, and those of the sample in a random order."""
+    """The number of mutants, and the sample in random order."""
     every = mutants(path_of(module).read_text(encoding="utf-8"))
     order = random.Random(f"{module}/{seed}").sample(every, len(every))
     return len(every), order[:sample]
@@ -70,7 +70,7 @@ def tried(module: str, asked: argparse.Namespace) -> list[str]:
     again = (SURVIVED,) if asked.again else ()
     said = recorded(module, asked).said
     wanted = [one for one in sample if said.get(one, "") in ("", QUICK, *again)]
-    # In a process of its own: this one never loads the package, so that its children load it anew.
+    # In a separate process: this one never loads the package, so its children load it themselves.
     first = get_context("fork").Process(target=quickly, args=(module, wanted, asked))
     first.start()
     first.join()

@@ -1,4 +1,4 @@
-"""Work in forked processes, each with a limit of processor time and of memory; what they say comes back."""
+"""Run work in forked processes with limits on processor time and memory, and return their answers."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ MEMORY = 8 << 30  # bytes of addresses; a mutant may ask for any amount
 
 
 def answers(jobs: Iterator[tuple[Name, Job, float]], processes: int) -> Iterator[tuple[Name, str]]:
-    """The answer of each (name, job, seconds) as it comes, STOPPED beyond the limit; so many at a time.
+    """Yield the answer of each (name, job, seconds) when it arrives, STOPPED beyond the limit; limited concurrency.
 
-    RuntimeError where a job itself fails: that is no answer.
+    Raises RuntimeError if a job itself fails, because that is not an answer.
     """
     running: dict[int, tuple[Name, int]] = {}
     for name, job, seconds in jobs:
@@ -25,7 +25,7 @@ def answers(jobs: Iterator[tuple[Name, Job, float]], processes: int) -> Iterator
             yield _ended(running)
         reading, writing = os.pipe()
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", DeprecationWarning)  # newer Pythons warn of threads; libraries have some
+            warnings.simplefilter("ignore", DeprecationWarning)  # newer Pythons warn about threads; libraries have some
             child = os.fork()
         if not child:
             os.close(reading)
@@ -47,7 +47,7 @@ def _ended(running: dict[int, tuple[Name, int]]) -> tuple[Name, str]:
 
 
 def _answer(job: Job, seconds: float, writing: int) -> None:
-    """In the child: the end of this function is the end of the process."""
+    """Runs in the child; the process ends with this function."""
     code = 1
     try:
         limit = int(sum(os.times()[:2]) + seconds) + 1

@@ -1,6 +1,5 @@
-"""All small changes of a source: a comparison shifted, a condition dropped, a number off by one, a sign turned.
-
-Left alone are annotations, decorators, docstrings and the sentences of messages: what they say decides nothing.
+"""All small changes of a source: a comparison shifted, a condition dropped, a number off by one, a sign reversed.
+Annotations, decorators, docstrings, and messages stay unchanged, because they decide nothing.
 """
 
 from __future__ import annotations
@@ -21,10 +20,10 @@ Site = tuple[ast.expr, str, Change]
 
 @dataclass(frozen=True, slots=True)
 class Mutant:
-    """One change: its number in the source, its line, the expression before, and what is done to it.
+    """One change: its number in the source, its line, the original expression, and the change.
 
-    `lines` are the first and the last line of the statement, of one with a body of its head; `function` is the
-    outermost function around it, "Class.method" or "function", empty where there is none.
+    `lines` are the first and the last line of the statement, or of its head if it has a body; `function` is the
+    outermost function around it, "Class.method" or "function", empty if there is none.
     """
 
     number: int
@@ -44,7 +43,7 @@ def mutants(source: str) -> list[Mutant]:
 
 
 def mutated(source: str, mutant: Mutant) -> ast.Module:
-    """The source with this change; lines stay where they were."""
+    """The source with this change; line numbers are unchanged."""
     tree = ast.parse(source)
     _, _, change = list(_sites(tree))[mutant.number]
     change()

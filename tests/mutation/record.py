@@ -1,4 +1,4 @@
-"""What became of each mutant, on disc: a broken run goes on where it was, a change loses only its own function."""
+"""The answer for each mutant, on disk: an interrupted run resumes; a source change invalidates only its function."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from tests.mutation.mutants import Mutant
 
 
 class Record:
-    """The answers on the mutants of one source, in a file of lines of JSON; of two answers the later one holds."""
+    """The answers for the mutants of one source, in a file of JSON lines; the later of two answers counts."""
 
     def __init__(self, path: Path, source: str, every: Sequence[Mutant]) -> None:
         self.path, self.keys = path, keys(source, every)
@@ -29,12 +29,11 @@ class Record:
 
 
 def examined() -> dict[str, str]:
-    """What kind of change was found harmless, by the key of its mutant: a survivor that is here was worked out by hand.
+    """The type of each harmless change by the key of its mutant; these survivors were examined by hand.
 
-    The files, one for a module, have a line for each, with the reason: `same` (no document is treated otherwise),
-    `stricter` (more is refused, nothing else accepted), `sound` (more is accepted, by rows that are true too),
-    `chance` (random points, their number or size: the bounds of FORMAT.md hold), `effort` (limits of time and size),
-    `words` (messages).
+    The files, one per module, have a line for each survivor with the reason: `same` (all documents are treated the
+    same), `stricter` (it only rejects more), `sound` (it accepts more, by rows that are also true), `chance` (random
+    points, their number or size: the bounds of FORMAT.md hold), `effort` (limits of time and size), `words` (messages).
     """
     files = (Path(__file__).parent / "examined").glob("*.ndjson")
     lines = [line for file in files for line in file.read_text(encoding="utf-8").splitlines()]
@@ -42,7 +41,7 @@ def examined() -> dict[str, str]:
 
 
 def keys(source: str, every: Sequence[Mutant]) -> dict[Mutant, str]:
-    """A name for each mutant that does not change while its function, or outside of them its statement, stays."""
+    """A name for each mutant that is stable while its function, or outside functions its statement, is unchanged."""
     texts, lines = dict(_functions(ast.parse(source))), source.splitlines()
     places: dict[str, int] = {}
     found = {}

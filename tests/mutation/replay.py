@@ -1,8 +1,7 @@
-"""Documents in the place of tests: `python -m tests.mutation.replay --output DIR` tries mutants of the checker.
-
-Every document that the tests give to the checker is recorded with its verdict; a mutant that gives one of them another
-verdict is killed. A test takes seconds where its documents take milliseconds, so that all mutants can be tried. What is
-left has survived the quick trial only, in the record that `python -m tests.mutation --output DIR` goes on with.
+"""Documents instead of tests: `python -m tests.mutation.replay --output DIR` tries mutants of the checker. Every
+document that the tests give to the checker is recorded with its verdict; a mutant that gives one of them another
+verdict is killed. A test takes seconds but its documents take milliseconds, so all mutants can be tried. The remaining
+mutants have survived only the quick trial; `python -m tests.mutation --output DIR` continues with that record.
 """
 
 from __future__ import annotations
@@ -34,14 +33,14 @@ from tests.mutation.warm import lines_met, put
 
 PACKAGE = "inverse_service.certificate."
 FOLDERS = ("tests/certificate", "tests/service/test_edited_results.py")
-LONGEST = 0.5  # seconds of a document that is tried on every mutant
+LONGEST = 0.5  # most seconds of a document that is tried on every mutant
 LARGEST = 100_000  # characters
 SEEDS = (1, 2, 3)  # the verdict is the same for all of these, or the document tells nothing
 
 
 @dataclass(frozen=True, slots=True)
 class Document:
-    """A document as text, which check it was given to, its verdict, seconds and the (module, line)s that it runs."""
+    """A document as text, its check, its verdict, its seconds, and the (module, line)s that it runs."""
 
     check: str
     content: str
@@ -55,7 +54,7 @@ def checker() -> Any:
 
 
 class Listener:
-    """A plugin of pytest that remembers what is given to the checker."""
+    """A pytest plugin that records the input of the checker."""
 
     def __init__(self) -> None:
         self.met: dict[tuple[str, str], None] = {}
@@ -64,7 +63,7 @@ class Listener:
 
     def listening(self, name: str, check: Callable[..., Any]) -> Callable[..., Any]:
         def listening(document: Any, *more: Any, **named: Any) -> Any:
-            with contextlib.suppress(TypeError, ValueError, RecursionError):  # no document, but an attack on its reader
+            with contextlib.suppress(TypeError, ValueError, RecursionError):  # an attack on the reader
                 self.met.setdefault((name, json.dumps(document, sort_keys=True)))
             return check(document, *more, **named)
 
@@ -72,9 +71,9 @@ class Listener:
 
 
 def recorded(path: Path) -> None:
-    """In a child: run the tests, then each of their documents once a seed and once with its lines."""
+    """In a child, run the tests, then each of their documents once per seed and once with line tracing."""
     listener = Listener()
-    # A test of the time that something takes may fail here; what it gives to the checker is met all the same.
+    # A test of time limits may fail here; its input to the checker is recorded anyway.
     code = pytest.main([*OPTIONS[1:], "-n", "0", *FOLDERS], plugins=[listener])
     if code not in (pytest.ExitCode.OK, pytest.ExitCode.TESTS_FAILED):
         raise SystemExit(int(code))
@@ -84,7 +83,7 @@ def recorded(path: Path) -> None:
 
 
 def document(name: str, content: str) -> Document | None:
-    """None where it takes long, or has a verdict that depends on chance."""
+    """None if it takes long or its verdict depends on chance."""
     verdicts, longest = set(), 0.0
     for seed in SEEDS:
         began = time.thread_time()
@@ -108,7 +107,7 @@ def verdict(name: str, content: str, seed: int) -> str:
 
 
 class Replay:
-    """The mutants of one module against the documents that run their statements, as far as the budget goes."""
+    """Run the mutants of one module on the documents that run their statements, within the budget."""
 
     def __init__(self, module: str, documents: Sequence[Document], budget: float) -> None:
         self.module, self.budget, self.kills = module, budget, Counter[tuple[str, int]]()
@@ -128,7 +127,7 @@ class Replay:
             yield mutant, self.job(mutated(source, mutant), mutant.function, chosen), limit
 
     def chosen(self, mutant: Mutant) -> list[int]:
-        """The documents that run the statement; first those that noticed most for their time."""
+        """The documents that run the statement, in descending order of detections per time."""
         statement = {(self.module, line) for line in range(mutant.lines[0], mutant.lines[1] + 1)}
         met = [k for k, one in enumerate(self.documents) if not one.lines.isdisjoint(statement)]
         met.sort(key=lambda k: (self.documents[k].seconds + 0.001)
@@ -147,7 +146,7 @@ class Replay:
         return work
 
     def noticed(self, k: int) -> str:
-        """What the document is said to be now, empty where that is what it was."""
+        """The new verdict of the document, empty if it is unchanged."""
         one = self.documents[k]
         try:
             now = verdict(one.check, one.content, 7)
@@ -177,7 +176,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def tried(module: str, documents: Sequence[Document], asked: argparse.Namespace) -> Counter[str]:
-    """How many mutants were killed, stopped, survived, and what was found on these by hand."""
+    """The numbers of mutants killed, stopped, and surviving, and the manual findings about survivors."""
     source = path_of(PACKAGE + module).read_text(encoding="utf-8")
     every = mutants(source)
     record = Record(asked.output.absolute() / f"{module}.jsonl", source, every)

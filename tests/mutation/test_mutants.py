@@ -1,4 +1,4 @@
-"""Mutants differ from the source in one place, and a trial tells a test that notices from one that does not."""
+"""Mutants differ from the source in one place, and a trial distinguishes tests that detect a mutant from others."""
 
 from __future__ import annotations
 
@@ -132,7 +132,7 @@ run(Ready(module, [*wanted, *unmet], 60, 1), [test], lambda one, said: print(one
 
 @pytest.mark.slow
 def test_a_trial_tells_what_was_noticed_and_by_which_test(tmp_path: Path) -> None:
-    """First with the package loaded anew, then with one function changed in a session that is collected already."""
+    """First with a newly loaded package, then with one function changed in a collected session."""
     test = tmp_path / "test_keys.py"
     test.write_text(
         "from inverse_service.field.dense_series import MonomialKeys, keys_of\n"
@@ -172,7 +172,7 @@ def test_what_was_examined_by_hand_has_its_reason() -> None:
 
 @pytest.mark.slow
 def test_a_document_notices_a_mutant_that_gives_it_another_verdict() -> None:
-    """A mutant that never refuses is noticed by a false claim; one of a function that nothing runs is not."""
+    """A false claim detects a mutant that never rejects; no document detects a mutant of an unused function."""
     false = json.dumps(lagrangian("oscillator", "x'^2/2"))
     known = document("check_certificate", false)
     assert known is not None

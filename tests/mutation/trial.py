@@ -1,4 +1,4 @@
-"""The tests of a module against one mutant of it, in a process that loads the package anew."""
+"""Run the tests of a module against one mutant of it, in a process that loads the package itself."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from types import ModuleType
 ROOT = Path(__file__).parent.parent.parent
 # The modules of the checker.
 CHECKER = tuple(sorted({file.stem for file in (ROOT / "inverse_service/certificate").glob("*.py")} - {"__init__"}))
-# Loaded once, before the processes part.
+# Loaded once, before the fork.
 LIBRARIES = ("flint", "hypothesis", "llvmlite", "mpmath", "numba", "numpy", "pytest", "sympy")
 SURVIVED, KILLED, QUICK = "survived", "killed", "survived the quick trial"
 OPTIONS = ("-x", "-q", "-s", "-p", "no:cacheprovider", "-W", "ignore::pytest.PytestWarning")
 
 
 def prepare() -> None:
-    """Load the libraries; hypothesis looks for no smaller example and remembers none."""
+    """Load the libraries; Hypothesis neither shrinks nor stores examples."""
     for name in LIBRARIES:
         importlib.import_module(name)
     from hypothesis import Phase, settings
@@ -33,7 +33,7 @@ def prepare() -> None:
 
 
 class Changed(importlib.abc.MetaPathFinder, importlib.abc.Loader):
-    """Puts a source in the place of that of a module."""
+    """Replaces the source of a module."""
 
     def __init__(self, module: str, source: ast.Module) -> None:
         self.module, self.source = module, source
@@ -48,7 +48,7 @@ class Changed(importlib.abc.MetaPathFinder, importlib.abc.Loader):
 
     def exec_module(self, module: ModuleType) -> None:
         module.__file__ = str(path_of(self.module))
-        # Under a name that is no file, so that numba neither finds nor leaves machine code of the plain source.
+        # Under a name that is not a file, so numba neither finds nor stores machine code of the plain source.
         exec(compile(self.source, f"<mutant of {self.module}>", "exec", dont_inherit=True), module.__dict__)
 
 
@@ -57,7 +57,7 @@ def path_of(module: str) -> Path:
 
 
 class FirstFailure:
-    """Remembers the test that failed first."""
+    """Records the first failed test."""
 
     name = ""
 
@@ -67,7 +67,7 @@ class FirstFailure:
 
 
 def anew(module: str, source: ast.Module, tests: Sequence[str]) -> str:
-    """In a child: SURVIVED, or KILLED and the test that noticed."""
+    """In a child, return SURVIVED, or KILLED and the test that detected the mutant."""
     for name in [name for name in sys.modules if name.split(".")[0] in ("inverse_service", "api_schemas")]:
         del sys.modules[name]
     sys.meta_path.insert(0, Changed(module, source))

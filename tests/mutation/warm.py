@@ -1,7 +1,6 @@
-"""Quick trials: tests are collected once; for each mutant a child changes one function and runs what runs its lines.
-
-Which test runs which lines is measured first, in a child too, so that no result is kept in a cache. A mutant outside of
-functions has no quick trial, and what survives where a line was run before any test was has to be tried anew.
+"""Quick trials: tests are collected once; for each mutant a child changes one function and runs the tests of its lines.
+First a child measures which test runs which lines, so that no cache keeps a result. A mutant outside functions has no
+quick trial. A survivor whose lines ran before any test needs a slow trial.
 """
 
 from __future__ import annotations
@@ -30,13 +29,13 @@ Lines = Mapping[str, frozenset[int]]
 
 
 class Ready:
-    """A collected session of pytest, held open in the place where it would run its tests."""
+    """A collected pytest session, paused before it runs its tests."""
 
     def __init__(
         self, module: str, wanted: Sequence[Mutant], limit: int, processes: int, budget: float = math.inf
     ) -> None:
         self.module, self.wanted, self.limit, self.processes = module, wanted, limit, processes
-        self.budget, self.kills = budget, Counter[tuple[str, str]]()  # of (function or "" for all, test)
+        self.budget, self.kills = budget, Counter[tuple[str, str]]()  # keys (function or "" for all, test)
         self.found: Found = print
         self.failure, self.tracer = FirstFailure(), tracer_of(module)
 
@@ -94,7 +93,7 @@ class Ready:
             yield mutant, self.job(mutated(source, mutant), mutant.function, chosen), limit
 
     def chosen(self, mutant: Mutant) -> list[str]:
-        """The tests that run the statement, as far as the budget goes: first those that noticed most for their time."""
+        """The tests that run the statement, within the budget, in descending order of detections per time."""
         statement, kills, seconds = self.statement(mutant), self.kills, self.seconds
         met = [name for name, met in self.lines.items() if not met.isdisjoint(statement)]
         met.sort(key=lambda name: (seconds[name] + 0.01) / (1 + kills["", name] + 10 * kills[mutant.function, name]))
@@ -118,14 +117,14 @@ def tracer_of(module: str) -> coverage.Coverage:
 
 
 def lines_met(tracer: coverage.Coverage, module: str) -> Lines:
-    """The lines that were run in each context."""
+    """The lines run in each context."""
     contexts = tracer.get_data().contexts_by_lineno(str(path_of(module)))
     names = {name for named in contexts.values() for name in named}
     return {name: frozenset(line for line, named in contexts.items() if name in named) for name in names}
 
 
 def put(module: str, source: ast.Module, function: str) -> None:
-    """Give the function, wherever it is referred to, the code that it has in the source."""
+    """Give the function its code from the source, for all references to it."""
     code = compile(source, str(path_of(module)), "exec", dont_inherit=True)
     place: object = importlib.import_module(module)
     for name in function.split("."):
@@ -134,7 +133,7 @@ def put(module: str, source: ast.Module, function: str) -> None:
 
 
 def plain(place: object) -> FunctionType:
-    """The function behind a property, cached or not, a method of a class or a cache; TypeError for machine code."""
+    """The function behind a property, cached property, class method, or cache. Raises TypeError for machine code."""
     if hasattr(place, "py_func"):
         raise TypeError(f"{place} is compiled")
     for name in ("fget", "func", "__func__", "__wrapped__"):
@@ -152,7 +151,7 @@ def _codes(code: CodeType) -> Iterator[CodeType]:
 
 
 def run(ready: Ready, tests: Sequence[str], found: Found) -> None:
-    """Hand (mutant, SURVIVED, STOPPED or KILLED and the test that noticed) to `found`, as they come."""
+    """Pass (mutant, SURVIVED, STOPPED, or KILLED and the detecting test) to `found` as they arrive."""
     ready.found = found
     ready.tracer.start()
     code = pytest.main([*OPTIONS, *tests], plugins=[ready])

@@ -1,4 +1,4 @@
-"""The report on the paper: a statement that the computation contradicts is seen, and the pages say what was found."""
+"""The report on the paper marks statements that the computation contradicts, and the pages show the findings."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A store of the tests of jobs."""
+"""A store for the tests of jobs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A clock that went forward forgets nothing."""
+"""A clock that jumps forward deletes nothing."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ DAY = 86_400.0
 
 @dataclass
 class Clock:
-    """The wall clock may jump; the monotonic one goes by what passes."""
+    """The wall clock may jump; the monotonic clock does not."""
 
     wall: float = 1e9
     passed: float = 1000.0
@@ -33,7 +33,7 @@ class Clock:
 
 
 class Store:
-    """Its newest job was asked for at some time."""
+    """A store whose newest job has a given time."""
 
     def __init__(self, newest: float) -> None:
         self._newest = newest

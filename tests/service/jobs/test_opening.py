@@ -1,4 +1,4 @@
-"""Which database a service takes, and what it says where it cannot have it."""
+"""The database that a service opens, and the message if it cannot open one."""
 
 from __future__ import annotations
 

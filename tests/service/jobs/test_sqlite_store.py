@@ -1,4 +1,4 @@
-"""The store keeps what it acknowledged, hands each job out once, and lets one supervisor in."""
+"""The store keeps acknowledged jobs, gives each job out once, and admits one supervisor."""
 
 from __future__ import annotations
 

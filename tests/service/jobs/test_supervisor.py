@@ -1,4 +1,4 @@
-"""What becomes of a job for each way in which its task can end, and when the service dies."""
+"""The outcome of a job for each possible end of its task, and when the service dies."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ SYSTEM = {"coordinates": ["x"], "equations": {"x": "-x"}}
 
 
 class Scripted:
-    """An executor whose tasks end as they are told to; None: they run until they are cancelled."""
+    """An executor with scripted ends of tasks; with None a task runs until it is canceled."""
 
     capacity = 2
 
@@ -52,7 +52,7 @@ class Scripted:
 
 
 class Hanging(workers.Running):
-    """A task that ends when it is cancelled."""
+    """A task that ends only when it is canceled."""
 
     def cancel(self) -> None:
         super().cancel()
@@ -71,7 +71,7 @@ def final(store: SqliteStore, id: str) -> model.Job:
 
 @contextmanager
 def supervised(store: SqliteStore, executor: Scripted, quick: Scripted | None = None) -> Iterator[Supervisor]:
-    """A supervisor at work; it is stopped at the end."""
+    """A running supervisor; it is stopped at the end."""
     supervisor = Supervisor(store, executor, quick=quick)
     supervisor.start()
     try:
@@ -81,7 +81,7 @@ def supervised(store: SqliteStore, executor: Scripted, quick: Scripted | None = 
 
 
 def run(store: SqliteStore, *outcomes: Outcome, understood: Outcome | None = None) -> tuple[model.Job, dict[str, Any]]:
-    """The job, and its body, when its runs end like this, one after the other."""
+    """Run the job with these successive ends; return the job and its body."""
     left = list(outcomes)
 
     def end_of(call: Call) -> Outcome:
@@ -159,7 +159,7 @@ SO_FAR = {
     ],
 )
 def test_however_a_run_ends_its_result_is_what_was_finished(store: SqliteStore, ends: list[Any], reason: str) -> None:
-    """Of the first attempt too, where a later one came less far."""
+    """This includes parts of the first attempt if a later one got less far."""
     left = list(ends)
 
     class Telling(Scripted):
@@ -249,7 +249,7 @@ def test_jobs_of_a_service_that_died_run_again_but_not_for_ever(store: SqliteSto
 
 
 def test_the_short_lane_gives_no_answer_to_what_a_limit_stopped(store: SqliteStore) -> None:
-    """How its system is understood waits for a worker, and is not the result of the job."""
+    """The parsed system waits for a worker and is not the result of the job."""
     waiting: list[workers.Running] = []
 
     class Waiting(Scripted):
@@ -266,7 +266,7 @@ def test_the_short_lane_gives_no_answer_to_what_a_limit_stopped(store: SqliteSto
     with supervised(store, Waiting(of_worker), quick):
         (job,) = store.submit([request()])
         until(lambda: waiting)
-        time.sleep(5 * TICK)  # in which the short lane looks for what waits
+        time.sleep(5 * TICK)  # in which the quick pool looks for waiting jobs
         waiting[0].cancel()
         found = final(store, job.id)
     assert [call.task for call in quick.calls] == [], found.priority
@@ -305,7 +305,7 @@ def test_reports_become_progress() -> None:
 
 
 class Refusing(SqliteStore):
-    """A store whose answers cannot be stored as long as `away` holds; `error` is what it says."""
+    """A store that rejects answers with `error` while `away` holds."""
 
     away = True
     error: Exception = sqlite3.OperationalError("database or disk is full")
@@ -357,7 +357,7 @@ def test_an_answer_lost_by_a_fault_ends_its_job(refusing: Refusing) -> None:
 
 def test_a_short_question_is_answered_while_the_workers_have_long_ones(store: SqliteStore) -> None:
     class Busy(Hanging):
-        """A task that some process works on."""
+        """A task that a process works on."""
 
         @property
         def has_begun(self) -> bool:
@@ -375,7 +375,7 @@ def test_a_short_question_is_answered_while_the_workers_have_long_ones(store: Sq
         (short,) = store.submit([replace(request("short"), client="carol")])
         assert final(store, short.id).status == "successful"
         time.sleep(0.3)
-    # Tried for a moment, each once; who has something running waits for its turn.
+    # Each is tried once for a moment; a client with a running job waits for its turn.
     assert sorted(call.client for call in quick.calls) == ["bob", "carol"]
     assert {call.deadline for call in quick.calls} == {0.5}
     found = present(store.job(long.id))

@@ -1,4 +1,4 @@
-"""A temporary store is gone after its process, at the latest when the next one starts."""
+"""A temporary store is removed after its process ends, at the latest when the next one starts."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ with temporary_folder() as folder:
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A temporary folder of the test's own, for the processes it starts too."""
+    """A temporary folder for the test and the processes it starts."""
     monkeypatch.setenv("TMPDIR", str(tmp_path))
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     return tmp_path
