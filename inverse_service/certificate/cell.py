@@ -126,8 +126,10 @@ class Letters:
         self.pairs = dict[int, frozenset[Need]]()
         self.needs, self.cut = dict[Need, None](), dict[Need, None]()
         self.known = dict[str, Factors]()
+        self.parted = dict[tuple[str, int], dict[str, Polynomial]]()  # see Knowledge.parts
         self.ties = list[Any]()
         self.apart = False  # sines and cosines of sums by those of the terms
+        self.plain = Knowledge(self)
 
     # The operations of a ring.
 
@@ -503,12 +505,15 @@ class Knowledge:
         self.wholes, self.found = list[Polynomial](), dict[tuple[str, int], int]()
         self.products = list[tuple[int, list[Polynomial]]]()
         self.listed = list[tuple[Polynomial, int, set[int]]]()
+        self.letters = list[set[int]]()  # of what is not 0
         for need in needs:
             self.learn(need)
 
     def learn(self, need: Need) -> None:
         content, found = self.ring.factors(need.polynomial)
-        self.nonzero |= {str(q): q for p, _ in found for form in self.forms(p) for q in form}
+        parts = self.parts(need.text, found)
+        self.nonzero |= parts
+        self.letters += [{*self.ring.holds(q)} for q in parts.values()]
         if need.kind == ">" and found:
             odd, sign = [p for p, k in found if k % 2], 1 if content > 0 else -1
             if len(odd) == 1:
@@ -516,6 +521,14 @@ class Knowledge:
                 self.listed.append((odd[0], sign, {*self.ring.holds(odd[0])}))
             self.products.append((sign, odd))
             self.wholes.append(need.polynomial)
+
+    def parts(self, text: str, factors: list[tuple[Polynomial, int]]) -> dict[str, Polynomial]:
+        """What is not 0 where the product of the factors is not, by its text, as of this ring."""
+        key, known = (text, len(self.ring.texts)), self.ring.parted
+        if key not in known:
+            forms = (form for p, _ in factors for form in self.forms(p))
+            known[key] = {str(q): q for form in forms for q in form}
+        return known[key]
 
     def implies(self, need: Need) -> bool:
         content, found = self.ring.factors(need.polynomial)
@@ -584,12 +597,25 @@ class Knowledge:
         return 0
 
     def irreducible(self, p: Polynomial, depth: int) -> int:
-        if (known := self.signs.get(str(p))) is not None:
+        text = str(p)
+        if (known := self.signs.get(text)) is not None:
             return known
         self.ring.question.check_time()
-        if (key := (str(p), depth)) not in self.found:
-            self.found[key] = self.sign_of(p, depth)
+        if (key := (text, depth)) not in self.found:
+            beside = self.letters and self.is_beside(p)
+            way = self.ring.plain.irreducible if beside else self.sign_of
+            self.found[key] = way(p, depth)
         return self.found[key]
+
+    def is_beside(self, p: Polynomial) -> bool:
+        """Whether no need says anything of p: p has no functions, each need two other letters.
+
+        All that its sign is derived from has letters of p only, and one more where a need is p and
+        terms in this.
+        """
+        own = {*self.ring.holds(p)}
+        names = max(own, default=0) <= len(self.ring.question.names)
+        return names and all(len(letters - own) > 1 for letters in self.letters)
 
     def sign_of(self, p: Polynomial, depth: int) -> int:
         same = self.ring.same_sign(p)

@@ -160,6 +160,9 @@ class Plan:
         values = [value.mid() for value in exact]
         if all(value.contains(0) for value in exact):
             values = [arb(0)] * self.count
+        parts = None if imaginary else self.multiple(values)
+        if parts and (self.moderate(parts) if logarithm else self.refined(parts)):
+            return self.combination(parts, logarithm, imaginary, exact[0])
         rest, found = self.reduced(values, imaginary)
         largest = max(map(abs, values))
         small = all(abs(value) <= self.small() * largest for value in rest)
@@ -178,6 +181,18 @@ class Plan:
     def small(self) -> arb:
         return arb(2) ** (-self.bits // 3)
 
+    def multiple(self, values: list[arb]) -> dict[int, Fraction] | None:
+        """{j: k/24} where they are k/24 times the values of one real function met before."""
+        least = self.small() * max(map(abs, values))
+        for j, (pair, others) in enumerate(zip(self.pairs, self.values, strict=True)):
+            if pair.imaginary or pair.number or not (other := float(others[0])):
+                continue
+            times = fmpq(round(24 * float(values[0]) / other), 24)
+            pairs = zip(values, others, strict=True)
+            if times != 0 and all(abs(a - times * b) <= least for a, b in pairs):
+                return {j: Fraction(int(times.p), int(times.q))}
+        return None
+
     def reduced(self, values: list[arb], imaginary: bool) -> tuple[list[arb], dict[int, arb]]:
         """The values reduced by the earlier pairs, and the combination of these taken away."""
         rest, found = values, dict[int, arb]()
@@ -190,6 +205,8 @@ class Plan:
 
     def fraction(self, value: arb) -> Fraction | None:
         """The simple fraction that this is to all digits, if any."""
+        if abs(value) < self.small():
+            return Fraction(0)
         simple = exactly(value).limit_denominator(1 << 40)
         rest = abs(value - fmpq(simple.numerator, simple.denominator))
         return simple if rest < self.small() else None
