@@ -1,4 +1,4 @@
-"""What docs/explanation/architecture.md says of the house holds: its files exist, and so do the calls of its table."""
+"""docs/explanation/architecture.md is accurate: the files and the calls of its table exist."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def module_of(path: Path) -> str:
 
 
 def mentioned(path: Path) -> set[str]:
-    """The modules that a file imports, lazily or not, or names in a text: those run in processes of their own."""
+    """The modules that a file imports, lazily or not, or names in a string to run them in separate processes."""
     source = path.read_text(encoding="utf-8")
     package = module_of(path) if path.name == "__init__.py" else module_of(path).rpartition(".")[0]
     found = {*BY_NAME.findall(source), *imported(source, package)}
@@ -53,6 +53,6 @@ def test_every_file_that_the_architecture_page_names_exists() -> None:
 
 
 def test_no_two_modules_have_the_same_name() -> None:
-    """Whoever hears of `members.py` finds one file."""
+    """A file name such as `members.py` identifies one file."""
     names = [path.stem for path in SOURCES if path.name not in ("__init__.py", "__main__.py")]
     assert [name for name, times in Counter(names).items() if times > 1] == []

@@ -1,4 +1,4 @@
-"""The floors of docs/explanation/architecture.md hold: imports point down only."""
+"""The layers of docs/explanation/architecture.md are enforced: imports point down only."""
 
 import ast
 from functools import cache
@@ -34,7 +34,7 @@ def imported(source: str, package: str) -> list[str]:
 
 
 def room(module: str) -> str | None:
-    """The package or module right below inverse_service, None for others and for the root itself."""
+    """The package or module directly below inverse_service, or None for other modules and for the root itself."""
     parts = module.split(".")
     return parts[1] if parts[0] == "inverse_service" and len(parts) > 1 and parts[1] in FLOORS else None
 
@@ -66,7 +66,7 @@ def test_schemas_know_nothing_of_the_engine() -> None:
 
 
 def test_checker_imports_nothing_of_the_project() -> None:
-    """Its own folder only, relatively, so that it runs wherever it is copied to."""
+    """It imports only its own folder, relatively, so a copy runs anywhere."""
     for path in sorted((ROOT / "inverse_service/certificate").glob("*.py")):
         source = path.read_text(encoding="utf-8")
         found = [name for name in imported(source, "certificate") if room(name) or "inverse_service" in name]
@@ -94,7 +94,7 @@ def test_an_import_that_points_up_is_found(source: str) -> None:
 
 
 def test_what_a_worker_loads_first_is_there() -> None:
-    """Its modules are named in a list, which a move forgets; a service without them never becomes ready."""
+    """A list names these modules, so a moved module can be missed; without them a service never becomes ready."""
     from inverse_service.service.jobs.tasks import ENGINE
 
     missing = [name for name in ENGINE if not (ROOT / "inverse_service" / f"{name.replace('.', '/')}.py").exists()]

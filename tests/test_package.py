@@ -1,4 +1,4 @@
-"""The three functions of the package: documents in, results out, as on the command line."""
+"""The three functions of the package take documents and return the same results as the command line."""
 
 from __future__ import annotations
 
@@ -128,7 +128,7 @@ def test_solver_server_and_command_line_load_without_any_extra() -> None:
 
 
 def test_every_phony_target_of_the_makefile_has_a_rule() -> None:
-    """make says "nothing to be done" and ends well for one without."""
+    """Without a rule, make prints "nothing to be done" and succeeds."""
     text = (Path(__file__).parents[1] / "Makefile").read_text(encoding="utf-8")
     targets = [name for line in re.findall(r"^\.PHONY: (.*)$", text, re.MULTILINE) for name in line.split()]
     assert "installed" in targets

@@ -1,4 +1,4 @@
-"""What tests say about values of every kind."""
+"""Shared test functions for values."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ T = TypeVar("T")
 
 
 def present(value: T | None) -> T:
-    """The value, which has to be there."""
+    """The value, which must not be None."""
     assert value is not None
     return value
 

@@ -1,4 +1,4 @@
-"""Which method is recommended, and that it is the one that serves."""
+"""The recommended method, and proof that it is suitable."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ def test_a_result_of_solve_says_what_to_simulate_it_with(document: dict[str, Any
     ],
 )
 def test_advice_says_where_the_lagrangian_of_a_branch_ends(force: str, wall: str) -> None:
-    """Dry friction on one side has an L that promises a constant energy, to the first turn."""
+    """Dry friction on one side has an L whose energy is constant until the first turn."""
     system = {"coordinates": ["x"], "equations": {"x": force}}
     found = simulate(scene(system, ["adaptive"], observe=["energy"]))
     assert f"It ends where {wall} changes its sign" in found["advice"]["reason"]

@@ -1,4 +1,4 @@
-"""Lines of a batch are told apart, and an interrupted output is read back exactly."""
+"""Lines of a batch are distinguished, and an interrupted output is read back exactly."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A Lagrangian of one branch of the equations is used on that branch and no further."""
+"""A Lagrangian of one branch of the equations is used only on that branch."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from inverse_service.service.documents.documents import solve_system
 from inverse_service.service.scenes.simulating import simulate
 
 METHODS = ["variational", {"method": "variational", "form": "raw", "alpha": 0.3}, "stormer-verlet"]
-# The force, start and velocity, the L of the branch of the start, and where its branch ends.
+# The force, the start and its velocity, the L of the branch of the start, and the end of that branch.
 FORCES = [
     ("-sign(x)", 1.0, 0.0, "x'^2/2 - x", 0.0),
     ("-sign(x)", -1.0, 0.0, "x'^2/2 + x", 0.0),

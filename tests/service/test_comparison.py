@@ -1,4 +1,4 @@
-"""A certificate is about the system that was given: what the user wrote, unsolved, against the right sides."""
+"""A certificate is about the given system: the user's unsolved equations are compared with its right sides."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def test_the_same_system_in_another_form_is_the_system_given(document: Any, equa
         ({"equations": "x'' + sin(x) = 0"}, {"x": "sin(x)"}, {}),  # a sign
         ({"equations": "x'' + sin(x) = 0"}, {"x": "-sin(x)*(1 + 1/10^25)"}, {}),  # by very little
         ({"equations": "x'' + sin(x) = 0"}, {"x": "-sin(x) + 1/10^25"}, {}),
-        ({"equations": "x'' + x = 0"}, {"x": "-x + x^999/10^300"}, {}),  # by what is nothing near 0
+        ({"equations": "x'' + x = 0"}, {"x": "-x + x^999/10^300"}, {}),  # by a term that vanishes at 0
         ({"equations": "x'' + sin(x) = 0"}, {"x": "-sin(x) + x^999"}, {}),
         ({"equations": "x'' = a*x - b*x'", "parameters": ["a", "b"]}, {"x": "b*x - a*x'"}, {"parameters": ["a", "b"]}),
         ({"equations": "x'' = x; y'' = x'"}, {"y": "x'", "x": "x"}, {}),  # another order of coordinates
@@ -181,7 +181,7 @@ def test_the_associated_system_of_a_result_is_compared_and_the_others_named() ->
 def test_what_the_checker_can_read_is_read_twice(
     equations: Any, is_read_twice: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A fault of our reader is seen: here it reads every product of a formula as one of opposite sign."""
+    """An error of our reader is detected: here it gives every product of a formula the opposite sign."""
     document = {"equations": equations, "parameters": {"a": "3/7"}}
     result = solve(document)
     assert check(result)["verdict"] == "valid"
@@ -195,7 +195,7 @@ def test_what_the_checker_can_read_is_read_twice(
 
 
 def solve_nothing(document: Any) -> dict[str, Any]:
-    """The canonical system as the reader in force understands the document."""
+    """The canonical system as the active reader parses the document."""
     system = accepting.to_system(accepting.to_schema(document))
     equations = {name: to_text(f) for name, f in zip(system.coordinates, system.accelerations, strict=True)}
     return {"coordinates": list(system.coordinates), "equations": equations}

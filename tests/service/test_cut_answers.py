@@ -1,4 +1,4 @@
-"""Answers cut at a time limit: what was known at half of it is there, and what is there is proven or not settled."""
+"""Answers cut at a time limit contain everything known at half of it, and only proven or undecided parts."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SYSTEMS = [*(row for row in rows("books") if row["id"].endswith("-added") and "l
 @pytest.mark.nightly
 @pytest.mark.parametrize("row", [*MOTIONS, *SYSTEMS], ids=lambda row: row["id"])
 def test_a_limit_takes_no_part_that_was_known_at_half_of_it(row: dict[str, Any]) -> None:
-    """Seconds are processor time of this thread, in which limits are measured here."""
+    """Limits are measured here in processor seconds of this thread."""
     known: dict[str, float] = {}
     began = time.thread_time()
 

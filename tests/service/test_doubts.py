@@ -1,4 +1,4 @@
-"""A run that ends `completed` and is not the motion says so beside it, whatever observes it."""
+"""A completed run with a wrong trajectory has a `doubt`, for any observed quantities."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def true_orbit(eccentricity: float, times: list[float]) -> Any:
 @pytest.mark.parametrize("eccentricity", [0.3, *(slow(one) for one in (0.6, 0.9))])
 @pytest.mark.parametrize("step", [0.2, *(slow(h) for h in (0.05, 0.01))])
 def test_who_is_a_tenth_of_the_range_off_says_so(eccentricity: float, step: float) -> None:
-    """And who is a twelfth off does not; between them either may be."""
+    """A run that is off by a twelfth does not; in between both are allowed."""
     for found in simulate(orbit(eccentricity, step=step))["methods"]:
         if found["outcome"] != "completed":
             continue
@@ -49,7 +49,7 @@ def test_who_is_a_tenth_of_the_range_off_says_so(eccentricity: float, step: floa
 @pytest.mark.parametrize("method", ["variational", "nonholonomic"])
 @pytest.mark.parametrize("step", [0.5, 0.1])
 def test_a_method_of_order_1_says_its_error_too(method: str, symmetrised: bool, step: float) -> None:
-    """Half the step is apart from it by half of that only. The motion is x = cos(t)."""
+    """The run with half the step differs by only half of the error. The motion is x = cos(t)."""
     scene = {"system": {"coordinates": ["x"], "lagrangian": "x'^2/2 - x^2/2"}, "step": step, "time": 20}
     scene |= {"initial": {"positions": {"x": 1}, "velocities": {"x": 0}}, "start_time": 1}
     choice = {"method": method, "alpha": 0, "symmetrised": symmetrised}
@@ -71,7 +71,7 @@ def test_the_error_of_each_run_is_estimated(method: Any) -> None:
 
 @pytest.mark.parametrize("method", ["variational", "nonholonomic"])
 def test_an_error_is_estimated_where_the_guard_ends_the_run_with_half_the_step(method: str) -> None:
-    """A force that is felt a step too early from rest: four steps of h/2 lead far from where shorter ones do."""
+    """A force that acts a step too early from rest: four steps of h/2 end far from the result of shorter ones."""
     system = {"coordinates": ["x"], "lagrangian": "0.33*x'^2 + 1.11*x*cos(0.72*t)"}
     scene = {"system": system, "step": 0.1, "time": 200, "methods": [{"method": method, "alpha": 1}]}
     scene |= {"initial": {"positions": {"x": -0.507}, "velocities": {"x": -0.09}}, "observe": ["error"]}
@@ -83,7 +83,7 @@ def test_an_error_is_estimated_where_the_guard_ends_the_run_with_half_the_step(m
 
 @pytest.mark.slow
 def test_the_order_of_a_method_is_told() -> None:
-    """By the positions: 1 where a step is not symmetric, and where it begins with the discrete velocity."""
+    """The order in the positions: 1 if a step is not symmetric or begins with the discrete velocity."""
     orders: list[tuple[Any, int | None]] = [
         ("variational", 2), ({"method": "variational", "alpha": 0}, 1),
         ({"method": "variational", "alpha": 1, "symmetrised": True}, 2), ({"method": "variational", "order": 6}, 6),
@@ -100,7 +100,7 @@ def test_the_order_of_a_method_is_told() -> None:
 
 @pytest.mark.parametrize(("potential", "angle"), [("cos(x)", True), ("cos(2*x) - sin(x)", True), ("cos(x/2)", False)])
 def test_an_angle_that_is_off_by_a_turn_is_lost(potential: str, angle: bool) -> None:
-    """A pendulum that turns more than once in each step: it is off by a turn of a thousand."""
+    """A pendulum that turns more than once in each step is off by one turn in a thousand."""
     scene = {"system": {"coordinates": ["x"], "lagrangian": f"x'^2/2 + {potential}"}, "step": 0.1, "time": 100}
     scene |= {"initial": {"positions": {"x": 0}, "velocities": {"x": 100}}, "methods": ["stormer-verlet", "adaptive"]}
     rough, good = simulate(scene | {"observe": ["error"]})["methods"]
@@ -111,7 +111,7 @@ def test_an_angle_that_is_off_by_a_turn_is_lost(potential: str, angle: bool) -> 
 
 @pytest.mark.parametrize("step", [0.1, 1, 4])
 def test_a_taylor_series_estimates_its_error_at_any_step(step: float) -> None:
-    """Its own steps are the same for grids that are coarser than they, and so is the run, to the last bit."""
+    """Its own steps, and so the run, are the same to the last bit for all coarser grids."""
     pytest.importorskip("heyoka")
     system = {"coordinates": ["x", "y"], "lagrangian": "(x'^2+y'^2)/2 - (x^2+y^2)/2 - x^2*y + y^3/3"}
     initial = {"positions": {"x": 0, "y": 0.1}, "velocities": {"x": 0.57, "y": 0}}
@@ -142,7 +142,7 @@ def test_a_tolerance_that_is_too_large_is_told() -> None:
 
 @pytest.mark.slow
 def test_members_of_an_ensemble_are_compared() -> None:
-    """Slow ones fall close to the center, the circle at speed sqrt(2) is easy."""
+    """Slow members fall close to the center; the circle at speed sqrt(2) is easy."""
     members = {"initial": {"velocities": {"y": [0.7, 2**0.5]}}}
     scene = orbit(0.5, step=0.02, time=10, ensemble=members, methods=["stormer-verlet", "adaptive"])
     rough, good = simulate(scene)["methods"]
@@ -172,7 +172,7 @@ def test_command_and_page_show_it_beside_the_outcome() -> None:
 
 @pytest.mark.parametrize("tolerance", [1e-2, 1e-5, 1e-8])
 def test_steps_of_its_own_that_the_grid_shortens_are_doubted_too(tolerance: float) -> None:
-    """A chaotic double pendulum, where no step is longer than that of the grid, whatever the tolerance."""
+    """A chaotic double pendulum, where no step exceeds that of the grid at any tolerance."""
     system = {"coordinates": ["a", "b"], "lagrangian": "a'^2 + b'^2/2 + a'*b'*cos(a - b) + 9.81*(2*cos(a) + cos(b))"}
     initial = {"positions": {"a": -2.8534, "b": 1.0169}, "velocities": {"a": 0, "b": 0}}
     scene = {"system": system, "initial": initial, "step": 0.03, "time": 40, "observe": ["error"]}
@@ -183,7 +183,7 @@ def test_steps_of_its_own_that_the_grid_shortens_are_doubted_too(tolerance: floa
 
 
 def test_an_energy_error_of_a_tenth_is_not_shown_without_a_word() -> None:
-    """A skate on an incline: the change is large beside E_0 and small beside the kinetic energy."""
+    """A skate on an incline: the change is large relative to E_0 and small relative to the kinetic energy."""
     system = {"coordinates": ["x", "y", "th"], "constraints": ["-sin(th)*x' + cos(th)*y'"]}
     system["lagrangian"] = "(x'^2 + y'^2)/2 + th'^2 + th'*(-sin(th)*x' + cos(th)*y')/2 - x"
     initial = {"positions": {"x": 0, "y": 0, "th": 2.82}, "velocities": {"x": -1.2475, "th": -0.2586}}

@@ -1,4 +1,4 @@
-"""A result that was edited is not valid, or the check says that it does not look there."""
+"""An edited result is not valid, or the check says that it does not compare the edited part."""
 
 from __future__ import annotations
 
@@ -109,7 +109,7 @@ def test_an_edited_result_is_not_valid(name: str, path: tuple[str | int, ...], v
 
 
 def test_a_domain_that_was_widened_everywhere_is_not_valid() -> None:
-    """In the result and in its certificate: at random points formulas are then undefined, or L is none."""
+    """In the result and in its certificate: then formulas are undefined or L is wrong at random points."""
     result = json.loads(solved("branches"))
     for part in result["branches"][1], result["branches"][1]["lagrangian"]:
         part["domain"] = ["x > -5"]
@@ -119,7 +119,7 @@ def test_a_domain_that_was_widened_everywhere_is_not_valid() -> None:
 
 @pytest.mark.slow
 def test_a_motion_on_fewer_directions_is_another_motion() -> None:
-    """phi'' = 0, z'' = 0 beside the knife edge: on z' = 0 as well it is the knife edge alone."""
+    """phi'' = 0, z'' = 0 next to the knife edge: with z' = 0 in addition it is the knife edge alone."""
     document = {
         "coordinates": ["phi", "x", "y", "z"],
         "lagrangian": "(phi'^2 + x'^2 + y'^2 + z'^2)/2",
@@ -137,7 +137,7 @@ def test_a_motion_on_fewer_directions_is_another_motion() -> None:
 
 
 def test_a_hamiltonian_by_roots_that_are_too_many_is_compared_at_points_and_told() -> None:
-    """No wrong one passes there; that it was not proven is said, and takes nothing from L."""
+    """No wrong H passes; the check says that H is not proven, without an effect on L."""
     result = json.loads(solved("quartic"))
     assert result["hamiltonian"]["text"] == QUARTIC
     assert "/hamiltonian" in check(result)["not_checked"]

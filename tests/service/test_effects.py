@@ -1,4 +1,4 @@
-"""What is left out of a scene leaves no symbol: in the equations, the kernel and the answer."""
+"""An omitted part of a scene leaves no symbol in the equations, the kernel, or the answer."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ NAMES = {"constraints": "gamma", "potential": "alpha", "magnetic": "beta", "spri
 )
 @pytest.mark.parametrize("left_out", NAMES)
 def test_an_effect_that_is_left_out_leaves_no_symbol(left_out: str, method: str) -> None:
-    """Not in the equations, not in the kernel, not in the answer: each effect has a parameter of its own."""
+    """Each effect has its own parameter, which must not appear in the equations, the kernel, or the answer."""
     acting = [name for name in NAMES if name != left_out]
     scene, _ = read_scene(scene_schema(EFFECTS | {"effects": acting, "methods": [method], "observe": ["energy"]}))
     for name, parameter in NAMES.items():
@@ -50,7 +50,7 @@ def test_an_effect_that_is_left_out_leaves_no_symbol(left_out: str, method: str)
         program = program_of(Formulas(problem), scene.methods[0].choice, observation)
         place = problem.parameters.index(parameter) if is_there else len(problem.parameters)
         assert (f"c{place}" in program.arguments) == is_there
-    # The very kernel of a system that never had it.
+    # The kernel is identical to that of a system without the effect.
     kernel = kernel_text(program)
     bare, _ = read_scene(scene_schema(without(left_out) | {"methods": [method], "observe": ["energy"]}))
     own = observed_problem(bare, problem_of(bare.methods[0], Derived(bare, None)))
@@ -68,7 +68,7 @@ def test_an_effect_that_is_left_out_leaves_no_symbol(left_out: str, method: str)
 
 
 def without(effect: str) -> dict[str, Any]:
-    """The scene whose system never had the effect."""
+    """The scene with a system that lacks the effect."""
     scene: dict[str, Any] = json.loads(json.dumps(EFFECTS))
     system, parameter = scene["system"], NAMES[effect]
     del scene["parameters"][parameter]
@@ -95,7 +95,7 @@ def without(effect: str) -> dict[str, Any]:
     ],
 )
 def test_a_quantity_that_is_not_observed_leaves_no_symbol(observed: str) -> None:
-    """Neither a column nor an instruction."""
+    """It adds neither a column nor an instruction."""
     every = ["trajectory", "energy", "constraints", "momenta", "velocities"]
     kernels, columns = [], []
     for names in (every, [name for name in every if name != observed]):
@@ -108,7 +108,7 @@ def test_a_quantity_that_is_not_observed_leaves_no_symbol(observed: str) -> None
     gone = columns[0] - columns[1]
     assert gone >= {"energy": {"energy"}, "constraints": {"constraint_1"}, "momenta": {"p_x", "p_y"},
                     "trajectory": {"x", "y"}, "velocities": {"v_x", "v_y"}}[observed]  # fmt: skip
-    # Positions and momenta are the state itself, and velocities are computed at the recorded points.
+    # Positions and momenta are the state itself; velocities are computed at the recorded points.
     assert (len(kernels[1]) < len(kernels[0])) == (observed in ("energy", "constraints"))
 
 
@@ -140,9 +140,9 @@ def keys_of(value: Any) -> set[str]:
 
 @pytest.mark.slow
 def test_a_quantity_beside_the_kernel_that_is_left_out_is_nowhere_in_the_answer() -> None:
-    """Neither a number, a column, a time that it took, nor a true motion."""
+    """There is no number, column, measured time, or reference solution for it."""
     assert set(IN_THE_ANSWER.values()) <= keys_of(simulate(observing(list(IN_THE_ANSWER))))
-    for part in (0, 1):  # each half is left out beside the other
+    for part in (0, 1):  # each half is omitted while the other is present
         left_out = list(IN_THE_ANSWER)[part::2]
         found = keys_of(simulate(observing([name for name in IN_THE_ANSWER if name not in left_out])))
         assert not found & {*left_out, *map(IN_THE_ANSWER.get, left_out)}

@@ -1,4 +1,4 @@
-"""A run that ended early is told as far as it came, and no further."""
+"""A run that ends early is reported up to its end only."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ ENDS = {
          "runge-kutta", "reference", "stiff"))],
 )  # fmt: skip
 def test_the_steps_done_are_those_recorded(potential: str, method: Any) -> None:
-    """The steps, the time of the end, the last point and the final state of a run that was stopped belong together."""
+    """The steps, end time, last point, and final state of a stopped run agree."""
     scene = {"system": {"coordinates": ["x"], "lagrangian": f"x'^2/2 + {potential}"}, "step": 0.01}
     scene |= {"initial": {"positions": {"x": 1}, "velocities": {"x": -0.5}}, "observe": ["trajectory", "energy"]}
     (found,) = simulate(scene | {"time": 20, "methods": [method]})["methods"]
@@ -40,7 +40,7 @@ def test_the_steps_done_are_those_recorded(potential: str, method: Any) -> None:
 
 
 def test_what_is_watched_ends_with_the_run() -> None:
-    """Forces that come after the event that ends a run are in none of its numbers."""
+    """Forces after the event that ends a run do not affect its numbers."""
     system = {
         "coordinates": ["x", "y", "z"],
         "lagrangian": "(x'^2 + y'^2 + z'^2)/2 - x^4",

@@ -1,4 +1,4 @@
-"""A system given by its equations has the energy of the Lagrangian that is found for it."""
+"""A system given by equations has the energy of the Lagrangian that the solver finds."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def test_the_midpoint_rule_keeps_the_energy_of_an_oscillator_given_by_its_equati
 
 
 def test_methods_without_a_lagrangian_have_the_same_energy() -> None:
-    """E = (q_0^2 + v_0^2)/2 of RK4, whose amplification for x'' = -x is 1 - h^6/144 a step: 200 steps lose 2.2e-8."""
+    """E = (q_0^2 + v_0^2)/2 of RK4, whose amplification for x'' = -x is 1 - h^6/144 per step: 200 steps lose 2.2e-8."""
     found = run(["x'' = -x"], 0, "runge-kutta")
     assert found["max_energy_error"] == pytest.approx(200 * 2 * 0.05**6 / 144, rel=0.02)
 
@@ -48,7 +48,7 @@ def test_an_energy_with_t_has_no_error() -> None:
 
 @pytest.mark.slow
 def test_an_energy_ends_where_its_lagrangian_ends() -> None:
-    """The autonomous L of the damped oscillator divides by x, which the motion passes through 0."""
+    """The autonomous L of the damped oscillator divides by x, and the motion passes x = 0."""
     document = {"coordinates": ["x"], "equations": {"x": "-x - x'/10"}, "time_dependent_lagrangian": False}
     result = {**solve(document), "with_time": None}
     found = run([], 0, "runge-kutta", system={"result": result})
@@ -98,7 +98,7 @@ def _slopes(columns: dict[str, list[float]]) -> list[float]:
 
 @pytest.mark.parametrize("radius", [slow(0.7), slow(1.3), 3.7])
 def test_an_energy_of_round_off_is_no_measure(radius: float) -> None:
-    """Of a parabolic orbit E = v^2/2 - 1/r = 0, of which rounding leaves -2e-16 at r = 1.3."""
+    """A parabolic orbit has E = v^2/2 - 1/r = 0, and rounding gives -2e-16 at r = 1.3."""
     system = {"coordinates": ["x", "y"], "lagrangian": "(x'^2 + y'^2)/2 + 1/sqrt(x^2 + y^2)"}
     speed = (2 / radius) ** 0.5
     initial = {"positions": {"x": radius, "y": 0}, "velocities": {"x": 0, "y": speed}}

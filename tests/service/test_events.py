@@ -1,4 +1,4 @@
-"""Events are found however near to each other within a step; to touch 0 is none, and is said."""
+"""Events are found however close they are within a step; touching 0 is not an event, and the result says so."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def test_a_zero_at_the_start_is_no_event() -> None:
 
 
 def test_a_formula_that_jumps_has_an_event_at_every_jump() -> None:
-    """sign(x) = x/sqrt(x^2) has no value at x = 0, which the search may hit exactly."""
+    """sign(x) = x/sqrt(x^2) is undefined at x = 0, which the search may hit exactly."""
     assert events("sign(x)")["columns"]["t"] == pytest.approx([np.pi, 2 * np.pi, 3 * np.pi])
     assert events("1/x")["count"] == events("tan(x)")["count"] - 3 == 0
 

@@ -1,4 +1,4 @@
-"""First integrals at the door: SymPy differentiates each along the motion."""
+"""SymPy verifies each first integral of a result by its derivative along the motion."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""Forces, observables and events by formula, start times, restarts and ensembles, as a scene says them."""
+"""Scenes with forces, observables, and events by formula, start times, restarts, and ensembles."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def test_friction_acts_in_every_method(force: dict[str, Any]) -> None:
 
 
 def test_friction_acts_beside_constraints() -> None:
-    """A knife edge with friction: the speed falls as exp(-ct), the angle turns evenly."""
+    """A knife edge with friction: the speed decays as exp(-ct), and the angle turns uniformly."""
     system = {"coordinates": ["phi", "x", "y"], "lagrangian": "(x'^2+y'^2+phi'^2)/2",
               "constraints": ["sin(phi)*x' - cos(phi)*y'"], "parameters": ["c"]}  # fmt: skip
     start = {"positions": {"phi": 0, "x": 0, "y": 0}, "velocities": {"phi": 0.5, "x": 1}}
@@ -106,7 +106,7 @@ def test_events_are_located_to_round_off(method: Any) -> None:
 
 
 def test_an_event_of_a_method_is_where_its_own_motion_is() -> None:
-    """The midpoint rule turns too slowly: its crossings are those of its own frequency 2 atan(h/2)/h."""
+    """The midpoint rule turns too slowly: its crossings follow its own frequency 2 atan(h/2)/h."""
     (found,) = labelled(scene(OSCILLATOR, ["variational"], step=0.1, events=[{"when": "x", "direction": -1}])).values()
     slow = 2 * np.arctan(0.05) / 0.1
     assert np.abs(np.array(found["events"][0]["columns"]["t"]) * slow - np.pi * np.array([0.5, 2.5, 4.5])).max() < 1e-3
@@ -134,7 +134,7 @@ def test_a_projectile_stops_at_the_ground() -> None:
 
 
 def test_a_ball_bounces_by_beginning_again_where_it_stopped() -> None:
-    """Dropped from 1 with g = 2 it falls for 1, and with half of its speed it is up for 1 more."""
+    """Dropped from 1 with g = 2 it falls for time 1, and with half of its speed it is in the air for 1 more."""
     system = {"coordinates": ["y"], "lagrangian": "y'^2/2 - 2*y"}
     stop = [{"when": "y", "direction": -1, "do": "stop"}]
     start = {"positions": {"y": 1}, "velocities": {"y": 0}}
@@ -240,7 +240,7 @@ DISK: dict[str, Any] = {
 
 @pytest.mark.slow
 def test_each_member_is_on_the_constraints_of_its_own_parameters() -> None:
-    """R is in the constraints: with R = 2 the disk rolls twice as far."""
+    """The constraints contain R: with R = 2 the disk rolls twice as far."""
     single = labelled(DISK | {"parameters": DISK["parameters"] | {"R": 2}})
     starts = ({}, {"initial": {"positions": {"theta": [0]}}}, {"initial": [{"positions": {"theta": 0}}]})
     for further in starts:
@@ -250,7 +250,7 @@ def test_each_member_is_on_the_constraints_of_its_own_parameters() -> None:
 
 
 def test_each_member_has_the_momenta_that_were_given() -> None:
-    """p = m v, so that a mass twice as large is half as fast."""
+    """p = m v, so twice the mass has half the speed."""
     system = {"coordinates": ["x"], "lagrangian": "m*x'^2/2", "parameters": ["m"]}
     start = {"positions": {"x": 0}, "momenta": {"x": 1}}
     document = scene(system, ["reference"], initial=start, parameters={"m": 1}, ensemble={"parameters": {"m": [1, 2]}})
@@ -265,7 +265,7 @@ def test_velocities_of_a_member_that_break_the_constraints_are_refused() -> None
         simulate(DISK | {"ensemble": {"initial": {"velocities": {"x": [0.5 * math.cos(0.3), -0.4223]}}}})
     assert refused.value.pointer == "/ensemble/initial/velocities"
     assert '"project"' in refused.value.detail
-    plain = refused.value.places[0].plain  # what a form says, which has no such key
+    plain = refused.value.places[0].plain  # the value from a form, which has no such key
     assert "the nearest that fit are (" in plain
     assert '"' not in plain
 
@@ -313,7 +313,7 @@ def test_lyapunov_exponents_are_those_published(force: str, start: float, publis
 
 
 def test_the_potential_of_a_high_power_is_not_multiplied_out() -> None:
-    """(1 + x^2 y^2)^-5 at q + d/2 has tens of thousands of terms: the scene took minutes and gigabytes."""
+    """(1 + x^2 y^2)^-5 at q + d/2 has tens of thousands of terms: expanding it would take minutes and gigabytes."""
     system = {"coordinates": ["x", "y"], "lagrangian": "(x'^2+y'^2)/2-50/(1+x^2*y^2)^4"}
     given = {"positions": {"x": 2.0, "y": 0.3}, "velocities": {"x": -1.0, "y": 0.2}}
     (method,) = simulate(scene(system, ["variational"], initial=given, step=0.001, time=1, observe=["energy"]))[
@@ -328,7 +328,7 @@ def test_the_potential_of_a_high_power_is_not_multiplied_out() -> None:
     {"method": "stormer-verlet", "order": 8}, "nonholonomic", "reference", "adaptive",
 ], ids=str)  # fmt: skip
 def test_the_velocities_of_a_row_are_those_of_its_time(method: Any) -> None:
-    """They were those of the step that ends there, which of order 8 are wrong by half a step."""
+    """They are not those of the step that ends there, which at order 8 are off by half a step."""
     found = simulate({
         "system": {"coordinates": ["x"], "lagrangian": "x'^2/2 - x^2/2"}, "step": 0.01, "time": 3,
         "initial": {"positions": {"x": 1}, "velocities": {"x": 0}}, "methods": [method],
@@ -343,7 +343,7 @@ def test_the_velocities_of_a_row_are_those_of_its_time(method: Any) -> None:
 
 @pytest.mark.slow
 def test_motions_that_break_the_constraints_have_no_exponent() -> None:
-    """x stays and y runs with 1: nothing parts. Where exp(-y) x' is another constant, x' grows as exp(t)."""
+    """x is constant and y' = 1: nothing diverges. If exp(-y) x' is another constant, x' grows as exp(t)."""
     system = {"coordinates": ["x", "y"], "lagrangian": "(x'^2 + y'^2)/2", "constraints": ["exp(-y)*x'"]}
     found = simulate({
         "system": system, "initial": {"positions": {"x": 0, "y": 0}, "velocities": {"x": 0, "y": 1}}, "step": 0.1,

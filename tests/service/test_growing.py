@@ -1,4 +1,4 @@
-"""A result grows: parts are told when they are finished and checked, and what a limit leaves is all of them."""
+"""A result grows: each part is reported when it is finished and checked, and a limit keeps all of these parts."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ _TAKEN: dict[str, float] = {}
 
 
 def told_once(document: dict[str, Any]) -> tuple[list[dict[str, Any]], dict[str, Any]]:
-    """As `told`, for tests that change nothing on the way; the caller gets a copy."""
+    """Cached `told` for tests without changes during the run; the caller gets a copy."""
     key = json.dumps(document)
     if key not in _TOLD:
         began = time.monotonic()
@@ -58,7 +58,7 @@ def told_once(document: dict[str, Any]) -> tuple[list[dict[str, Any]], dict[str,
 
 
 def told(document: dict[str, Any], **options: Any) -> tuple[list[dict[str, Any]], dict[str, Any]]:
-    """What is told before the end, and the end."""
+    """The messages before the end, and the final result."""
     found: list[Any] = []
     result = solve_document(document, SolveOptions(time_limit=30.0, **options), found.append)
     return [report for report in found if isinstance(report, dict)], result
@@ -93,7 +93,7 @@ def test_a_definite_answer_is_never_taken_back(document: dict[str, Any]) -> None
         about = state.get("any_associated") or {}
         now = {key: state[key] for key in ("verdict", "verdict_with_time")} | {"any": about.get("verdict")}
         if state["branches"]:
-            continue  # the first branch stands for all where there are some
+            continue  # the first branch represents all branches
         for key, verdict in now.items():
             assert seen.get(key, verdict) == verdict
             if verdict in ("variational", "not_variational"):
@@ -181,7 +181,7 @@ def test_later_stages_keep_what_was_told() -> None:
 
 @pytest.mark.parametrize("document", [DAMPED, PARTICLE])
 def test_the_page_says_no_more_than_is_known(document: dict[str, Any]) -> None:
-    """That none was found in closed form, or that something is undetermined, is true at the end only."""
+    """The statements "no closed form" and "undetermined" are true only at the end."""
     for part in states(told_once(document)[0])[:-1]:
         job = {"id": "a", "status": "running", "progress": {"stage": "search", "so_far": json.loads(json.dumps(part))}}
         text = bytes(so_far_task(job, Look(Visitor(), "http://localhost", 60.0), 3).body).decode()

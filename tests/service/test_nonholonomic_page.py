@@ -1,4 +1,4 @@
-"""What docs/how-to/constrained-systems.md shows is what the program answers."""
+"""docs/how-to/constrained-systems.md shows the output of the program."""
 
 from __future__ import annotations
 

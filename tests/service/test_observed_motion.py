@@ -1,4 +1,4 @@
-"""Forces of constraints, periods, constants of damped motions, and bodies that are drawn."""
+"""Constraint forces, periods, constants of damped motions, and drawings of bodies."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def only(scene: dict[str, Any]) -> dict[str, Any]:
 
 
 def test_a_constraint_exerts_the_force_that_the_motion_has() -> None:
-    """A bead on the line y = x under gravity: the line bears m g cos(45 degrees), across itself."""
+    """A bead on the line y = x under gravity: the line exerts m g cos(45 degrees), normal to itself."""
     scene = {
         "system": {"coordinates": ["x", "y"], "lagrangian": "m*(x'^2 + y'^2)/2 - m*g*y", "constraints": ["y' - x'"]},
         "parameters": {"m": 2, "g": 9.81}, "initial": {"positions": {"x": 0, "y": 0}, "velocities": {"x": 0, "y": 0}},
@@ -51,7 +51,7 @@ def test_the_period_of_a_pendulum_is_an_elliptic_integral(method: Any) -> None:
 
 
 def test_the_other_end_of_a_swing_is_no_return() -> None:
-    """A pendulum in the plane begins at rest on one side and is at rest on the other after half a period."""
+    """A planar pendulum starts at rest on one side and is at rest on the other side after half a period."""
     system = {"coordinates": ["x", "y"], "lagrangian": "(x'^2 + y'^2)/2 - y", "constraints": ["x*x' + y*y'"]}
     start = {"positions": {"x": 1, "y": 0}, "velocities": {"x": 0, "y": 0}}
     period = only(PENDULUM | {"system": system, "initial": start, "observe": ["period"]})["period"]

@@ -1,4 +1,4 @@
-"""A user's own L is told to have the equations or not, with what is left of them."""
+"""The check of a user's own L says whether it leads to the equations, with the residual."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def test_a_lagrangian_that_is_right_on_some_cells_only_differs_and_says_where(
     assert found["verdict"] == "differs"
     cells = {(cell["verdict"], *sorted(cell["domain"])): cell for cell in found["cells"]}
     assert ("valid", *sorted(right)) in cells
-    failing = cells["invalid", *sorted(wrong)]  # with no member that follows from the others
+    failing = cells["invalid", *sorted(wrong)]  # without a member that follows from the others
     given, own = (failing["accelerations"][key] for key in ("given", "lagrangian"))
     assert given != own
 
@@ -149,7 +149,7 @@ def test_http_answers_and_refuses_a_name_that_the_system_does_not_have(service: 
 def test_constants_that_the_equations_do_not_contain_are_of_any_value(
     equations: str, lagrangian: str, wanted: str
 ) -> None:
-    """The mass of a pendulum is in its L and not in its equation."""
+    """The mass of a pendulum occurs in its L but not in its equation."""
     found = verdict({"equations": equations, "parameters": "guess"}, lagrangian)
     assert found["verdict"] == wanted
     assert all("token" not in reason for reason in found["reasons"])

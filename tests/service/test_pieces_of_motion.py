@@ -1,4 +1,4 @@
-"""Events that act and switches of sign, abs and pieces, against closed forms and SciPy with events."""
+"""Compare events that act, and switches of sign, abs, and pieces, with closed forms and SciPy."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def block(t: float) -> float:
 
 
 def rubbed(t: float) -> float:
-    """x'' = -4 x - sign(x')/2 from rest at 1: half turns about +-1/8, until it sticks."""
+    """x'' = -4 x - sign(x')/2 from rest at 1: half turns about +-1/8 until it sticks."""
     place, begin = 1.0, 0.0
     while 4 * abs(place) > 0.5:
         middle = np.sign(place) / 8
@@ -121,7 +121,7 @@ def test_closed_forms_are_met(name: str, method: Any) -> None:
     assert found["outcome"] == "completed"
     assert "doubt" not in found
     t, x = columns(found, coordinate)
-    # Where the place jumps, times within round-off of the jump may be on either side of it.
+    # Where the position jumps, times within round-off of the jump may be on either side.
     near = np.abs((t - np.round(t)) * (name == "a reset") + (name != "a reset")) > 1e-9
     assert np.abs(x - [closed(time) for time in t])[near].max() < 1e-9
 
@@ -157,7 +157,7 @@ def oracle(
     f: Callable[[float, np.ndarray], Any], state: list[float], times: np.ndarray,
     hits: Callable[[float, np.ndarray], float], act: Callable[[float, np.ndarray], np.ndarray], direction: float,
 ) -> np.ndarray:  # fmt: skip
-    """SciPy's DOP853 at 1e-12, begun again after each event."""
+    """SciPy's DOP853 at 1e-12, restarted after each event."""
     hits.terminal, hits.direction = True, direction  # type: ignore[attr-defined]
     rows, begin, y = [], float(times[0]), np.array(state)
     while begin < times[-1]:
@@ -237,7 +237,7 @@ def test_stick_and_slip_on_a_belt() -> None:
     assert found["outcome"] == "completed"
     t, x = columns(found, "x")
 
-    # The belt carries it until x = 1; then u < 0, until u = 0 again, where |x| < 1 holds it.
+    # The belt carries it until x = 1; then u < 0 until u = 0 again, where it sticks because |x| < 1.
     def caught(t: float, s: np.ndarray) -> float:
         return float(s[1] - 0.5)
 
@@ -252,14 +252,14 @@ def test_stick_and_slip_on_a_belt() -> None:
     expected[(t >= 2) & rows] = slip.y[0][: int(((t >= 2) & rows).sum())]
     assert found["switches"]["columns"]["to"][:2] == ["below", "sticks"]
     assert found["switches"]["columns"]["t"][:2] == pytest.approx([2, again], abs=1e-5)
-    assert np.abs(x - expected)[rows].max() < 1e-5  # the oracle begins beside the point of release
+    assert np.abs(x - expected)[rows].max() < 1e-5  # the oracle starts next to the point of release
     held = (t > again + 0.01) & (t < found["switches"]["columns"]["t"][2])
     assert np.diff(x[held]) == pytest.approx(0.005, abs=1e-10)
 
 
 @pytest.mark.slow
 def test_two_blocks_that_rub_at_once() -> None:
-    """Both slide, one comes to rest first, is pulled on, and both rest in the end; events of SciPy tell when."""
+    """Both slide, one comes to rest first, is pulled along, and both rest in the end; SciPy's events give the times."""
     scene = system("(x'^2 + y'^2)/2 - (x - y)^2/2", "x", "y") | start(0, 1, 1.5, 0, names="xy") | {
         "forces": {"x": "-0.4*sign(x')", "y": "-0.2*sign(y')"}, "time": 12, "step": 0.02}  # fmt: skip
     found = run(scene)
@@ -276,7 +276,7 @@ def test_two_blocks_that_rub_at_once() -> None:
     for width in (1e-2, 1e-3):
         done = solve_ivp(smooth, (0, 12), [0, 1, 1.5, 0], "LSODA", t, args=(width,), rtol=1e-9, atol=1e-11)
         apart.append(max(np.abs(done.y[0] - x).max(), np.abs(done.y[1] - y).max()))
-    # Friction that is ever steeper comes ever nearer: in proportion to the width.
+    # Steeper friction laws converge to it, in proportion to their width.
     assert apart[1] < 0.2 * apart[0]
 
 

@@ -1,4 +1,4 @@
-"""Documents are read strictly and exactly, and refused with one sentence and the place."""
+"""Documents are parsed strictly and exactly, or rejected with one sentence and the location."""
 
 from __future__ import annotations
 

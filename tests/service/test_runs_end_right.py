@@ -1,4 +1,4 @@
-"""Scenes that once ended `completed` and were wrong, or took their neighbors with them: now right, or typed."""
+"""Hard scenes end with a correct trajectory or a named outcome, and do not affect other methods."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def outcomes(document: dict[str, Any]) -> dict[str, str]:
 
 
 def test_one_method_that_fails_leaves_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A fault of ours in a method is that method's outcome."""
+    """An internal error in a method is the outcome of that method only."""
     from inverse_service.simulation import running
 
     whole = running.run_method
@@ -79,7 +79,7 @@ def test_a_first_step_that_does_not_converge_is_not_called_singular() -> None:
 
 
 def test_the_energy_error_is_of_one_quantity_for_every_method() -> None:
-    """The implicit midpoint rule keeps the energy of the oscillator exactly, and the table says so."""
+    """The implicit midpoint rule conserves the energy of the oscillator exactly, and the table shows it."""
     alike = ["variational", {"method": "variational", "form": "raw"}, "nonholonomic"]
     scene = OSCILLATOR | {"time": 100, "observe": ["energy"], "methods": [*alike, "runge-kutta"]}
     found = methods(scene)
@@ -124,7 +124,7 @@ FIXED = ["variational", "stormer-verlet", "runge-kutta", "adaptive"]
 @pytest.mark.slow
 @pytest.mark.parametrize("observe", [[], ["error"]])
 def test_a_force_far_faster_than_the_step_is_doubted(observe: list[str]) -> None:
-    """Its mean is 0; at the steps it is that of a slow force, which throws the motion elsewhere."""
+    """Its mean is 0; sampled at the steps it looks like a slow force, which changes the motion."""
     system = {"coordinates": ["x"], "lagrangian": "x'^2/2 + sin(1000*t)*x^2/2"}
     start = {"positions": {"x": 1}, "velocities": {"x": 1}}
     scene = OSCILLATOR | {"system": system, "initial": start, "step": 0.05, "steps": 200, "methods": FIXED}
@@ -165,7 +165,7 @@ def begun_at_zero(force: str, velocity: float, method: str) -> dict[str, Any]:
 
 @pytest.mark.parametrize("force", ["sqrt(x)", "6*x^(1/3)", "1 + sqrt(x)"])
 def test_what_leaves_the_root_at_once_is_the_one_motion(force: str) -> None:
-    """v dv = f dx gives the time as an integral over x; the method that solves by slopes lost the velocity here."""
+    """v dv = f dx gives the time as an integral over x; a method that solves by slopes loses the velocity here."""
     energy = {"sqrt(x)": lambda x: 4 / 3 * x**1.5, "6*x^(1/3)": lambda x: 9 * x ** (4 / 3)}.get(
         force, lambda x: 2 * x + 4 / 3 * x**1.5
     )
@@ -189,7 +189,7 @@ def test_methods_with_the_same_equations_pass_a_kink_alike(alpha: Any) -> None:
 
 @pytest.mark.slow
 def test_a_constrained_motion_passes_a_kink_of_the_potential() -> None:
-    """A step of 0.05 once went by two kinks here and ended 0.09 from the motion."""
+    """A step of 0.05 that passes the two kinks unseen ends 0.09 from the motion."""
     system = {
         "coordinates": ["x", "y", "z"],
         "lagrangian": "(x'^2+y'^2+z'^2+x'*y')/2 - 2*abs(x-y)",

@@ -1,4 +1,4 @@
-"""Each card's scene is answered as the card says, by the engine and (slow) by the command line."""
+"""Each card's scene has the outcome of the card, in the engine and (slow) on the command line."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a scene cannot mean is refused in one sentence, and what it can mean is done."""
+"""Invalid scenes are rejected with one sentence, and valid scenes run."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def test_a_degenerate_lagrangian_is_refused_by_every_method() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("turning", [0, 1])
 def test_parameters_that_leave_no_motion_are_said_as_such(turning: float) -> None:
-    """I + M R^2 = 0: no method may complete, wherever it starts, and each says that parameters are to be changed."""
+    """I + M R^2 = 0: no method may complete from any start, and each asks to change parameters."""
     start = {"positions": {"phi": 0.1, "theta": 0, "x": 0, "y": 0}, "velocities": {"phi": turning, "theta": 1}}
     document = {
         "system": {"catalogue": "vertically-rolling-disk"}, "parameters": {"M": -1, "I": 1, "J": 1, "R": 1},
@@ -102,7 +102,7 @@ def test_a_time_off_the_grid_is_noted() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("method", ["heyoka", "adaptive", {"method": "stormer-verlet", "order": 8}])
 def test_an_atom_in_seconds_is_as_accurate(method: Any) -> None:
-    """Times of 1e-17 s: of a series of order 20 in seconds the coefficients are no numbers any more."""
+    """Times of 1e-17 s: the coefficients of a series of order 20 in seconds overflow."""
     pytest.importorskip("heyoka")
     scene = {
         "system": {"coordinates": ["x", "y"], "lagrangian": "m*(x'^2 + y'^2)/2 + k/sqrt(x^2 + y^2)"},

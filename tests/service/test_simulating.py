@@ -1,4 +1,4 @@
-"""Scenes give the known figures, compute what they name and nothing else, and say how each method ended."""
+"""Scenes give the known numbers, compute only what they name, and report the outcome of each method."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def test_the_disk_gives_the_known_figures(label: str, table: dict[str, dict[str,
 
 @pytest.mark.slow
 def test_drift_phase_and_trajectory_are_told_apart(table: dict[str, dict[str, Any]]) -> None:
-    """A spiral keeps the phase, the variational circle loses it; at 1/2 the nonholonomic circle keeps everything."""
+    """A spiral has the right phase, the variational circle does not; at 1/2 the nonholonomic circle is exact."""
     assert table["nonholonomic-0"]["max_phase_error"] == pytest.approx(0.1)
     assert abs(table["variational-0"]["final_phase_error"]) > 0.5
     assert table["nonholonomic-0.5"]["max_phase_error"] < 1e-12
@@ -103,7 +103,7 @@ def test_the_scene_of_the_contract_runs() -> None:
 
 
 def kernel(document: dict[str, Any]) -> str:
-    """The text of the kernel of the first method."""
+    """The source text of the first method's kernel."""
     schema = scene_schema(document)
     found, system = read_scene(schema)
     derived = Derived(found, finder(schema, system))
@@ -210,7 +210,7 @@ DAMPED = "((x + 4*x')*atan((x + 4*x')/(x*sqrt(15)))/(x*sqrt(15)) - log(2*x^2 + 2
 @pytest.mark.slow
 @pytest.mark.parametrize("form", ["hamiltonian", "raw"])
 def test_a_pole_of_the_free_lagrangian_on_the_way_is_named(form: str) -> None:
-    """The damped oscillator passes x = 0, by which this Lagrangian divides; the guard alone would not say why."""
+    """The damped oscillator passes x = 0, and this Lagrangian divides by x; the guard alone would not say why."""
     found = simulate({
         "system": {"document": {"coordinates": ["x"], "equations": {"x": "-x - x'/2"}}},
         "initial": {"positions": {"x": 1}, "velocities": {"x": "1/10"}},

@@ -1,4 +1,4 @@
-"""The examples and figures of the pages about simulation are true."""
+"""The examples and numbers of the pages about simulation are true."""
 
 from __future__ import annotations
 

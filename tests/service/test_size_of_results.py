@@ -1,4 +1,4 @@
-"""A result holds the answer once, and not the page that shows it."""
+"""A result contains the answer once, without the page that shows it."""
 
 from __future__ import annotations
 

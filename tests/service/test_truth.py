@@ -1,4 +1,4 @@
-"""The true motion is what it says it is: its uncertainty bounds its error, and where it is lost there is no error."""
+"""The uncertainty of the reference solution bounds its error, and no error is given where the reference fails."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def kepler(eccentricity: float, step: float, methods: list[Any], time: float = 2
 
 
 def kepler_position(eccentricity: float, time: float) -> tuple[float, float]:
-    """By Kepler's equation in forty digits, for the very starting numbers that the scene has."""
+    """The position from Kepler's equation in forty digits, for exactly the start of the scene."""
     with mp.workdps(40):
         x = mp.mpf(1 - eccentricity)
         speed = mp.mpf(((1 + eccentricity) / (1 - eccentricity)) ** 0.5)
@@ -51,7 +51,7 @@ def test_near_collisions_end_right_or_typed(eccentricity: float) -> None:
 
 @pytest.mark.slow
 def test_errors_and_their_uncertainty_have_one_unit() -> None:
-    """The earth about the sun in metres: both are metres."""
+    """The earth around the sun in meters: both are in meters."""
     scene = {
         "system": {"coordinates": ["x", "y"], "parameters": ["m", "G"],
                    "lagrangian": "m*(x'^2+y'^2)/2 + G*m/sqrt(x^2+y^2)"},

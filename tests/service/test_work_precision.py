@@ -1,4 +1,4 @@
-"""Error against work: orders come out, the floor ends a curve, failures keep their reason and are not drawn."""
+"""Error against work: orders are right, round-off ends a curve, failures keep their reason and are not drawn."""
 
 from __future__ import annotations
 
@@ -181,7 +181,7 @@ def test_every_substep_of_a_composition_evaluates_its_forces(order: int, stages:
 def test_none_is_the_fastest_where_a_method_might_be_faster_than_its_coarsest_setting(
     coarsest: float | None, sure: bool
 ) -> None:
-    """The variational method reaches 1e-3 in at most 5 s, the other in 3 s: with longer steps it may need less."""
+    """The variational method reaches 1e-3 in at most 5 s, the other in 3 s: longer steps may make the first faster."""
     other = Requested("other", MethodChoice("runge_kutta"))
     own = [setting(0.5, coarsest, 5.0), setting(0.25, 1e-4, 5.0)]
     settings = [*own, *(replace(setting(2.0**-k, 10.0 ** (1 - 5 * k), 3.0), requested=other) for k in range(2))]
@@ -198,7 +198,7 @@ def test_what_is_less_than_is_known_of_the_true_motion_is_no_error() -> None:
 
 @pytest.mark.slow
 def test_a_motion_that_is_known_for_a_while_only_is_refused_with_the_reason() -> None:
-    """It was said of every method that its result is not finite."""
+    """The reason must not be that the results of all methods are not finite."""
     duffing = {"coordinates": ["x"], "equations": ["x'' = x - x^3 - 0.3*x' + 0.5*cos(1.2*t)"]}
     scene = {"system": duffing, "initial": {"positions": {"x": 1}, "velocities": {"x": 0}}, "step": 0.05, "time": 400}
     with pytest.raises(InputError, match=r"known until t = .* only"):

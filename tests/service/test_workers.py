@@ -1,4 +1,4 @@
-"""Worker processes end in one of the known ways, are killed on time, and leave no orphans."""
+"""Worker processes end in a known way, are killed on time, and leave no orphans."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def run(pool: Workers, task: Any, arguments: tuple[Any, ...], deadline: float) -
 
 
 def busy(seconds: float) -> Outcome:
-    """Compute for so long."""
+    """Compute for this long."""
     end = time.process_time() + seconds
     while time.process_time() < end:
         pass
@@ -35,7 +35,7 @@ def busy(seconds: float) -> Outcome:
 
 
 def crowded(seconds: float) -> Outcome:
-    """Compute for so long on a core that two busy processes have too."""
+    """Compute for this long on a core that two other busy processes use."""
     core = {min(os.sched_getaffinity(0))}
     others = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(2)]
     try:
@@ -49,19 +49,19 @@ def crowded(seconds: float) -> Outcome:
 
 
 def reporting(report: Callable[[str], None]) -> Outcome:
-    """Say two things."""
+    """Report two messages."""
     report("one")
     report("two")
     return Outcome("done")
 
 
 def no_process(memory_limit: int) -> None:
-    """What the system says that has no process to give."""
+    """The error of a system that cannot start a process."""
     raise OSError(errno.EAGAIN, "Resource temporarily unavailable")
 
 
 def quickest(measured: Callable[[], float]) -> float:
-    """The smallest of up to five, the first below 0.3 s: what others do on this machine only adds to it."""
+    """The smallest of up to five times, or the first below 0.3 s: other load on the machine only increases it."""
     found: list[float] = []
     while len(found) < 5 and min(found, default=1.0) > 0.3:
         found.append(measured())
@@ -77,7 +77,7 @@ def workers() -> Iterator[Workers]:
 
 
 def test_processes_that_solve_look_for_garbage_seldom(workers: Workers) -> None:
-    # With the 700 objects of Python's default it takes half of a long search, late in the life of a worker.
+    # With Python's default of 700 objects it takes half of the time of a long search in an old worker.
     for outcome in (run(workers, gc.get_threshold, (), 30.0), run_alone(gc.get_threshold, (), 30.0, MEMORY)):
         assert outcome.value[0] >= 100_000
 
@@ -90,15 +90,15 @@ def test_a_loop_in_c_that_holds_the_interpreter_is_killed_at_its_deadline(worker
         assert run(workers, pow, (3, 10**9), 0.3).status == "deadline"
         return time.monotonic() - begin - 0.3
 
-    assert quickest(seconds_late) < 0.5 + (MOST_CROWDED - 1) * 0.3  # of which all but 0.5 for others at most
+    assert quickest(seconds_late) < 0.5 + (MOST_CROWDED - 1) * 0.3  # of which at least 0.5 is its own
     assert run(workers, tasks.load_engine, (), 30.0).status == "done"
 
 
 @pytest.mark.slow
 @pytest.mark.skipif(not os.path.exists("/proc/self/schedstat"), reason="the system does not tell who waits")
 def test_a_task_is_not_killed_while_others_have_the_processor() -> None:
-    """Of 1 s by the clock it has some 0.3 s for itself."""
-    # The process that runs the tests may have more than MEMORY by now, and its fork could start no other process then.
+    """In 1 s by the clock it gets about 0.3 s of processor time."""
+    # The test process may already use more than MEMORY; then its fork could not start another process.
     assert run_alone(crowded, (0.6,), 1.0, 16 * MEMORY).status == "done"
 
 
@@ -171,7 +171,7 @@ def test_memory_is_bounded(workers: Workers) -> None:
 def test_an_abort_counts_as_memory_and_a_segmentation_fault_as_crash(workers: Workers) -> None:
     assert run(workers, os.abort, (), 30.0).status == "memory"
     killed = run(workers, signal.raise_signal, (signal.SIGKILL,), 30.0)
-    assert (killed.status, killed.spent.cpu >= 0.0) == ("killed", True)  # the system counts in steps of 10 ms
+    assert (killed.status, killed.spent.cpu >= 0.0) == ("killed", True)  # the system counts in units of 10 ms
     assert run(workers, signal.raise_signal, (signal.SIGSEGV,), 30.0).status == "crash"
     assert run(workers, os._exit, (7,), 30.0).status == "crash"
     assert run(workers, tasks.load_engine, (), 30.0).status == "done"

@@ -1,6 +1,5 @@
-"""Scenes that were wrong, crashed, or could not be said: what each method must answer now, at every door.
-
-A card is a scene with the outcome of each method, or the words with which the scene is refused.
+"""Difficult scenes and the required outcome of each method, for every interface. A card is a scene with the outcome of
+each method, or the error message if the scene is rejected.
 """
 
 from __future__ import annotations
@@ -11,7 +10,7 @@ Outcomes = dict[str, str | tuple[str, ...]]
 
 
 class Card(NamedTuple):
-    """`answer` is label → outcome, or a part of the refusal; errors of completed methods are below `error`."""
+    """`answer` is label → outcome, or a part of the error message; errors of completed methods are below `error`."""
 
     name: str
     scene: dict[str, Any]
@@ -166,7 +165,7 @@ CARDS = PAPER + WRONG + SMALL + SAID
 
 
 def judge(card: Card, methods: list[dict[str, Any]]) -> None:
-    """Assert that a result's methods are what the card says."""
+    """Assert that the methods of a result end as the card says."""
     assert not isinstance(card.answer, str), "the scene should have been refused"
     assert len(methods) == len(card.answer)
     for method, expected in zip(methods, card.answer.values(), strict=True):

@@ -1,8 +1,8 @@
 """Random scenes: a system of the catalogue, a start, a step and a method, run at its step and at a finer one.
 
-A pair is wrong where both runs end `completed` and the errors do not fall as the order says: the finer error is above
-ten times what the coarser one promises and above the uncertainty of the true motion. A method that is wrong at every
-step, one that lost its order, and a truth that is wrong are all seen.
+A pair is wrong if both runs complete and the errors do not decrease with the order: the finer error exceeds ten times
+the prediction from the coarser one, and the uncertainty of the reference. This detects methods that are wrong at every
+step or lost their order, and a wrong reference.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ OWN_STEPS = ("adaptive", "stiff")
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """One method of one scene: `complaint` is empty where nothing is wrong, `pair` says how both runs ended."""
+    """One method of one scene: `complaint` is empty if nothing is wrong; `pair` has the outcomes of both runs."""
 
     scene: dict[str, Any]
     label: str
@@ -70,7 +70,7 @@ def order_of(method: dict[str, Any]) -> int:
 
 
 def verdicts(seed: int) -> Iterator[Verdict]:
-    """Every method of the scene with this seed; none where the scene is refused."""
+    """The verdict on every method of the scene with this seed; empty if the scene is rejected."""
     scene = random_scene(seed)
     for method in scene["methods"]:
         order = order_of(method)
@@ -104,7 +104,7 @@ def _complaint(pair: list[dict[str, Any]], order: int, finer: int) -> str:
     floor = 10 * fine["error_uncertainty"] + 1e-11 * size
     if finer == 1:
         allowed = max(floor, 1e-4 * size)
-    elif coarse["max_error"] > 0.01 * size:  # before the errors fall with their order
+    elif coarse["max_error"] > 0.01 * size:  # before the errors decrease with their order
         allowed = max(floor, 0.9 * coarse["max_error"])
     else:
         allowed = max(floor, 10 * coarse["max_error"] / finer**order)

@@ -1,4 +1,4 @@
-"""An ensemble gives what its members give one by one."""
+"""An ensemble gives the same results as its members one by one."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def test_other_methods(method: str) -> None:
 
 
 def test_members_end_by_themselves() -> None:
-    """Refused, stopped on the way, and completed, side by side."""
+    """Rejected, stopped, and completed members in one ensemble."""
     starts = [disk_start(), disk_start(0.3, 0.0), disk_start(0.3, 0.05), disk_start(1.0)]
     found = together(DISK, MethodChoice("variational"), starts, Grid(0.1, 2000), {"c": 1.0})
     assert [found.outcome(k).kind for k in range(4)] == ["completed", "off_domain", "guard", "completed"]
@@ -88,7 +88,7 @@ def test_methods_without_kernels_are_refused() -> None:
 
 @pytest.mark.slow
 def test_starts_with_momenta_of_their_own_are_those_of_single_runs() -> None:
-    """L~ of the disk is 0/0 where sin(phi) = 0: all starts are taken at once, and each is the start of a single run."""
+    """L~ of the disk is 0/0 where sin(phi) = 0: all starts are computed at once, and equal those of single runs."""
     angles = ["0", "pi/2", "0.3", "1"]
     scene: dict[str, Any] = {
         "system": {"catalogue": "vertically-rolling-disk"}, "parameters": {"M": 1, "R": 1, "I": "1/2", "J": "1/4"},

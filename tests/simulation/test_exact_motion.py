@@ -1,4 +1,4 @@
-"""The exact motion is that of the closed forms, recognized by structure; elsewhere the reason is given."""
+"""The exact motion follows the closed forms, recognized by structure; otherwise the reason is given."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def test_the_particle_passes_zero_whatever_the_times(steps: int) -> None:
 
 
 def test_any_coefficients_of_the_class_are_integrated() -> None:
-    """The velocity keeps the constraints and the energy, and is the derivative of the position."""
+    """The velocity satisfies the constraints, conserves the energy, and is the derivative of the position."""
     found = motion("a b c", "a'^2 + 3*b'^2/2 + 5*c'^2/2", ["c' + (1 + a^2)*exp(-a)*b'"])
     a, b = 0.2, 1.0
     start = np.array([a, 0, 0])

@@ -1,4 +1,4 @@
-"""Every hard case ends in a right answer or in an outcome that names step, time, quantity and remedy."""
+"""Every hard case ends in a correct result or in an outcome that names step, time, quantity, and remedy."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ def test_what_fails_between_the_places_of_a_mean_is_the_factor_that_passes_zero(
 @pytest.mark.slow
 @pytest.mark.parametrize("alpha", [0.0, 1 / 3, 0.5, 1.0])
 def test_on_the_knife_edge_the_modified_method_is_the_variational_one(alpha: float) -> None:
-    """Its momenta keep the discrete constraint, so both solve the same equations; across cos phi = 0 too."""
+    """Its momenta conserve the discrete constraint, so both solve the same equations, also across cos phi = 0."""
     found = [
         run(KNIFE, MethodChoice(method, alpha), knife_start(), Grid(0.05, 200), {"c": 0.1})
         for method in ("modified", "variational")
@@ -112,7 +112,7 @@ def test_a_guard_gives_number_and_remedy() -> None:
 
 
 def test_the_judge_finds_wrong_answers() -> None:
-    """A wrong trajectory, an outcome that is not allowed and one that names nothing are all refused."""
+    """It rejects a wrong trajectory, an outcome that is not allowed, and one without a named quantity."""
     case = next(iter(crossings()))
     good = judge(case)
     assert good.right
@@ -128,7 +128,7 @@ def test_the_judge_finds_wrong_answers() -> None:
 
 @pytest.mark.slow
 def test_completed_runs_are_on_the_branch_of_small_steps() -> None:
-    """Roots found at growing h are those that continuation from small h leads to, up to the guard."""
+    """For growing h the roots are those of the continuation from small h, up to the guard."""
     for constant in (1.0, 4.0, 10.0):
         for step in (0.05, 0.2, 0.4, 0.6, 0.8, 1.0):
             found = run(DISK, MethodChoice("variational", 0.5), disk_start(), Grid(step, 1), {"c": constant})

@@ -1,4 +1,4 @@
-"""An angle of 10^7 is known to 1e-9 only, and Newton must not ask for more."""
+"""An angle of 10^7 has an accuracy of only 1e-9, and Newton's method must not require more."""
 
 from __future__ import annotations
 

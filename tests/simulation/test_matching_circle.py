@@ -1,4 +1,4 @@
-"""The matching circle is the circle where there is one, and nothing where there is none."""
+"""The matching circle is the circle of the motion, and there is none if the motion is not circular."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def test_a_moving_center_and_a_growing_radius_are_told_apart() -> None:
 
 
 def test_a_path_known_at_few_steps_has_its_circles_too() -> None:
-    """Chords that turn by 10 radians are no revolutions, but the points are on the circle all the same."""
+    """Chords that turn by 10 radians do not resolve revolutions, but the points are still on the circle."""
     angles = 10.0 * np.arange(20_000)
     drift = present(circles.circle_drift(arc((0, 0), 2, angles) + np.column_stack([1e-6 * angles, 0 * angles]), 20.0))
     assert np.isnan(drift.revolutions)
@@ -103,7 +103,7 @@ def test_radial_distance_and_phase_are_what_was_put_in() -> None:
 
 @pytest.mark.parametrize("every", [1, 20, 41])
 def test_a_spiral_in_step_has_no_phase_error(every: int) -> None:
-    """Whatever its radius and center do, and however few points are recorded."""
+    """This holds for any radius and center, and for any number of recorded points."""
     angles = 0.2 * np.arange(2000)[::every]
     exact = arc((0, 0), 2, angles)
     error = circles.phase_error(exact * 0.5 + np.array([7.0, 1.0]), exact)
@@ -130,5 +130,5 @@ def test_points_more_than_half_a_turn_apart_do_not_say_how_often_the_path_turned
     found = present(circles.circle_drift(points, 2 * np.pi + 0.3))
     assert np.isnan(found.revolutions)
     assert found.first.radius == pytest.approx(1)
-    # A speed that does not fit the chords is not believed.
+    # A speed that does not fit the chords is rejected.
     assert np.isnan(present(circles.circle_drift(points, 1.5)).revolutions)

@@ -1,4 +1,4 @@
-"""What every method keeps, and that its settings do what they say."""
+"""The quantities that every method conserves, and the effect of its settings."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def test_raw_form_and_hamiltonian_form_agree(what: Problem, start: Start, alpha:
     ids=["double pendulum", "chain"],
 )
 def test_without_constraints_all_methods_are_one(what: Problem, start: Start, alpha: float, symmetrised: bool) -> None:
-    """Raw, Hamiltonian and nonholonomic form of a system with L~ = L and no constraints."""
+    """The raw, Hamiltonian, and nonholonomic forms agree for a system with L~ = L and no constraints."""
     grid = Grid(0.01, 300)
     choices = [
         MethodChoice("variational", alpha, symmetrised), MethodChoice("variational", alpha, symmetrised, form="raw"),
@@ -156,7 +156,7 @@ def test_steps_back_return_to_the_start() -> None:
 
 
 def test_compensated_sums_keep_a_million_steps() -> None:
-    """A uniform motion: increments that are no binary fractions add up without loss."""
+    """A uniform motion: increments that are not binary fractions add up without loss."""
     free = problem("u", free="1/2*u'^2", hamiltonian="1/2*p_u^2")
     found = run(free, MethodChoice("variational", 0.5), Start((0.0,), (1.0,)), Grid(0.1, 1_000_000, 250_000), {})
     assert np.abs(found.positions[:, 0] / np.array([1.0, 25e3, 5e4, 75e3, 1e5]) - [0, 1, 1, 1, 1]).max() < 4e-16

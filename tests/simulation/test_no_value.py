@@ -1,4 +1,4 @@
-"""A formula without a value is said: a function that was given none, a start outside, a column, an event."""
+"""An undefined formula is reported: a function without a formula, a start outside the domain, a column, an event."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def run(lagrangian: str, position: float = 1, **more: Any) -> dict[str, Any]:
 
 
 def test_nothing_is_measured_where_no_motion_begins() -> None:
-    """Neither errors, by the true motion, nor a Lyapunov exponent."""
+    """There are neither errors relative to the reference nor a Lyapunov exponent."""
     result = run("x'^2/2 + log(x - 5)", observe=["error", "lyapunov"], methods=["adaptive"])
     assert result["truth"]["against"] is None
     assert "lyapunov" not in result

@@ -87,5 +87,5 @@ def test_symmetrised_variational_has_order_two(form: str, alpha: float) -> None:
 @pytest.mark.parametrize("order", RUNGE_KUTTA)
 def test_runge_kutta(problem: str, order: int) -> None:
     found = measured_order(problem, MethodChoice("runge_kutta", order=order), order)
-    # On the pendulum's closed curve the leading term of DOP853 nearly cancels: it comes out higher.
+    # On the pendulum's closed curve the leading term of DOP853 nearly cancels, so its measured order is higher.
     assert order - COARSE[order][2] < found < order + (2 if order == 8 else COARSE[order][2])

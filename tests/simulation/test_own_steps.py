@@ -1,4 +1,4 @@
-"""Methods that choose their own steps: their tolerance is kept, stiff equations are solved, poles are ends."""
+"""Methods that choose their own steps meet their tolerance, solve stiff equations, and end at poles."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ def run(system: dict[str, Any], methods: list[Any], start: tuple[float, float], 
 @pytest.mark.slow
 @pytest.mark.parametrize(("method", "order"), [("adaptive", 8), ("stiff", 4)])
 def test_errors_fall_with_the_tolerance_as_the_order_says(method: str, order: int) -> None:
-    """t enters the equation, and at the start x' and x'' are both 0."""
+    """The equation contains t, and x' and x'' are both 0 at the start."""
     found = run(DRIVEN, [{"method": method, "tolerance": 10.0**-k} for k in (4, 6, 8, 10)], (1, 0), 40)
     errors = [one["max_error"] for one in found]
     work = [one["force_evaluations"] for one in found]
     assert all(one["outcome"] == "completed" for one in found)
     assert all(error < 300 * 10.0**-k for error, k in zip(errors, (4, 6, 8, 10), strict=True))
     assert work == sorted(work)
-    assert 1.3 < work[3] / work[1] < 1.35 * 1e4 ** (1 / order)  # less where the order rises, too
+    assert 1.3 < work[3] / work[1] < 1.35 * 1e4 ** (1 / order)  # also less where the order increases
 
 
 @pytest.mark.parametrize("scale", [1e-30, 1.0, 1e30])
@@ -42,7 +42,7 @@ def test_no_unit_enters_the_choice_of_steps(scale: float) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize(("method", "error"), [("adaptive", 1e-10), ("stiff", 1e-6)])
 def test_a_chain_begins_with_one_mass_displaced(method: str, error: float) -> None:
-    """The eighth mass moves like t^16 at first; Fermi, Pasta, Ulam and Tsingou began their chains alike."""
+    """The eighth mass initially moves like t^16; Fermi, Pasta, Ulam, and Tsingou started their chains like this."""
     names = [f"q{k}" for k in range(8)]
     springs = [f"({a} - {b})" for a, b in zip(names[1:], names[:-1], strict=True)]
     squares = " + ".join(f"{q}'^2" for q in names)
@@ -59,7 +59,7 @@ def test_a_chain_begins_with_one_mass_displaced(method: str, error: float) -> No
 
 @pytest.mark.slow
 def test_van_der_pol_with_a_stiffness_of_a_thousand() -> None:
-    """Against the same motion by an explicit method, which needs 300 times the evaluations."""
+    """Compares with an explicit method, which needs 300 times the evaluations."""
     found = run(
         VAN_DER_POL, ["stiff", {"method": "adaptive", "tolerance": 1e-11}], (2, 0), 2000, parameters={"mu": 1000}
     )
@@ -80,7 +80,7 @@ def test_a_pole_ends_the_run(method: str) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("force", ["-x^3", "-40*x^39", "-sin(x)^3", "-sin(x)^4*x - sin(x)^7"])
 def test_heyoka_takes_powers_of_zero(force: str) -> None:
-    """The series of its power divides by the base; a sleigh that begins at an angle of 0 is such a motion."""
+    """Its series for a power divides by the base; a sleigh that starts at angle 0 is such a motion."""
     pytest.importorskip("heyoka")
     taylor, own = run({"coordinates": ["x"], "equations": [f"x'' = {force}"]}, ["heyoka", "adaptive"], (0, 1), 5)
     assert (taylor["outcome"], own["outcome"]) == ("completed", "completed")

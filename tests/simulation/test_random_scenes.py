@@ -1,4 +1,4 @@
-"""No run of a random scene ends `completed` with an error that its order does not explain."""
+"""No run of a random scene completes with an error that its order does not explain."""
 
 from __future__ import annotations
 

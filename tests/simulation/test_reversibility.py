@@ -1,4 +1,4 @@
-"""Good long-time behavior of the nonholonomic method is that of reversible motions: measured on two oscillators."""
+"""The good long-time behavior of the nonholonomic method depends on reversibility: measured on two oscillators."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ REFLECTIONS = [signs for signs in itertools.product((1, -1), repeat=3) if signs[
 
 
 def reversors(problem: Problem) -> list[tuple[int, int, int]]:
-    """The reflections S for which (q, v) -> (S q, -S v) turns time round: a(S q, -S v) = S a(q, v)."""
+    """The reflections S for which (q, v) -> (S q, -S v) reverses time: a(S q, -S v) = S a(q, v)."""
     assert problem.accelerations is not None
     random = np.random.default_rng(3)
     q, v = random.normal(size=(2, 20, 3))
@@ -35,7 +35,7 @@ def reversors(problem: Problem) -> list[tuple[int, int, int]]:
 
 
 def drift(problem: Problem, method: MethodChoice, step: float, length: float) -> float:
-    """The slope of E/E_0 times the length of the run, by least squares over all of it."""
+    """The slope of E/E_0 times the length of the run, by least squares over the whole run."""
     count = round(length / step)
     observation = (CONTACT_ENERGY,)
     found = run(problem, method, contact_start(), Grid(step, count, count // 500), K, observation)

@@ -1,4 +1,4 @@
-"""The figures of the disk with L~2 at h = 0.2 over T = 100, and exact radius ratios."""
+"""The numbers for the disk with L~2 at h = 0.2 over T = 100, and exact radius ratios."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from inverse_service.simulation.circles import circle_drift
 from inverse_service.simulation.execution import run
 from inverse_service.simulation.scene_data import Grid, MethodChoice, Start
 
-# method, alpha, radial distance / R, R_last / R_first - 1, energy, discrete constraint; None where it is round-off.
+# method, alpha, radial distance / R, R_last / R_first - 1, energy, discrete constraint; None for round-off.
 TABLE = [
     ("variational", 0.0, 1.8e-1, -9e-5, 4.2e-2, 1.2e-2),
     ("variational", 0.5, 3.4e-3, 3e-7, 1.8e-3, 5e-4),

@@ -1,4 +1,4 @@
-"""Systems with t: every method meets the known solution at its order, and nothing is said of an energy."""
+"""Systems with t: every method converges to the known solution with its order, and no energy is reported."""
 
 from __future__ import annotations
 
@@ -132,7 +132,7 @@ FORCES = ["log(t)", "1/t", "sqrt(t - 1)"]
 
 @pytest.mark.parametrize("force", FORCES)
 def test_a_force_without_a_value_at_the_start_is_no_completed_run(force: str) -> None:
-    """The midpoint and the collocation points would step over it without noticing."""
+    """The midpoint and the collocation points would skip it unnoticed."""
     system = {"coordinates": ["x"], "lagrangian": f"x'^2/2 + x*{force}"}
     methods = ["variational", {"method": "variational", "form": "raw"}, "nonholonomic", "runge-kutta", "reference"]
     scene = {"system": system, "initial": {"positions": {"x": 0}, "velocities": {"x": 1}}, "step": 0.1, "steps": 10}

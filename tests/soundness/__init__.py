@@ -1,1 +1,1 @@
-"""The soundness campaign: thousands of systems decided, checked, disguised, rewritten, certificates corrupted."""
+"""The soundness campaign: decide, check, disguise, and rewrite thousands of systems, and corrupt certificates."""

@@ -1,6 +1,5 @@
-"""Run the soundness campaign: `python -m tests.soundness --output DIR`; exit code 1 where a verdict is wrong.
-
-Started again with the same seed and folder it goes on where it was.
+"""Run the soundness campaign: `python -m tests.soundness --output DIR`; exit code 1 if a verdict is wrong. With the
+same seed and folder it resumes an earlier run.
 """
 
 from __future__ import annotations
@@ -13,7 +12,7 @@ from pathlib import Path
 from tests.soundness.campaign import Line, done, run
 from tests.soundness.report import markdown
 
-# How many of each kind, in the order in which they run.
+# The number of cases of each kind, in the order in which they run.
 COUNTS = {"random": 10_000, "generated": 10_000, "rewritten": 4_000, "corrupted": 1_000, "disguised": 1_000}
 
 

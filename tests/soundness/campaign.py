@@ -1,4 +1,4 @@
-"""Many cases on all cores; each outcome is a line of a file, and what has its line is not run again."""
+"""Run many cases on all cores; each outcome is a line of a file, and cases with a line are not repeated."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ _EVERY = 5.0
 
 
 def run(counts: Mapping[str, int], seed: int, folder: Path, processes: int | None = None) -> list[Line]:
-    """All outcomes of the kinds and counts, those of earlier runs with this seed included."""
+    """All outcomes of the kinds and counts, including those of earlier runs with this seed."""
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"cases-{seed}.ndjson"
     known = {(line["kind"], line["index"]): line for line in _read(path)}
     wanted = [(kind, index) for kind, count in counts.items() for index in range(count)]
-    # All kinds come forward together, so that what an interrupted run has done is a fair sample.
+    # All kinds progress together, so the outcomes of an interrupted run are a fair sample.
     ordered = sorted(wanted, key=lambda case: case[1] / counts[case[0]])
     open_tasks = [(kind, seed, index) for kind, index in ordered if (kind, index) not in known]
     with path.open("a", encoding="utf-8") as file:
@@ -36,14 +36,14 @@ def run(counts: Mapping[str, int], seed: int, folder: Path, processes: int | Non
 
 
 def done(counts: Mapping[str, int], seed: int, folder: Path) -> list[Line]:
-    """The outcomes that are there, of a campaign that has not ended."""
+    """The outcomes so far of an unfinished campaign."""
     order = {kind: place for place, kind in enumerate(counts)}
     lines = [line for line in _read(folder / f"cases-{seed}.ndjson") if line["index"] < counts.get(line["kind"], 0)]
     return sorted(lines, key=lambda line: (order[line["kind"]], line["index"]))
 
 
 def _read(path: Path) -> list[Line]:
-    """The lines of earlier runs; a last one that was cut off is taken away."""
+    """The lines of earlier runs; an incomplete last line is removed."""
     if not path.exists():
         return []
     whole = path.read_text(encoding="utf-8")
@@ -66,7 +66,7 @@ def _one(task: Task) -> Line:
 
 
 def _shown(lines: Iterator[Line], total: int) -> Iterator[Line]:
-    """The same lines, with progress on standard error; a wrong verdict is told at once."""
+    """The same lines, with progress on standard error; a wrong verdict is reported at once."""
     last, wrong = time.monotonic(), 0
     for count, line in enumerate(lines, start=1):
         wrong += len(line["wrong"])

@@ -1,4 +1,4 @@
-"""One case of the campaign: made from its kind, seed and number alone, decided, judged; never raises."""
+"""One case of the campaign: generated from its kind, seed, and number, decided, and judged; never raises."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ from tests.soundness.rewriting import rewritten
 
 DECISION_LIMIT = 60.0
 CHECK_LIMIT = 60.0
-# Certificates of existence are checked for one in so many generated systems with n coordinates.
+# By n: existence certificates are checked for one in this many generated systems.
 CHECKED_SHARE = {1: 1, 2: 1, 3: 25, 4: 250}
 
 
 @dataclass(slots=True)
 class Outcome:
-    """What came of a case. `wrong` holds a sentence for each wrong verdict, with what shows it."""
+    """The outcome of a case. `wrong` has a sentence for each wrong verdict, with the evidence."""
 
     kind: str
     index: int
@@ -48,18 +48,18 @@ class Outcome:
 
 @dataclass(slots=True)
 class Decided:
-    """A system with its analysis and decision; no analysis where its atoms are not reduced."""
+    """A system with its analysis and decision; without analysis if its atoms are not reduced."""
 
     analysis: Analysis | None
     decision: Decision
 
 
 def run_case(kind: str, seed: int, index: int) -> Outcome:
-    """The outcome of case `index`; an exception is a fault of ours and counts as wrong."""
+    """The outcome of case `index`; an exception is an internal error and counts as wrong."""
     outcome, began = Outcome(kind, index), time.process_time()
     try:
         KINDS[kind](outcome, seed, index)
-    except Exception as fault:  # whatever it is, the campaign reports it and goes on
+    except Exception as fault:  # the campaign reports any exception and continues
         outcome.wrong.append(f"{type(fault).__name__}: {fault}")
     outcome.seconds = round(time.process_time() - began, 4)
     return outcome
@@ -76,7 +76,7 @@ def decided(equations: dict[str, str], with_time: bool) -> Decided:
 
 
 def note(outcome: Outcome, found: Decided) -> str:
-    """Write the verdict down."""
+    """Record the verdict."""
     outcome.verdicts.append(found.decision.verdict)
     if found.decision.verdict == "undetermined":
         outcome.reasons.append(found.decision.reason)
@@ -84,7 +84,7 @@ def note(outcome: Outcome, found: Decided) -> str:
 
 
 def confirm(outcome: Outcome, found: Decided) -> dict[str, Any] | None:
-    """The certificate, if there is one; what the checker refuses is a wrong verdict, or a wrong proof."""
+    """Return the certificate, if there is one; if the checker rejects it, the verdict or the proof is wrong."""
     if found.analysis is None or found.decision.verdict == "undetermined":
         return None
     certificate = certify.of_decision(found.analysis, found.decision)
@@ -103,7 +103,7 @@ def expect_variational(outcome: Outcome, found: Decided) -> None:
 
 
 def generated(outcome: Outcome, seed: int, index: int) -> None:
-    """A system with a Lagrangian: L(q, v) where it contains no t, and L(t, q, v)."""
+    """A system with a Lagrangian: L(t, q, v), and L(q, v) if it does not contain t."""
     _known(outcome, random_system(index, seed), index // 32)
 
 
@@ -140,7 +140,7 @@ def right_side(outcome: Outcome, seed: int, index: int) -> None:
 
 
 def rewriting(outcome: Outcome, seed: int, index: int) -> None:
-    """A system written otherwise has the verdict, the order and the dimensions of the first writing."""
+    """A rewritten system has the verdict, the order, and the dimensions of the original."""
     known = random_system(index, seed) if index % 2 else None
     given = known or random_right_side(index, seed)
     outcome.id, outcome.n = given.id, given.n
@@ -153,7 +153,7 @@ def rewriting(outcome: Outcome, seed: int, index: int) -> None:
 
 
 def _expect_equal(outcome: Outcome, first: Decision, second: Decision, shown: str) -> None:
-    """Verdict, order and all dimensions are those of the system, whatever its coordinates and writing."""
+    """Compare verdict, order, and all dimensions, which do not depend on coordinates and notation."""
     if "undetermined" in (first.verdict, second.verdict):
         return
     if (first.verdict, first.history) != (second.verdict, second.history):
@@ -161,7 +161,7 @@ def _expect_equal(outcome: Outcome, first: Decision, second: Decision, shown: st
 
 
 def corruption(outcome: Outcome, seed: int, index: int) -> None:
-    """Certificates of a variational and of another system, spoilt: never valid."""
+    """Corrupted certificates of a variational and of another system are never valid."""
     n = 3 if index % 8 == 7 else 2
     yes = random_system(32 * (index // 8) + 8 * (n - 1) + index % 8, seed)
     no = random_right_side(9 * (index // 3) + 3 * (n - 2) + index % 3, seed)

@@ -1,7 +1,7 @@
-"""Certificates spoilt so that what they claim is false; the checker may then never say "valid".
+"""Corrupt certificates so that their claims are false; the checker must never accept them.
 
-Each corruption is false by construction: the verdict of the system was confirmed by decision and
-checker, and the spoilt certificate claims another one, or another number of something that is unique.
+Each corruption is false by construction: decision and checker confirmed the verdict of the system, and the corrupted
+certificate claims another verdict, or another value of a unique number.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ TIME_LIMIT = 20.0
 
 
 def corruptions(right: Certificate, other: Certificate, rng: random.Random) -> Iterator[Spoilt]:
-    """Spoilt copies of a valid certificate; `other` is a valid one of the other verdict, in the same coordinates."""
+    """Corrupted copies of a valid certificate; `other` is a valid one of the other verdict, in the same coordinates."""
     yield "claim turned round", _with(right, claim=_opposite(right["claim"]))
     yield "the proof of another system", _with(other, system=right["system"], near=right.get("near"), series=None)
     if right["kind"] == "nonexistence":
@@ -58,7 +58,7 @@ def spoilt_lagrangians(right: Certificate, system: GeneratedSystem, rng: random.
 
 
 def found_valid(spoilt: Iterator[Spoilt]) -> tuple[dict[str, int], list[Spoilt]]:
-    """How often the checker refused (invalid) or could not judge (incomplete), and what it took for valid."""
+    """How often the checker rejected (invalid) or could not judge (incomplete), and which ones it accepted."""
     counts: dict[str, int] = {}
     wrong = []
     for name, certificate in spoilt:

@@ -1,8 +1,8 @@
-"""Certificates made to deceive at random: false claims with terms that only look like zero, or do not look like it.
+"""Random deceptive certificates: false claims with terms that only look like zero, or are zero without looking like it.
 
 `right` is the valid certificate of a system with a Lagrangian, `other` one that there is none of a second system in as
-many coordinates. Each forgery is false: a regular Lagrangian determines its equations, and a system that has one
-has no proof of the contrary, in whatever way the claim is dressed.
+many coordinates. Each forgery is false: a regular Lagrangian determines its equations, and a system that has one has no
+proof of the contrary, in any form of the claim.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def forgeries(right: Certificate, other: Certificate, system: GeneratedSystem, r
 
 
 def _renamed(of: Certificate, names: tuple[str, ...]) -> Certificate:
-    """The system in coordinates of these names; rows name them by their places."""
+    """The system with these names of coordinates; rows refer to coordinates by index."""
     new = dict(zip(of["system"]["coordinates"], names, strict=True))
     texts = of["system"]["equations"]
     equations = {new[key]: _with_names(text, new) for key, text in texts.items()}
@@ -51,7 +51,7 @@ def _with_names(text: str, new: dict[str, str]) -> str:
 
 
 def _drawn(tricks: dict[str, Any], names: tuple[str, ...], rng: random.Random) -> tuple[str, Any]:
-    """A trick in the coordinates of the system; its point too."""
+    """A trick in the coordinates of the system, and its point."""
     trick = rng.choice(list(tricks))
     text, near = tricks[trick]
     new = dict(zip(("x", "y"), names, strict=False))
@@ -65,7 +65,7 @@ def _added(equations: dict[str, str], term: str) -> dict[str, str]:
 def _dressed(
     of: Certificate, equations: dict[str, str], near: dict[str, str], names: tuple[str, ...], rng: random.Random
 ) -> Certificate:
-    """The head of a certificate, with a point, conditions and roots of the author's choice."""
+    """The head of a certificate, with a point, conditions, and roots chosen by the forger."""
     parameters, functions = [*of["system"].get("parameters", ()), "a"], {"A": [names[0]]}
     system = of["system"] | {"equations": equations, "parameters": parameters, "functions": functions}
     place = {f"{rng.choice(names)}'": rng.choice(PLACES)} if rng.random() < 0.5 else {}
@@ -83,13 +83,13 @@ def _dressed(
 def _existence(
     right: Certificate, equations: dict[str, str], near: dict[str, str], names: tuple[str, ...], rng: random.Random
 ) -> Certificate:
-    """The numbers of the system with a Lagrangian, claimed of the other: false whatever they are."""
+    """The numbers of the system with a Lagrangian, claimed for the other system: always false."""
     keys = ("claim", "kind", "order", "degree", "dimensions", "symbol", "lagrangian")
     return _dressed(right, equations, near, names, rng) | {key: right[key] for key in keys if key in right}
 
 
 def _with_integrals(other: Certificate, system: GeneratedSystem) -> Iterator[Spoilt]:
-    """What L lacks is put into the derivative of a function of t, or of a coordinate, alone."""
+    """The missing part of L becomes the derivative of a function of t or of a coordinate alone."""
     names, equations = system.coordinates, other["system"]["equations"]
     head = {key: other[key] for key in ("format", "system")} | {"claim": "variational", "kind": "lagrangian"}
     kinetic = "+".join(f"{name}'^2/2" for name in names)

@@ -24,7 +24,7 @@ MEANING = {
 
 
 def markdown(lines: Sequence[Line], counts: Mapping[str, int], seed: int, command: str) -> str:
-    """The whole page; it says so where cases of the campaign are still to run."""
+    """The whole page, with a note if cases of the campaign are still to run."""
     parts = [
         "# Soundness",
         "A wrong verdict is the worst fault there is. This page counts them over many random systems.",

@@ -1,4 +1,4 @@
-"""A formula written otherwise: the same function wherever it is defined, in another text.
+"""Rewrite a formula as another text for the same function on its whole domain.
 
 Every rule holds on the whole real domain of its left side, so a verdict may not change.
 """
@@ -11,7 +11,7 @@ from fractions import Fraction
 from inverse_service.expressions import tree as ex
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
-# u is put in for the argument, already written and in brackets.
+# u is replaced by the argument, already written and in brackets.
 FUNCTION_RULES: dict[str, tuple[str, ...]] = {
     "sin": ("2*sin(u/2)*cos(u/2)", "(sin(u+1)*cos(1)-cos(u+1)*sin(1))", "(3*sin(u/3)-4*sin(u/3)^3)", "cos(u-pi/2)"),
     "cos": ("(1-2*sin(u/2)^2)", "(2*cos(u/2)^2-1)", "(cos(u+1)*cos(1)+sin(u+1)*sin(1))", "sin(u+pi/2)"),
@@ -31,7 +31,7 @@ SQUARES = "((a+b)^2-(a-b)^2)/4"
 
 
 def rewritten(system: SecondOrderSystem, seed: int) -> dict[str, str]:
-    """The equations with some of their parts written otherwise, at least one factor 1 among them."""
+    """The equations with some parts rewritten, including at least one factor 1."""
     rng = random.Random(f"rewritten/{seed}")
     names = [*system.coordinates, *(f"{name}'" for name in system.coordinates)]
     equations = {name: written(f, rng) for name, f in zip(system.coordinates, system.accelerations, strict=True)}
@@ -42,7 +42,7 @@ def rewritten(system: SecondOrderSystem, seed: int) -> dict[str, str]:
 
 
 def written(expression: ex.Expression, rng: random.Random) -> str:
-    """The text of the formula, in brackets where it needs them."""
+    """The text of the formula, in brackets if needed."""
     match expression:
         case ex.Number(value):
             return f"({value})"
@@ -89,7 +89,7 @@ def _power(base: ex.Expression, exponent: ex.Expression, rng: random.Random) -> 
 
 
 def _put(rule: str, **parts: str) -> str:
-    """The rule with texts in the places of its one-letter names (not those inside of function names)."""
+    """The rule with texts substituted for its one-letter names (not inside function names)."""
     pieces = []
     for k, letter in enumerate(rule):
         alone = not (rule[k - 1 : k].isalpha() or rule[k + 1 : k + 2].isalpha())

@@ -1,4 +1,4 @@
-"""A small campaign finds no wrong verdict, and what would be one is seen."""
+"""A small campaign finds no wrong verdict, and a planted one is detected."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def test_a_fault_of_ours_counts_as_wrong(monkeypatch: pytest.MonkeyPatch) -> Non
 
 
 def test_a_spoilt_certificate_that_is_right_after_all_is_told() -> None:
-    """Guards the corrupted kind against counting nothing: a true certificate comes out as valid."""
+    """The corrupted kind can fail: a true certificate is reported as valid."""
     true = {
         "format": "inverse-service/certificate/2", "question": "autonomous", "claim": "variational",
         "kind": "lagrangian", "system": {"coordinates": ["x"], "equations": {"x": "-x"}}, "lagrangian": "x'^2-x^2",

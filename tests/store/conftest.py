@@ -25,7 +25,7 @@ def postgres() -> Iterator[Server]:
 
 @pytest.fixture(params=["sqlite", "postgres"])
 def stores(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Stores]:
-    """Opens the same store again and again; all are closed at the end."""
+    """Open the same store repeatedly; all are closed at the end."""
     opened: list[JobStore] = []
     if request.param == "postgres":
         from inverse_service.service.jobs.postgres_store import PostgresStore

@@ -1,6 +1,7 @@
-"""What the two stores carry: `python -m tests.store.measure_store [docs/records/scaling.md]` prints its table.
+"""Measure the throughput of both stores: `python -m tests.store.measure_store [docs/records/scaling.md]` prints a
+table.
 
-No engine works here: jobs are accepted, claimed and answered as fast as the store allows.
+No engine runs: jobs are accepted, claimed, and answered as fast as the store allows.
 """
 
 from __future__ import annotations

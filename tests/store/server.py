@@ -1,4 +1,4 @@
-"""A PostgreSQL server of the tests' own: a new cluster in a temporary folder, on loopback, without a password."""
+"""A PostgreSQL server for the tests: a new cluster in a temporary folder, on loopback, without a password."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ FOLDERS = sorted(Path("/usr/lib/postgresql").glob("*/bin"), reverse=True)
 
 
 def programs() -> Path | None:
-    """Where initdb and pg_ctl are; None where there is no server to start (or only root to start it)."""
+    """The folder of initdb and pg_ctl, or None if there is no server to start (or only root could start it)."""
     on_path = shutil.which("initdb")
     found = Path(on_path).resolve().parent if on_path else next((f for f in FOLDERS if (f / "initdb").exists()), None)
     if os.name != "posix" or (os.geteuid() == 0 and shutil.which("runuser") is None):
@@ -29,7 +29,7 @@ def programs() -> Path | None:
 
 @dataclass(frozen=True)
 class Server:
-    """A running server; it can be stopped hard and started again."""
+    """A running server that can be killed and restarted."""
 
     programs: Path
     folder: Path
@@ -67,7 +67,7 @@ class Server:
 
 
 def run(*command: object) -> None:
-    """As the user postgres where we are root, whom the server refuses."""
+    """Run as the user postgres if we are root, because the server rejects root."""
     words = [str(word) for word in command]
     if os.geteuid() == 0:
         words = ["runuser", "-u", "postgres", "--", *words]
@@ -76,7 +76,7 @@ def run(*command: object) -> None:
 
 @contextmanager
 def server(durable: bool = False) -> Iterator[Server]:
-    """A new server, and everything of it gone at the end; the tests kill processes, not machines."""
+    """A new server, removed completely at the end; the tests kill processes, not machines."""
     found = programs()
     assert found is not None
     folder = Path(tempfile.mkdtemp(prefix="inverse-service-postgres-"))

@@ -1,4 +1,4 @@
-"""`inverse-service admin` beside a running service: drain, resume, cancel, erase, as an operator types them."""
+"""`inverse-service admin` with a running service: drain, resume, cancel, and erase, as an operator types them."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Admin = Callable[..., list[Any]]
 
 @pytest.fixture(params=["sqlite", "postgres"])
 def service(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[tuple[httpx.Client, Admin]]:
-    """A client of a service with keys, and the command of its operator."""
+    """A client of a service with keys, and its operator's command."""
     database = str(tmp_path / "jobs.sqlite")
     if request.param == "postgres":
         database = request.getfixturevalue("postgres").database("admin")

@@ -1,4 +1,4 @@
-"""deploy/backup.py copies a store under load; a client is erased to the last trace."""
+"""deploy/backup.py copies a store under load; a client is erased completely."""
 
 from __future__ import annotations
 

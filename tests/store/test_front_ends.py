@@ -1,4 +1,4 @@
-"""Several services over one PostgreSQL store are one service."""
+"""Several services over one PostgreSQL store act as one service."""
 
 from __future__ import annotations
 

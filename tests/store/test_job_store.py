@@ -1,4 +1,4 @@
-"""What every job store promises (`stores.JobStore`), for each of them."""
+"""The guarantees of `stores.JobStore`, tested for every job store."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def ids(jobs: Sequence[Any]) -> list[str]:
 
 
 def run(store: JobStore, id: str, body: bytes = b"{}") -> None:
-    """Accept, claim and finish one job, and nothing else that waits."""
+    """Accept, claim, and finish one job, and no other waiting job."""
     store.submit([request(id)])
     (job,) = [job for job in store.claim("o", 100) if job.id == id]
     assert store.finish(id, job.attempt, body, USAGE)
@@ -237,7 +237,7 @@ def test_bounds_hold_and_nothing_is_stored_beyond_them(store: JobStore) -> None:
 
 
 def test_a_batch_that_would_never_have_room_is_to_be_sent_in_parts(store: JobStore) -> None:
-    """To wait and try again would help nobody."""
+    """Waiting and retrying would not help."""
     lines = [BatchLine(k, str(k), request(str(k))) for k in range(3)]
     for bounds in (Bounds(2, 9), Bounds(9, 2)):
         with pytest.raises(LimitError, match="at most 2 may"):
@@ -354,7 +354,7 @@ def test_listeners_hear_of_every_change(store: JobStore) -> None:
     (job,) = store.claim("o", 1)
     store.add_events([("a", Event(1, "status"))])
     store.finish("a", job.attempt, b"{}", USAGE)
-    own = [what for id, what in heard if id]  # without "something changed", of a front end that begins to listen
+    own = [what for id, what in heard if id]  # without a notification, for a front end that starts to listen
     assert own == ["accepted", "running", "event", "successful"]
 
 

@@ -1,4 +1,4 @@
-"""A batch of 10,000 lines is stored and dismissed in steps, between which others write."""
+"""A batch of 10,000 lines is stored and dismissed in steps, between which other clients write."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ LINES = [BatchLine(k, str(k), JobRequest(f"job {k}", "solve", "{}", client="alic
 
 
 def writes_beside(store: JobStore, change: Callable[[], object]) -> int:
-    """How many small changes of another client are stored while a long one goes on."""
+    """The number of small changes by another client stored during a long one."""
     thread = threading.Thread(target=change)
     thread.start()
     number = 0
@@ -43,7 +43,7 @@ def test_others_write_while_a_batch_is_stored_and_while_it_is_dismissed(store: J
 
 def test_of_a_batch_that_finds_no_room_half_way_nothing_stays(store: JobStore, monkeypatch: pytest.MonkeyPatch) -> None:
     store.submit([JobRequest(f"bob {k}", "solve", "{}", client="bob") for k in range(100)])
-    # Others were faster: what was free when it was looked at is not any more.
+    # Others were faster: a job that was free at the first look is taken.
     monkeypatch.setattr("inverse_service.service.jobs.statements.refuse_without_room", lambda *_: None)
     with pytest.raises(TooManyJobs):
         store.create_batch("batch", "solve", "alice", LINES[:1_000], Bounds(total=1_000))

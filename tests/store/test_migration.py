@@ -1,4 +1,4 @@
-"""A store of version 0.1.0 is brought to this version whole; one of a newer version is left as it is."""
+"""A store of version 0.1.0 is migrated completely; one of a newer version is left unchanged."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ COUNT = itertools.count()
 
 @pytest.fixture(params=["sqlite", "postgres"])
 def old(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Callable[[], JobStore]]:
-    """Opens a database that 0.1.0 wrote, in which a job ran, jobs waited, and a batch was half done."""
+    """Open a database of 0.1.0 with a running job, waiting jobs, and a half-finished batch."""
     opened: list[JobStore] = []
     script = (OLD / f"{request.param}.sql").read_text()
     if request.param == "sqlite":
@@ -94,7 +94,7 @@ def test_a_database_that_cannot_be_written_is_not_called_one_of_another_program(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def read_only(path: str) -> sqlite3.Connection:
-        """Root may write everything, so that rights alone would show nothing."""
+        """Root can write everything, so permissions alone would test nothing."""
         return sqlite3.connect(f"file:{path}?mode=ro", uri=True, isolation_level=None)
 
     path = tmp_path / "jobs.sqlite"

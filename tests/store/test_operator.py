@@ -1,4 +1,4 @@
-"""What an operator does to a store: order, drain, ranks, quotas, cancelling and erasing a client's work."""
+"""Operator actions on a store: order, drain, ranks, quotas, and canceling and erasing a client's work."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Code in other languages gives the numbers that SymPy gives; it is run where its tool is there."""
+"""Code in other languages agrees numerically with SymPy; it is run if its tool is installed."""
 
 from __future__ import annotations
 
@@ -135,7 +135,7 @@ def test_names_that_a_language_keeps_for_itself_are_changed() -> None:
 
 
 def test_words_of_c_are_no_variables_of_its_programs() -> None:
-    """`double double` does not compile, and pow(x, 2) is no call where pow is a number."""
+    """`double double` does not compile, and pow(x, 2) is not a call if pow is a number."""
     found = solve("double'' = -int*double - pow*double^3", parameters=["int", "pow"])
     program = found.to_code("c")
     assert "double t, double double_, double double_dot, double int_, double pow_)" in program
@@ -144,7 +144,7 @@ def test_words_of_c_are_no_variables_of_its_programs() -> None:
 
 @pytest.mark.parametrize("language", ["python", "c", "fortran", "javascript", "julia", "octave"])
 def test_words_of_a_language_and_of_the_program_itself_are_no_variables(language: str) -> None:
-    """out(1) = -out*x, then out(2) = -out*y has another out; `end` and `function` are no names."""
+    """out(1) = -out*x changes the out of out(2) = -out*y; `end` and `function` are keywords."""
     words = ["out", "Math", "math", "lagrangian", "function", "end"]
     found = solve("x'' = -out*x - Math*math*sin(x); y'' = -out*y - lagrangian*function*end", parameters=words)
     program = found.to_code(language)
@@ -193,7 +193,7 @@ def test_what_has_no_code_is_refused() -> None:
 
 
 def formulas(count: int, seed: int) -> list[sp.Expr]:
-    """Random formulas of a and b that are real in each part, and of moderate size, at the point."""
+    """Random formulas of a and b that are real in each part and of moderate size at the point."""
     maker = random.Random(seed)
     a, b = sp.symbols("a b", real=True)
     functions = [sp.sin, sp.cos, sp.tan, sp.exp, sp.log, sp.sqrt, sp.atan, sp.asin, sp.sinh, sp.cosh, sp.tanh, sp.sign]
@@ -223,7 +223,7 @@ FEW, MANY = 40, 1000
 
 
 def languages_agree(language: str, found: list[sp.Expr], folder: Path) -> None:
-    """The formulas as this language has them, run, against SymPy's numbers."""
+    """Run the formulas in this language and compare with SymPy's numbers."""
     printed = [LANGUAGES[language].printed(each) for each in found]
     a, b = (float(each) for each in POINT)
     match language:

@@ -1,4 +1,4 @@
-"""What users of SymPy have in their hands goes in as it is, and comes out in a form that a notebook shows."""
+"""The SymPy objects of users are accepted as they are, and results display in a notebook."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Random formulas as SymPy prints them, in every style that is read: the same value comes back, or a refusal."""
+"""Random formulas in every supported SymPy print style parse to the same value, or are rejected."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ STYLES = {
 
 
 def value(expression: Any) -> complex | None:
-    """A number to compare by; None where it has none at the point."""
+    """A number for comparison, or None if the expression has no value at the point."""
     put = sp.sympify(expression).doit()
     for table in (OF_FUNCTIONS, RATES, VALUES):
         put = put.xreplace({each: sp.Float(number) for each, number in table.items()})
@@ -80,7 +80,7 @@ def value(expression: Any) -> complex | None:
 
 
 def outcome(expression: Any, style: str, expected: complex, values: dict[Expression, complex | None]) -> str:
-    """ "same", "refused", "no value", or the two values that differ; `values` of trees that were read before."""
+    """ "same", "refused", "no value", or the two values that differ; `values` are those of earlier trees."""
     try:
         read = read_formula(STYLES[style](expression), NAMES)
     except InputError:

@@ -1,4 +1,4 @@
-"""Programs that a SymPy user writes, as they stand in the API description; each answer is tested by SymPy itself."""
+"""Programs of a SymPy user from the API description; SymPy itself tests each answer."""
 
 from __future__ import annotations
 
@@ -186,7 +186,7 @@ def test_many_systems_and_their_table() -> None:
 
 
 def test_first_order_pairs_are_read_as_their_text_is() -> None:
-    """x' = y, y' = -x is x'' = -x, or y'' = -y where that is asked."""
+    """x' = y, y' = -x is x'' = -x, or y'' = -y on request."""
     pair = [sp.Eq(x.diff(t), y), sp.Eq(y.diff(t), -k * x)]
     for found, moving in ((solve(pair), x), (solve(pair, coordinates=[y]), y)):
         assert found.accelerations == (-k * moving,)

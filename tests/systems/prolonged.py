@@ -1,8 +1,8 @@
 """Nonexistence of a Lagrangian from the differentiated Helmholtz conditions, in floating point.
 
-L is a Taylor polynomial about a random point, its coefficients of v-degree 2 and more are the unknowns;
-(H2) and (H3) are expanded beside it. The null space of all equations, restricted to g at the point, is tested
-for nonsingular members. No multiplier exists where all are singular.
+L is a Taylor polynomial about a random point, its coefficients of v-degree 2 and more are the unknowns; (H2) and (H3)
+are expanded about the same point. The null space of all equations, restricted to g at the point, is tested for
+nonsingular members. If all are singular, no multiplier exists.
 """
 
 from __future__ import annotations

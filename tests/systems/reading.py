@@ -1,4 +1,4 @@
-"""Formulas of the corpus in SymPy, read without the package."""
+"""Parse formulas of the corpus with SymPy, without the package."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def formulas(document: dict[str, Any], equations: dict[str, str]) -> Formulas:
 def expression(
     text: str, names: Sequence[str], parameters: Sequence[str], functions: dict[str, list[str]]
 ) -> sympy.Expr:
-    """Our own texts only: SymPy's reader evaluates what it reads."""
+    """Parse our own texts only, because SymPy's parser evaluates its input."""
     table: dict[str, Any] = {name: sympy.Symbol(name) for name in (*names, *parameters, "t")}
     table |= {f"{name}_rate": sympy.Symbol(f"{name}'") for name in names}
     for name in functions:
@@ -62,7 +62,7 @@ def _derivative(match: re.Match[str]) -> str:
 
 
 def concrete(given: sympy.Expr, functions: dict[str, list[str]]) -> sympy.Expr:
-    """Arbitrary functions replaced by particular ones: what fails for these fails in general."""
+    """Replace arbitrary functions by particular ones: a failure for these is a failure in general."""
     for k, (name, arguments) in enumerate(functions.items(), start=1):
         symbols = [sympy.Symbol(argument) for argument in arguments]
         linear = sum((weight * symbol for weight, symbol in enumerate(symbols, start=2)), sympy.Integer(0))

@@ -1,6 +1,6 @@
 """Nonexistence confirmed without the package: the algebraic conditions at a point.
 
-Everything is formed by SymPy from the definitions and evaluated at a random point to 60 digits.
+SymPy derives everything from the definitions and evaluates it at a random point to 60 digits.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ def _along(e: sympy.Expr, given: Formulas) -> sympy.Expr:
 
 
 def algebraic_conditions(given: Formulas, derivatives: int, seed: int = 5) -> tuple[int, bool]:
-    """(dimension of the g left at a point, whether all of them are singular), from Phi, nabla^k Phi, R and nabla R."""
+    """(dimension of the remaining g at a point, whether all are singular), from Phi, nabla^k Phi, R, and nabla R."""
     n = len(given.coordinates)
     slopes = Matrix(n, n, lambda i, j: given.accelerations[i].diff(given.velocities[j]))
     forces = Matrix(n, n, lambda i, j: given.accelerations[i].diff(given.coordinates[j]))
@@ -43,7 +43,7 @@ def algebraic_conditions(given: Formulas, derivatives: int, seed: int = 5) -> tu
 
 
 def _curvature(tensor: Matrix, given: Formulas) -> list[sympy.Expr]:
-    """R^j_kl at place ((j n) + k) n + l."""
+    """R^j_kl at index ((j n) + k) n + l."""
     v, span = given.velocities, range(len(given.velocities))
     return [tensor[j, k].diff(v[m]) - tensor[j, m].diff(v[k]) for j in span for k in span for m in span]
 

@@ -1,6 +1,6 @@
-"""Where the corpus says that there is no Lagrangian, conditions formed and evaluated by SymPy say so too.
+"""If the corpus says that there is no Lagrangian, conditions derived and evaluated by SymPy confirm it.
 
-Lagrangians prove a yes by themselves (tests/doors/test_systems.py); rows with `proof` are proven here.
+Lagrangians prove a yes by themselves (tests/doors/test_systems.py); rows with `proof` are proved here.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ def given_formulas(row: Row) -> Formulas:
 
 
 def derivatives(row: Row) -> int:
-    """Of Phi, as many as can be formed in seconds."""
+    """The derivatives of Phi that can be computed in seconds."""
     document = row["document"]
     return {2: 3, 3: 2, 8: 3}.get(len(document.get("coordinates") or document["equations"]), 1)
 
@@ -50,7 +50,7 @@ def test_none_has_a_lagrangian(name: str) -> None:
 
 @pytest.mark.slow
 def test_the_second_opinion_can_say_yes() -> None:
-    """The tests above could not fail otherwise."""
+    """Without this the tests above could not fail."""
     literature = {row["id"]: row for row in rows("literature")}
     kepler = given_formulas(literature["kepler-cartesian"])
     assert algebraic_conditions(kepler, 3) == (1, False)

@@ -1,4 +1,4 @@
-"""A client of the service that the tests of HTTP share."""
+"""A shared client of the service for the HTTP tests."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Workers without processes: what is submitted runs at once, where it is submitted."""
+"""Workers without processes: a submitted task runs immediately in the caller."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from inverse_service.service.jobs.workers import Running
 
 
 class Inline:
-    """An Executor of the web process itself, for tests of what happens around the work."""
+    """An Executor within the web process, for tests of the code around the tasks."""
 
     capacity = 1
 

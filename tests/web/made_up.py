@@ -1,4 +1,4 @@
-"""Documents made up at random: token soup, broken formulas, odd shapes, and some that mean something."""
+"""Random documents: random tokens, broken formulas, odd shapes, and some valid ones."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ KEYS = ("name", "coordinates", "equations", "parameters", "functions", "time_dep
 
 
 def formula(dice: random.Random) -> str:
-    """Soup, a good one, or a good one with some characters changed."""
+    """Random tokens, a valid formula, or a valid one with some characters changed."""
     kind = dice.random()
     if kind < 0.45:
         return "".join(dice.choice(TOKENS) for _ in range(dice.randint(1, 12)))
@@ -37,7 +37,7 @@ def formula(dice: random.Random) -> str:
 
 
 def document(dice: random.Random) -> Any:
-    """A system of two coordinates, with a key of another shape now and then."""
+    """A system of two coordinates, sometimes with a key of the wrong shape."""
     found: dict[str, Any] = {
         "coordinates": ["x", "y"],
         "equations": {"x": formula(dice), "y": formula(dice) if dice.random() < 0.5 else "0"},
@@ -84,7 +84,7 @@ EXTREMES = (0, 1, -1, 0.1, 0.5, "1/3", 2, 1e-300, 1e300, 1e8, -1e8, 1e-8)
 
 
 def with_extreme_numbers(dice: random.Random) -> dict[str, Any]:
-    """A system of two coordinates whose formulas hold very large and very small numbers."""
+    """A system of two coordinates whose formulas contain very large and very small numbers."""
 
     def one() -> str:
         shape = dice.choice(SHAPES)
@@ -101,7 +101,7 @@ def with_extreme_numbers(dice: random.Random) -> dict[str, Any]:
 
 
 def scene(dice: random.Random) -> dict[str, Any]:
-    """A scene with numbers of all sizes, methods that fit or do not, and now and then a key of another shape."""
+    """A scene with numbers of all sizes, suitable or unsuitable methods, and sometimes a key of the wrong shape."""
     system: dict[str, Any] = {"coordinates": ["x", "y"], "equations": with_extreme_numbers(dice).get("equations", "x")}
     potential = dice.choice(SHAPES).format(n=dice.choice(NUMBERS), m=2).replace("'", "")
     free = {"coordinates": ["x", "y"], "lagrangian": f"x'^2/2+y'^2/2-({potential})"}
@@ -129,7 +129,7 @@ def scene(dice: random.Random) -> dict[str, Any]:
 
 
 def lines(count: int, seed: int) -> Iterator[bytes]:
-    """Lines of a batch; some are cut off or hold a byte that does not belong there."""
+    """Lines of a batch; some are truncated or contain an invalid byte."""
     dice = random.Random(seed)
     for _ in range(count):
         line = json.dumps(document(dice)).encode()

@@ -1,4 +1,4 @@
-"""A store that does not answer holds up who asks it, and nobody else."""
+"""A store that does not respond blocks only the requests that need it."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ def test_a_store_that_hangs_is_not_waited_for_without_end(monkeypatch: pytest.Mo
 
 def test_streams_go_on_when_the_store_is_back() -> None:
     class Away:
-        """Knows a finished job and a batch of one line; a look at answers fails `failures` times."""
+        """A store with a finished job and a batch of one line; reading answers fails `failures` times."""
 
         exclusive = True
 
@@ -209,7 +209,7 @@ def test_a_stream_over_a_store_of_this_process_alone_waits_to_be_woken(monkeypat
         engine = client._transport.app.state.engine  # type: ignore[attr-defined]
         engine.hub.tell(Change("a", "successful"))
         answer = await asyncio.wait_for(stream, 10)
-        assert store.looks == 3  # what is new, and whether parts were sent
+        assert store.looks == 3  # the new parts, and whether parts were sent
         assert '"status": "successful"' in answer.text
 
     with_store(store, work)

@@ -1,4 +1,4 @@
-"""Which addresses are one client, and which names are this service."""
+"""The addresses that count as one client, and the host names that the service accepts."""
 
 from __future__ import annotations
 

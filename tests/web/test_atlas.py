@@ -1,4 +1,4 @@
-"""The atlas over HTTP: search by words, tag and equations, one entry, the whole; and habits of the pages."""
+"""The atlas over HTTP: search by words, tag, and equations, one entry, the full list; and common behavior of pages."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The stream of a batch speaks now and then, so that no reader takes a healthy service for dead."""
+"""The stream of a batch sends regular signs of life, so readers can tell that the service is alive."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from inverse_service.web.middleware import StreamCut
 
 
 class SlowStore:
-    """Has nothing for three times, then the only answer."""
+    """A store that returns nothing three times, then the only answer."""
 
     looks = 0
     forgotten = False
@@ -33,7 +33,7 @@ class SlowStore:
 
 
 def streamed(store: SlowStore, total: int) -> tuple[Any, AsyncIterator[bytes]]:
-    """The hub of a service with this store, and the stream of a batch of so many lines; on a loop."""
+    """The hub of a service with this store, and the stream of a batch of this many lines; on an event loop."""
     engine: Any = Engine(Settings())
     engine._store, engine.hub = store, Hub()
     return engine.hub, routes._answers_of(engine, Batch("b", "solve", "", 0.0, total, {"running": 1}))
@@ -63,7 +63,7 @@ def test_a_store_that_no_one_else_changes_is_not_polled() -> None:
 
 
 def test_a_stream_that_the_end_of_the_service_cuts_does_not_look_whole() -> None:
-    """The connection breaks, so that no reader takes the answers that came for all of them."""
+    """The connection breaks, so no reader mistakes the partial answers for all of them."""
     parts = []
 
     async def read() -> None:

@@ -1,4 +1,4 @@
-"""Batches over HTTP: every line is answered once, equal ones are computed once, bad ones are problems."""
+"""Batches over HTTP: every line is answered once, equal lines are computed once, and bad lines give problems."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def system(k: object, **more: Any) -> dict[str, Any]:
 
 
 def blockers(name: str) -> list[dict[str, Any]]:
-    """Systems that take longer than any test waits."""
+    """Systems that take longer than the wait of any test."""
     return [HARD | {"name": f"{name} {k}"} for k in range(4)]
 
 
@@ -130,7 +130,7 @@ def test_a_batch_that_is_sent_again_is_the_same_one(client: httpx.Client) -> Non
     single = client.post(**ask, headers={"Idempotency-Key": "a"})
     for refused in (other, single):
         assert (refused.status_code, refused.json()["type"].rpartition(":")[2]) == (422, "idempotency-key")
-    for _ in range(3):  # made, from the store, from memory
+    for _ in range(3):  # computed, from the store, from memory
         assert client.post(**ask, headers={"Idempotency-Key": "of one question"}).status_code == 200
 
 

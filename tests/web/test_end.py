@@ -1,4 +1,4 @@
-"""No worker outlives the service, whether it is stopped or killed, even one that is busy."""
+"""No worker, even a busy one, outlives the service, whether it is stopped or killed."""
 
 from __future__ import annotations
 
@@ -35,11 +35,11 @@ def test_no_worker_outlives_the_service(ending: signal.Signals, busy: bool, tmp_
                     httpx.post(f"{address}/v1/solve", json=HARD, timeout=0.3)
             assert len(processes(process.pid)) > 2
         except BaseException:
-            process.kill()  # leaving the block waits for the service, which nobody else would end
+            process.kill()  # leaving the block waits for the service, so it must be killed here
             raise
         process.send_signal(ending)
     until(lambda: processes(process.pid) == [])
-    for folder in tmp_path.iterdir():  # a killed one leaves its folder to the next
+    for folder in tmp_path.iterdir():  # the next service removes the folder of a killed one
         assert ending == signal.SIGKILL
         os.utime(folder, (0, 0))
     with pytest.MonkeyPatch.context() as patch:

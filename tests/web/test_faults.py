@@ -1,4 +1,4 @@
-"""Faults of the program and a full queue are problem documents that tell nothing of the inside."""
+"""Internal errors and a full queue give problem documents without internal details."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ DOCUMENT = {"coordinates": ["x"], "equations": {"x": "0"}}
 
 
 def answer_of(monkeypatch: pytest.MonkeyPatch, error: Exception, settings: Settings | None = None) -> httpx.Response:
-    """What a client gets where solving raises the error."""
+    """The response that a client gets if solving raises the error."""
 
     async def fail(*_: Any) -> Any:
         raise error

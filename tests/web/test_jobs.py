@@ -1,4 +1,4 @@
-"""Jobs over HTTP: stored before any answer, answered once, watched, cancelled."""
+"""Jobs over HTTP are stored before any response, answered once, and can be watched and canceled."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ _numbers = itertools.count()
 
 
 def easy() -> dict[str, Any]:
-    """A system that nobody has asked for yet."""
+    """A new, easy system."""
     return {"name": f"easy {next(_numbers)}", "coordinates": ["x"], "equations": {"x": "-x"}}
 
 
 def hard() -> dict[str, Any]:
-    """One that takes longer than the time limit, and that nobody has asked for yet."""
+    """A new system that takes longer than the time limit."""
     return HARD | {"name": f"hard {next(_numbers)}"}
 
 
@@ -174,7 +174,7 @@ def test_a_cancelled_job_stops_working(client: httpx.Client) -> None:
     assert (response.status_code, response.json()["status"]) == (200, "dismissed")
     assert client.get(place).status_code == 200
     assert events(client, place)[-1]["data"] == {"status": "dismissed"}
-    # Both workers are free again at once: two quick jobs do not wait for the time limit of the cancelled one.
+    # Both workers are free at once: two quick jobs do not wait for the time limit of the canceled one.
     begin = time.monotonic()
     for document in (easy(), easy()):
         assert client.post("/v1/solve", json=document, headers={"Prefer": "wait=20"}).status_code == 200

@@ -1,4 +1,4 @@
-"""Keys of a file: rotated without a restart, expired by their day, never dropped for a slip of the pen."""
+"""Keys in a file are rotated without a restart, expire on their day, and survive a typo in the file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""kill -9 at random moments: nothing accepted is lost, nothing is answered twice, nobody is left behind."""
+"""kill -9 at random times: no accepted job is lost, none is answered twice, and no process is left behind."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ EXTRA = {"coordinates": ["x"], "equations": {"x": "-x^5"}}
 
 
 def processes(mark: str) -> dict[int, str]:
-    """Command lines of the living processes that have the mark in their environment."""
+    """Command lines of live processes with the mark in their environment."""
     found = {}
     for folder in Path("/proc").glob("[0-9]*"):
         with contextlib.suppress(OSError):
@@ -48,7 +48,7 @@ def free_port() -> int:
 
 
 class Service:
-    """A service on one database that can be killed and started again."""
+    """A service on one database that can be killed and restarted."""
 
     def __init__(self, folder: Path) -> None:
         self.mark = f"TEST_MARK={folder.name}-{os.getpid()}-{time.monotonic_ns()}"
@@ -76,7 +76,7 @@ class Service:
         raise AssertionError("the service does not start")
 
     def kill(self) -> list[str]:
-        """SIGKILL; what is alive of it 20 seconds later: a forking server that starts reads its modules first."""
+        """Send SIGKILL; return the processes alive 20 s later, as a starting fork server first imports modules."""
         self._process.kill()
         self._process.wait()
         began = time.monotonic()
@@ -86,7 +86,7 @@ class Service:
         return list(processes(self.mark).values())
 
     def workers(self) -> list[int]:
-        """The numbers of the worker processes: children of the forking server."""
+        """The ids of the worker processes: children of the fork server."""
         return [pid for pid, line in processes(self.mark).items() if "forkserver" in line and pid != self._server()]
 
     def _server(self) -> int:
@@ -103,7 +103,7 @@ class Service:
 
 
 def system(k: int) -> dict[str, Any]:
-    """Different questions; a few of them take longer, some are asked twice."""
+    """Different questions; a few take longer, and some are repeated."""
     if k % 10 == 0:
         return {"id": k, "coordinates": ["x", "y"], "equations": {"x": f"-{k}*x+y^3", "y": "x*y'"}}
     return {"id": k, "coordinates": ["x"], "equations": {"x": f"-{k - k % 7}*x"}}
@@ -125,9 +125,9 @@ def send(service: Service, count: int) -> str:
 
 
 def assert_each_line_is_answered_once(service: Service, place: str, count: int, most_failed: int = 0) -> None:
-    """Each has a verdict, but for `most_failed` whose worker was killed three times."""
+    """Assert that each has a verdict, except for `most_failed` jobs whose worker was killed three times."""
     text = service.client.get(place + "/results", timeout=600).text
-    lines = [json.loads(line) for line in text.splitlines() if line]  # an empty one says that the stream lives
+    lines = [json.loads(line) for line in text.splitlines() if line]  # an empty one is a sign of life
     assert Counter(line["id"] for line in lines) == Counter(range(1, count + 1))
     failed = [line["detail"] for line in lines if "verdict" not in line]
     assert all("worker process was killed" in detail for detail in failed)
@@ -171,7 +171,7 @@ def test_killed_workers_lose_and_double_nothing(service: Service, count: int, ki
     assert service.kill() == []
 
 
-KNIFE = {  # a knife edge between springs: its motion is known at once, all of it after some seconds
+KNIFE = {  # a knife edge between springs: its motion is known at once, the full result after some seconds
     "coordinates": ["x", "y", "phi"],
     "lagrangian": "(x'^2+y'^2+phi'^2)/2 - (x^2+y^2)/2",
     "constraints": ["sin(phi)*x' - cos(phi)*y' = 0"],
@@ -180,7 +180,7 @@ Job = dict[str, Any]
 
 
 def look(service: Service, place: str, is_enough: Callable[[Job], Any]) -> Job:
-    """The job once it is as wanted."""
+    """The job when the condition holds."""
     end = time.monotonic() + 240
     while time.monotonic() < end:
         job: Job = service.client.get(place).json()
@@ -191,7 +191,7 @@ def look(service: Service, place: str, is_enough: Callable[[Job], Any]) -> Job:
 
 
 def motion_of(job: Job) -> Any:
-    """What is known of the motion; None before that."""
+    """The known parts of the motion, or None."""
     so_far = (job.get("progress") or {}).get("so_far") or {}
     return (so_far.get("nonholonomic") or {}).get("equations_of_motion")
 
@@ -203,7 +203,7 @@ def kill_those_of(service: Service) -> None:
 
 
 def began(service: Service) -> tuple[str, Any]:
-    """The place of a job that runs and has its motion, and this."""
+    """The address of a running job with its motion, and the motion."""
     asked = service.client.post("/v1/solve", json=KNIFE, headers={"Prefer": "respond-async"})
     place = asked.headers["location"]
     return place, motion_of(look(service, place, motion_of))

@@ -1,4 +1,4 @@
-"""A question that was answered a moment ago is answered from memory, until its job changes."""
+"""A recently answered question is answered from memory until its job changes."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def test_the_same_bytes_have_the_same_answer_and_headers(service: str) -> None:
             for name in ("location", "etag", "link", "content-type", "preference-applied", "vary"):
                 assert again.headers[name] == first.headers[name]
         assert answers_from_store(client) == before + 3
-        # Other options and other forms are other questions; one asked anew is computed again.
+        # Other options and other forms are other questions; `no-cache` computes again.
         other = client.post("/v1/solve?time_limit=5", json=SYSTEM, headers=WAIT)
         assert other.headers["location"] != first.headers["location"]
         text = client.post("/v1/solve", json=SYSTEM, headers=WAIT | {"Accept": "text/plain"})

@@ -1,4 +1,4 @@
-"""Where keys are asked for, a person logs in on a page; the cookie counts like the header and for our pages only."""
+"""If keys are required, people log in on a page; the cookie acts like the header, and only for our pages."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ OUTSIDE = ("cross-site", "same-site")
 
 
 def ask(*calls: tuple[str, str, dict[str, Any]], keys: bool = True) -> list[httpx.Response]:
-    """The answers to calls of one browser, in order; the service needs no workers for them."""
+    """The responses to calls of one browser, in order; the service needs no workers for them."""
 
     async def all_of_them() -> list[httpx.Response]:
         chosen = (("alice", hash_of_key(KEY)), ("bob", hash_of_key("other"))) if keys else ()
@@ -104,7 +104,7 @@ def test_a_browser_that_only_tells_the_origin_of_a_page_is_believed(origin: str,
     form = {"data": {"theme": "dark"}, "headers": {"origin": origin}}
     theme, page = ask(("POST", "/theme", form), get("/login"))
     assert theme.status_code == status
-    assert page.headers["referrer-policy"] == "same-origin"  # or browsers send the origin "null"
+    assert page.headers["referrer-policy"] == "same-origin"  # otherwise browsers send the origin "null"
 
 
 @pytest.mark.parametrize("site", OUTSIDE)

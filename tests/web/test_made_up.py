@@ -1,4 +1,4 @@
-"""Documents made up at random make no fault of the service, no hang and no crash without a name."""
+"""Random documents cause no internal error, no hang, and no unnamed crash."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ VERDICTS = {"variational", "not_variational", "undetermined"}
 
 
 def ask(service: str, lines: Iterable[bytes], kind: str = "solve") -> Counter[str]:
-    """Send a batch; what came back, counted. Every line is a result or a refusal of the document."""
+    """Send a batch and count the responses. Every line is a result or an error about the document."""
     sent = list(lines)
     count = len(sent)
     with httpx.Client(base_url=service, timeout=None) as client:
@@ -86,7 +86,7 @@ def test_five_thousand_documents_and_two_thousand_scenes_with_numbers_of_all_siz
             "coordinates": ["x", "y"],
             "equations": {"x": "exp(10^20*x)+atan(1e-39*x')", "y": "sin(3.7e-8*x')+-sin(3.7e-8*x')"},
         },
-        {  # a letter c + (u + w) x'^2 is no c + a x'^2
+        {  # a generator c + (u + w) x'^2 is not c + a x'^2
             "coordinates": ["x", "y", "z"],
             "lagrangian": "x'^2/2+y'^2/2+z'^2/2+-x/(10^40+y)",
             "constraints": ["z'=(-exp(x/1e-39))*x'"],

@@ -1,4 +1,4 @@
-"""The OpenAPI description is true: what is accepted and answered validates, and everything in it is described."""
+"""The OpenAPI description is true: accepted requests and responses validate, and everything has a description."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def test_every_call_has_a_short_name_a_tag_and_a_summary(description: dict[str, 
 
 
 def test_every_call_says_in_its_summary_what_it_does(description: dict[str, Any]) -> None:
-    """And not the name of a function in capitals, as "List Jobs"."""
+    """The summary is not a capitalized function name such as "List Jobs"."""
     calls = [call for methods in description["paths"].values() for call in methods.values()]
     assert all(call["description"].startswith(call["summary"]) for call in calls)
     assert all(len(call["summary"].split()) > 2 and not call["summary"].istitle() for call in calls)
@@ -112,7 +112,7 @@ def test_references_lead_somewhere(description: dict[str, Any]) -> None:
 
 
 def documents() -> list[dict[str, Any]]:
-    """Those of the catalogue, of the literature, and of every JSON block of the pages."""
+    """The documents of the catalog, of the literature, and of every JSON block of the pages."""
     found = [catalogue.document(name) for name in catalogue.names()]
     lines = (ROOT / "tests" / "corpus" / "literature.ndjson").read_text().splitlines()
     found += [json.loads(line).get("document", {}) for line in lines if line.strip()]
@@ -163,7 +163,7 @@ def test_every_answer_validates(description: dict[str, Any], service: str) -> No
 
 
 def test_the_body_of_a_check_is_described(description: dict[str, Any], service: str) -> None:
-    """A result, alone or with its document, a certificate, and a Lagrangian of one's own; not any object."""
+    """The body is a result, alone or with its document, a certificate, or a user's Lagrangian, but not any object."""
     check = validator(description, body_schema(description, "/v1/check"))
     document = {"equations": "x'' = -x"}
     with httpx.Client(base_url=service) as client:
@@ -198,7 +198,7 @@ SCENES = [
 
 
 def test_every_simulation_validates_and_what_is_amiss_does_not(description: dict[str, Any], patient: str) -> None:
-    """Observed quantities of all kinds, events, an ensemble, a run that stops, a measurement; as it is answered."""
+    """Responses with observed quantities of all kinds, events, an ensemble, a stopped run, and a measurement."""
     with httpx.Client(base_url=patient) as client:
         for call, scene in SCENES:
             asked = validator(description, body_schema(description, f"/v1/{call}"))

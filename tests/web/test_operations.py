@@ -1,4 +1,4 @@
-"""Keys, bounds for each client, logs, a second service on one database, and an end with open streams."""
+"""Keys, bounds for each client, logs, a second service on one database, and a shutdown with open streams."""
 
 from __future__ import annotations
 
@@ -113,7 +113,7 @@ def test_a_header_of_a_hundred_kilobytes_is_refused(client: httpx.Client) -> Non
 
 
 def test_a_large_header_that_comes_in_parts_is_refused_alike(guarded: Guarded) -> None:
-    """The answer comes before the header has ended, and what is sent after it takes it from nobody."""
+    """The response comes before the header has ended, and later input does not destroy it."""
     port = int(guarded.address.rpartition(":")[2])
     with socket.create_connection(("127.0.0.1", port), timeout=30) as sent:
         sent.sendall(b"GET /livez HTTP/1.1\r\nHost: 127.0.0.1\r\nX-Long: " + b"a" * 48_000)
@@ -163,7 +163,7 @@ def test_the_next_head_may_begin_right_after_a_large_body(service: str) -> None:
 @pytest.mark.parametrize(("lines", "status"), [(400, b"200"), (7_000, b"431")])
 @pytest.mark.parametrize("size", [1_000, 100_000])
 def test_a_head_of_thousands_of_lines_is_refused(service: str, lines: int, status: bytes, size: int) -> None:
-    """Those of the body do not count, wherever the parts that come end."""
+    """Lines of the body do not count, for any split into parts."""
     port = int(service.rpartition(":")[2])
     body = b'{"equations": "x\'\'=-x"' + b"\n" * 2_000 + b"}"
     head = b"POST /v1/parse HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Type: application/json\r\n"
@@ -260,7 +260,7 @@ def test_a_cookie_of_another_program_may_hold_any_bytes(client: httpx.Client) ->
 
 
 def open_jobs(client: httpx.Client) -> int:
-    """How many jobs of bob's have no answer yet."""
+    """The number of bob's jobs without an answer."""
     jobs = client.get("/v1/jobs", headers=BOB).json()["jobs"]
     return sum(job["status"] in ("accepted", "running") for job in jobs)
 

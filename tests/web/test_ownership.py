@@ -1,4 +1,4 @@
-"""With keys, a client reads, renews and cancels what is its own and nothing else: all routes, with two keys."""
+"""With keys, a client reads, renews, and cancels only its own jobs: all routes, with two keys."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def client(tmp_path_factory: pytest.TempPathFactory) -> Iterator[httpx.Client]:
 
 @dataclass(frozen=True)
 class Ids:
-    """What alice has: a solved system, a simulation, a batch, and work that goes on."""
+    """Alice's ids: a solved system, a simulation, a batch, and running work."""
 
     solved: str
     simulated: str
@@ -75,7 +75,7 @@ def ids(client: httpx.Client) -> Ids:
 
 
 def routes_of(part: Any) -> Iterator[APIRoute]:
-    """All routes of an application, those of its routers and of routers in them too."""
+    """All routes of an application, including those of nested routers."""
     for route in part.routes:
         if isinstance(route, APIRoute):
             yield route
@@ -100,7 +100,7 @@ def addresses(ids: Ids) -> list[tuple[str, str]]:
 
 
 def state(client: httpx.Client, ids: Ids) -> list[Any]:
-    """What alice sees, but for what goes on by itself."""
+    """Everything that alice sees, except for parts that change by themselves."""
     places = [f"/v1/jobs/{id}" for id in (ids.solved, ids.simulated)] + [f"/v1/batches/{ids.batch}"]
     open_one = client.get(f"/v1/jobs/{ids.open}", headers=ALICE).json()
     listed = [job["id"] for job in client.get("/v1/jobs", headers=ALICE).json()["jobs"]]
@@ -108,7 +108,7 @@ def state(client: httpx.Client, ids: Ids) -> list[Any]:
 
 
 def read(client: httpx.Client, method: str, path: str, who: dict[str, str]) -> tuple[int, str]:
-    """Status and the first of the text: streams of open work do not end."""
+    """The status and the beginning of the text, because streams of pending jobs do not end."""
     with client.stream(method, path, headers=who) as answer:
         if answer.status_code == 200 and path.endswith(("/events", "/results")):
             return answer.status_code, next(answer.iter_text(), "")
@@ -126,7 +126,7 @@ def test_another_client_gets_the_same_as_for_what_is_not_there_on_all_routes(cli
         assert SECRET not in text, (method, path)
     assert state(client, ids) == before
     seen = [read(client, method, path, ALICE)[0] for method, path in tried if method == "GET"]
-    assert seen.count(404) <= 6 * 3, "the paths of this test are wrong"  # figures, data, code ... of what has none
+    assert seen.count(404) <= 6 * 3, "the paths of this test are wrong"  # missing figures, data, code ...
 
 
 @pytest.mark.slow

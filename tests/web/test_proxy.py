@@ -1,4 +1,4 @@
-"""deploy/nginx.conf before a real service: TLS, who asks, streams, and what is refused on the way."""
+"""deploy/nginx.conf in front of a real service: TLS, client addresses, streams, and rejected requests."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ EASY = {"coordinates": ["x"], "equations": {"x": "-x"}}
 
 @dataclass(frozen=True)
 class Proxied:
-    """The service, and where its proxy listens."""
+    """The service, and the address of its proxy."""
 
     service: Attacked
     port: int
@@ -49,7 +49,7 @@ def free_port() -> int:
 
 
 def configured(folder: Path, service: int, plain: int, secure: int) -> Path:
-    """The file of deploy/ with other ports and places, inside of what nginx needs around it."""
+    """The file of deploy/ with other ports and paths, within a complete nginx configuration."""
     text = CONFIGURATION.read_text()
     for before, after in (
         ("127.0.0.1:8000", f"127.0.0.1:{service}"),
@@ -109,7 +109,7 @@ def test_the_service_knows_who_asks_and_nobody_is_somebody_else(proxied: Proxied
     id = answer.headers["x-request-id"]
     assert id == "made-up", "the caller's own, by which it finds the lines of the log"
     end, found = time.monotonic() + 30, list[str]()
-    while not found and time.monotonic() < end:  # the line is written after the answer
+    while not found and time.monotonic() < end:  # the line is written after the response
         lines = [json.loads(line) for line in proxied.service.log.read_text().splitlines()]
         found = [line["client"] for line in lines if line.get("request") == id]
         time.sleep(0.05)

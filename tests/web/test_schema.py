@@ -1,4 +1,4 @@
-"""Requests made up from the OpenAPI document, good and bad ones, find nothing."""
+"""Valid and invalid requests generated from the OpenAPI document find no failure."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from schemathesis.checks import CHECKS, load_all_checks
 from schemathesis.generation import GenerationMode
 
 load_all_checks()
-# A document may have the right shape and still mean nothing: its refusal is right.
+# A document may have the right shape and still be meaningless; then an error is correct.
 LEFT_OUT = [CHECKS.get_one("positive_data_acceptance")]
-# What is wrong with a result is an answer of its check: `invalid`, not a refusal.
+# For a wrong result the check returns `invalid`, not an error.
 JUDGED = "POST /v1/check"
 MODES = (GenerationMode.POSITIVE, GenerationMode.NEGATIVE)
 
 
 def ask_all(service: str, examples: int, derandomize: bool) -> list[str]:
-    """Send so many requests of each mode to each operation; the operations."""
+    """Send this many requests of each mode to each operation; return the operations."""
     description = schemathesis.openapi.from_url(f"{service}/openapi.json")
     operations = [found.ok() for found in description.get_all_operations()]
     for operation in operations:
@@ -48,7 +48,7 @@ def ask(operation: Any, mode: GenerationMode, examples: int, derandomize: bool) 
         answer = case.call_and_validate(excluded_checks=excluded, timeout=30)
         assert answer.status_code != 200 or answer.json()["verdict"] != "valid"
 
-    # A call without anything to fill in cannot be made wrongly.
+    # A call without parameters cannot be invalid.
     with contextlib.suppress(Unsatisfiable) if mode is GenerationMode.NEGATIVE else contextlib.nullcontext():
         answers_as_described()
 

@@ -1,4 +1,4 @@
-"""The HTTP service: results, problem documents, and nothing that makes a 5xx."""
+"""The HTTP service returns results and problem documents, and no input causes a 5xx."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ PROBLEM_KEYS = {"type", "title", "status", "detail", "errors"}
 
 
 def understood(client: httpx.Client, fields: dict[str, str]) -> httpx.Response:
-    """The page that says how a form is read, as it comes without scripts."""
+    """The page that shows how a form is parsed, as it is without scripts."""
     return client.post("/understood", data=fields, follow_redirects=True)
 
 
@@ -323,7 +323,7 @@ def test_each_reading_is_a_button_that_leaves_the_rest(client: httpx.Client, row
 
 
 def test_a_constant_is_offered_only_where_it_can_be_one(client: httpx.Client) -> None:
-    """kx' is a velocity: no constant; each reading is shown as the line that it makes."""
+    """kx' is a velocity, not a constant; each interpretation is shown as the resulting line."""
     page = understood(client, {"kind": "equations", "equations": "x'' = 1 - kx'"}).text
     assert escape("x'' = 1 - k*x'") in page
     assert "a constant" not in page

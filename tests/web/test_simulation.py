@@ -24,7 +24,7 @@ def scene(**changes: Any) -> dict[str, Any]:
 
 
 def answer(client: httpx.Client, call: str, document: dict[str, Any]) -> httpx.Response:
-    """The answer, also where it took longer than the call waits."""
+    """The result, even if it takes longer than the call waits."""
     response = client.post(call, json=document, headers=PATIENT)
     for _ in range(20):
         if response.status_code != 202:
@@ -42,7 +42,7 @@ def test_a_scene_is_simulated(client: httpx.Client) -> None:
 
 
 def test_files_of_the_page_hold_every_recorded_step(client: httpx.Client) -> None:
-    """The JSON has 2,001 points at most; CSV and NPZ all, with velocities and momenta."""
+    """The JSON has at most 2,001 points; CSV and NPZ have all, with velocities and momenta."""
     document = scene(steps=5000, methods=["exact", "nonholonomic"])
     response = answer(client, "/v1/simulate", document)
     (method,) = (one for one in response.json()["methods"] if one["label"] == "nonholonomic-0.5")
@@ -51,7 +51,7 @@ def test_files_of_the_page_hold_every_recorded_step(client: httpx.Client) -> Non
     address = later.headers["location"].replace("/v1/jobs", "/results")
     page = client.get(address).text
     assert "CSV and NPZ hold" in page
-    # What accuracy costs stands beside it.
+    # The page shows the cost of accuracy next to it.
     assert re.search(r'<td class="number">[\d.]+ (\u00b5s|ms|s)</td><td><a href="[^"]*csv"', page)
     assert client.get(f"{address}/table.csv").text.startswith("method,outcome,steps,")
     rows = client.get(f"{address}/data/nonholonomic-0.5.csv").text.splitlines()
@@ -92,7 +92,7 @@ def test_the_scene_is_described(client: httpx.Client) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("card", CARDS, ids=lambda card: card.name)
 def test_a_scene_is_answered_as_its_card_says(client: httpx.Client, card: Card) -> None:
-    """Those that once crashed the whole scene, or were wrong: none is a 5xx."""
+    """Difficult scenes give the outcome of their card, and no 5xx."""
     response = answer(client, "/v1/simulate", card.scene)
     if isinstance(card.answer, str):
         assert response.status_code == 422

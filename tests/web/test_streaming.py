@@ -1,4 +1,4 @@
-"""Answers in parts are what is stored, byte for byte, and end early where the answer changes meanwhile."""
+"""Answers in parts equal the stored text byte for byte, and end early if the answer changes during the transfer."""
 
 from __future__ import annotations
 

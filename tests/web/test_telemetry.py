@@ -1,4 +1,4 @@
-"""Traces: off unless their endpoint is set; a span for a request, within the trace of its caller."""
+"""Traces are off unless their endpoint is set; each request is a span within the trace of its caller."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""An answer in the form that `Accept` names: text, LaTeX or a SymPy program; JSON for everybody else."""
+"""An answer has the form that `Accept` names: text, LaTeX, or a SymPy program; JSON by default."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def test_every_kind_of_answer_can_be_written(service: str, document: dict[str, o
 
 
 def lagrangians(part: Any) -> Iterator[dict[str, str]]:
-    """Every L in a result, with its text and its LaTeX."""
+    """Every L in a result, as text and LaTeX."""
     for key, value in part.items() if isinstance(part, dict) else enumerate(part) if isinstance(part, list) else ():
         if key == "lagrangian" and isinstance(value, dict) and "latex" in value:
             yield value
@@ -72,7 +72,7 @@ def lagrangians(part: Any) -> Iterator[dict[str, str]]:
 
 
 def test_text_and_latex_say_the_same(service: str) -> None:
-    """The motion, the associated systems, the reduced system and that with another clock."""
+    """Both contain the motion, the associated systems, the reduced system, and its time change."""
     document = {"lagrangian": "(x'^2 + y'^2 + z'^2)/2", "constraints": ["z' + x*y'"]}
     plain, text, latex = (
         httpx.post(f"{service}/v1/solve", json=document, headers={"Accept": form, "Prefer": "wait=20"}, timeout=60)

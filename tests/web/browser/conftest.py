@@ -1,4 +1,4 @@
-"""One browser and one service for all browser tests; every page must be clean."""
+"""One browser and one service for all browser tests; no page may log errors."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ Pages = Callable[["Look"], Page]
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark everything here; without chromium it is skipped."""
+    """Mark all browser tests; without chromium they are skipped."""
     for item in items:
         if Path(__file__).parent in item.path.parents:
             item.add_marker(pytest.mark.browser)
@@ -39,7 +39,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @dataclass
 class Seen:
-    """What a page did: console messages, faults of scripts, addresses asked, statuses from 400 on."""
+    """The activity of a page: console messages, script errors, requested addresses, statuses of 400 and above."""
 
     console: list[str] = field(default_factory=list)
     faults: list[str] = field(default_factory=list)
@@ -49,7 +49,7 @@ class Seen:
 
 @dataclass
 class Visit:
-    """A page of the service with what was seen on it."""
+    """A page of the service with its recorded activity."""
 
     page: Page
     address: str
@@ -71,7 +71,7 @@ def browser() -> Iterator[Browser]:
 
 @dataclass(frozen=True)
 class Look:
-    """How a page is looked at."""
+    """The settings for viewing a page."""
 
     scripts: bool = True
     narrow: bool = False
@@ -80,7 +80,7 @@ class Look:
 
 @pytest.fixture(scope="module")
 def pages(browser: Browser) -> Iterator[Pages]:
-    """Opened when first needed and then used again: a new one costs half a second of processor time."""
+    """Pages opened on first use and then reused: a new one costs half a second of processor time."""
     opened: dict[Look, Page] = {}
 
     def page_of(look: Look) -> Page:
@@ -122,7 +122,7 @@ def fresh(browser: Browser, service: str) -> Iterator[Visit]:
 
 
 def leave(page: Page) -> None:
-    """To an empty page; one that just then went to its result is left after that."""
+    """Go to an empty page; if the page is just moving to its result, leave it after that."""
     for _ in range(3):
         try:
             page.goto("about:blank")
@@ -134,12 +134,12 @@ def leave(page: Page) -> None:
 
 
 def whole(page: Page) -> None:
-    """Wait until the page of open work, which shows what is confirmed so far, has become the result."""
+    """Wait until the page of a pending job, which shows the confirmed parts, becomes the result."""
     expect(page.locator("[data-events]")).to_have_count(0, timeout=120_000)
 
 
 def cleared(page: Page) -> None:
-    """Forget drafts, once the page of open work has become its result, which takes up to three pages."""
+    """Clear drafts after the page of a pending job has become its result, which takes up to three pages."""
     for _ in range(4):
         try:
             page.evaluate("sessionStorage.clear()")
@@ -152,7 +152,7 @@ def cleared(page: Page) -> None:
 
 
 def visited(page: Page, address: str) -> Iterator[Visit]:
-    """A page as if nobody had used it; at the end its console was silent and no request left the host."""
+    """A page without earlier state; asserts at the end that its console is silent and no request left the host."""
     seen = Seen()
     listeners: dict[Any, Any] = {
         "console": lambda message: seen.console.append(f"{message.type}: {message.text}"),
@@ -163,15 +163,15 @@ def visited(page: Page, address: str) -> Iterator[Visit]:
     for event, listener in listeners.items():
         page.on(event, listener)
     yield Visit(page, address, seen)
-    # Drafts of forms are kept as long as a window; the next visitor has a new one.
+    # Drafts of forms are kept for the lifetime of a window; the next visitor has a new one.
     if page.url.startswith(address):
         cleared(page)
-    # What still runs on the page ends here, within what is looked at.
+    # Scripts still running on the page end here, before the assertions.
     leave(page)
     for event, listener in listeners.items():
         page.remove_listener(event, listener)
     page.context.clear_cookies()
-    # A refused form and "busy" are answers, and chromium notes them on the console; all else there is a fault of ours.
+    # Chromium logs a rejected form and "busy" on the console; any other message is an error of ours.
     noted = [text for text in seen.console if not re.search(r"the server responded with a status of (4|503)", text)]
     assert noted == []
     assert seen.faults == []
@@ -181,5 +181,5 @@ def visited(page: Page, address: str) -> Iterator[Visit]:
 
 @pytest.fixture(scope="session")
 def service(patient: str) -> str:
-    """The service with the time of a real one: what is looked at here is the pages, not the speed of this machine."""
+    """A service with a realistic time limit, because these tests are about pages, not speed."""
     return patient

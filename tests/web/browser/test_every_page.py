@@ -1,5 +1,5 @@
-"""What holds on every page and in every state of it, in both colors and both widths: no violation of axe, nothing too
-wide, nothing too heavy. Long, so not in the default suite.
+"""Every page, in every state, in both colors and both widths, has no axe violations, is not too wide, and is not too
+heavy. These tests are long, so not in the default suite.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ HEAVIEST = 100_000
 
 
 def violations(visit: Visit) -> list[str]:
-    """What axe finds, with the place."""
-    # Of the rules that hold, one place each: thousands of them would be sent otherwise.
+    """The violations that axe finds, with their places."""
+    # For rules that hold, one place each; otherwise thousands of places would be sent.
     found = Axe().run(visit.page, options={"resultTypes": ["violations"]}).response["violations"]
     return [f"{v['id']}: {node['html'][:120]}" for v in found for node in v["nodes"]]
 
@@ -49,7 +49,7 @@ IN_SIGHT = """[...document.images].filter((image) => image.getBoundingClientRect
 
 
 def weight(visit: Visit, path: str) -> int:
-    """Bytes of what the first screen needs, as they are sent: the page, what it links to, the pictures in sight."""
+    """The bytes sent for the first screen: the page, its linked files, and the visible pictures."""
     loaded: list[Request] = []
 
     def note(request: Request) -> None:
@@ -59,10 +59,10 @@ def weight(visit: Visit, path: str) -> int:
     visit.go(path)
     visit.page.wait_for_load_state("load")
     visit.page.remove_listener("requestfinished", note)
-    # Browsers fetch pictures far below the screen ahead of time, how far depends on the connection.
+    # Browsers fetch pictures below the screen ahead of time; how far depends on the connection.
     seen = visit.page.evaluate(IN_SIGHT)
     loaded = [request for request in loaded if request.resource_type != "image" or request.url in seen]
-    # What comes out of the cache has no size, which chromium counts as a little less than nothing.
+    # A cached file has no size, and chromium reports slightly less than zero.
     return sum(max(0, request.sizes()["responseBodySize"]) for request in loaded)
 
 
@@ -99,7 +99,7 @@ ENSEMBLE: dict[str, Any] = {
 
 
 def hard(function: str, seconds: float) -> dict[str, Any]:
-    """A document that no one decides in this time."""
+    """A document that cannot be decided in this time."""
     equations = {c: "+".join(f"{a}*{b}'^2*{function}({a}*{b}*{c})" for a in NAMES for b in NAMES) for c in NAMES}
     return {"coordinates": NAMES, "equations": equations, "options": {"time_limit": seconds}}
 

@@ -1,4 +1,4 @@
-"""What six people do from the first page to what they came for: one flow each, in one browser and one service."""
+"""Six people and their tasks: one flow each from the first page to the goal, in one browser and one service."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def bottom(place: Locator) -> float:
 
 
 def answer_in_one_screen(visit: Visit, height: int) -> None:
-    """L, H and a picture that moves, without a click and without scrolling."""
+    """L, H, and a moving picture, without a click and without scrolling."""
     page = visit.page
     expect(page.locator("h1")).to_contain_text("that contains the time")
     for letter in ("L", "H"):
@@ -69,11 +69,11 @@ def answer_in_one_screen(visit: Visit, height: int) -> None:
 
 
 def test_a_student(visit: Visit) -> None:
-    """Types an equation, sees the answer, plays with it, checks an L of their own, takes it along."""
+    """Types an equation, sees the answer, plays with it, checks an L of their own, and exports it."""
     page = visit.page
     page.context.grant_permissions(["clipboard-read", "clipboard-write"])
     visit.go("/")
-    expect(page.locator("#glance h2")).to_contain_text("Yes")  # before one types
+    expect(page.locator("#glance h2")).to_contain_text("Yes")  # before any input
     stored = page.request.get(visit.address + "/v1/jobs").json()
     box = equations(page)
     box.fill("")
@@ -124,12 +124,12 @@ def test_a_student(visit: Visit) -> None:
         page.get_by_role("button", name="Does it give these equations?").click()
         expect(page.locator("#own + [role=status]")).to_contain_text(said)
     visit.go("/")
-    expect(box).to_have_value(DAMPED)  # what was typed is kept
+    expect(box).to_have_value(DAMPED)  # the input is kept
 
 
 @pytest.mark.slow
 def test_a_researcher(pages: Pages, service: str, tmp_path: Path) -> None:
-    """One table and one sentence for a sleigh, the proof of a no, special cases, many systems, the atlas."""
+    """Sees one table and one sentence for a sleigh, the proof of a no, special cases, many systems, the atlas."""
     for visit in visited(pages(Look(scheme="dark")), service):
         page = visit.page
         visit.go("/?kind=nonholonomic")
@@ -190,7 +190,7 @@ def test_a_researcher(pages: Pages, service: str, tmp_path: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("scripts", [True, False])
 def test_a_teacher_and_a_class(visit: Visit, plain: Visit, scripts: bool) -> None:
-    """An exercise is made from an answer, solved wrong and right, and its code is verified."""
+    """Creates an exercise from an answer, solves it wrong and right, and verifies its code."""
     at = visit if scripts else plain
     page = at.page
     ask(at, {"equations": "x'' = -x - c*x'", "parameters": "guess"})
@@ -231,7 +231,7 @@ def test_a_teacher_and_a_class(visit: Visit, plain: Visit, scripts: bool) -> Non
     expect(page.locator("#feedback")).to_contain_text("Right")
 
 
-# How many pixels of a canvas have this color, within the edges that are blended.
+# The number of pixels of a canvas with this color, within blended edges.
 PIXELS = """(node, [red, green, blue]) => {
     const pen = new OffscreenCanvas(node.width, node.height).getContext("2d", { willReadFrequently: true });
     pen.drawImage(node, 0, 0);
@@ -246,7 +246,7 @@ BLUE, ORANGE = [0, 114, 178], [213, 94, 0]
 
 @pytest.mark.slow
 def test_one_who_simulates(visit: Visit) -> None:
-    """The scene is in the address; methods side by side, values at the cursor, a zoom; the scene changed."""
+    """Opens a scene by its address, compares methods, reads values at the cursor, zooms, and changes the scene."""
     page = visit.page
     visit.go("/simulate")
     expect(page.locator("[data-play-motion] [data-all]")).to_have_attribute("d", re.compile("M"))
@@ -258,7 +258,7 @@ def test_one_who_simulates(visit: Visit) -> None:
     expect(page.locator("[data-drawn]")).to_be_visible(timeout=40_000)
     assert page.locator("tbody tr").filter(has_text="completed").count() == 3
     shown = page.locator("[data-plot=coordinates]")
-    # Curves that coincide are both seen.
+    # Curves that coincide are both visible.
     for ink in (BLUE, ORANGE):
         assert shown.locator("canvas").evaluate(PIXELS, ink) > 100
     over = shown.locator(".u-over")
@@ -281,7 +281,7 @@ def test_one_who_simulates(visit: Visit) -> None:
 
 @pytest.mark.slow
 def test_one_with_a_phone(pages: Pages, service: str) -> None:
-    """The verdict is a strip at the bottom edge and a link; a refusal is seen; the answer fits the screen."""
+    """The verdict is a strip and a link at the bottom edge; errors are visible; the answer fits the screen."""
     for visit in visited(pages(Look(narrow=True, scheme="dark")), service):
         page = visit.page
         visit.go("/")
@@ -300,7 +300,7 @@ def test_one_with_a_phone(pages: Pages, service: str) -> None:
 
 
 def test_one_without_scripts(plain: Visit) -> None:
-    """A fault is marked, a motion on constraints solved with open proofs, a scene run with pictures and files."""
+    """Sees a marked error, solves a motion on constraints with open proofs, runs a scene with pictures and files."""
     page = plain.page
     plain.go("/")
     equations(page).fill("x'' = -y\ny'' = 3*@ + x")
@@ -318,7 +318,7 @@ def test_one_without_scripts(plain: Visit) -> None:
     page.get_by_role("link", name="Simulate", exact=True).last.click()
     page.get_by_label("Steps").fill("100")
     page.get_by_role("button", name="Run").click()
-    # Without a script an unfinished page asks again every two seconds.
+    # Without scripts an unfinished page reloads every two seconds.
     expect(page.locator("[data-plot=energy] img")).to_be_visible(timeout=40_000)
     request, folder = page.context.request, page.url
     assert b"<svg" in request.get(f"{folder}/figures/energy.svg").body()
@@ -333,7 +333,7 @@ def test_one_without_scripts(plain: Visit) -> None:
 
 @pytest.mark.slow
 def test_one_who_waits(visit: Visit) -> None:
-    """The page of open work becomes its result; asked again with more time it can be cancelled."""
+    """The page of a pending job becomes its result; a new request with more time can be canceled."""
     page = visit.page
     visit.go("/")
     equations(page).fill(json.dumps({**json.loads(HARD), "options": {"time_limit": 3}}))

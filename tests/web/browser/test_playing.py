@@ -1,4 +1,4 @@
-"""A motion that is played with in the browser: sliders, dragging, and what its script computes."""
+"""An interactive motion in the browser: sliders, dragging, and the computations of its script."""
 
 from __future__ import annotations
 

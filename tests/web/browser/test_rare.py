@@ -1,4 +1,4 @@
-"""What seldom happens on the pages: long, so not in the default suite."""
+"""Rare events on the pages; long, so not in the default suite."""
 
 from __future__ import annotations
 
@@ -143,7 +143,7 @@ def test_a_printed_result_is_light_and_whole(browser: Browser, service: str) -> 
 
 
 def test_an_answer_that_a_busy_service_owes_comes_by_itself(visit: Visit) -> None:
-    """Two refusals with growing pauses, then the answer."""
+    """Two busy responses with growing pauses, then the answer."""
     asked: list[Route] = []
 
     def answer(route: Route) -> None:
@@ -337,7 +337,7 @@ MOTIONS = {"sleigh": SLEIGH, "particle": PARTICLE, "forced": FORCED, "disk": DIS
 
 @pytest.mark.parametrize("name", MOTIONS)
 def test_a_constrained_motion_has_one_table_and_one_sentence(visit: Visit, name: str) -> None:
-    """Headline, title and table say the same: a yes of a system is a yes of the motion, which Any decides."""
+    """Headline, title, and table agree: a yes for a system is a yes for the motion, which Any decides."""
     ask(visit, {"parameters": "guess", **MOTIONS[name], "options": {"time_limit": 20}})
     page, table = visit.page, visit.page.locator("table.verdicts")
     expect(table).to_have_count(1)
@@ -359,7 +359,7 @@ def test_a_constrained_motion_has_one_table_and_one_sentence(visit: Visit, name:
 
 
 def test_error_is_measured_against_time(browser: Browser, patient: str) -> None:
-    """Five methods at many steps take 4 s alone, and beside other work more than the 10 s of the other service."""
+    """Five methods at many steps take 4 s on an idle machine, under load more than the 10 s of the other service."""
     page = browser.new_page()
     page.goto(f"{patient}/simulate?system=knife-edge")
     page.get_by_label("Steps").fill("20")
@@ -367,13 +367,13 @@ def test_error_is_measured_against_time(browser: Browser, patient: str) -> None:
     told = page.locator("[data-told]")
     expect(told).to_contain_text("error about", timeout=60_000)
     assert page.locator("table.prices .best").count() >= 4
-    for name in ("Variational", "Adaptive", "Runge\u2013Kutta 8"):  # ticked, or compared with
+    for name in ("Variational", "Adaptive", "Runge\u2013Kutta 8"):  # selected, or compared with
         expect(page.locator(".pick")).to_contain_text(name)
     picture, table = (page.locator(place).first.bounding_box() for place in (".prices-plot", "table.prices"))
     assert picture is not None
     assert table is not None
     assert picture["y"] < table["y"]
-    page.locator(".pick label", has_text="Variational").first.click()  # a method whose error its step decides
+    page.locator(".pick label", has_text="Variational").first.click()  # a method whose step determines its error
     slider, ring = page.locator("[data-prices] [type=range]"), page.locator(".prices-plot .ring").first
     slider.press("Home")
     before, place = told.inner_text(), ring.get_attribute("cx")
@@ -404,7 +404,7 @@ def test_what_is_wrong_with_a_scene_is_told_beside_its_field(visit: Visit, plain
 
 
 def test_the_step_has_its_price_beside_it(visit: Visit) -> None:
-    """Runge-Kutta has order 4: half of a step of 0.1 has a sixteenth of its error."""
+    """Runge-Kutta has order 4: halving the step of 0.1 divides the error by 16."""
     visit.go("/simulate?system=sho&method=runge-kutta&step=0.1&steps=100&position.x=1&velocity.x=0&parameter.k=1")
     price = visit.page.locator("[data-price]")
     expect(price).to_contain_text("Runge\u2013Kutta", timeout=30_000)
@@ -436,15 +436,15 @@ def test_other_sites_frame_an_answer_only_where_they_are_listed(visit: Visit) ->
 
 
 class Quiet(SimpleHTTPRequestHandler):
-    """Serves a folder and says nothing."""
+    """Serves a folder without logging."""
 
     def log_message(self, *words: object) -> None:
-        """Nothing."""
+        """Log nothing."""
 
 
 @pytest.fixture
 def courses(tmp_path: Path) -> Iterator[list[str]]:
-    """The origins of two other sites that serve the same folder."""
+    """The origins of two external sites that serve the same folder."""
     sites = [ThreadingHTTPServer(("127.0.0.1", 0), partial(Quiet, directory=str(tmp_path))) for _ in range(2)]
     for site in sites:
         threading.Thread(target=site.serve_forever, daemon=True).start()

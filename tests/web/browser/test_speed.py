@@ -1,4 +1,4 @@
-"""How fast the pages are; not in the default suite, as the numbers belong to a quiet machine."""
+"""The speed of the pages; not in the default suite, because the numbers need an idle machine."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ REPEATS = 9
 FIRST_PAINT = """() => new Promise(resolve => new PerformanceObserver((list, observer) => {
     observer.disconnect(); resolve(list.getEntries()[0].startTime);
 }).observe({type: 'paint', buffered: true}))"""
-# When the first page with a verdict was painted; what is still sought may come with a page after it.
+# The time of the first painted page with a verdict; later pages may add other parts.
 SEEN = """new PerformanceObserver((list, observer) => {
     observer.disconnect();
     const at = performance.timeOrigin + list.getEntries()[0].startTime;
     const look = () => { if (document.querySelector('#verdict')) sessionStorage.seen ??= at; };
     document.readyState === 'loading' ? addEventListener('DOMContentLoaded', look) : look();
 }).observe({type: 'paint', buffered: true})"""
-# The moment of that paint, which may come after the verdict is there.
+# The time of that paint, which may be after the verdict arrives.
 PAINTED = """() => new Promise(resolve => {
     const look = () => sessionStorage.seen ? resolve(sessionStorage.seen) : setTimeout(look, 10);
     look();
@@ -46,7 +46,7 @@ SYSTEMS = ("x'' = -sin(x)", "x'' = -x - 0.1*x'", "x'' = -x + y'; y'' = -y - x'")
 
 @pytest.fixture
 def first(browser: Browser, tmp_path: Path) -> Iterator[Page]:
-    """A new page, a moment after a service of its own said its address."""
+    """A new page, just after a separate service reports its address."""
     services = running_service(tmp_path)
     address = next(services)
     context = browser.new_context(base_url=address, viewport=WIDE)

@@ -1,4 +1,4 @@
-"""The form is shown at once where no worker can read it yet."""
+"""The form appears immediately even if no worker can parse it yet."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from inverse_service.web.problems import Refusal
 
 
 class Starting:
-    """An engine whose workers answer after `delay` seconds; `withdrawn` counts those not waited for."""
+    """An engine whose workers answer after `delay` seconds; `withdrawn` counts the abandoned requests."""
 
     def __init__(self, delay: float) -> None:
         self.delay, self.withdrawn = delay, 0

@@ -1,4 +1,4 @@
-"""The manual under /learn and the about page: whole, linked among themselves, and free of raw markup."""
+"""The manual under /learn and the about page are complete, linked with each other, and free of raw markup."""
 
 from __future__ import annotations
 

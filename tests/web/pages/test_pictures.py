@@ -1,4 +1,4 @@
-"""Pictures: the drawings of bodies, and those of answers for pages without scripts and for shared links."""
+"""Pictures: drawings of bodies, and pictures of answers for pages without scripts and for shared links."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a page says of a result: one verdict for both questions, the same in title, badge and table."""
+"""A page shows one verdict for both questions, the same in title, badge, and table."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ words = printed_pages.plain
         slow({"equations": "x'' = -x - x'/10"}, "yes", "has a Lagrangian"),
         ({"equations": "x'' = -x' - x; y'' = -y' - y - x^2 + y^2"}, "no", "no Lagrangian"),
         ({"equations": "x'' = -y; y'' = x*x'"}, "no", "no Lagrangian"),
-        # Damped Henon-Heiles: none without the time, one with it.
+        # Damped Henon-Heiles: no L without time, one with time.
         slow({"equations": "x'' = -x - 2*x*y - x'/10; y'' = -y - x^2 + y^2 - y'/10"}, "yes", "has a Lagrangian"),
         ({"equations": "x'' = -x*abs(x)"}, "yes", "has a Lagrangian"),
         slow({**SLEIGH, "associated": "any"}, "no", "has no Hamiltonian"),
@@ -87,7 +87,7 @@ def test_cases_that_differ_or_are_open_are_all_listed() -> None:
 
 
 def test_a_glance_ends_with_the_first_l_and_h_and_shows_every_branch() -> None:
-    """The damped oscillator has an L without the time, too, which takes ten times as long; |x| has two sides."""
+    """The damped oscillator also has an L without time, which takes ten times as long; |x| has two branches."""
     damped = present(result_tasks.glance_of({"equations": "m*x'' + d*x' + k*x = 0", "parameters": "guess"}))
     (case,) = damped["sheet"].cases
     assert [formula.letter for formula in case.formulas] == ["L", "H"]

@@ -1,4 +1,4 @@
-"""What a visitor is told who waits, and the words of the form beside it."""
+"""The messages for a waiting visitor, and the texts of the form."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def test_the_page_of_work_tells_since_when_it_waits() -> None:
 
 
 def test_the_echo_of_a_constrained_system_is_said_to_be_the_motion() -> None:
-    """The equations of d'Alembert are the same whatever associated system is asked about."""
+    """The equations of d'Alembert are the same for every associated system."""
     document = {"lagrangian": "(x'^2 + y'^2 + z'^2)/2", "constraints": ["z' - y*x'"], "associated": "third"}
     headings = [heading for heading, _ in understood(documents.parse_document(document)).groups]
     assert headings == ["Lagrangian", "Constraints", "Motion"]
