@@ -14,6 +14,7 @@ import re
 from collections.abc import Callable, Collection, Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
+from math import perm
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -23,7 +24,7 @@ from pydantic_core import ErrorDetails
 from api_schemas import base
 from api_schemas.system import MAX_SERIES_ORDER, TAGS, NamedDocument, SystemDocument
 from inverse_service import errors
-from inverse_service.expressions import collecting, derivative, letters, printing, refusals, tree as ex
+from inverse_service.expressions import collecting, derivative, letters, notation, printing, refusals, tree as ex
 from inverse_service.field import reduction
 from inverse_service.mechanics import euler_lagrange, reading, second_order_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
@@ -64,6 +65,14 @@ _LETTER_L = re.compile(
     rf"(?:\{{\s*{_SCRIPT_L}\s*\}}|{_SCRIPT_L}|[\u2112\U0001d4db])"
     r"|(?P<named>\bL(?:agrangian)?\s*:(?:\s*L\s*)?=?|\bLagrangian\s*=)"
 )
+# D = span{∂_x + y ∂_z, ∂_y}, the directions that are allowed, and each ∂_x in it
+_SPAN = re.compile(
+    r"(?:\\math[a-z]{1,5}\s{0,3}\{?\s{0,3})?[D\u0394]\w?\}?(?:_\{?\w\}?)?\s*=\s*\\?(?:mathrm|operatorname|text)?\s*\{?\s*span\s*\}?\s*"
+    r"(?:\\left)?\\?[{(](?P<fields>(?:[^{}]|\{[^{}]*\})*?)(?:\\right)?\\?[})](?=\s*(?:[;,.\n\\]|$))"
+)
+_FIELD = re.compile(
+    r"(?:\\[dt]?frac\s*\{\s*)?(?:\u2202|\\partial)[\s}{]*(?:/?[\s(]*(?:\u2202|\\partial)\s*|_\{?)(\\?\w+)[)}]?"
+)
 # L, T, and V with an argument perhaps, and =; half of 2 T = … is meant.
 _ENERGY = re.compile(
     r"(?:\$+|\\\[|\s|\\begin\s*\{\w+\*?\})*(?P<twice>2\s*)?(?:(?P<whole>L)|(?P<kinetic>[TK]|KE|E_\{?k(?:in)?\}?)"
@@ -80,6 +89,9 @@ _VECTOR = re.compile(
 )
 # d/dt ∂L/∂x' - ∂L/∂x = 0 beside L = …
 _D = r"(?:d|\\(?:mathrm|text)\s*\{\s*d\s*\}|\\(?:rm|mathrm)\s+d)"
+# A metric, ds^2 = dr^2 + r^2 dphi^2, whose geodesics are meant: 2 L = (ds/dt)^2
+_METRIC = re.compile(rf"(?<![A-Za-z\\]){_D}\s?s\s*(?:\^2|\^\{{2\}}|\u00b2)\s*(?==|&\s*=)")
+_DIFFERENTIAL = re.compile(rf"(?<![A-Za-z\\]){_D}\s?(\\[A-Za-z]+|[^\W\d_][^\W\u00b2\u00b3]*)(?:_\w|_\{{\w+\}})?")
 _DL = r"(?:\u2202|\\partial|\bd)\s{0,9}L\b[^;,\n=]{0,120}"
 _REACTION = r"\s*[-+\u2212]?\s*(?:\u03bb|\\?lambda(?![A-Za-z]))[^;,.\n=]{0,60}"
 _LAGRANGES_EQUATION = re.compile(
@@ -104,6 +116,7 @@ _STRUCTURE = frozenset(("text", "latex"))
 _MULTIPLIER = re.compile(r"(?:lambda|mu|Lambda)(?:_?\w+)?")
 # Nodes of all accelerations, beyond which they are unreadable; on a cart two links have 1,748, three 14,834.
 _MOST_NODES = 5_000
+_MOST_PRODUCTS = 10_000  # of entries of vector fields
 MAX_PLACES = 10
 NOT_IN_THE_DOCUMENT = frozenset({*TAGS, "[key]"})
 ALSO = ("time", "id", "options")
@@ -198,11 +211,20 @@ def _with_lagrangian(plain: dict[str, Any]) -> tuple[dict[str, Any], dict[str, s
     others: list[tuple[str, str]] = []
     notes: dict[str, str] = {}
     reactions: dict[str, str] = {}
+    fields: dict[str, str] = {}
     for pointer, text in texts.items():
         text = _LETTER_L.sub(_letter_l, text)
+        if metric := _METRIC.search(text):
+            text = _METRIC.sub(lambda metric: "2L".ljust(len(metric[0])), text)
+            with reader.placed_at(pointer):
+                text = _DIFFERENTIAL.sub(_velocity, text)
+            notes[metric[0].strip()] = "a metric, whose geodesics are meant"
         omitted = [match[0].strip() for match in _LAGRANGES_EQUATION.finditer(text)]
         notes |= dict.fromkeys(omitted, reader.LEFT_OUT)
         reactions |= {found[1]: found[2] for line in omitted if (found := _OF_REACTION.search(line))}
+        if span := _SPAN.search(text):
+            fields[pointer] = span["fields"]
+            text = text[: span.start()] + " " * len(span[0]) + text[span.end() :]
         with reader.noted() as noted:
             lines = _lines(_LAGRANGES_EQUATION.sub(lambda match: " " * len(match[0]), text))
         notes |= noted
@@ -236,10 +258,14 @@ def _with_lagrangian(plain: dict[str, Any]) -> tuple[dict[str, Any], dict[str, s
         for named, formula, _ in energies.values():
             sign = ("-" if named["potential"] else "+") + (".5*(" if named["twice"] else "(")
             lagrangian = lagrangian.ljust(named.end() - len(sign)) + sign + formula + ")"
-    moving = {*document_names.moving_names(reader.tokens_if_any(lagrangian, Names()), 1)}
+    velocities = document_names.moving_names(reader.tokens_if_any(lagrangian, Names()), 1)
+    moving = {*velocities}
     places, where = {"/lagrangian": next(iter(energies.values()))[2]}, {}
     held = plain.get("constraints") or []
     constraints = [held] if isinstance(held, str) else list(held)
+    for pointer, text in fields.items():
+        with reader.placed_at(pointer):
+            constraints += _held_by_fields(text, velocities)
     definitions: dict[str, str] = {}  # omega = psi' cos(theta) + phi', omega = 0: the second line is a constraint
     for _, line in others:
         if (name := _defined(line, moving)[0]) and _IS_NUMBER.fullmatch(definitions.get(name, "=")):
@@ -271,9 +297,43 @@ def _with_lagrangian(plain: dict[str, Any]) -> tuple[dict[str, Any], dict[str, s
     made = {**{name: value for name, value in plain.items() if name != key}, "lagrangian": lagrangian}
     if where:
         made["where"] = {**plain.get("where", {}), **where}
-    if len(others) > len(where):
+    if len(others) > len(where) or fields:
         made["constraints"] = constraints
     return made, places, notes
+
+
+def _held_by_fields(text: str, moving: Sequence[str]) -> list[str]:
+    """The constraints of a distribution that vector fields span: det(v, X_1, …, X_r) = 0 in r + 1 coordinates."""
+    velocity = r" \\dot{\1} " if reader.is_latex(text) else r" \1' "
+    fields = [_FIELD.sub(velocity, field) for _, field in notation.split_outside(text, ",")]
+    tokens = [token for field in fields for token in walk(reader.read_tokens(field))]
+    coordinates = tuple(dict.fromkeys([*moving, *document_names.moving_names(tokens, 1)]))
+    words = {token.text for token in tokens if token.kind == "name"}
+    names = Names(coordinates, tuple(words - nm.FUNCTIONS - {*coordinates}))
+    parts = [euler_lagrange.linear_parts(reader.read_formula(field, names), ex.Velocity) for field in fields]
+    rows = [part[0] for part in parts if isinstance(part, tuple) and part[1] == ex.ZERO]
+    columns = [(v, *(row.get(v, ex.ZERO) for row in rows)) for v in map(ex.Velocity, coordinates)]
+    minors: dict[tuple[tuple[ex.Expression, ...], ...], ex.Expression] = {}
+    if len(rows) == len(fields) and perm(len(columns), len(rows)) <= _MOST_PRODUCTS:
+        minors = {chosen: _determinant([each[1:] for each in chosen]) for chosen in combinations(columns, len(rows))}
+    chosen = min(
+        (each for each in minors if minors[each] != ex.ZERO), key=lambda each: ex.node_count(minors[each]), default=None
+    )
+    if chosen is None:
+        what = "the vector fields of D are not independent sums of functions times d/dx"
+        raise errors.InputError(f"{what}: write the constraints instead.")
+    found = [printing.to_text(_determinant([*chosen, one])) + " = 0" for one in columns if one not in chosen]
+    letter = {plain: variant for variant, plain in letters.ALIKE.items() if f"\\{variant}" in text}
+    return [_in_plain_text(line, letter, pad=False) for line in found] if letter else found
+
+
+def _determinant(rows: Sequence[Sequence[ex.Expression]]) -> ex.Expression:
+    """By the entries of the first column."""
+    if not rows:
+        return ex.ONE
+    others = ([row[1:] for row in (*rows[:k], *rows[k + 1 :])] for k in range(len(rows)))
+    minors = [(-1) ** k * row[0] * _determinant(rest) for k, (row, rest) in enumerate(zip(rows, others, strict=True))]
+    return collecting.collect(ex.add(*minors))
 
 
 def _check_reactions(reactions: Mapping[str, str], lagrangian: str, constraints: Sequence[str]) -> None:
@@ -372,6 +432,14 @@ def _with_multipliers(
     kept = {key: part for key, part in plain.items() if key != "equations"}
     places = {f"/constraints/{k}": origins.get(pointer, pointer) for k, pointer in enumerate(held)}
     return {**kept, **made}, places, dict.fromkeys(multipliers, "a multiplier of the constraints")
+
+
+def _velocity(differential: re.Match[str]) -> str:
+    """x' for dx, at the end of its place; InputError for dOmega, which is usually the metric of a sphere."""
+    if differential[1] in ("\\Omega", "Omega", "\u03a9"):
+        instead = "write d theta^2 + sin(theta)^2 d phi^2 for that of a sphere"
+        raise refusals.refusal("d Omega could be a metric", differential.start() + 1, instead)
+    return f"{differential[0][differential.start(1) - differential.start() :]}'".rjust(len(differential[0]))
 
 
 def _letter_l(match: re.Match[str]) -> str:
