@@ -64,14 +64,14 @@ def test_options_of_a_document_and_of_the_call_hold() -> None:
      {"equations": {"x": Fraction(1, 2)}}, {**SPRING, "options": 1}, {"equations": {"x": "\ud800"}}],
     ids=lambda document: type(document).__name__,
 )  # fmt: skip
-def test_what_is_no_document_is_refused_in_a_sentence(document: Any) -> None:
+def test_an_object_that_is_not_a_document_is_rejected_with_a_sentence(document: Any) -> None:
     with pytest.raises(InputError) as refused:
         solve(document)
     assert 10 < len(str(refused.value)) < 400
 
 
 @pytest.mark.parametrize("result", ["", "no JSON", "{}", "[]", {}], ids=repr)
-def test_what_is_no_result_is_invalid(result: Any) -> None:
+def test_an_object_that_is_not_a_result_is_invalid(result: Any) -> None:
     assert check(result)["verdict"] == "invalid"
 
 

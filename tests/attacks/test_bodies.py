@@ -64,7 +64,7 @@ LARGE = {
 
 
 @pytest.mark.parametrize("name", [*ATTACKS, *(pytest.param(name, marks=pytest.mark.nightly) for name in LARGE)])
-def test_a_body_holds_up_nobody(service: Attacked, name: str) -> None:
+def test_a_body_delays_no_other_client(service: Attacked, name: str) -> None:
     address, content_type, body = {**ATTACKS, **LARGE}[name]
     with Watch(service) as watch, service.client() as client:
         answers = [client.post(address, content=body, headers={"Content-Type": content_type}) for _ in range(2)]

@@ -76,7 +76,7 @@ def test_what_needs_too_much_memory_on_the_cluster_is_said_to(both: Both) -> Non
     watch.hold()
 
 
-def test_strangers_who_speak_to_scheduler_and_worker_are_ignored(both: Both) -> None:
+def test_messages_of_strangers_to_scheduler_and_worker_are_ignored(both: Both) -> None:
     ports = [int(both[1].address.rpartition(":")[2]), *listening(both[1].workers[0].pid)]
     with Watch(both[0]) as watch, both[0].client() as client:
         for port in ports:
@@ -88,7 +88,7 @@ def test_strangers_who_speak_to_scheduler_and_worker_are_ignored(both: Both) -> 
     watch.hold()
 
 
-def test_a_frozen_scheduler_holds_up_jobs_and_nobody_else(both: Both) -> None:
+def test_a_frozen_scheduler_delays_only_jobs(both: Both) -> None:
     service, machines = both
     assert machines.scheduler is not None
     with Watch(service) as watch, service.client() as client:

@@ -90,7 +90,7 @@ def emptied(value: Any) -> Any:
 
 
 @pytest.mark.slow
-def test_a_small_set_without_a_lagrangian_is_no_part_of_everywhere() -> None:
+def test_a_small_set_without_a_lagrangian_is_not_everywhere() -> None:
     result = result_of("small set")
     assert result["verdict"] == "differs"
     assert check({**emptied(result), "verdict": "variational", "branches": []})["verdict"] != "valid"
@@ -112,7 +112,7 @@ def test_the_image_of_the_constraints_is_compared() -> None:
     assert check(result)["verdict"] == "invalid"
 
 
-def test_a_case_that_is_told_twice_hides_no_other() -> None:
+def test_a_repeated_case_hides_no_other_case() -> None:
     result = result_of("sides")
     first = next(one for one in result["branches"] if one["verdict"] == "variational")
     other = json.loads(json.dumps(first).replace("x > 0", "x > 1"))
@@ -123,7 +123,7 @@ def test_a_case_that_is_told_twice_hides_no_other() -> None:
 
 
 @pytest.mark.parametrize("kind", ["parameters", "reduced", "time", "rayleigh"])
-def test_what_is_there_instead_is_believed_of_nobody(kind: str) -> None:
+def test_the_alternative_is_never_trusted(kind: str) -> None:
     result = result_of("none")
     del result["system"]["given"]
     instead = {"kind": kind, "conditions": ["k = 1"], "equations": {"x": "0", "y": "0"}, "certificate": {},

@@ -69,7 +69,7 @@ def ids(service: Attacked) -> list[str]:
     "place",
     ["", "/figures.json", "/figures/coordinates.svg", "/figures/energy.png", "/result.json", "/data/variational 0.csv"],
 )
-def test_a_small_request_for_a_large_result_holds_up_nobody(service: Attacked, place: str) -> None:
+def test_a_small_request_for_a_large_result_delays_no_other_client(service: Attacked, place: str) -> None:
     address = f"/results/{ids(service)[1]}{place}"
     with Watch(service) as watch, service.client() as client:
         answers = [client.get(address) for _ in range(2)]

@@ -62,6 +62,6 @@ def test_an_unknown_name_is_a_key_error_that_says_so(name: str) -> None:
         catalogue.document(name)
 
 
-def test_a_near_miss_is_told_what_was_near() -> None:
+def test_a_misspelled_name_gets_suggestions() -> None:
     with pytest.raises(KeyError, match="near: knife-edge"):
         catalogue.document("knife-egde")

@@ -9,7 +9,7 @@ from inverse_service.certificate.formulas import Ended, read_tokens
 
 
 @pytest.mark.parametrize(("formula", "column"), [("$", 1), ("x + $", 5), ("x  +\n#", 6)])
-def test_what_is_no_formula_is_named_by_its_column(formula: str, column: int) -> None:
+def test_an_invalid_formula_is_reported_with_its_column(formula: str, column: int) -> None:
     with pytest.raises(Ended, match=f"at column {column} is not part"):
         read_tokens(formula, "here")
 

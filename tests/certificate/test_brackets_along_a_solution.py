@@ -124,7 +124,7 @@ def test_the_series_of_the_flow_are_the_iterated_brackets_that_sympy_finds(syste
 
 
 @pytest.mark.slow
-def test_the_chained_form_with_a_potential_is_refused_at_the_door_with_a_valid_proof() -> None:
+def test_the_chained_form_with_a_potential_has_a_valid_proof_of_nonexistence() -> None:
     """Eight coordinates on the constraints, undecided at prolongation order 10."""
     result = solve_document(CHAINED | {"associated": "any"}, SolveOptions(time_limit=100))
     answer = result["any_associated"]
@@ -134,7 +134,7 @@ def test_the_chained_form_with_a_potential_is_refused_at_the_door_with_a_valid_p
 
 
 @pytest.mark.slow
-def test_the_disk_with_a_potential_is_refused_at_the_door_with_a_valid_proof() -> None:
+def test_the_disk_with_a_potential_has_a_valid_proof_of_nonexistence() -> None:
     result = solve_document(disk("x^2") | {"associated": "any"}, SolveOptions(time_limit=60))
     answer = result["any_associated"]
     assert (answer["verdict"], answer["certificate"]["along"]) == ("not_variational", 13)
@@ -159,7 +159,7 @@ def test_no_number_of_brackets_refuses_a_motion_that_has_a_lagrangian() -> None:
 
 
 @pytest.mark.parametrize("along", [0, -1, 80, 10**30, 2.0, True, "6", [6], {"j": 6}])
-def test_what_is_no_number_of_brackets_is_refused(along: Any) -> None:
+def test_an_invalid_number_of_brackets_is_rejected(along: Any) -> None:
     assert verdict(SLEIGH, along) == "invalid"
 
 

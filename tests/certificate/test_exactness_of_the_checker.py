@@ -65,7 +65,7 @@ def test_other_documents_are_judged_modulo_two_primes_and_in_balls(document: Doc
     assert 0 in drawn
 
 
-def test_a_seed_makes_the_choices_repeatable_and_none_makes_them_anew(drawn: list[int]) -> None:
+def test_the_choices_repeat_with_a_seed_and_differ_without(drawn: list[int]) -> None:
     found = []
     for seed in (1, 1, 2, None, None):
         drawn.clear()

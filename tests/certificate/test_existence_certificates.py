@@ -176,7 +176,7 @@ def test_the_series_of_a_regular_solution_is_compared(prime: int | None) -> None
         ("prime", 7), ("prime", -1), ("terms", {"0": 1}), ("terms.0.1", "1/0"),
     ],
 )  # fmt: skip
-def test_a_series_that_is_no_regular_solution_is_refused(prime: int | None, path: str, value: Any) -> None:
+def test_a_series_that_is_not_a_regular_solution_is_rejected(prime: int | None, path: str, value: Any) -> None:
     series = changed(oscillator_series(prime), path, value)
     assert check_certificate(existence("oscillator", 2, [1, 2], [1, 1, 1], series=series), seed=1).verdict == "invalid"
 

@@ -25,7 +25,7 @@ def about(equations: dict[str, str], near: dict[str, str], **content: object) ->
 
 @pytest.mark.slow
 @pytest.mark.parametrize("trick", TINY)
-def test_a_term_that_looks_like_zero_is_none(trick: str) -> None:
+def test_a_term_that_looks_like_zero_is_not_zero(trick: str) -> None:
     """Two oscillators with a coupling that has no Lagrangian, times a term that looks like zero."""
     text, near = TINY[trick]
     equations = {"x": f"-x+({text})*y", "y": f"-2*y+({text})*x'*x"}
@@ -36,7 +36,7 @@ def test_a_term_that_looks_like_zero_is_none(trick: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("trick", TINY)
-def test_a_false_lagrangian_times_what_looks_like_zero_is_refused(trick: str) -> None:
+def test_a_false_lagrangian_times_an_apparent_zero_is_rejected(trick: str) -> None:
     text, near = TINY[trick]
     claim = {"claim": "variational", "kind": "lagrangian", "lagrangian": f"({text})*(x'^2+y'^2)/2"}
     found = check_certificate(about({"x": "x^2+y^2", "y": "0"}, near, **claim))
@@ -151,7 +151,7 @@ def test_a_certificate_of_format_1_proves_too_little() -> None:
 
 
 @pytest.mark.nightly
-def test_forgeries_put_together_at_random_are_refused() -> None:
+def test_random_combinations_of_forgeries_are_rejected() -> None:
     """Sums and products of tricks, at points of all sizes."""
     chance, names = random.Random(7), list(TINY)
     # A formula of another branch is zero there, and the claim is true: at most one, in its place.
@@ -182,9 +182,7 @@ ROOTS = [  # a factor, the inequalities, whether it is zero: for roots that are 
 
 
 @pytest.mark.parametrize(("factor", "conditions", "zero"), ROOTS)
-def test_products_of_roots_are_told_from_those_with_another_sign(
-    factor: str, conditions: list[str], zero: bool
-) -> None:
+def test_products_of_roots_differ_from_those_with_another_sign(factor: str, conditions: list[str], zero: bool) -> None:
     near = {"x": "3" if conditions == ["x > 1"] else "0.3"}
     system = {"coordinates": ["x"], "equations": {"x": "0"}}
     claim = {"claim": "variational", "kind": "lagrangian", "lagrangian": f"x'^2 + x*({factor})"}

@@ -34,7 +34,7 @@ UNREADABLE = [
 
 
 @pytest.mark.parametrize("text", UNREADABLE)
-def test_what_is_no_formula_is_refused_with_a_sentence(text: str) -> None:
+def test_an_invalid_formula_is_rejected_with_a_sentence(text: str) -> None:
     document = lagrangian("free", text)
     document["system"]["functions"] = {"B": ["x", "y"]}
     found = check_certificate(document, seed=1)

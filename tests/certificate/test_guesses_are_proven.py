@@ -36,7 +36,7 @@ def test_what_is_guessed_right_makes_a_true_document_valid(difference: str) -> N
 
 
 @pytest.mark.parametrize("difference", ["x^(1/5000) - 1", "2^(1/29) - 1", "cos(1) - 5/4", "exp(1) - 2"])
-def test_what_is_no_relation_is_taken_for_none(difference: str) -> None:
+def test_a_false_relation_is_not_used(difference: str) -> None:
     assert verdict(difference) != "valid"
 
 

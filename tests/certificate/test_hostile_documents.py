@@ -58,7 +58,7 @@ def test_every_truncation_of_a_text_is_invalid() -> None:
         assert check_text(text[:length]).verdict == "invalid"
 
 
-def test_repeated_keys_are_refused_wherever_they_stand() -> None:
+def test_repeated_keys_are_rejected_anywhere() -> None:
     text = json.dumps(lagrangian("oscillator", "x'^2/2 - x^2/2"))
     assert check_text(text, seed=1).verdict == "valid"
     twice = text.replace('"claim": "variational"', '"claim": "variational", "claim": "variational"')
@@ -122,7 +122,7 @@ BAD_SYSTEMS: list[tuple[str, Any]] = [
 
 
 @pytest.mark.parametrize(("key", "value"), BAD_SYSTEMS)
-def test_a_system_that_is_none_is_refused(key: str, value: Any) -> None:
+def test_an_invalid_system_is_rejected(key: str, value: Any) -> None:
     document = lagrangian("oscillator", "x'^2/2 - x^2/2")
     assert check_certificate(changed(document, f"system.{key}", value), seed=1).verdict == "invalid"
 

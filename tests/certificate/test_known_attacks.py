@@ -158,7 +158,7 @@ def test_numbers_of_any_size_leave_the_checker_alive(text: str, place: str) -> N
     ],
     ids=lambda text: text[:30],
 )  # fmt: skip
-def test_text_that_is_no_document_is_invalid(text: str) -> None:
+def test_text_that_is_not_a_document_is_invalid(text: str) -> None:
     assert check_text(text).verdict == "invalid"
 
 

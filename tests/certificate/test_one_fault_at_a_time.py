@@ -51,7 +51,7 @@ def with_function(text: str) -> Document:
         "x'[1](x)",
     ],
 )  # fmt: skip
-def test_a_derivative_that_is_none_is_refused_beside_a_good_lagrangian(text: str) -> None:
+def test_an_invalid_derivative_is_rejected_next_to_a_good_lagrangian(text: str) -> None:
     assert verdict(with_function("B(x', x)")) == "valid"
     assert verdict(with_function(text)) == "invalid"
 
@@ -119,13 +119,13 @@ def test_a_domain_of_a_thousandth_is_found_where_the_certificate_says() -> None:
 # The two questions
 
 
-def test_t_in_a_lagrangian_is_no_constant() -> None:
+def test_t_in_a_lagrangian_is_not_a_constant() -> None:
     """If t were a constant, t x'^2 would be a Lagrangian of x'' = 0."""
     assert "contains t" in reason(lagrangian("free", "t*x'^2"))
     assert "does not hold" in reason(lagrangian("free", "t*x'^2", TIMED))
 
 
-def test_t_in_f_is_no_parameter() -> None:
+def test_t_in_f_is_not_a_parameter() -> None:
     document = existence("painleve-I", 2, [1, 2], [1, 1, 1])
     assert "question has to be" in reason(document)
     assert verdict(on(document, {"x": "6*x^2 + a"}, parameters=["a"])) == "valid"

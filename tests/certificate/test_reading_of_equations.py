@@ -16,7 +16,7 @@ from tests.certificate.test_known_attacks import TIMED, certificate, integral, o
 OSCILLATOR = "x'^2/2+y'^2/2-x^2/2"
 
 
-def test_accelerations_may_stand_in_sums_and_products_beside_anything_else() -> None:
+def test_accelerations_may_be_in_sums_and_products_with_anything_else() -> None:
     right = of_lagrangian("x + x'' + (1+x)^2 - (1+x)*(1+x)", "y/2-y/2 - y''", OSCILLATOR)
     assert check_certificate(right, seed=1).verdict == "valid"
 

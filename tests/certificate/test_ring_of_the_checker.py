@@ -52,7 +52,7 @@ def test_numbers_that_have_the_same_prime_are_not_equal(number: str) -> None:
     assert verdicts(times(f"({number})*exp(x)"), 2) == {"invalid"}
 
 
-def test_a_logarithm_is_no_number() -> None:
+def test_a_logarithm_is_not_a_number() -> None:
     assert verdicts(times("log(x)-1", near={"x": "2"}), 1) == {"invalid"}
     assert verdicts(times("log(x)-log(y)", near={"x": "2", "y": "3"}), 1) == {"invalid"}
 
@@ -73,7 +73,7 @@ def test_what_is_zero_for_most_choices_of_the_roots_is_not_zero(name: str) -> No
     assert verdicts(document, 2) == {"invalid"}
 
 
-def test_a_power_at_the_bound_is_a_product_and_one_beyond_it_is_no_number() -> None:
+def test_a_power_at_the_bound_is_a_product_and_one_beyond_it_is_not_a_number() -> None:
     assert verdicts(of_lagrangian("x^4096-x^2048*x^2048", "0", FLAT), 1) == {"valid"}
     assert verdicts(of_lagrangian("x^4097", "0", FLAT, near={"x": "1/2"}), 1) == {"invalid"}
 

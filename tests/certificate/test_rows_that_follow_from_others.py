@@ -48,7 +48,7 @@ def ranks(ring: Expansion, elimination: Elimination) -> list[int]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
-def test_a_false_foretelling_leaves_out_no_row(name: str) -> None:
+def test_a_false_prediction_omits_no_row(name: str) -> None:
     """The prediction is no row, every row, or any half of the rows."""
     ring = expansion(name)
     expected, rows, chance = ranks(ring, eliminated(ring)), every_row(ring), random.Random(3)
@@ -85,7 +85,7 @@ def test_a_random_solution_solves_every_row_and_not_its_neighbor(name: str) -> N
         assert not ring.solved({**row, free[0]: row.get(free[0], 0) + 1}, solution)
 
 
-def test_a_solution_in_the_low_columns_is_drawn_anew_each_time() -> None:
+def test_a_solution_in_the_low_columns_is_drawn_again_each_time() -> None:
     ring = expansion("free-pair")
     elimination, columns = eliminated(ring), ring.unknowns(0)
     first, second = elimination.solution(columns), elimination.solution(columns)

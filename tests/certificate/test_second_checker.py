@@ -92,7 +92,7 @@ def test_the_second_checker_tells_true_from_false() -> None:
 
 
 @pytest.mark.parametrize("certificate", [None, [], {}, {"format": second_checker.FORMAT}, "x"], ids=repr)
-def test_what_is_no_certificate_is_not_valid(certificate: object) -> None:
+def test_an_object_that_is_not_a_certificate_is_not_valid(certificate: object) -> None:
     assert second_checker.check(certificate)[0] != "valid"
 
 

@@ -18,7 +18,7 @@ FLAT = "x'^2/2 + y'^2/2"
 @pytest.mark.parametrize(
     ("slope", "expected"), [("y'^2", "invalid"), ("0*y'", "invalid"), ("z'", "invalid"), ("t^2", "valid")]
 )
-def test_an_integral_of_a_dependent_velocity_is_no_function_of_the_time(slope: str, expected: str) -> None:
+def test_an_integral_of_a_dependent_velocity_is_not_a_function_of_time(slope: str, expected: str) -> None:
     """With F' = y'^2 along y' = x'^2 there seems to be an L with 2 x'^2 y + F(t); F would depend on the solution."""
     integrals = {"F": {"arguments": ["t"], "derivatives": {"t": slope}}}
     if slope == "y'^2":
@@ -40,7 +40,7 @@ def test_the_series_of_a_kind_solves_the_rows_of_the_kind(among: str) -> None:
         assert check_certificate(with_series(document, terms, "x", "x'"), seed=1).verdict == verdict
 
 
-def test_the_series_of_a_definite_multiplier_stands_at_its_own_point() -> None:
+def test_the_series_of_a_definite_multiplier_is_at_its_own_point() -> None:
     """For x'' = x x': x' dg/dx + x x' dg/dx' + x g = 0 at first order, at x = 3, x' = 2, and not at `near`."""
     near = dict.fromkeys(("t", "x", "x'"), "1")
     definite = existence("oscillator", 2, [1, 2], [1, 1, 1], among="positive_definite", near=near, multiplier=[["1"]])

@@ -39,7 +39,7 @@ def files(tmp_path: Path) -> tuple[Path, Path]:
 
 
 @pytest.mark.slow
-def test_bad_lines_become_error_lines_and_the_rest_goes_on(files: tuple[Path, Path]) -> None:
+def test_bad_lines_become_error_lines_and_the_others_continue(files: tuple[Path, Path]) -> None:
     source, output = files
     lines = [
         json.dumps({"id": "good", **SYSTEM}),
@@ -271,7 +271,7 @@ def test_the_check_of_a_batch_finds_a_forged_line_and_counts_error_lines(files: 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("content", ["{}\n", "[1]\n", "not JSON\n", json.dumps(SYSTEM) + "\n"])
-def test_what_is_no_output_of_a_batch_is_exit_2(files: tuple[Path, Path], content: str) -> None:
+def test_a_file_that_is_not_batch_output_is_exit_2(files: tuple[Path, Path], content: str) -> None:
     _, output = files
     output.write_text(content)
     assert command("check", str(output)).returncode == 2

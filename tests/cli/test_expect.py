@@ -32,7 +32,7 @@ def test_differences_are_printed_and_reported(tmp_path: Path) -> None:
     report = tmp_path / "report.xml"
     right = [{"id": "oscillator", "verdict": YES, "verdict_with_time": YES}, {"id": "none", "verdict": NO}]
     found = run(tmp_path, [*right, {"id": "bad\u0001", "verdict": None}], "--junit", str(report))
-    assert (found.returncode, found.stdout) == (1, ""), "an error line that was not expected as one"
+    assert (found.returncode, found.stdout) == (1, ""), "an unexpected error line"
     suite = ElementTree.parse(report).getroot()
     assert (suite.get("tests"), suite.get("failures"), suite.get("errors")) == ("4", "0", "2")
     assert {case.get("name") for case in suite if case.find("error") is not None} == {"bad?", "line 4"}

@@ -95,7 +95,7 @@ def test_bad_scenes_end_with_two_and_a_sentence(call: Any, tmp_path: Path) -> No
     assert "at least 8" in err
 
 
-def test_a_run_that_is_to_be_doubted_is_told_and_done(call: Any, tmp_path: Path) -> None:
+def test_a_doubtful_run_is_reported_and_completed(call: Any, tmp_path: Path) -> None:
     scene = {"system": {"coordinates": ["x"], "lagrangian": "x'^2/2 - x^2/2"}, "step": 0.5, "time": 20}
     scene |= {"initial": {"positions": {"x": 1}, "velocities": {"x": 0}}, "methods": ["stormer-verlet"]}
     code, out, _ = call("simulate", "-", "--no-figures", "--output", str(tmp_path), given=json.dumps(scene).encode())
@@ -124,7 +124,7 @@ def test_no_method_that_gets_through_is_exit_one(call: Any) -> None:
     assert json.loads(out)["methods"][0]["outcome"] == "unavailable"
 
 
-def test_an_ensemble_of_which_some_get_through_is_exit_zero(call: Any) -> None:
+def test_an_ensemble_with_some_completed_members_is_exit_zero(call: Any) -> None:
     scene = json.dumps({
         "system": {"coordinates": ["x"], "lagrangian": "x'^2/2 + log(m + x)"}, "parameters": {"m": 1}, "step": 0.1,
         "initial": {"positions": {"x": 0}, "velocities": {"x": 1}}, "steps": 5, "methods": ["adaptive"],

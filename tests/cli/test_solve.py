@@ -83,7 +83,7 @@ def test_a_result_in_yaml_is_checked(call: Any, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("content", ["", "{", "[1]", "NaN", '{"a": 1, "a": 1}'])
-def test_check_of_what_is_no_result_is_exit_2(call: Any, tmp_path: Path, content: str) -> None:
+def test_check_of_an_object_that_is_not_a_result_is_exit_2(call: Any, tmp_path: Path, content: str) -> None:
     found = call("check", written(tmp_path, content))
     assert (found.code, found.err.count("\n")) == (2, 1)
 
@@ -194,7 +194,7 @@ def test_options_of_a_document_hold_on_the_command_line_too(call: Any, tmp_path:
     assert "/options/time_limit" in bad.err
 
 
-def test_the_version_is_told(call: Any) -> None:
+def test_the_version_is_printed(call: Any) -> None:
     found = call("--version")
     assert (found.code, found.out) == (0, f"inverse-service {__version__}\n")
 
@@ -213,7 +213,7 @@ def test_a_suspect_name_is_asked_back_on_the_command_line(call: Any) -> None:
     assert "did you mean x*m?" in found.err
 
 
-def test_a_run_of_letters_with_one_reading_is_read_and_said(call: Any) -> None:
+def test_a_run_of_letters_with_one_meaning_is_parsed_and_noted(call: Any) -> None:
     found = call("solve", "mx'' = -kx")
     assert json.loads(found.out)["readings"] == [{"text": "mx", "as": "m*x"}, {"text": "kx", "as": "k*x"}]
     assert "kx as k*x" in found.err

@@ -85,7 +85,7 @@ def test_a_busy_or_absent_service_is_asked_again(ask: Any) -> None:
     )
     begin = time.monotonic()
     assert ask(script, "solve", SYSTEM).verdict == "variational"
-    assert time.monotonic() - begin >= 1.0, "Retry-After was not kept"
+    assert time.monotonic() - begin >= 1.0, "the client ignored Retry-After"
     assert len({request.content for request in script.requests}) == 1
 
 
@@ -111,7 +111,7 @@ def test_a_refusal_is_not_repeated_and_carries_its_problem(ask: Any) -> None:
 
 
 @both
-def test_the_ends_of_a_job_are_told_apart(ask: Any) -> None:
+def test_the_ends_of_a_job_are_distinguished(ask: Any) -> None:
     failed = job("failed", problem={"type": "urn:x", "title": "t", "status": 500, "detail": "three crashes", "new": 1})
     with pytest.raises(JobFailed, match="three crashes"):
         ask(Script([answer(200, failed)]), "wait", "abc")
@@ -126,7 +126,7 @@ def test_the_ends_of_a_job_are_told_apart(ask: Any) -> None:
     ("status", "body", "headers"),
     [(200, "<html>", {}), (200, "[]", {}), (302, "", {"location": "/x"}), (202, "{}", {})],
 )
-def test_what_is_no_answer_of_the_service_is_said_to_be_none(
+def test_a_foreign_response_is_reported_as_unexpected(
     ask: Any, status: int, body: str, headers: dict[str, str]
 ) -> None:
     with pytest.raises(UnexpectedAnswer, match="version"):
@@ -200,7 +200,7 @@ def test_a_batch_is_handed_out_once_through_a_broken_stream(ask: Any) -> None:
 
 
 @both
-def test_a_finished_batch_that_lacks_results_is_no_answer(ask: Any) -> None:
+def test_a_finished_batch_without_results_is_not_an_answer(ask: Any) -> None:
     done = {**BATCH, "status": "successful", "counts": {"successful": 3}}
     empty = httpx.Response(200, content=b"")
     script = Script([answer(202, BATCH), empty, answer(200, done), httpx.Response(200, content=b"")])
@@ -240,7 +240,7 @@ def test_both_clients_have_the_same_methods() -> None:
     assert len(methods(Client)) > 10
 
 
-def test_the_timeout_of_a_call_holds_where_nobody_is_there_too() -> None:
+def test_the_timeout_of_a_call_also_holds_without_a_server() -> None:
     began = time.monotonic()
     with socket.create_server(("127.0.0.1", 0)) as silent:  # accepts connections and never responds
         for address in (f"http://127.0.0.1:{silent.getsockname()[1]}", "http://127.0.0.1:9"):
@@ -249,7 +249,7 @@ def test_the_timeout_of_a_call_holds_where_nobody_is_there_too() -> None:
     assert time.monotonic() - began < 10
 
 
-def test_what_a_method_takes_is_told_by_its_help() -> None:
+def test_the_help_of_a_method_lists_its_arguments() -> None:
     assert str(inspect.signature(Client.wait)).startswith("(self, job: 'Answer | str', *, timeout")
     assert (Client.wait.__doc__ or "").startswith("The result of a job.")
     assert Client.wait.__doc__ == AsyncClient.wait.__doc__

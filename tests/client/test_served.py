@@ -54,10 +54,10 @@ def test_a_job_is_submitted_followed_and_fetched(client: Client) -> None:
     assert result == client.solve(oscillator(3)), "the same question has the same answer"
     assert client.call(f"/v1/jobs/{job.id}").status == "successful"
     assert job.id in listed(client)
-    assert list(client.stream(job))[-1].data["status"] == "successful", "the events of a job that ended are over"
+    assert list(client.stream(job))[-1].data["status"] == "successful", "the events of a finished job end"
 
 
-def test_a_fresh_answer_is_computed_anew(client: Client) -> None:
+def test_a_fresh_answer_is_computed_again(client: Client) -> None:
     first = client.solve(oscillator(4))
     second = client.solve(oscillator(4), fresh=True)
     assert first.verdict == second.verdict

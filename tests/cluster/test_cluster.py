@@ -145,7 +145,7 @@ def test_a_cluster_with_another_program_is_refused(
     with pytest.raises(errors.InputError, match=r"another program: engine .* instead of 9\.9; install the same"):
         stranger.start()
     answer = on_dask.perform("k", Call(tasks.load_engine, (), 1.0), on_dask.Terms(other, MEMORY, "t"))
-    assert isinstance(answer, str), "a worker that joins later must refuse too"
+    assert isinstance(answer, str), "a worker that joins later must reject too"
     assert "engine" in answer
 
 

@@ -80,7 +80,7 @@ def test_sine_and_cosine_are_good_to_two_units() -> None:
     assert np.isnan(values_of([symengine.sin(x)], [{"x": float("inf")}])).all()
 
 
-def test_what_has_no_formula_is_refused() -> None:
+def test_an_expression_without_a_formula_is_rejected() -> None:
     names = Names(("x",), (), {"A": ("x",)})
     with pytest.raises(InputError, match="The function A has"):
         translate(read_formula("A(x)", names), names_of(("x",), ()))
@@ -98,7 +98,7 @@ def test_names_of_the_user_never_reach_the_kernel() -> None:
     }  # fmt: skip
 
 
-def test_closures_have_the_values_of_their_formulas_whatever_the_names() -> None:
+def test_closures_have_the_values_of_their_formulas_for_any_names() -> None:
     """Common subexpressions get names that no formula contains, such as x0 here."""
     names = ["x0", "x1", "x2", "x3", "x4", "x5"]
     a, b, c = map(symbol, names[3:])

@@ -116,7 +116,7 @@ def test_the_image_has_the_versions_of_the_tests_and_all_that_is_needed() -> Non
     for extra in ("", "dask", "postgres"):
         text = (DEPLOY / "image" / f"requirements{extra and '-' + extra}.txt").read_text()
         pinned = dict(pin.findall(text))
-        assert pinned.items() <= tested.items(), "python deploy/image/pin.py writes them anew"
+        assert pinned.items() <= tested.items(), "python deploy/image/pin.py writes them again"
         assert len(re.findall(r"--hash=sha256:[0-9a-f]{64}$|--hash=sha256:[0-9a-f]{64} ", text, re.MULTILINE)) >= len(
             pinned
         )

@@ -70,7 +70,7 @@ def test_a_hamiltonian_says_on_which_branch_it_holds(lagrangian: str, domain: li
         ({"coordinates": ["x"], "lagrangian": "x'^2/2 - piecewise((x, x > 0), (0, true))"}, "piece"),
     ],
 )
-def test_what_has_no_equations_is_refused(document: dict[str, Any], word: str) -> None:
+def test_a_lagrangian_without_equations_is_rejected(document: dict[str, Any], word: str) -> None:
     with pytest.raises(InputError, match=word):
         solve(document)
 

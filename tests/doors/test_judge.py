@@ -38,7 +38,7 @@ def test_jets_are_values_and_derivatives(text: str) -> None:
 
 
 @pytest.mark.parametrize("text", ["sqrt(0 - x)", "log(-x)", "1/(x - x)", "asin(x + 9)", "(-x)^(1/3)"])
-def test_what_is_not_real_is_no_number(text: str) -> None:
+def test_a_formula_that_is_not_real_is_not_a_number(text: str) -> None:
     with pytest.raises(NotReal):
         Point({"x": mpmath.mpf(2)}).value(text)
 

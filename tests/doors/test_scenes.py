@@ -30,7 +30,7 @@ def test_the_service_refuses_the_same(service: str) -> None:
 
 
 @pytest.mark.parametrize("scene", [None, [], "disk", 3, {}])
-def test_what_is_no_scene_is_refused(scene: object) -> None:
+def test_an_object_that_is_not_a_scene_is_rejected(scene: object) -> None:
     with pytest.raises(inverse_service.InputError):
         inverse_service.simulate(scene)  # type: ignore[arg-type]
 

@@ -91,7 +91,7 @@ def test_an_irrational_face_stays_open() -> None:
     [([1, 0, 1], True, True), ([0, 0, 1], True, False), ([0, 1, 1], False, False), ([1, 2, 1], False, False),
      ([1, 1, 1], True, False), ([0, 0, 0], True, False)],
 )  # fmt: skip
-def test_semidefinite_is_told_exactly(entries: list[int], semidefinite: bool, definite: bool) -> None:
+def test_semidefinite_is_recognized_exactly(entries: list[int], semidefinite: bool, definite: bool) -> None:
     matrix = symmetric(entries, 2)
     assert (rank_if_semidefinite(matrix) is not None) is semidefinite
     assert (rank_if_semidefinite(matrix) == len(matrix)) is definite

@@ -76,7 +76,7 @@ def ask(service: str, count: int, seed: int) -> None:
             assert "Traceback" not in err, text
 
 
-def test_a_damaged_text_is_refused_at_every_door(service: str) -> None:
+def test_every_interface_rejects_a_damaged_text(service: str) -> None:
     ask(service, 25, 2)
 
 

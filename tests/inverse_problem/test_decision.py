@@ -122,7 +122,7 @@ def test_a_limit_that_is_reached_is_named(limits: Limits, reason: str) -> None:
     assert reason in found.reason
 
 
-def test_a_deadline_in_the_future_is_no_obstacle() -> None:
+def test_a_deadline_in_the_future_has_no_effect() -> None:
     assert decide(system({"x": "y", "y": "x"}), False, limits=Limits(deadline=now() + 60)).order == 3
 
 

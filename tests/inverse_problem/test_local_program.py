@@ -47,7 +47,7 @@ def told(found: Decision) -> tuple[object, ...]:
     return found.verdict, found.order, found.history, found.degree, found.space, found.reason
 
 
-def test_a_denominator_that_vanishes_everywhere_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_denominator_that_vanishes_everywhere_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     system = system_of({"x": "y/(k-x)", "y": "x"}, ["k"])
     real = settling.constants_at
 
@@ -61,7 +61,7 @@ def test_a_denominator_that_vanishes_everywhere_is_told(monkeypatch: pytest.Monk
 
 
 @pytest.mark.parametrize(("equations_of", "parameters", "with_time"), SYSTEMS)
-def test_a_program_is_written_anew_for_a_higher_order(
+def test_a_program_is_rewritten_for_a_higher_order(
     equations_of: dict[str, str], parameters: list[str], with_time: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Arbitrary functions are expanded only to the order of the program."""

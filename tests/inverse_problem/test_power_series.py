@@ -77,7 +77,7 @@ def test_a_series_without_its_first_terms_is_refused() -> None:
     assert checker.check_certificate(wrong, seed=3).verdict == "invalid"
 
 
-def test_a_series_that_is_prolonged_far_enough_goes_on() -> None:
+def test_a_series_that_is_prolonged_far_enough_continues() -> None:
     """Its terms of low degree satisfy the consequences that rows of higher order have on them."""
     analysis, decision = decided(HENON_HEILES, (), False)
     spare = decision.order - 1 - decision.degree

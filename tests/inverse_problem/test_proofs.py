@@ -99,7 +99,7 @@ def test_coq_accepts_the_proofs_of_the_catalogue(name: str, tmp_path: Path) -> N
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", LETTERED)
-def test_long_factors_are_letters_with_their_meaning(name: str) -> None:
+def test_long_factors_are_symbols_with_their_meaning(name: str) -> None:
     (theorem,) = theorems(solved(catalogue.document(name)))
     assert any(text.count(" + ") + text.count(" - ") >= 4 for text in theorem["meanings"].values())
 

@@ -159,7 +159,7 @@ def test_wrong_calls_are_refused(folder: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("damage", ["empty", "cut", "flipped", "foreign", "swapped"])
-def test_damaged_code_is_compiled_anew(folder: Path, compilations: list[str], damage: str) -> None:
+def test_damaged_code_is_compiled_again(folder: Path, compilations: list[str], damage: str) -> None:
     assert again(is_positive)(1) is True
     assert again(weighted)(2) == 6
     entries = sorted(folder.glob("*.modular"))

@@ -146,7 +146,7 @@ def test_a_trial_tells_what_was_noticed_and_by_which_test(tmp_path: Path) -> Non
     assert found == [*trial, "loop: stopped", *trial, "LShift to RShift: survived"]
 
 
-def test_a_job_that_fails_is_no_answer() -> None:
+def test_a_failed_job_is_not_an_answer() -> None:
     with pytest.raises(RuntimeError, match="ZeroDivisionError"):
         list(answers(iter([("fault", lambda: str(1 / 0), 9.0)]), 1))
 

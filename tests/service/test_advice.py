@@ -152,7 +152,7 @@ def test_work_and_precision_give_the_same_advice() -> None:
     assert found["advice"]["method"] == "stiff"
 
 
-def test_a_strong_damper_beside_a_lagrangian_asks_for_the_stiff_method() -> None:
+def test_a_strong_damper_with_a_lagrangian_needs_the_stiff_method() -> None:
     system = {"coordinates": ["x"], "lagrangian": "x'^2/2 - x^2/2"}
     assert simulate(scene(system, ["stiff"], rayleigh="5000*x'^2/2"))["advice"]["method"] == "stiff"
     assert simulate(scene(system, ["stiff"], rayleigh="x'^2/2"))["advice"]["method"] == "adaptive"

@@ -39,11 +39,11 @@ def test_a_second_use_of_an_id_is_a_fault_that_names_the_first() -> None:
     "text",
     ["{", "[]", "3", '{"id": null}', '{"id": 1.5}', '{"id": true}', '{"id": [1]}', '{"a": NaN}', '{"id": "\\ud800"}'],
 )
-def test_an_unreadable_line_is_a_fault_and_the_rest_goes_on(text: str) -> None:
+def test_an_unreadable_line_is_an_error_and_the_others_continue(text: str) -> None:
     assert lines(text, '{"id": "b"}') == [(1, None, True, None), (2, "b", False, None)]
 
 
-def test_a_line_that_is_too_long_is_a_fault_and_the_rest_goes_on(tmp_path: Path) -> None:
+def test_a_line_that_is_too_long_is_an_error_and_the_others_continue(tmp_path: Path) -> None:
     long = '{"id": "' + "a" * (2 * batch.MAX_LINE_BYTES) + '"}'
     assert lines(long, '{"id": "b"}') == [(1, None, True, None), (2, "b", False, None)]
     path = tmp_path / "in.ndjson"
@@ -88,7 +88,7 @@ def test_what_was_half_written_is_cut_off_and_the_rest_kept(tmp_path: Path, name
 
 
 @pytest.mark.parametrize("name", ["out.ndjson", "out.ndjson.gz"])
-def test_an_answer_to_another_question_makes_place_and_is_kept_beside(tmp_path: Path, name: str) -> None:
+def test_an_answer_to_another_question_is_replaced_and_kept_elsewhere(tmp_path: Path, name: str) -> None:
     path = tmp_path / name
     with batch.open_output(path) as output:
         for line in (answer("a", 1, digest="old"), answer("b", 2)):
@@ -106,7 +106,7 @@ def test_an_answer_to_another_question_makes_place_and_is_kept_beside(tmp_path: 
 
 @pytest.mark.parametrize("content", ["hello\n", "[1]\n", "{}\n", "\x00\n"])
 @pytest.mark.parametrize("name", ["out.ndjson", "out.gz"])
-def test_a_file_that_is_no_output_is_left_as_it_is(tmp_path: Path, content: str, name: str) -> None:
+def test_a_file_that_is_not_output_is_unchanged(tmp_path: Path, content: str, name: str) -> None:
     path = tmp_path / name
     path.write_text(content + "rest")
     with pytest.raises(errors.InputError, match="choose another file"), batch.open_output(path):
@@ -130,7 +130,7 @@ def test_a_damaged_compressed_input_is_one_sentence(tmp_path: Path, damage: str)
         list(batch.read_lines(stream))
 
 
-def test_a_fault_at_the_end_of_a_line_is_told_on_that_line() -> None:
+def test_an_error_at_the_end_of_a_line_is_reported_on_that_line() -> None:
     [line] = batch.read_lines(io.BytesIO(b'{"broken"\n'))
     assert line.fault is not None
     assert "line 1, column 10" in line.fault.detail

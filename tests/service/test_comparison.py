@@ -122,7 +122,7 @@ def test_numbers_beyond_all_measure_are_not_judged(f: str) -> None:
 
 
 @pytest.mark.parametrize("document", [None, 3, {}, {"equations": "x'' ="}, {"lagrangian": 1}, {"equations": {"x": []}}])
-def test_what_is_no_document_is_compared_with_nothing(document: Any) -> None:
+def test_an_invalid_document_is_not_compared(document: Any) -> None:
     assert compared(document, {"x": "0"}) == "invalid"
 
 

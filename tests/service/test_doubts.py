@@ -82,7 +82,7 @@ def test_an_error_is_estimated_where_the_guard_ends_the_run_with_half_the_step(m
 
 
 @pytest.mark.slow
-def test_the_order_of_a_method_is_told() -> None:
+def test_the_order_of_a_method_is_reported() -> None:
     """The order in the positions: 1 if a step is not symmetric or begins with the discrete velocity."""
     orders: list[tuple[Any, int | None]] = [
         ("variational", 2), ({"method": "variational", "alpha": 0}, 1),
@@ -126,14 +126,14 @@ def test_of_a_long_run_it_says_until_when() -> None:
     assert found["estimated_error"] < 1e-3
 
 
-def test_the_energy_of_a_run_is_told_where_it_is_no_constant() -> None:
+def test_the_energy_of_a_run_is_reported_if_it_is_not_constant() -> None:
     (found,) = simulate(orbit(0.9, step=2 * np.pi / 200, methods=["stormer-verlet"], observe=["energy"]))["methods"]
     assert found["outcome"] == "completed"
     assert found["max_energy_error"] > 0.4
     assert "The energy should be constant" in found["doubt"]
 
 
-def test_a_tolerance_that_is_too_large_is_told() -> None:
+def test_a_tolerance_that_is_too_large_is_reported() -> None:
     loose, tight = ({"method": "stiff", "tolerance": size} for size in (1e-2, 1e-9))
     found = simulate(orbit(0.6, step=0.2, methods=[loose, tight]))["methods"]
     assert "tenth of the tolerance" in found[0]["doubt"] or found[0]["outcome"] == "unresolved"
@@ -159,7 +159,7 @@ def test_members_of_an_ensemble_are_compared() -> None:
     assert "Member 0: `adaptive`, stopping at the peaks of the forces, ends" in pushed["doubt"]
 
 
-def test_command_and_page_show_it_beside_the_outcome() -> None:
+def test_command_and_page_show_it_next_to_the_outcome() -> None:
     result = simulate(orbit(0.6, step=0.2, methods=["stormer-verlet", "adaptive"]))
     rough, good = result["methods"]
     assert f"stormer-verlet: {rough['doubt']}" in page(result)

@@ -136,7 +136,7 @@ def test_a_motion_on_fewer_directions_is_another_motion() -> None:
     assert check(other)["verdict"] == "invalid"
 
 
-def test_a_hamiltonian_by_roots_that_are_too_many_is_compared_at_points_and_told() -> None:
+def test_a_hamiltonian_with_too_many_roots_is_compared_at_points_and_noted() -> None:
     """No wrong H passes; the check says that H is not proven, without an effect on L."""
     result = json.loads(solved("quartic"))
     assert result["hamiltonian"]["text"] == QUARTIC

@@ -139,7 +139,7 @@ def keys_of(value: Any) -> set[str]:
 
 
 @pytest.mark.slow
-def test_a_quantity_beside_the_kernel_that_is_left_out_is_nowhere_in_the_answer() -> None:
+def test_an_omitted_quantity_outside_the_kernel_is_not_in_the_answer() -> None:
     """There is no number, column, measured time, or reference solution for it."""
     assert set(IN_THE_ANSWER.values()) <= keys_of(simulate(observing(list(IN_THE_ANSWER))))
     for part in (0, 1):  # each half is omitted while the other is present

@@ -97,7 +97,7 @@ def _slopes(columns: dict[str, list[float]]) -> list[float]:
 
 
 @pytest.mark.parametrize("radius", [slow(0.7), slow(1.3), 3.7])
-def test_an_energy_of_round_off_is_no_measure(radius: float) -> None:
+def test_an_energy_of_round_off_is_not_a_scale(radius: float) -> None:
     """A parabolic orbit has E = v^2/2 - 1/r = 0, and rounding gives -2e-16 at r = 1.3."""
     system = {"coordinates": ["x", "y"], "lagrangian": "(x'^2 + y'^2)/2 + 1/sqrt(x^2 + y^2)"}
     speed = (2 / radius) ** 0.5

@@ -46,7 +46,7 @@ def test_each_of_two_zeros_has_its_direction(direction: int, first: float) -> No
 
 
 @pytest.mark.parametrize(("when", "time"), [("x - 1", np.pi / 2), ("(x - 1/2)^2", np.pi / 6)])
-def test_to_touch_zero_is_no_event_and_is_said(when: str, time: float) -> None:
+def test_touching_zero_is_not_an_event_and_is_reported(when: str, time: float) -> None:
     found = events(when)
     assert found["count"] == 0
     assert float(found["note"].split(" = ")[1].split(" the")[0]) == pytest.approx(time, abs=1e-6)
@@ -72,7 +72,7 @@ def test_a_formula_that_is_round_off_has_no_events() -> None:
     assert "0 within round-off during" in found["note"]
 
 
-def test_a_zero_at_the_start_is_no_event() -> None:
+def test_a_zero_at_the_start_is_not_an_event() -> None:
     assert events("x")["columns"]["t"] == pytest.approx([np.pi, 2 * np.pi, 3 * np.pi])
     assert "note" not in events("x")["events"][0]
 

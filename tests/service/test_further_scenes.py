@@ -44,7 +44,7 @@ def test_friction_acts_in_every_method(force: dict[str, Any]) -> None:
         assert method["max_balance_error"] < 0.02
 
 
-def test_friction_acts_beside_constraints() -> None:
+def test_friction_acts_with_constraints() -> None:
     """A knife edge with friction: the speed decays as exp(-ct), and the angle turns uniformly."""
     system = {"coordinates": ["phi", "x", "y"], "lagrangian": "(x'^2+y'^2+phi'^2)/2",
               "constraints": ["sin(phi)*x' - cos(phi)*y'"], "parameters": ["c"]}  # fmt: skip
@@ -164,7 +164,7 @@ def test_events_need_every_step() -> None:
         simulate(scene(OSCILLATOR, ["adaptive"], record_every=10, events=[{"when": "x"}]))
 
 
-def test_a_scene_begins_at_its_time_and_goes_on_from_a_result() -> None:
+def test_a_scene_starts_at_its_time_and_continues_a_result() -> None:
     driven = {"coordinates": ["x"], "lagrangian": "x'^2/2 - x^2/2 + x*cos(2*t)"}
     methods = [EIGHTH]
     whole = simulate(scene(driven, methods, start_time=3, observe=["error", "trajectory"]))

@@ -107,7 +107,7 @@ def test_the_seconds_of_the_parts_add_up(document: dict[str, Any]) -> None:
     assert sum(result["provenance"]["seconds"].values()) == pytest.approx(taken, rel=0.1, abs=0.01)
 
 
-def test_first_that_a_lagrangian_exists_is_told_and_then_which() -> None:
+def test_existence_of_a_lagrangian_is_reported_before_its_formula() -> None:
     messages, result = told(DAMPED)
     parts = [part for message in messages for part in message["parts"]]
     assert parts.index("existence") < parts.index("lagrangian") < parts.index("hamiltonian")
@@ -124,7 +124,7 @@ def test_of_constraints_the_motion_comes_first_and_the_verdict_on_it_before_its_
     assert parts.index("motion") < parts.index("existence") < parts.index("any_associated")
 
 
-def test_what_the_checker_does_not_confirm_is_not_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_unconfirmed_parts_are_not_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     real = certify.proved
 
     def doubtful(analysis: Any, certificate: Any, *rest: Any) -> Any:
@@ -137,7 +137,7 @@ def test_what_the_checker_does_not_confirm_is_not_told(monkeypatch: pytest.Monke
     assert all(state["lagrangian"] for state in found)
 
 
-def test_it_is_told_in_the_names_of_the_document() -> None:
+def test_parts_use_the_names_of_the_document() -> None:
     first = states(told({"coordinates": ["x"], "equations": {"x": "-x*tau - x'/10"}, "time": "tau"})[0])[0]
     assert first["system"]["equations"] == {"x": "-x*tau - x'/10"}
     assert first["system"]["time"] == "tau"
@@ -150,7 +150,7 @@ def test_a_caller_of_python_hears_of_each_part() -> None:
     assert [part for part, _ in found][:2] == ["conditions", "existence"]
 
 
-def test_of_an_answer_that_was_there_at_once_each_part_is_told_too(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_each_part_of_an_immediate_answer_is_reported_too(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(growing, "AT_ONCE", 60.0)
     found: list[tuple[str, Any]] = []
     result = inverse_service.solve(DAMPED, progress=lambda part, value: found.append((part, value)))
@@ -171,7 +171,7 @@ def test_cut_off_anywhere_the_result_is_what_was_finished(place: int) -> None:
     assert "not decided yet" not in json.dumps(cut)
 
 
-def test_later_stages_keep_what_was_told() -> None:
+def test_later_stages_keep_the_reported_parts() -> None:
     before = described(
         {"parts": ["existence"], "value": {"verdict": "variational"}, "seconds": {}}, {"stage": "decision"}
     )

@@ -50,7 +50,7 @@ def test_the_period_of_a_pendulum_is_an_elliptic_integral(method: Any) -> None:
     assert only(PENDULUM | {"initial": turning, "observe": ["period"]})["period"]["returns"] == 8
 
 
-def test_the_other_end_of_a_swing_is_no_return() -> None:
+def test_the_other_end_of_a_swing_is_not_a_return() -> None:
     """A planar pendulum starts at rest on one side and is at rest on the other side after half a period."""
     system = {"coordinates": ["x", "y"], "lagrangian": "(x'^2 + y'^2)/2 - y", "constraints": ["x*x' + y*y'"]}
     start = {"positions": {"x": 1, "y": 0}, "velocities": {"x": 0, "y": 0}}

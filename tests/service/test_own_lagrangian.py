@@ -108,7 +108,7 @@ def test_what_is_zero_everywhere_is_valid_everywhere(zero: str) -> None:
     assert (found["verdict"], found["statement"]["domain"]) == ("valid", [])
 
 
-def test_a_singular_lagrangian_is_none_even_where_its_equations_hold() -> None:
+def test_a_singular_lagrangian_is_invalid_even_if_its_equations_hold() -> None:
     found = verdict({"equations": "x'' = 0"}, "x*x'")
     assert (found["verdict"], found["equations"]) == ("invalid", None)
     assert "singular" in found["reasons"][0]

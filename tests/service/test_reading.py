@@ -15,7 +15,7 @@ def test_decimal_numbers_of_json_stay_exact() -> None:
     assert read_json('{"a": 0.1}') == {"a": Decimal("0.1")}
 
 
-def test_a_byte_order_mark_is_no_fault() -> None:
+def test_a_byte_order_mark_is_accepted() -> None:
     assert read_json(b"\xef\xbb\xbf[1]") == [1]
 
 
@@ -56,7 +56,7 @@ def test_a_surrogate_pair_written_whole_is_a_character() -> None:
     assert read_json('"\\ud83d\\ude00"') == "\U0001f600"
 
 
-def test_the_place_of_a_surrogate_is_told() -> None:
+def test_the_place_of_a_surrogate_is_reported() -> None:
     with pytest.raises(InputError, match="surrogate") as caught:
         read_json('{"a/b": ["x", "\\ud800"]}')
     assert caught.value.pointer == "/a~1b/1"

@@ -134,7 +134,7 @@ def test_a_force_far_faster_than_the_step_is_doubted(observe: list[str]) -> None
     assert all(method["outcome"] == "unresolved" or method["doubt"] for method in found.values())
 
 
-def test_a_pole_of_an_event_is_no_zero() -> None:
+def test_a_pole_of_an_event_is_not_a_zero() -> None:
     events = [{"when": "1/x"}, {"when": "x"}]
     (method,) = methods(OSCILLATOR | {"steps": 50, "methods": ["adaptive"], "events": events}).values()
     assert [event["count"] for event in method["events"]] == [0, 2]
@@ -151,7 +151,7 @@ def test_a_start_at_which_the_momenta_are_singular_is_named() -> None:
 @pytest.mark.parametrize("final", [{"t": 0, "positions": {"x": "evil"}, "velocities": {"x": 0}},
                                    {"t": 0, "positions": [1], "velocities": [1]},
                                    {"t": float("inf"), "positions": {"x": 1}, "velocities": {"x": 1}}])  # fmt: skip
-def test_a_restart_from_no_point_is_refused(final: dict[str, Any]) -> None:
+def test_a_restart_without_a_point_is_rejected(final: dict[str, Any]) -> None:
     scene = {key: value for key, value in OSCILLATOR.items() if key != "initial"}
     with pytest.raises(InputError):
         simulate(scene | {"steps": 5, "methods": ["adaptive"], "restart": {"methods": [{"final": final}]}})

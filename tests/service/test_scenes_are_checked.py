@@ -38,7 +38,7 @@ def test_constraints_that_cannot_be_meant_are_named(constraints: list[str], sent
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["friction", "Drag", "damping", "dissipation"])
-def test_a_term_of_the_lagrangian_is_no_friction(name: str) -> None:
+def test_a_term_of_the_lagrangian_is_not_friction(name: str) -> None:
     document = scene(PLANE, ["variational"], terms={name: "-x'^2/8"})
     with pytest.raises(InputError, match="dissipates no energy"):
         simulate(document)

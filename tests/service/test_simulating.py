@@ -66,7 +66,7 @@ def test_the_disk_gives_the_known_figures(label: str, table: dict[str, dict[str,
 
 
 @pytest.mark.slow
-def test_drift_phase_and_trajectory_are_told_apart(table: dict[str, dict[str, Any]]) -> None:
+def test_drift_phase_and_trajectory_are_distinguished(table: dict[str, dict[str, Any]]) -> None:
     """A spiral has the right phase, the variational circle does not; at 1/2 the nonholonomic circle is exact."""
     assert table["nonholonomic-0"]["max_phase_error"] == pytest.approx(0.1)
     assert abs(table["variational-0"]["final_phase_error"]) > 0.5
@@ -115,7 +115,7 @@ def kernel(document: dict[str, Any]) -> str:
 
 
 @pytest.mark.slow
-def test_results_are_plain_json_whatever_happens() -> None:
+def test_results_are_always_plain_json() -> None:
     document = scene("disk-table", step=3, steps=50, time=None)
     document["methods"] += ["modified", "exact", "reference", {"method": "variational", "form": "raw"}]
     result = simulate(document)
@@ -128,7 +128,7 @@ def test_results_are_plain_json_whatever_happens() -> None:
 
 
 @pytest.mark.slow
-def test_a_start_on_the_zero_of_a_constraint_is_no_hindrance() -> None:
+def test_a_run_can_start_on_the_zero_of_a_constraint() -> None:
     """sin(phi) = 0 at the start: the momenta are limits of 0/0."""
     document = scene("disk", steps=200, observe=["error", "constraints"])
     document["initial"]["positions"]["phi"] = 0
@@ -183,7 +183,7 @@ def test_series_are_thinned_and_say_how() -> None:
     assert points["columns"]["t"][1] == pytest.approx(0.25)
 
 
-def test_the_last_step_counts_whatever_the_rhythm_of_records() -> None:
+def test_the_last_step_counts_for_any_interval_of_records() -> None:
     document = scene("disk", methods=["nonholonomic", "exact"], observe=["error"], steps=47, record_every=10)
     found = simulate_tables(document)
     assert found["tables"]["nonholonomic-0.5"]["t"][-1] == pytest.approx(47 * 0.05)
@@ -266,7 +266,7 @@ def test_a_kinetic_energy_that_is_degenerate_at_the_start_alone_is_observed() ->
 
 
 @pytest.mark.parametrize("term", ["1/sin(0)", "x'/(k*sin(0))", "log(sin(0))", "x/(1 - cos(0))"])
-def test_a_formula_without_a_value_anywhere_is_told(term: str) -> None:
+def test_a_formula_without_a_value_anywhere_is_reported(term: str) -> None:
     scene = {
         "system": {"coordinates": ["x"], "lagrangian": f"x'^2/2 + {term}", "parameters": {"k": 1}},
         "initial": {"positions": {"x": 1}, "velocities": {"x": 0.5}}, "step": 0.1, "steps": 5,

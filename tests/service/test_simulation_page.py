@@ -62,7 +62,7 @@ def test_the_table_of_the_disk_is_measured() -> None:
                 assert value == pytest.approx(float(cell), rel=0.03)
 
 
-def test_every_name_is_told() -> None:
+def test_every_name_is_documented() -> None:
     for name in (*get_args(MethodName), *get_args(Observed)):
         assert f"`{name}`" in PAGE
     untold = {"name", "step_sizes", "repeats", "system"}

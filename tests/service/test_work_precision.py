@@ -118,7 +118,7 @@ def test_what_failed_is_listed_and_not_drawn(found: dict[str, Any]) -> None:
 
 
 @pytest.mark.slow
-def test_the_machine_and_the_truth_are_told(found: dict[str, Any]) -> None:
+def test_the_machine_and_the_reference_are_reported(found: dict[str, Any]) -> None:
     assert found["truth"]["against"] == "exact"
     assert found["truth"]["uncertainty"] < 1e-13
     assert {"processor", "cores", "python", "numpy"} <= set(found["machine"])
@@ -191,13 +191,13 @@ def test_none_is_the_fastest_where_a_method_might_be_faster_than_its_coarsest_se
     assert ("1e-3: other or variational-0.5" in text) != sure
 
 
-def test_what_is_less_than_is_known_of_the_true_motion_is_no_error() -> None:
+def test_a_difference_below_the_uncertainty_of_the_reference_is_not_an_error() -> None:
     marked = _with_floor([setting(2.0**-k, 10.0**-k) for k in range(8)], 1.0, 2e-5)
     assert [one.at_floor for one in marked] == [False] * 6 + [True] * 2
 
 
 @pytest.mark.slow
-def test_a_motion_that_is_known_for_a_while_only_is_refused_with_the_reason() -> None:
+def test_a_motion_known_only_for_some_time_is_rejected_with_the_reason() -> None:
     """The reason must not be that the results of all methods are not finite."""
     duffing = {"coordinates": ["x"], "equations": ["x'' = x - x^3 - 0.3*x' + 0.5*cos(1.2*t)"]}
     scene = {"system": duffing, "initial": {"positions": {"x": 1}, "velocities": {"x": 0}}, "step": 0.05, "time": 400}

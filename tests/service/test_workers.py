@@ -215,7 +215,7 @@ def test_alone_a_task_answers_is_killed_and_is_bounded() -> None:
     assert run_alone(int, ("x",), 30.0, MEMORY).status == "fault"
 
 
-def test_exit_codes_are_told_apart() -> None:
+def test_exit_codes_are_distinguished() -> None:
     told = {code: outcome_of_exit(code).status for code in (-signal.SIGKILL, -signal.SIGABRT, -signal.SIGXCPU, -11, 1)}
     assert list(told.values()) == ["killed", "memory", "deadline", "crash", "crash"]
     assert outcome_of_exit(None).status == "crash"

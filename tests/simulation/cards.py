@@ -166,7 +166,7 @@ CARDS = PAPER + WRONG + SMALL + SAID
 
 def judge(card: Card, methods: list[dict[str, Any]]) -> None:
     """Assert that the methods of a result end as the card says."""
-    assert not isinstance(card.answer, str), "the scene should have been refused"
+    assert not isinstance(card.answer, str), "the scene should be rejected"
     assert len(methods) == len(card.answer)
     for method, expected in zip(methods, card.answer.values(), strict=True):
         assert method["outcome"] in (expected if isinstance(expected, tuple) else (expected,)), method["label"]

@@ -48,7 +48,7 @@ def test_the_knife_edge_crosses_both_zeros_of_its_constraint() -> None:
 
 
 @pytest.mark.parametrize("steps", [1, 7, 400])
-def test_the_particle_passes_zero_whatever_the_times(steps: int) -> None:
+def test_the_particle_passes_zero_at_any_times(steps: int) -> None:
     found = motion("x y z", "(x'^2 + y'^2 + z'^2)/2", ["z' + x*y'"])
     times = np.linspace(50 / steps, 50, steps)
     root = np.sqrt(2.0)

@@ -57,7 +57,7 @@ def test_the_drift_of_a_steady_circle_is_nothing() -> None:
     assert drift.last.radius == pytest.approx(drift.first.radius, rel=1e-11)
 
 
-def test_a_moving_center_and_a_growing_radius_are_told_apart() -> None:
+def test_a_moving_center_and_a_growing_radius_are_distinguished() -> None:
     angles = 0.05 * np.arange(2001)
     growing = circles.circle_drift(arc((0, 0), 1, angles) * (1 + 0.001 * angles)[:, None])
     moving = circles.circle_drift(arc((0, 0), 1, angles) + np.column_stack([0.001 * angles, 0 * angles]))

@@ -97,7 +97,7 @@ def test_a_driven_constrained_system_keeps_constraint_and_order(method: dict[str
         assert fine["max_constraint"] < 1e-14
 
 
-def test_an_energy_that_is_no_constant_has_no_error() -> None:
+def test_an_energy_that_is_not_constant_has_no_error() -> None:
     scene = FORCED | {"step": 0.1, "steps": 50, "observe": ["energy"], "methods": ["variational", "reference"]}
     for method in simulate(scene)["methods"]:
         assert method["max_energy_error"] is None
@@ -131,7 +131,7 @@ FORCES = ["log(t)", "1/t", "sqrt(t - 1)"]
 
 
 @pytest.mark.parametrize("force", FORCES)
-def test_a_force_without_a_value_at_the_start_is_no_completed_run(force: str) -> None:
+def test_a_force_undefined_at_the_start_does_not_complete(force: str) -> None:
     """The midpoint and the collocation points would skip it unnoticed."""
     system = {"coordinates": ["x"], "lagrangian": f"x'^2/2 + x*{force}"}
     methods = ["variational", {"method": "variational", "form": "raw"}, "nonholonomic", "runge-kutta", "reference"]

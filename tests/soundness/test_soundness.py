@@ -34,14 +34,14 @@ def test_no_verdict_is_wrong(kind: str) -> None:
     assert kind != "corrupted" or sum(outcome.corrupted["invalid"] for outcome in outcomes) > 60
 
 
-def test_a_wrong_verdict_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_wrong_verdict_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     refused = decide(read_system(["x", "y"], {"x": "x*y", "y": "0"}), True)
     assert refused.verdict == "not_variational"
     monkeypatch.setattr(cases, "decide", lambda *_, **__: refused)
     assert "has a Lagrangian" in run_case("generated", 5, 8).wrong[0]
 
 
-def test_other_dimensions_are_told_though_the_verdict_is_right(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_other_dimensions_are_reported_although_the_verdict_is_right(monkeypatch: pytest.MonkeyPatch) -> None:
     answers = iter(range(9))
     right = cases.decide
 
@@ -60,7 +60,7 @@ def test_a_fault_of_ours_counts_as_wrong(monkeypatch: pytest.MonkeyPatch) -> Non
     assert run_case("random", 5, 0).wrong == ["ZeroDivisionError: nothing"]
 
 
-def test_a_spoilt_certificate_that_is_right_after_all_is_told() -> None:
+def test_a_corrupted_certificate_that_is_true_is_reported() -> None:
     """The corrupted kind can fail: a true certificate is reported as valid."""
     true = {
         "format": "inverse-service/certificate/2", "question": "autonomous", "claim": "variational",
@@ -90,7 +90,7 @@ SMALL = ("--random", "3", "--generated", "2", "--rewritten", "1", "--corrupted",
 
 
 @pytest.mark.slow
-def test_a_campaign_goes_on_where_it_was_and_writes_its_page(tmp_path: Path) -> None:
+def test_a_campaign_resumes_and_writes_its_page(tmp_path: Path) -> None:
     arguments = [*SMALL, "--processes", "1", "--output", str(tmp_path), "--seed", "4"]
     assert main(arguments) == 0
     path, page = tmp_path / "cases-4.ndjson", (tmp_path / "soundness.md").read_text()
@@ -108,7 +108,7 @@ def test_a_campaign_goes_on_where_it_was_and_writes_its_page(tmp_path: Path) -> 
     assert "| random | 3 | 0 | 6 | 0 | 6 | 0 | 0 | 0 |" in page
 
 
-def test_a_wrong_verdict_makes_exit_code_one_and_stands_on_the_page(
+def test_a_wrong_verdict_gives_exit_code_one_and_is_on_the_page(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(campaign, "run_case", lambda kind, _, index: Outcome(kind, index, n=1, wrong=["sentence"]))

@@ -57,7 +57,7 @@ def test_an_operator_drains_resumes_cancels_and_erases_while_the_service_runs(
     until(lambda: client.get("/readyz").status_code == 503)
     assert "operator" in client.get("/readyz").json()["detail"]
     waits = client.post("/v1/solve", json=EASY, headers=ALICE | ASYNC).json()
-    assert client.get(place, headers=ALICE).json()["status"] == "running", "what runs goes on"
+    assert client.get(place, headers=ALICE).json()["status"] == "running", "running work continues"
     alice, bob = admin("clients")
     assert (alice["client"], alice["waiting"], alice["running"]) == ("alice", 1, 1)
     assert (bob["client"], bob["stored"], bob["runs"]) == ("bob", 1, 1)

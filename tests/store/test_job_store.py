@@ -77,10 +77,10 @@ def test_the_life_of_a_job(store: JobStore) -> None:
 
 
 @pytest.mark.slow
-def test_the_same_question_is_answered_from_the_store_until_it_is_asked_anew(store: JobStore) -> None:
+def test_the_same_question_is_answered_from_the_store_until_it_is_renewed(store: JobStore) -> None:
     run(store, "a", b"1")
     (job,) = store.submit([request("a")])
-    assert (job.status, job.body) == ("successful", None), "an answer may be large, and is read by itself"
+    assert (job.status, job.body) == ("successful", None), "a large answer is read separately"
     (job,) = store.submit([request("a", fresh=True)])
     assert (job.status, job.body) == ("accepted", None)
     (job,) = store.submit([request("a", fresh=True)])
@@ -130,7 +130,7 @@ def test_claims_go_by_turns_of_the_clients_then_by_priority_then_by_age(store: J
     store.submit([request(f"x{k}", client="x") for k in range(4)])
     store.submit([request(f"y{k}", client="y") for k in range(2)])
     assert ids(store.claim("o", 4)) == ["x0", "y0", "x1", "y1"]
-    assert ids(store.claim("o", 9)) == ["x2", "bulk", "x3"], "of one client bulk goes last, of two each has its turn"
+    assert ids(store.claim("o", 9)) == ["x2", "bulk", "x3"], "bulk jobs of one client run last; two clients alternate"
 
 
 def test_a_client_never_has_more_running_than_the_bound(store: JobStore) -> None:
@@ -151,7 +151,7 @@ def test_work_stops_when_its_last_asker_has_left(store: JobStore) -> None:
     assert seen == ["accepted", "dismissed", "accepted"]
     (again,) = store.submit([request("a", client="bob")])
     assert again.status == "accepted"
-    assert not store.dismiss("a", "carol")[1], "somebody who never asked stopped it"
+    assert not store.dismiss("a", "carol")[1], "a client who did not submit the job stopped it"
     assert not store.dismiss("a", "alice")[1]
     job, is_over = store.dismiss("a", "bob")
     assert job is not None
@@ -169,7 +169,7 @@ def test_a_batch_and_a_single_question_do_not_cancel_each_other(store: JobStore)
     store.finish("a", job.attempt, b"1", USAGE)
     assert [answer.body for answer in store.batch_answers("C")] == [b"1"]
     found = present(store.batch("B"))
-    assert found.counts == {"dismissed": 1}, "an answer that came later is not that of a cancelled line"
+    assert found.counts == {"dismissed": 1}, "a late answer must not belong to a canceled line"
 
 
 def test_cancelling_a_job_cancels_the_lines_of_ones_own_batches(store: JobStore) -> None:
@@ -214,7 +214,7 @@ def test_what_ran_when_the_service_died_is_accepted_again(stores: Stores) -> Non
     assert sorted(ids(store.claim("o", 5))) == ["a", "b"]
 
 
-def test_a_heartbeat_tells_what_is_no_longer_ours(store: JobStore) -> None:
+def test_a_heartbeat_returns_the_lost_jobs(store: JobStore) -> None:
     store.submit([request(id) for id in "abc"])
     claimed = {job.id: job.attempt for job in store.claim("o", 3)}
     store.dismiss("b")
@@ -236,7 +236,7 @@ def test_bounds_hold_and_nothing_is_stored_beyond_them(store: JobStore) -> None:
     assert store.batch("B") is None
 
 
-def test_a_batch_that_would_never_have_room_is_to_be_sent_in_parts(store: JobStore) -> None:
+def test_a_batch_beyond_the_capacity_must_be_sent_in_parts(store: JobStore) -> None:
     """Waiting and retrying would not help."""
     lines = [BatchLine(k, str(k), request(str(k))) for k in range(3)]
     for bounds in (Bounds(2, 9), Bounds(9, 2)):

@@ -33,7 +33,7 @@ def test_others_write_while_a_batch_is_stored_and_while_it_is_dismissed(store: J
     assert present(store.batch("batch")).counts == {"accepted": 4_000}
     began = time.thread_time()
     assert len(store.claim("o", 1)) == 1
-    assert time.thread_time() - began < 0.05, "whatever waits besides"
+    assert time.thread_time() - began < 0.05, "regardless of other waiting jobs"
     dismissed: list[str] = []
     assert writes_beside(store, lambda: dismissed.extend(store.dismiss_batch("batch"))) > 5
     assert len(dismissed) == 4_000
@@ -41,7 +41,7 @@ def test_others_write_while_a_batch_is_stored_and_while_it_is_dismissed(store: J
     assert [answer.order for answer in store.batch_answers("batch", limit=5_000)] == list(range(1, 4_001))
 
 
-def test_of_a_batch_that_finds_no_room_half_way_nothing_stays(store: JobStore, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_nothing_stays_of_a_batch_that_runs_out_of_room(store: JobStore, monkeypatch: pytest.MonkeyPatch) -> None:
     store.submit([JobRequest(f"bob {k}", "solve", "{}", client="bob") for k in range(100)])
     # Others were faster: a job that was free at the first look is taken.
     monkeypatch.setattr("inverse_service.service.jobs.statements.refuse_without_room", lambda *_: None)
@@ -51,7 +51,7 @@ def test_of_a_batch_that_finds_no_room_half_way_nothing_stays(store: JobStore, m
     assert store.counts() == {"accepted": 100, "dismissed": 800}
 
 
-def test_a_batch_that_was_cut_off_is_unseen_and_goes_on_where_it_is_sent_again(
+def test_an_interrupted_batch_is_hidden_and_resumes_when_sent_again(
     store: JobStore, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     add, calls = JobStore.add_lines, list[int]()

@@ -47,7 +47,7 @@ def old(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Callable[[],
 
 
 @pytest.mark.slow
-def test_everything_of_0_1_0_is_there_and_goes_on(old: Callable[[], JobStore]) -> None:
+def test_everything_of_0_1_0_is_kept_and_continues(old: Callable[[], JobStore]) -> None:
     store = old()
     assert dict(store.counts()) == {"successful": 1, "failed": 1, "dismissed": 2, "running": 1, "accepted": 2}
     answered = present(store.job("answered"))

@@ -84,7 +84,7 @@ def test_clients_are_listed_with_what_they_have_and_used_today(store: JobStore) 
     assert (bob.client, bob.rank, bob.stored) == ("bob", -1, 0)
 
 
-def test_who_used_the_processor_time_of_the_day_is_refused_new_work_alone(store: JobStore) -> None:
+def test_a_client_without_daily_time_is_refused_only_new_work(store: JobStore) -> None:
     bounds = Bounds(daily=10.0)
     store.submit([request("a", client="alice")], bounds)
     (job,) = store.claim("o", 1)
@@ -98,10 +98,10 @@ def test_who_used_the_processor_time_of_the_day_is_refused_new_work_alone(store:
         store.create_batch("c", "solve", "alice", [BatchLine(1, "1", request("b", client="alice"))], bounds)
     assert store.job("b") is None
     store.submit([request("b", client="bob")], bounds)
-    assert ids(store.submit([request("b", client="alice")], bounds)) == ["b"], "what is there already costs nothing"
+    assert ids(store.submit([request("b", client="alice")], bounds)) == ["b"], "stored answers cost nothing"
 
 
-def test_all_work_of_a_client_is_cancelled_and_that_of_others_goes_on(store: JobStore) -> None:
+def test_all_work_of_a_client_is_canceled_and_that_of_others_continues(store: JobStore) -> None:
     batch(store, "of alice", "alice", "line shared")
     batch(store, "of bob", "bob", "shared")
     store.submit([request("single", client="alice")])

@@ -170,7 +170,7 @@ def test_fortran_has_short_lines_and_pi_is_a_number_in_it() -> None:
     assert max(map(len, text.splitlines())) <= 132
     assert "parameter" not in text
     assert "3.14159" in text
-    assert "4.2391158275216204d+28" in text, "an integer of more than 32 bits is none of Fortran"
+    assert "4.2391158275216204d+28" in text, "Fortran has no integers of more than 32 bits"
 
 
 @pytest.mark.slow
@@ -184,7 +184,7 @@ def test_an_integral_without_a_formula_leaves_its_quantity_out_and_says_so(langu
     assert found.to_code("sympy").count("F(x(t))") > 0
 
 
-def test_what_has_no_code_is_refused() -> None:
+def test_an_expression_without_code_is_rejected() -> None:
     x, V = sp.Function("x")(t), sp.Function("V")
     with pytest.raises(InputError, match="arbitrary functions"):
         solve({x: -V(x)}).to_code("c")

@@ -115,7 +115,7 @@ def count(number: int, seed: int) -> tuple[Counter[tuple[str, str]], list[str]]:
 
 
 @pytest.mark.slow
-def test_what_others_print_is_read_as_it_was_meant_or_refused() -> None:
+def test_printed_formulas_are_parsed_as_meant_or_rejected() -> None:
     seen, wrong = count(80, 1)
     assert wrong == []
     for style in STYLES:

@@ -221,7 +221,7 @@ REFUSED = [
 
 
 @pytest.mark.parametrize(("system", "fragment"), REFUSED)
-def test_what_would_have_to_be_guessed_is_refused(system: object, fragment: str) -> None:
+def test_ambiguous_input_is_rejected(system: object, fragment: str) -> None:
     with pytest.raises(InputError) as caught:
         solve(system)
     assert fragment in caught.value.detail
@@ -322,7 +322,7 @@ def test_nothing_sets_the_ground_types_of_the_user() -> None:
     assert os.environ.get("SYMPY_GROUND_TYPES") == before
 
 
-def test_the_second_derivative_of_a_function_is_no_acceleration() -> None:
+def test_the_second_derivative_of_a_function_is_not_an_acceleration() -> None:
     result = inverse_service.solve({"equations": "x'' = -V''(x)", "functions": ["V(x)"]})
     assert list(result.equations.values()) == list(result.accelerations)
     assert result.verify().holds
@@ -333,7 +333,7 @@ def test_helmholtz_is_a_function_after_its_first_call() -> None:
     assert first == second
 
 
-def test_keys_beside_a_text_are_asked() -> None:
+def test_keys_next_to_a_text_are_used() -> None:
     assert solve("y'' = -x*y", time="x").lagrangian == inverse_service.solve("y'' = -x*y", time="x").lagrangian
     assert document(["x'' = -x"], special_cases=True) == {"equations": ["x'' = -x"], "special_cases": True}
     assert solve(["x'' = -k*x"], parameters=["k"]).is_variational is True
@@ -345,7 +345,7 @@ def test_keys_beside_a_text_are_asked() -> None:
 @pytest.mark.parametrize(
     ("coordinates", "reason"), [(["x"], "not a SymPy object"), ([y], "has no acceleration"), (y, "has no acceleration")]
 )
-def test_coordinates_that_are_none_are_refused(coordinates: list[object], reason: str) -> None:
+def test_invalid_coordinates_are_rejected(coordinates: list[object], reason: str) -> None:
     with pytest.raises(InputError, match=reason):
         solve({x: -x}, coordinates)
 
@@ -359,7 +359,7 @@ def test_helmholtz_takes_what_solve_takes() -> None:
 
 
 @pytest.mark.slow
-def test_many_systems_hold_what_is_refused_in_its_place() -> None:
+def test_many_systems_keep_errors_in_their_places() -> None:
     first, second, third = solve_many(
         ["sho", {x: -sp.Float(0.5) * x}, {"equations": "x'' = -k*x", "parameters": ["k"]}]
     )

@@ -52,7 +52,7 @@ def test_the_table_of_a_batch_says_where_a_lagrangian_is_one(client: httpx.Clien
     assert "where x &gt; 0; 1 more case" in client.get(page).text
 
 
-def test_bad_lines_are_problem_objects_and_the_rest_goes_on(client: httpx.Client) -> None:
+def test_bad_lines_are_problem_objects_and_the_others_continue(client: httpx.Client) -> None:
     lines = [
         '{"id": 7, "coordinates"',
         "[]",
@@ -101,7 +101,7 @@ def test_a_json_array_is_a_batch_and_its_places_are_ids(client: httpx.Client) ->
         (b"{}\n" * 10_001, "application/x-ndjson", 413),
     ],
 )  # fmt: skip
-def test_what_is_no_batch_is_refused(client: httpx.Client, content: bytes, kind: str, status: int) -> None:
+def test_a_body_that_is_not_a_batch_is_rejected(client: httpx.Client, content: bytes, kind: str, status: int) -> None:
     response = client.post("/v1/batches", content=content, headers={"Content-Type": kind})
     assert (response.status_code, response.headers["content-type"]) == (status, "application/problem+json")
 

@@ -58,7 +58,7 @@ def test_a_failed_task_is_a_problem_and_its_details_go_to_the_log(
     assert "secret" in caplog.text
 
 
-def test_without_a_worker_process_a_request_is_told_to_come_back(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_a_worker_process_a_request_gets_retry_after(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(NoWorker) as raised:
         value_of(Outcome("unstarted"))
     response = answer_of(monkeypatch, raised.value)
@@ -66,7 +66,7 @@ def test_without_a_worker_process_a_request_is_told_to_come_back(monkeypatch: py
     assert int(response.headers["retry-after"]) > 0
 
 
-def test_one_request_too_many_is_told_to_come_back() -> None:
+def test_one_request_too_many_gets_retry_after() -> None:
     engine = Engine(Settings(waiting=4))
     with engine.places.hold("a", 1), engine.places.hold("a", 1):
         with pytest.raises(Refusal) as refused, engine.places.hold("a", 1):
@@ -81,7 +81,7 @@ def test_one_request_too_many_is_told_to_come_back() -> None:
 
 
 @pytest.mark.parametrize(("cpu", "status"), [(0.9, 422), (0.2, 503)])
-def test_only_a_document_that_had_its_time_is_told_to_be_smaller(cpu: float, status: int) -> None:
+def test_only_a_document_that_used_its_time_is_too_large(cpu: float, status: int) -> None:
     class Late(Engine):
         async def run_quick(self, *_: Any, **__: Any) -> Outcome:
             return Outcome("deadline", spent=Usage(1.0, cpu))

@@ -65,7 +65,7 @@ def test_past_the_wait_a_call_gets_202_and_before_it_its_result(client: httpx.Cl
     assert client.post("/v1/solve", json=easy(), headers={"Prefer": "wait=20"}).status_code == 200
 
 
-def test_the_same_question_is_answered_from_the_store_and_no_cache_asks_anew(client: httpx.Client) -> None:
+def test_the_same_question_is_answered_from_the_store_and_no_cache_computes_again(client: httpx.Client) -> None:
     document = easy()
     first, second = client.post("/v1/solve", json=document), client.post("/v1/solve", json=document)
     assert first.content == second.content
@@ -120,7 +120,7 @@ def test_a_refused_document_is_refused_again_from_the_store(client: httpx.Client
     assert client.post("/v1/solve", json=document, headers=ASYNC).status_code == 422
 
 
-def test_a_formula_that_cannot_be_read_is_told_at_once_also_without_waiting(client: httpx.Client) -> None:
+def test_an_invalid_formula_is_reported_at_once_even_without_waiting(client: httpx.Client) -> None:
     document = easy() | {"equations": {"x": "sin("}}
     assert client.post("/v1/solve", json=document, headers=ASYNC).status_code == 422
 

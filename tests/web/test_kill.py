@@ -210,7 +210,7 @@ def began(service: Service) -> tuple[str, Any]:
 
 
 @pytest.mark.slow
-def test_parts_outlive_the_worker_and_the_service_and_the_job_goes_on(service: Service) -> None:
+def test_parts_outlive_the_worker_and_the_service_and_the_job_continues(service: Service) -> None:
     place, motion = began(service)
     kill_those_of(service)
     assert motion_of(service.client.get(place).json()) == motion

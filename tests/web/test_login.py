@@ -74,7 +74,7 @@ def test_another_key_is_refused_and_sets_no_cookie(key: str) -> None:
 
 
 @pytest.mark.parametrize("value", ["", "x", "%%%", "=" * 9, "A" * 9000])
-def test_a_made_up_cookie_is_no_key(value: str) -> None:
+def test_an_invented_cookie_is_not_a_key(value: str) -> None:
     [answer] = ask(get("/v1/catalogue", cookie=f"{COOKIE}={value}"))
     assert answer.status_code == 401
 
@@ -115,7 +115,7 @@ def test_the_cookie_does_not_count_where_another_site_sends_a_body(site: str) ->
     assert from_our_page.status_code == 200
 
 
-def test_a_script_of_the_page_is_told_instead_of_led_away() -> None:
+def test_a_script_of_the_page_gets_an_error_instead_of_a_redirect() -> None:
     [answer] = ask(("POST", "/understood?fragment=1", {"headers": {"sec-fetch-mode": "cors"}}))
     assert answer.status_code == 401
 

@@ -139,7 +139,7 @@ POST = b"POST /v1/parse HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Type: application
         POST + b"Transfer-Encoding: chunked\r\n\r\nzz\r\nabc\r\n0\r\n\r\n",
     ],
 )
-def test_what_is_no_http_gets_a_problem_document(service: str, sent: bytes) -> None:
+def test_input_that_is_not_http_gets_a_problem_document(service: str, sent: bytes) -> None:
     with socket.create_connection(("127.0.0.1", int(service.rpartition(":")[2])), timeout=30) as connection:
         connection.sendall(sent)
         answer = b"".join(iter(lambda: connection.recv(65_536), b""))
@@ -212,7 +212,7 @@ def test_every_request_has_an_id_in_its_answer_and_in_the_access_log(client: htt
     assert [r["client"] for r in records if r["what"] == "request" and r["level"] == "warning"][-1] == "127.0.0.1"
 
 
-def test_a_page_that_is_left_while_it_is_answered_is_no_fault(client: httpx.Client, guarded: Guarded) -> None:
+def test_leaving_a_page_during_its_response_is_not_an_error(client: httpx.Client, guarded: Guarded) -> None:
     headers = ALICE | {"X-Request-Id": "left", "Sec-Fetch-Site": "same-origin"}
     with pytest.raises(httpx.ReadTimeout):
         client.post("/answer", data={"kind": "equations", "equations": json.dumps(HARD)}, headers=headers, timeout=0.3)

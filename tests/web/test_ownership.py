@@ -154,7 +154,7 @@ def test_the_same_question_of_another_client_tells_nothing_and_changes_nothing(c
 
 
 @pytest.mark.slow
-def test_an_answer_in_memory_is_given_to_who_asked_for_it_alone(client: httpx.Client) -> None:
+def test_an_answer_in_memory_is_given_only_to_its_client(client: httpx.Client) -> None:
     places = [client.post("/v1/solve", json=EASY, headers=WAIT | ALICE).headers["location"] for _ in range(3)]
     assert len(set(places)) == 1
     assert client.post("/v1/solve", json=EASY, headers=WAIT | BOB).headers["location"] != places[0]

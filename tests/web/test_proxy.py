@@ -102,12 +102,12 @@ def test_a_question_is_answered_through_the_proxy(proxied: Proxied) -> None:
 
 
 @pytest.mark.slow
-def test_the_service_knows_who_asks_and_nobody_is_somebody_else(proxied: Proxied) -> None:
+def test_the_service_identifies_clients_and_none_can_impersonate_another(proxied: Proxied) -> None:
     with proxied.client("127.0.0.7") as client:
         sent = {"X-Forwarded-For": "8.8.8.8", "X-Request-Id": "made-up"}
         answer = client.get("/v1/limits", headers=sent)
     id = answer.headers["x-request-id"]
-    assert id == "made-up", "the caller's own, by which it finds the lines of the log"
+    assert id == "made-up", "the client's own id, which is in the log lines"
     end, found = time.monotonic() + 30, list[str]()
     while not found and time.monotonic() < end:  # the line is written after the response
         lines = [json.loads(line) for line in proxied.service.log.read_text().splitlines()]
@@ -117,7 +117,7 @@ def test_the_service_knows_who_asks_and_nobody_is_somebody_else(proxied: Proxied
 
 
 @pytest.mark.slow
-def test_what_is_too_large_or_too_much_is_refused_by_the_proxy(proxied: Proxied) -> None:
+def test_the_proxy_rejects_large_bodies_and_many_requests(proxied: Proxied) -> None:
     with proxied.client("127.0.0.8") as client:
         assert client.get("/metrics").status_code == 403
         large = client.post(
@@ -149,7 +149,7 @@ def test_plain_http_and_old_or_broken_tls_are_refused(proxied: Proxied) -> None:
 
 
 @pytest.mark.nightly
-def test_handshakes_that_do_not_end_are_not_waited_for_and_hold_up_nobody(proxied: Proxied) -> None:
+def test_endless_handshakes_are_cut_and_delay_no_other_client(proxied: Proxied) -> None:
     began, seconds = time.monotonic(), []
     hello = b"\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03"
     waiting = [socket.create_connection(("127.0.0.1", proxied.port)) for _ in range(200)]
@@ -169,7 +169,7 @@ def test_handshakes_that_do_not_end_are_not_waited_for_and_hold_up_nobody(proxie
     assert not waiting
     assert time.monotonic() - began < 25
     assert max(seconds) < 2
-    assert not is_open(dripping), "a handshake of a byte at a time goes on"
+    assert not is_open(dripping), "a handshake of one byte at a time continues"
 
 
 @pytest.mark.nightly

@@ -44,7 +44,7 @@ def test_a_body_over_the_limit_is_413_declared_or_not(client: httpx.Client) -> N
     problem(client.post("/v1/solve", content=chunks, headers=JSON), 413)
 
 
-def test_the_column_of_a_formula_is_told(client: httpx.Client) -> None:
+def test_the_column_of_a_formula_is_reported(client: httpx.Client) -> None:
     document = {"coordinates": ["x"], "equations": {"x": "-x + omega"}}
     found = problem(client.post("/v1/parse", json=document), 422)
     place = {"pointer": "/equations/x", "column": 6, "detail": found["detail"], "instead": []}
@@ -52,7 +52,7 @@ def test_the_column_of_a_formula_is_told(client: httpx.Client) -> None:
     assert found["errors"] == [{**place, "declare": "parameters"}]
 
 
-def test_every_fault_of_the_shape_is_told_at_once(client: httpx.Client) -> None:
+def test_every_error_of_the_shape_is_reported_at_once(client: httpx.Client) -> None:
     found = problem(client.post("/v1/solve", json={"coordinates": 1, "color": 2}), 422)
     assert {place["pointer"] for place in found["errors"]} == {"/coordinates", "/equations"}
 
@@ -68,7 +68,7 @@ def test_another_content_type_is_415(client: httpx.Client, kind: str) -> None:
     problem(client.post("/v1/solve", content=json.dumps(OSCILLATOR), headers={"Content-Type": kind}), 415)
 
 
-def test_a_slash_too_many_leads_back_whatever_the_host_is_called(client: httpx.Client) -> None:
+def test_an_extra_slash_redirects_for_any_host_name(client: httpx.Client) -> None:
     answer = client.get("/v1/jobs/?limit=1")
     assert (answer.status_code, answer.headers["location"]) == (307, "/v1/jobs?limit=1")
 
@@ -131,7 +131,7 @@ def test_an_oscillator_is_solved_and_its_result_checks(client: httpx.Client) -> 
     assert client.post("/v1/check", json=spoilt).json()["verdict"] == "invalid"
 
 
-def test_what_is_no_result_is_told_so(client: httpx.Client) -> None:
+def test_an_object_that_is_not_a_result_is_reported(client: httpx.Client) -> None:
     problem(client.post("/v1/check", json=[]), 422)
     problem(client.post("/v1/check", content=b"{", headers=JSON), 400)
     assert client.post("/v1/check", json={}).json()["verdict"] != "valid"
@@ -177,7 +177,7 @@ def test_head_is_get_without_the_body(client: httpx.Client, path: str) -> None:
     assert client.get("/livez").json() == {"status": "alive"}
 
 
-def test_head_of_what_is_not_there_or_streams_is_refused(client: httpx.Client) -> None:
+def test_head_of_a_missing_page_or_a_stream_is_rejected(client: httpx.Client) -> None:
     assert client.head("/v1/jobs/none").status_code == 404
     assert client.head("/v1/jobs/none/events").status_code == 405
     assert client.head("/v1/solve").status_code == 405
@@ -252,7 +252,7 @@ def test_a_form_of_another_site_is_refused(client: httpx.Client) -> None:
     problem(client.post("/", data={"equations": "x'' = -x"}, headers=headers), 403)
 
 
-def test_an_upload_that_is_no_form_is_refused(client: httpx.Client) -> None:
+def test_an_upload_that_is_not_a_form_is_rejected(client: httpx.Client) -> None:
     for content_type in ("multipart/form-data", "multipart/form-data; boundary=x"):
         for body in (b"", b"--x", b"--x\r\n\r\n--x--", b"\xff" * 100, b"--x\r\nno name\r\n\r\nv\r\n--x--\r\n"):
             problem(client.post("/", content=body, headers={"Content-Type": content_type}), 400)
@@ -277,7 +277,7 @@ def test_a_lagrangian_alone_has_a_page_of_its_equations(client: httpx.Client) ->
         ("/understood", {"lagrangian": "x'^2 - x^2", "constraints": "y'' = 0", "associated": "first"}, "data-problem"),
     ],
 )
-def test_a_form_that_comes_back_stands_at_its_link_so_that_a_reload_asks_nothing(
+def test_a_returned_form_is_at_its_link_so_a_reload_sends_nothing(
     client: httpx.Client, address: str, typed: dict[str, Any], said: str
 ) -> None:
     answer = client.post(address, data=typed)
@@ -329,7 +329,7 @@ def test_a_constant_is_offered_only_where_it_can_be_one(client: httpx.Client) ->
     assert "a constant" not in page
 
 
-def test_primes_after_the_time_are_told_their_place(client: httpx.Client) -> None:
+def test_primes_after_the_time_are_reported_with_their_place(client: httpx.Client) -> None:
     refused = understood(client, {"kind": "equations", "equations": "x(t)'' = -x(t)"})
     assert "the primes come after (t)" in refused.text.lower()
     assert "x&#39;&#39;(t)" in refused.text

@@ -52,7 +52,7 @@ async def joined(parts: AsyncIterator[Any]) -> bytes:
     return b"".join([part async for part in parts])
 
 
-def test_parts_make_the_whole_and_the_length_is_told(store: SqliteStore) -> None:
+def test_parts_make_the_whole_and_the_length_is_sent(store: SqliteStore) -> None:
     engine = engine_with(store)
 
     async def sent(id: str) -> tuple[bytes, str]:

@@ -108,7 +108,7 @@ def test_a_new_question_takes_two_commits(store: SqliteStore, monkeypatch: pytes
         monkeypatch.setattr(store, "_write", lambda *given: (commits.append(1), write(*given))[1])
         jobs = [supervisor.submit(request(str(k)), model.Bounds())[0] for k in range(3)]
         assert {final(store, job.id).status for job in jobs} == {"successful"}
-    assert sum(commits) == 2 * 3, "one when it is accepted and begins, one when it ends"
+    assert sum(commits) == 2 * 3, "one commit when the job is accepted and starts, one when it ends"
     ended = [change.job for change in heard if change.what == "successful"]
     assert [job.body for job in ended if job is not None] == [DONE.value.body] * 3
 

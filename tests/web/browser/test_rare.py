@@ -79,7 +79,7 @@ def test_latex_and_documents_can_be_typed_or_uploaded(visit: Visit, tmp_path: Pa
     expect(visit.page.locator("main")).to_contain_text("Hamiltonian")
 
 
-def test_an_unknown_result_is_told_so(visit: Visit) -> None:
+def test_an_unknown_result_is_reported(visit: Visit) -> None:
     visit.go("/results/" + "0" * 40)
     expect(visit.page.get_by_role("heading", level=1)).to_have_text("Nothing here")
 
@@ -238,7 +238,7 @@ def test_parts_fill_in_without_a_new_page_and_a_verdict_stays(visit: Visit) -> N
     expect(visit.page.locator("#export")).to_be_visible()
 
 
-def test_an_answer_that_is_no_page_is_not_dropped_in_silence(visit: Visit) -> None:
+def test_an_answer_that_is_not_a_page_is_not_dropped_silently(visit: Visit) -> None:
     visit.go("/")
     visit.page.route(
         re.compile("fragment=1"), lambda r: r.fulfill(status=500, content_type="application/json", body="{}")
@@ -391,7 +391,7 @@ def test_error_is_measured_against_time(browser: Browser, patient: str) -> None:
 
 
 @pytest.mark.parametrize("scripts", [True, False])
-def test_what_is_wrong_with_a_scene_is_told_beside_its_field(visit: Visit, plain: Visit, scripts: bool) -> None:
+def test_an_error_in_a_scene_is_shown_next_to_its_field(visit: Visit, plain: Visit, scripts: bool) -> None:
     at = visit if scripts else plain
     at.go("/simulate?system=sho")
     at.page.get_by_label("x", exact=True).fill("abc")
@@ -403,7 +403,7 @@ def test_what_is_wrong_with_a_scene_is_told_beside_its_field(visit: Visit, plain
     assert "/results/" not in at.page.url
 
 
-def test_the_step_has_its_price_beside_it(visit: Visit) -> None:
+def test_the_cost_is_shown_next_to_the_step(visit: Visit) -> None:
     """Runge-Kutta has order 4: halving the step of 0.1 divides the error by 16."""
     visit.go("/simulate?system=sho&method=runge-kutta&step=0.1&steps=100&position.x=1&velocity.x=0&parameter.k=1")
     price = visit.page.locator("[data-price]")

@@ -46,7 +46,7 @@ def test_the_font_can_stretch_brackets_and_roots_and_carries_its_licence() -> No
     assert "SIL OPEN FONT LICENSE" in (STATIC / "stix-two-math.LICENSE").read_text()
 
 
-def test_the_policy_names_the_style_sheet_that_stands_in_the_page() -> None:
+def test_the_policy_names_the_style_sheet_of_the_page() -> None:
     """A browser applies it only if the digest of the text between the tags is in the policy."""
     found = page("missing.html", 404, active="", title="Nothing", detail="here")
     text = bytes(found.body).decode()

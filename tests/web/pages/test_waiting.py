@@ -26,7 +26,7 @@ from inverse_service.web.pages.results import asked_of
         ({"equations": 3}, ["3"]),
     ],
 )
-def test_the_question_stands_on_the_page_of_its_work(document: Any, lines: list[str]) -> None:
+def test_the_question_is_on_the_page_of_its_job(document: Any, lines: list[str]) -> None:
     assert asked_of(document) == lines
 
 
