@@ -152,10 +152,7 @@ class Letters:
         return self.reduced(above, below)
 
     def multiply(self, left: Quotient, right: Quotient, degree: int = 0) -> Quotient:
-        if (
-            len(left.above) * len(right.above) + len(left.below) * len(right.below)
-            > 100 * MAX_TERMS
-        ):
+        if len(left.above) * len(right.above) + len(left.below) * len(right.below) > 100 * MAX_TERMS:
             return self.long(left, right)
         first, second = self.reduced(left.above, right.below), self.reduced(right.above, left.below)
         above, below = first.above * second.above, first.below * second.below
@@ -200,9 +197,7 @@ class Letters:
             self.need("!=", u)
             u = Quotient(u.below, u.above) if u.above != 0 else self.long(u)
         size, most = abs(exponent), max(len(u.above), len(u.below))
-        if size > 4096 or (
-            most > 1 and (size > 64 or math.comb(size + most - 1, size) > 40 * MAX_TERMS)
-        ):
+        if size > 4096 or (most > 1 and (size > 64 or math.comb(size + most - 1, size) > 40 * MAX_TERMS)):
             return self.long(u)
         return self.without_squares(self.shortened(u.above**size, u.below**size, u))
 
@@ -231,12 +226,7 @@ class Letters:
             self.bounded.add(place)
             self.circular[place] = name, u
             arctangent = self.single(u.above) if u.below.is_constant() else None
-            if (
-                name == "cos"
-                and arctangent
-                and arctangent.place in self.odd
-                and abs(arctangent.factor) <= 1
-            ):
+            if name == "cos" and arctangent and arctangent.place in self.odd and abs(arctangent.factor) <= 1:
                 self.positive.add(place)
         if name in ("log", "atan"):
             (self.logarithms if name == "log" else self.odd)[place] = u
@@ -319,9 +309,7 @@ class Letters:
             for p, k in found:
                 simple = self.single(p)
                 positive = simple is not None and simple.place in self.positive
-                if (k * a).denominator == 1 and (
-                    positive or every_one or (k % 2 == 0 and (k * a) % 2 == 0)
-                ):
+                if (k * a).denominator == 1 and (positive or every_one or (k % 2 == 0 and (k * a) % 2 == 0)):
                     power = self.power(Quotient(p, self.one), int(sign * k * a))
                     value = self.multiply(value, power)
                 else:
@@ -335,9 +323,7 @@ class Letters:
             number, degree = rest.above.leading_coefficient(), part.denominator
             over, under = number.p.root(degree), number.q.root(degree)
             if fmpq(over, under) ** degree == number:
-                return self.multiply(
-                    value, self.constant(Fraction(int(over), int(under)) ** part.numerator)
-                )
+                return self.multiply(value, self.constant(Fraction(int(over), int(under)) ** part.numerator))
         text = f"sqrt({inner})" if part == Fraction(1, 2) else f"({inner})^({part})"
         place = self.letter(text, self.needs_of(rest) | frozenset(self.pieces(">", rest)))
         self.positive.add(place)
@@ -370,9 +356,7 @@ class Letters:
         return Quotient(above / common, below / common)
 
     def is_negative(self, u: Quotient) -> bool:
-        return bool(u.above != 0) and bool(
-            u.above.leading_coefficient() * u.below.leading_coefficient() < 0
-        )
+        return bool(u.above != 0) and bool(u.above.leading_coefficient() * u.below.leading_coefficient() < 0)
 
     def parts_of(self, polynomial: Polynomial, place: int, degree: int) -> list[Polynomial]:
         """The coefficients of the powers of a generator."""
@@ -539,8 +523,7 @@ class Knowledge:
     def never_zero(self, p: Polynomial) -> bool:
         """Whether all factors of one of its forms are not 0 wherever the needs hold."""
         return any(
-            all(str(q) in self.nonzero or self.sign(q) or self.by_division(q) for q in form)
-            for form in self.forms(p)
+            all(str(q) in self.nonzero or self.sign(q) or self.by_division(q) for q in form) for form in self.forms(p)
         )
 
     def by_division(self, p: Polynomial) -> bool:
@@ -810,13 +793,9 @@ def signed(question: Question, ring: Letters, needs: Iterable[Need]) -> list[Nee
 
         def positive(expansion: Any, tokens: tuple[str, ...] = tokens) -> bool:
             value = value_of(expansion, tokens).get(0, 0)
-            return bool(
-                expansion.arithmetic.nonzero(expansion.arithmetic.number(Fraction(0)) + value) > 0
-            )
+            return bool(expansion.arithmetic.nonzero(expansion.arithmetic.number(Fraction(0)) + value) > 0)
 
-        found.append(
-            need_of(">", need.polynomial if question.in_balls(0, positive) else -need.polynomial)
-        )
+        found.append(need_of(">", need.polynomial if question.in_balls(0, positive) else -need.polynomial))
     return found
 
 
@@ -829,15 +808,10 @@ def strongest(ring: Letters, needs: Sequence[Need]) -> list[Need]:
 
 
 def fewer(ring: Letters, kept: list[Need]) -> list[Need]:
-    for need in sorted(
-        kept, key=lambda one: (len(one.polynomial), one.kind == ">", one.text), reverse=True
-    ):
+    for need in sorted(kept, key=lambda one: (len(one.polynomial), one.kind == ">", one.text), reverse=True):
         rest = [one for one in kept if one is not need]
         known = Knowledge(ring, rest)
-        if known.implies(need):
-            kept = rest
-        else:
-            kept = [smaller(known, one) if one is need else one for one in kept]
+        kept = rest if known.implies(need) else [smaller(known, one) if one is need else one for one in kept]
     return kept
 
 
@@ -868,9 +842,7 @@ def is_convex(ring: Letters, polynomial: Polynomial) -> bool:
     return plain and all(k < len(ring.question.names) + 1 for k in ring.holds(polynomial))
 
 
-def where_regular(
-    question: Question, read_matrix: Callable[[Letters], list[list[Quotient]]]
-) -> Cell:
+def where_regular(question: Question, read_matrix: Callable[[Letters], list[list[Quotient]]]) -> Cell:
     """Where the entries of a square matrix are defined and it is regular.
 
     Parameters alone are generic.
@@ -955,9 +927,7 @@ def lacking(question: Question, stated: Sequence[str], cell: Cell) -> tuple[list
     return [text for text in missing if text in left], [k for k in beyond if k in further]
 
 
-def needs_of_text(
-    ring: Letters, text: str, bound: dict[str, Quotient] | None = None
-) -> Iterator[Need]:
+def needs_of_text(ring: Letters, text: str, bound: dict[str, Quotient] | None = None) -> Iterator[Need]:
     """Of A > B, A < B, A != B, or a chain of < or >; `bound` gives the values of other names."""
     for kind in ("!=", "<", ">"):
         sides = text.split(kind)

@@ -39,9 +39,7 @@ class CheckResult:
     by_theorem: bool = False
 
 
-def judged(
-    work: Callable[[Tools], Iterable[str]], time_limit: float, seed: int | None
-) -> CheckResult:
+def judged(work: Callable[[Tools], Iterable[str]], time_limit: float, seed: int | None) -> CheckResult:
     """The sentences that the work gives, or how it ended; the work raises nothing else."""
     tools = Tools(random.Random(seed), time.thread_time() + time_limit)
     try:
@@ -51,14 +49,10 @@ def judged(
     except (Undefined, Unsettled, StopIteration):
         return CheckResult("incomplete", ("A number in the document could not be computed.",))
     except (RecursionError, MemoryError, OverflowError):
-        return CheckResult(
-            "incomplete", ("The document is too large for the memory of the checker.",)
-        )
+        return CheckResult("incomplete", ("The document is too large for the memory of the checker.",))
 
 
-def check_certificate(
-    certificate: object, time_limit: float = 60.0, seed: int | None = None
-) -> CheckResult:
+def check_certificate(certificate: object, time_limit: float = 60.0, seed: int | None = None) -> CheckResult:
     """The verdict on a certificate by itself; never raises. `seed` makes its choices repeatable."""
     proven = list[CheckResult]()
 
@@ -101,9 +95,7 @@ def certified(document: Any, tools: Tools) -> CheckResult:
     require(document["claim"] == proven, f"A certificate of kind {kind} has to claim {proven}.")
     about: type[Question] = Question
     if document["system"].get("velocities") is not None:
-        require(
-            among is None, "For a motion on constraints, the claim must be about all Lagrangians."
-        )
+        require(among is None, "For a motion on constraints, the claim must be about all Lagrangians.")
         along = kind == "nonexistence" and document.get("along") is not None
         about = Along if along else Motion
     elif among is not None:
@@ -112,7 +104,8 @@ def certified(document: Any, tools: Tools) -> CheckResult:
     plain = kind == "lagrangian" and about is Question
     alone = "Equations that are not solved for q'' are proven variational by an L alone."
     require(plain or not asked.unsolved, alone)
-    sentence = getattr(asked, kind)(document)
+    checks = {"lagrangian": asked.lagrangian, "existence": asked.existence, "nonexistence": asked.nonexistence}
+    sentence = checks[kind](document)
     one = len(asked.coordinates) == 1 and about is Question
     cell, formulas = cells_of(asked, one and not asked.unsolved)
     by_theorem = one and (kind == "existence" or cell != formulas)

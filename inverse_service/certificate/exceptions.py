@@ -64,9 +64,7 @@ class Special(Residues):
 
     divisors: list[int] | None = None
 
-    def __init__(
-        self, question: Question, prime: int, seed: int, values: dict[str, int], last: bool = False
-    ) -> None:
+    def __init__(self, question: Question, prime: int, seed: int, values: dict[str, int], last: bool = False) -> None:
         super().__init__(question, prime, seed, question.plan.choices[0])
         self.pivot = max if last else min
         self.values |= values
@@ -176,9 +174,7 @@ class Finding:
         for size in range(2, min(len(others), MAX_ZEROS) + 1) if self.question.rational else ():
             for chosen in combinations(others, size):
                 zeros = [0 if k in chosen else 1 + k * k for k in range(len(self.names))]
-                seen = any(one <= {*chosen} for one in known) or any(
-                    not one(*zeros) for one in found
-                )
+                seen = any(one <= {*chosen} for one in known) or any(not one(*zeros) for one in found)
                 if not seen and self.fails(dict.fromkeys(chosen, 0)):
                     known.append({*chosen})
                     yield " = ".join([*(self.names[k] for k in chosen), "0"])
@@ -282,9 +278,7 @@ class Finding:
         powers = nmod_mat([[pow(s, k, prime) for k in range(count)] for s in places], prime)
         parts = powers.solve(nmod_mat(table, prime))
         modulus = math.prod([nmod_poly([-s % prime, 1], prime) for s in places])
-        polynomials = (
-            nmod_poly([int(parts[k, j]) for k in range(count)], prime) for j in range(len(table[0]))
-        )
+        polynomials = (nmod_poly([int(parts[k, j]) for k in range(count)], prime) for j in range(len(table[0])))
         return [self.numerator(modulus, one) for one in polynomials]
 
     def numerator(self, modulus: Any, polynomial: Any) -> Any | None:
@@ -301,9 +295,7 @@ class Finding:
         self.largest = max(self.largest, size)
         return best if size <= modulus.degree() - SPARE else None
 
-    def put_together(
-        self, found: Sequence[Polynomial], direction: Sequence[int], rest: Any
-    ) -> Polynomial:
+    def put_together(self, found: Sequence[Polynomial], direction: Sequence[int], rest: Any) -> Polynomial:
         """The polynomial whose values on lines through the base these are."""
         degree, m, prime = rest.degree(), len(self.names), self.prime
         shapes = [list(combinations_with_replacement(range(m), k)) for k in range(degree + 1)]
@@ -390,9 +382,7 @@ class Finding:
         right = [one for one in whole if one not in left]
         turned = "-" if plain else ""
         opposite = [(key, abs(c)) for key, c in right]
-        return (
-            f"{polynomial_text(left, self.names)} = {turned}{polynomial_text(opposite, self.names)}"
-        )
+        return f"{polynomial_text(left, self.names)} = {turned}{polynomial_text(opposite, self.names)}"
 
 
 def polynomial_text(terms: Iterable[tuple[Sequence[int], Any]], names: Sequence[str]) -> str:

@@ -41,9 +41,7 @@ FREE = ("", "+", "-", "*", "(")  # before an operand that may have any value
 # An integer: ^2, ^(-2).
 EXPONENT = r"\^[ \t\r\n]*(?:-?[0-9]{1,400}|\(-?[0-9]{1,400}\))(?![0-9.]|[ \t\r\n]*\^)"
 # 2.5, x', B[1,0].
-OPERAND = (
-    r"(?![0-9.]{401})[0-9]+(?:\.[0-9]+)?|[A-Za-z][A-Za-z0-9_]*(?:\[[0-9]{1,2}(?:,[0-9]{1,2})*\]|'*)"
-)
+OPERAND = r"(?![0-9.]{401})[0-9]+(?:\.[0-9]+)?|[A-Za-z][A-Za-z0-9_]*(?:\[[0-9]{1,2}(?:,[0-9]{1,2})*\]|'*)"
 TOKEN = re.compile(rf"[ \t\r\n]*({OPERAND}|{EXPONENT}|[-+*/^(),]|\Z|(.))", re.DOTALL)
 NAME, TEXT = r"[A-Za-z][A-Za-z0-9_]{0,99}", rf"(?s:.{{0,{MAX_TEXT}}})"
 NUMBER = r"-?[0-9]{1,400}((\.[0-9]{1,400})?(e[-+]?[0-9]{1,2})?|/0{0,9}[1-9][0-9]{0,399})"
@@ -107,16 +105,10 @@ def check_shape(value: Any, shape: Any, where: str) -> None:
         case [*_]:  # [shape of each, most], or a tuple of the shapes
             fixed = isinstance(shape, tuple)
             most = len(shape) if isinstance(shape, tuple) else shape[1]
-            good = isinstance(value, list | tuple) and (
-                len(value) == most if fixed else len(value) <= most
-            )
+            good = isinstance(value, list | tuple) and (len(value) == most if fixed else len(value) <= most)
             what = f"a list of {'' if fixed else 'at most '}{most} items"
             shapes = shape if fixed else [shape[0]] * most
-            parts = (
-                [(*pair, f"an item of {where}") for pair in zip(value, shapes, strict=False)]
-                if good
-                else []
-            )
+            parts = [(*pair, f"an item of {where}") for pair in zip(value, shapes, strict=False)] if good else []
         case _:  # {key: shape}; a key that ends in ? may be left out, or null
             good = isinstance(value, dict) and len(value) <= MAX_MEMBERS
             good = good and all(isinstance(key, str) for key in value)
@@ -257,9 +249,7 @@ def value_of(ring: Any, formula: tuple[str, ...], **bound: Any) -> Any:
     return read_formulas(ring, [formula], **bound)[0]
 
 
-def _computed(
-    ring: Any, node: tuple[Any, ...], names: Mapping[str, Any], known: Mapping[int, Any]
-) -> Any:
+def _computed(ring: Any, node: tuple[Any, ...], names: Mapping[str, Any], known: Mapping[int, Any]) -> Any:
     match node:
         case "number", value:
             return ring.constant(value)
@@ -363,9 +353,7 @@ def joined(ring: Any, operator: str, left: Any, right: Any) -> Any:
     """left operator right, for ^ exp(right log(left))."""
     ring.question.check_time()
     if operator == "^":
-        return ring.elementary(
-            "exp", ring.multiply(right, ring.elementary("log", left), ring.degree)
-        )
+        return ring.elementary("exp", ring.multiply(right, ring.elementary("log", left), ring.degree))
     return ring.multiply(left, ring.power(right, -1) if operator == "/" else right, ring.degree)
 
 

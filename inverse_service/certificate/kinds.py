@@ -43,9 +43,7 @@ class KindExpansion(Expansion):
 
     @cached_property
     def derivations(self) -> list[Derivation]:
-        found: list[Derivation] = [
-            ({v: self.one}, 0, False) for v in self.v if self.question.kind in NATURAL
-        ]
+        found: list[Derivation] = [({v: self.one}, 0, False) for v in self.v if self.question.kind in NATURAL]
         found += [(self.speeds, 2, True)] * (self.question.kind in HOMOGENEOUS)
         for move in self.question.moves:
             parts = {
@@ -93,9 +91,7 @@ class KindExpansion(Expansion):
             if kind == "C":
                 yield Term(2 * sign, self.one, (self.v[i], self.v[c], self.q[j]))
 
-    def multiplied(
-        self, parts: dict[int, Series], weight: int, by: tuple[int, ...] = ()
-    ) -> list[Term]:
+    def multiplied(self, parts: dict[int, Series], weight: int, by: tuple[int, ...] = ()) -> list[Term]:
         """Y(L) - c L, of the derivative of L by some variables."""
         terms = [Term(1, part, (*by, a)) for a, part in parts.items()]
         return [*terms, Term(-weight, self.one, by)]
@@ -113,12 +109,8 @@ class OfKind(Question):
         invariant = named(self.kind) == "invariant"
         for move in self.kind["invariant"] if invariant else ():
             check_shape(move, dict.fromkeys(move, TEXT), "among.invariant")
-            self.moves.append(
-                {name: read_tokens(text, "among.invariant") for name, text in move.items()}
-            )
-        require(
-            not timed or self.kind not in HOMOGENEOUS, "A homogeneous Lagrangian is one without t."
-        )
+            self.moves.append({name: read_tokens(text, "among.invariant") for name, text in move.items()})
+        require(not timed or self.kind not in HOMOGENEOUS, "A homogeneous Lagrangian is one without t.")
         if "rayleigh" in self.kind and claim["kind"] == "lagrangian":
             self.drag = read_tokens(claim.get("dissipation"), "certificate.dissipation")
             good = timed or "t" not in self.drag
@@ -211,10 +203,7 @@ class DefiniteExpansion(Expansion):
     def entries(self, matrix: Rationals) -> Series:
         """By the coefficients of L: those of tr(matrix g)/2, half the values where g = matrix."""
         pairs = combinations_with_replacement(range(len(self.v)), 2)
-        found = {
-            self.units[self.v[i]] + self.units[self.v[j]]: self.arithmetic.number(matrix[i][j])
-            for i, j in pairs
-        }
+        found = {self.units[self.v[i]] + self.units[self.v[j]]: self.arithmetic.number(matrix[i][j]) for i, j in pairs}
         return self.settle(found)
 
     def matrix(self, elimination: Elimination) -> list[list[Any]]:
@@ -224,9 +213,7 @@ class DefiniteExpansion(Expansion):
         if orthogonal:  # 0 where tr(orthogonal g) follows from the rows
             is_new = elimination.insert(self.entries(orthogonal))
             return [[self.arithmetic.number(Fraction(is_new))]]
-        halves = [
-            [x / 2 if i == j else x for j, x in enumerate(row)] for i, row in enumerate(given)
-        ]
+        halves = [[x / 2 if i == j else x for j, x in enumerate(row)] for i, row in enumerate(given)]
         values, one = self.entries(halves), self.arithmetic.number(Fraction(1))
         for pivot, row in zip(elimination.pivots, elimination.rows, strict=True):
             if pivot >> self.shift == self.offset:

@@ -117,9 +117,7 @@ def count_distinct(trace: list[Atom]) -> int:
     for atom in trace:
         value = float(atom.value.mid())
         ratios = [24 * value / other for kind, other in kept if kind == atom.imaginary]
-        if value and all(
-            abs(ratio - round(ratio)) > 1e-9 for ratio in ratios if 0.5 < abs(ratio) < 9999
-        ):
+        if value and all(abs(ratio - round(ratio)) > 1e-9 for ratio in ratios if 0.5 < abs(ratio) < 9999):
             kept.append((atom.imaginary, value))
     return len(kept)
 
@@ -131,9 +129,7 @@ class Plan:
     first one at the place itself, with `bits` of precision.
     """
 
-    def __init__(
-        self, traces: list[list[Atom]], bits: int, check_time: Callable[[], None] = lambda: None
-    ) -> None:
+    def __init__(self, traces: list[list[Atom]], bits: int, check_time: Callable[[], None] = lambda: None) -> None:
         self.bits = bits
         self.split = 1  # the product of the N of functions
         self.roots = list[Root]()  # those of functions, in the order of reading
@@ -211,9 +207,7 @@ class Plan:
         rest = abs(value - fmpq(simple.numerator, simple.denominator))
         return simple if rest < self.small() else None
 
-    def rational(
-        self, values: list[arb], found: dict[int, arb], imaginary: bool
-    ) -> dict[int, Fraction] | None:
+    def rational(self, values: list[arb], found: dict[int, arb], imaginary: bool) -> dict[int, Fraction] | None:
         """The combination with rational coefficients.
 
         The constant in it is a multiple of pi, of 1 or a logarithm.
@@ -226,11 +220,7 @@ class Plan:
         constant = found[unit]
         if abs(constant) <= self.small() * max([abs(value) for value in values]):
             return known
-        if (
-            imaginary
-            and (turns := self.fraction(constant / arb.pi())) is not None
-            and turns.denominator <= 1 << 12
-        ):
+        if imaginary and (turns := self.fraction(constant / arb.pi())) is not None and turns.denominator <= 1 << 12:
             return known | {PI: turns}
         if (simple := self.fraction(constant)) is not None:
             return known | {unit: simple}
@@ -244,10 +234,7 @@ class Plan:
         """{pair of a prime number: exponent} for a rational number."""
         simple = exactly(value).limit_denominator(1 << self.bits // 8)
         above, below = simple.numerator, simple.denominator
-        if (
-            max(above, below).bit_length() > 100
-            or abs(value - fmpq(above, below)) > self.small() * value
-        ):
+        if max(above, below).bit_length() > 100 or abs(value - fmpq(above, below)) > self.small() * value:
             return None
         factors = [(int(q), k) for q, k in fmpz(above).factor()]
         factors += [(int(q), -k) for q, k in fmpz(below).factor()]
@@ -258,9 +245,7 @@ class Plan:
         numbers = [pair.number for pair in self.pairs]
         return {numbers.index(prime, 2): Fraction(exponent) for prime, exponent in factors}
 
-    def related(
-        self, values: list[arb], found: dict[int, arb], imaginary: bool
-    ) -> dict[int, Fraction] | None:
+    def related(self, values: list[arb], found: dict[int, arb], imaginary: bool) -> dict[int, Fraction] | None:
         """The shortest integral linear relation among the values and those of all pairs (LLL)."""
         self.searches += 1
         if self.searches > MAX_SEARCHES:
@@ -286,20 +271,13 @@ class Plan:
         scales = {j: math.lcm(self.pairs[j].scale, a.denominator) for j, a in parts.items()}
         roots = [j for j, pair in enumerate(self.pairs) if pair.logarithm and not pair.number]
         split = math.prod([scales.get(j, self.pairs[j].scale) for j in roots])
-        bounds = (
-            (MAX_TURNS if j == PI else 24 if self.pairs[j].number > 1 else MAX_SCALE)
-            for j in scales
-        )
-        good = split <= MAX_WIDE and all(
-            scale <= most for scale, most in zip(scales.values(), bounds, strict=True)
-        )
+        bounds = ((MAX_TURNS if j == PI else 24 if self.pairs[j].number > 1 else MAX_SCALE) for j in scales)
+        good = split <= MAX_WIDE and all(scale <= most for scale, most in zip(scales.values(), bounds, strict=True))
         if good and all(abs(a) * scales[j] <= MAX_POWER for j, a in parts.items()):
             self.split = split
             self.turns = math.lcm(self.turns, *[scales[j] for j in roots if j in scales])
             for j, scale in scales.items():
-                self.halved |= (
-                    self.pairs[j].imaginary and self.pairs[j].logarithm and scale % 2 == 0
-                )
+                self.halved |= self.pairs[j].imaginary and self.pairs[j].logarithm and scale % 2 == 0
                 self.pairs[j].scale = scale
             return True
         return False
@@ -318,24 +296,16 @@ class Plan:
     def every_choice(self) -> list[dict[int, int]]:
         """Each choice k of the roots r_j z_j^k_j of functions, z_j a root of unity."""
         if self.split > MAX_CHOICES:
-            raise Incomplete(
-                f"Roots that depend on each other have more than {MAX_CHOICES} choices."
-            )
-        scales = {
-            j: pair.scale for j, pair in enumerate(self.pairs) if pair.logarithm and not pair.number
-        }
+            raise Incomplete(f"Roots that depend on each other have more than {MAX_CHOICES} choices.")
+        scales = {j: pair.scale for j, pair in enumerate(self.pairs) if pair.logarithm and not pair.number}
         choices = product(*map(range, scales.values()))
         return [dict(zip(scales, choice, strict=True)) for choice in choices]
 
     def moderate(self, parts: dict[int, Fraction]) -> bool:
         times = math.lcm(*[a.denominator for j, a in parts.items() if j != PI])
-        return times <= 48 and all(
-            abs(a) * times * self.pairs[j].scale <= MAX_POWER for j, a in parts.items()
-        )
+        return times <= 48 and all(abs(a) * times * self.pairs[j].scale <= MAX_POWER for j, a in parts.items())
 
-    def combination(
-        self, parts: dict[int, Fraction], logarithm: bool, imaginary: bool, exact: arb
-    ) -> Entry:
+    def combination(self, parts: dict[int, Fraction], logarithm: bool, imaginary: bool, exact: arb) -> Entry:
         """Of an imaginary logarithm, the multiple of pi is the only one in a ball at the place."""
         times = math.lcm(*[a.denominator for j, a in parts.items() if j != PI])
         if logarithm and imaginary:
@@ -368,9 +338,7 @@ class Residues:
         self.generator, self.entries = random.Random(seed), iter(self.plan.entries)
         self.powers, self.classes, self.large = dict[int, tuple[int, int]](), list[int](), 0
         self.known = dict[tuple[str, tuple[int, ...]], int]()
-        self.values = {
-            name: self.generator.randrange(1, prime) for name in ("pi", *sorted(question.names))
-        }
+        self.values = {name: self.generator.randrange(1, prime) for name in ("pi", *sorted(question.names))}
         # Of a pair (l, e) the values of l and of r, where r^N = e.
         self.pairs = list[tuple[int, int]]()
         if self.plan.pairs:
@@ -491,9 +459,7 @@ class Residues:
 
     def same(self, left: Number, right: Number) -> None:
         if self.reduced(left - right):
-            raise Incomplete(
-                "A relation between functions was guessed that does not hold for all roots."
-            )
+            raise Incomplete("A relation between functions was guessed that does not hold for all roots.")
 
     def exp(self, value: Number) -> Number:
         """e^l for an l with this value; for an imaginary one i l."""
@@ -560,9 +526,7 @@ class Residues:
             scale = self.inverse(pivot[0])
             for k, row in enumerate(rows):
                 factor = self.reduced(row[0] * scale)
-                rows[k] = [
-                    self.reduced(a - factor * b) for a, b in zip(row[1:], pivot[1:], strict=True)
-                ]
+                rows[k] = [self.reduced(a - factor * b) for a, b in zip(row[1:], pivot[1:], strict=True)]
         return found
 
     def regular(self, matrix: list[list[Number]]) -> bool:
@@ -664,9 +628,7 @@ class Balls:
         return arb(self.question.generator.randrange(-9999, 10_000)) / 1000
 
     def settle(self, raw: Series) -> Series:
-        found = {
-            key: value for key, value in raw.items() if not (type(value) is int or value.is_zero())
-        }
+        found = {key: value for key, value in raw.items() if not (type(value) is int or value.is_zero())}
         if not all(value.is_finite() for value in found.values()):
             raise Unsettled
         return found

@@ -142,12 +142,8 @@ class Question:
         self.coordinates = document["coordinates"]
         self.parameters = document.get("parameters") or []
         self.own_parameters = [*self.parameters]
-        self.functions, forces, rates = (
-            document.get(key) or {} for key in ("functions", "equations", "velocities")
-        )
-        check_shape(
-            list(self.functions.items()), [(NAME, [NAME, 6]), fm.MAX_NAMES], "system.functions"
-        )
+        self.functions, forces, rates = (document.get(key) or {} for key in ("functions", "equations", "velocities"))
+        check_shape(list(self.functions.items()), [(NAME, [NAME, 6]), fm.MAX_NAMES], "system.functions")
         names = [*self.coordinates, *self.parameters, *self.functions]
         self.free, self.bound = self.coordinates[: len(forces)], self.coordinates[len(forces) :]
         good = self.free and all(self.functions.values())
@@ -273,9 +269,7 @@ class Question:
                 return trace
             except (Undefined, Unsettled):
                 self.check_time()
-        raise Incomplete(
-            "No point was found at which every formula is defined and every condition holds."
-        )
+        raise Incomplete("No point was found at which every formula is defined and every condition holds.")
 
     def look_around(self) -> int:
         """Try random points where the conditions hold, near and far.
@@ -369,9 +363,7 @@ class Question:
                 return False
         return True
 
-    def in_balls(
-        self, degree: int, work: Callable[[Expansion], Any], classes: list[int] | None = None
-    ) -> Any:
+    def in_balls(self, degree: int, work: Callable[[Expansion], Any], classes: list[int] | None = None) -> Any:
         """The work in balls at the point, with more digits until they suffice.
 
         At the end: what is returned was computed without a comparison that balls leave open.
@@ -415,9 +407,7 @@ class Question:
             for met in classes:
                 known = self.plan.classes or []  # one work reads further than another
                 if any(one != other for one, other in zip(known, met, strict=False)):
-                    raise Incomplete(
-                        "Arguments of a function agree at one point and not at another."
-                    )
+                    raise Incomplete("Arguments of a function agree at one point and not at another.")
                 self.plan.classes = max(known, met, key=len)
             found, prime = [*found, *here], self.prime()
             if len(found) == count * len(choices):
@@ -433,18 +423,14 @@ class Question:
         """
         bits = 60 + (2 * self.plan.split.bit_length() if self.plan.wide and not narrow else 0)
         fine = [2 * pair.scale for pair in self.plan.pairs if pair.number < 0]
-        step = math.lcm(
-            24 * math.lcm(*[2 * pair.scale for pair in self.plan.pairs if pair.logarithm]), *fine
-        )
+        step = math.lcm(24 * math.lcm(*[2 * pair.scale for pair in self.plan.pairs if pair.logarithm]), *fine)
         roots = [(pair.number, pair.scale) for pair in self.plan.pairs if pair.number > 1]
         # A text could hold all such primes.
         if step * math.prod([scale for _, scale in roots]) > MAX_RARITY:
             raise Incomplete("There are too many roots of numbers: too few primes have them all.")
         for _ in range(1_000_000):
             prime = self.generator.randrange((1 << bits) // step, (2 << bits) // step) * step + 1
-            if fmpz(prime).is_probable_prime() and all(
-                pow(q, (prime - 1) // n, prime) == 1 for q, n in roots
-            ):
+            if fmpz(prime).is_probable_prime() and all(pow(q, (prime - 1) // n, prime) == 1 for q, n in roots):
                 return prime
             self.check_time()
         raise Incomplete("No prime was found modulo which all numbers have their roots.")
@@ -462,9 +448,7 @@ class Question:
 
         def exact(ring: Expansion) -> None:
             found = claims(ring)
-            open_ones = (
-                k for k, zero in enumerate(found.zeros) if ring.arithmetic.settle(zero.value)
-            )
+            open_ones = (k for k, zero in enumerate(found.zeros) if ring.arithmetic.settle(zero.value))
             doubts.update({k: found.zeros[k].sentence for k in open_ones})
             needed.update({k: one.sentence for k, one in enumerate(found.regular)})
             here = [ring.arithmetic.regular(one.matrix) for one in found.regular]
@@ -533,10 +517,7 @@ class Question:
         """The differences of the mixed derivatives of each integral."""
         for name, integral in self.integrals.items():
             sentence = f"The mixed derivatives of integrals.{name} do not agree."
-            known = [
-                (self.variables.index(by), value_of(ring, slope))
-                for by, slope in integral.slopes.items()
-            ]
+            known = [(self.variables.index(by), value_of(ring, slope)) for by, slope in integral.slopes.items()]
             for (a, one), (b, other) in combinations(known, 2):
                 turn = ring.add([ring.derivative(one, b), ring.derivative(other, a)], [1, -1])
                 yield Zero({0: turn.get(0, 0)}, sentence)
@@ -557,13 +538,9 @@ class Question:
         good = self.timed or "t" not in tokens
         require(good, f"{what} contains t, but the question does not.")
 
-    def against(
-        self, ring: Expansion, residuals: Iterable[Zero], factors: list[tuple[str, ...]]
-    ) -> Iterator[Zero]:
+    def against(self, ring: Expansion, residuals: Iterable[Zero], factors: list[tuple[str, ...]]) -> Iterator[Zero]:
         """For unsolved equations: it is zero if the residual is c E or -c E, for all q''."""
-        for (residual, sentence), factor, equation in zip(
-            residuals, factors, self.unsolved, strict=True
-        ):
+        for (residual, sentence), factor, equation in zip(residuals, factors, self.unsolved, strict=True):
             value = {0: value_of(ring, factor).get(0, 0)}
             own = ring.multiply(value, {0: value_of(ring, equation).get(0, 0)}, 0)
             either = ring.multiply(ring.add([residual, own], [1, -1]), ring.add([residual, own]), 0)
@@ -613,9 +590,7 @@ class Question:
         """The rows and pivots of eliminations at several points, which have to be the same."""
         first, *others = scripts
         for other in others:
-            if [(step.row, step.pivot) for step in other] != [
-                (step.row, step.pivot) for step in first
-            ]:
+            if [(step.row, step.pivot) for step in other] != [(step.row, step.pivot) for step in first]:
                 raise Incomplete("The elimination takes different pivots at different points.")
             pairs = zip(first, other, strict=True)
             first = [one._replace(columns=one.columns | more.columns) for one, more in pairs]
@@ -785,33 +760,17 @@ class Question:
         good = prime >> 30 and prime < 1 << 63 and fmpz(prime).is_probable_prime()
         require(good, "series.prime has to be null, or a prime between 2^30 and 2^63.")
         circular = any("pi" in force for force in self.force_texts)
-        if (
-            self.where
-            or self.functions
-            or not self.rational
-            or (circular and not series.get("prime"))
-        ):
-            return (
-                " The series was not compared: f is of a motion, has functions, or is not rational."
-            )
-        require(
-            not circular or given.get("pi") is not None, "series.point has to give a value of pi."
-        )
+        if self.where or self.functions or not self.rational or (circular and not series.get("prime")):
+            return " The series was not compared: f is of a motion, has functions, or is not rational."
+        require(not circular or given.get("pi") is not None, "series.point has to give a value of pi.")
         field = Residues(self, prime, 0, {})
         try:
-            known = {
-                name: Fraction(x) for name in (*point, "pi") if (x := given.get(name)) is not None
-            }
+            known = {name: Fraction(x) for name in (*point, "pi") if (x := given.get(name)) is not None}
             field.values |= {name: field.number(x) for name, x in known.items()}
-            terms = {
-                self.multi_index(a, order + 2): field.number(Fraction(b))
-                for a, b in series["terms"]
-            }
+            terms = {self.multi_index(a, order + 2): field.number(Fraction(b)) for a, b in series["terms"]}
             ring = self.expansion(field, order + 2)
         except Undefined:
-            raise fm.Ended(
-                "invalid", "The point of the series is one where f is not defined."
-            ) from None
+            raise fm.Ended("invalid", "The point of the series is one where f is not defined.") from None
         for name in (name for degree in range(order + 1) for name in ring.rows(degree)):
             require(ring.solved(ring.row(*name), terms), "The series does not solve the rows.")
         require(field.regular(ring.hessian(terms)), "The series has a singular g(p).")

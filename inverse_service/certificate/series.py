@@ -171,8 +171,7 @@ class Expansion:
         if degree and question.bound:
             moved = zip(question.bound, self.rates, self.mu, strict=True)
             self.names = self.names | {
-                name + "'": self.add([rate, {self.all_units[a]: self.one[0]}])
-                for name, rate, a in moved
+                name + "'": self.add([rate, {self.all_units[a]: self.one[0]}]) for name, rate, a in moved
             }
         self.slopes = [[self.derivative(force, v) for v in self.v] for force in self.forces]
 
@@ -216,15 +215,9 @@ class Expansion:
 
     def derivative(self, series: Series, variable: int) -> Series:
         unit = self.units[variable]
-        return {
-            key - unit: part * power
-            for key, part in series.items()
-            if (power := self.exponent(key, variable))
-        }
+        return {key - unit: part * power for key, part in series.items() if (power := self.exponent(key, variable))}
 
-    def compose(
-        self, arguments: list[Series], coefficient: Callable[..., Number], *beta: int
-    ) -> Series:
+    def compose(self, arguments: list[Series], coefficient: Callable[..., Number], *beta: int) -> Series:
         """sum over beta of coefficient(beta) (u - u_0)^beta by Horner's rule.
 
         The arguments u have the values u_0.
@@ -241,14 +234,8 @@ class Expansion:
         start = u[0] if 0 in u else self.arithmetic.number(Fraction(0))
         if not self.degree:
             return self.settle({0: self.arithmetic.power(start, exponent)})
-        binomial = [
-            *accumulate(
-                range(self.degree), lambda last, k: last * (exponent - k) // (k + 1), initial=1
-            )
-        ]
-        return self.compose(
-            [u], lambda k: binomial[k] and self.arithmetic.power(start, exponent - k) * binomial[k]
-        )
+        binomial = [*accumulate(range(self.degree), lambda last, k: last * (exponent - k) // (k + 1), initial=1)]
+        return self.compose([u], lambda k: binomial[k] and self.arithmetic.power(start, exponent - k) * binomial[k])
 
     def elementary(self, name: str, u: Series) -> Series:
         number = self.arithmetic.number
@@ -262,9 +249,7 @@ class Expansion:
             below = u if name == "log" else self.add([one, self.multiply(u, u, self.degree)])
             growth = {key: part * (key >> self.shift) for key, part in u.items() if key}
             growth = self.multiply(self.power(below, -1), growth, self.degree)
-            parts = {
-                key: part * number(Fraction(1, key >> self.shift)) for key, part in growth.items()
-            }
+            parts = {key: part * number(Fraction(1, key >> self.shift)) for key, part in growth.items()}
             return self.settle({0: value} | parts)
         if name == "exp":
             cycle = [self.arithmetic.exp(start)] * 4
@@ -335,9 +320,7 @@ class Expansion:
         along = enumerate(self.field) if kind == "H2" else ()
         terms = [Term(2, rate, (i, j, a)) for a, rate in along]
         for k, v in enumerate(self.v):
-            left, right = (
-                self.phi(k, c) if kind == "H3" else self.slopes[k][c] for c in reversed(place)
-            )
+            left, right = (self.phi(k, c) if kind == "H3" else self.slopes[k][c] for c in reversed(place))
             terms += [Term(1, left, (i, v)), Term(sign, right, (j, v))]
         return terms
 
@@ -378,11 +361,7 @@ class Expansion:
         """The coefficient alpha of a condition, in the coefficients of L."""
         exponents = [self.exponent(alpha, a) for a in range(len(self.units))]
         table, row = self.table(kind, *place), Series()
-        powers = [
-            [unit * e for e in range(most + 1)]
-            for unit, most in zip(self.units, exponents, strict=True)
-            if most
-        ]
+        powers = [[unit * e for e in range(most + 1)] for unit, most in zip(self.units, exponents, strict=True) if most]
         for rest in (alpha - sum(choice) for choice in product(*powers)):
             for value, raised, falls in table.get(alpha - rest, ()):
                 key, times = rest + raised, 1
@@ -415,9 +394,7 @@ class Expansion:
         """
         likely = list[Row]()
         for name in self.rows(degree):
-            if not idle.isdisjoint(
-                name._replace(alpha=name.alpha - unit) for unit in (0, *self.units)
-            ):
+            if not idle.isdisjoint(name._replace(alpha=name.alpha - unit) for unit in (0, *self.units)):
                 likely.append(name)
             elif not elimination.insert(self.row(*name), name):
                 idle.add(name)
@@ -445,15 +422,9 @@ class Expansion:
         def second(of: Series, a: int, b: int) -> Number:
             return of.get(self.all_units[a] + self.all_units[b], 0) * (1 + (a == b))
 
-        bends = [
-            (series.get(self.all_units[a], 0), rate)
-            for a, rate in zip(self.mu, self.rates, strict=True)
-        ]
+        bends = [(series.get(self.all_units[a], 0), rate) for a, rate in zip(self.mu, self.rates, strict=True)]
         along = (*self.v, *self.mu)
-        return [
-            [second(series, a, b) - sum([x * second(w, a, b) for x, w in bends]) for b in along]
-            for a in along
-        ]
+        return [[second(series, a, b) - sum([x * second(w, a, b) for x, w in bends]) for b in along] for a in along]
 
 
 class Elimination:

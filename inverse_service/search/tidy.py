@@ -246,9 +246,7 @@ def _place(term: ex.Expression) -> tuple[int, bool]:
 def _is_upside_down(tree: ex.Expression, system: SecondOrderSystem) -> bool:
     """Whether the square of each velocity has constants before it, all of them negative: k v^2/r - m v^2."""
     velocities = {ex.Velocity(name): (ex.Velocity(name), Fraction(2)) for name in system.coordinates}
-    terms, constants = tm.Terms(), _parameters(system)
-    with suppress(*_FAILED):
-        terms = _terms_of(tree) if _degree(tree) == 2 else terms
+    terms, constants = _terms_if_few(tree) if _degree(tree) == 2 else {}, _parameters(system)
     squares = {v: [c for key, c in terms.items() if e in key and constants.issuperset(p for p, _ in key - {e})]
                for v, e in velocities.items()}  # fmt: skip
     return all(found and max(found) < 0 for found in squares.values())
@@ -340,7 +338,7 @@ def _with_common_factor(system: SecondOrderSystem, tree: ex.Expression) -> ex.Ex
     content, shared, _ = tm.split_content(terms) if terms else (Fraction(0), tm.EMPTY, tree)
     below = frozenset.intersection(*terms) if terms else tm.EMPTY  # each term is divided by this
     common: tm.Monomial = frozenset(
-        (p, e) for p, e in shared if _is_exponential_of_time(p) or (e < 0 and (p, e) in below)
+        (p, e) for p, e in shared if (ex.is_exponential(p) and ex.holds(p, ex.TIME)) or (e < 0 and (p, e) in below)
     )
     if not common:
         return tree
@@ -407,10 +405,6 @@ def _with_squares_inside(system: SecondOrderSystem, tree: ex.Expression) -> ex.E
         case ex.Power(ex.Sum() as inner, ex.Number(e)) if (e < 0 or e.denominator > 1) and not tm.has_velocity(inner):
             return min([inner, *short_forms.sums_of_squares(inner, letters)], key=_preference) ** e
     return tree
-
-
-def _is_exponential_of_time(letter: ex.Expression) -> bool:
-    return ex.is_exponential(letter) and ex.holds(letter, ex.TIME)
 
 
 def _by_parameters(system: SecondOrderSystem, tree: ex.Expression) -> ex.Expression:
