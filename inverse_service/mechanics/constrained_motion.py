@@ -269,18 +269,24 @@ def _refuse_dependent(parts: Geometry) -> None:
 def frames(parts: Geometry) -> list[Frame]:
     """The frames of all choices of dependent coordinates, the most convenient one first.
 
-    Preferred: coordinates that L does not contain, a minor of the constraints that is constant (no
-    singular positions), a short one, one of few coordinates, later coordinates.
+    Preferred: a minor of the constraints that is constant (no singular positions), coordinates that the equations of
+    the free motion do not contain (a uniform field has none), a short minor, one of few coordinates, later coordinates.
     """
-    elements = [*(entry for row in parts.mass for entry in row), *parts.linear, parts.potential]
-    held = [any(not parts.by_coordinate(k, element).is_zero for element in elements) for k in range(parts.size)]
+    places = range(parts.size)
+    forces = [parts.by_coordinate(k, parts.potential) + parts.by_time(parts.linear[k]) for k in places]
+    turns = [
+        parts.by_coordinate(j, parts.linear[k]) - parts.by_coordinate(k, parts.linear[j])
+        for j, k in combinations(places, 2)
+    ]
+    elements = [*(entry for row in parts.mass for entry in row), *turns, *forces]
+    held = [any(not parts.by_coordinate(k, element).is_zero for element in elements) for k in places]
     minors = _minors(parts)
     choices = sorted(
         (
-            sum(held[d] for d in dependent),
             parts.depends_on_position(minor),
+            sum(held[d] for d in dependent),
             weight(minor),
-            sum(not parts.by_coordinate(place, minor).is_zero for place in range(parts.size)),
+            sum(not parts.by_coordinate(place, minor).is_zero for place in places),
             [-d for d in dependent],
         )
         for dependent, minor in minors.items()
