@@ -434,8 +434,10 @@ def _place(error: errors.Place, fields: Mapping[str, str]) -> ShownPlace:
     end = text.find("\n", start)
     line = text[start : end if end >= 0 else len(text)]
     place = column - 1 - start
-    marked = line[place : place + 1] or " "
-    before, after = line[:place], line[place + 1 :]
+    first, last = error.span or (0, 0)
+    length = last - first if first == column else len(_WORD.match(line, place)[0])  # type: ignore[index]
+    marked = line[place : place + max(length, 1)] or " "
+    before, after = line[:place], line[place + len(marked) :]
     if len(before) > AROUND:
         before = "\u2026" + before[-AROUND:]
     if len(after) > AROUND:

@@ -96,10 +96,10 @@ function backed(box, start = 0, end = 0) {
 
 function mark(form, within) {
   for (const box of form.querySelectorAll("textarea")) {
-    const [, line, column] = within.querySelector(`[data-at^="${box.name}:"]`)?.dataset.at.split(":").map(Number) ?? [];
+    const [, line, column, length] = within.querySelector(`[data-at^="${box.name}:"]`)?.dataset.at.split(":").map(Number) ?? [];
     if (!line) { if (box.dataset.backed) backed(box); continue; }
     const start = box.value.split("\n").slice(0, line - 1).reduce((sum, one) => sum + one.length + 1, column - 1);
-    backed(box, start, start + 1);
+    backed(box, start, start + length);
   }
 }
 
