@@ -72,6 +72,7 @@ _PIECES = re.compile(
 )
 _SHOWN = r"\s*\{(?:equation|align|gather|displaymath)\*?\}"
 _ENDED = re.compile(rf"\\end{_SHOWN}(?=\s*\\begin{_SHOWN})")
+_OF_RUNS = ("word", "remark", "numbered", "wrapped", "short")
 _CLOSING = {"(": ")", "[": "]", "{": "}", "\\{": "\\}", "\\(": "\\)", "\\[": "\\]"}
 _OF_LETTERS = sorted((*letters.LETTER_COMMANDS, *nm.FUNCTIONS), key=len, reverse=True)
 _PRODUCT = re.compile(
@@ -82,7 +83,7 @@ _COMPARES = re.compile(r"[=<>\u2264\u2265]|\\(?:le|ge|ne|equiv)")
 # $x'' = -x$ where words, or other formulas, are beside it; not Maple's t$2.
 MATHEMATICS = re.compile(r"(?<![\w)\\])(\$\$?)([^$]+)\1(?!\w)|(?<!\\)(?<!\\!)\\[(\[]((?:[^\\]|\\[^()\[\]])*)\\[)\]]")
 _JOINED = re.compile(r"\b(?:and|with|where)(?=\s+\\[^;,.]*=)")
-_ITEM = re.compile(r"\((?:[a-h]|[ivx]+)\)")  # (a), (ii)
+ITEM = re.compile(r"\((?:[a-h]|[ivx]+)\)")  # (a), (ii)
 _FIRST_ITEM, _ITEM_INSIDE = re.compile(r"\s*\([ai]\)\s"), re.compile(r"\s\((?:[b-h]|i[iv]i?)\)(?=\s)")
 # x, y \in R, (x, phi) \in R^2 x S^1, Q = SE(2).
 _SPACE = (
@@ -314,9 +315,7 @@ def _is_gone(clause: Sequence[Piece], end: Piece | None, holds: bool, text: str)
         return "=" in before and not re.search(r"\b(?:where|with)\b", before)
     if end and end.text == ":":
         return holds
-    words = [
-        piece for piece in clause if piece.kind in ("word", "remark", "numbered") + ("wrapped",) * (len(clause) > 1)
-    ]
+    words = [piece for piece in clause if piece.kind in _OF_RUNS[: 3 + (len(clause) > 1)]]
     kept = clause[0].text[:1] != "(" or _has(clause[0].inside, "relation", "sign", "mark")
     only = len(clause) == 1 and holds and (clause[0].kind in ("remark", "numbered") or not kept)
     signed = _has(clause, "sign") and not _is_sentence(clause)
@@ -333,19 +332,11 @@ def _runs(clause: Sequence[Piece], text: str) -> Iterator[tuple[int, int, bool]]
     place = 0
     while place < len(clause):
         first = place
-        if clause[place].kind not in ("word", "wrapped", "remark", "numbered", "short"):
+        if clause[place].kind not in _OF_RUNS:
             place += 1
             continue
         last = place
-        while place < len(clause) and clause[place].kind in (
-            "word",
-            "wrapped",
-            "remark",
-            "numbered",
-            "short",
-            "name",
-            "number",
-        ):
+        while place < len(clause) and clause[place].kind in (*_OF_RUNS, "name", "number"):
             defined = clause[place + 2].kind == "relation" if place + 2 < len(clause) else False
             article = clause[place].text in ("a", "A") and last == place - 1 and defined  # Find a L = ...
             last = place if article or clause[place].kind not in ("name", "number") else last
@@ -380,7 +371,7 @@ def _is_left_out(before: Sequence[Piece], run: Sequence[Piece], after: Sequence[
         return False
     if not words:
         wrapped = [re.sub(r"^\\\w+\s*\{|\}$", "", piece.text).strip() for piece in run if piece.kind == "wrapped"]
-        long = any(" " in each or each.endswith((":", ".", ")")) or _ITEM.fullmatch(each) for each in wrapped)
+        long = any(" " in each or each.endswith((":", ".", ")")) or ITEM.fullmatch(each) for each in wrapped)
         return long or run[0].kind == "short" or (len(wrapped) < len(run) and not (before and after))
     article = not before or (len(before) == 1 and before[0].text in ("a", "A"))
     if len(words) > 1:

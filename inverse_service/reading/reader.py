@@ -31,7 +31,6 @@ _LOST_BACKSLASH = re.compile(
     r"([\a\b\f\v])(lpha|eta|ar[a-z]*|egin|oldsymbol|rac|ec)(?![A-Za-z])|(\t)(an|anh|heta|au|imes|ext|ilde)(?![A-Za-z])|(\r)(ho|ight)(?![A-Za-z])"
     r"|(?<=[-+*({])\s*(\n)(abla|u)(?![A-Za-z'])"
 )
-_ITEM = re.compile(r"\((?:[a-h]|[ivx]+)\)")  # (a), (ii)
 # The y'' of y''_{xx} = x y.
 _BY_INDEX = re.compile(r"('')_?(?:\{([xts])\2\}|([xts])\3(?!\w))")
 _ACCELERATION = re.compile(r"(?<!')''(?!['(])")
@@ -401,7 +400,7 @@ def _is_item(group: Sequence[Token]) -> bool:
     """Whether it begins with (a) or (ii), a letter that does not occur again."""
     letter = tk.spelled(group[0].inside)
     again = any(token.text == letter for token in tk.walk(group[1:]))
-    return group[1].space_before and bool(_ITEM.fullmatch(tk.spelled(group[:1]))) and not again
+    return group[1].space_before and bool(prose.ITEM.fullmatch(tk.spelled(group[:1]))) and not again
 
 
 def _is_number(group: Sequence[Token]) -> bool:
