@@ -28,9 +28,8 @@ from inverse_service.mechanics.agreement import Canonical
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading import reader
 from inverse_service.reading.names import Names
-from inverse_service.service.documents import accepting, comparison, derived, translate
+from inverse_service.service.documents import accepting, comparison, derived, own_lagrangian, translate
 from inverse_service.service.documents.growing import asks_motion_alone
-from inverse_service.service.documents.own_lagrangian import check_lagrangian
 from inverse_service.service.documents.plain_data import read_json
 
 LONGER = 6  # times as long as what people type may be what we printed
@@ -88,7 +87,7 @@ def check_document(text: str) -> dict[str, Any]:
     except InputError:  # the checker says what is wrong with it
         return _answer(check_text(text))
     if isinstance(found, dict) and found.keys() == {"system", "lagrangian"} and isinstance(found["lagrangian"], str):
-        return check_lagrangian(found["system"], found["lagrangian"], end - now())
+        return own_lagrangian.check_lagrangian(found["system"], found["lagrangian"], end - now())
     if isinstance(found, dict) and "theorems" in found:
         from inverse_service.explanation.theorems import checked_identities
 
