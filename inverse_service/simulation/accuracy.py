@@ -15,7 +15,9 @@ is one, the run is compared with `adaptive`, whose steps end there.
 
 import time
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -66,11 +68,7 @@ TAYLOR, EXPLICIT, IMPLICIT = (
 )  # fmt: skip
 NONE_FOUND = "No reference solution was found: the reference integrators did not complete the run."
 PARTED = "The true motion is known until t = {:.6g} only: {}."
-MISSED, NEGLIGIBLE, NARROW = 10.0, 1e-6, 1e-4  # times the estimated error, and of the size of the motion
-ENDS_ELSEWHERE = (
-    "`adaptive`, stopping at the peaks of the forces, ends {:.3g} away: one acts within a step. Take a smaller step."
-)
-TOO_NARROW = "A force acts within a step at t = {:.6g}, and `adaptive` cannot resolve it. Give it more width."
+PEAKS, MISSED = "`adaptive`, stopping at the peaks of the forces", 0.01  # of the usual limits
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,18 +124,16 @@ def integrated(derived: derivation.Derived, requested: data.Requested, problem: 
     return run_motion(derived, requested, problem, start, values)
 
 
-def _again(run: observing.Observed, again: Finer, derived: derivation.Derived) -> Trajectory | None:
-    """The finer run, without the guard if that ends it early."""
-    assert run.problem is not None
-    own = replace(derived, scene=replace(run.scene, grid=again.grid))
+def _again(derived: derivation.Derived, requested: data.Requested, problem: data.Problem) -> Trajectory | None:
+    """Another run of the scene, without the guard if that ends it early."""
     try:
-        found = integrated(own, again.requested, run.problem).trajectory
+        found = integrated(derived, requested, problem).trajectory
     except InputError:
         return None
     if found.outcome.kind in GOES_ON:
         return found
-    unguarded = replace(again.requested, choice=replace(again.requested.choice, guard=False))
-    return integrated(own, unguarded, run.problem).trajectory
+    unguarded = replace(requested, choice=replace(requested.choice, guard=False))
+    return integrated(derived, unguarded, problem).trajectory
 
 
 def estimated(run: observing.Observed, derived: derivation.Derived) -> dict[str, Any]:
@@ -159,8 +155,16 @@ def estimated(run: observing.Observed, derived: derivation.Derived) -> dict[str,
         change, start = float(np.abs(energies - energies[0]).max()), abs(float(energies[0]))
         if change > CHANGED * min(mean, max(start, CHANGED * mean)):
             doubts = [VARIES.format(change, change / mean, start)]
-    again = finer(run.requested, scene.grid)
-    if (found := _again(run, again, derived)) is not None:
+    again, what, limits, events = finer(run.requested, scene.grid), run.problem, 1.0, scene.events
+    if len(peaks := moments_between(run)):
+        with suppress(data.Unavailable):
+            what, limits, stays = derived.motion(), MISSED, ex.Symbol(scene.coordinates[0])
+            again = replace(again, requested=data.Requested("", EXPLICIT), how=PEAKS, part=1.0)
+            times = (ex.TIME - ex.number(Fraction(moment)) for moment in peaks.tolist())
+            events = (*events, *(data.Event(time, 1, False, ((stays, stays),), 2) for time in times))
+    assert what is not None
+    own = replace(derived, scene=replace(scene, grid=again.grid, events=events))
+    if (found := _again(own, again.requested, what)) is not None:
         count, end, kind = min(len(found.times), len(at.times)), float(found.times[-1]), found.outcome.kind
         early = count < len(at.times) and kind not in GOES_ON
         if early and again.how == HALF:
@@ -171,7 +175,7 @@ def estimated(run: observing.Observed, derived: derivation.Derived) -> dict[str,
         numbers |= {"estimated_error": observing.greatest(errors), "estimated_error_share": observing.greatest(shares)}
         numbers["lost"] = _lost(run, shares.max(axis=1)) if again.how == HALF else None
         numbers |= {"estimated_until": float(at.times[count - 1])} if count < len(at.times) else {}
-        doubts.append(_elsewhere(run, errors, shares, AGAIN.format(again.how)))
+        doubts.append(_elsewhere(run, errors, shares, AGAIN.format(again.how), limits))
         if early and not doubts[-1]:
             doubts.append(ENDS_EARLY.format(again.how, end, kind.replace("_", " ")))
     if run.true is not None and not any(doubts[1:]):
@@ -215,13 +219,14 @@ def _with_made_energy(run: observing.Observed, energies: Array, kinetic: Array) 
     return Outcome("unresolved", end, float(run.trajectory.times[end]), NOT_CONSTANT.format(part), None, SHORTER)
 
 
-def _elsewhere(run: observing.Observed, errors: Array, shares: Array, which: str) -> str:
+def _elsewhere(run: observing.Observed, errors: Array, shares: Array, which: str, part: float = 1.0) -> str:
     """A warning if the error of a coordinate exceeds TOO_LARGE of its range; of a method that chooses its steps for an
-    error, OVER_TOLERANCE times its tolerance, and at least NOT_CHOSEN, is enough: it has missed something."""
+    error, OVER_TOLERANCE times its tolerance, and at least NOT_CHOSEN, is enough: it has missed something. Of these
+    limits, a `part` is enough."""
     choice, limit = run.requested.choice, TOO_LARGE
     if choice.method in method_table.OWN_STEPS:
         limit = min(limit, max(NOT_CHOSEN, OVER_TOLERANCE * choice.tolerance))
-    far = shares > limit
+    far = shares > part * limit
     if not far.any():
         return ""
     first = int(far.any(axis=1).argmax())
@@ -415,41 +420,3 @@ def _distances(first: Array, second: Array) -> Array:
     """The greatest distance of a coordinate up to each time, (m,); nan where one has ended."""
     found: Array = np.maximum.accumulate(np.abs(first[0] - second[0]).max(axis=1))
     return found
-
-
-def with_missed_force(run: observing.Observed, numbers: dict[str, Any], derived: derivation.Derived) -> dict[str, Any]:
-    """The estimate of a completed run. Where a force acts within a step, `adaptive` runs too, its steps ending on the
-    peaks of the forces: with a doubt and the true size of the error if that leads elsewhere, or cannot pass a peak."""
-    scene, grid, moments = run.scene, run.scene.grid, moments_between(run)
-    if not len(moments):
-        return numbers
-    try:
-        problem = derived.motion()
-    except data.Unavailable:
-        return numbers
-    start = data.Start(scene.positions, scene.velocities)
-    found = [scene.positions]
-    begin, end = grid.begin, grid.begin + grid.step * grid.steps
-    for moment in [*moments[(moments > begin) & (moments < end)], end]:
-        part = data.Grid(grid.step, max(1, round((moment - begin) / grid.step)), 1, begin)
-        part = replace(part, step=(moment - begin) / part.steps)
-        ran = _part(replace(derived, scene=scene), problem, EXPLICIT, start, part)
-        if derived.is_over:
-            return numbers
-        if not ran.outcome.completed or ran.velocities is None:
-            unknown = {"estimated_error": None, "estimated_error_share": None}
-            return numbers | unknown | {"doubt": TOO_NARROW.format(float(moment))}
-        found += list(ran.positions[1:])
-        start, begin = data.Start(ran.positions[-1], ran.velocities[-1]), float(moment)
-    apart = float(np.abs(found[-1] - run.trajectory.positions[-1]).max())
-    size, expected = float(np.ptp(found, axis=0).max()), numbers.get("estimated_error") or 0.0
-    if not apart > NEGLIGIBLE * size:
-        return numbers
-    share = apart / max(size, schemes.SMALLEST)
-    limit = NARROW if run.requested.method in method_table.OWN_STEPS else TOO_LARGE
-    is_far = apart > MISSED * expected or share > limit
-    known = {
-        "estimated_error": max(apart, expected),
-        "estimated_error_share": max(share, numbers.get("estimated_error_share") or 0.0),
-    }
-    return numbers | known | {"doubt": ENDS_ELSEWHERE.format(apart) if is_far else numbers["doubt"]}

@@ -143,8 +143,6 @@ def run_method(
         with derivation.timed(seconds, "half the step"):
             numbers |= accuracy.estimated(run.observed, derived)
             lost = numbers.pop("lost")
-            if lost is None and not numbers["doubt"]:
-                numbers = accuracy.with_missed_force(run.observed, numbers, derived)
         if lost is not None:  # the run up to there, with the quantities observed so far
             end, at = lost.time or 0.0, run.observed.trajectory
             shorter = replace(run.observed, trajectory=at.ended(at.times <= end, lost))
@@ -273,9 +271,9 @@ def _missed(
         alone = replace(derived.scene, positions=start[0], velocities=start[1], values=own, ensemble=None)
         ran = Trajectory(many.grid.times, many.positions[row], None, run.velocities[row], many.outcome(row))
         seen = observing.Observed(alone, run.requested, ran, problem, own, None, in_pieces=True)
-        found = accuracy.with_missed_force(seen, {"estimated_error": estimates[row], "doubt": ""}, derived)
+        found = accuracy.estimated(seen, derived) if len(accuracy.moments_between(seen)) else {"doubt": ""}
         if found["doubt"]:
-            estimates[row] = np.nan if found["estimated_error"] is None else found["estimated_error"]
+            estimates[row] = found.get("estimated_error", np.nan)
             return MEMBER.format(row, found["doubt"])
     return ""
 

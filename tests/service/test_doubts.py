@@ -156,7 +156,7 @@ def test_members_of_an_ensemble_are_compared() -> None:
             assert member["members_columns"]["estimated_error"][k] == pytest.approx(method["estimated_error"], rel=1e-2)
     scene |= {"methods": ["runge-kutta"], "ensemble": {"initial": {"velocities": {"y": [1.4, 2**0.5]}}}}
     (pushed,) = simulate(scene | {"forces": {"x": "100*exp(-((t - 3.333)/0.0001)^2)"}})["methods"]
-    assert "Member 0: `adaptive`, stopping at the peaks of the forces, ends" in pushed["doubt"]
+    assert "Member 0: With `adaptive`, stopping at the peaks of the forces, the traj" in pushed["doubt"]
 
 
 def test_command_and_page_show_it_next_to_the_outcome() -> None:
