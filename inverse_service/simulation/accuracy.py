@@ -56,7 +56,7 @@ TOO_LARGE, NOT_CHOSEN, OVER_TOLERANCE = 0.1, 0.01, 100.0  # the first two of the
 GOLDEN, GOLDEN_STEPS, MOST_MOMENTS, MOST_VALUES = 0.618033988749895, 75, 64, 2**21  # to the last bit of a step
 CREATED = 0.75  # of the kinetic energy: more from nothing in one step is no motion
 NOT_CONSTANT = "the energy, which is constant, changes in one step by {:.3g} of the kinetic energy"
-LOST, SUDDEN = "one step differs from two of half its length by {:.3g} of the range of a coordinate", 0.05
+LOST, SUDDEN = "one step differs from shorter ones by {:.3g} of the range of a coordinate", 0.05
 ENDS = "the end of the run with half the step: {}"
 SHORTER = "take a smaller step, or `adaptive`"
 ENOUGH = 1e-12  # two solutions agree if their distance over the size of the motion is less
@@ -68,7 +68,7 @@ TAYLOR, EXPLICIT, IMPLICIT = (
 )  # fmt: skip
 NONE_FOUND = "No reference solution was found: the reference integrators did not complete the run."
 PARTED = "The true motion is known until t = {:.6g} only: {}."
-PEAKS, MISSED = "`adaptive`, stopping at the peaks of the forces", 0.01  # of the usual limits
+PEAKS, MISSED = "`adaptive`, stopping at the peaks of the forces", 0.1  # of the usual limits
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,7 +173,7 @@ def estimated(run: observing.Observed, derived: derivation.Derived) -> dict[str,
             return numbers | {"lost": lost, "doubt": ""}
         errors, shares = errors_of(at.positions[:count], found.positions[:count], turns, again.part)
         numbers |= {"estimated_error": observing.greatest(errors), "estimated_error_share": observing.greatest(shares)}
-        numbers["lost"] = _lost(run, shares.max(axis=1)) if again.how == HALF else None
+        numbers["lost"] = _lost(run, shares.max(axis=1)) if run.requested.method not in method_table.OWN_STEPS else None
         numbers |= {"estimated_until": float(at.times[count - 1])} if count < len(at.times) else {}
         doubts.append(_elsewhere(run, errors, shares, AGAIN.format(again.how), limits))
         if early and not doubts[-1]:
@@ -256,21 +256,21 @@ def other_motion(run: observing.Observed) -> Outcome | None:
 
 
 def moments_between(run: observing.Observed) -> Array:
-    """Times, at most MOST_MOMENTS, at which a function or power in the formulas rises to a value that half a step
+    """Times, at most MOST_MOMENTS, at which a function or power in the scene rises to a value that half a step
     before and after do not show: a force that acts within a step and is missed by a method that steps over it.
 
     A function is extreme where its argument turns or passes 0; this time is located on the cubic through the positions
     and velocities of the points. A sine or cosine whose argument moves by more than a half turn in a step counts as
     well. In a long run only the first MOST_VALUES values are examined.
     """
-    problem, choice, at, scene = run.problem, run.requested.choice, run.trajectory, run.scene
-    velocities = run.velocities
-    if problem is None or not choice.guard or velocities is None:
+    at, scene, velocities = run.trajectory, run.scene, run.velocities
+    if run.problem is None or not run.requested.choice.guard or velocities is None:
         return np.empty(0)
+    given = (scene.lagrangian, *scene.constraints, *(scene.accelerations or ()), *scene.forces)
     moving = nf.changing(scene.coordinates)
     pairs = [
         (node, node.argument if isinstance(node, ex.Apply) else node.base)
-        for node in ex.distinct_nodes(tree for tree in problem.formulas if tree is not problem.free_hamiltonian)
+        for node in ex.distinct_nodes(tree for tree in given if tree is not None)
         if isinstance(node, ex.Apply | ex.Power) and ex.holds(node, *moving)
     ]
     count = min(len(at.times), MOST_VALUES // max(1, len(pairs)))
