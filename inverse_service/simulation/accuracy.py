@@ -14,7 +14,7 @@ is one, the run is compared with `adaptive`, whose steps end there.
 """
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -56,7 +56,7 @@ TOO_LARGE, NOT_CHOSEN, OVER_TOLERANCE = 0.1, 0.01, 100.0  # the first two of the
 GOLDEN, GOLDEN_STEPS, MOST_MOMENTS, MOST_VALUES = 0.618033988749895, 75, 64, 2**21  # to the last bit of a step
 CREATED = 0.75  # of the kinetic energy: more from nothing in one step is no motion
 NOT_CONSTANT = "the energy, which is constant, changes in one step by {:.3g} of the kinetic energy"
-LOST, SUDDEN = "one step differs from shorter ones by {:.3g} of the range of a coordinate", 0.05
+LOST, SUDDEN = "one step differs from two of half its length by {:.3g} of the range of a coordinate", 0.05
 ENDS = "the end of the run with half the step: {}"
 SHORTER = "take a smaller step, or `adaptive`"
 ENOUGH = 1e-12  # two solutions agree if their distance over the size of the motion is less
@@ -69,6 +69,8 @@ TAYLOR, EXPLICIT, IMPLICIT = (
 NONE_FOUND = "No reference solution was found: the reference integrators did not complete the run."
 PARTED = "The true motion is known until t = {:.6g} only: {}."
 PEAKS, MISSED = "`adaptive`, stopping at the peaks of the forces", 0.1  # of the usual limits
+BEYOND = 10.0  # times what half the step shows
+ADAPTIVE = data.Requested("", EXPLICIT)
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,6 +81,9 @@ class Finer:
     grid: data.Grid
     how: str
     part: float
+
+
+Comparison = tuple[Finer, data.Problem | None, tuple[data.Event, ...]]
 
 
 def finer(requested: data.Requested, grid: data.Grid) -> Finer:
@@ -155,16 +160,14 @@ def estimated(run: observing.Observed, derived: derivation.Derived) -> dict[str,
         change, start = float(np.abs(energies - energies[0]).max()), abs(float(energies[0]))
         if change > CHANGED * min(mean, max(start, CHANGED * mean)):
             doubts = [VARIES.format(change, change / mean, start)]
-    again, what, limits, events = finer(run.requested, scene.grid), run.problem, 1.0, scene.events
-    if len(peaks := moments_between(run)):
-        with suppress(data.Unavailable):
-            what, limits, stays = derived.motion(), MISSED, ex.Symbol(scene.coordinates[0])
-            again = replace(again, requested=data.Requested("", EXPLICIT), how=PEAKS, part=1.0)
-            times = (ex.TIME - ex.number(Fraction(moment)) for moment in peaks.tolist())
-            events = (*events, *(data.Event(time, 1, False, ((stays, stays),), 2) for time in times))
-    assert what is not None
-    own = replace(derived, scene=replace(scene, grid=again.grid, events=events))
-    if (found := _again(own, again.requested, what)) is not None:
+    half = finer(run.requested, scene.grid), run.problem, scene.events
+    for again, what, events in (half, *_at_peaks(run, derived)):
+        assert what is not None
+        own = replace(derived, scene=replace(scene, grid=again.grid, events=events))
+        if again.how == PEAKS and (numbers["lost"] or any(doubts)):
+            break
+        if (found := _again(own, again.requested, what)) is None:
+            continue
         count, end, kind = min(len(found.times), len(at.times)), float(found.times[-1]), found.outcome.kind
         early = count < len(at.times) and kind not in GOES_ON
         if early and again.how == HALF:
@@ -172,15 +175,28 @@ def estimated(run: observing.Observed, derived: derivation.Derived) -> dict[str,
             lost = Outcome("unresolved", int(scene.grid.recorded[count - 1]), end, quantity, None, SHORTER)
             return numbers | {"lost": lost, "doubt": ""}
         errors, shares = errors_of(at.positions[:count], found.positions[:count], turns, again.part)
-        numbers |= {"estimated_error": observing.greatest(errors), "estimated_error_share": observing.greatest(shares)}
-        numbers["lost"] = _lost(run, shares.max(axis=1)) if run.requested.method not in method_table.OWN_STEPS else None
+        greatest, expected = observing.greatest(errors), numbers.get("estimated_error") or 0.0
+        missed = again.how == PEAKS and (greatest or 0.0) > BEYOND * expected
+        numbers |= {"estimated_error": greatest, "estimated_error_share": observing.greatest(shares)}
+        numbers["lost"] = _lost(run, shares.max(axis=1)) if again.how == HALF else None
         numbers |= {"estimated_until": float(at.times[count - 1])} if count < len(at.times) else {}
-        doubts.append(_elsewhere(run, errors, shares, AGAIN.format(again.how), limits))
+        doubts.append(_elsewhere(run, errors, shares, AGAIN.format(again.how), MISSED if missed else 1.0))
         if early and not doubts[-1]:
             doubts.append(ENDS_EARLY.format(again.how, end, kind.replace("_", " ")))
     if run.true is not None and not any(doubts[1:]):
         doubts.append(_elsewhere(run, *errors_of(at.positions, run.true, turns), TRUE))
     return numbers | {"doubt": " ".join(filter(None, doubts))}
+
+
+def _at_peaks(run: observing.Observed, derived: derivation.Derived) -> Iterator[Comparison]:
+    """`adaptive` with an event at each peak of a force that acts within a step; nothing where there is none."""
+    if len(peaks := moments_between(run)):
+        with suppress(data.Unavailable):
+            stays = ex.Symbol(run.scene.coordinates[0])
+            times = (ex.TIME - ex.number(Fraction(moment)) for moment in peaks.tolist())
+            events = (data.Event(time, 1, False, ((stays, stays),), 2) for time in times)
+            again = replace(finer(run.requested, run.scene.grid), requested=ADAPTIVE, how=PEAKS, part=1.0)
+            yield again, derived.motion(), (*run.scene.events, *events)
 
 
 def _is_guarded(run: observing.Observed) -> bool:
