@@ -68,7 +68,7 @@ TAYLOR, EXPLICIT, IMPLICIT = (
 )  # fmt: skip
 NONE_FOUND = "No reference solution was found: the reference integrators did not complete the run."
 PARTED = "The true motion is known until t = {:.6g} only: {}."
-PEAKS, MISSED = "`adaptive`, stopping at the peaks of the forces", 0.1  # of the usual limits
+PEAKS, MISSED = "`adaptive`, stopping at the peaks of the forces", 0.01  # of the usual limits
 BEYOND = 10.0  # times what half the step shows
 ADAPTIVE = data.Requested("", EXPLICIT)
 
@@ -176,7 +176,8 @@ def estimated(run: observing.Observed, derived: derivation.Derived) -> dict[str,
             return numbers | {"lost": lost, "doubt": ""}
         errors, shares = errors_of(at.positions[:count], found.positions[:count], turns, again.part)
         greatest, expected = observing.greatest(errors), numbers.get("estimated_error") or 0.0
-        missed = again.how == PEAKS and (greatest or 0.0) > BEYOND * expected
+        is_own = run.requested.method in method_table.OWN_STEPS
+        missed = again.how == PEAKS and (is_own or (greatest or 0.0) > BEYOND * expected)
         numbers |= {"estimated_error": greatest, "estimated_error_share": observing.greatest(shares)}
         numbers["lost"] = _lost(run, shares.max(axis=1)) if again.how == HALF else None
         numbers |= {"estimated_until": float(at.times[count - 1])} if count < len(at.times) else {}
