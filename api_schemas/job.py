@@ -7,7 +7,7 @@ from pydantic import BaseModel, Field, RootModel
 from api_schemas.base import CheckAnswer, Document, ProblemDocument
 from api_schemas.nonholonomic import NonholonomicDocument
 from api_schemas.result import ForwardResult, LagrangianDocument, ResultDocument
-from api_schemas.simulation import SimulationResult, WorkPrecisionResult
+from api_schemas.scene import SimulationResult, WorkPrecisionResult
 from api_schemas.system import SystemDocument
 
 JobStatus = Literal["accepted", "running", "successful", "failed", "dismissed"]

@@ -59,7 +59,7 @@ def serve(
         settings = dataclasses.replace(settings, hosts=LOOPBACK)
     listener = _listen(host, port)
     from inverse_service.service.compiling import warming
-    from inverse_service.service.jobs import log_lines, workers
+    from inverse_service.service.jobs import monitoring, workers
     from inverse_service.web import middleware, pages
 
     # The server that forks the workers loads the engine while this process loads the pages.
@@ -69,7 +69,7 @@ def serve(
     from inverse_service.web.application import create_application
     from inverse_service.web.pages import forms, solve
 
-    log_lines.begin(settings.log_level, middleware.StreamCut)
+    monitoring.begin(settings.log_level, middleware.StreamCut)
     bound, number = listener.getsockname()[:2]
     if not (settings.api_keys or settings.api_keys_file or ipaddress.ip_address(bound.partition("%")[0]).is_loopback):
         log.warning("no keys are set: anyone who can reach %s may use this service and see all its jobs", host)
@@ -99,7 +99,7 @@ def _server(application: Any, settings: Settings) -> Any:
     """uvicorn with our limits on connections and on the time that it takes to stop."""
     import uvicorn
 
-    from inverse_service.web.connections import KEEP_ALIVE, Connections
+    from inverse_service.web.clients import KEEP_ALIVE, Connections
 
     connections = Connections(_most_connections(settings.connections), settings.client_connections, settings.proxies)
     application.state.engine.connections = connections

@@ -26,7 +26,7 @@ from inverse_service.expressions.tree import TIME, ZERO, Expression, Symbol, Vel
 from inverse_service.field import exact_field
 from inverse_service.field.matrices import determinant, dot, reduced_rows, solve_square, weight
 from inverse_service.field.real_point import RealTable, find_real_point
-from inverse_service.mechanics import implicit_equations, short_angles, writing
+from inverse_service.mechanics import implicit_equations, writing
 from inverse_service.mechanics.second_order_system import Functions
 from inverse_service.reading.document_names import Declared, known_names
 from inverse_service.reading.names import Names
@@ -154,7 +154,7 @@ def _geometry(system: NonholonomicSystem, budget: exact_field.Budget) -> Geometr
     _refuse_dependent(found)
     elements = [*(entry for row in found.mass for entry in row), *found.linear, found.potential]
     elements += [minor for columns, minor in _minors(found).items() if found.size not in columns]
-    shorter = short_angles.by_short_angles(trees, found.ring, elements)
+    shorter = writing.by_short_angles(trees, found.ring, elements)
     return found if shorter is None else _parts(system, shorter, budget)
 
 

@@ -24,7 +24,7 @@ from starlette.types import Scope
 from api_schemas.system import SystemDocument
 from inverse_service import __version__, errors
 from inverse_service.service.documents import answers
-from inverse_service.service.jobs import metrics, model, opening, statements, tasks, workers
+from inverse_service.service.jobs import model, monitoring, opening, statements, tasks, workers
 from inverse_service.service.jobs.stores import Cleaner, JobStore
 from inverse_service.service.jobs.supervisor import Supervisor
 from inverse_service.settings import Settings
@@ -94,7 +94,7 @@ class KnownAnswers:
         found = self._answers.get(key)
         if found is None or found.mark is not self._marks.get(found.job) or found.until < time.monotonic():
             return None
-        metrics.of(metrics.KNOWN, kind).inc()
+        monitoring.of(monitoring.KNOWN, kind).inc()
         return found.response
 
     def keep(self, key: bytes, job: str, response: Response) -> None:
@@ -232,7 +232,7 @@ class Engine:
         try:
             return await self._in_time(self.in_thread(function, *arguments, **named))
         finally:
-            metrics.STORE.observe(time.monotonic() - began)
+            monitoring.STORE.observe(time.monotonic() - began)
 
     async def _in_time(self, stored: Awaitable[T]) -> T:
         try:
@@ -260,7 +260,7 @@ class Engine:
 
             def store() -> None:
                 workers.do(storing, functools.partial(self._submit, own, key))
-                metrics.STORE.observe(time.monotonic() - began)
+                monitoring.STORE.observe(time.monotonic() - began)
                 if storing.cancelled() or storing.exception() or not storing.result().is_open:
                     loop.call_soon_threadsafe(ended.set)
 
@@ -321,7 +321,7 @@ class Engine:
         if found is None or found.is_open or found.is_to_be_asked(request.fresh, time.time()):
             found, is_new = self.supervisor.submit(request, self.bounds, PART)
         if not is_new:
-            metrics.of(metrics.KNOWN, request.kind).inc()
+            monitoring.of(monitoring.KNOWN, request.kind).inc()
         return found
 
     def _claim_key(self, client: str, key: str, digest: str) -> None:
@@ -434,8 +434,8 @@ class Engine:
             except asyncio.CancelledError:
                 running.cancel()
                 raise
-        metrics.of(metrics.QUICK, task.__name__, outcome.status).inc()
-        metrics.of(metrics.QUICK_CPU, task.__name__).inc(outcome.spent.cpu)
+        monitoring.of(monitoring.QUICK, task.__name__, outcome.status).inc()
+        monitoring.of(monitoring.QUICK_CPU, task.__name__).inc(outcome.spent.cpu)
         return outcome
 
     async def check(self, client: str, body: bytes) -> dict[str, Any]:
@@ -494,7 +494,7 @@ class Engine:
         while True:
             began = time.monotonic()
             await asyncio.sleep(LAG_EVERY)
-            metrics.LAG.observe(max(0.0, time.monotonic() - began - LAG_EVERY))
+            monitoring.LAG.observe(max(0.0, time.monotonic() - began - LAG_EVERY))
 
     async def _forget(self) -> None:
         """Forget old answers now and then."""

@@ -13,7 +13,7 @@ from starlette.responses import Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from inverse_service.service.documents import answers
-from inverse_service.service.jobs import log_lines, metrics
+from inverse_service.service.jobs import monitoring
 
 log = logging.getLogger(__name__)
 GIVEN = re.compile(r"[A-Za-z0-9._-]{1,64}")
@@ -68,7 +68,7 @@ class Entrance:
         scope.setdefault("state", {})
         status, seconds = CLIENT_LEFT, None  # what was answered, and after how long
         identifier = identifier_of(scope)
-        token = log_lines.REQUEST.set(identifier)
+        token = monitoring.REQUEST.set(identifier)
         work = scope["work"] = asyncio.current_task()
 
         async def send_whole(message: Message) -> None:
@@ -98,10 +98,10 @@ class Entrance:
             raise
         finally:
             route = getattr(scope.get("route"), "path", "none")
-            metrics.of(metrics.REQUESTS, route, str(status)).inc()
-            metrics.of(metrics.ANSWERED, route).observe(seconds or time.monotonic() - began)
+            monitoring.of(monitoring.REQUESTS, route, str(status)).inc()
+            monitoring.of(monitoring.ANSWERED, route).observe(seconds or time.monotonic() - began)
             _note(scope, status, time.monotonic() - began)
-            log_lines.REQUEST.reset(token)
+            monitoring.REQUEST.reset(token)
 
     def _refusal(self, scope: Scope) -> Response | None:
         """Of too large headers (431), two lengths, of which a proxy may believe the other (400), a NUL, which databases
@@ -153,7 +153,7 @@ def _note(scope: Scope, status: int, seconds: float) -> None:
     client = scope.get("state", {}).get("client_name") or (scope.get("client") or ("",))[0]
     about = {"client": client, "method": scope["method"], "path": scope["path"][:200], "status": status}
     level = logging.WARNING if status == 401 else logging.INFO
-    log_lines.say(log, "request", {**about, "seconds": round(seconds, 4)}, level)
+    monitoring.say(log, "request", {**about, "seconds": round(seconds, 4)}, level)
 
 
 def host_of(scope: Scope) -> str:

@@ -25,7 +25,7 @@ from inverse_service.expressions.refusals import LIMITS
 from inverse_service.service.documents import alike
 from inverse_service.service.jobs import model, statements, supervisor, tasks, workers
 from inverse_service.service.jobs.batch import MAX_LINE_BYTES, batch_task
-from inverse_service.service.jobs.metrics import gauge, written as text_of
+from inverse_service.service.jobs.monitoring import gauge, written as text_of
 from inverse_service.web import asking, clients, job_answers, openapi
 from inverse_service.web.engine import KEEP_ALIVE, LONG_DEADLINE, Engine, key_of
 from inverse_service.web.middleware import StreamCut, said

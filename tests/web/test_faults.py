@@ -9,7 +9,7 @@ import httpx
 import pytest
 
 from inverse_service.errors import NoWorker
-from inverse_service.service.jobs import metrics
+from inverse_service.service.jobs import monitoring
 from inverse_service.service.jobs.tasks import Outcome, Usage, value_of
 from inverse_service.settings import Settings
 from inverse_service.web.application import create_application
@@ -115,4 +115,4 @@ def test_a_fault_is_counted_and_has_an_id(monkeypatch: pytest.MonkeyPatch) -> No
             return await client.post("/v1/solve", json=DOCUMENT)
 
     assert asyncio.run(call()).status_code == 500
-    assert b'inverse_service_http_requests_total{route="/v1/solve",status="500"}' in metrics.written([])
+    assert b'inverse_service_http_requests_total{route="/v1/solve",status="500"}' in monitoring.written([])

@@ -22,7 +22,7 @@ from typing import Any
 
 from inverse_service import errors
 from inverse_service.service.documents import answers, growing
-from inverse_service.service.jobs import log_lines, metrics, model, tasks, workers
+from inverse_service.service.jobs import model, monitoring, tasks, workers
 from inverse_service.service.jobs.stores import JobStore
 from inverse_service.service.jobs.tasks import LIMITS, Call, Outcome, Usage
 
@@ -456,12 +456,12 @@ class Supervisor:
         if label != "again":
             self.events.end(job)
         if outcome.status in ("crash", "killed"):
-            metrics.DEATHS.labels(outcome.status).inc()
+            monitoring.DEATHS.labels(outcome.status).inc()
         spent = outcome.spent
-        metrics.note_run(job.kind, label, spent.wall, spent.cpu, spent.memory)
+        monitoring.note_run(job.kind, label, spent.wall, spent.cpu, spent.memory)
         about = {"job": job.id, "client": job.client, "attempt": job.attempt, "kind": job.kind, "outcome": label}
         figures = {"wall": round(spent.wall, 4), "cpu": round(spent.cpu, 4), "memory": round(spent.memory, 1)}
-        log_lines.say(log, "job ended", about | figures)
+        monitoring.say(log, "job ended", about | figures)
 
     def _beat(self) -> None:
         """Keep the claims, stop what another front end dismissed or took over, take back those of one that is gone."""

@@ -20,7 +20,7 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 from inverse_service.reading import document_names
 from inverse_service.service.documents import printed_pages, sheets
 from inverse_service.service.figures import views
-from inverse_service.service.jobs import log_lines, tasks
+from inverse_service.service.jobs import monitoring, tasks
 from inverse_service.service.jobs.batch import answer_line
 from inverse_service.service.jobs.model import Job
 from inverse_service.service.jobs.statements import BatchAnswer
@@ -65,7 +65,7 @@ async def call(
 ) -> httpx.Response:
     """One call of this service, made inside the process; `document` is sent as JSON, bytes unchanged."""
     sent = {name: request.headers[name] for name in PASSED_ON if name in request.headers} | dict(headers or {})
-    sent["X-Request-Id"] = log_lines.REQUEST.get()
+    sent["X-Request-Id"] = monitoring.REQUEST.get()
     content = document
     if document is not None and not isinstance(document, bytes):
         content = json.dumps(document, default=str).encode()
