@@ -1,9 +1,9 @@
 """Who asks, and how much of the service a client may have: bytes under way, places among those who wait, connections.
 
 A client is the name of an API key, of the settings or of a file, or the address where no keys are asked for.
-Connections have two counts (in all, and of one address) and two times (for a head, for a body). What a proxy does better, which is
-to take slow heads, bodies in tiny pieces, and unread answers, is left to the proxy that a port for strangers needs; see
-docs/how-to/operate.md.
+Connections have two counts (in all, and of one address) and two times (for a head, for a body). What a proxy does
+better, which is to take slow heads, bodies in tiny pieces, and unread answers, is left to the proxy that a port for
+strangers needs; see docs/how-to/operate.md.
 """
 
 from __future__ import annotations
