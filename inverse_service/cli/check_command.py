@@ -22,7 +22,6 @@ from inverse_service.cli import command_line as cli, solve_command
 from inverse_service.decision.solutions import SolveOptions
 from inverse_service.service.documents import plain_data
 from inverse_service.service.jobs import batch as batches, model, tasks, workers
-from inverse_service.service.jobs.tasks import value_of
 from inverse_service.settings import read_settings
 
 MAX_RESULT_BYTES = 200_000_000
@@ -103,7 +102,7 @@ def _check_exceptions(name: str, form: str | None) -> cli.ExitCode:
             work = (document, SolveOptions(time_limit=settings.time_limit))
             outcome = workers.run_alone(tasks.solve_task, work, settings.time_limit, settings.memory_limit)
             if outcome.status not in ("deadline", "memory"):
-                found = value_of(outcome)
+                found = tasks.value_of(outcome)
                 entry |= {key: found[key] for key in ("verdict", "verdict_with_time", "checked", "domain")}
                 entry["lagrangian"] = (found["lagrangian"] or {}).get("text")
         decided.append(entry)

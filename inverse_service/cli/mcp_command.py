@@ -18,9 +18,7 @@ from pydantic import BaseModel, Field
 
 from inverse_service import __version__, errors, settings
 from inverse_service.service.documents import answers, growing, plain_data, sheets
-from inverse_service.service.jobs import model, tasks
-from inverse_service.service.jobs.tasks import Call, Outcome, value_of
-from inverse_service.service.jobs.workers import Workers
+from inverse_service.service.jobs import model, tasks, workers
 
 INSTRUCTIONS = (
     "Decides whether q'' = f(t, q, q') comes from a Lagrangian; a second program checks each proof. Give "
@@ -77,7 +75,7 @@ class Tools:
 
     def __init__(self) -> None:
         self._settings = settings.read_settings()
-        self._workers = Workers(self._settings.workers, self._settings.memory_limit)
+        self._workers = workers.Workers(self._settings.workers, self._settings.memory_limit)
         self._results: OrderedDict[str, str] = OrderedDict()
 
     @asynccontextmanager
@@ -109,7 +107,7 @@ class Tools:
             if isinstance(value, dict):
                 so_far.update(growing.grown(so_far, value))
 
-        call = Call(tasks.solve_task, (document, asked), options.time_limit, options.memory_limit, reports=True)
+        call = tasks.Call(tasks.solve_task, (document, asked), options.time_limit, options.memory_limit, reports=True)
         outcome = await asyncio.wrap_future(self._workers.submit(call, hear).outcome)
         result = _value(lambda: answers.result_document(outcome, asked, options.memory_limit, so_far or None))
         return _solved(result, self._kept(result))
@@ -148,8 +146,10 @@ class Tools:
         return found
 
     async def _run(self, task: Any, *arguments: Any, seconds: float) -> Any:
-        outcome: Outcome = await asyncio.wrap_future(self._workers.submit(Call(task, arguments, seconds)).outcome)
-        return _value(lambda: value_of(outcome))
+        outcome: tasks.Outcome = await asyncio.wrap_future(
+            self._workers.submit(tasks.Call(task, arguments, seconds)).outcome
+        )
+        return _value(lambda: tasks.value_of(outcome))
 
     def _kept(self, result: dict[str, Any]) -> str:
         text = json.dumps(result, ensure_ascii=False)

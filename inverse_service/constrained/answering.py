@@ -34,8 +34,7 @@ from inverse_service.constrained.lagrangian import (
     own_system,
 )
 from inverse_service.deadline import OutOfTime, now, share, until
-from inverse_service.decision import certify
-from inverse_service.decision.deciding import RationalSeries, as_tree, is_irrational, reconstructed
+from inverse_service.decision import certify, deciding
 from inverse_service.decision.solutions import Answer, Lagrangian, Step, Verdict
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.explanation.wording import said, separated
@@ -44,9 +43,8 @@ from inverse_service.expressions.tree import TIME, Expression, Number, Power, Sy
 from inverse_service.field.modular import safe_prime
 from inverse_service.field.point import Point, SingularPoint, Variable
 from inverse_service.linear_pde.involution import Finding, Unknown, halved_squares, prolonged, solution_of
-from inverse_service.mechanics.constrained_motion import ConstrainedMotion, EquationsOfMotion
+from inverse_service.mechanics import constrained_motion, second_order_system
 from inverse_service.mechanics.legendre import legendre
-from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 # Of the time, what the decisions may take; the rest is for a closed form, H and the checks.
 _SHARE_OF_DECISION, _SHARE_OF_REDUCED, _SHARE_OF_ANSATZ = 0.4, 0.3, 0.5
@@ -64,7 +62,7 @@ class KnownLagrangian:
     """A Lagrangian of an associated system, with its report."""
 
     kind: str
-    system: SecondOrderSystem
+    system: second_order_system.SecondOrderSystem
     lagrangian: Lagrangian
     with_time: bool
     report: Hamiltonisation | None
@@ -77,7 +75,7 @@ class MotionLagrangian:
     lagrangian: Lagrangian
     jet: JetOnConstraints
     kind: str
-    system: SecondOrderSystem | None
+    system: second_order_system.SecondOrderSystem | None
     report: Hamiltonisation | None
 
     def on_its_set(self, certificate: Mapping[str, Any], proof: CheckResult) -> MotionLagrangian:
@@ -105,7 +103,7 @@ class MotionAnswer:
 
 @dataclass(slots=True)
 class _Work:
-    motion: ConstrainedMotion
+    motion: constrained_motion.ConstrainedMotion
     known: Sequence[KnownLagrangian]
     seed: int
     deadline: float
@@ -120,7 +118,7 @@ class _Work:
 
 
 def answer_motion(
-    motion: ConstrainedMotion,
+    motion: constrained_motion.ConstrainedMotion,
     known: Sequence[KnownLagrangian] = (),
     time_dependent: bool | None = None,
     seed: int = 1,
@@ -324,7 +322,7 @@ def _complete_lagrangian(work: _Work, lagrangian: Lagrangian) -> MotionLagrangia
     """To its own equations, H, and the constraints in phase space."""
     tree, report = lagrangian.expression, None
     system = own_system(tree, work.motion, now() + _SHARE_OF_ANSATZ * work.left())
-    if system is not None and isinstance(work.motion, EquationsOfMotion) and work.left() > 0:
+    if system is not None and isinstance(work.motion, constrained_motion.EquationsOfMotion) and work.left() > 0:
         known = legendre(tree, system.coordinates, 0.0) if _is_steep(tree) else None
         with suppress(OutOfTime), until(now() + _SHARE_OF_ANSATZ * work.left()):
             report = hamiltonise(work.motion, system, tree, work.seed, known)
@@ -448,7 +446,7 @@ def series_steps(analyzed: AnalyzedMotion, found: Finding, with_time: bool) -> t
     Every solution of the projected system to this degree is the beginning of an analytic one.
     """
     motion = analyzed.motion
-    if any(is_irrational(node) for tree in (*analyzed.velocities, *analyzed.forces) for node in walk(tree)):
+    if any(deciding.is_irrational(node) for tree in (*analyzed.velocities, *analyzed.forces) for node in walk(tree)):
         return ()
     variables: list[Variable] = [*[TIME] * with_time, *map(Symbol, analyzed.names), *map(Velocity, motion.free)]
     symbols = [*variables, *map(Symbol, motion.parameters)]
@@ -467,7 +465,7 @@ def _coefficients(
     analyzed: AnalyzedMotion, found: Finding, with_time: bool, values: Mapping[Variable, int]
 ) -> dict[Unknown, Fraction] | None:
     card = ConstrainedAt(analyzed, with_time, lambda seed: Point(safe_prime(seed), seed, variables=dict(values)))
-    return reconstructed(lambda seed: _residues(card, found, seed))
+    return deciding.reconstructed(lambda seed: _residues(card, found, seed))
 
 
 def _residues(card: ConstrainedAt, found: Finding, seed: int) -> tuple[int, dict[Unknown, int] | None]:
@@ -484,7 +482,7 @@ def _written(
 ) -> Step:
     def series(function: int) -> Expression:
         chosen = {index: a for (which, index), a in found.items() if which == function and a}
-        return as_tree(RationalSeries(0, tuple(variables), values, chosen))
+        return deciding.as_tree(deciding.RationalSeries(0, tuple(variables), values, chosen))
 
     where = separated([row(symbol, f" = {value}") for symbol, value in values.items()])
     shown = [row(f"lambda_{a} = ", series(a), " + ...") for a in range(1, dependent + 1)]

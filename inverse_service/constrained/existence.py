@@ -18,7 +18,6 @@ from flint import nmod_mat
 from inverse_service.deadline import now
 from inverse_service.decision.certify import conditions_of, head_of, involution_data, near_of
 from inverse_service.decision.kinds import constrained
-from inverse_service.decision.kinds.constrained import Shape, last_of
 from inverse_service.errors import IrreducibleAtoms
 from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.evaluation import NoRealValue
@@ -30,8 +29,7 @@ from inverse_service.field.point import Point, SingularPoint, Variable
 from inverse_service.field.real_point import RealTable, find_real_point, is_defined, requirements
 from inverse_service.field.reduction import reduce_atoms, signed_factors
 from inverse_service.field.tower import Tower, draw_point, to_kernels
-from inverse_service.linear_pde.equations import LocalEquations, Unknowns
-from inverse_service.linear_pde.involution import Coefficients, Finding, Limits, Matrix, settle
+from inverse_service.linear_pde import equations, involution
 from inverse_service.mechanics.constrained_motion import ConstrainedMotion
 
 Integers = npt.NDArray[np.int64]
@@ -82,10 +80,10 @@ class ConstrainedAt:
 
     def __init__(self, analyzed: AnalyzedMotion, with_time: bool, draw: Callable[[int], Point] | None = None) -> None:
         motion = analyzed.motion
-        self._shape = shape = Shape(len(motion.free), len(motion.dependent), with_time)
-        self.unknowns: Unknowns = constrained.unknowns_of(shape)
-        self.matrix: Matrix = constrained.matrix_of(shape)
-        self.others: tuple[Matrix, ...] = (constrained.regular_on_constraints(shape),)
+        self._shape = shape = constrained.Shape(len(motion.free), len(motion.dependent), with_time)
+        self.unknowns: equations.Unknowns = constrained.unknowns_of(shape)
+        self.matrix: involution.Matrix = constrained.matrix_of(shape)
+        self.others: tuple[involution.Matrix, ...] = (constrained.regular_on_constraints(shape),)
         free: list[Expression] = [Velocity(name) for name in motion.free]
         variables: list[Variable] = [*[TIME] * with_time, *map(Symbol, analyzed.names), *map(Velocity, motion.free)]
         field = [*free, *analyzed.velocities, *analyzed.forces]
@@ -96,13 +94,13 @@ class ConstrainedAt:
             self._first = constrained.write_brackets(shape, series)
             return series, series.listed
 
-        self._series = Coefficients(
+        self._series = involution.Coefficients(
             write,
             draw or (lambda seed: draw_point(analyzed.tower, seed)),
             lambda order: constrained.degree_for(shape, order),
         )
 
-    def at(self, seed: int, order: int) -> LocalEquations:
+    def at(self, seed: int, order: int) -> equations.LocalEquations:
         """Raises TooLarge where the series would take too many words."""
         prime, registers = self._series.at(seed, order)
         own = constrained.compiled_equations(self._shape, prime, order, registers)
@@ -114,21 +112,21 @@ class ConstrainedAt:
 
 def decide_motion(
     analyzed: AnalyzedMotion, with_time: bool, seed: int, deadline: float, progress: Callable[[str], None]
-) -> Finding:
+) -> involution.Finding:
     """Is the motion that of a regular L(q, v) on the constraints, or of an L(t, q, v)? Two points must agree."""
-    limits = Limits(_HIGHEST_ORDER, deadline, _MOST_UNKNOWNS)
+    limits = involution.Limits(_HIGHEST_ORDER, deadline, _MOST_UNKNOWNS)
     try:
         refused = refused_along_a_solution(analyzed, with_time, seed, deadline, progress)
         if refused is not None:
             return refused
-        return settle(ConstrainedAt(analyzed, with_time), seed, limits, progress)
+        return involution.settle(ConstrainedAt(analyzed, with_time), seed, limits, progress)
     except IrreducibleAtoms as problem:
-        return Finding(None, 0, problem.detail)
+        return involution.Finding(None, 0, problem.detail)
 
 
 def refused_along_a_solution(
     analyzed: AnalyzedMotion, with_time: bool, seed: int, deadline: float, progress: Callable[[str], None]
-) -> Finding | None:
+) -> involution.Finding | None:
     """A no from the brackets along one solution, by power series in t alone; None where they leave a yes possible.
 
     Gamma keeps the 2-form Omega of `bivectors`, which vanishes on d/du^alpha ^ d/du^beta. With Phi(t) the derivative of
@@ -152,7 +150,7 @@ def refused_along_a_solution(
     pairs = itertools.product(range(last + 1), itertools.combinations(range(free), 2))
     rows = tuple((f"B{j}_{alpha}", beta, (0,) * (size + with_time)) for j, (alpha, beta) in pairs)
     used = tuple({"prime": point.prime, "seed": drawn} for point, drawn in zip(points, seeds, strict=True))
-    return Finding(False, 0, rows=rows, points=used, along=last)
+    return involution.Finding(False, 0, rows=rows, points=used, along=last)
 
 
 def last_bracket(analyzed: AnalyzedMotion, point: Point, deadline: float) -> int | None:
@@ -248,7 +246,7 @@ def of_lagrangian(analyzed: AnalyzedMotion, lagrangian: Expression, with_time: b
     return head | {"lagrangian": to_text(lagrangian)}
 
 
-def of_finding(analyzed: AnalyzedMotion, found: Finding, with_time: bool) -> dict[str, Any]:
+def of_finding(analyzed: AnalyzedMotion, found: involution.Finding, with_time: bool) -> dict[str, Any]:
     """The rows used for a no, the involution data of a yes."""
     if found.exists is None:
         raise ValueError("only what was settled has a certificate")
@@ -263,7 +261,7 @@ def of_finding(analyzed: AnalyzedMotion, found: Finding, with_time: bool) -> dic
 
 
 def _bivectors(analyzed: AnalyzedMotion, with_time: bool) -> dict[str, int]:
-    last = last_of(Shape(len(analyzed.motion.free), len(analyzed.motion.dependent), with_time))
+    last = constrained.last_of(constrained.Shape(len(analyzed.motion.free), len(analyzed.motion.dependent), with_time))
     return {"bivectors": last} if last else {}
 
 

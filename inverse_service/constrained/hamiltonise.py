@@ -19,13 +19,10 @@ from numpy.typing import NDArray
 
 from inverse_service import errors
 from inverse_service.expressions import derivative, printing, tree as ex
-from inverse_service.expressions.derivative import FUNCTION
 from inverse_service.field import identities
-from inverse_service.mechanics import writing
-from inverse_service.mechanics.constrained_motion import EquationsOfMotion
+from inverse_service.mechanics import constrained_motion, second_order_system, writing
 from inverse_service.mechanics.euler_lagrange import euler_lagrange_sums
 from inverse_service.mechanics.legendre import LegendreTransform, constraint_images, legendre
-from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
 Verdict = Literal["holds", "fails", "not settled"]
 
@@ -33,7 +30,7 @@ STEPS, STEP = 100, 0.01
 _STARTS = 12
 _LARGE = 1e6
 _FUNCTIONS: dict[str, Callable[[float], float]] = {
-    **{name: getattr(math, name) for name in FUNCTION if hasattr(math, name)},
+    **{name: getattr(math, name) for name in derivative.FUNCTION if hasattr(math, name)},
     "abs": abs,
     "sign": lambda u: float((u > 0) - (u < 0)),
     "Heaviside": lambda u: float(u > 0),
@@ -76,8 +73,8 @@ class Hamiltonisation:
 
 
 def hamiltonise(
-    motion: EquationsOfMotion,
-    associated: SecondOrderSystem,
+    motion: constrained_motion.EquationsOfMotion,
+    associated: second_order_system.SecondOrderSystem,
     lagrangian: ex.Expression,
     seed: int = 1,
     known: LegendreTransform | None = None,
@@ -114,8 +111,8 @@ def without_constants(tree: ex.Expression) -> ex.Expression:
 
 @dataclass(frozen=True, slots=True)
 class _Work:
-    motion: EquationsOfMotion
-    associated: SecondOrderSystem
+    motion: constrained_motion.EquationsOfMotion
+    associated: second_order_system.SecondOrderSystem
     lagrangian: ex.Expression
     transform: LegendreTransform
     images: tuple[ex.Expression, ...]

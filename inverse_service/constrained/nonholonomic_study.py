@@ -16,8 +16,7 @@ from inverse_service.deadline import now
 from inverse_service.decision import solutions
 from inverse_service.explanation import wording
 from inverse_service.expressions import tree as ex
-from inverse_service.field import identities
-from inverse_service.field.exact_field import TooLarge
+from inverse_service.field import exact_field, identities
 from inverse_service.mechanics import (
     constrained_motion,
     first_integrals as kept,
@@ -25,7 +24,6 @@ from inverse_service.mechanics import (
     paper_class,
     second_order_system,
 )
-from inverse_service.mechanics.first_integrals import FirstIntegral
 from inverse_service.mechanics.legendre import LegendreTransform
 from inverse_service.solving import solving
 from inverse_service.solving.solving import Progress
@@ -96,7 +94,7 @@ def motion_report(
             parts, member.frame if member is not None else constrained_motion.frames(parts)[0]
         )
         motion = constrained_motion.written(exact)
-    except TooLarge as error:
+    except exact_field.TooLarge as error:
         raise constrained_motion.too_large(error) from None
     found = MotionReport(
         exact,
@@ -112,7 +110,7 @@ def motion_report(
     return found
 
 
-def first_integrals(report: MotionReport, seed: int, time_limit: float) -> tuple[FirstIntegral, ...]:
+def first_integrals(report: MotionReport, seed: int, time_limit: float) -> tuple[kept.FirstIntegral, ...]:
     """What is constant along the motion; velocities that only stretch are proposed."""
     motion, exact = report.motion, report.exact
     proposed = or_none(lambda: tuple(nonholonomic_integrals.scaled_velocities(exact))) or ()
@@ -123,7 +121,7 @@ def or_none(work: Callable[[], T]) -> T | None:
     """What the work gives; None where the budget for exact expressions was used up before it, or by a division by 0."""
     try:
         return work()
-    except (TooLarge, ZeroDivisionError):
+    except (exact_field.TooLarge, ZeroDivisionError):
         return None
 
 
@@ -150,7 +148,7 @@ def associated_systems(
 def _associated(report: MotionReport, kind: paper_class.Kind) -> paper_class.AssociatedSystem:
     try:
         return paper_class.associated(report.exact, report.member, report.reason, kind)
-    except TooLarge as problem:
+    except exact_field.TooLarge as problem:
         return paper_class.AssociatedSystem(kind, None, f"The {kind} system is too large to be written out: {problem}.")
 
 

@@ -22,8 +22,7 @@ from inverse_service.deadline import left, now
 from inverse_service.decision import certify, deciding, solutions
 from inverse_service.explanation import positive, wording
 from inverse_service.expressions import notation, tree as ex
-from inverse_service.field import real_point, reduction, tower
-from inverse_service.field.exact_field import TooLarge
+from inverse_service.field import exact_field, real_point, reduction, tower
 from inverse_service.field.point import SingularPoint, gradient
 from inverse_service.linear_pde.involution import Limits
 from inverse_service.mechanics import constrained_motion, writing
@@ -130,7 +129,7 @@ def _with_free(parts: constrained_motion.Geometry, chosen: Sequence[int]) -> Sec
     try:
         whole = constrained_motion.eliminate_multipliers(parts, frame)
         accelerations = tuple(parts.tree(whole.accelerations[k]) for k in chosen)
-    except (TooLarge, errors.InputError):
+    except (exact_field.TooLarge, errors.InputError):
         return None
     coordinates = tuple(system.coordinates[k] for k in chosen)
     others = [name for name in system.coordinates if name not in coordinates]

@@ -26,9 +26,8 @@ from inverse_service.decision import deciding
 from inverse_service.explanation import hierarchy, negative, theorems as th
 from inverse_service.expressions import tree as ex
 from inverse_service.field import exact_field
-from inverse_service.mechanics import reading
+from inverse_service.mechanics import reading, second_order_system
 from inverse_service.mechanics.conditions import Motion
-from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading import reader
 from inverse_service.reading.names import Names
 
@@ -96,7 +95,7 @@ def _of_certificate(certificate: dict[str, Any], seed: int) -> Sequence[th.Theor
     return th.euler_lagrange_hold(deciding.analyze(system).system, lagrangian, budget)
 
 
-def _negative(system: SecondOrderSystem, seed: int, budget: exact_field.Budget) -> th.Theorem:
+def _negative(system: second_order_system.SecondOrderSystem, seed: int, budget: exact_field.Budget) -> th.Theorem:
     analysis = deciding.analyze(system)
     chosen = hierarchy.smallest_sufficient_set(analysis, seed)
     if chosen is None:

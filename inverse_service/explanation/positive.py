@@ -17,9 +17,7 @@ from inverse_service.decision import certify
 from inverse_service.decision.solutions import Answer, Hamiltonian, Lagrangian, SolutionSpace, Step
 from inverse_service.errors import InputError
 from inverse_service.explanation.wording import Piece, said, separated
-from inverse_service.expressions.collecting import collect
-from inverse_service.expressions.derivative import differentiate, differentiate_in_time
-from inverse_service.expressions.inequalities import inequality
+from inverse_service.expressions import collecting, derivative, inequalities
 from inverse_service.expressions.notation import Formula, listed, matrix, partial_derivative, row, theory
 from inverse_service.expressions.tree import ONE, TIME, ZERO, Acceleration, Expression, Symbol, Velocity, node_count
 from inverse_service.field.exact_field import Budget, Quotient, TooLarge, quotient_tree, sum_of
@@ -143,9 +141,9 @@ def euler_lagrange_steps(system: SecondOrderSystem, lagrangian: Expression) -> t
 
 def _line(lagrangian: Expression, name: str, names: Sequence[str]) -> tuple[Expression, ...]:
     """(dL/dv, dL/dq, d/dt dL/dv - dL/dq)."""
-    momentum = collect(differentiate(lagrangian, Velocity(name)))
-    force = collect(differentiate(lagrangian, Symbol(name)))
-    return momentum, force, collect(differentiate_in_time(momentum, names) - force)
+    momentum = collecting.collect(derivative.differentiate(lagrangian, Velocity(name)))
+    force = collecting.collect(derivative.differentiate(lagrangian, Symbol(name)))
+    return momentum, force, collecting.collect(derivative.differentiate_in_time(momentum, names) - force)
 
 
 def _sentence(name: str, momentum: Expression, force: Expression, equation: Expression) -> list[Piece]:
@@ -164,7 +162,7 @@ def _conclusion(system: SecondOrderSystem, equations: Sequence[Expression]) -> l
     motion: list[Formula] = [row(Acceleration(name), " = ", f) for name, f in pairs]
     if len(pairs) > 1:
         return ["Solving for the accelerations gives ", *separated(motion), "."]
-    factor = differentiate(equations[0], Acceleration(system.coordinates[0]))
+    factor = derivative.differentiate(equations[0], Acceleration(system.coordinates[0]))
     what: list[Piece] = ["That is "] if factor == ONE else ["Dividing by ", factor, " gives "]
     return [*what, motion[0], "."]
 
@@ -266,7 +264,7 @@ def branch_steps(
         return (first, *branch_steps(replace(system, others=()), positive, nonzero))
     if not positive and not nonzero:
         return ()
-    where = listed([*(row(tree, " != 0") for tree in nonzero), *map(inequality, positive)])
+    where = listed([*(row(tree, " != 0") for tree in nonzero), *map(inequalities.inequality, positive)])
     roots = () if system.branch is None else system.branch.roots
     if not roots:
         return (said("These statements hold where ", where, "."),)

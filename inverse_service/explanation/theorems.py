@@ -22,8 +22,7 @@ from inverse_service.decision.deciding import Analysis
 from inverse_service.explanation import hierarchy, negative, wording
 from inverse_service.expressions import printing, tree as ex
 from inverse_service.field import exact_field, matrices
-from inverse_service.mechanics import conditions
-from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.mechanics import conditions, second_order_system
 
 TEXT, WORD = r"(?s:.*)", r"[A-Za-z_][A-Za-z0-9_]*"
 POWER = rf"(?:[0-9]+|{WORD}(?:\^[0-9]{{1,4}})?)"
@@ -414,7 +413,7 @@ class _Elimination:
 
 
 def euler_lagrange_hold(
-    system: SecondOrderSystem, lagrangian: ex.Expression, budget: exact_field.Budget
+    system: second_order_system.SecondOrderSystem, lagrangian: ex.Expression, budget: exact_field.Budget
 ) -> tuple[Theorem, ...]:
     """One theorem for each coordinate; TooLarge where the budget ends or an identity was not recognized."""
     exact = conditions.motion_in_ring(system, 2, budget, trees=[lagrangian])

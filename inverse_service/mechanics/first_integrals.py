@@ -22,12 +22,8 @@ import numpy as np
 from inverse_service import errors
 from inverse_service.deadline import OutOfTime, check, now
 from inverse_service.expressions import collecting, derivative, printing, tree as ex
-from inverse_service.field import exact_field, flow, matrices, null_vectors
-from inverse_service.field.point import Variable
-from inverse_service.field.tower import to_kernels
-from inverse_service.mechanics import euler_lagrange, writing
-from inverse_service.mechanics.constrained_motion import ConstrainedMotion
-from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.field import exact_field, flow, matrices, null_vectors, point, tower
+from inverse_service.mechanics import constrained_motion, euler_lagrange, second_order_system, writing
 
 Expression = ex.Expression
 # Terms of one ansatz, without and with constraints: 400 take 0.3 to 1 s; with more the degree of the functions of
@@ -66,14 +62,16 @@ class _Ansatz:
         return ex.multiply(*(self.forms[k] for k in forms), self.factors[factor])
 
 
-def motion_of(system: SecondOrderSystem) -> ConstrainedMotion:
+def motion_of(system: second_order_system.SecondOrderSystem) -> constrained_motion.ConstrainedMotion:
     """A system without constraints as a motion."""
     names = system.coordinates
-    return ConstrainedMotion(names, names, (), (), system.accelerations, system.parameters, system.functions)
+    return constrained_motion.ConstrainedMotion(
+        names, names, (), (), system.accelerations, system.parameters, system.functions
+    )
 
 
 def first_integrals(
-    motion: ConstrainedMotion,
+    motion: constrained_motion.ConstrainedMotion,
     lagrangian: Expression | None,
     seed: int = 1,
     time_limit: float = 2.0,
@@ -95,7 +93,7 @@ class _Integrals:
 
     def __init__(
         self,
-        motion: ConstrainedMotion,
+        motion: constrained_motion.ConstrainedMotion,
         lagrangian: Expression | None,
         seed: int,
         deadline: float,
@@ -107,7 +105,7 @@ class _Integrals:
         self.positions, self.velocities = tuple(map(ex.Symbol, self.names)), tuple(map(ex.Velocity, self.names))
         self.momenta = () if lagrangian is None else tuple(self._momentum(lagrangian, name) for name in motion.free)
         # What varies along the motion; values of what does not, for which all roots of constants exist.
-        self.moving: tuple[Variable, ...] = (ex.TIME, *self.positions, *self.velocities)
+        self.moving: tuple[point.Variable, ...] = (ex.TIME, *self.positions, *self.velocities)
         self.constants: dict[flow.Generator, int] = {}
         self.drawn: flow.Evaluation | None = None
         self.kept: list[FirstIntegral] = []
@@ -222,7 +220,7 @@ class _Integrals:
     def _keep(self, one: FirstIntegral, tree: Expression) -> None:
         """Take it if it is independent of those before, by the gradients in q and v: d_t F follows from these."""
         trees = [*self.functions, tree]
-        points, jets = self._along(list(map(to_kernels, trees)), _DRAWN, gradients=True)
+        points, jets = self._along(list(map(tower.to_kernels, trees)), _DRAWN, gradients=True)
         if points.good.any():
             first = int(np.argmax(points.good))
             rows = np.array([jet.data[1:, 0, first] for jet in jets])
@@ -251,15 +249,15 @@ class _Integrals:
         kernels: Sequence[Expression],
         count: int,
         fixed: Mapping[flow.Generator, int] | None = None,
-        moving: tuple[Variable, ...] = (),
+        moving: tuple[point.Variable, ...] = (),
         gradients: bool = False,
     ) -> tuple[flow.Points, list[flow.Jet]]:
         """Points of the motion, and for each tree its value and rate, or its gradients in q and v, at them.
 
         Those of the search before serve again where they are enough, and with them what was evaluated there.
         """
-        rates = {v: to_kernels(w) for v, w in self.constraints.items()}
-        forces = dict(zip(self.free, map(to_kernels, self.motion.free_accelerations), strict=True))
+        rates = {v: tower.to_kernels(w) for v, w in self.constraints.items()}
+        forces = dict(zip(self.free, map(tower.to_kernels, self.motion.free_accelerations), strict=True))
         units = flow.Units.of([*kernels, *rates.values(), *forces.values()])
         if not gradients and (last := self.drawn) is not None and last.points.count >= count:
             points = last.points
@@ -306,7 +304,7 @@ class _Integrals:
 
     def _supports(self, ansatz: _Ansatz) -> list[list[int]]:
         """The terms of each integral of a basis, at one value of the parameters."""
-        kernels = [*map(to_kernels, ansatz.forms), *map(to_kernels, ansatz.factors)]
+        kernels = [*map(tower.to_kernels, ansatz.forms), *map(tower.to_kernels, ansatz.factors)]
         wanted = len(ansatz.terms) + _SPARE
         count = max(_DRAWN, wanted + wanted // 4)
         for _ in range(_DOUBLED):

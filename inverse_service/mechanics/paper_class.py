@@ -33,15 +33,12 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Literal
 
-from inverse_service.expressions.collecting import collect
-from inverse_service.expressions.derivative import differentiate
+from inverse_service.expressions import collecting, derivative
 from inverse_service.expressions.tree import HALF, ZERO, Expression, Number, Symbol, Velocity, add, number, square_root
 from inverse_service.field.exact_field import Quotient, TooLarge, sum_of
-from inverse_service.mechanics import euler_lagrange, potential
+from inverse_service.mechanics import euler_lagrange, legendre, potential, writing
 from inverse_service.mechanics.constrained_motion import EliminatedMotion, Frame, Geometry, frames, open_places
-from inverse_service.mechanics.legendre import LegendreTransform, momentum_symbols
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.mechanics.writing import tidied, velocity_parts
 
 Matrix = list[list[Expression]]
 
@@ -195,7 +192,7 @@ def rotation(member: PaperClass) -> Rotation:
 def _unit(member: PaperClass) -> list[Expression]:
     """u up to a constant factor: N (1, -A)."""
     density = member.density
-    return [tidied(density * member.geometry.tree(entry)) for entry in member.directions]
+    return [writing.tidied(density * member.geometry.tree(entry)) for entry in member.directions]
 
 
 def _fill_space(
@@ -204,23 +201,23 @@ def _fill_space(
 ) -> None:  # fmt: skip
     """M and S on the places J: a reflection that takes u to a multiple of the first unit vector of J."""
     first, others = turning[0], turning[1:]
-    rho = tidied(add(*(masses[k] * u[k] ** 2 for k in turning)))
-    norm, root = collect(square_root(rho)), collect(square_root(masses[first]))
+    rho = writing.tidied(add(*(masses[k] * u[k] ** 2 for k in turning)))
+    norm, root = collecting.collect(square_root(rho)), collecting.collect(square_root(masses[first]))
     height = root * u[first]
     below = norm + height
     for k in others:
-        form[first][k] = form[k][first] = tidied(root * masses[k] * u[k])
+        form[first][k] = form[k][first] = writing.tidied(root * masses[k] * u[k])
         for m in others:
             square = masses[k] * masses[m] * u[k] * u[m] / below
-            form[k][m] = tidied(square - norm * masses[k] if k == m else square)
-    form[first][first] = tidied(root * masses[first] * u[first])
-    slopes = [differentiate(entry, r1) for entry in u]
+            form[k][m] = writing.tidied(square - norm * masses[k] if k == m else square)
+    form[first][first] = writing.tidied(root * masses[first] * u[first])
+    slopes = [derivative.differentiate(entry, r1) for entry in u]
     lifted = {k: u[k] for k in others} | {first: u[first] + norm / root}
     scale = (norm * below) ** -1
     for k in turning:
         for m in turning:
             wedge = slopes[k] * lifted[m] - lifted[k] * slopes[m]
-            generator[k][m] = ZERO if k == m else tidied(masses[m] * wedge * scale)
+            generator[k][m] = ZERO if k == m else writing.tidied(masses[m] * wedge * scale)
 
 
 def _fill_plane(
@@ -229,13 +226,13 @@ def _fill_plane(
 ) -> None:  # fmt: skip
     i, j = turning
     rho = masses[i] * u[i] ** 2 + masses[j] * u[j] ** 2
-    wedge = differentiate(u[i], r1) * u[j] - differentiate(u[j], r1) * u[i]
+    wedge = derivative.differentiate(u[i], r1) * u[j] - derivative.differentiate(u[j], r1) * u[i]
     speed = wedge / rho
-    generator[i][j] = tidied(masses[j] * speed)
-    generator[j][i] = tidied(-(masses[i] * speed))
-    form[i][i] = tidied(masses[i] * u[i])
-    form[i][j] = form[j][i] = tidied(masses[j] * u[j])
-    form[j][j] = tidied(-(masses[j] * u[i]))
+    generator[i][j] = writing.tidied(masses[j] * speed)
+    generator[j][i] = writing.tidied(-(masses[i] * speed))
+    form[i][i] = writing.tidied(masses[i] * u[i])
+    form[i][j] = form[j][i] = writing.tidied(masses[j] * u[j])
+    form[j][j] = writing.tidied(-(masses[j] * u[i]))
 
 
 def _inverse(form: Matrix, turning: Sequence[int], masses: Sequence[Expression]) -> Matrix:
@@ -247,10 +244,10 @@ def _inverse(form: Matrix, turning: Sequence[int], masses: Sequence[Expression])
     first = turning[0]
     # (S D^-1 S)_ee = S_ee / c
     square = add(*(form[first][k] ** 2 / masses[k] for k in turning))
-    scale = tidied(masses[first] / square)
+    scale = writing.tidied(masses[first] / square)
     for i in turning:
         for j in turning:
-            found[i][j] = tidied(scale * form[i][j] / (masses[i] * masses[j]))
+            found[i][j] = writing.tidied(scale * form[i][j] / (masses[i] * masses[j]))
     return found
 
 
@@ -331,7 +328,7 @@ def _replaced(motion: EliminatedMotion, element: Quotient, free: int, place: int
     speed = parts.velocity(free)
     other = parts.velocity(place) / ratio
     terms = []
-    for part in velocity_parts(parts.ring, element):
+    for part in writing.velocity_parts(parts.ring, element):
         holds = not parts.by_velocity(free, part).is_zero
         terms.append(part / speed * other if holds else part)
     return sum_of(parts.zero, terms)
@@ -349,7 +346,7 @@ def _third(motion: EliminatedMotion, member: PaperClass) -> AssociatedSystem:
     names = parts.system.coordinates
     rate, speeds = Velocity(names[member.r1]), [Velocity(names[place]) for place in member.moving]
     for place, row in zip(member.moving, turned.generator, strict=True):
-        terms = (tidied(entry * rate * speed) for entry, speed in zip(row, speeds, strict=True))
+        terms = (writing.tidied(entry * rate * speed) for entry, speed in zip(row, speeds, strict=True))
         trees[place] = add(*terms) + forces[place]
     text = _explanation([names[member.moving[place]] for place in turned.turning], names[member.r1])
     return _defined(motion, "third", trees, text)
@@ -359,7 +356,7 @@ def _velocity_free(motion: EliminatedMotion, element: Quotient) -> Quotient:
     parts = motion.geometry
     held = [
         part
-        for part in velocity_parts(parts.ring, element)
+        for part in writing.velocity_parts(parts.ring, element)
         if all(parts.by_velocity(k, part).is_zero for k in motion.frame.free)
     ]
     return sum_of(parts.zero, held)
@@ -373,7 +370,7 @@ class Proposal:
     """
 
     source: str
-    transform: LegendreTransform
+    transform: legendre.LegendreTransform
     images: tuple[Expression, ...]
 
 
@@ -404,8 +401,8 @@ def _of_second(member: PaperClass) -> tuple[Proposal, ...]:
     inverse: list[list[Expression]] = [[ZERO] * size for _ in range(size)]
     for place, tree in enumerate(trees):
         sign = number(1 if place == 0 else -1)
-        form[place][place] = tidied(sign / (density * tree))
-        inverse[place][place] = tidied(sign * density * tree)
+        form[place][place] = writing.tidied(sign / (density * tree))
+        inverse[place][place] = writing.tidied(sign * density * tree)
     everything = tuple(range(size))
     first = _proposal(member, "first Lagrangian of Proposition 1", form, inverse, everything)
     if not member.slope_of_density.is_zero:
@@ -421,7 +418,7 @@ def _proposal(member: PaperClass, label: str, form: _Rows, inverse: _Rows, coupl
     rate = Velocity(names[member.r1])
     kinetic = [HALF * member.geometry.tree(member.mass_of_r1) * rate**2]
     kinetic += [HALF * masses[place] * moving[place] ** 2 for place in free]
-    terms = [tidied(term / rate) for term in _quadratic(form, moving, coupled)]
+    terms = [writing.tidied(term / rate) for term in _quadratic(form, moving, coupled)]
     lagrangian = add(*kinetic, *terms)
     transform = _transform(member, lagrangian, inverse, coupled)
     return Proposal(label, transform, _images(member, form, coupled, transform))
@@ -436,31 +433,33 @@ def _quadratic(matrix: _Rows, vector: Sequence[Expression], places: Sequence[int
     return [term for term in terms if term != ZERO]
 
 
-def _transform(member: PaperClass, lagrangian: Expression, inverse: _Rows, coupled: Sequence[int]) -> LegendreTransform:
+def _transform(
+    member: PaperClass, lagrangian: Expression, inverse: _Rows, coupled: Sequence[int]
+) -> legendre.LegendreTransform:
     """H and v(q, p) written down; r1' = (p_r1 + p^T S^-1 p/2)/I_1, w = r1' S^-1 p, w_i = p_i/I_i on F."""
     names = member.geometry.system.coordinates
-    symbols, note = momentum_symbols(lagrangian, names)
+    symbols, note = legendre.momentum_symbols(lagrangian, names)
     p = [symbols[place] for place in member.moving]
     mass = member.geometry.tree(member.mass_of_r1)
     masses = [member.geometry.tree(each) for each in member.masses]
-    inner = add(symbols[member.r1], *(tidied(term) for term in _quadratic(inverse, p, coupled)))
+    inner = add(symbols[member.r1], *(writing.tidied(term) for term in _quadratic(inverse, p, coupled)))
     rate = inner / mass
     velocities: dict[int, Expression] = {member.r1: rate}
     energies = [HALF * inner**2 / mass]
     for i, place in enumerate(member.moving):
         if i in coupled:
-            turned = add(*(tidied(inverse[i][j] * p[j]) for j in coupled if inverse[i][j] != ZERO))
+            turned = add(*(writing.tidied(inverse[i][j] * p[j]) for j in coupled if inverse[i][j] != ZERO))
             velocities[place] = turned * rate
         else:
             velocities[place] = p[i] / masses[i]
             energies.append(HALF * p[i] ** 2 / masses[i])
     found = tuple(velocities[place] for place in range(len(names)))
-    functions = tuple(tidied(momentum) for momentum in euler_lagrange.momenta(lagrangian, names))
-    return LegendreTransform(lagrangian, symbols, add(*energies), functions, found, False, note, found)
+    functions = tuple(writing.tidied(momentum) for momentum in euler_lagrange.momenta(lagrangian, names))
+    return legendre.LegendreTransform(lagrangian, symbols, add(*energies), functions, found, False, note, found)
 
 
 def _images(
-    member: PaperClass, form: _Rows, coupled: Sequence[int], transform: LegendreTransform
+    member: PaperClass, form: _Rows, coupled: Sequence[int], transform: legendre.LegendreTransform
 ) -> tuple[Expression, ...]:
     """The constraints in phase space: p_w is parallel to S u on the coupled places, p_i = I_i u_i c on the free ones.
 
@@ -474,11 +473,11 @@ def _images(
     su = [add(*(row[j] * directions[j] for j in coupled if row[j] != ZERO)) for row in form]
     constants = [entry if i in coupled else ZERO for i, entry in enumerate(su)]
     first = coupled[0]
-    ratios = [tidied(constants[i] / constants[first]) for i in coupled[1:]]
+    ratios = [writing.tidied(constants[i] / constants[first]) for i in coupled[1:]]
     found = [p[i] - ratio * p[first] for i, ratio in zip(coupled[1:], ratios, strict=True)]
     rate = transform.velocities[member.r1]
     for i in range(len(p)):
         if i not in coupled:
-            factor = tidied(member.geometry.tree(member.masses[i]) * directions[i] / constants[first])
+            factor = writing.tidied(member.geometry.tree(member.masses[i]) * directions[i] / constants[first])
             found.append(p[i] - factor * p[first] * rate)
     return tuple(found)

@@ -11,11 +11,9 @@ import flint
 
 from inverse_service import bounds
 from inverse_service.errors import IrreducibleAtoms
-from inverse_service.expressions.evaluation import NoRealValue
-from inverse_service.expressions.tree import Apply, Arbitrary, Expression, add, multiply
+from inverse_service.expressions import evaluation, tree as ex
+from inverse_service.field import matrices, real_point
 from inverse_service.field.exact_field import ExactRing, Exponents, Quotient, as_fraction
-from inverse_service.field.matrices import kernel, numerators, solution
-from inverse_service.field.real_point import RealTable, real_sign
 from inverse_service.mechanics.writing import joined, readable, turned
 
 Partial = Callable[[Quotient], Quotient]
@@ -28,17 +26,17 @@ class Potential:
     logarithms: tuple[tuple[Quotient, Quotient], ...]
     rest: Quotient
 
-    def exponential(self, ring: ExactRing) -> Expression:
+    def exponential(self, ring: ExactRing) -> ex.Expression:
         """exp(phi) as a tree."""
         factors = [turned(readable(ring, element)) ** readable(ring, value) for value, element in self.logarithms]
         if not self.rest.is_zero:
-            factors.append(Apply("exp", readable(ring, self.rest)))
-        return joined(multiply(*factors))
+            factors.append(ex.Apply("exp", readable(ring, self.rest)))
+        return joined(ex.multiply(*factors))
 
-    def tree(self, ring: ExactRing) -> Expression:
+    def tree(self, ring: ExactRing) -> ex.Expression:
         """phi as a tree."""
-        logs = [readable(ring, value) * Apply("log", readable(ring, e)) for value, e in self.logarithms]
-        return add(*logs, readable(ring, self.rest))
+        logs = [readable(ring, value) * ex.Apply("log", readable(ring, e)) for value, e in self.logarithms]
+        return ex.add(*logs, readable(ring, self.rest))
 
     def plus_logarithm(self, factors: Sequence[tuple[Fraction, Quotient]]) -> Potential:
         """phi + sum of coefficient * log(element), equal elements put together."""
@@ -53,7 +51,7 @@ class Potential:
                 table.append((value, element))
         return Potential(tuple((value, element) for value, element in table if not value.is_zero), self.rest)
 
-    def made_positive(self, ring: ExactRing, table: RealTable | None) -> Potential:
+    def made_positive(self, ring: ExactRing, table: real_point.RealTable | None) -> Potential:
         """The same function up to a constant with positive arguments of the logarithms at a real point."""
         if table is None:
             return self
@@ -62,10 +60,10 @@ class Potential:
         return Potential(kept, self.rest)
 
 
-def _is_negative(tree: Expression, table: RealTable) -> bool:
+def _is_negative(tree: ex.Expression, table: real_point.RealTable) -> bool:
     try:
-        return real_sign(tree, table) < 0
-    except (NoRealValue, IrreducibleAtoms):
+        return real_point.real_sign(tree, table) < 0
+    except (evaluation.NoRealValue, IrreducibleAtoms):
         return False
 
 
@@ -97,7 +95,7 @@ def potential(ring: ExactRing, variables: Sequence[int], form: Sequence[Quotient
 
 def _simple_terms(ring: ExactRing, variables: Sequence[int], form: Sequence[Quotient]) -> list[Quotient]:
     """For each term of each slope: itself, times the variable, and with one function changed for another."""
-    functions = [index for index, tree in ring.trees.items() if isinstance(tree, Apply | Arbitrary)]
+    functions = [index for index, tree in ring.trees.items() if isinstance(tree, ex.Apply | ex.Arbitrary)]
     found: dict[tuple[tuple[int, ...], Exponents], Quotient] = {}
     for variable, slope in zip(variables, form, strict=True):
         own = next(index for index, known in ring.trees.items() if known == ring.variables[variable])
@@ -130,12 +128,12 @@ def _changes(ring: ExactRing, base: list[int], own: int, functions: Sequence[int
     return changes
 
 
-def _is_related(primitive: Expression, slope: Expression) -> bool:
+def _is_related(primitive: ex.Expression, slope: ex.Expression) -> bool:
     """Whether the one may be, up to a factor, a derivative of the other: sin and cos of one angle, A and A'."""
     match primitive, slope:
-        case [Apply(_, inner), Apply(_, outer)]:
+        case [ex.Apply(_, inner), ex.Apply(_, outer)]:
             return inner == outer
-        case [Arbitrary(name, arguments, low), Arbitrary(other, others, high)]:
+        case [ex.Arbitrary(name, arguments, low), ex.Arbitrary(other, others, high)]:
             return name == other and arguments == others and sum(low) + 1 == sum(high)
         case _:
             return False
@@ -148,7 +146,7 @@ def _combination(
     vector = next(rational_null_vectors(ring, [*columns, target]), None)
     if vector is not None and vector[-1]:
         return [ring.constant(-value) for value in vector[:-1]]
-    return solution(ring, columns, target) if len(columns) <= bounds.COLUMNS else None
+    return matrices.solution(ring, columns, target) if len(columns) <= bounds.COLUMNS else None
 
 
 def rational_null_vectors(ring: ExactRing, columns: Sequence[Sequence[Quotient]]) -> Iterator[list[Fraction]]:
@@ -158,11 +156,11 @@ def rational_null_vectors(ring: ExactRing, columns: Sequence[Sequence[Quotient]]
     """
     rows: dict[tuple[int, tuple[int, ...]], dict[int, Fraction]] = {}
     for place, entries in enumerate(zip(*columns, strict=True)):
-        for k, numerator in enumerate(numerators(ring, entries)):
+        for k, numerator in enumerate(matrices.numerators(ring, entries)):
             for exponents, coefficient in numerator.terms():
                 rows.setdefault((place, tuple(int(e) for e in exponents)), {})[k] = as_fraction(coefficient)
     table = [[row.get(k, Fraction(0)) for k in range(len(columns))] for row in rows.values()]
-    yield from reversed(kernel(table, len(columns)))
+    yield from reversed(matrices.kernel(table, len(columns)))
 
 
 def factors_of(ring: ExactRing, element: Quotient) -> list[tuple[Fraction, Quotient]]:

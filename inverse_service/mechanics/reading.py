@@ -14,8 +14,7 @@ from dataclasses import dataclass, replace
 
 from inverse_service import errors
 from inverse_service.expressions import derivative, printing, refusals, tree as ex
-from inverse_service.mechanics import euler_lagrange, implicit_equations
-from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.mechanics import euler_lagrange, implicit_equations, second_order_system
 from inverse_service.reading import document_names, reader
 from inverse_service.reading.names import GREEK_NAMES, Names, check_clashes, escaped, is_momentum
 from inverse_service.reading.tokens import Token, at, spelled, walk
@@ -121,7 +120,7 @@ def read_system(
     functions: Mapping[str, Sequence[str]] | None = None,
     name: str = "",
     where: Mapping[str, str] | None = None,
-) -> SecondOrderSystem:
+) -> second_order_system.SecondOrderSystem:
     """The system q'' = f of a document.
 
     `coordinates` left out are the keys of `equations`, or the names with two primes in it, in their
@@ -151,10 +150,10 @@ class GivenEquations:
         return tuple(left - right for left, right, _ in self.equations)
 
 
-def solved_system(given: GivenEquations, name: str = "") -> SecondOrderSystem:
+def solved_system(given: GivenEquations, name: str = "") -> second_order_system.SecondOrderSystem:
     """The equations solved for the accelerations; InputError and LimitError as in `read_system`."""
     names, solved = given.names, _solved_for(given.equations, given.names.coordinates)
-    return SecondOrderSystem(
+    return second_order_system.SecondOrderSystem(
         coordinates=names.coordinates,
         accelerations=solved.accelerations,
         nonzero=solved.nonzero,

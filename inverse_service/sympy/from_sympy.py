@@ -18,9 +18,8 @@ from sympy.core.function import AppliedUndef
 from sympy.logic.boolalg import BooleanAtom
 
 from inverse_service.errors import InputError
-from inverse_service.expressions import pieces, tree as ex
+from inverse_service.expressions import pieces, printing, tree as ex
 from inverse_service.expressions.derivative import FUNCTION
-from inverse_service.expressions.printing import to_text
 from inverse_service.mechanics.conditions import conditions
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading import names as nm, parser, reader
@@ -375,7 +374,7 @@ def _reading(
     table, leaves = _names(given)
 
     def text(each: Any) -> str:
-        return each if isinstance(each, str) else to_text(from_sympy(_expression(each), leaves))
+        return each if isinstance(each, str) else printing.to_text(from_sympy(_expression(each), leaves))
 
     found: dict[str, Any] = {"coordinates": list(table.coordinates)}
     if table.parameters:

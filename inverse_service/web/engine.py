@@ -24,8 +24,7 @@ from starlette.types import Scope
 from api_schemas.system import SystemDocument
 from inverse_service import __version__, errors
 from inverse_service.service.documents import answers
-from inverse_service.service.jobs import model, monitoring, opening, statements, tasks, workers
-from inverse_service.service.jobs.stores import Cleaner, JobStore
+from inverse_service.service.jobs import model, monitoring, opening, statements, stores, tasks, workers
 from inverse_service.service.jobs.supervisor import Supervisor
 from inverse_service.settings import Settings
 from inverse_service.web import asking, clients, pages, problems
@@ -152,7 +151,7 @@ class Engine:
         # Those of the server that runs this application, where it counts them.
         self.connections: Sized = ()
         self.is_open = False
-        self._store: JobStore | None = None
+        self._store: stores.JobStore | None = None
 
     def open(self) -> None:
         """Open the store, and the cluster if there is one; raises InputError if either cannot be used."""
@@ -180,7 +179,7 @@ class Engine:
         log.info("the service starts", extra={"version": __version__, "workers": self.settings.workers})
 
     @property
-    def store(self) -> JobStore:
+    def store(self) -> stores.JobStore:
         """The store of jobs; open from `open` to `stop`."""
         assert self._store is not None
         return self._store
@@ -498,7 +497,7 @@ class Engine:
 
     async def _forget(self) -> None:
         """Forget old answers now and then."""
-        cleaner = Cleaner(self.store, self.settings.retention_days * 86_400.0, self.settings.store_size * 2**20)
+        cleaner = stores.Cleaner(self.store, self.settings.retention_days * 86_400.0, self.settings.store_size * 2**20)
         await asyncio.sleep(FIRST_CLEANING)
         while True:
             await self.in_thread(cleaner.clean)

@@ -23,13 +23,10 @@ from inverse_service import __version__, catalogue, errors
 from inverse_service.catalogue import atlas
 from inverse_service.expressions.refusals import LIMITS
 from inverse_service.service.documents import alike
-from inverse_service.service.jobs import model, statements, supervisor, tasks, workers
+from inverse_service.service.jobs import model, monitoring, statements, supervisor, tasks, workers
 from inverse_service.service.jobs.batch import MAX_LINE_BYTES, batch_task
-from inverse_service.service.jobs.monitoring import gauge, written as text_of
-from inverse_service.web import asking, clients, job_answers, openapi
+from inverse_service.web import asking, clients, job_answers, middleware, openapi, problems
 from inverse_service.web.engine import KEEP_ALIVE, LONG_DEADLINE, Engine, key_of
-from inverse_service.web.middleware import StreamCut, said
-from inverse_service.web.problems import REFUSED, Refusal, known, on_error
 
 jobs = APIRouter(dependencies=[Depends(clients.require_client)], tags=["jobs"])
 batches = APIRouter(dependencies=[Depends(clients.require_client)], tags=["batches"])
@@ -82,8 +79,8 @@ async def ask(scope: Scope, receive: Receive, send: Send) -> None:
     request = Request(scope, receive)
     try:
         response = await answered(request, QUESTIONS[scope["path"]])
-    except REFUSED as error:
-        response = await on_error(request, error)
+    except problems.REFUSED as error:
+        response = await problems.on_error(request, error)
     await response(scope, receive, send)
 
 
@@ -129,7 +126,7 @@ async def list_jobs(
         )
     except ValueError:
         detail = "The cursor is not one that this list gave, or its job is forgotten; begin without one."
-        raise Refusal(422, "bad-input", detail, (errors.Place(detail, "/cursor"),)) from None
+        raise problems.Refusal(422, "bad-input", detail, (errors.Place(detail, "/cursor"),)) from None
     fields = await engine.read(lambda: [job_answers.job_fields(job, engine) for job in found])
     return JSONResponse({"jobs": fields, "next": following})
 
@@ -146,7 +143,7 @@ async def list_jobs(
 async def job(request: Request, id: str) -> Response:
     """A job: 202 while it is open, 200 with an ETag when it is done, 304 on If-None-Match."""
     engine = engine_of(request)
-    found = known(await engine.job(id, clients.viewer_of(request)), FORGOTTEN)
+    found = problems.known(await engine.job(id, clients.viewer_of(request)), FORGOTTEN)
     return await job_answers.job_response(request, found, engine)
 
 
@@ -157,7 +154,7 @@ async def dismiss_jobs(request: Request, id: str) -> Response:
     It is dismissed for you. The work stops when no other client waits for it; the finished part is its result.
     """
     engine = engine_of(request)
-    found = known(await engine.dismiss(id, clients.viewer_of(request)), FORGOTTEN)
+    found = problems.known(await engine.dismiss(id, clients.viewer_of(request)), FORGOTTEN)
     return await job_answers.job_document(found, engine, {}, is_whole=True)
 
 
@@ -175,7 +172,7 @@ async def events(request: Request, id: str) -> Response:
     """
     engine = engine_of(request)
     viewer = clients.viewer_of(request)
-    known(await engine.job(id, viewer), FORGOTTEN)
+    problems.known(await engine.job(id, viewer), FORGOTTEN)
     text = request.headers.get("last-event-id", request.query_params.get("last_event_id", "0"))
     after = int(text) if text.isascii() and text.isdigit() and len(text) < 16 else 0
     headers = {"Cache-Control": "no-store", "X-Accel-Buffering": "no"}
@@ -210,7 +207,7 @@ def engine_of(request: Request) -> Engine:
     engine: Engine = request.app.state.engine
     if not engine.is_open:
         detail = "The service is starting up or shutting down; try again in a few seconds."
-        raise Refusal(503, "not-ready", detail, headers={"Retry-After": "2"})
+        raise problems.Refusal(503, "not-ready", detail, headers={"Retry-After": "2"})
     return engine
 
 
@@ -259,7 +256,7 @@ async def create(request: Request, kind: KindName = "solve") -> Response:
     except errors.InputError as error:
         if error.code != "limit":
             raise
-        raise Refusal(413, error.code, error.detail) from None
+        raise problems.Refusal(413, error.code, error.detail) from None
     headers = {"Location": f"/v1/batches/{stored.id}", "Retry-After": job_answers.RETRY_AFTER}
     return JSONResponse(job_answers.batch_fields(stored), 202, headers | await engine.rate_limit(client))
 
@@ -296,7 +293,7 @@ async def results(request: Request, id: str) -> Response:
 
 
 def _wants_array(request: Request) -> bool:
-    accepted = [part.partition(";")[0].strip() for part in said(request.scope, b"accept").lower().split(",")]
+    accepted = [part.partition(";")[0].strip() for part in middleware.said(request.scope, b"accept").lower().split(",")]
     # Who takes anything besides, as many programs say by default, gets the lines.
     return "application/json" in accepted and not {"*/*", *NDJSON_TYPES} & {*accepted}
 
@@ -327,7 +324,7 @@ async def _answers_of(engine: Engine, batch: statements.Batch) -> AsyncIterator[
         if answers or time.monotonic() - looked > KEEP_ALIVE:
             looked = time.monotonic()
             if not answers and await engine.read(engine.store.batch, batch.id) is None:
-                raise StreamCut  # it was forgotten, or erased
+                raise middleware.StreamCut  # it was forgotten, or erased
         sent, after = sent + len(answers), answers[-1].order if answers else after
         is_last, is_more = sent >= batch.total, len(answers) == job_answers.AT_ONCE
         return asking.Found(job_answers.lines_of(engine, answers), is_last, is_more)
@@ -335,12 +332,12 @@ async def _answers_of(engine: Engine, batch: statements.Batch) -> AsyncIterator[
     async for part in engine.followed(asking.ANY, look, b"\n"):
         yield part
     if sent < batch.total:  # what ends as it should is taken for all answers
-        raise StreamCut
+        raise middleware.StreamCut
 
 
 async def _known_batch(request: Request, id: str) -> statements.Batch:
     found = await engine_of(request).batch(id, clients.viewer_of(request))
-    return known(found, "batch of this id; it may have been forgotten.")
+    return problems.known(found, "batch of this id; it may have been forgotten.")
 
 
 @posted(plain, "/v1/parse", "systems", openapi.PARSED, openapi.SYSTEM_BODY)
@@ -378,7 +375,7 @@ async def catalogue_entry(name: str) -> Response:
         entry = catalogue.entry(name)
     except errors.InputError:
         detail = "The catalogue has no system of this name; GET /v1/catalogue lists them."
-        raise Refusal(404, "not-found", detail) from None
+        raise problems.Refusal(404, "not-found", detail) from None
     entry = {key: entry[key] for key in base.CatalogueEntry.model_fields if key in entry}
     return JSONResponse(entry)
 
@@ -429,7 +426,9 @@ async def whole(request: Request) -> Response:
 @named.get("/v1/atlas/{name}", responses={200: {"model": AtlasEntry}, **openapi.refusals(404)})
 async def entry(name: str) -> Response:
     """One system: its document, its answers, L, H and where they hold."""
-    return JSONResponse(known(atlas.entries().get(name), "system of this name; GET /v1/atlas searches the atlas."))
+    return JSONResponse(
+        problems.known(atlas.entries().get(name), "system of this name; GET /v1/atlas searches the atlas.")
+    )
 
 
 @plain.get("/v1/limits", response_model=base.LimitsAnswer)
@@ -476,7 +475,7 @@ async def readyz(request: Request) -> dict[str, str]:
     """The store and a worker process answer, the supervisor of the jobs runs, the queue has room."""
     engine: Engine = request.app.state.engine
     if faults := await engine.faults():
-        raise Refusal(503, "not-ready", " ".join(faults), headers={"Retry-After": "2"})
+        raise problems.Refusal(503, "not-ready", " ".join(faults), headers={"Retry-After": "2"})
     return {"status": "ready"}
 
 
@@ -489,14 +488,14 @@ async def metrics(request: Request) -> Response:
     age = 0.0 if oldest is None else max(0.0, time.time() - oldest)
     by_status: dict[tuple[str, ...], float] = {(status,): float(counts.get(status, 0)) for status in model.STATUSES}
     found = [
-        gauge("jobs", "Stored jobs by status.", by_status, ("status",)),
-        gauge("queue_length", "Jobs that wait for a worker.", counts.get("accepted", 0)),
-        gauge("queue_age_seconds", "How long the oldest of them waits.", age),
-        gauge("store_bytes", "Size of the database.", size),
-        gauge("connections", "Open connections.", len(engine.connections)),
-        gauge("quick_waiting", "Requests that are read or wait for that.", len(engine.places)),
-        gauge("workers", "Worker processes.", engine.settings.workers),
-        gauge("jobs_taken", "Jobs that this process has taken.", engine.supervisor.running),
-        gauge("info", "What runs.", {(model.engine_version(), __version__): 1.0}, ("engine", "version")),
+        monitoring.gauge("jobs", "Stored jobs by status.", by_status, ("status",)),
+        monitoring.gauge("queue_length", "Jobs that wait for a worker.", counts.get("accepted", 0)),
+        monitoring.gauge("queue_age_seconds", "How long the oldest of them waits.", age),
+        monitoring.gauge("store_bytes", "Size of the database.", size),
+        monitoring.gauge("connections", "Open connections.", len(engine.connections)),
+        monitoring.gauge("quick_waiting", "Requests that are read or wait for that.", len(engine.places)),
+        monitoring.gauge("workers", "Worker processes.", engine.settings.workers),
+        monitoring.gauge("jobs_taken", "Jobs that this process has taken.", engine.supervisor.running),
+        monitoring.gauge("info", "What runs.", {(model.engine_version(), __version__): 1.0}, ("engine", "version")),
     ]
-    return Response(text_of(found), media_type=PROMETHEUS)
+    return Response(monitoring.written(found), media_type=PROMETHEUS)

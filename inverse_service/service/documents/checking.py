@@ -14,9 +14,8 @@ from typing import Any, Final
 
 from api_schemas.base import CHECK_FORMAT
 from api_schemas.result import ResultDocument
-from inverse_service.certificate import formulas
+from inverse_service.certificate import checker, formulas
 from inverse_service.certificate.cell import Cell
-from inverse_service.certificate.checker import CheckResult, check_certificate, check_text, judged, near_points
 from inverse_service.certificate.kinds import KINDS, named
 from inverse_service.deadline import now
 from inverse_service.decision import certify
@@ -24,12 +23,10 @@ from inverse_service.errors import CertificateRefused, InputError, LimitError
 from inverse_service.expressions import inequalities, printing, refusals
 from inverse_service.expressions.printing import to_latex
 from inverse_service.field import real_point
-from inverse_service.mechanics.agreement import Canonical
-from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.mechanics import agreement, second_order_system
 from inverse_service.reading import reader
 from inverse_service.reading.names import Names
-from inverse_service.service.documents import accepting, comparison, derived, own_lagrangian, translate
-from inverse_service.service.documents.growing import asks_motion_alone
+from inverse_service.service.documents import accepting, comparison, derived, growing, own_lagrangian, translate
 from inverse_service.service.documents.plain_data import read_json
 
 LONGER = 6  # times as long as what people type may be what we printed
@@ -85,13 +82,13 @@ def check_document(text: str) -> dict[str, Any]:
     try:
         found = read_json(text)
     except InputError:  # the checker says what is wrong with it
-        return _answer(check_text(text))
+        return _answer(checker.check_text(text))
     if isinstance(found, dict) and found.keys() == {"system", "lagrangian"} and isinstance(found["lagrangian"], str):
         return own_lagrangian.check_lagrangian(found["system"], found["lagrangian"], end - now())
     if isinstance(found, dict) and "theorems" in found:
         from inverse_service.explanation.theorems import checked_identities
 
-        return _answer(judged(lambda tools: checked_identities(found), TIME_LIMIT, None))
+        return _answer(checker.judged(lambda tools: checked_identities(found), TIME_LIMIT, None))
     if isinstance(found, dict) and "document" in found and "result" in found:
         return check_plain(found["result"], found["document"])
     return check_plain(found)
@@ -101,7 +98,7 @@ def check_plain(result: object, document: object = None) -> dict[str, Any]:
     """The same for a result or a certificate as plain data."""
     end = now() + TIME_LIMIT
     if claims_nothing(result):
-        return _answer(CheckResult("incomplete", (_NO_CLAIM,)))
+        return _answer(checker.CheckResult("incomplete", (_NO_CLAIM,)))
     result = accepting.inward(result) if isinstance(result, dict) else result
     if _object(result).get("format") in (formulas.FORMAT, formulas.OLD_FORMAT):
         return _of_certificate(_object(result), document, end)
@@ -113,7 +110,7 @@ def check_plain(result: object, document: object = None) -> dict[str, Any]:
         and isinstance(coordinates, list)
     )
     if not good or not isinstance(system.get("equations"), dict) or len(_object(result)) > formulas.MAX_MEMBERS:
-        return _answer(CheckResult("invalid", (_NO_RESULT,)))
+        return _answer(checker.CheckResult("invalid", (_NO_RESULT,)))
     examination = Examination(_object(result), document, end)
     try:
         with refusals.longer_texts(LONGER):
@@ -133,14 +130,14 @@ def claims_nothing(found: object) -> bool:
     return "verdict" not in _object(result) and str(_object(result).get("format", "")).startswith(_WITHOUT_CLAIM)
 
 
-def _answer(found: CheckResult, **more: Any) -> dict[str, Any]:
+def _answer(found: checker.CheckResult, **more: Any) -> dict[str, Any]:
     empty: dict[str, Any] = {"statement": None, "cells": [], "contradictions": [], "not_checked": []}
     return {"format": CHECK_FORMAT, "verdict": found.verdict} | empty | {"reasons": list(found.reasons)} | more
 
 
 def _of_certificate(certificate: dict[str, Any], document: object, end: float) -> dict[str, Any]:
     """The answer about a certificate by itself, compared with a document where there is one."""
-    proof = check_certificate(certificate, time_limit=max(1.0, end - now()))
+    proof = checker.check_certificate(certificate, time_limit=max(1.0, end - now()))
     found, reasons = proof, proof.reasons
     if document is not None and proof.verdict == "valid":
         compared = _compared(document, certificate, "velocities" in _object(certificate.get("system")), end - now())
@@ -153,7 +150,7 @@ def _of_certificate(certificate: dict[str, Any], document: object, end: float) -
         "cells": [] if statement is None else [cell_of(statement)],
         "not_checked": [*unclaimed(certificate, "", {f"/{key}" for key in read_keys(certificate)})],
     }
-    return _answer(CheckResult(found.verdict, reasons), **more)
+    return _answer(checker.CheckResult(found.verdict, reasons), **more)
 
 
 @dataclass(frozen=True, slots=True)
@@ -183,8 +180,8 @@ class Examination:
     open: list[str] = field(default_factory=list)
     open_places: list[str] = field(default_factory=list)
     reasons: list[str] = field(default_factory=list)
-    proofs: dict[str, CheckResult] = field(default_factory=dict)
-    compared: dict[str, CheckResult] = field(default_factory=dict)
+    proofs: dict[str, checker.CheckResult] = field(default_factory=dict)
+    compared: dict[str, checker.CheckResult] = field(default_factory=dict)
     cells: list[dict[str, Any]] = field(default_factory=list)
     statement: dict[str, Any] | None = None
     further: list[dict[str, Any]] = field(default_factory=list)  # about the motion on constraints
@@ -220,7 +217,7 @@ class Examination:
         reasons = [*wrong, *self.open] if verdict != "valid" else [*dict.fromkeys(self.reasons)]
         told = [f"Not checked: {', '.join(listed)}."] if listed and verdict == "valid" else []
         return _answer(
-            CheckResult(verdict, (*reasons, *told)),  # type: ignore[arg-type]
+            checker.CheckResult(verdict, (*reasons, *told)),  # type: ignore[arg-type]
             statement=self.statement if verdict != "invalid" else None,
             cells=[cell_of(one) for one in self.cells],
             contradictions=self.contradictions,
@@ -277,7 +274,7 @@ class Examination:
         self.others(document, own)
         if not moving:
             self.cases(document)
-        if not main and not (asks_motion_alone(plain) and result.get("any_associated")):
+        if not main and not (growing.asks_motion_alone(plain) and result.get("any_associated")):
             self.unsettled(_OPEN)
         if moving:
             self.associated(plain, own)
@@ -333,14 +330,14 @@ class Examination:
             self.cells.append(cell(own, str(verdict), certificates[0], proof, energy, whole))
         return good and None not in certificates and "undetermined" not in (verdict, later)
 
-    def proof(self, certificate: dict[str, Any]) -> CheckResult:
+    def proof(self, certificate: dict[str, Any]) -> checker.CheckResult:
         """The checker's verdict, found once."""
         key = json.dumps(certificate, sort_keys=True)
         if key not in self.proofs:
-            self.proofs[key] = check_certificate(certificate, time_limit=max(1.0, self.end - now()))
+            self.proofs[key] = checker.check_certificate(certificate, time_limit=max(1.0, self.end - now()))
         return self.proofs[key]
 
-    def narrow(self, certificate: dict[str, Any], where: Cell | None) -> CheckResult:
+    def narrow(self, certificate: dict[str, Any], where: Cell | None) -> checker.CheckResult:
         """The proof on the part of its cell where the document says the same as its certificate."""
         proof = comparison.narrowed(certificate, self.proof(certificate), where, self.end - now())
         self.proofs[json.dumps(certificate, sort_keys=True)] = proof
@@ -415,7 +412,7 @@ class Examination:
         if part.get("latex") and part["latex"] == to_latex(reader.read_formula(part["text"], names)):
             self.claim(f"{at}/latex")
 
-    def domains(self, shown: Shown, certificate: dict[str, Any], proof: CheckResult) -> None:
+    def domains(self, shown: Shown, certificate: dict[str, Any], proof: checker.CheckResult) -> None:
         """Each stated domain has all members of the cell that was proven: of the verdict, or of L."""
         at, part = shown.at, shown.part
         near = certificate.get("near") or {}
@@ -569,7 +566,7 @@ class Examination:
         self,
         at: str,
         part: dict[str, Any],
-        system: SecondOrderSystem | None,
+        system: second_order_system.SecondOrderSystem | None,
         compared: Sequence[str] = ("equations", "factor"),
         key: str = "verdict",
     ) -> None:
@@ -659,14 +656,14 @@ class Examination:
             self.agree(f"{at}/checked", part["checked"] == "valid", part["checked"], "The checker says valid.")
         found = [one for certificate in certificates for one in self.proof(certificate).exceptions]
         self.exceptions(at, part.get("exceptions", found), found)
-        if "undetermined" in (part.get("verdict"), part.get("verdict_with_time")) and asks_motion_alone(plain):
+        if "undetermined" in (part.get("verdict"), part.get("verdict_with_time")) and growing.asks_motion_alone(plain):
             self.unsettled(_OPEN)
 
     def associated(self, plain: Any, own: dict[str, Any]) -> None:
         """The associated system of the main fields is the one that the document names; the image of D is that of D."""
         from inverse_service.service.documents import nonholonomic_documents
 
-        result, alone = self.result, asks_motion_alone(plain)
+        result, alone = self.result, growing.asks_motion_alone(plain)
         made = nonholonomic_documents.asked_fields(plain) if self.has_document else None
         if made is not None:
             for name in ("coordinates", "parameters", "functions") if alone else ():
@@ -717,11 +714,11 @@ class Examination:
                 self.claim("/guessed")
 
 
-def _compared(document: Any, certificate: dict[str, Any], moving: bool, limit: float) -> CheckResult:
+def _compared(document: Any, certificate: dict[str, Any], moving: bool, limit: float) -> checker.CheckResult:
     """Whether a certificate is about the system of a document, or about its motion on constraints."""
     if moving:
         return comparison.compared_claim(document, certificate, limit)
-    return comparison.compared_with_document(document, Canonical(_system(certificate), certificate), limit)
+    return comparison.compared_with_document(document, agreement.Canonical(_system(certificate), certificate), limit)
 
 
 def unclaimed(value: Any, at: str, claimed: set[str]) -> Iterator[str]:
@@ -871,7 +868,7 @@ def compare_motion(result: dict[str, Any], time_limit: float) -> None:
                 break
 
 
-def _systems(result: dict[str, Any]) -> Iterator[Canonical]:
+def _systems(result: dict[str, Any]) -> Iterator[agreement.Canonical]:
     """The system that a result shows and those that its certificates are about, each once; none without one."""
     listed = _object(result.get("nonholonomic")).get("associated")
     instead = _object(result.get("instead"))
@@ -879,9 +876,9 @@ def _systems(result: dict[str, Any]) -> Iterator[Canonical]:
     kinds = [*_object(result.get("kinds")).values(), own]
     answers: Sequence[Any] = (result, result.get("with_time"), *(listed or []), *kinds, *result["branches"][1:])
     certificates = [found for each in answers if (found := _object(_object(each).get("certificate")))]
-    shown = [Canonical(_system(result), each) for each in certificates[:1]]
+    shown = [agreement.Canonical(_system(result), each) for each in certificates[:1]]
     seen: list[str] = []
-    for each in (*shown, *(Canonical(_system(found), found) for found in certificates)):
+    for each in (*shown, *(agreement.Canonical(_system(found), found) for found in certificates)):
         key = json.dumps([each.system, each.claim.get("conditions"), each.claim.get("roots")])
         if key not in seen:
             seen.append(key)
@@ -895,7 +892,7 @@ def cell(
     system: Mapping[str, Any],
     verdict: str,
     certificate: Mapping[str, Any],
-    proof: CheckResult,
+    proof: checker.CheckResult,
     hamiltonian: Mapping[str, Any] | None = None,
     everywhere: bool = True,
 ) -> dict[str, Any]:
@@ -923,7 +920,7 @@ def cell(
     }
 
 
-def of_certificate(certificate: Mapping[str, Any], proof: CheckResult) -> dict[str, Any]:
+def of_certificate(certificate: Mapping[str, Any], proof: checker.CheckResult) -> dict[str, Any]:
     """The statement that one certificate proves."""
     system = certificate["system"]
     return _statement(system, cell(system, certificate["claim"], certificate, proof))
@@ -970,7 +967,7 @@ def _words(system: Mapping[str, Any], one: Mapping[str, Any]) -> str:
     kind = f" of the kind {one['among']}" if one["among"] is not None else ""
     says = _SAYS[one["verdict"]].format(one["question"]) + kind + " that has this motion" * bool(rates)
     general = f" {in_general(system['parameters'], one['exceptions'])}" if one["exceptions"] else ""
-    near = near_points(system["coordinates"][0], one["timed"]) if one["by_theorem"] else ""
+    near = checker.near_points(system["coordinates"][0], one["timed"]) if one["by_theorem"] else ""
     near = f"{',' * bool(one['domain'])} {near}" if near else ""
     parts = [f"For {', '.join(filter(None, (equations, rates)))} {says}{where(one)}{near}{general}."]
     there = f" where {', '.join(one['lagrangian_domain'])}" if one["lagrangian_domain"] else ""

@@ -20,8 +20,7 @@ from inverse_service.deadline import now, whole
 from inverse_service.decision.solutions import SolveOptions, questions
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading import reader
-from inverse_service.service.documents import accepting, answers, checking, derived, translate
-from inverse_service.service.documents.growing import Growing
+from inverse_service.service.documents import accepting, answers, checking, derived, growing, translate
 from inverse_service.solving import solving
 
 if TYPE_CHECKING:
@@ -53,7 +52,7 @@ def solve_document(document: Any, options: SolveOptions, progress: Progress | No
     """
     try:
         ready = accepting.prepared(document)
-        grow = Growing(progress, lambda found: _with_given(ready.outward(found), document))
+        grow = growing.Growing(progress, lambda found: _with_given(ready.outward(found), document))
         with whole(options.time_limit):
             found = _in_own_words(ready, lambda cases: cases.solve(ready.document, options, grow))
     except ENDED as error:
@@ -105,7 +104,7 @@ class UseCases:
     look: Callable[[Any], Any]
     parse: Callable[[Any], ParseAnswer]
     system: Callable[[Any], SecondOrderSystem]
-    solve: Callable[[Any, SolveOptions, Growing], dict[str, Any]]
+    solve: Callable[[Any, SolveOptions, growing.Growing], dict[str, Any]]
 
 
 def use_cases(document: Any) -> UseCases:
@@ -143,14 +142,14 @@ def look(document: Any) -> None:
     use_cases(plain).look(plain)
 
 
-def solve_system(document: Any, options: SolveOptions, grow: Growing | None = None) -> dict[str, Any]:
+def solve_system(document: Any, options: SolveOptions, grow: growing.Growing | None = None) -> dict[str, Any]:
     """The result document of a System document, its certificates checked.
 
     `options.time_limit` is the time for all of it; `time_dependent` is taken from the document.
     Raises InputError for a document that cannot be accepted, CertificateRefused where the checker
     finds our own certificate invalid.
     """
-    grow, end = grow or Growing(None), now() + options.time_limit
+    grow, end = grow or growing.Growing(None), now() + options.time_limit
     schema = accepting.to_schema(document)
     given = accepting.to_given(schema)
     system = accepting.to_solvable(schema, given)

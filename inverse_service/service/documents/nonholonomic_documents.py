@@ -13,8 +13,7 @@ from api_schemas import nonholonomic as schemas
 from api_schemas.base import ParseAnswer
 from api_schemas.result import AdvicePart, HamiltonianPart
 from inverse_service import errors
-from inverse_service.constrained import answering, nonholonomic_study, reduced, reduced as deciding
-from inverse_service.constrained.hamiltonise import Hamiltonisation
+from inverse_service.constrained import answering, hamiltonise, nonholonomic_study, reduced, reduced as deciding
 from inverse_service.constrained.lagrangian import first_system
 from inverse_service.deadline import NOT_YET, now, share
 from inverse_service.decision import solutions
@@ -22,7 +21,6 @@ from inverse_service.explanation import wording
 from inverse_service.expressions import collecting, inequalities, notation, printing, tree as ex
 from inverse_service.mechanics import constrained_motion, method_advice, nonholonomic_integrals, paper_class
 from inverse_service.mechanics.first_integrals import FirstIntegral, first_integrals
-from inverse_service.mechanics.paper_class import AssociatedSystem
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading import reader
 from inverse_service.reading.names import Names, escaped
@@ -359,12 +357,12 @@ def _hamiltonisation(report: nonholonomic_study.Report) -> schemas.Hamiltonisati
     )
 
 
-def _images(found: Hamiltonisation) -> tuple[ex.Expression, ...]:
+def _images(found: hamiltonise.Hamiltonisation) -> tuple[ex.Expression, ...]:
     """The constraints in phase space; none where the energy is given in the velocities."""
     return () if found.transform is not None and found.transform.implicit else found.images
 
 
-def _hamiltonian(found: Hamiltonisation) -> HamiltonianPart | None:
+def _hamiltonian(found: hamiltonise.Hamiltonisation) -> HamiltonianPart | None:
     if found.transform is None:
         return None
     return translate.hamiltonian_part(solutions.Hamiltonian.of(found.transform, _images(found)))
@@ -605,7 +603,7 @@ def _about_the_motion(
     return grow.end(compared(made.whole(studies), end - now()))
 
 
-def _unasked(one: AssociatedSystem, reason: str = ONLY_THE_MOTION) -> nonholonomic_study.AssociatedAnswer:
+def _unasked(one: paper_class.AssociatedSystem, reason: str = ONLY_THE_MOTION) -> nonholonomic_study.AssociatedAnswer:
     """The answer that leaves open whether a system has a Lagrangian."""
     assert one.system is not None
     answer = solutions.Answer(

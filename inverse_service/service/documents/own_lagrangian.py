@@ -13,8 +13,7 @@ from inverse_service.deadline import now
 from inverse_service.decision import cells, certify, deciding
 from inverse_service.decision.solutions import Hamiltonian, SolveOptions
 from inverse_service.errors import InputError, IrreducibleAtoms, LimitError
-from inverse_service.expressions import collecting, tree as ex
-from inverse_service.expressions.evaluation import NoRealValue, evaluate
+from inverse_service.expressions import collecting, evaluation, tree as ex
 from inverse_service.expressions.inequalities import inequality_text
 from inverse_service.field import reduction, tower
 from inverse_service.field.real_point import RealTable, requirements
@@ -22,8 +21,7 @@ from inverse_service.mechanics import constrained_motion, euler_lagrange, implic
 from inverse_service.mechanics.legendre import legendre
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading.document_names import Declared, known_names
-from inverse_service.service.documents import accepting, checking, translate
-from inverse_service.service.documents.growing import Growing
+from inverse_service.service.documents import accepting, checking, growing, translate
 
 POINTER = "/lagrangian"
 AS_WRITTEN = (
@@ -157,7 +155,7 @@ def _judged(
         return found, where.sides
     table = certify.point_of(analysis, lagrangian)
     if table is not None:
-        with suppress(IrreducibleAtoms, NoRealValue):
+        with suppress(IrreducibleAtoms, evaluation.NoRealValue):
             formulas = [*map(tower.to_kernels, (*system.given, written))]
             sides = list(dict.fromkeys([*sides, *reduction.signed_factors(requirements(formulas, table), table)]))
     domain = certify.shortest(sides)
@@ -179,9 +177,9 @@ def _failing(system: SecondOrderSystem, own: Sequence[ex.Expression] | None, tab
         pairs = {"given": system.given, "lagrangian": own or ()}
         numbers: dict[str, dict[str, str]] = {}
         for key, trees in pairs.items():
-            values = [mpmath.nstr(evaluate(tower.to_kernels(f), table), _DIGITS) for f in trees]
+            values = [mpmath.nstr(evaluation.evaluate(tower.to_kernels(f), table), _DIGITS) for f in trees]
             numbers[key] = dict(zip(system.coordinates, values, strict=False))
-    except (NoRealValue, KeyError):
+    except (evaluation.NoRealValue, KeyError):
         return shown
     return shown | {"accelerations": numbers} if own else shown
 
@@ -235,7 +233,7 @@ def look_forward(document: Any) -> LagrangianDocument:
     return accepting.validated(document, LagrangianDocument)
 
 
-def solve_forward(document: Any, options: SolveOptions, grow: Growing) -> dict[str, Any]:
+def solve_forward(document: Any, options: SolveOptions, grow: growing.Growing) -> dict[str, Any]:
     """The forward result; raises InputError, also where the Hessian of L is singular."""
     schema = look_forward(document)
     lagrangian, system = _motion(schema)

@@ -16,8 +16,7 @@ from inverse_service.decision import certify, solutions
 from inverse_service.decision.cells import Left
 from inverse_service.expressions import inequalities, printing, tree as ex
 from inverse_service.field import real_point, tower
-from inverse_service.mechanics import method_advice
-from inverse_service.mechanics.second_order_system import SecondOrderSystem
+from inverse_service.mechanics import method_advice, second_order_system
 from inverse_service.reading.document_names import Declared
 from inverse_service.reading.names import declared_name
 
@@ -33,7 +32,7 @@ if TYPE_CHECKING:
 Part = TypeVar("Part", bound=Document)
 
 
-def to_parse_answer(system: SecondOrderSystem, schema: AnyDocument) -> ParseAnswer:
+def to_parse_answer(system: second_order_system.SecondOrderSystem, schema: AnyDocument) -> ParseAnswer:
     """What was understood, for a reader to compare with what was meant."""
     shown = system.given if system.is_unsolved else system.accelerations
     equations = {name: parsed(f) for name, f in zip(system.coordinates, shown, strict=True)}
@@ -41,7 +40,7 @@ def to_parse_answer(system: SecondOrderSystem, schema: AnyDocument) -> ParseAnsw
     return part_of(ParseAnswer, system, equations=equations, **names)
 
 
-def guessed_names(schema: AnyDocument, system: SecondOrderSystem | NonholonomicSystem) -> list[str]:
+def guessed_names(schema: AnyDocument, system: second_order_system.SecondOrderSystem | NonholonomicSystem) -> list[str]:
     """The names that the document did not declare, where it asks to guess: constants, then functions."""
     declared = Declared(schema.coordinates, schema.parameters, schema.functions)
     if not declared.guesses:
@@ -51,14 +50,14 @@ def guessed_names(schema: AnyDocument, system: SecondOrderSystem | NonholonomicS
     return [name for name in names if name not in known]
 
 
-def to_understood(system: SecondOrderSystem, schema: AnyDocument) -> schemas.UnderstoodSystem:
+def to_understood(system: second_order_system.SecondOrderSystem, schema: AnyDocument) -> schemas.UnderstoodSystem:
     """The `system` part of a result: canonical equations along with the document as given."""
     given = schema.model_dump(mode="json", exclude_unset=True)
     fields = equation_fields(system) | {"functions": function_fields(system), "given": given, "time": "t"}
     return part_of(schemas.UnderstoodSystem, system, **fields)
 
 
-def equation_fields(system: SecondOrderSystem) -> dict[str, Any]:
+def equation_fields(system: second_order_system.SecondOrderSystem) -> dict[str, Any]:
     """The equations as given, in text and in LaTeX."""
     pairs = list(zip(system.coordinates, system.given, strict=True))
     latex = {name: f"{printing.to_latex(f)} = 0" for name, f in pairs}
@@ -67,7 +66,7 @@ def equation_fields(system: SecondOrderSystem) -> dict[str, Any]:
     return {"equations": {name: printing.to_text(f) for name, f in pairs}, "latex": latex}
 
 
-def plain_fields(system: SecondOrderSystem) -> dict[str, Any]:
+def plain_fields(system: second_order_system.SecondOrderSystem) -> dict[str, Any]:
     """What says the same in a document, a result, and a certificate."""
     return {
         "coordinates": list(system.coordinates),
@@ -77,7 +76,7 @@ def plain_fields(system: SecondOrderSystem) -> dict[str, Any]:
     }
 
 
-def function_fields(system: SecondOrderSystem | NonholonomicSystem) -> dict[str, list[str]]:
+def function_fields(system: second_order_system.SecondOrderSystem | NonholonomicSystem) -> dict[str, list[str]]:
     """The arbitrary functions with what they depend on."""
     return {name: list(arguments) for name, arguments in system.functions}
 

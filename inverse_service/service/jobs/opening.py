@@ -12,7 +12,6 @@ from typing import Any
 
 from inverse_service import errors
 from inverse_service.service.jobs import locks, model, statements, stores, workers
-from inverse_service.service.jobs.stores import JobStore
 
 log = logging.getLogger(__name__)
 POSTGRES = ("postgresql://", "postgres://")
@@ -20,7 +19,7 @@ POSTGRES_MODULE = "inverse_service.service.jobs.postgres_store"
 SCHEMES = ("tcp://", "tls://", "ucx://", "ws://", "wss://")
 
 
-def open_store(database: str | None, guest: bool = False) -> JobStore:
+def open_store(database: str | None, guest: bool = False) -> stores.JobStore:
     """The store at a path or an address; raises InputError where it cannot be used. `guest`: s. `SqliteStore`.
 
     None is the file of this user. Where another service has that one, or it cannot be written, the
@@ -48,7 +47,7 @@ def default_path() -> Path:
     return Path(base) / "inverse-service" / locks.DATABASE
 
 
-def _default_store() -> JobStore:
+def _default_store() -> stores.JobStore:
     path = default_path()
     with contextlib.suppress(OSError, sqlite3.Error, model.DatabaseTaken, model.WrongVersion):
         return _store_at(path)
@@ -61,13 +60,13 @@ def _default_store() -> JobStore:
     return _store_at(kept.enter_context(locks.temporary_folder()) / locks.DATABASE)
 
 
-def _postgres_store(address: str) -> JobStore:
+def _postgres_store(address: str) -> stores.JobStore:
     try:
         module = importlib.import_module(POSTGRES_MODULE)
     except ImportError:
         detail = "A PostgreSQL database needs the extra: pip install 'inverse-service[postgres]'."
         raise errors.InputError(detail) from None
-    store: JobStore = module.PostgresStore(address)
+    store: stores.JobStore = module.PostgresStore(address)
     return store
 
 

@@ -14,8 +14,7 @@ import psycopg
 from psycopg.rows import dict_row
 
 from inverse_service import errors
-from inverse_service.service.jobs import model, statements
-from inverse_service.service.jobs.stores import JobStore
+from inverse_service.service.jobs import model, statements, stores
 
 T = TypeVar("T")
 Row = dict[str, Any]
@@ -57,7 +56,7 @@ def prepare(connection: Connection) -> None:
         connection.execute("INSERT INTO versions VALUES (%s)", (statements.VERSION,))
 
 
-class PostgresStore(JobStore):
+class PostgresStore(stores.JobStore):
     """See `stores.JobStore`. Raises InputError where the database cannot be used, StoreUnavailable later."""
 
     exclusive = False

@@ -22,8 +22,7 @@ from typing import Any
 
 from inverse_service import errors
 from inverse_service.service.documents import answers, growing
-from inverse_service.service.jobs import model, monitoring, tasks, workers
-from inverse_service.service.jobs.stores import JobStore
+from inverse_service.service.jobs import model, monitoring, stores, tasks, workers
 from inverse_service.service.jobs.tasks import LIMITS, Call, Outcome, Usage
 
 log = logging.getLogger(__name__)
@@ -74,7 +73,7 @@ def described(report: Any, before: Mapping[str, Any]) -> dict[str, Any]:
     return {**kept, "stage": text}
 
 
-def last_events(store: JobStore, job: model.Job) -> list[model.Event]:
+def last_events(store: stores.JobStore, job: model.Job) -> list[model.Event]:
     """What ends the stream of a final job: the greatest number of its attempt has its status.
 
     Before it the parts of an answer that was there before any part was sent; they are made of the answer.
@@ -120,7 +119,7 @@ class _Run:
 class EventLog:
     """Collects events of jobs and writes them together; safe to use from any thread."""
 
-    def __init__(self, store: JobStore) -> None:
+    def __init__(self, store: stores.JobStore) -> None:
         self._store = store
         self._lock = threading.Lock()
         self._runs: dict[str, _Run] = {}
@@ -218,7 +217,7 @@ class Supervisor:
 
     def __init__(
         self,
-        store: JobStore,
+        store: stores.JobStore,
         executor: workers.Executor,
         client_running: int | None = None,
         quick: workers.Executor | None = None,
@@ -494,7 +493,7 @@ def is_undetermined(job: model.Job, outcome: Outcome) -> bool:
     return outcome.status in LIMITS and tasks.KINDS[job.kind].limit_is_answer
 
 
-def finish(store: JobStore, job: model.Job, outcome: Outcome, so_far: Mapping[str, Any] | None = None) -> str:
+def finish(store: stores.JobStore, job: model.Job, outcome: Outcome, so_far: Mapping[str, Any] | None = None) -> str:
     """Store what came of the job; the label it is counted under ("again": it runs once more).
 
     A job that was ended has as its result what is finished of it, `so_far`; where that is not known, and a limit
@@ -532,7 +531,7 @@ def finish(store: JobStore, job: model.Job, outcome: Outcome, so_far: Mapping[st
     return outcome.status
 
 
-def fail(store: JobStore, job: model.Job, detail: str) -> None:
+def fail(store: stores.JobStore, job: model.Job, detail: str) -> None:
     """End a job by a fault of ours."""
     problem = answers.as_bytes(answers.problem_document(500, "fault", detail))
     store.finish(job.id, job.attempt, problem, Usage(), model.TRANSIENT, "failed")

@@ -19,9 +19,8 @@ from inverse_service import __version__, errors
 from inverse_service.catalogue import atlas
 from inverse_service.reading.names import Names
 from inverse_service.service.documents import sheets
-from inverse_service.web import routes
+from inverse_service.web import problems, routes
 from inverse_service.web.pages import WORDS, forms, rendering, typesetting
-from inverse_service.web.problems import Refusal
 
 router = APIRouter()
 open_router = APIRouter()  # asks for no key
@@ -62,7 +61,7 @@ async def about() -> HTMLResponse:
 async def manual(request: Request, name: str) -> HTMLResponse:
     """One page of the manual."""
     if name not in dict(PAGES):
-        raise Refusal(404, "not-found", "The manual has no such page; /learn lists them.")
+        raise problems.Refusal(404, "not-found", "The manual has no such page; /learn lists them.")
     return _manual(request, name)
 
 
@@ -118,7 +117,7 @@ async def atlas_search(request: Request) -> HTMLResponse:
     problem, found = "", []
     try:
         found = await routes.found_by(request, sent["q"], sent["tag"], sent["equations"])
-    except (Refusal, errors.InputError) as error:
+    except (problems.Refusal, errors.InputError) as error:
         problem = str(getattr(error, "detail", error))
     return rendering.page(
         "atlas.html",
@@ -153,7 +152,7 @@ async def atlas_entry(name: str) -> HTMLResponse:
     """One system with its answers."""
     found = atlas.entries().get(name)
     if found is None:
-        raise Refusal(404, "not-found", "The atlas has no system of this name; /atlas searches it.")
+        raise problems.Refusal(404, "not-found", "The atlas has no system of this name; /atlas searches it.")
     names = sheets.names_of(found["document"])
     formulas = [typesetting.proposition(text, names) for text in found["equations"]]
     answers = [(letter, found[key]) for letter, key in (("L", "lagrangian"), ("H", "hamiltonian")) if found[key]]

@@ -20,16 +20,12 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 from inverse_service.reading import document_names
 from inverse_service.service.documents import printed_pages, sheets
 from inverse_service.service.figures import views
-from inverse_service.service.jobs import monitoring, tasks
+from inverse_service.service.jobs import model, monitoring, statements, tasks
 from inverse_service.service.jobs.batch import answer_line
-from inverse_service.service.jobs.model import Job
-from inverse_service.service.jobs.statements import BatchAnswer
-from inverse_service.web import asking, clients, routes
+from inverse_service.web import asking, clients, job_answers, problems, routes
 from inverse_service.web.engine import LONG_DEADLINE, QUICK_DEADLINE, Engine
-from inverse_service.web.job_answers import MINIMAL, REVALIDATE, is_known, stored_response
 from inverse_service.web.pages import forms, result_tasks, simulations
 from inverse_service.web.pages.rendering import VISITOR, csv_of, framed, packed, page
-from inverse_service.web.problems import Refusal, known
 
 T = TypeVar("T")
 router = APIRouter()
@@ -82,8 +78,10 @@ async def call(
 async def _found(request: Request, path: str, identifier: str) -> httpx.Response:
     """A job without its result, or a batch; refused with 404 where there is none with this identifier."""
     is_id = IDENTIFIER.fullmatch(identifier) is not None
-    answer = await call(request, "GET", f"{path}/{identifier}", None, {"Prefer": MINIMAL}) if is_id else None
-    return known(None if answer is None or answer.is_error else answer, RESULT)
+    answer = (
+        await call(request, "GET", f"{path}/{identifier}", None, {"Prefer": job_answers.MINIMAL}) if is_id else None
+    )
+    return problems.known(None if answer is None or answer.is_error else answer, RESULT)
 
 
 async def read_form(request: Request, limit: int | None = None) -> forms.Form:
@@ -96,7 +94,7 @@ async def read_sent(
 ) -> T:
     """What a task makes of the sent form, in a worker where it may be large; refuses as `read_form` does."""
     if not clients.is_of_own_page(request):
-        raise Refusal(403, "cross-site", "Forms are taken from the pages of this service only.")
+        raise problems.Refusal(403, "cross-site", "Forms are taken from the pages of this service only.")
     engine: Engine = request.app.state.engine
     limit, content_type = limit or engine.settings.max_body, request.headers.get("content-type", "")
     async with asking.body_of(request, limit, None) as body:
@@ -139,9 +137,9 @@ async def result_json(request: Request, identifier: str) -> Response:
     """The result document as a file."""
     answer = await successful(request, identifier)
     headers = {"Content-Disposition": f'attachment; filename="result-{identifier[:12]}.json"'} | kept(answer)
-    if is_known(request, headers["ETag"]):
+    if job_answers.is_known(request, headers["ETag"]):
         return Response(status_code=304, headers=headers)
-    return await stored_response(request.app.state.engine, identifier, headers)
+    return await job_answers.stored_response(request.app.state.engine, identifier, headers)
 
 
 @router.post("/results/{identifier}/again")
@@ -149,7 +147,7 @@ async def result_json(request: Request, identifier: str) -> Response:
 async def again(request: Request, identifier: str) -> Response:
     """The same question asked again: of work that was cancelled or failed, or with all the time the service gives."""
     await read_form(request, SMALL_FORM)
-    job = known(await stored_job(request, identifier), RESULT)
+    job = problems.known(await stored_job(request, identifier), RESULT)
     options = {} if request.url.path.endswith("/longer") else json.loads(job.options)
     document = json.loads(job.document) | ({"options": options} if options else {})
     headers = {"Prefer": "respond-async"} | ({"Cache-Control": "no-cache"} if options else {})
@@ -173,12 +171,12 @@ async def cancel(request: Request, identifier: str) -> Response:
 async def made_file(request: Request, identifier: str, file: str) -> Response:
     """A file that a worker makes of a result; nothing is made if the browser has it already."""
     answer = await successful(request, identifier)
-    found = known(_file_of(answer.json()["kind"], file, identifier, _address(request)), RESULT)
+    found = problems.known(_file_of(answer.json()["kind"], file, identifier, _address(request)), RESULT)
     media_type, disposition, task, arguments = found
     headers = kept(answer, file.rpartition(".")[2].rpartition("/")[2])
-    if is_known(request, headers["ETag"]):
+    if job_answers.is_known(request, headers["ETag"]):
         return Response(status_code=304, headers=headers)
-    data = known(await made(request, identifier, task, *arguments), RESULT)
+    data = problems.known(await made(request, identifier, task, *arguments), RESULT)
     headers |= {"Content-Disposition": disposition} if disposition else {}
     respond = packed if task is result_tasks.figure_data_task else Response
     return respond(data, headers=headers, media_type=media_type)
@@ -213,7 +211,7 @@ def _file_of(kind: str, file: str, identifier: str, address: str) -> Made | None
 def kept(answer: httpx.Response, what: str = "result") -> dict[str, str]:
     """Headers of what is made of a finished job: the browser keeps it and asks whether it is still that."""
     tag = answer.headers["etag"].strip('"')
-    return {"ETag": f'"{tag}-{what}"', "Cache-Control": REVALIDATE}
+    return {"ETag": f'"{tag}-{what}"', "Cache-Control": job_answers.REVALIDATE}
 
 
 async def made(request: Request, identifier: str, task: Callable[..., T], *arguments: Any) -> T:
@@ -226,7 +224,7 @@ async def successful(request: Request, identifier: str, kinds: Container[str] = 
     """The job without its result; refused with 404 unless it is successful, and of one of the kinds."""
     answer = await finished(request, identifier, 0)
     job = answer.json()
-    return known(answer if job["status"] == "successful" and job["kind"] in kinds else None, RESULT)
+    return problems.known(answer if job["status"] == "successful" and job["kind"] in kinds else None, RESULT)
 
 
 async def finished(request: Request, identifier: str, patience: float) -> httpx.Response:
@@ -243,7 +241,7 @@ async def finished(request: Request, identifier: str, patience: float) -> httpx.
     return await finished(request, identifier, 0)
 
 
-async def stored_job(request: Request, identifier: str) -> Job | None:
+async def stored_job(request: Request, identifier: str) -> model.Job | None:
     """The job with its document, without its answer; None if there is no such job."""
     engine: Engine = request.app.state.engine
     is_id = IDENTIFIER.fullmatch(identifier) is not None
@@ -353,7 +351,7 @@ async def as_table(request: Request, identifier: str) -> Response:
     return Response(await routes.engine_of(request).in_thread(_csv, answers), media_type="text/csv")
 
 
-def _csv(answers: list[BatchAnswer]) -> str:
+def _csv(answers: list[statements.BatchAnswer]) -> str:
     rows = sorted(map(row_of, answers), key=lambda row: row.number)
     return csv_of([
         ("line", "name", "verdict", "lagrangian or reason", "checked", "where"),
@@ -387,17 +385,17 @@ async def cancel_batch(request: Request, identifier: str) -> Response:
 async def line(request: Request, identifier: str, number: int) -> Response:
     """The page of one line's result."""
     lines = {one.number: one for one in await _answers(request, identifier) if one.status == "successful"}
-    return RedirectResponse(f"/results/{known(lines.get(number), RESULT).job}", 303)
+    return RedirectResponse(f"/results/{problems.known(lines.get(number), RESULT).job}", 303)
 
 
-async def _answers(request: Request, identifier: str, most: int = SHOWN_LINES + 1) -> list[BatchAnswer]:
+async def _answers(request: Request, identifier: str, most: int = SHOWN_LINES + 1) -> list[statements.BatchAnswer]:
     """The answers that are there now; the call under /v1 would wait for all."""
     engine, viewer = routes.engine_of(request), clients.viewer_of(request)
-    known(await engine.batch(identifier, viewer) if IDENTIFIER.fullmatch(identifier) else None, RESULT)
+    problems.known(await engine.batch(identifier, viewer) if IDENTIFIER.fullmatch(identifier) else None, RESULT)
     return await engine.in_thread(engine.store.batch_answers, identifier, 0, most, LARGEST_SHOWN)
 
 
-def row_of(answer: BatchAnswer) -> Row:
+def row_of(answer: statements.BatchAnswer) -> Row:
     """An answer as a line of the table; a large one is not read for it."""
     if answer.status == "successful" and answer.body is None:
         return Row(answer.number, str(json.loads(answer.identifier)), "done", "done", "")

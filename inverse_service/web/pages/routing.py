@@ -8,10 +8,8 @@ from starlette.requests import Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
 from inverse_service.service.documents import answers
-from inverse_service.web import clients
-from inverse_service.web.engine import Engine
+from inverse_service.web import clients, engine, problems
 from inverse_service.web.pages import exercises, library, rendering, results, simulate, solve
-from inverse_service.web.problems import Refusal
 
 router = APIRouter()
 account = APIRouter()
@@ -20,7 +18,7 @@ REDIRECTS = range(300, 400)
 A_YEAR = 365 * 86_400
 
 
-def page_of_refusal(request: Request, refusal: Refusal) -> HTMLResponse | None:
+def page_of_refusal(request: Request, refusal: problems.Refusal) -> HTMLResponse | None:
     """The page; None for a program, which calls /v1 or does not accept HTML."""
     if request.url.path.startswith("/v1/") or "text/html" not in request.headers.get("accept", ""):
         return None
@@ -95,8 +93,8 @@ def _form(place: str, problem: str = "", status: int = 200) -> HTMLResponse:
     return rendering.page("login.html", status, active="", place=place, problem=problem)
 
 
-def _engine(request: Request) -> Engine:
-    found: Engine = request.app.state.engine
+def _engine(request: Request) -> engine.Engine:
+    found: engine.Engine = request.app.state.engine
     return found
 
 

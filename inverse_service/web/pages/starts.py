@@ -10,8 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from inverse_service.errors import InputError
-from inverse_service.expressions import letters
-from inverse_service.expressions.tree import Expression
+from inverse_service.expressions import letters, tree as ex
 from inverse_service.integrators.trajectory import Array
 from inverse_service.simulation.numeric_formulas import array_value, table_of
 from inverse_service.web.pages.preview import moving_of
@@ -43,7 +42,7 @@ def every_start(n: int) -> Array:
 
 @np.errstate(all="ignore")
 def lasted(
-    scene: Any, formulas: Sequence[Expression], hessian: Sequence[Expression], q: Array, v: Array, steps: int
+    scene: Any, formulas: Sequence[ex.Expression], hessian: Sequence[ex.Expression], q: Array, v: Array, steps: int
 ) -> tuple[Array, Array, Array]:
     """For how many steps the classical Runge-Kutta method stays within bounds from each start (m,).
 
