@@ -7,6 +7,7 @@ system in `associated_with`, a system of the literature keeps its original `id`.
 """
 
 import copy
+import hashlib
 import json
 from functools import lru_cache
 from pathlib import Path
@@ -17,6 +18,7 @@ from inverse_service import errors
 Kind = Literal["system", "nonholonomic"]
 
 FILES = ("paper.json", "nonholonomic.json", "known.json")
+ATLAS = Path(__file__).parent / "entries" / "atlas.ndjson"
 
 
 class UnknownSystem(errors.InputError, KeyError):
@@ -65,4 +67,49 @@ def _suggestion(name: str) -> str:
     return f"; near: {', '.join(near)}" if near else ""
 
 
-__all__ = ["UnknownSystem", "document", "entry", "meant", "names"]
+# The atlas: named systems with their computed answers, from atlas.ndjson, which `benchmarks.atlas` writes.
+
+
+@lru_cache(maxsize=1)
+def atlas() -> dict[str, dict[str, Any]]:
+    """Every system by its name, in the order of the file; none where the atlas was not built."""
+    if not ATLAS.exists():
+        return {}
+    return {found["name"]: found for found in map(json.loads, ATLAS.read_text(encoding="utf-8").splitlines())}
+
+
+@lru_cache(maxsize=1)
+def atlas_tags() -> dict[str, int]:
+    """How many systems have each tag, the most frequent first."""
+    found: dict[str, int] = {}
+    for entry in atlas().values():
+        for tag in entry["tags"]:
+            found[tag] = found.get(tag, 0) + 1
+    return dict(sorted(found.items(), key=lambda pair: -pair[1]))
+
+
+def search_atlas(words: str = "", tag: str = "", form: str | None = None) -> list[dict[str, Any]]:
+    """The systems with all of the words in name, title, source, tags or equations, with the tag, and of the form."""
+    wanted = words.lower().split()
+    return [
+        entry
+        for entry in atlas().values()
+        if (not tag or tag in entry["tags"])
+        and (form is None or (form != "" and entry["form"] == form))
+        and all(word in _text_of(entry["name"]) for word in wanted)
+    ]
+
+
+@lru_cache(maxsize=4096)
+def _text_of(name: str) -> str:
+    """What a search looks at, in small letters."""
+    entry = atlas()[name]
+    parts = (name, entry["title"], entry["source"], *entry["tags"], *entry["equations"])
+    return " ".join(map(str, parts)).lower()
+
+
+@lru_cache(maxsize=1)
+def whole_atlas() -> tuple[bytes, str]:
+    """All entries as NDJSON, and a digest of that."""
+    data = "".join(f"{json.dumps(entry, ensure_ascii=False)}\n" for entry in atlas().values()).encode()
+    return data, hashlib.sha256(data).hexdigest()[:16]

@@ -20,7 +20,6 @@ from starlette.types import Receive, Scope, Send
 from api_schemas import base
 from api_schemas.job import AtlasEntry, AtlasLine, AtlasList, Batch as BatchDocument, Job as JobDocument, JobList
 from inverse_service import __version__, catalogue, errors
-from inverse_service.catalogue import atlas
 from inverse_service.expressions.refusals import LIMITS
 from inverse_service.service.documents import alike
 from inverse_service.service.jobs import model, monitoring, statements, supervisor, tasks, workers
@@ -390,7 +389,7 @@ async def found_by(request: Request, words: str, tag: str, equations: str) -> li
     form = None
     if equations.strip():
         form = await engine_of(request).made(clients.client_of(request), form_task, equations[:4_000], late=LATE)
-    return atlas.search(words[:200], tag[:80], form)
+    return catalogue.search_atlas(words[:200], tag[:80], form)
 
 
 @named.get("/v1/atlas", response_model=AtlasList, responses=openapi.refusals(422))
@@ -411,7 +410,7 @@ async def search(
 @named.get("/v1/atlas.ndjson", response_class=Response, responses={200: {"content": {"application/x-ndjson": {}}}})
 async def whole(request: Request) -> Response:
     """The whole atlas, one system per line."""
-    data, mark = atlas.whole()
+    data, mark = catalogue.whole_atlas()
     headers = {
         "ETag": f'"{mark}"',
         "Cache-Control": "public, no-cache",
@@ -427,7 +426,7 @@ async def whole(request: Request) -> Response:
 async def entry(name: str) -> Response:
     """One system: its document, its answers, L, H and where they hold."""
     return JSONResponse(
-        problems.known(atlas.entries().get(name), "system of this name; GET /v1/atlas searches the atlas.")
+        problems.known(catalogue.atlas().get(name), "system of this name; GET /v1/atlas searches the atlas.")
     )
 
 

@@ -8,14 +8,14 @@ import httpx
 import pytest
 
 from benchmarks import atlas as builder
-from inverse_service.catalogue import atlas
+from inverse_service import catalogue
 
 LEAST = 600
 NOTES = ("own test", "random search", "(test only)", "regression")
 
 
 def test_the_atlas_is_large_and_says_nothing_of_the_test_bench() -> None:
-    found = atlas.entries()
+    found = catalogue.atlas()
     assert len(found) >= LEAST
     assert "tilting-disk" in found
     assert len({json.dumps(entry["document"], sort_keys=True) for entry in found.values()}) == len(found)
@@ -26,9 +26,9 @@ def test_the_atlas_is_large_and_says_nothing_of_the_test_bench() -> None:
 
 @pytest.mark.nightly
 def test_some_lines_are_as_computed_now() -> None:
-    rows = [row for row in builder.documents() if row["name"] in atlas.entries()]
+    rows = [row for row in builder.documents() if row["name"] in catalogue.atlas()]
     for row in rows[:: len(rows) // 12]:
-        assert builder.entry_of(row)["verdict"] == atlas.entries()[row["name"]]["verdict"], row["name"]
+        assert builder.entry_of(row)["verdict"] == catalogue.atlas()[row["name"]]["verdict"], row["name"]
 
 
 @pytest.mark.parametrize(
@@ -53,7 +53,7 @@ def test_a_search_finds_it(service: str, query: dict[str, str], name: str) -> No
 def test_the_whole_is_one_file_that_a_browser_keeps(service: str) -> None:
     with httpx.Client(base_url=service, timeout=60) as client:
         answer = client.get("/v1/atlas.ndjson")
-        assert len(answer.text.splitlines()) == len(atlas.entries())
+        assert len(answer.text.splitlines()) == len(catalogue.atlas())
         again = client.get("/v1/atlas.ndjson", headers={"If-None-Match": answer.headers["etag"]})
         assert again.status_code == 304
         assert client.get("/v1/atlas/none").status_code == 404

@@ -15,8 +15,7 @@ from markupsafe import Markup, escape
 from starlette.requests import Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
-from inverse_service import __version__, errors
-from inverse_service.catalogue import atlas
+from inverse_service import __version__, catalogue, errors
 from inverse_service.reading.names import Names
 from inverse_service.service.documents import sheets
 from inverse_service.web import problems, routes
@@ -127,8 +126,8 @@ async def atlas_search(request: Request) -> HTMLResponse:
         found=[_line(entry) for entry in found[:most]],
         count=len(found),
         more=f"/atlas?{urlencode({**sent, 'all': 'yes'})}#systems" if len(found) > most else "",
-        whole=len(atlas.entries()),
-        tags=list(atlas.tags().items())[:24],
+        whole=len(catalogue.atlas()),
+        tags=list(catalogue.atlas_tags().items())[:24],
         pictures=() if any(sent.values()) else pictures(),
         license=routes.LICENSE,
     )
@@ -137,8 +136,8 @@ async def atlas_search(request: Request) -> HTMLResponse:
 @lru_cache(maxsize=1)
 def pictures() -> list[dict[str, Any]]:
     """Twenty systems whose body is drawn."""
-    known = [atlas.entries()[name] for name in PICTURES if name in atlas.entries()]
-    known += [entry for entry in atlas.entries().values() if body_of(entry["name"]) and entry not in known]
+    known = [catalogue.atlas()[name] for name in PICTURES if name in catalogue.atlas()]
+    known += [entry for entry in catalogue.atlas().values() if body_of(entry["name"]) and entry not in known]
     return [{**entry, "body": body_of(entry["name"]) or "spring"} for entry in known[:MOST_PICTURES]]
 
 
@@ -150,7 +149,7 @@ def _line(entry: dict[str, Any]) -> dict[str, Any]:
 @router.get("/atlas/{name}")
 async def atlas_entry(name: str) -> HTMLResponse:
     """One system with its answers."""
-    found = atlas.entries().get(name)
+    found = catalogue.atlas().get(name)
     if found is None:
         raise problems.Refusal(404, "not-found", "The atlas has no system of this name; /atlas searches it.")
     names = sheets.names_of(found["document"])
@@ -165,7 +164,9 @@ async def atlas_entry(name: str) -> HTMLResponse:
         domain=[typesetting.formula(text, names) for text in found["domain"]],
         source=referenced(found["source"]),
         body=body_of(name),
-        alike=[one for one in atlas.search(form=found["form"]) if one["name"] != name][:12] if found["form"] else [],
+        alike=[one for one in catalogue.search_atlas(form=found["form"]) if one["name"] != name][:12]
+        if found["form"]
+        else [],
         question=forms.question_address(found["document"]),
         cite=routes.CITE,
     )
