@@ -26,8 +26,7 @@ from inverse_service.expressions.tree import TIME, ZERO, Expression, Symbol, Vel
 from inverse_service.field import exact_field
 from inverse_service.field.matrices import determinant, dot, reduced_rows, solve_square, weight
 from inverse_service.field.real_point import RealTable, find_real_point
-from inverse_service.mechanics import implicit_equations, writing
-from inverse_service.mechanics.second_order_system import Functions
+from inverse_service.mechanics import implicit_equations, second_order_system, writing
 from inverse_service.reading.document_names import Declared, known_names
 from inverse_service.reading.names import Names
 from inverse_service.reading.reader import placed_at, read_equations, read_formula, without_accelerations
@@ -59,7 +58,7 @@ class NonholonomicSystem:
     lagrangian: Expression
     constraints: tuple[Expression, ...]
     parameters: tuple[str, ...] = ()
-    functions: Functions = ()
+    functions: second_order_system.Functions = ()
     name: str = ""
 
 
@@ -343,7 +342,7 @@ class ConstrainedMotion:
     dependent_velocities: tuple[Expression, ...]
     free_accelerations: tuple[Expression, ...]
     parameters: tuple[str, ...] = ()
-    functions: Functions = ()
+    functions: second_order_system.Functions = ()
     nonzero: tuple[Expression, ...] = ()
 
     @property

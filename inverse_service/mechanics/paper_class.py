@@ -36,7 +36,7 @@ from typing import Literal
 from inverse_service.expressions import collecting, derivative
 from inverse_service.expressions.tree import HALF, ZERO, Expression, Number, Symbol, Velocity, add, number, square_root
 from inverse_service.field.exact_field import Quotient, TooLarge, sum_of
-from inverse_service.mechanics import euler_lagrange, legendre, potential, writing
+from inverse_service.mechanics import euler_lagrange, legendre, nonholonomic_integrals, writing
 from inverse_service.mechanics.constrained_motion import EliminatedMotion, Frame, Geometry, frames, open_places
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 
@@ -89,7 +89,7 @@ class PaperClass:
     def density(self) -> Expression:
         """N up to a constant factor, in its simplest form: 1 where it is constant, cos(phi) for A = tan(phi)."""
         ring, square = self.geometry.ring, self.inverse_square_density
-        found = potential.potential(ring, [1 + self.r1], [-(self.slope_of_density / square)])
+        found = nonholonomic_integrals.potential(ring, [1 + self.r1], [-(self.slope_of_density / square)])
         whole = self.geometry.tree(square) ** Fraction(-1, 2)
         if found is None:
             return whole
