@@ -2,8 +2,7 @@
 
 The checker judges the certificates; from them a canonical statement is written. Each field of a result is derived from
 the certificates, or compared with them and with the document as given, or it is listed as not checked: `Examination`
-collects the JSON pointers that a comparison claimed, and every other leaf that says something is listed. The solver
-compares what it found in the same way before it leaves (`checked`).
+collects the JSON pointers that a comparison claimed, and every other leaf that says something is listed.
 """
 
 import json
@@ -13,13 +12,12 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from api_schemas.base import CHECK_FORMAT
-from api_schemas.result import ResultDocument
 from inverse_service.certificate import checker, formulas
 from inverse_service.certificate.cell import Cell
 from inverse_service.certificate.kinds import KINDS, named
 from inverse_service.deadline import now
 from inverse_service.decision import certify
-from inverse_service.errors import CertificateRefused, InputError, LimitError
+from inverse_service.errors import InputError, LimitError
 from inverse_service.expressions import inequalities, printing, refusals
 from inverse_service.expressions.printing import to_latex
 from inverse_service.field import real_point
@@ -27,14 +25,11 @@ from inverse_service.mechanics import agreement, second_order_system
 from inverse_service.reading import reader
 from inverse_service.reading.names import Names
 from inverse_service.service.documents import accepting, comparison, derived, growing, own_lagrangian, translate
+from inverse_service.service.documents.comparison import as_object, system_fields
 from inverse_service.service.documents.plain_data import read_json
 
 LONGER = 6  # times as long as what people type may be what we printed
 TIME_LIMIT = 60.0  # of processor time, so that the load of the machine decides no verdict
-# The solver stops by itself a little before its process is killed, so that it can say how far it came.
-SHARE_OF_SOLVER = 0.8
-FIRST_FIELDS = ("format", "system", "question", "verdict", "verdict_with_time", "reason", "checked")
-OPEN_MOTION = "It is undecided whether any associated system gives this motion a Hamiltonian."
 # Answers without a verdict; each says what was computed and claims nothing that a certificate could prove.
 _WITHOUT_CLAIM: Final = ("inverse-service/forward/", "inverse-service/simulation/", "inverse-service/work-precision/")
 _NO_CLAIM: Final = "This answer claims no verdict, so there is nothing to check; to check L, solve its equations."
@@ -100,18 +95,18 @@ def check_plain(result: object, document: object = None) -> dict[str, Any]:
     if claims_nothing(result):
         return _answer(checker.CheckResult("incomplete", (_NO_CLAIM,)))
     result = accepting.inward(result) if isinstance(result, dict) else result
-    if _object(result).get("format") in (formulas.FORMAT, formulas.OLD_FORMAT):
-        return _of_certificate(_object(result), document, end)
-    system = _object(_object(result).get("system"))
-    verdict, coordinates = _object(result).get("verdict"), system.get("coordinates")
+    if as_object(result).get("format") in (formulas.FORMAT, formulas.OLD_FORMAT):
+        return _of_certificate(as_object(result), document, end)
+    system = as_object(as_object(result).get("system"))
+    verdict, coordinates = as_object(result).get("verdict"), system.get("coordinates")
     good = (
-        _object(result).get("format") == formulas.RESULT_FORMAT
+        as_object(result).get("format") == formulas.RESULT_FORMAT
         and verdict in (*_VERDICTS, "differs")
         and isinstance(coordinates, list)
     )
-    if not good or not isinstance(system.get("equations"), dict) or len(_object(result)) > formulas.MAX_MEMBERS:
+    if not good or not isinstance(system.get("equations"), dict) or len(as_object(result)) > formulas.MAX_MEMBERS:
         return _answer(checker.CheckResult("invalid", (_NO_RESULT,)))
-    examination = Examination(_object(result), document, end)
+    examination = Examination(as_object(result), document, end)
     try:
         with refusals.longer_texts(LONGER):
             examination.examine()
@@ -126,8 +121,8 @@ def check_plain(result: object, document: object = None) -> dict[str, Any]:
 
 def claims_nothing(found: object) -> bool:
     """Whether it is the answer to another question than whether a Lagrangian exists, alone or with its document."""
-    result = _object(found).get("result", found)
-    return "verdict" not in _object(result) and str(_object(result).get("format", "")).startswith(_WITHOUT_CLAIM)
+    result = as_object(found).get("result", found)
+    return "verdict" not in as_object(result) and str(as_object(result).get("format", "")).startswith(_WITHOUT_CLAIM)
 
 
 def _answer(found: checker.CheckResult, **more: Any) -> dict[str, Any]:
@@ -140,7 +135,7 @@ def _of_certificate(certificate: dict[str, Any], document: object, end: float) -
     proof = checker.check_certificate(certificate, time_limit=max(1.0, end - now()))
     found, reasons = proof, proof.reasons
     if document is not None and proof.verdict == "valid":
-        compared = _compared(document, certificate, "velocities" in _object(certificate.get("system")), end - now())
+        compared = _compared(document, certificate, "velocities" in as_object(certificate.get("system")), end - now())
         reasons = (*reasons, *compared.reasons)
         found = compared if compared.verdict != "valid" else proof
         proof = comparison.narrowed(certificate, proof, compared.cell, end - now())
@@ -228,7 +223,7 @@ class Examination:
 
     def examine(self) -> None:
         result, system = self.result, self.result["system"]
-        own = _system(result)
+        own = system_fields(result)
         given = system.get("given")
         document = given if self.handed is None else self.handed
         self.agree("/format", result["format"] == formulas.RESULT_FORMAT, result["format"], formulas.RESULT_FORMAT)
@@ -363,7 +358,7 @@ class Examination:
             return None
         good = self.fits(shown, certificate)
         self.agree(f"{at}/{shown.key}", good, shown.verdict, "Its certificate makes a different claim.")
-        same = _same_system(_system(certificate), shown.system)
+        same = _same_system(system_fields(certificate), shown.system)
         if not same:
             self.contradict(f"{at}/certificate/system", "", "It is about a different system.")
         if proof.verdict == "incomplete":
@@ -491,7 +486,7 @@ class Examination:
             else:
                 self.reasons.extend(found.reasons)
                 if not moving:  # a motion on constraints is not the associated system that is shown
-                    self.claim(*(f"/system/{name}" for name in _system({})))
+                    self.claim(*(f"/system/{name}" for name in system_fields({})))
         return self.compared[key].cell
 
     def kinds(self, plain: Any, own: dict[str, Any], moving: bool) -> None:
@@ -506,7 +501,7 @@ class Examination:
             known = {one.name: translate.plain(one.among) for one in asked}
         question = "time_dependent" if _contains_time(own["equations"]) else "autonomous"
         for name, part in listed.items():
-            at, among = f"/kinds/{name}", _object(part.get("certificate")).get("among")
+            at, among = f"/kinds/{name}", as_object(part.get("certificate")).get("among")
             if name not in (*KINDS.split("|"), "invariant"):
                 self.contradict(at, name, "No such type exists.")
                 continue
@@ -519,7 +514,7 @@ class Examination:
                 self.unsettled(f"{at}: no certificate proves the verdict.")
 
     def instead(self, document: Any, own: dict[str, Any]) -> None:
-        part = _object(self.result.get("instead"))
+        part = as_object(self.result.get("instead"))
         if not part:
             return
         kind = part.get("kind")
@@ -537,23 +532,23 @@ class Examination:
             found = derived.system_there(document, part.get("conditions"))
             self.about_another("/instead", part, found, ("kind", "equations", "conditions"))
         else:  # which is compared itself
-            good = derived.is_of_reduced(part, _object(self.result.get("reduced")))
+            good = derived.is_of_reduced(part, as_object(self.result.get("reduced")))
             self.agree("/instead/kind", good, kind, "It is not the reduced system.")
             if document is not own:  # else the reduced system itself is compared with nothing
                 self.claim(*(f"/instead/{key}" for key in derived.OF_REDUCED))
 
     def cases(self, document: Any) -> None:
         """The Lagrangians of special cases that conditions on the parameters give."""
-        names = certify.names_of(_system(self.result))
-        waiting = [("/special_cases/tree", _object(_object(self.result.get("special_cases")).get("tree")))]
+        names = certify.names_of(system_fields(self.result))
+        waiting = [("/special_cases/tree", as_object(as_object(self.result.get("special_cases")).get("tree")))]
         while waiting:
             at, node = waiting.pop()
-            waiting += [(f"{at}/children/{k}", _object(one)) for k, one in enumerate(node.get("children") or ())]
+            waiting += [(f"{at}/children/{k}", as_object(one)) for k, one in enumerate(node.get("children") or ())]
             texts = [_text(one) for one in node.get("conditions") or ()]
             shows = any(node.get(key) for key in ("lagrangian", "hamiltonian", "certificate"))
             if not shows or any("(" in str(text).split(" = ")[0] for text in texts):
                 continue  # a case of functions is not made again: it is not checked
-            question = _object(node.get("certificate")).get("question")
+            question = as_object(node.get("certificate")).get("question")
             key = "verdict_with_time" if question == "time_dependent" and node.get("verdict_with_time") else "verdict"
             if self.agree(f"{at}/{key}", node.get(key) == "variational", node.get(key), "It is variational."):
                 self.about_another(at, node, derived.system_there(document, texts), ("equations",), key)
@@ -580,7 +575,7 @@ class Examination:
             self.contradict(at, verdict, "It is not about the system that follows from the document's.")
             return
         self.claim(*(f"{at}/{name}" for name in compared))
-        certificate, questions = _object(part.get("certificate")), derived.questions_of(part, system)
+        certificate, questions = as_object(part.get("certificate")), derived.questions_of(part, system)
         if system.positive and certificate and not derived.is_inside(system, certificate.get("near") or {}):
             self.contradict(f"{at}/certificate/near", "", "It is about a different branch of signs.")
         question = certificate.get("question") if certificate.get("question") in questions else questions[0]
@@ -590,15 +585,15 @@ class Examination:
 
     def others(self, document: Any, own: dict[str, Any]) -> None:
         """The system with another clock, and the reduced one."""
-        if clock := _object(self.result.get("with_clock")):
+        if clock := as_object(self.result.get("with_clock")):
             self.about_another("/with_clock", clock, derived.system_with_clock(document, clock))
-        reduced = _object(self.result.get("reduced"))
+        reduced = as_object(self.result.get("reduced"))
         if reduced and document is not own:
             from inverse_service.service.documents import nonholonomic_documents
 
             found, clocked = nonholonomic_documents.systems_of_reduced(document, reduced)
             self.about_another("/reduced", reduced, found)
-            if clock := _object(reduced.get("with_clock")):
+            if clock := as_object(reduced.get("with_clock")):
                 self.about_another("/reduced/with_clock", clock, clocked)
 
     def motions(self, plain: Any, timed: bool) -> None:
@@ -619,7 +614,7 @@ class Examination:
                 self.contradict(f"{at}/{key}", certificate.get("claim"), proof.reasons[0])
                 return
             # One without velocities is about the free coordinates alone, whose equations contain no others.
-            alone = "velocities" not in _object(certificate.get("system"))
+            alone = "velocities" not in as_object(certificate.get("system"))
             if alone and not self.has_document:
                 self.unsettled(f"{at}/{key} is about the free coordinates alone: the document is needed.")
                 return
@@ -646,7 +641,7 @@ class Examination:
         used = all(any(proves(one, asked[key], part.get(key)) for key in asked) for one in certificates)
         self.agree(f"{at}/certificate/claim", used, "", "A certificate claims another verdict.")
         proofs = [one for one in certificates if one["kind"] == "lagrangian"]
-        says, shape = _text(part.get("lagrangian")), _object(part.get("lagrangian"))
+        says, shape = _text(part.get("lagrangian")), as_object(part.get("lagrangian"))
         same_ones = [one for one in proofs if says is not None and _tokens(says) == _tokens(one["lagrangian"])]
         place, good = (f"{at}/lagrangian", not proofs) if says is None else (f"{at}/lagrangian/text", same_ones)
         self.agree(place, good, says, "Its certificate proves another.")
@@ -678,7 +673,7 @@ class Examination:
                 asked = plain.get("associated")
                 self.agree("/system/given/associated", same, asked, "The equations are another associated system.")
         energy = result.get("hamiltonian")
-        certificate = _object(result.get("certificate"))
+        certificate = as_object(result.get("certificate"))
         if isinstance(energy, dict) and energy.get("constraints") and "/hamiltonian/momenta" in self.claimed:
             good = comparison.image_agrees(plain, energy, certify.names_of(own, certificate, energy["momenta"]))
             if good is not None:
@@ -700,7 +695,7 @@ class Examination:
 
     def named(self, plain: Any, own: dict[str, Any]) -> None:
         """LaTeX of the equations, names that were guessed, and the branches themselves."""
-        latex, names = _object(self.result["system"].get("latex")), certify.names_of(own)
+        latex, names = as_object(self.result["system"].get("latex")), certify.names_of(own)
         for name, text in latex.items():
             with suppress(LimitError):  # too long to be read again: it is not compared
                 written = to_latex(reader.read_formula(own["equations"].get(name, "0"), names))
@@ -718,7 +713,9 @@ def _compared(document: Any, certificate: dict[str, Any], moving: bool, limit: f
     """Whether a certificate is about the system of a document, or about its motion on constraints."""
     if moving:
         return comparison.compared_claim(document, certificate, limit)
-    return comparison.compared_with_document(document, agreement.Canonical(_system(certificate), certificate), limit)
+    return comparison.compared_with_document(
+        document, agreement.Canonical(system_fields(certificate), certificate), limit
+    )
 
 
 def unclaimed(value: Any, at: str, claimed: set[str]) -> Iterator[str]:
@@ -736,7 +733,7 @@ def unclaimed(value: Any, at: str, claimed: set[str]) -> Iterator[str]:
 def read_keys(certificate: Mapping[str, Any]) -> set[str]:
     """What the checker reads of this certificate."""
     among, kind = str(certificate.get("among")), str(certificate.get("kind"))
-    moving = "velocities" in _object(certificate.get("system"))
+    moving = "velocities" in as_object(certificate.get("system"))
     found = [_READ_OF.get((of, kind), set()) for of in ("", among)]
     roots = (f"roots/{k}/{key}" for k in range(len(certificate.get("roots") or ())) for key in ("root", "is"))
     return _READ.union(*found, _READ_OF_MOTION if moving else (), roots)
@@ -778,111 +775,6 @@ def _is_defined(formula: str, domain: Sequence[str], names: Names) -> bool:
 
 def _text(part: Any) -> Any:
     return part.get("text") if isinstance(part, dict) else part
-
-
-def _system(holder: Mapping[str, Any]) -> dict[str, Any]:
-    """What says the same in a result and in a certificate."""
-    system = _object(holder.get("system"))
-    empty: dict[str, Any] = {"coordinates": [], "equations": {}, "parameters": [], "functions": {}}
-    return {key: system.get(key) or other for key, other in empty.items()}
-
-
-def _object(value: Any) -> dict[str, Any]:
-    """The value where it is an object, else an empty one."""
-    return value if isinstance(value, dict) else {}
-
-
-# What a result goes through before it leaves: checked, one verdict over its cells, its fields in order.
-
-
-def checked(result: ResultDocument, time_limit: float) -> dict[str, Any]:
-    """The document, its system compared with the document as given; CertificateRefused where an answer is unchecked.
-
-    The solver has its certificates checked itself: no definite verdict leaves that the checker did not call valid.
-    """
-    document = result.model_dump(mode="json")
-    answers = [document, *document["branches"]]
-    for answer in filter(None, [*answers, *(one["with_time"] for one in answers)]):
-        if answer["verdict"] != "undetermined" and answer["checked"] != "valid":
-            raise CertificateRefused("an answer was left unchecked")
-    compare_before_leaving(document, time_limit)
-    return document
-
-
-def with_one_verdict(document: dict[str, Any]) -> dict[str, Any]:
-    """The main verdicts are `differs` where those of the cells do."""
-    for key in ("verdict", "verdict_with_time"):
-        if len({branch[key] for branch in document["branches"]}) > 1:
-            document[key] = "differs"
-    return document
-
-
-def ordered(document: dict[str, Any]) -> dict[str, Any]:
-    """The fields in the order of the contract, which is the order in which a person reads them."""
-    return {key: document[key] for key in FIRST_FIELDS} | document
-
-
-def compare_before_leaving(result: dict[str, Any], time_limit: float) -> None:
-    """Make a result undetermined where its system could not be compared with the document as given.
-
-    Raises CertificateRefused where the system is found to be another one: that is a fault of ours.
-    """
-    end = now() + max(1.0, time_limit)
-    compare_motion(result, end - now())
-    for each in _systems(result):
-        found = comparison.compared_with_document(result["system"]["given"], each, max(1.0, end - now()))
-        if found.verdict == "invalid":
-            why = "; ".join(found.reasons)
-            raise CertificateRefused(f"the solved system differs from the given one: {why}"[:500])
-        if found.verdict != "valid":
-            _leave_open(result, "; ".join(found.reasons))
-            return
-
-
-def _leave_open(result: dict[str, Any], why: str) -> None:
-    branches = [each for branch in result["branches"] for each in (branch, branch["with_time"])]
-    result |= {"instead": None} if result.get("instead") else {}
-    for one in (result.get("kinds") or {}).values():
-        one |= {"certificate": None, "checked": None, "lagrangian": None, "dissipation": None, "exceptions": []}
-    for one in filter(None, (result, result["with_time"], *branches, *(result.get("kinds") or {}).values())):
-        for key in ("verdict", "verdict_with_time"):
-            if one.get(key) is not None:
-                one[key] = "undetermined"
-                one["reason"] = f"An answer was found, but its system could not be compared with the document: {why}"
-
-
-def compare_motion(result: dict[str, Any], time_limit: float) -> None:
-    """The same for the answer about a motion on constraints, which takes no other answer with it."""
-    for holder in (result, *result["branches"]):
-        part = _object(holder.get("any_associated"))
-        for key in ("certificate", "certificate_with_time"):
-            if not _object(part.get(key)):
-                continue
-            found = comparison.compared_claim(result["system"]["given"], part[key], time_limit)
-            if found.verdict != "valid":
-                why = f"An answer was found, but its motion could not be compared with the document: {found.reasons[0]}"
-                kept: dict[str, Any] = {"statement": OPEN_MOTION, "reason": why, "freedom": ""}
-                kept |= dict.fromkeys(("verdict", "verdict_with_time"), "undetermined")
-                kept |= {name: [] for name in ("parts", "image", "explanation", "exceptions")}
-                holder["any_associated"] = dict.fromkeys(part, None) | kept
-                break
-
-
-def _systems(result: dict[str, Any]) -> Iterator[agreement.Canonical]:
-    """The system that a result shows and those that its certificates are about, each once; none without one."""
-    listed = _object(result.get("nonholonomic")).get("associated")
-    instead = _object(result.get("instead"))
-    own = instead if instead.get("kind") in ("time", "rayleigh") else None  # others are about another system
-    kinds = [*_object(result.get("kinds")).values(), own]
-    answers: Sequence[Any] = (result, result.get("with_time"), *(listed or []), *kinds, *result["branches"][1:])
-    certificates = [found for each in answers if (found := _object(_object(each).get("certificate")))]
-    shown = [agreement.Canonical(_system(result), each) for each in certificates[:1]]
-    seen: list[str] = []
-    for each in (*shown, *(agreement.Canonical(_system(found), found) for found in certificates)):
-        key = json.dumps([each.system, each.claim.get("conditions"), each.claim.get("roots")])
-        if key not in seen:
-            seen.append(key)
-            yield each
 
 
 # The canonical statement of a check: written from the certificates that were found valid, and from nothing else.
@@ -983,15 +875,10 @@ def _words(system: Mapping[str, Any], one: Mapping[str, Any]) -> str:
 def in_general(parameters: Sequence[str], exceptions: Sequence[str]) -> str:
     """For which parameters a verdict was proven: "for general c1, c2, k (not decided here: c1 = c2, k = 0)".
 
-    "for general g" alone where the exceptions could not be found.
+    "for general g" alone where the exceptions could not be found: the checker says "single values of g" then.
     """
-    left_out = f" (not decided here: {', '.join(exceptions)})" if are_found(exceptions) else ""
+    left_out = f" (not decided here: {', '.join(exceptions)})" if any("=" in one for one in exceptions) else ""
     return f"for general {', '.join(parameters)}{left_out}"
-
-
-def are_found(exceptions: Sequence[str]) -> bool:
-    """Whether one of them is an equation; the checker says "single values of g" for those it could not find."""
-    return any("=" in one for one in exceptions)
 
 
 def where(one: Mapping[str, Any]) -> str:

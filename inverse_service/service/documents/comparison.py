@@ -1,10 +1,14 @@
-"""What `check` compares with what certificates prove: a document as given, stated domains, and Hamiltonians."""
+"""What certificates prove is compared with a document as given, with stated domains, and with Hamiltonians.
+
+`check` asks for it, and the solver before a result leaves (`checked`), so that what it found says the same.
+"""
 
 from __future__ import annotations
 
 import functools
+import json
 import random
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from time import thread_time
@@ -25,6 +29,7 @@ from inverse_service.reading.names import Names
 from inverse_service.service.documents import accepting
 
 if TYPE_CHECKING:
+    from api_schemas.result import ResultDocument
     from api_schemas.system import SystemDocument
     from inverse_service.mechanics.constrained_motion import ConstrainedMotion
 # The same system leaves with each part of a growing result; what was found to agree is not compared again.
@@ -36,6 +41,10 @@ _WRONG = "The Hamiltonian of an answer is not that of its Lagrangian."
 _NAMED = "The momenta are not p_x for each coordinate x."
 _VELOCITIES = "A Hamiltonian that is not implicit must not contain velocities."
 _IMPLICIT = "An implicit Hamiltonian must contain velocities."
+# The solver stops by itself a little before its process is killed, so that it can say how far it came.
+SHARE_OF_SOLVER = 0.8
+FIRST_FIELDS = ("format", "system", "question", "verdict", "verdict_with_time", "reason", "checked")
+OPEN_MOTION = "It is undecided whether any associated system gives this motion a Hamiltonian."
 
 
 def compared_with_document(document: Any, canonical: Canonical, time_limit: float = 60.0) -> checker.CheckResult:
@@ -398,3 +407,108 @@ def _vanish(trees: Sequence[ex.Expression], names: Names, moving: Sequence[str])
 
     constants = [ex.Symbol(name) for name in names.parameters]
     return vanish(trees, [ex.TIME, *map(ex.Symbol, names.coordinates), *map(ex.Velocity, moving), *constants])
+
+
+# What a result goes through before it leaves: checked, one verdict over its cells, its fields in order.
+
+
+def checked(result: ResultDocument, time_limit: float) -> dict[str, Any]:
+    """The document, its system compared with the document as given; CertificateRefused where an answer is unchecked.
+
+    The solver has its certificates checked itself: no definite verdict leaves that the checker did not call valid.
+    """
+    document = result.model_dump(mode="json")
+    answers = [document, *document["branches"]]
+    for answer in filter(None, [*answers, *(one["with_time"] for one in answers)]):
+        if answer["verdict"] != "undetermined" and answer["checked"] != "valid":
+            raise errors.CertificateRefused("an answer was left unchecked")
+    compare_before_leaving(document, time_limit)
+    return document
+
+
+def with_one_verdict(document: dict[str, Any]) -> dict[str, Any]:
+    """The main verdicts are `differs` where those of the cells do."""
+    for key in ("verdict", "verdict_with_time"):
+        if len({branch[key] for branch in document["branches"]}) > 1:
+            document[key] = "differs"
+    return document
+
+
+def ordered(document: dict[str, Any]) -> dict[str, Any]:
+    """The fields in the order of the contract, which is the order in which a person reads them."""
+    return {key: document[key] for key in FIRST_FIELDS} | document
+
+
+def compare_before_leaving(result: dict[str, Any], time_limit: float) -> None:
+    """Make a result undetermined where its system could not be compared with the document as given.
+
+    Raises CertificateRefused where the system is found to be another one: that is a fault of ours.
+    """
+    end = now() + max(1.0, time_limit)
+    compare_motion(result, end - now())
+    for each in _systems(result):
+        found = compared_with_document(result["system"]["given"], each, max(1.0, end - now()))
+        if found.verdict == "invalid":
+            why = "; ".join(found.reasons)
+            raise errors.CertificateRefused(f"the solved system differs from the given one: {why}"[:500])
+        if found.verdict != "valid":
+            _leave_open(result, "; ".join(found.reasons))
+            return
+
+
+def _leave_open(result: dict[str, Any], why: str) -> None:
+    branches = [each for branch in result["branches"] for each in (branch, branch["with_time"])]
+    result |= {"instead": None} if result.get("instead") else {}
+    for one in (result.get("kinds") or {}).values():
+        one |= {"certificate": None, "checked": None, "lagrangian": None, "dissipation": None, "exceptions": []}
+    for one in filter(None, (result, result["with_time"], *branches, *(result.get("kinds") or {}).values())):
+        for key in ("verdict", "verdict_with_time"):
+            if one.get(key) is not None:
+                one[key] = "undetermined"
+                one["reason"] = f"An answer was found, but its system could not be compared with the document: {why}"
+
+
+def compare_motion(result: dict[str, Any], time_limit: float) -> None:
+    """The same for the answer about a motion on constraints, which takes no other answer with it."""
+    for holder in (result, *result["branches"]):
+        part = as_object(holder.get("any_associated"))
+        for key in ("certificate", "certificate_with_time"):
+            if not as_object(part.get(key)):
+                continue
+            found = compared_claim(result["system"]["given"], part[key], time_limit)
+            if found.verdict != "valid":
+                why = f"An answer was found, but its motion could not be compared with the document: {found.reasons[0]}"
+                kept: dict[str, Any] = {"statement": OPEN_MOTION, "reason": why, "freedom": ""}
+                kept |= dict.fromkeys(("verdict", "verdict_with_time"), "undetermined")
+                kept |= {name: [] for name in ("parts", "image", "explanation", "exceptions")}
+                holder["any_associated"] = dict.fromkeys(part, None) | kept
+                break
+
+
+def _systems(result: dict[str, Any]) -> Iterator[Canonical]:
+    """The system that a result shows and those that its certificates are about, each once; none without one."""
+    listed = as_object(result.get("nonholonomic")).get("associated")
+    instead = as_object(result.get("instead"))
+    own = instead if instead.get("kind") in ("time", "rayleigh") else None  # others are about another system
+    kinds = [*as_object(result.get("kinds")).values(), own]
+    answers: Sequence[Any] = (result, result.get("with_time"), *(listed or []), *kinds, *result["branches"][1:])
+    certificates = [found for each in answers if (found := as_object(as_object(each).get("certificate")))]
+    shown = [Canonical(system_fields(result), each) for each in certificates[:1]]
+    seen: list[str] = []
+    for each in (*shown, *(Canonical(system_fields(found), found) for found in certificates)):
+        key = json.dumps([each.system, each.claim.get("conditions"), each.claim.get("roots")])
+        if key not in seen:
+            seen.append(key)
+            yield each
+
+
+def system_fields(holder: Mapping[str, Any]) -> dict[str, Any]:
+    """What says the same in a result and in a certificate."""
+    system = as_object(holder.get("system"))
+    empty: dict[str, Any] = {"coordinates": [], "equations": {}, "parameters": [], "functions": {}}
+    return {key: system.get(key) or other for key, other in empty.items()}
+
+
+def as_object(value: Any) -> dict[str, Any]:
+    """The value where it is an object, else an empty one."""
+    return value if isinstance(value, dict) else {}

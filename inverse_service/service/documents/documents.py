@@ -20,7 +20,7 @@ from inverse_service.deadline import now, whole
 from inverse_service.decision.solutions import SolveOptions, questions
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading import reader
-from inverse_service.service.documents import accepting, answers, checking, derived, growing, translate
+from inverse_service.service.documents import accepting, answers, comparison, derived, growing, translate
 from inverse_service.solving import solving
 
 if TYPE_CHECKING:
@@ -153,7 +153,7 @@ def solve_system(document: Any, options: SolveOptions, grow: growing.Growing | N
     schema = accepting.to_schema(document)
     given = accepting.to_given(schema)
     system = accepting.to_solvable(schema, given)
-    share = SHARE_BESIDE_CASES if schema.special_cases or schema.kinds or schema.clock else checking.SHARE_OF_SOLVER
+    share = SHARE_BESIDE_CASES if schema.special_cases or schema.kinds or schema.clock else comparison.SHARE_OF_SOLVER
     asked = dataclasses.replace(
         options,
         time_dependent=schema.time_dependent_lagrangian,
@@ -170,8 +170,8 @@ def solve_system(document: Any, options: SolveOptions, grow: growing.Growing | N
     def tell(parts: Sequence[str], make: Callable[[], tuple[tuple[Solution, ...], tuple[Left, ...]]]) -> None:
         def so_far() -> dict[str, Any]:
             known, open_ones = make()
-            return checking.with_one_verdict(
-                checking.checked(translate.to_result(known[0], schema, known[1:], open_ones), 1.0)
+            return comparison.with_one_verdict(
+                comparison.checked(translate.to_result(known[0], schema, known[1:], open_ones), 1.0)
             )
 
         grow.hand_over(parts, so_far)
@@ -179,26 +179,26 @@ def solve_system(document: Any, options: SolveOptions, grow: growing.Growing | N
     solutions, left = solving.solve_branches(system, dataclasses.replace(asked, hand_over=tell), grow.stage)
     solution, grow.cut = solutions[0], {part: why for each in solutions for part, why in each.cut.items()}
     result = translate.to_result(solution, schema, solutions[1:], left)
-    limit = now() + checking.SHARE_OF_SOLVER * (end - now())
+    limit = now() + comparison.SHARE_OF_SOLVER * (end - now())
     if result.verdict == "not_variational":
         grow.begin("kinds")
         result = derived.with_instead(result, solution, asked, min(limit, now() + QUICKLY))
     if kinds:
         grow.begin("kinds")
         result = derived.with_kinds(result, solution, schema, kinds, asked, limit)
-        grow.hand_over(("explanation", "kinds"), partial(checking.checked, result, 1.0))
+        grow.hand_over(("explanation", "kinds"), partial(comparison.checked, result, 1.0))
     if schema.clock is not None:
         grow.begin("clock")
-        part = derived.clock_part(system, factor, asked, checking.SHARE_OF_SOLVER * (end - now()))
+        part = derived.clock_part(system, factor, asked, comparison.SHARE_OF_SOLVER * (end - now()))
         result = result.model_copy(update={"with_clock": part})
-        grow.hand_over(("explanation", "clock"), partial(checking.checked, result, 1.0))
+        grow.hand_over(("explanation", "clock"), partial(comparison.checked, result, 1.0))
     if schema.special_cases:
         grow.begin("special_cases")
-        limit = now() + checking.SHARE_OF_SOLVER * (end - now())
+        limit = now() + comparison.SHARE_OF_SOLVER * (end - now())
         cases = derived.special_cases(system, asked, limit, grow.stage)
         result = result.model_copy(update={"special_cases": cases})
     grow.begin("certificate")
-    return checking.with_one_verdict(checking.ordered(grow.end(checking.checked(result, end - now()))))
+    return comparison.with_one_verdict(comparison.ordered(grow.end(comparison.checked(result, end - now()))))
 
 
 def _wanted(schema: SystemDocument, system: SecondOrderSystem, kinds: bool) -> tuple[str, ...]:

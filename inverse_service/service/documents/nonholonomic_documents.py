@@ -24,7 +24,7 @@ from inverse_service.mechanics.first_integrals import FirstIntegral, first_integ
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading import reader
 from inverse_service.reading.names import Names, escaped
-from inverse_service.service.documents import accepting, checking, derived, translate
+from inverse_service.service.documents import accepting, comparison, derived, translate
 from inverse_service.service.documents.growing import Growing
 
 # What looking at a document again may take for an associated system that is only shown, s.
@@ -265,7 +265,7 @@ def _statement(answer: answering.MotionAnswer) -> list[wording.Piece]:
     if answer.verdict == "not_variational":
         no = "This motion cannot be given a Hamiltonian by any `L(q, q')`"
         return [f"{no}; with a Lagrangian that depends on time it is open."]
-    return [checking.OPEN_MOTION]
+    return [comparison.OPEN_MOTION]
 
 
 def _where(answer: answering.MotionAnswer) -> Iterator[wording.Piece]:
@@ -370,7 +370,7 @@ def _hamiltonian(found: hamiltonise.Hamiltonisation) -> HamiltonianPart | None:
 
 def solve_motion(document: Any, options: solutions.SolveOptions, grow: Growing) -> dict[str, Any]:
     """The result, all of it in `any_associated`; raises InputError."""
-    end = now() + checking.SHARE_OF_SOLVER * options.time_limit
+    end = now() + comparison.SHARE_OF_SOLVER * options.time_limit
     schema = look_motion(document)
     if schema.special_cases:
         raise errors.InputError(
@@ -403,8 +403,8 @@ def solve_motion(document: Any, options: solutions.SolveOptions, grow: Growing) 
 def compared(whole: schemas.NonholonomicResult, time_limit: float) -> dict[str, Any]:
     """A result whose main fields leave open what was not asked; its motion is that of the document."""
     found = whole.model_dump(mode="json")
-    checking.compare_motion(found, time_limit)
-    return checking.ordered(found)
+    comparison.compare_motion(found, time_limit)
+    return comparison.ordered(found)
 
 
 def _for_reduced(options: solutions.SolveOptions, time_limit: float) -> solutions.SolveOptions:
@@ -453,7 +453,7 @@ def solve_nonholonomic(document: Any, options: solutions.SolveOptions, grow: Gro
     further = ("any_associated", "first_integrals", "reduced", "lagrangian", "hamiltonian", "explanation")
     grow.wanted = ("motion", *questions, *further)
     last = end - SHARE_LEFT * options.time_limit
-    made = _Made(schema, report, options, grow, last, checking.checked)
+    made = _Made(schema, report, options, grow, last, comparison.checked)
     first = [nonholonomic_study.Study(report, (_unasked(defined, NOT_YET),), 0)]
     made.tell(("motion",), first)
     asked = dataclasses.replace(
@@ -477,13 +477,13 @@ def solve_nonholonomic(document: Any, options: solutions.SolveOptions, grow: Gro
     if schema.special_cases:
         assert main.associated.system is not None
         grow.begin("special_cases")
-        limit = now() + checking.SHARE_OF_SOLVER * (end - now())
+        limit = now() + comparison.SHARE_OF_SOLVER * (end - now())
         cases = derived.special_cases(main.associated.system, asked, limit, grow.stage)
         whole = whole.model_copy(update={"special_cases": cases})
     if whole.verdict == "not_variational" and not whole.branches and made.answers[0].verdict != "variational":
         whole = whole.model_copy(update={"instead": derived.of_reduced(whole.reduced)})
     grow.begin("certificate")
-    return checking.with_one_verdict(checking.ordered(grow.end(checking.checked(whole, end - now()))))
+    return comparison.with_one_verdict(comparison.ordered(grow.end(comparison.checked(whole, end - now()))))
 
 
 @dataclasses.dataclass(slots=True)

@@ -17,7 +17,7 @@ from inverse_service.certificate.formulas import FORMAT
 from inverse_service.expressions import notation, printing, tree as ex
 from inverse_service.reading import reader
 from inverse_service.reading.names import Names
-from inverse_service.service.documents import checking, growing
+from inverse_service.service.documents import growing
 
 YES, NO, OPEN, DIFFERS = "yes", "no", "open", "differs"
 VERDICTS = {"variational": YES, "not_variational": NO}
@@ -671,7 +671,7 @@ def _general(exceptions: Sequence[str], result: Mapping[str, Any], names: Names)
         return (*general, "; ", Word("special values", target="#more"), " are decided, too.")
     left = [Formula(one, names) if "=" in one else one for one in exceptions]
     pieces = [piece for one in left for piece in (", ", one)][1:]
-    left_out: Sentence = (" (not decided here: ", *pieces, ")") if checking.are_found(exceptions) else ()
+    left_out: Sentence = (" (not decided here: ", *pieces, ")") if any("=" in one for one in exceptions) else ()
     given = system.get("given")
     asked = {**given, "special_cases": True} if isinstance(given, dict) else ""
     return (*general, *left_out, ".", Word("Decide special values", target=asked))
