@@ -19,20 +19,8 @@ from typing import Any
 from inverse_service import bounds
 from inverse_service.certificate.checker import CheckResult, check_certificate
 from inverse_service.certificate.exceptions import Exceptions, not_found
-from inverse_service.constrained import existence
-from inverse_service.constrained.existence import AnalyzedMotion, ConstrainedAt, analyze_motion, decide_motion
+from inverse_service.constrained import existence, lagrangian as on_constraints
 from inverse_service.constrained.hamiltonise import Hamiltonisation, hamiltonise
-from inverse_service.constrained.lagrangian import (
-    ClosedFunctions,
-    JetOnConstraints,
-    closed_coordinates,
-    closed_functions,
-    find_lagrangians,
-    jet_of,
-    lagrangian_of_closed,
-    on_whole_motion,
-    own_system,
-)
 from inverse_service.deadline import OutOfTime, now, share, until
 from inverse_service.decision import certify, deciding
 from inverse_service.decision.solutions import Answer, Lagrangian, Step, Verdict
@@ -73,7 +61,7 @@ class MotionLagrangian:
     """L on the tangent bundle, its 1-jet along the constraints, the associated system it belongs to, its report."""
 
     lagrangian: Lagrangian
-    jet: JetOnConstraints
+    jet: on_constraints.JetOnConstraints
     kind: str
     system: second_order_system.SecondOrderSystem | None
     report: Hamiltonisation | None
@@ -137,7 +125,7 @@ def answer_motion(
     work = _Work(motion, known, seed, deadline, progress, tell)
     try:
         with until(deadline):
-            return _answer_both_questions(work, time_dependent, analyze_motion(motion, positive), reduced)
+            return _answer_both_questions(work, time_dependent, existence.analyze_motion(motion, positive), reduced)
     except IrreducibleAtoms as problem:
         return MotionAnswer("undetermined", "undetermined", problem.detail)
     except OutOfTime:
@@ -145,7 +133,7 @@ def answer_motion(
 
 
 def _answer_both_questions(
-    work: _Work, time_dependent: bool | None, analyzed: AnalyzedMotion, reduced: Answer | None
+    work: _Work, time_dependent: bool | None, analyzed: existence.AnalyzedMotion, reduced: Answer | None
 ) -> MotionAnswer:
     motion = work.motion
     both = time_dependent is None and not motion.depends_on_time
@@ -190,19 +178,19 @@ def _of_both(first: MotionAnswer, other: MotionAnswer) -> MotionAnswer:
     )
 
 
-def _carry_reduced_answer(work: _Work, analyzed: AnalyzedMotion, reduced: Answer) -> MotionAnswer | None:
+def _carry_reduced_answer(work: _Work, analyzed: existence.AnalyzedMotion, reduced: Answer) -> MotionAnswer | None:
     """The yes of the reduced system carried on to the motion, once the checker agrees.
 
     Without a Lagrangian in closed form the certificate is that of the free coordinates alone.
     """
     if reduced.verdict != "variational" or reduced.checked != "valid" or reduced.certificate is None:
         return None
-    (closed,) = closed_coordinates(work.motion)
+    (closed,) = on_constraints.closed_coordinates(work.motion)
     steps = reduced_steps(closed.system.coordinates)
     if reduced.lagrangian is None:
         proof = (reduced.certificate,)
         return MotionAnswer("variational", "variational", "", proof, None, "", steps, reduced.exceptions)
-    whole = on_whole_motion(work.motion, closed, reduced.lagrangian)
+    whole = on_constraints.on_whole_motion(work.motion, closed, reduced.lagrangian)
     plain = existence.of_lagrangian(analyzed, whole.expression, False)
     proven = _confirm_certificate(work, analyzed, plain, [whole.expression])
     if proven is None:
@@ -213,12 +201,12 @@ def _carry_reduced_answer(work: _Work, analyzed: AnalyzedMotion, reduced: Answer
     return MotionAnswer("variational", "variational", "", (certificate,), found, "", steps, checked.exceptions)
 
 
-def _decide_in_share(work: _Work, analyzed: AnalyzedMotion, with_time: bool) -> Finding:
+def _decide_in_share(work: _Work, analyzed: existence.AnalyzedMotion, with_time: bool) -> Finding:
     limit = share(_SHARE_OF_DECISION, work.deadline)
-    return decide_motion(analyzed, with_time, work.seed, limit, lambda stage: work.progress(f"any: {stage}"))
+    return existence.decide_motion(analyzed, with_time, work.seed, limit, lambda stage: work.progress(f"any: {stage}"))
 
 
-def _answer_question(work: _Work, analyzed: AnalyzedMotion, found: Finding, with_time: bool) -> MotionAnswer:
+def _answer_question(work: _Work, analyzed: existence.AnalyzedMotion, found: Finding, with_time: bool) -> MotionAnswer:
     if found.exists is False:
         refused = _prove_verdict(work, analyzed, found, with_time, "not_variational")
         if with_time:
@@ -254,7 +242,7 @@ def _tell(work: _Work, answer: MotionAnswer) -> None:
 
 
 def _prove_verdict(
-    work: _Work, analyzed: AnalyzedMotion, found: Finding, with_time: bool, verdict: Verdict
+    work: _Work, analyzed: existence.AnalyzedMotion, found: Finding, with_time: bool, verdict: Verdict
 ) -> MotionAnswer:
     proven = _confirm_certificate(work, analyzed, existence.of_finding(analyzed, found, with_time))
     size = freedom(found, len(work.motion.coordinates), with_time)
@@ -267,7 +255,7 @@ def _prove_verdict(
 
 
 def _confirm_certificate(
-    work: _Work, analyzed: AnalyzedMotion, certificate: dict[str, Any], more: Sequence[Expression] = ()
+    work: _Work, analyzed: existence.AnalyzedMotion, certificate: dict[str, Any], more: Sequence[Expression] = ()
 ) -> tuple[dict[str, Any], CheckResult] | None:
     """The certificate that the checker finds valid, as it is or about one side of roots, and what it proves."""
     found = check_certificate(certificate, time_limit=max(1.0, work.left()))
@@ -281,32 +269,33 @@ def _propose_lagrangians(work: _Work, with_time: bool) -> Sequence[MotionLagrang
     """Those of associated systems, else of the reduced system, of other closed functions, what an ansatz finds."""
     fitting = [one for one in work.known if with_time or not one.with_time]
     if fitting:
-        return [
-            MotionLagrangian(
-                one.lagrangian, jet_of(one.lagrangian.expression, work.motion), one.kind, one.system, one.report
-            )
-            for one in fitting
-        ]
+        jets = [on_constraints.jet_of(one.lagrangian.expression, work.motion) for one in fitting]
+        pairs = zip(fitting, jets, strict=True)
+        return [MotionLagrangian(one.lagrangian, jet, one.kind, one.system, one.report) for one, jet in pairs]
     if work.left() < _LEAST_FOR_ANSATZ:
         return []
     work.progress("any: reduced system")
-    reduced = _find_for_closed(work, closed_coordinates(work.motion), with_time)
+    reduced = _find_for_closed(work, on_constraints.closed_coordinates(work.motion), with_time)
     if reduced is not None:
         return [_complete_lagrangian(work, reduced)]
     work.progress("any: functions of position with equations of their own")
-    others = closed_functions(work.motion, now() + _SHARE_OF_REDUCED * work.left())
+    others = on_constraints.closed_functions(work.motion, now() + _SHARE_OF_REDUCED * work.left())
     reduced = _find_for_closed(work, others, with_time)
     if reduced is not None:
         return [_complete_lagrangian(work, reduced)]
     if work.left() < _LEAST_FOR_ANSATZ:
         return []
     work.progress("any: ansatz along the constraints")
-    found = find_lagrangians(work.motion, with_time, work.seed, now() + _SHARE_OF_ANSATZ * work.left())
+    found = on_constraints.find_lagrangians(work.motion, with_time, work.seed, now() + _SHARE_OF_ANSATZ * work.left())
     return [_complete_lagrangian(work, tree) for tree in found[:1]]
 
 
-def _find_for_closed(work: _Work, closed: Iterable[ClosedFunctions], with_time: bool) -> Lagrangian | None:
-    return lagrangian_of_closed(work.motion, closed, with_time, work.seed, _SHARE_OF_REDUCED * work.left())
+def _find_for_closed(
+    work: _Work, closed: Iterable[on_constraints.ClosedFunctions], with_time: bool
+) -> Lagrangian | None:
+    return on_constraints.lagrangian_of_closed(
+        work.motion, closed, with_time, work.seed, _SHARE_OF_REDUCED * work.left()
+    )
 
 
 def _is_steep(lagrangian: Expression) -> bool:
@@ -321,15 +310,15 @@ def _is_steep(lagrangian: Expression) -> bool:
 def _complete_lagrangian(work: _Work, lagrangian: Lagrangian) -> MotionLagrangian:
     """To its own equations, H, and the constraints in phase space."""
     tree, report = lagrangian.expression, None
-    system = own_system(tree, work.motion, now() + _SHARE_OF_ANSATZ * work.left())
+    system = on_constraints.own_system(tree, work.motion, now() + _SHARE_OF_ANSATZ * work.left())
     if system is not None and isinstance(work.motion, constrained_motion.EquationsOfMotion) and work.left() > 0:
         known = legendre(tree, system.coordinates, 0.0) if _is_steep(tree) else None
         with suppress(OutOfTime), until(now() + _SHARE_OF_ANSATZ * work.left()):
             report = hamiltonise(work.motion, system, tree, work.seed, known)
-    return MotionLagrangian(lagrangian, jet_of(tree, work.motion), "own", system, report)
+    return MotionLagrangian(lagrangian, on_constraints.jet_of(tree, work.motion), "own", system, report)
 
 
-def finding_steps(analyzed: AnalyzedMotion, found: Finding, with_time: bool) -> tuple[Step, ...]:
+def finding_steps(analyzed: existence.AnalyzedMotion, found: Finding, with_time: bool) -> tuple[Step, ...]:
     """What is asked, and why the answer is what it is."""
     k = len(analyzed.motion.free)
     steps = [
@@ -378,7 +367,7 @@ def _bivector_steps(found: Finding) -> list[Step]:
     ]
 
 
-def lagrangian_steps(lagrangian: Expression, jet: JetOnConstraints) -> tuple[Step, ...]:
+def lagrangian_steps(lagrangian: Expression, jet: on_constraints.JetOnConstraints) -> tuple[Step, ...]:
     """L and its 1-jet along the constraints."""
     momenta = [row(f"lambda_{k} = ", tree) for k, tree in enumerate(jet.transverse_momenta, 1)]
     return (
@@ -440,7 +429,7 @@ def _gauge(degree: int, variables: int) -> int:
     return comb(variables + degree + 1, variables) - 1 + comb(variables + degree, variables - 1)
 
 
-def series_steps(analyzed: AnalyzedMotion, found: Finding, with_time: bool) -> tuple[Step, ...]:
+def series_steps(analyzed: existence.AnalyzedMotion, found: Finding, with_time: bool) -> tuple[Step, ...]:
     """One step with l and lambda_a to the degree at which the system is involutive; none where they are not rational.
 
     Every solution of the projected system to this degree is the beginning of an analytic one.
@@ -462,13 +451,15 @@ def series_steps(analyzed: AnalyzedMotion, found: Finding, with_time: bool) -> t
 
 
 def _coefficients(
-    analyzed: AnalyzedMotion, found: Finding, with_time: bool, values: Mapping[Variable, int]
+    analyzed: existence.AnalyzedMotion, found: Finding, with_time: bool, values: Mapping[Variable, int]
 ) -> dict[Unknown, Fraction] | None:
-    card = ConstrainedAt(analyzed, with_time, lambda seed: Point(safe_prime(seed), seed, variables=dict(values)))
+    card = existence.ConstrainedAt(
+        analyzed, with_time, lambda seed: Point(safe_prime(seed), seed, variables=dict(values))
+    )
     return deciding.reconstructed(lambda seed: _residues(card, found, seed))
 
 
-def _residues(card: ConstrainedAt, found: Finding, seed: int) -> tuple[int, dict[Unknown, int] | None]:
+def _residues(card: existence.ConstrainedAt, found: Finding, seed: int) -> tuple[int, dict[Unknown, int] | None]:
     """A solution of full rank modulo a prime; squares have the coefficient 1/2, all else that is free is zero."""
     prolongation = prolonged(card, seed, found.order)
     prime, generic = prolongation.local.prime, found.history[found.order][found.degree]

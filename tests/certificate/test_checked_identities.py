@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from inverse_service import solve
-from inverse_service.explanation.coq import proof_document
+from inverse_service.explanation.proofs import proof_document
 from inverse_service.service.documents.checking import check_document
 
 Document = dict[str, Any]

@@ -13,7 +13,7 @@ import sympy
 
 import inverse_service
 from inverse_service import catalogue
-from inverse_service.explanation.coq import proof_document
+from inverse_service.explanation.proofs import proof_document
 from tests.values import slow
 
 COQC = shutil.which("coqc")

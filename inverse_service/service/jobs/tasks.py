@@ -34,7 +34,7 @@ ENGINE = (
     "service.documents.derived",
     "service.jobs.batch",
     "explanation.negative",
-    "explanation.theorems",
+    "explanation.proofs",
     "search.ladder",
 )
 Report = Callable[[Any], None]
@@ -193,7 +193,7 @@ class Late:
 # result to the checker's verdict; a scene to its result with the tables of all points, or to what it costs.
 solve_task = Late("inverse_service.service.documents.documents", "solve_document")
 understand_task = Late("inverse_service.service.documents.documents", "understand_document")
-proof_task = Late("inverse_service.explanation.coq", "proof_document")
+proof_task = Late("inverse_service.explanation.proofs", "proof_document")
 check_task = Late("inverse_service.service.documents.checking", "check_document")
 simulate_task = Late("inverse_service.service.scenes.simulating", "simulate_tables")
 work_precision_task = Late("inverse_service.service.scenes.work_precision", "work_precision")
