@@ -31,7 +31,6 @@ from flint import fmpq, fmpq_mpoly, fmpq_mpoly_ctx
 from inverse_service import deadline, errors
 from inverse_service.certificate import formulas
 from inverse_service.decision import deciding
-from inverse_service.decision.deciding import Analysis
 from inverse_service.explanation import hierarchy, negative, wording
 from inverse_service.expressions import printing, tree as ex
 from inverse_service.field import exact_field, matrices
@@ -317,7 +316,7 @@ class Theorem:
 
 
 def determinant_vanishes(
-    analysis: Analysis, chosen: hierarchy.SufficientSet, seed: int, budget: exact_field.Budget
+    analysis: deciding.Analysis, chosen: hierarchy.SufficientSet, seed: int, budget: exact_field.Budget
 ) -> Theorem:
     """det g = 0 from the rows of the chosen conditions; TooLarge where the budget ends or it was not recognized.
 
