@@ -16,18 +16,7 @@ from itertools import chain
 from time import thread_time
 from typing import TYPE_CHECKING, Any
 
-from inverse_service.certificate import cell, checker, question as checks
-from inverse_service.certificate.formulas import (
-    MAX_POWER,
-    Ended,
-    applied,
-    is_irrational,
-    joined,
-    read_formulas,
-    read_tokens,
-    value_of,
-)
-from inverse_service.certificate.numbers import Balls, Undefined
+from inverse_service.certificate import cell, checker, formulas as cf, numbers, question as checks
 from inverse_service.expressions import derivative, tree as ex
 
 if TYPE_CHECKING:
@@ -113,7 +102,7 @@ def _against(value: Value, ring: Ring, candidates: list[tuple[int, int]]) -> Val
     texts = ring.question.unsolved
     if not texts:
         return value
-    lines = [value_of(ring, text) for text in texts]
+    lines = [cf.value_of(ring, text) for text in texts]
     every = [(k, sign) for k in range(len(lines)) for sign in (1, -1)]
     differences = {(k, sign): ring.add([value, lines[k]], [1, sign]) for k, sign in candidates or every}
     if not candidates:
@@ -123,7 +112,9 @@ def _against(value: Value, ring: Ring, candidates: list[tuple[int, int]]) -> Val
 
 def _may_vanish(value: Value, ring: Ring) -> bool:
     """Whether a value read at one point is 0 there, or in balls perhaps."""
-    return all(number.contains(0) if isinstance(ring.arithmetic, Balls) else number == 0 for number in value.values())
+    return all(
+        number.contains(0) if isinstance(ring.arithmetic, numbers.Balls) else number == 0 for number in value.values()
+    )
 
 
 def motion_agrees(given: NonholonomicSystem, canonical: Canonical, time_limit: float = 60.0) -> checker.CheckResult:
@@ -196,7 +187,7 @@ def _examined(
         question.settle(0, claims)
         try:
             regular.append(where(question))
-        except Ended:
+        except cf.Ended:
             regular.append(cell.Cell(unknown=True))
         return [sentences[0]]
 
@@ -246,10 +237,10 @@ def _reduced(rows: list[list[Value]], ring: Ring, pivots: list[int]) -> list[lis
 def _pivot(row: list[Value], ring: Ring, taken: list[int]) -> int:
     """A column with an entry that is not zero, in balls the largest."""
     entries = [(k, row[k][0]) for k in range(len(ring.question.coordinates)) if k not in taken and row[k]]
-    if isinstance(ring.arithmetic, Balls):
+    if isinstance(ring.arithmetic, numbers.Balls):
         entries = sorted((pair for pair in entries if not pair[1].contains(0)), key=lambda pair: -abs(float(pair[1])))
     if not entries:
-        raise Undefined
+        raise numbers.Undefined
     return entries[0][0]
 
 
@@ -259,11 +250,11 @@ def _second_reading(text: GivenText | None, ring: Ring, table: Table) -> Value |
         return None
     given = {f"{node.coordinate}''": value for node, value in table.items() if isinstance(node, ex.Acceleration)}
     try:
-        given |= {name: value_of(ring, read_tokens(written, "formula")) for name, written in text.values.items()}
+        given |= {name: cf.value_of(ring, cf.read_tokens(written, "formula")) for name, written in text.values.items()}
         if any(ring.names.get(name) is not value for name, value in given.items()):
             ring.names = ring.names | given  # for all equations, so that they share their parts
-        sides = [value_of(ring, read_tokens(side, "formula")) for side in (text.left, text.right)]
-    except Ended as end:
+        sides = [cf.value_of(ring, cf.read_tokens(side, "formula")) for side in (text.left, text.right)]
+    except cf.Ended as end:
         if end.args[0] == "incomplete":
             raise
         return None
@@ -275,7 +266,8 @@ def _is_rational(formulas: Iterable[ex.Expression]) -> bool:
     nodes = [node for formula in formulas for node in ex.walk(formula)]
     powers = [node.exponent for node in nodes if isinstance(node, ex.Power)]
     whole = [
-        isinstance(each, ex.Number) and each.value.denominator == 1 and abs(each.value) <= MAX_POWER for each in powers
+        isinstance(each, ex.Number) and each.value.denominator == 1 and abs(each.value) <= cf.MAX_POWER
+        for each in powers
     ]
     return all(whole) and not any(isinstance(node, ex.Apply) for node in nodes)
 
@@ -284,9 +276,9 @@ def _is_irrational(text: GivenText) -> bool:
     """Whether the checker's reader meets more than rational operations in it, or does not read it."""
     try:
         return any(
-            is_irrational(read_tokens(part, "formula")) for part in (text.left, text.right, *text.values.values())
+            cf.is_irrational(cf.read_tokens(part, "formula")) for part in (text.left, text.right, *text.values.values())
         )
-    except Ended:
+    except cf.Ended:
         return False
 
 
@@ -301,7 +293,7 @@ def _leaves(coordinates: Iterable[str], values: dict[str, Value]) -> Table:
 def _table(ring: Ring, coordinates: Sequence[str], values: dict[str, Value]) -> Table:
     """Values of all leaves, q'' := f."""
     bound = {name: value for name, value in values.items() if name.endswith("'")}
-    forces = read_formulas(ring, ring.question.force_texts, **bound)
+    forces = cf.read_formulas(ring, ring.question.force_texts, **bound)
     return _leaves(coordinates, values) | {
         ex.Acceleration(name): force for name, force in zip(coordinates, forces, strict=True)
     }
@@ -331,9 +323,9 @@ def _evaluated(node: ex.Expression, ring: Ring, table: Table) -> Value:
         case ex.Power(base, ex.Number(value)) if value.denominator == 1:
             return ring.power(table[base], value.numerator)
         case ex.Power(base, exponent):
-            return joined(ring, "^", table[base], table[exponent])
+            return cf.joined(ring, "^", table[base], table[exponent])
         case ex.Apply(name, argument):
-            return applied(ring, name, table[argument])
+            return cf.applied(ring, name, table[argument])
         case ex.Arbitrary(name, arguments, orders):
             return ring.function(name, orders, [table[argument] for argument in arguments])
-    raise Undefined  # a leaf that the system does not know
+    raise numbers.Undefined  # a leaf that the system does not know
