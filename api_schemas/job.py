@@ -4,8 +4,7 @@ from typing import Annotated, Any, Final, Literal
 
 from pydantic import BaseModel, Field, RootModel
 
-from api_schemas.base import CheckAnswer, Document, ProblemDocument
-from api_schemas.nonholonomic import NonholonomicDocument
+from api_schemas import base, nonholonomic
 from api_schemas.result import ForwardResult, LagrangianDocument, ResultDocument
 from api_schemas.scene import SimulationResult, WorkPrecisionResult
 from api_schemas.system import SystemDocument
@@ -14,7 +13,7 @@ JobStatus = Literal["accepted", "running", "successful", "failed", "dismissed"]
 FINAL: Final[frozenset[str]] = frozenset({"successful", "failed", "dismissed"})
 
 
-class Job(Document):
+class Job(base.Document):
     """One piece of work. `id` is a hash of engine version, canonical document and options.
 
     `progress` holds what is known while the job runs: stage, order, family; as `so_far` the result as far as
@@ -28,7 +27,7 @@ class Job(Document):
     status: JobStatus
     progress: dict[str, Any] | None = None
     result: Any = None
-    problem: ProblemDocument | None = None
+    problem: base.ProblemDocument | None = None
     created: float | None = None
     started: float | None = None
     finished: float | None = None
@@ -44,14 +43,14 @@ class Job(Document):
         return self.status in FINAL
 
 
-class JobList(Document):
+class JobList(base.Document):
     """One page of jobs, newest first; `next` is the cursor of the page after it."""
 
     jobs: list[Job]
     next: str | None = None
 
 
-class Batch(Document):
+class Batch(base.Document):
     """A batch: how many lines it has, and how many of them are in each status."""
 
     id: str
@@ -81,7 +80,7 @@ class ProgressEvent(BaseModel):
     elapsed: float = Field(description="seconds of this run")
 
 
-class PartEvent(Document):
+class PartEvent(base.Document):
     """A part of the result, as soon as it is finished."""
 
     part: str
@@ -92,7 +91,7 @@ class JobEvent(RootModel[StatusEvent | ProgressEvent | PartEvent]):
     """The data of an event, by its name: `status`, `progress` or `part`."""
 
 
-class JobOptions(Document):
+class JobOptions(base.Document):
     """Bounds of a job, each at most the service's, and the seed of its random choices."""
 
     time_limit: float = Field(60.0, gt=0)
@@ -108,21 +107,21 @@ class SolveResult(RootModel[Annotated[Solved, ByFormat]]):
     """What came of a system, by `format`."""
 
 
-class JobResult(RootModel[Annotated[Solved | SimulationResult | WorkPrecisionResult | CheckAnswer, ByFormat]]):
+class JobResult(RootModel[Annotated[Solved | SimulationResult | WorkPrecisionResult | base.CheckAnswer, ByFormat]]):
     """What came of a job, by `format`."""
 
 
-class ResultOfDocument(Document):
+class ResultOfDocument(base.Document):
     """A result with the document that it is to be of."""
 
-    document: SystemDocument | NonholonomicDocument | LagrangianDocument
+    document: SystemDocument | nonholonomic.NonholonomicDocument | LagrangianDocument
     result: Annotated[Solved, ByFormat]
 
 
-class OwnLagrangian(Document):
+class OwnLagrangian(base.Document):
     """A Lagrangian that may yield the equations of a system."""
 
-    system: SystemDocument | NonholonomicDocument
+    system: SystemDocument | nonholonomic.NonholonomicDocument
     lagrangian: str
 
 

@@ -8,7 +8,6 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, ConfigDict, Discriminator, Field, StringConstraints, Tag
 
 from api_schemas import base
-from api_schemas.base import Document
 from api_schemas.result import AdvicePart
 from api_schemas.system import Formula, Name, Value
 
@@ -258,7 +257,7 @@ class SceneDocument(base.Document):
     long: bool = False
 
 
-class SimulatedSystem(Document):
+class SimulatedSystem(base.Document):
     """A system as it was run: its Lagrangian and constraints, or its equations, and values of the parameters."""
 
     coordinates: list[str]
@@ -269,14 +268,14 @@ class SimulatedSystem(Document):
     parameters: NamedNumbers
 
 
-class StartPoint(Document):
+class StartPoint(base.Document):
     """Where a motion begins."""
 
     positions: NamedNumbers
     velocities: NamedNumbers
 
 
-class FinalPoint(Document):
+class FinalPoint(base.Document):
     """Where a motion ends; null where a method has no velocities."""
 
     t: float
@@ -284,7 +283,7 @@ class FinalPoint(Document):
     velocities: NamedNumbers | None
 
 
-class StoppedPart(Document):
+class StoppedPart(base.Document):
     """Where and on what a run ended before its last step, and what to change."""
 
     step: int | None
@@ -295,14 +294,14 @@ class StoppedPart(Document):
     sentence: str = ""
 
 
-class PointsPart(Document):
+class PointsPart(base.Document):
     """Recorded points, at most 2001: t, coordinates and observed quantities."""
 
     every: int
     columns: Columns
 
 
-class EventPart(Document):
+class EventPart(base.Document):
     """Where an event was found: t, coordinates and velocities, at most 20,000 points."""
 
     when: str
@@ -311,14 +310,14 @@ class EventPart(Document):
     note: str | None = None
 
 
-class SwitchPart(Document):
+class SwitchPart(base.Document):
     """Passages of sign, abs and pieces: t, the function that is zero, and where it went: above, below or sticks."""
 
     count: int
     columns: dict[str, list[Any]]
 
 
-class CirclePart(Document):
+class CirclePart(base.Document):
     """Circles through the first and the last revolution of a path, and how far they are apart."""
 
     radius_first: float
@@ -334,7 +333,7 @@ class CirclePart(Document):
     max_radial_distance: float | None = None
 
 
-class SimulatedMethod(Document):
+class SimulatedMethod(base.Document):
     """A method as it was run. Each additional observed quantity adds numbers under its own name."""
 
     model_config = ConfigDict(extra="allow")
@@ -386,14 +385,14 @@ class SimulatedMethod(Document):
     seconds: NamedNumbers
 
 
-class EffectPart(Document):
+class EffectPart(base.Document):
     """An effect and the operations of a step that it adds, or would add; null if unknown."""
 
     name: str
     operations: int | None
 
 
-class EffectsPart(Document):
+class EffectsPart(base.Document):
     """What acts and what was left out; `operations` of a whole step of `method`, the first that steps by a kernel."""
 
     acting: list[EffectPart]
@@ -402,7 +401,7 @@ class EffectsPart(Document):
     operations: int | None
 
 
-class SimulationResult(Document):
+class SimulationResult(base.Document):
     """What was simulated, how each method ended, and every observed quantity."""
 
     format: Literal["inverse-service/simulation/1"]
@@ -427,7 +426,7 @@ class SimulationResult(Document):
     provenance: dict[str, Any]
 
 
-class RunPart(Document):
+class RunPart(base.Document):
     """One method at one step size, or at one tolerance: its error and what it cost; null where it was not measured."""
 
     method: str
@@ -447,7 +446,7 @@ class RunPart(Document):
     reason: str
 
 
-class PrecisionMethod(Document):
+class PrecisionMethod(base.Document):
     """A method, with the order that was measured."""
 
     label: str
@@ -457,7 +456,7 @@ class PrecisionMethod(Document):
     measured_order: float | None
 
 
-class PricePart(Document):
+class PricePart(base.Document):
     """What an error costs by one method; null where the method does not reach it. `at_most`: it is better than that at
     its coarsest setting."""
 
@@ -471,14 +470,14 @@ class PricePart(Document):
     at_most: bool | None
 
 
-class TargetPart(Document):
+class TargetPart(base.Document):
     """A relative error and what it costs, the cheapest method first."""
 
     error: float
     rows: list[PricePart]
 
 
-class LongPart(Document):
+class LongPart(base.Document):
     """A method over a hundred times the time: errors of the energy and the constraints, and of the shape."""
 
     method: str
@@ -492,7 +491,7 @@ class LongPart(Document):
     reason: str
 
 
-class WorkPrecisionResult(Document):
+class WorkPrecisionResult(base.Document):
     """Error against time for every method, at many step sizes."""
 
     format: Literal["inverse-service/work-precision/1"]

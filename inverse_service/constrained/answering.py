@@ -16,7 +16,7 @@ from itertools import pairwise
 from math import comb
 from typing import Any
 
-from inverse_service import bounds
+from inverse_service import bounds, errors
 from inverse_service.certificate.checker import CheckResult, check_certificate
 from inverse_service.certificate.exceptions import Exceptions, not_found
 from inverse_service.constrained import existence, lagrangian as on_constraints
@@ -24,12 +24,10 @@ from inverse_service.constrained.hamiltonise import Hamiltonisation, hamiltonise
 from inverse_service.deadline import OutOfTime, now, share, until
 from inverse_service.decision import certify, deciding
 from inverse_service.decision.solutions import Answer, Lagrangian, Step, Verdict
-from inverse_service.errors import IrreducibleAtoms
 from inverse_service.explanation.wording import said, separated
 from inverse_service.expressions.notation import row
 from inverse_service.expressions.tree import TIME, Expression, Number, Power, Symbol, Velocity, walk
-from inverse_service.field.modular import safe_prime
-from inverse_service.field.point import Point, SingularPoint, Variable
+from inverse_service.field import modular, point as ps
 from inverse_service.linear_pde.involution import Finding, Unknown, halved_squares, prolonged, solution_of
 from inverse_service.mechanics import constrained_motion, second_order_system
 from inverse_service.mechanics.legendre import legendre
@@ -126,7 +124,7 @@ def answer_motion(
     try:
         with until(deadline):
             return _answer_both_questions(work, time_dependent, existence.analyze_motion(motion, positive), reduced)
-    except IrreducibleAtoms as problem:
+    except errors.IrreducibleAtoms as problem:
         return MotionAnswer("undetermined", "undetermined", problem.detail)
     except OutOfTime:
         return work.told or MotionAnswer("undetermined", "undetermined", OUT_OF_TIME)
@@ -437,13 +435,13 @@ def series_steps(analyzed: existence.AnalyzedMotion, found: Finding, with_time: 
     motion = analyzed.motion
     if any(deciding.is_irrational(node) for tree in (*analyzed.velocities, *analyzed.forces) for node in walk(tree)):
         return ()
-    variables: list[Variable] = [*[TIME] * with_time, *map(Symbol, analyzed.names), *map(Velocity, motion.free)]
+    variables: list[ps.Variable] = [*[TIME] * with_time, *map(Symbol, analyzed.names), *map(Velocity, motion.free)]
     symbols = [*variables, *map(Symbol, motion.parameters)]
     for first in range(1, 1 + bounds.ATTEMPTS):
         values = {symbol: first + k for k, symbol in enumerate(symbols)}
         try:
             coefficients = _coefficients(analyzed, found, with_time, values)
-        except SingularPoint:
+        except ps.SingularPoint:
             continue
         if coefficients is not None and len(coefficients) <= bounds.SHOWN:
             return (_written(variables, values, coefficients, len(motion.dependent)),)
@@ -451,10 +449,10 @@ def series_steps(analyzed: existence.AnalyzedMotion, found: Finding, with_time: 
 
 
 def _coefficients(
-    analyzed: existence.AnalyzedMotion, found: Finding, with_time: bool, values: Mapping[Variable, int]
+    analyzed: existence.AnalyzedMotion, found: Finding, with_time: bool, values: Mapping[ps.Variable, int]
 ) -> dict[Unknown, Fraction] | None:
     card = existence.ConstrainedAt(
-        analyzed, with_time, lambda seed: Point(safe_prime(seed), seed, variables=dict(values))
+        analyzed, with_time, lambda seed: ps.Point(modular.safe_prime(seed), seed, variables=dict(values))
     )
     return deciding.reconstructed(lambda seed: _residues(card, found, seed))
 
@@ -469,7 +467,7 @@ def _residues(card: existence.ConstrainedAt, found: Finding, seed: int) -> tuple
 
 
 def _written(
-    variables: list[Variable], values: Mapping[Variable, int], found: Mapping[Unknown, Fraction], dependent: int
+    variables: list[ps.Variable], values: Mapping[ps.Variable, int], found: Mapping[Unknown, Fraction], dependent: int
 ) -> Step:
     def series(function: int) -> Expression:
         chosen = {index: a for (which, index), a in found.items() if which == function and a}

@@ -23,12 +23,11 @@ from inverse_service.expressions.derivative import differentiate
 from inverse_service.expressions.evaluation import NoRealValue
 from inverse_service.expressions.printing import to_text
 from inverse_service.expressions.tree import TIME, Expression, Symbol, Velocity, substitute
-from inverse_service.field.dense_series import SeriesProgram, constants_at, run
+from inverse_service.field import dense_series, tower as towers
 from inverse_service.field.exact_field import TooLarge
 from inverse_service.field.point import Point, SingularPoint, Variable
 from inverse_service.field.real_point import RealTable, find_real_point, is_defined, requirements
 from inverse_service.field.reduction import reduce_atoms, signed_factors
-from inverse_service.field.tower import Tower, draw_point, to_kernels
 from inverse_service.linear_pde import equations, involution
 from inverse_service.mechanics.constrained_motion import ConstrainedMotion
 
@@ -47,7 +46,7 @@ class AnalyzedMotion:
     motion: ConstrainedMotion
     velocities: tuple[Expression, ...]
     forces: tuple[Expression, ...]
-    tower: Tower
+    tower: towers.Tower
     real_point: RealTable | None
 
     @property
@@ -59,8 +58,8 @@ class AnalyzedMotion:
 def analyze_motion(motion: ConstrainedMotion, positive: Sequence[Expression] = ()) -> AnalyzedMotion:
     """The motion where all of `positive` are > 0; IrreducibleAtoms where relations of atoms cannot be settled."""
     velocities, forces = (
-        tuple(map(to_kernels, motion.dependent_velocities)),
-        tuple(map(to_kernels, motion.free_accelerations)),
+        tuple(map(towers.to_kernels, motion.dependent_velocities)),
+        tuple(map(towers.to_kernels, motion.free_accelerations)),
     )
     variables = variables_of(motion)
     table = find_real_point([*velocities, *forces], variables, 1, positive)
@@ -89,14 +88,14 @@ class ConstrainedAt:
         field = [*free, *analyzed.velocities, *analyzed.forces]
         self._first = 0
 
-        def write(order: int) -> tuple[SeriesProgram, Integers]:
+        def write(order: int) -> tuple[dense_series.SeriesProgram, Integers]:
             series = constrained.written(shape, variables, field, order)
             self._first = constrained.write_brackets(shape, series)
             return series, series.listed
 
         self._series = involution.Coefficients(
             write,
-            draw or (lambda seed: draw_point(analyzed.tower, seed)),
+            draw or (lambda seed: towers.draw_point(analyzed.tower, seed)),
             lambda order: constrained.degree_for(shape, order),
         )
 
@@ -140,7 +139,7 @@ def refused_along_a_solution(
     progress("brackets along one solution")
     seeds = (2 * seed, 2 * seed + 1)
     try:
-        points = [draw_point(analyzed.tower, drawn) for drawn in seeds]
+        points = [towers.draw_point(analyzed.tower, drawn) for drawn in seeds]
         lasts = {last_bracket(analyzed, point, deadline) for point in points}
     except (SingularPoint, TooLarge):
         return None
@@ -223,20 +222,21 @@ class _Along:
     __slots__ = ("_given", "_places", "_point", "_series")
 
     def __init__(self, own: Sequence[Variable], trees: Sequence[Expression], point: Point, degree: int) -> None:
-        self._series, self._point = SeriesProgram((TIME,), degree), point
+        self._series, self._point = dense_series.SeriesProgram((TIME,), degree), point
         self._series.known.update({name: self._series.register() for name in own})
         self._places = [self._series.expand(tree) for tree in trees]
-        self._given = self._series.listed, constants_at(self._series, point)
+        self._given = self._series.listed, dense_series.constants_at(self._series, point)
 
     def at(self, solution: Sequence[Sequence[int]], degree: int) -> list[list[int]]:
-        found = run(self._series, *self._given, self._point.prime, degree, solution)
+        found = dense_series.run(self._series, *self._given, self._point.prime, degree, solution)
         return [found.numbers(place) for place in self._places]
 
 
 def of_lagrangian(analyzed: AnalyzedMotion, lagrangian: Expression, with_time: bool) -> dict[str, Any]:
     """L itself is the proof, near a point at which it is defined."""
     on = substitute(
-        to_kernels(lagrangian), dict(zip(map(Velocity, analyzed.motion.dependent), analyzed.velocities, strict=True))
+        towers.to_kernels(lagrangian),
+        dict(zip(map(Velocity, analyzed.motion.dependent), analyzed.velocities, strict=True)),
     )
     table = analyzed.real_point
     if table is not None and not is_defined([on], table):

@@ -33,8 +33,7 @@ from inverse_service import bounds, errors
 from inverse_service.decision import deciding
 from inverse_service.decision.kinds import helmholtz
 from inverse_service.expressions import notation, tree as ex
-from inverse_service.field import dense_series as machine, exact_field, matrices, null_vectors, tower
-from inverse_service.field.point import Point, SingularPoint, evaluate
+from inverse_service.field import dense_series as machine, exact_field, matrices, null_vectors, point as ps, tower
 from inverse_service.mechanics import conditions as cd
 from inverse_service.mechanics.conditions import S, Tensor11, Tensor12
 
@@ -173,7 +172,7 @@ class LocalTensors:
         }
         return cls(motion.size, program, tensors, written)
 
-    def at(self, point: Point) -> tuple[machine.Registers, PointwiseConditions]:
+    def at(self, point: ps.Point) -> tuple[machine.Registers, PointwiseConditions]:
         """All series about the point, and the equations there; SingularPoint where a denominator vanishes."""
         instructions = self.program.listed
         constants = machine.constants_at(self.program, point)
@@ -197,7 +196,7 @@ def tensors_at(analysis: deciding.Analysis, seed: int, depth: int) -> PointwiseC
     tensors = LocalTensors.of(analysis, depth)
     for attempt in range(bounds.ATTEMPTS):
         point = tower.draw_point(analysis.tower, seed * bounds.ATTEMPTS + attempt)
-        with suppress(SingularPoint):
+        with suppress(ps.SingularPoint):
             return tensors.at(point)[1]
     raise errors.IrreducibleAtoms("the formulas vanish or have no value at every random point tried")
 
@@ -503,10 +502,10 @@ def _lines(
     return tuple(lines)
 
 
-def _is_nonzero(ring: exact_field.ExactRing, element: exact_field.Quotient, point: Point) -> bool:
+def _is_nonzero(ring: exact_field.ExactRing, element: exact_field.Quotient, point: ps.Point) -> bool:
     """Whether the value at the random point is not zero; TooLarge where it cannot be formed."""
     numerator = tower.to_kernels(exact_field.polynomial_tree(ring, element.numerator))
     try:
-        return evaluate(numerator, point) % point.prime != 0
-    except (KeyError, TypeError, ValueError, SingularPoint) as error:
+        return ps.evaluate(numerator, point) % point.prime != 0
+    except (KeyError, TypeError, ValueError, ps.SingularPoint) as error:
         raise exact_field.TooLarge("an expression could not be evaluated modulo a prime") from error

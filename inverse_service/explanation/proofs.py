@@ -36,8 +36,7 @@ from inverse_service.expressions import printing, tree as ex
 from inverse_service.field import exact_field, matrices
 from inverse_service.mechanics import conditions, reading, second_order_system
 from inverse_service.mechanics.conditions import Motion
-from inverse_service.reading import reader
-from inverse_service.reading.names import Names
+from inverse_service.reading import names as nm, reader
 
 TEXT, WORD = r"(?s:.*)", r"[A-Za-z_][A-Za-z0-9_]*"
 POWER = rf"(?:[0-9]+|{WORD}(?:\^[0-9]{{1,4}})?)"
@@ -685,7 +684,7 @@ def _of_certificate(certificate: dict[str, Any], seed: int) -> Sequence[Theorem]
         raise NoTheorem("no Lagrangian in closed form was found; its existence follows from involution")
     if certificate.get("integrals"):
         raise NoTheorem("the Lagrangian holds integrals")
-    names = Names(system.coordinates, system.parameters, functions)
+    names = nm.Names(system.coordinates, system.parameters, functions)
     lagrangian = reader.read_formula(certificate["lagrangian"], names)
     return euler_lagrange_hold(deciding.analyze(system).system, lagrangian, budget)
 

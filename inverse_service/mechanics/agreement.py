@@ -16,7 +16,7 @@ from itertools import chain
 from time import thread_time
 from typing import TYPE_CHECKING, Any
 
-from inverse_service.certificate import cell, checker, formulas as cf, numbers, question as checks
+from inverse_service.certificate import cell, checker, formulas as fm, numbers, question as checks
 from inverse_service.expressions import derivative, tree as ex
 
 if TYPE_CHECKING:
@@ -102,7 +102,7 @@ def _against(value: Value, ring: Ring, candidates: list[tuple[int, int]]) -> Val
     texts = ring.question.unsolved
     if not texts:
         return value
-    lines = [cf.value_of(ring, text) for text in texts]
+    lines = [fm.value_of(ring, text) for text in texts]
     every = [(k, sign) for k in range(len(lines)) for sign in (1, -1)]
     differences = {(k, sign): ring.add([value, lines[k]], [1, sign]) for k, sign in candidates or every}
     if not candidates:
@@ -187,7 +187,7 @@ def _examined(
         question.settle(0, claims)
         try:
             regular.append(where(question))
-        except cf.Ended:
+        except fm.Ended:
             regular.append(cell.Cell(unknown=True))
         return [sentences[0]]
 
@@ -250,11 +250,11 @@ def _second_reading(text: GivenText | None, ring: Ring, table: Table) -> Value |
         return None
     given = {f"{node.coordinate}''": value for node, value in table.items() if isinstance(node, ex.Acceleration)}
     try:
-        given |= {name: cf.value_of(ring, cf.read_tokens(written, "formula")) for name, written in text.values.items()}
+        given |= {name: fm.value_of(ring, fm.read_tokens(written, "formula")) for name, written in text.values.items()}
         if any(ring.names.get(name) is not value for name, value in given.items()):
             ring.names = ring.names | given  # for all equations, so that they share their parts
-        sides = [cf.value_of(ring, cf.read_tokens(side, "formula")) for side in (text.left, text.right)]
-    except cf.Ended as end:
+        sides = [fm.value_of(ring, fm.read_tokens(side, "formula")) for side in (text.left, text.right)]
+    except fm.Ended as end:
         if end.args[0] == "incomplete":
             raise
         return None
@@ -266,7 +266,7 @@ def _is_rational(formulas: Iterable[ex.Expression]) -> bool:
     nodes = [node for formula in formulas for node in ex.walk(formula)]
     powers = [node.exponent for node in nodes if isinstance(node, ex.Power)]
     whole = [
-        isinstance(each, ex.Number) and each.value.denominator == 1 and abs(each.value) <= cf.MAX_POWER
+        isinstance(each, ex.Number) and each.value.denominator == 1 and abs(each.value) <= fm.MAX_POWER
         for each in powers
     ]
     return all(whole) and not any(isinstance(node, ex.Apply) for node in nodes)
@@ -276,9 +276,9 @@ def _is_irrational(text: GivenText) -> bool:
     """Whether the checker's reader meets more than rational operations in it, or does not read it."""
     try:
         return any(
-            cf.is_irrational(cf.read_tokens(part, "formula")) for part in (text.left, text.right, *text.values.values())
+            fm.is_irrational(fm.read_tokens(part, "formula")) for part in (text.left, text.right, *text.values.values())
         )
-    except cf.Ended:
+    except fm.Ended:
         return False
 
 
@@ -293,7 +293,7 @@ def _leaves(coordinates: Iterable[str], values: dict[str, Value]) -> Table:
 def _table(ring: Ring, coordinates: Sequence[str], values: dict[str, Value]) -> Table:
     """Values of all leaves, q'' := f."""
     bound = {name: value for name, value in values.items() if name.endswith("'")}
-    forces = cf.read_formulas(ring, ring.question.force_texts, **bound)
+    forces = fm.read_formulas(ring, ring.question.force_texts, **bound)
     return _leaves(coordinates, values) | {
         ex.Acceleration(name): force for name, force in zip(coordinates, forces, strict=True)
     }
@@ -323,9 +323,9 @@ def _evaluated(node: ex.Expression, ring: Ring, table: Table) -> Value:
         case ex.Power(base, ex.Number(value)) if value.denominator == 1:
             return ring.power(table[base], value.numerator)
         case ex.Power(base, exponent):
-            return cf.joined(ring, "^", table[base], table[exponent])
+            return fm.joined(ring, "^", table[base], table[exponent])
         case ex.Apply(name, argument):
-            return cf.applied(ring, name, table[argument])
+            return fm.applied(ring, name, table[argument])
         case ex.Arbitrary(name, arguments, orders):
             return ring.function(name, orders, [table[argument] for argument in arguments])
     raise numbers.Undefined  # a leaf that the system does not know

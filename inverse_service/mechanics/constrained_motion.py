@@ -27,9 +27,7 @@ from inverse_service.field import exact_field
 from inverse_service.field.matrices import determinant, dot, reduced_rows, solve_square, weight
 from inverse_service.field.real_point import RealTable, find_real_point
 from inverse_service.mechanics import implicit_equations, second_order_system, writing
-from inverse_service.reading.document_names import Declared, known_names
-from inverse_service.reading.names import Names
-from inverse_service.reading.reader import placed_at, read_equations, read_formula, without_accelerations
+from inverse_service.reading import document_names, names as nm, reader
 
 TERM_LIMIT = 20_000
 TIME_LIMIT = 20.0
@@ -537,14 +535,14 @@ def motion_on(system: NonholonomicSystem, accelerations: Mapping[str, Expression
 
 
 def read_nonholonomic(
-    declared: Declared, lagrangian: str, constraints: Sequence[str] | str, name: str = ""
+    declared: document_names.Declared, lagrangian: str, constraints: Sequence[str] | str, name: str = ""
 ) -> NonholonomicSystem:
     """The system of a document; a constraint is a formula that is zero, or an equation.
 
     `constraints` is a list, or one text with the constraints separated by semicolons. InputError with
     JSON pointer and column for anything that is wrong, LimitError for too many coordinates.
     """
-    known = known_names(declared, {"/lagrangian": lagrangian, **_by_pointer(constraints)}, order=1)
+    known = document_names.known_names(declared, {"/lagrangian": lagrangian, **_by_pointer(constraints)}, order=1)
     names = known.remaining()
     return NonholonomicSystem(
         coordinates=names.coordinates,
@@ -556,13 +554,15 @@ def read_nonholonomic(
     )
 
 
-def read_motion(declared: Declared, motion: Mapping[str, str], constraints: Sequence[str] | str) -> ConstrainedMotion:
+def read_motion(
+    declared: document_names.Declared, motion: Mapping[str, str], constraints: Sequence[str] | str
+) -> ConstrainedMotion:
     """A motion given by the accelerations of the free coordinates on the constraints.
 
     InputError where the free coordinates are not as many as the constraints leave, or do not fix the others.
     """
     texts = {f"/motion/{name}": text for name, text in motion.items()}
-    known = known_names(declared, texts | _by_pointer(constraints), order=1)
+    known = document_names.known_names(declared, texts | _by_pointer(constraints), order=1)
     names, trees = known.remaining(), _constraints(constraints, known.names, declared.most)
     free = {known.names.spelling(name): name for name in motion}
     strange = next((name for key, name in free.items() if key not in names.coordinates), None)
@@ -584,13 +584,13 @@ def read_motion(declared: Declared, motion: Mapping[str, str], constraints: Sequ
     return motion_on(system, read)
 
 
-def _formula(text: str, names: Names, what: str, pointer: str) -> Expression:
-    with placed_at(pointer):
-        tree = substitute(read_formula(text, names), dict(names.definitions))
-    return without_accelerations(tree, what, pointer)
+def _formula(text: str, names: nm.Names, what: str, pointer: str) -> Expression:
+    with reader.placed_at(pointer):
+        tree = substitute(reader.read_formula(text, names), dict(names.definitions))
+    return reader.without_accelerations(tree, what, pointer)
 
 
-def read_lagrangian(text: str, names: Names) -> Expression:
+def read_lagrangian(text: str, names: nm.Names) -> Expression:
     """L(t, q, q') of a text; InputError where an acceleration is in it, or no velocity."""
     pointer = "/lagrangian"
     tree = _formula(text, replace(names, energy=True), "the Lagrangian", pointer)
@@ -601,22 +601,22 @@ def read_lagrangian(text: str, names: Names) -> Expression:
 
 def _smooth(tree: Expression, pointer: str) -> Expression:
     """The tree; InputError where it is piecewise and its derivatives are looked for."""
-    with placed_at(pointer):
+    with reader.placed_at(pointer):
         for leaf in {node for node in walk(tree) if isinstance(node, Symbol | Velocity)}:
             differentiate(tree, leaf)
     return tree
 
 
-def _constraints(constraints: Sequence[str] | str, names: Names, most: int) -> list[Expression]:
+def _constraints(constraints: Sequence[str] | str, names: nm.Names, most: int) -> list[Expression]:
     found: list[Expression] = []
     for pointer, text in _by_pointer(constraints).items():
-        with placed_at(pointer):
-            pairs = read_equations(text, replace(names, forms=True))
+        with reader.placed_at(pointer):
+            pairs = reader.read_equations(text, replace(names, forms=True))
         for left, right in pairs:
             tree = substitute(left - right, dict(names.definitions))
             if len(pairs) == 1:
                 _refuse_holonomic(tree, names, text, pointer, len(found) + 1)
-            tree = without_accelerations(_multiplied_out(tree), f"constraint {len(found) + 1}", pointer)
+            tree = reader.without_accelerations(_multiplied_out(tree), f"constraint {len(found) + 1}", pointer)
             found.append(_smooth(tree, pointer))
     if not found:
         raise InputError(
@@ -627,7 +627,7 @@ def _constraints(constraints: Sequence[str] | str, names: Names, most: int) -> l
     return found
 
 
-def _refuse_holonomic(tree: Expression, names: Names, text: str, pointer: str, number: int) -> None:
+def _refuse_holonomic(tree: Expression, names: nm.Names, text: str, pointer: str, number: int) -> None:
     """InputError for a constraint of positions, which suggests its derivative in time instead."""
     nodes = {*walk(tree)}
     moving = nodes & {Symbol(name) for name in names.coordinates}

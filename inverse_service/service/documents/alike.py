@@ -10,8 +10,7 @@ from typing import Any
 
 from inverse_service import errors
 from inverse_service.expressions import collecting, tree as trees
-from inverse_service.reading import reader
-from inverse_service.reading.names import Names
+from inverse_service.reading import names as nm, reader
 
 MOST_COORDINATES = 4  # whose orders are all tried
 
@@ -27,7 +26,7 @@ def form_of(system: Mapping[str, Any]) -> str:
     time = system.get("time", "t")
     parameters = (*system["parameters"], *((time,) if time != "t" else ()))
     try:
-        names = Names(coordinates, parameters, system.get("functions") or {})
+        names = nm.Names(coordinates, parameters, system.get("functions") or {})
         formulas = [reader.read_formula(texts[name], names) for name in coordinates]
     except errors.InputError:
         return ""

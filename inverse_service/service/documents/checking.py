@@ -22,8 +22,7 @@ from inverse_service.expressions import inequalities, printing, refusals
 from inverse_service.expressions.printing import to_latex
 from inverse_service.field import real_point
 from inverse_service.mechanics import agreement, second_order_system
-from inverse_service.reading import reader
-from inverse_service.reading.names import Names
+from inverse_service.reading import names as nm, reader
 from inverse_service.service.documents import accepting, comparison, derived, growing, own_lagrangian, translate
 from inverse_service.service.documents.comparison import as_object, system_fields
 from inverse_service.service.documents.plain_data import read_json
@@ -759,7 +758,7 @@ def _contains_time(formulas: Mapping[str, str]) -> bool:
     return any("t" in _tokens(text) for text in formulas.values())
 
 
-def _is_defined(formula: str, domain: Sequence[str], names: Names) -> bool:
+def _is_defined(formula: str, domain: Sequence[str], names: nm.Names) -> bool:
     """Whether a formula has a value wherever a stated domain holds, whatever values its names have."""
     try:
         tree = reader.read_formula(formula, names)

@@ -23,9 +23,7 @@ from inverse_service.expressions import derivative, printing, tree as ex
 from inverse_service.field import real_point
 from inverse_service.mechanics import second_order_system
 from inverse_service.mechanics.agreement import Canonical, GivenText, equations_agree, motion_agrees
-from inverse_service.reading import reader
-from inverse_service.reading.document_names import Declared
-from inverse_service.reading.names import Names
+from inverse_service.reading import document_names, names as nm, reader
 from inverse_service.service.documents import accepting
 
 if TYPE_CHECKING:
@@ -69,7 +67,7 @@ def _compared(document: Any, canonical: Canonical, end: float) -> checker.CheckR
         document = accepting.prepared(document).document
         if accepting.is_nonholonomic(document):
             motion = _of_motions().nonholonomic_of(document)
-            names = Names(motion.coordinates, motion.parameters, dict(motion.functions))
+            names = nm.Names(motion.coordinates, motion.parameters, dict(motion.functions))
             return _named(names, canonical) or motion_agrees(motion, canonical, end - now())
         schema = accepting.to_schema(document)
         given = accepting.to_given(schema)
@@ -141,7 +139,9 @@ def _claimed(system: Mapping[str, Any]) -> ConstrainedMotion:
     from inverse_service.mechanics.constrained_motion import MOST_CONSTRAINED, read_motion
 
     constraints = [f"{name}' = {w}" for name, w in system["velocities"].items()]
-    declared = Declared(system["coordinates"] or None, system["parameters"], system["functions"], most=MOST_CONSTRAINED)
+    declared = document_names.Declared(
+        system["coordinates"] or None, system["parameters"], system["functions"], most=MOST_CONSTRAINED
+    )
     return read_motion(declared, system["equations"], constraints)
 
 
@@ -152,7 +152,7 @@ def _of_motions() -> ModuleType:
     return nonholonomic_documents
 
 
-def _texts(schema: SystemDocument, names: Names) -> list[GivenText | None]:
+def _texts(schema: SystemDocument, names: nm.Names) -> list[GivenText | None]:
     """The equations as texts for a second reader, in the order of their trees; None where that is not plain."""
     if schema.where:  # the second reader knows no formulas for names
         return []
@@ -166,7 +166,7 @@ def _texts(schema: SystemDocument, names: Names) -> list[GivenText | None]:
     return [GivenText(pair[0], pair[1], values) if len(pair) == 2 else None for pair in sides]
 
 
-def _named(names: Names, canonical: Canonical) -> checker.CheckResult | None:
+def _named(names: nm.Names, canonical: Canonical) -> checker.CheckResult | None:
     """The difference in the declared names, None where there is none."""
     system = canonical.system if isinstance(canonical.system, Mapping) else {}
     pairs = {
@@ -221,7 +221,7 @@ def narrowed(
     return replace(proof, cell=both(proof.cell), formulas=both(proof.formulas))
 
 
-def trees_of(domain: Sequence[str], names: Names) -> list[ex.Expression]:
+def trees_of(domain: Sequence[str], names: nm.Names) -> list[ex.Expression]:
     """The expressions that a domain makes positive, as trees."""
     found = []
     for text in domain:
@@ -368,7 +368,7 @@ def _apart(ring: cell.Letters, need: cell.Need, moving: set[int]) -> list[cell.N
     return [cell.need_of("!=", p) for p in found] if len(moves) == 2 else [need]
 
 
-def same_formulas(one: Mapping[str, str], other: Mapping[str, str], names: Names) -> bool | None:
+def same_formulas(one: Mapping[str, str], other: Mapping[str, str], names: nm.Names) -> bool | None:
     """Whether formulas by name are equal as functions; None where that is undecided."""
     if one == other:
         return True
@@ -378,7 +378,7 @@ def same_formulas(one: Mapping[str, str], other: Mapping[str, str], names: Names
     return _vanish(trees, names, names.coordinates)
 
 
-def image_agrees(document: Any, shown: Mapping[str, Any], names: Names) -> bool | None:
+def image_agrees(document: Any, shown: Mapping[str, Any], names: nm.Names) -> bool | None:
     """Whether the `constraints` of H vanish where the constraints of the document hold and p are its momenta.
 
     As many as those, and independent; None where the document has none or it is undecided.
@@ -402,7 +402,7 @@ def image_agrees(document: Any, shown: Mapping[str, Any], names: Names) -> bool 
     return good if not good else rank_at_point(slopes, variables) == len(listed) or None
 
 
-def _vanish(trees: Sequence[ex.Expression], names: Names, moving: Sequence[str]) -> bool | None:
+def _vanish(trees: Sequence[ex.Expression], names: nm.Names, moving: Sequence[str]) -> bool | None:
     from inverse_service.field.identities import vanish
 
     constants = [ex.Symbol(name) for name in names.parameters]

@@ -24,8 +24,7 @@ from inverse_service.expressions import collecting, derivative, printing, tree a
 from inverse_service.field import real_point
 from inverse_service.mechanics import reading, second_order_system
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.reading import reader
-from inverse_service.reading.names import Names
+from inverse_service.reading import names as nm, reader
 from inverse_service.service.documents import accepting, translate
 from inverse_service.solving import solving
 
@@ -303,7 +302,7 @@ def system_there(document: Any, conditions: Any) -> SecondOrderSystem | None:
         return None
     try:
         system = accepting.to_system(accepting.to_schema(accepting.prepared(document).document))
-        names = Names(parameters=system.parameters, time=False)  # constants: a = x is no condition
+        names = nm.Names(parameters=system.parameters, time=False)  # constants: a = x is no condition
         pairs = [text.split(" = ") for text in conditions]
         values = {reader.read_formula(name, names): reader.read_formula(value, names) for name, value in pairs}
     except (InputError, KeyError, ValueError, AttributeError, TypeError):
@@ -361,7 +360,7 @@ def _field(
 ) -> dict[str, tuple[str, ex.Expression]]:
     """{coordinate: (text, tree)}; a name is the translation along this coordinate."""
     texts = {field: "1"} if isinstance(field, str) else field
-    names, found = Names(system.coordinates, system.parameters), {}
+    names, found = nm.Names(system.coordinates, system.parameters), {}
     for name, text in texts.items():
         if name not in system.coordinates:
             raise InputError(f"a vector field has components along {', '.join(system.coordinates)}.", pointer)

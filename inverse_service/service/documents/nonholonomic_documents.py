@@ -9,8 +9,7 @@ from fractions import Fraction
 from functools import partial
 from typing import Any, TypeVar
 
-from api_schemas import nonholonomic as schemas
-from api_schemas.base import ParseAnswer
+from api_schemas import base, nonholonomic as schemas
 from api_schemas.result import AdvicePart, HamiltonianPart
 from inverse_service import errors
 from inverse_service.constrained import answering, hamiltonise, nonholonomic_study, reduced, reduced as deciding
@@ -22,8 +21,7 @@ from inverse_service.expressions import collecting, inequalities, notation, prin
 from inverse_service.mechanics import constrained_motion, method_advice, nonholonomic_integrals, paper_class
 from inverse_service.mechanics.first_integrals import FirstIntegral, first_integrals
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
-from inverse_service.reading import reader
-from inverse_service.reading.names import Names, escaped
+from inverse_service.reading import names as nm, reader
 from inverse_service.service.documents import accepting, comparison, derived, translate
 from inverse_service.service.documents.growing import Growing
 
@@ -80,12 +78,12 @@ def to_families(
     """The families of multiples, each one tree for each coordinate; raises InputError."""
     given = [] if schema.multiples is None else schema.multiples
     families = {"": given} if isinstance(given, dict) else {f"/{place}": one for place, one in enumerate(given)}
-    names = Names(system.coordinates, system.parameters, dict(system.functions))
+    names = nm.Names(system.coordinates, system.parameters, dict(system.functions))
     found = []
     for at, family in families.items():
         multiples: dict[str, ex.Expression] = dict.fromkeys(system.coordinates, ex.ZERO)
         for key, text in family.items():
-            name, place = names.spelling(key), f"/multiples{at}/{escaped(key)}"
+            name, place = names.spelling(key), f"/multiples{at}/{nm.escaped(key)}"
             if name not in multiples:
                 listed = ", ".join(system.coordinates)
                 detail = f"there is a multiple for a name that is not a coordinate: the coordinates are {listed}."
@@ -134,7 +132,7 @@ def system_of(schema: schemas.NonholonomicDocument) -> SecondOrderSystem:
     return first.system
 
 
-def parse_motion(schema: schemas.MotionDocument) -> ParseAnswer:
+def parse_motion(schema: schemas.MotionDocument) -> base.ParseAnswer:
     """The interpretation of the document; raises InputError."""
     return translate.to_parse_answer(system_of_motion(schema), schema)
 
@@ -273,7 +271,7 @@ def _where(answer: answering.MotionAnswer) -> Iterator[wording.Piece]:
     certificate = answer.certificates[0] if answer.certificates else {}
     for place, condition in enumerate(certificate.get("conditions") or ()):
         system = certificate["system"]
-        names = Names(tuple(system["coordinates"]), tuple(system["parameters"]), system["functions"])
+        names = nm.Names(tuple(system["coordinates"]), tuple(system["parameters"]), system["functions"])
         yield " and " if place else ", where "
         yield inequalities.inequality(reader.read_condition(condition, names))
 

@@ -9,10 +9,9 @@ import mpmath
 
 from api_schemas.base import CHECK_FORMAT, MAX_FORWARD
 from api_schemas.result import ConservedQuantity, ForwardParseAnswer, ForwardResult, LagrangianDocument
-from inverse_service.deadline import now
+from inverse_service import deadline, errors
 from inverse_service.decision import cells, certify, deciding
 from inverse_service.decision.solutions import Hamiltonian, SolveOptions
-from inverse_service.errors import InputError, IrreducibleAtoms, LimitError
 from inverse_service.expressions import collecting, evaluation, tree as ex
 from inverse_service.expressions.inequalities import inequality_text
 from inverse_service.field import reduction, tower
@@ -52,13 +51,13 @@ def check_lagrangian(document: Any, text: str, time_limit: float = 60.0) -> dict
     dL/dq_i along q'' = f for each coordinate, {text, latex}, all zero for a right L; `equations` the accelerations
     that L gives instead, where it is regular and wrong. Raises InputError.
     """
-    end = now() + time_limit
+    end = deadline.now() + time_limit
     document = document_of(document)
     if isinstance(document, Mapping) and "constraints" in document:
         detail = (
             "A Lagrangian of one's own is judged for equations without constraints: give those of the system meant."
         )
-        raise InputError(detail, "/system/constraints")
+        raise errors.InputError(detail, "/system/constraints")
     schema = accepting.to_schema(document)
     lagrangian, system = _read(schema, accepting.to_solvable(schema), text)
     own, is_singular = _equations_of(lagrangian, system)
@@ -124,7 +123,7 @@ def _judged(
     `written` is L before its roots of squares were put as they are on the cell, `own` the accelerations that it has.
     """
     sides: list[ex.Expression] = [*map(collecting.collect, system.positive)]
-    limit = max(1.0, (end - now()) / 4)
+    limit = max(1.0, (end - deadline.now()) / 4)
 
     def cell(domain: list[str], near: Any, verdict: str, reasons: Sequence[str]) -> dict[str, Any]:
         where = " and ".join(map(inequality_text, map(collecting.collect, system.positive)))
@@ -133,7 +132,7 @@ def _judged(
 
     try:
         analysis = deciding.analyze(system)
-    except IrreducibleAtoms as problem:
+    except errors.IrreducibleAtoms as problem:
         return cell([*map(inequality_text, sides)], {}, "incomplete", (problem.detail,)), sides
     claim = certify.of_lagrangian(analysis, lagrangian, system.depends_on_time or ex.TIME in ex.walk(lagrangian))
     certificate, proof = certify.proved(analysis, claim, limit)
@@ -155,14 +154,14 @@ def _judged(
         return found, where.sides
     table = certify.point_of(analysis, lagrangian)
     if table is not None:
-        with suppress(IrreducibleAtoms, evaluation.NoRealValue):
+        with suppress(errors.IrreducibleAtoms, evaluation.NoRealValue):
             formulas = [*map(tower.to_kernels, (*system.given, written))]
             sides = list(dict.fromkeys([*sides, *reduction.signed_factors(requirements(formulas, table), table)]))
     domain = certify.shortest(sides)
     found = cell(domain, near, proof.verdict, proof.reasons)
     if proof.verdict == "invalid" and table is not None:
         found |= _failing(system, own, table)
-        soon = min(end, now() + _LOOK)
+        soon = min(end, deadline.now() + _LOOK)
         if not system.is_unsolved and cells.other_part(analysis, claim, sides, soon, ("valid",)):
             found |= {"verdict": "differs"}
     return found, sides
@@ -211,9 +210,9 @@ def _equations_of(
         return None, False
     try:
         return _solved(lagrangian, system.coordinates), False
-    except LimitError:
+    except errors.LimitError:
         return None, False
-    except InputError:
+    except errors.InputError:
         return None, True
 
 

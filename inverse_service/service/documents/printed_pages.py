@@ -10,8 +10,7 @@ from typing import Any
 
 from inverse_service import __version__, errors
 from inverse_service.expressions import notation, printing
-from inverse_service.reading import reader
-from inverse_service.reading.names import Names
+from inverse_service.reading import names as nm, reader
 from inverse_service.service.documents import sheets
 
 # Characters of a formula of a text: of the answer itself, and of what there is besides.
@@ -216,13 +215,13 @@ def escaped(text: str) -> str:
     return "".join(SPECIAL.get(character, character) for character in text)
 
 
-def latex_of(text: str, names: Names) -> str:
+def latex_of(text: str, names: nm.Names) -> str:
     """The LaTeX of a formula of a sentence: relations between formulas of the system and terms of the theory."""
     sides = notation.split_outside(text, notation.SIDES)
     return "".join(SIGNS.get(sign.strip(), sign) + _side(side, names) for sign, side in sides)
 
 
-def _side(text: str, names: Names) -> str:
+def _side(text: str, names: nm.Names) -> str:
     if text.startswith("[[") and text.endswith("]]"):
         rows = (row.strip()[1:-1] for _, row in notation.split_outside(text[1:-1], ","))
         entries = ((latex_of(entry.strip(), names) for _, entry in notation.split_outside(row, ",")) for row in rows)

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import mpmath
 
-from api_schemas import result as schemas
-from api_schemas.base import Document, ParseAnswer, ParsedFormula
+from api_schemas import base, result as schemas
 from api_schemas.system import SystemDocument
 from inverse_service import __version__
 from inverse_service.decision import certify, solutions
@@ -17,8 +16,7 @@ from inverse_service.decision.cells import Left
 from inverse_service.expressions import inequalities, printing, tree as ex
 from inverse_service.field import real_point, tower
 from inverse_service.mechanics import method_advice, second_order_system
-from inverse_service.reading.document_names import Declared
-from inverse_service.reading.names import declared_name
+from inverse_service.reading import document_names, names as nm
 
 if TYPE_CHECKING:
     from api_schemas.nonholonomic import MotionDocument, NonholonomicDocument
@@ -29,23 +27,23 @@ if TYPE_CHECKING:
 
     AnyDocument = SystemDocument | NonholonomicDocument | MotionDocument | LagrangianDocument
 
-Part = TypeVar("Part", bound=Document)
+Part = TypeVar("Part", bound=base.Document)
 
 
-def to_parse_answer(system: second_order_system.SecondOrderSystem, schema: AnyDocument) -> ParseAnswer:
+def to_parse_answer(system: second_order_system.SecondOrderSystem, schema: AnyDocument) -> base.ParseAnswer:
     """What was understood, for a reader to compare with what was meant."""
     shown = system.given if system.is_unsolved else system.accelerations
     equations = {name: parsed(f) for name, f in zip(system.coordinates, shown, strict=True)}
     names = {"functions": function_fields(system), "guessed": guessed_names(schema, system), "readings": []}
-    return part_of(ParseAnswer, system, equations=equations, **names)
+    return part_of(base.ParseAnswer, system, equations=equations, **names)
 
 
 def guessed_names(schema: AnyDocument, system: second_order_system.SecondOrderSystem | NonholonomicSystem) -> list[str]:
     """The names that the document did not declare, where it asks to guess: constants, then functions."""
-    declared = Declared(schema.coordinates, schema.parameters, schema.functions)
+    declared = document_names.Declared(schema.coordinates, schema.parameters, schema.functions)
     if not declared.guesses:
         return []
-    known = {declared_name(name, "") for name in (*declared.named_parameters(), *schema.functions)}
+    known = {nm.declared_name(name, "") for name in (*declared.named_parameters(), *schema.functions)}
     names = (*system.parameters, *dict(system.functions))
     return [name for name in names if name not in known]
 
@@ -273,8 +271,8 @@ def formulas(names: Iterable[str], trees: Iterable[ex.Expression]) -> dict[str, 
     return {name: formula(tree) for name, tree in zip(names, trees, strict=True)}
 
 
-def parsed(tree: ex.Expression) -> ParsedFormula:
-    return ParsedFormula(**formula_fields(tree), mathml=printing.to_mathml(tree))
+def parsed(tree: ex.Expression) -> base.ParsedFormula:
+    return base.ParsedFormula(**formula_fields(tree), mathml=printing.to_mathml(tree))
 
 
 def _texts(matrix: solutions.Matrix) -> list[list[str]]:

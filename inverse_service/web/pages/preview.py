@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from inverse_service import errors
 from inverse_service.expressions import derivative, letters, tree as trees
-from inverse_service.reading import reader
-from inverse_service.reading.names import Names
+from inverse_service.reading import names as nm, reader
 from inverse_service.service.scenes import prices
 
 if TYPE_CHECKING:
@@ -112,7 +111,7 @@ class Moving:
     """The formulas of a result's motion: the accelerations of its coordinates, the velocities that the constraints
     give, and the constraints; arbitrary functions have a formula of their own, as on the form of a simulation."""
 
-    names: Names
+    names: nm.Names
     accelerations: tuple[trees.Expression, ...]
     velocities: dict[str, trees.Expression]
     constraints: tuple[trees.Expression, ...]
@@ -132,7 +131,7 @@ def moving_of(result: Mapping[str, Any]) -> Moving | None:
         return None
     motion, time = part.get("equations_of_motion") or {}, system.get("time", "t")
     functions, parameters = system.get("functions") or {}, tuple(system["parameters"])
-    names = Names(tuple(system["coordinates"]), (*parameters, *((time,) if time != "t" else ())), functions)
+    names = nm.Names(tuple(system["coordinates"]), (*parameters, *((time,) if time != "t" else ())), functions)
     texts = system["equations"] | {name: f["text"] for name, f in motion.get("accelerations", {}).items()}
     try:
         definitions = {
@@ -216,7 +215,7 @@ def angles_of(coordinates: Iterable[str], formulas: Iterable[trees.Expression]) 
 
 def angles_of_texts(system: Mapping[str, Any]) -> list[str]:
     """The same of the formulas of a simulated system, which are written out."""
-    names = Names(tuple(system["coordinates"]), tuple(system["parameters"]))
+    names = nm.Names(tuple(system["coordinates"]), tuple(system["parameters"]))
     texts = [system["lagrangian"] or "0", *system["constraints"], *(system["equations"] or {}).values()]
     try:
         return angles_of(system["coordinates"], [reader.read_formula(text, names) for text in texts])

@@ -17,8 +17,7 @@ from starlette.responses import HTMLResponse
 
 from inverse_service import errors
 from inverse_service.decision.solutions import SolveOptions
-from inverse_service.reading import document_names
-from inverse_service.reading.names import Names
+from inverse_service.reading import document_names, names as nm
 from inverse_service.service.documents import plain_data, printed_pages, sheets
 from inverse_service.service.figures import views
 from inverse_service.service.jobs import model, opening, tasks
@@ -143,7 +142,7 @@ class Judged:
     reasons: tuple[str, ...] = ()
 
 
-def judged_of(check: Mapping[str, Any], names: Names, letter: str = "L") -> Judged:
+def judged_of(check: Mapping[str, Any], names: nm.Names, letter: str = "L") -> Judged:
     """The verdict on a visitor's L, with the accelerations that it gives along the motion, and where it fails."""
     names = _with_own_names(check["lagrangian"], names)
     lines: list[sheets.Sentence] = [
@@ -166,7 +165,7 @@ def judged_of(check: Mapping[str, Any], names: Names, letter: str = "L") -> Judg
     )
 
 
-def _with_own_names(lagrangian: str, names: Names) -> Names:
+def _with_own_names(lagrangian: str, names: nm.Names) -> nm.Names:
     """The names with the constants and functions that occur in a visitor's L alone."""
     try:
         declared = document_names.Declared(names.coordinates, document_names.GUESS, names.functions)

@@ -18,8 +18,7 @@ from starlette.responses import HTMLResponse, JSONResponse, RedirectResponse, Re
 
 from inverse_service import catalogue, errors
 from inverse_service.deadline import now
-from inverse_service.reading import reader
-from inverse_service.reading.names import Names
+from inverse_service.reading import names as nm, reader
 from inverse_service.service.documents import sheets
 from inverse_service.web.pages import WORDS, forms, library, preview, rendering, result_tasks, results, solve
 from inverse_service.web.pages.typesetting import formulas_of
@@ -264,7 +263,7 @@ def with_good_start(
     form = _with_velocities_that_fit(form, system)
     try:
         scene, found = preview.accelerations_of(scene_document(form, system))
-        names = Names(scene.coordinates, tuple(scene.values))
+        names = nm.Names(scene.coordinates, tuple(scene.values))
         watched = tuple(reader.read_condition(condition, names) for condition in domain)
         hessian = tuple(reader.read_formula(text, names) for line in answer.get("multiplier") or () for text in line)
     except errors.InputError:

@@ -11,8 +11,7 @@ from markupsafe import Markup, escape
 
 from inverse_service import errors
 from inverse_service.expressions import letters, notation, printing, tree as ex
-from inverse_service.reading import reader
-from inverse_service.reading.names import Names
+from inverse_service.reading import names as nm, reader
 from inverse_service.service.documents import sheets
 
 # Beyond this a formula is read as text, in a box that scrolls.
@@ -30,7 +29,7 @@ _TALL = re.compile(r"<(?:mfrac|msqrt|mtable)")
 THIN_TIMES = '<mo lspace="0.08em" rspace="0.08em">&#x2062;</mo>'
 
 
-def inner_mathml(text: str, names: Names) -> str | None:
+def inner_mathml(text: str, names: nm.Names) -> str | None:
     """The MathML of a formula without <math> around it; None if it cannot be parsed."""
     if len(text) > MAX_CHARACTERS:
         return None
@@ -51,13 +50,13 @@ def math(inner: str, display: bool = False) -> Markup:
     return Markup(f"<math{shown}>{inner}</math>")
 
 
-def formula(text: str, names: Names) -> Markup:
+def formula(text: str, names: nm.Names) -> Markup:
     """A formula or a relation such as "x' != 0"; a long one may be broken between its terms."""
     found = _breakable(text, names)
     return found if found is not None else code(text)
 
 
-def equation(letter: str, text: str, names: Names) -> Markup:
+def equation(letter: str, text: str, names: nm.Names) -> Markup:
     """A formula with "L =" in front."""
     found = _breakable(text, names)
     if found is None:
@@ -92,7 +91,7 @@ def _link(word: sheets.Word, address_of: Callable[[Any], str]) -> Markup:
     return Markup(' <a href="{}">{}</a>.').format(address, word.words) if address else Markup("")
 
 
-def _breakable(text: str, names: Names) -> Markup | None:
+def _breakable(text: str, names: nm.Names) -> Markup | None:
     """A short formula as one <math>; a long one with each term in its own, so that lines can end between them."""
     if len(text) <= UNBROKEN:
         found = _relation(text, names)
@@ -101,7 +100,7 @@ def _breakable(text: str, names: Names) -> Markup | None:
     return None if parts is None else Markup(" ").join(math(f"<mrow>{part}</mrow>") for part in parts)
 
 
-def _terms(text: str, names: Names) -> list[str] | None:
+def _terms(text: str, names: nm.Names) -> list[str] | None:
     """The MathML of each term with its sign; None if one cannot be parsed.
 
     Of a product that is too wide for a line, the longest sum among its factors is in brackets, term by term.
@@ -137,7 +136,7 @@ def code(text: str) -> Markup:
     return Markup("<code>{}</code>").format(text)
 
 
-def _relation(text: str, names: Names) -> str | None:
+def _relation(text: str, names: nm.Names) -> str | None:
     sides = _RELATION.split(text)
     parts: list[str] = []
     for place, side in enumerate(sides):
@@ -153,7 +152,7 @@ def of_theory(text: str) -> Markup:
     return math(spaced(_theory(text)))
 
 
-def proposition(text: str, names: Names) -> Markup:
+def proposition(text: str, names: nm.Names) -> Markup:
     """A formula of a proof: relations between formulas of the system, matrices, and terms of the theory."""
     if len(text) > MAX_CHARACTERS:
         return code(text)
@@ -164,7 +163,7 @@ def proposition(text: str, names: Names) -> Markup:
     return math(f"<mrow>{''.join(pieces)}</mrow>")
 
 
-def _side_mathml(side: str, names: Names) -> str:
+def _side_mathml(side: str, names: nm.Names) -> str:
     if side.startswith("\u222b "):
         integrand, _, by = side[2:].rpartition(" d")
         inner = _side_mathml(integrand, names) + "<mi>d</mi>" + _side_mathml(by, names)
@@ -204,13 +203,13 @@ def _between(before: Sequence[str], text: str) -> str:
     return found + '<mspace width="0.17em"/>' if found.endswith("</mfrac>") else found
 
 
-def matrix(rows: Sequence[Sequence[str]], names: Names) -> Markup:
+def matrix(rows: Sequence[Sequence[str]], names: nm.Names) -> Markup:
     """A matrix of texts."""
     found = matrix_inner(rows, names)
     return math(found, display=True) if found is not None else code(str([list(row) for row in rows]))
 
 
-def matrix_inner(rows: Sequence[Sequence[str]], names: Names) -> str | None:
+def matrix_inner(rows: Sequence[Sequence[str]], names: nm.Names) -> str | None:
     """The MathML of a matrix in round brackets; None if an entry cannot be parsed."""
     entries = [[inner_mathml(entry, names) for entry in row] for row in rows]
     if any(entry is None for row in entries for entry in row):
