@@ -99,7 +99,7 @@ def _server(application: Any, settings: Settings) -> Any:
     """uvicorn with our limits on connections and on the time that it takes to stop."""
     import uvicorn
 
-    from inverse_service.web.clients import KEEP_ALIVE, Connections
+    from inverse_service.web.connections import KEEP_ALIVE, Connections
 
     connections = Connections(_most_connections(settings.connections), settings.client_connections, settings.proxies)
     application.state.engine.connections = connections

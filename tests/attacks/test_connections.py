@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from inverse_service.web import clients as timing
+from inverse_service.web import connections as timing
 from tests.attacks.harness import Attacked, Watch, attacked, is_open
 
 HEAD = b"POST /v1/parse HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Type: application/json\r\nContent-Length: 500000\r\n\r\n"

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from inverse_service.web.clients import Connections, place_of
+from inverse_service.web.clients import place_of
+from inverse_service.web.connections import Connections
 from inverse_service.web.middleware import name_of
 
 
