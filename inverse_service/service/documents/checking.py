@@ -18,12 +18,20 @@ from inverse_service.certificate.kinds import KINDS, named
 from inverse_service.deadline import now
 from inverse_service.decision import certify
 from inverse_service.errors import InputError, LimitError
-from inverse_service.expressions import inequalities, printing, refusals
+from inverse_service.expressions import inequalities, refusals
 from inverse_service.expressions.printing import to_latex
 from inverse_service.field import real_point
 from inverse_service.mechanics import agreement, second_order_system
 from inverse_service.reading import names as nm, reader
-from inverse_service.service.documents import accepting, comparison, derived, growing, own_lagrangian, translate
+from inverse_service.service.documents import (
+    accepting,
+    canonical,
+    comparison,
+    derived,
+    growing,
+    own_lagrangian,
+    translate,
+)
 from inverse_service.service.documents.comparison import as_object, system_fields
 from inverse_service.service.documents.plain_data import read_json
 
@@ -57,11 +65,6 @@ _OF_DOCUMENT: Final = {
     "coordinates", "equations", "parameters", "functions", "where", "time", "lagrangian", "constraints", "motion",
     "associated", "kinds", "clock", "time_dependent_lagrangian", "multiples",
 }  # fmt: skip
-QUESTIONS: Final = {"autonomous": "L(q, q')", "time_dependent": "L(t, q, q')"}
-_SAYS: Final = {
-    "variational": "there is a regular Lagrangian {}",
-    "not_variational": "there is no regular Lagrangian {}",
-}
 
 
 def check_document(text: str) -> dict[str, Any]:
@@ -138,10 +141,10 @@ def _of_certificate(certificate: dict[str, Any], document: object, end: float) -
         reasons = (*reasons, *compared.reasons)
         found = compared if compared.verdict != "valid" else proof
         proof = comparison.narrowed(certificate, proof, compared.cell, end - now())
-    statement = None if found.verdict != "valid" else of_certificate(certificate, proof)
+    statement = None if found.verdict != "valid" else canonical.of_certificate(certificate, proof)
     more = {
         "statement": statement,
-        "cells": [] if statement is None else [cell_of(statement)],
+        "cells": [] if statement is None else [canonical.cell_of(statement)],
         "not_checked": [*unclaimed(certificate, "", {f"/{key}" for key in read_keys(certificate)})],
     }
     return _answer(checker.CheckResult(found.verdict, reasons), **more)
@@ -213,7 +216,7 @@ class Examination:
         return _answer(
             checker.CheckResult(verdict, (*reasons, *told)),  # type: ignore[arg-type]
             statement=self.statement if verdict != "invalid" else None,
-            cells=[cell_of(one) for one in self.cells],
+            cells=[canonical.cell_of(one) for one in self.cells],
             contradictions=self.contradictions,
             not_checked=listed,
         )
@@ -276,7 +279,7 @@ class Examination:
             self.covered(plain)
         self.named(plain, own)
         if not self.contradictions:
-            self.statement = joined([of_cells(own, self.cells), *self.further])
+            self.statement = canonical.joined([canonical.of_cells(own, self.cells), *self.further])
 
     def differ(self, key: str) -> bool:
         """Whether the cells have different verdicts."""
@@ -289,8 +292,8 @@ class Examination:
         timed, stated = contains or asked, self.result.get("question")
         if stated is not None:
             if self.result["system"].get("given") is None and self.handed is None:  # no other question was asked
-                timed = timed or stated == QUESTIONS["time_dependent"]
-            proven = QUESTIONS["time_dependent" if timed else "autonomous"]
+                timed = timed or stated == canonical.QUESTIONS["time_dependent"]
+            proven = canonical.QUESTIONS["time_dependent" if timed else "autonomous"]
             self.agree("/question", stated == proven, stated, f"The question is that of {proven}.")
         return timed
 
@@ -321,7 +324,7 @@ class Examination:
             proof = self.proof(certificates[0])
             energy = part.get("hamiltonian") if f"{at}/hamiltonian/text" in self.claimed else None
             whole = f"{at}/hamiltonian/domain" in self.claimed
-            self.cells.append(cell(own, str(verdict), certificates[0], proof, energy, whole))
+            self.cells.append(canonical.cell(own, str(verdict), certificates[0], proof, energy, whole))
         return good and None not in certificates and "undetermined" not in (verdict, later)
 
     def proof(self, certificate: dict[str, Any]) -> checker.CheckResult:
@@ -627,7 +630,7 @@ class Examination:
                 return
             self.reasons.extend(proof.reasons)
             self.narrow(certificate, self.with_document(certificate, moving=True))
-            self.further.append(of_certificate(certificate, proof))
+            self.further.append(canonical.of_certificate(certificate, proof))
         parts = [one["system"].get(key) or {} for one in certificates for key in ("equations", "velocities")]
         timed = timed or any(map(_contains_time, parts))
         same = all(one["system"] == certificates[0]["system"] for one in certificates)
@@ -774,126 +777,3 @@ def _is_defined(formula: str, domain: Sequence[str], names: nm.Names) -> bool:
 
 def _text(part: Any) -> Any:
     return part.get("text") if isinstance(part, dict) else part
-
-
-# The canonical statement of a check: written from the certificates that were found valid, and from nothing else.
-
-
-def cell(
-    system: Mapping[str, Any],
-    verdict: str,
-    certificate: Mapping[str, Any],
-    proof: checker.CheckResult,
-    hamiltonian: Mapping[str, Any] | None = None,
-    everywhere: bool = True,
-) -> dict[str, Any]:
-    """The proven statement on one cell; `everywhere`: H holds on all of its stated domain there."""
-    names, proven = certify.names_of(system, certificate), proof.cell
-    texts, latex = certify.domain_of(proven, names)
-    lagrangian = certificate.get("lagrangian") if certificate["kind"] == "lagrangian" else None
-    return {
-        "question": QUESTIONS[certificate["question"]],
-        "verdict": verdict,
-        "domain": texts,
-        "domain_latex": latex,
-        "lagrangian_domain": certify.domain_of(proof.formulas, names)[0] if lagrangian and proof.by_theorem else None,
-        "by_theorem": proof.by_theorem,
-        "timed": certificate["question"] == "time_dependent",
-        "one_side": bool(proven and proven.one_side),
-        "sides": [] if proven is None else list(proven.sides),
-        "near": dict(certificate.get("near") or {}),
-        "among": certificate.get("among"),
-        "exceptions": list(proof.exceptions) or None,
-        "lagrangian": lagrangian,
-        "hamiltonian": None if hamiltonian is None else hamiltonian["text"],
-        "momenta": None if hamiltonian is None else dict(hamiltonian["momenta"]),
-        "hamiltonian_domain": list(hamiltonian.get("domain") or []) if hamiltonian and everywhere else None,
-    }
-
-
-def of_certificate(certificate: Mapping[str, Any], proof: checker.CheckResult) -> dict[str, Any]:
-    """The statement that one certificate proves."""
-    system = certificate["system"]
-    return _statement(system, cell(system, certificate["claim"], certificate, proof))
-
-
-def cell_of(statement: Mapping[str, Any]) -> dict[str, Any]:
-    return {key: statement[key] for key in ("domain", "near", "verdict")}
-
-
-def of_cells(system: Mapping[str, Any], cells: Sequence[Mapping[str, Any]]) -> dict[str, Any] | None:
-    """The statement of a result: of its main fields, with the other cells in words."""
-    if not cells:
-        return None
-    found = _statement(system, cells[0])
-    if len(cells) > 1:
-        verdicts = {one["verdict"] for one in cells}
-        found["text"] = "\n".join(_words(system, one) for one in cells)
-        found["latex"] = " \\\\ ".join(_latex(system, one) for one in cells)
-        found["verdict"] = verdicts.pop() if len(verdicts) == 1 else "differs"
-    return found
-
-
-def joined(statements: Sequence[dict[str, Any] | None]) -> dict[str, Any] | None:
-    """The first of them, with the words of those after it, as of a motion on constraints; None if there are none."""
-    found = [one for one in statements if one is not None]
-    if len(found) < 2:
-        return found[0] if found else None
-    texts = {"text": "\n".join(one["text"] for one in found), "latex": " \\\\ ".join(one["latex"] for one in found)}
-    return found[0] | texts
-
-
-def _statement(system: Mapping[str, Any], one: Mapping[str, Any]) -> dict[str, Any]:
-    shown = {key: system.get(key) or [] for key in ("coordinates", "equations", "parameters", "functions")}
-    keys = ("question", "verdict", "domain", "near", "lagrangian", "lagrangian_domain", "hamiltonian", "momenta",
-            "hamiltonian_domain", "exceptions")  # fmt: skip
-    kept = {key: one[key] for key in keys}
-    found = {"system": shown} | kept | {"text": _words(system, one), "latex": _latex(system, one)}
-    return {key: value for key, value in found.items() if value is not None}
-
-
-def _words(system: Mapping[str, Any], one: Mapping[str, Any]) -> str:
-    equations = ", ".join(f"{name}'' = {text}" for name, text in system["equations"].items())
-    rates = ", ".join(f"{name}' = {text}" for name, text in (system.get("velocities") or {}).items())
-    kind = f" of the kind {one['among']}" if one["among"] is not None else ""
-    says = _SAYS[one["verdict"]].format(one["question"]) + kind + " that has this motion" * bool(rates)
-    general = f" {in_general(system['parameters'], one['exceptions'])}" if one["exceptions"] else ""
-    near = checker.near_points(system["coordinates"][0], one["timed"]) if one["by_theorem"] else ""
-    near = f"{',' * bool(one['domain'])} {near}" if near else ""
-    parts = [f"For {', '.join(filter(None, (equations, rates)))} {says}{where(one)}{near}{general}."]
-    there = f" where {', '.join(one['lagrangian_domain'])}" if one["lagrangian_domain"] else ""
-    parts += [f"L = {one['lagrangian']}{there}."] if one["lagrangian"] else []
-    if one["hamiltonian"]:
-        momenta = ", ".join(f"{name} = {text}" for name, text in one["momenta"].items())
-        where_h = f" where {', '.join(one['hamiltonian_domain'])}" if one["hamiltonian_domain"] else ""
-        where_h = ", at least on an open part of this set" if one["hamiltonian_domain"] is None else where_h
-        parts.append(f"H = {one['hamiltonian']}{where_h}, with {momenta}.")
-    return " ".join(parts)
-
-
-def in_general(parameters: Sequence[str], exceptions: Sequence[str]) -> str:
-    """For which parameters a verdict was proven: "for general c1, c2, k (not decided here: c1 = c2, k = 0)".
-
-    "for general g" alone where the exceptions could not be found: the checker says "single values of g" then.
-    """
-    left_out = f" (not decided here: {', '.join(exceptions)})" if any("=" in one for one in exceptions) else ""
-    return f"for general {', '.join(parameters)}{left_out}"
-
-
-def where(one: Mapping[str, Any]) -> str:
-    """Where a cell lies, in words: " where x*y > 0, on the side of x = 1, y = 1"; nothing for all that is defined."""
-    words = "".join(c if c.isalnum() or c in "_'" else " " for text in one["domain"] for c in f"{text} ").split()
-    point = ", ".join(f"{name} = {value}" for name, value in one["near"].items() if name in words)
-    side = f", on the side of {point}" if one["one_side"] and point else ""
-    return f" where {', '.join(one['domain'])}{side}" if one["domain"] else ""
-
-
-def _latex(system: Mapping[str, Any], one: Mapping[str, Any]) -> str:
-    names = certify.names_of(system)
-    unsolved = any("''" in text for text in system["equations"].values())
-    equations = [
-        f"{written} = 0" if unsolved else f"{printing.name_latex(name, 'ddot')} = {written}"
-        for name, text in system["equations"].items()
-        for written in [printing.to_latex(reader.read_formula(text, names))]
-    ]
-    return ", \\; ".join([*equations, *one["domain_latex"]])

@@ -20,7 +20,7 @@ from inverse_service.mechanics import constrained_motion, euler_lagrange, implic
 from inverse_service.mechanics.legendre import legendre
 from inverse_service.mechanics.second_order_system import SecondOrderSystem
 from inverse_service.reading.document_names import Declared, known_names
-from inverse_service.service.documents import accepting, checking, growing, translate
+from inverse_service.service.documents import accepting, canonical, growing, translate
 
 POINTER = "/lagrangian"
 AS_WRITTEN = (
@@ -141,7 +141,7 @@ def _judged(
         where = certify.where_of(proof.formulas, system.names)
         # The question is where L has these equations, not where there is some L; what was proven is L as it is
         # written on this side, without a root or an inverse function.
-        statement = checking.of_certificate(certificate, replace(proof, cell=proof.formulas, by_theorem=False))
+        statement = canonical.of_certificate(certificate, replace(proof, cell=proof.formulas, by_theorem=False))
         known = [*map(inequality_text, sides)] if lagrangian != written else []
         domain = [*dict.fromkeys([*known, *statement["domain"]])]
         found = cell(domain, near, "valid", proof.reasons) | {"statement": statement | {"domain": domain}}
