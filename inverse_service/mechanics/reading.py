@@ -292,7 +292,8 @@ def _definitions(
             if not rated and first.text != "L" and not any(map(_moves, texts.values())):
                 continue  # what is missing is the motion
             what, instead = f"{first.text} = … is a definition, not an equation of motion; it occurs", ""
-            if first.text == "L" and not rated:
+            length = any(token.text == "L" for other in groups if other != group for token in walk(other.tokens))
+            if first.text == "L" and not rated and not length:
                 raise refusals.refusal(what, first.column, 'write it in the document as "lagrangian": "…"').at(pointer)
             if [token.text for token in rest[1:]] == ["0"]:
                 what = f"{first.text} = 0 holds no acceleration, as an equation of a singular Lagrangian; it occurs"
